@@ -8,7 +8,7 @@ from scipy.signal import bilinear, lfilter
 
 from shipnet.asi import Request
 from shipnet.asi.capture import decode
-from shipnet.asi.modulation import send_current
+from shipnet.asi.modulation import Modulation
 
 RATE = 10e6
 LOOPED = 0.02  # seconds of the record that the loop gets; its time is scaled up
@@ -24,7 +24,8 @@ def record(duration, rate):
         t = np.arange(round(156e-6 * rate)) * step
         words.append((request.bits, request.answer(7 * address % 16).bits))
         one.append(
-            send_current(t, words[-1][0], start=0) + send_current(t, words[-1][1], start=17 * BIT)
+            Modulation(words[-1][0]).current(t, start=0)
+            + Modulation(words[-1][1]).current(t, start=17 * BIT)
         )
     current = np.concatenate(one)
     cycle = -lfilter(*bilinear([78.0 * 100e-6, 0], [100e-6, 78.0], rate), current)

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from _timing import seconds
 
-from shipnet.asi.modulation import HALF_BIT, as_bits, check_slots, send_current
+from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses
 from shipnet.asi.receiver import receive
 from shipnet.asi.telegram import RESPONSES
 
@@ -56,9 +56,9 @@ def plain_receive(u, matched):
 def main():
     rng = np.random.default_rng(2024)
     t = np.arange(SAMPLES) * DT
-    bits = as_bits(RESPONSES)[rng.integers(0, 16, NUMBER)]
+    bits = Modulation(RESPONSES).bits[rng.integers(0, 16, NUMBER)]
     # 40 uH times the slope of the current: pulses of 1.6 V on an ideal line, with some noise.
-    u = -40e-6 * np.gradient(send_current(t, bits, start=5e-6), DT, axis=-1)
+    u = -40e-6 * np.gradient(Modulation(bits).current(t, start=5e-6), DT, axis=-1)
     u += rng.normal(0, 0.03, u.shape)
     slots = receive(u, DT, BITS).slots
     some = [row.tolist() for row in u[:SAMPLE]]
@@ -72,7 +72,7 @@ def main():
         "matched, plain loop": seconds(lambda: [plain_receive(row, True) for row in some]) / SAMPLE,
         "raw, batch": seconds(lambda: receive(u, DT, BITS, matched=False)) / NUMBER,
         "raw, plain loop": seconds(lambda: [plain_receive(row, False) for row in some]) / SAMPLE,
-        "slots, batch": seconds(lambda: check_slots(slots, BITS)) / NUMBER,
+        "slots, batch": seconds(lambda: Pulses(slots).check()) / NUMBER,
     }
     print(f"{'AS-i responses, 256 samples':<32}{'per second':>12}{'batch is faster by':>20}")
     for name, time in per_telegram.items():

@@ -3,6 +3,9 @@
 import sys
 from pathlib import Path
 
+from jinja2.sandbox import SandboxedEnvironment
+from numpydoc import docscrape_sphinx
+
 import shipnet
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
@@ -31,6 +34,11 @@ autodoc_preserve_defaults = True
 autodoc_typehints = "none"
 add_module_names = False
 numpydoc_show_class_members = False
+# numpydoc makes an environment for each docstring, and compiles its one template in each anew.
+_made: dict[str, SandboxedEnvironment] = {}
+docscrape_sphinx.SandboxedEnvironment = lambda loader: _made.setdefault(
+    "numpydoc", SandboxedEnvironment(loader=loader)
+)
 smartquotes = False  # {"A", "B"} is code
 toc_object_entries_show_parents = "hide"
 

@@ -13,13 +13,11 @@ import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from textwrap import shorten
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shipnet.answers import FORMS, Answer, check_output
 from shipnet.errors import ArgumentError, InputError
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 __all__ = ["main"]
 
@@ -153,7 +151,7 @@ def _parser() -> argparse.ArgumentParser:
         _ledger, _LEDGER, "what the papers print, what we compute, and the verdict", *FORMS
     )
     option("PAPER", "one paper, such as kim2023 (default all)", nargs="?")
-    option("--paper KEY", "the same", dest="key")
+    option("--paper KEY", "the same as PAPER", dest="key")
     option("--summary", "print only the counts of each paper")
 
     option = command(
@@ -228,7 +226,6 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
             published = shorten(row["published"], 16, placeholder="..")
             computed = computed_text(row)
             unit = f" [{row['unit']}]" if row["unit"] else ""
-            # A star: the verdict holds under a condition, which stands in the last brackets.
             as_printed = row["holds_under"] in ("", "as printed")
             verdict = f"{row['verdict'] or row['kind']}{'' if as_printed else '*'}"
             condition = "" if as_printed else f" ({row['holds_under']})"
@@ -237,7 +234,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
                 f"{row['id']:<15}{published:>16}  {computed:<14}{row['basis']:<11}{verdict:<20}"
                 f"{row['claim']}{unit}{instead}{condition}"
             )
-        lines.append("")
+        lines += ["", "-> what should stand there; * under the condition in the last brackets", ""]
     return Answer(
         ok=not counts["open"].any(),
         verdict=str(ledger),

@@ -5,14 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from shipnet.errors import ArgumentError
+from shipnet.lazy import Axes, pd
 from shipnet.tables import as_workbook
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 __all__ = ["COLUMNS", "FORMS", "VERDICTS", "Answer", "Findings", "check_output"]
 
@@ -77,7 +74,6 @@ class Findings:
         margins, those first that are violated or not verified without a number.
         """
         import numpy as np
-        import pandas as pd
 
         table = self._table
         value, low, high = (

@@ -7,12 +7,9 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from shipnet.errors import ArgumentError, InputError
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 __all__ = ["names", "path", "read"]
 
@@ -99,8 +96,6 @@ def read(name: str) -> pd.DataFrame:
     >>> read("kim2023_table7_io_codes.csv").loc[1].tolist()
     ['1', 'IN', 'IN', 'IN', 'OUT']
     """
-    import pandas as pd
-
     try:
         return pd.read_csv(path(name), dtype=str, keep_default_na=False)
     except (pd.errors.EmptyDataError, pd.errors.ParserError) as error:

@@ -489,12 +489,13 @@ def part(
     default_factory: Any = MISSING,
     make: Callable[[Any], Any] | None = None,
     optional: bool = False,
+    kw_only: bool = False,
 ) -> Any:
     """Declare an object of the class `of`; `make` makes it of what else may be given."""
     kind = Part(help=help, of=of, make=make, optional=optional)
     if default_factory is not MISSING:
-        return field(default_factory=default_factory, metadata={"kind": kind})
-    return _declare(kind, default, False)
+        return field(default_factory=default_factory, metadata={"kind": kind}, kw_only=kw_only)
+    return _declare(kind, default, kw_only)
 
 
 # Records ---------------------------------------------------------------------------------------
@@ -538,7 +539,7 @@ def record(kind: type[T] | None = None, /, **options: bool) -> Any:
     """Make a frozen dataclass whose declared fields are checked when an instance is made.
 
     A ``__post_init__`` of its own runs after the checks. The class docstring gets its Parameters
-    section from the declarations, unless it has one already.
+    and Raises sections from the declarations, unless it has them already.
     """
 
     def make(kind: type[T]) -> type[T]:
@@ -562,7 +563,7 @@ def record(kind: type[T] | None = None, /, **options: bool) -> Any:
 
 
 def _documented(kind: type) -> str | None:
-    """Return the docstring of a record with the Parameters section of its declared fields."""
+    """Return the docstring of a record with the sections that its declared fields make."""
     docstring = kind.__doc__
     if not docstring or kind.__dict__.get("__doc__") is None:
         return docstring
@@ -579,6 +580,8 @@ def _documented(kind: type) -> str | None:
     if not any("kind" in one.metadata for one in fields(kind)):
         return docstring
     section = "\n".join(["Parameters", "----------", *lines])
+    if "\nRaises\n---" not in docstring:
+        section += "\n\nRaises\n------\nArgumentError\n    If a value is out of its range."
     head, underline, rest = docstring.partition("\n----")
     if not underline:
         return f"{docstring}\n\n{section}\n"

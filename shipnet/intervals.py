@@ -9,11 +9,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 
 __all__ = ["event_interval", "share_interval"]
-
-Floats = npt.NDArray[np.float64]
 
 
 def share_interval(

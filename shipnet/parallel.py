@@ -7,18 +7,20 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from itertools import product
+from math import inf
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shipnet.errors import ArgumentError
+from shipnet.lazy import pd
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-__all__ = ["points_of", "sweep"]
+__all__ = ["points_of", "sweep", "teller"]
 
 #: What the start of worker processes costs [s]: below twice that, they do not pay.
 _SHORT = 2.0
+
+#: How long a terminal shows nothing [s].
+_PATIENCE = 2.0
 
 Point = dict[str, Any]
 Progress = Callable[[int, int], object]
@@ -46,10 +48,8 @@ def sweep(
     progress: bool | Progress | None = None,
 ) -> pd.DataFrame:
     """Call a function at every point of a grid and return arguments and results as a table."""
-    import pandas as pd
-
     points = points_of(grid)
-    tell = _teller(progress)
+    tell = teller(progress)
     results = []
     for result in _run(partial(_call, function), points, parallel):
         results.append(result)
@@ -107,11 +107,18 @@ def _has_joblib() -> bool:
     return find_spec("joblib") is not None
 
 
-def _teller(progress: bool | Progress | None) -> Progress:
+def teller(progress: bool | Progress | None) -> Progress:
+    """Return what shows progress: a bar if True, by default on a terminal once 2 s are over."""
     if callable(progress):
         return progress
+    start = perf_counter() if progress is None else -inf
     drawn = sys.stderr.isatty() if progress is None else progress
-    return _bar if drawn else lambda done, total: None
+
+    def tell(done: int, total: int) -> None:
+        if drawn and perf_counter() - start > _PATIENCE:
+            _bar(done, total)
+
+    return tell
 
 
 def _bar(done: int, total: int, *, width: int = 30) -> None:

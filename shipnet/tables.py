@@ -22,14 +22,12 @@ from math import inf
 from operator import itemgetter
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from zipfile import ZipFile
 
 from shipnet.errors import InputError, listed
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 __all__ = [
     "ERRORS", "NUMBER", "Remark", "Sheet", "as_csv", "as_workbook", "frame_sheet", "in_order",
@@ -110,9 +108,10 @@ def titled(
     faults = [
         f"title {title!r} is unknown; expected one of {', '.join(known)}"
         for title in titles
-        if title not in known
+        if title and title not in known
     ]
-    faults += [f"title {t!r} stands twice" for t in dict.fromkeys(titles) if titles.count(t) > 1]
+    twice = [title for title in dict.fromkeys(titles) if title and titles.count(title) > 1]
+    faults += [f"title {title!r} stands twice" for title in twice]
     faults += [f"no column {t}" for t, empty in known.items() if empty is None and t not in titles]
     if faults:
         raise InputError(sheet.source, *(f"row {sheet.top}: {fault}" for fault in faults))
@@ -122,6 +121,9 @@ def titled(
             wider.append((number, f" has {len(cells)} cells; expected {len(titles)}"))
             continue
         given = {title: cell for title, cell in zip(titles, cells, strict=False) if cell}
+        if "" in given:
+            wider.append((number, f" has {given['']!r} in a column without a title"))
+            continue
         rows.append((number, {t: given.get(t, empty or "") for t, empty in known.items()}))
     return rows, wider
 

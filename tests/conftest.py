@@ -1,15 +1,11 @@
 """Hypothesis profiles, kernels that start again, and axes to draw on."""
 
-import multiprocessing
 import os
 from typing import Any
 
 import pytest
 from hypothesis import settings
-from jupyter_client.provisioning import local_provisioner
 from nbval import kernel
-
-from tests.kernels import Kernel
 
 # Fewer examples on every push; the weekly run draws many, and new ones.
 settings.register_profile("ci", deadline=None, derandomize=True, max_examples=30)
@@ -31,8 +27,6 @@ def _start_again(*args: Any, **options: Any) -> Any:
 
 
 kernel.start_new_kernel = _start_again
-if "forkserver" in multiprocessing.get_all_start_methods():
-    local_provisioner.launch_kernel = Kernel
 
 
 @pytest.fixture

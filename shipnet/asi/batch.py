@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Integers
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
 from shipnet.errors import (
     ArgumentError,
@@ -24,14 +25,11 @@ from shipnet.errors import (
     UnknownCallError,
     name_of,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 #: Stands in a field that has no value: no half, or a telegram that could not be read.
 NONE = -1
 
-Integers = npt.NDArray[np.int64]
 Codes = npt.NDArray[np.uint8]
 
 
@@ -97,8 +95,6 @@ class Requests(NamedTuple):
 
     def table(self) -> pd.DataFrame:
         """Return one row per telegram, with its error and its call by name."""
-        import pandas as pd
-
         title = np.array([call.rule.title for call in Call] + [""], dtype=object)
         codes, which = np.unique(self.error.ravel(), return_inverse=True)
         errors = np.array([name_of(code) for code in codes.tolist()], dtype=object)

@@ -13,15 +13,13 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats, Indices, Integers
 from shipnet.asi.batch import NONE
 from shipnet.asi.modulation import HALF_BIT
 from shipnet.asi.receiver import receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 
-Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
-Indices = npt.NDArray[np.intp]
-Bools = npt.NDArray[np.bool_]
 
 #: Silence that ends a telegram [s]. Two half-bits in a row are never empty, so pulses are 6 us
 #: apart at most, and 9 us where one is lost; from a telegram's last pulse to the first of the next
@@ -82,11 +80,11 @@ class Bursts(NamedTuple):
     first: Indices
     last: Indices
     height: Floats
-    bits: npt.NDArray[np.int64]
-    fits: npt.NDArray[np.bool_]
-    pulses: npt.NDArray[np.int64]
+    bits: Integers
+    fits: Bools
+    pulses: Integers
 
-    def where(self, chosen: npt.NDArray[np.bool_]) -> Bursts:
+    def where(self, chosen: Bools) -> Bursts:
         """Return some of the bursts."""
         return Bursts._make(part[chosen] for part in self)
 
@@ -250,7 +248,7 @@ def find_bursts(piece: Piece, minimum: float) -> Bursts:
     return Bursts(first, last, height[start], bits, _fits(span), pulses)
 
 
-def _fits(span: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
+def _fits(span: npt.NDArray[np.floating]) -> Bools:
     fits = np.zeros(span.shape, dtype=bool)
     for length in _SPANS.values():
         fits |= np.abs(span - length) < HALF_BIT / 2
@@ -368,7 +366,7 @@ def find_telegrams(u: Floats, dt: float, threshold: float, minimum: float | None
     return Found(_joined(parts), ends, sign < 0, minimum, disturbances)
 
 
-def _liveliest(u: Floats, dt: float) -> npt.NDArray[np.intp]:
+def _liveliest(u: Floats, dt: float) -> Indices:
     """Choose up to 8 short pieces with much going on, to take the measure of the record."""
     length = round(_SAMPLE / dt)
     count = -(-len(u) // length)
@@ -427,7 +425,7 @@ def _measure(sample: list[Piece], limits: list[float], threshold: float) -> tupl
 
 
 def _receive(
-    piece: Piece, bursts: Bursts, edge: npt.NDArray[np.int64], sign: int, threshold: float
+    piece: Piece, bursts: Bursts, edge: Integers, sign: int, threshold: float
 ) -> Telegrams:
     """Decode the bursts of a piece, requests and responses each in one go."""
     parts = []

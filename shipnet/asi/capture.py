@@ -13,18 +13,17 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Findings
+from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.batch import NONE, Requests, parse_responses
 from shipnet.asi.bursts import Telegrams, find_telegrams
 from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
 from shipnet.errors import ArgumentError, name_of
+from shipnet.lazy import Axes, pd
 from shipnet.line.waveform import Waveform
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
     from shipnet.asi.plan import Plan
 
 #: What the columns of errors hold beside "ok" and the names of the classes.
@@ -35,10 +34,6 @@ CUT_OFF, NO_ANSWER = "cut off", "no answer"
 _MASTER_PAUSE = MASTER_PAUSE_BITS[1] + 0.5
 _SLAVE_PAUSE = 500e-6 / BIT_TIME
 
-Bools = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
-Integers = npt.NDArray[np.int64]
 Strings = npt.NDArray[np.object_]
 
 
@@ -46,8 +41,6 @@ def transactions_of(
     telegrams: Telegrams, ends: Floats, extended: Collection[int] = ()
 ) -> pd.DataFrame:
     """Pair requests with responses, and say what they mean."""
-    import pandas as pd
-
     cut, asks, answers = _roles(telegrams)
     request, response = _pairs(asks, answers)
     states = np.array([name_of(code) for code in telegrams.error.tolist()], dtype=object)
@@ -171,8 +164,6 @@ def _texts(telegrams: Telegrams) -> Strings:
 
 
 def _nullable(values: npt.NDArray[np.int8]) -> pd.api.extensions.ExtensionArray:
-    import pandas as pd
-
     return pd.arrays.IntegerArray(values.astype(np.int64), values == NONE)
 
 
@@ -258,7 +249,7 @@ def summarize(transactions: pd.DataFrame) -> Summary:
     )
 
 
-def _repeated(transactions: pd.DataFrame) -> npt.NDArray[np.bool_]:
+def _repeated(transactions: pd.DataFrame) -> Bools:
     """Return which rows ask again what the row before them asked in vain."""
     request = transactions["request"].to_numpy()
     start = transactions["start_s"].to_numpy()
@@ -282,8 +273,6 @@ def _cycle_time(transactions: pd.DataFrame) -> float:
 
 
 def _slaves(transactions: pd.DataFrame) -> pd.DataFrame:
-    import pandas as pd
-
     rows = transactions[
         transactions["address"].notna() & (transactions["call"] != "broadcast reset")
     ]
@@ -463,8 +452,6 @@ class Capture:
 
 def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     """Return the findings on a capture as the table that `Findings` takes."""
-    import pandas as pd
-
     rows: list[tuple[str, str, float, float, float, str, str]] = []
     nan = float("nan")
     table = capture.transactions
@@ -550,10 +537,10 @@ def decode(
 
     Examples
     --------
-    >>> from shipnet.asi.modulation import send_current
+    >>> from shipnet.asi.modulation import Modulation
     >>> t = np.arange(0, 300e-6, 1e-7)
-    >>> current = send_current(t, "00101010111001", start=2e-5)
-    >>> current += send_current(t, "0011001", start=12.2e-5)
+    >>> current = Modulation("00101010111001").current(t, start=2e-5)
+    >>> current += Modulation("0011001").current(t, start=12.2e-5)
     >>> capture = decode(30 - 40e-6 * np.gradient(current, 1e-7), 1e-7)
     >>> print(capture.transactions["text"][0])
     data exchange with slave 21: outputs 1110 (E); answer to data exchange: inputs 0110 (6)

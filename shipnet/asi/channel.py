@@ -6,11 +6,12 @@ import heapq
 from array import array
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats, Integers
 from shipnet.asi.batch import encode_requests
 from shipnet.asi.master import FAULTY, SILENT, Phase
 from shipnet.asi.modulation import ONE_PULSE_CODES, collide
@@ -19,9 +20,7 @@ from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Response
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_whole
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 # The record: one row per transaction, packed while a simulation runs, unpacked afterwards. A row
 # is three numbers: when it began, how long the master waited for the response, and everything
@@ -33,9 +32,10 @@ ATTEMPT, PHASE, OUTCOME, RESPONSE, EXECUTED, STANDBY = 16, 19, 22, 26, 31, 32
 #: Stands in the field of the response where there is none.
 NO_RESPONSE = 16
 
-_OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]
+#: Labels of slaves by five bits of address and two of half.
+LABELS = np.array([f"{code & 31}{('', 'A', 'B', '')[code >> 5]}" for code in range(1 << 7)])
 
-Integers = npt.NDArray[np.int64]
+_OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]
 
 
 class Record:
@@ -59,12 +59,12 @@ class Record:
         return np.frombuffer(self.code, dtype=np.int64) >> shift & (1 << bits) - 1
 
     @cached_property
-    def starts(self) -> npt.NDArray[np.float64]:
+    def starts(self) -> Floats:
         """When each request began [bit]."""
         return np.frombuffer(self.start, dtype=np.float64)
 
     @cached_property
-    def pauses(self) -> npt.NDArray[np.float64]:
+    def pauses(self) -> Floats:
         """Pause before each response [bit]; NaN where there was none."""
         return np.frombuffer(self.pause, dtype=np.float64)
 
@@ -82,14 +82,11 @@ class Record:
 
     def table(self) -> pd.DataFrame:
         """Return all rows with the columns that people read."""
-        import pandas as pd
-
         call, address, half = self.field(0, 4), self.field(4, 5), self.field(9, 2)
         data, outcome, response = self.field(11, 5), self.field(OUTCOME, 4), self.field(RESPONSE, 5)
         executed = self.field(EXECUTED, 1).astype(bool)
         words, _ = encode_requests(call, address, data, half=half - 1)
         texts = np.array([f"{word:014b}" for word in range(1 << 14)])
-        labels = np.array([[f"{a}{h}" for h in ("", "A", "B")] for a in range(32)])
 
         def named(codes: Integers, names: Sequence[str]) -> pd.Categorical[str]:
             whole = pd.Categorical.from_codes(codes, pd.Index(names))
@@ -103,7 +100,7 @@ class Record:
                 "call": named(call, [call.name for call in Call]),
                 "address": address,
                 "half": named(half, ["", "A", "B"]),
-                "slave": labels[address, half],
+                "slave": LABELS[self.field(4, 7)],
                 "request": texts[words],
                 "request_data": data,
                 "response_data": np.where(response == NO_RESPONSE, -1, response),

@@ -26,11 +26,6 @@ class Supply:
 
     Its load on the signal is by default 39 ohm beside 50 uH in each wire.
 
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
-
     Examples
     --------
     >>> print(Supply("bridge", rating=4))
@@ -54,11 +49,6 @@ class Supply:
 @record
 class Repeater:
     """A repeater: it couples two segments, and passes telegrams but no current.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
 
     Notes
     -----
@@ -93,11 +83,6 @@ class Terminator:
 
     A capacitor keeps the supply away from it. The default resistance is assumed: the wave impedance
     of the cable.
-
-    Raises
-    ------
-    ArgumentError
-        If the resistance is out of range.
 
     Examples
     --------

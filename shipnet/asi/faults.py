@@ -16,7 +16,7 @@ from shipnet.asi.slave import slave_key
 from shipnet.asi.telegram import Call
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
-from shipnet.fields import number, record, text, whole
+from shipnet.fields import number, part, record, text, whole
 
 __all__ = [
     "BrokenCable",
@@ -167,25 +167,14 @@ class LateAnswer(_OfSlave):
 class LostReply(_OfSlave):
     """A slave carries out requests of one kind, but its replies are lost.
 
-    Parameters
-    ----------
-    slave : str
-        Label of the slave.
-    call : Call, default Call.DATA_EXCHANGE
-        The kind of request.
-    count : int, default 1
-        How many replies are lost from `start` on, 1 or more.
-    start, stop : float
-        When the fault begins and ends [s]; 0 and never if omitted.
-
     Examples
     --------
     >>> LostReply("5", Call.DELETE_ADDRESS).count
     1
     """
 
-    call: Call = Call.DATA_EXCHANGE
-    count: int = whole(1, 10**9, "", "How many replies are lost", default=1)
+    call: Call = part(Call, "The kind of request", default=Call.DATA_EXCHANGE)
+    count: int = whole(1, 10**9, "", "How many replies are lost from `start` on", default=1)
 
     def apply(self, channel: Channel, stations: Stations) -> None:
         """Have the replies lost, beginning with the first after `start`."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
-from dataclasses import field
 from enum import IntEnum
 from typing import NamedTuple, Protocol, TypeAlias, TypeVar, cast
 
@@ -18,41 +17,13 @@ from shipnet.asi.profile import Profile
 from shipnet.asi.slave import PreparedRequest, label_of, prepared, slave_key
 from shipnet.asi.telegram import Call, Half
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, number, record, switch, whole
+from shipnet.fields import check_whole, number, part, record, switch, text, whole
 from shipnet.line.network import check_node
 
 
 @record
 class Master:
     """A master: how it deals with its slaves, and where it is.
-
-    Parameters
-    ----------
-    projected : mapping of str to (Profile or str), optional
-        The slaves that should be there: label and profile. Given, the master works in protected
-        mode and activates these only; omitted, in configuration mode, and activates all.
-    outputs : mapping of str to int, optional
-        What each slave is sent, 0..15, or 0..7 for an A/B slave; all bits set if not named.
-    parameters : mapping of str to int, optional
-        Parameter bits of each slave, likewise.
-    repetitions : int, default 1
-        How often a failed request is sent again at once, 0..7.
-    drop_after : int, default 3
-        Failed data exchanges in a row, one per cycle, after which a slave is dropped, 1..1000.
-    automatic_addressing : bool, default False
-        Whether a new slave at address 0 takes the place of the only one missing, if its profile
-        is the same; in protected mode only.
-    status_poll : bool, default True
-        Whether the management phase asks one slave after the other for its status while the
-        host has no commands; it finds the periphery faults (LPF).
-    readmit : bool, default True
-        Whether the inclusion phase asks at the addresses of slaves that were dropped.
-    monitors_supply : bool, default True
-        Whether the master sees that the supply fails, stops, and starts again after it.
-    node : str, default ""
-        Where it is; needed in a plan.
-    current : float, default 0.065
-        What it draws from the line, 0..10 [A]; assumed to be that of a slave.
 
     Raises
     ------
@@ -76,17 +47,46 @@ class Master:
     True
     """
 
-    projected: Mapping[str, Profile | str] | None = None
-    outputs: Mapping[str, int] = field(default_factory=dict, kw_only=True)
-    parameters: Mapping[str, int] = field(default_factory=dict, kw_only=True)
-    repetitions: int = whole(0, 7, "", "Repetitions of a request", default=1, kw_only=True)
-    drop_after: int = whole(1, 1000, "", "Failures until a drop", default=3, kw_only=True)
-    automatic_addressing: bool = switch("Readdress a new slave", default=False, kw_only=True)
-    status_poll: bool = switch("Ask for the status", default=True, kw_only=True)
-    readmit: bool = switch("Ask for dropped slaves", default=True, kw_only=True)
-    monitors_supply: bool = switch("Watch the supply", default=True, kw_only=True)
-    node: str = field(default="", kw_only=True)
-    current: float = number(0, 10, "A", "Current", default=CURRENT, kw_only=True)
+    projected: Mapping[str, Profile | str] | None = part(
+        Mapping, "The slaves that should be there, label and profile: in protected mode the master "
+        "activates these only; omitted, in configuration mode, it activates all",
+        default=None, optional=True,
+    )  # fmt: skip
+    outputs: Mapping[str, int] = part(
+        Mapping, "What each slave is sent, 0..15, or 0..7 for an A/B slave; all bits set if not "
+        "named", default_factory=dict, kw_only=True,
+    )  # fmt: skip
+    parameters: Mapping[str, int] = part(
+        Mapping, "Parameter bits of each slave, likewise", default_factory=dict, kw_only=True
+    )
+    repetitions: int = whole(
+        0, 7, help="How often a failed request is sent again at once", default=1, kw_only=True
+    )
+    drop_after: int = whole(
+        1, 1000, help="Failed data exchanges in a row, one per cycle, that drop a slave",
+        default=3, kw_only=True,
+    )  # fmt: skip
+    automatic_addressing: bool = switch(
+        "Whether a new slave at address 0 takes the place of the only one missing, if its profile "
+        "is the same; in protected mode only", default=False, kw_only=True,
+    )  # fmt: skip
+    status_poll: bool = switch(
+        "Whether the management phase asks one slave after the other for its status while the host "
+        "has no commands; it finds the periphery faults (LPF)", default=True, kw_only=True,
+    )  # fmt: skip
+    readmit: bool = switch(
+        "Whether the inclusion phase asks at the addresses of slaves that were dropped",
+        default=True, kw_only=True,
+    )  # fmt: skip
+    monitors_supply: bool = switch(
+        "Whether the master sees that the supply fails, stops, and starts again after it",
+        default=True, kw_only=True,
+    )  # fmt: skip
+    node: str = text("Where it is; needed in a plan", default="", kw_only=True)
+    current: float = number(
+        0, 10, "A", "What it draws from the line; assumed to be that of a slave", default=CURRENT,
+        kw_only=True,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         """Check the labels and what belongs to them."""

@@ -23,8 +23,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Complexes, Floats
 from shipnet.asi.batch import NONE
-from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Response
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, RESPONSES
 from shipnet.asi.timing import BIT_TIME
 from shipnet.errors import (
     AlternationError,
@@ -37,10 +38,9 @@ from shipnet.errors import (
     PauseError,
     StartBitError,
 )
+from shipnet.lazy import Axes
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from shipnet.line.waveform import Waveform
 
 #: Length of a half-bit [s].
@@ -49,46 +49,8 @@ HALF_BIT = BIT_TIME / 2
 #: Swing of the send current [A]; 55 to 68 mA in ASI4U data sheets, 60 mA assumed.
 SEND_CURRENT = 60e-3
 
-Floats = npt.NDArray[np.float64]
+Codes = npt.NDArray[np.uint8]
 Signs = npt.NDArray[np.int8]
-
-
-def as_bits(bits: str | Sequence[str] | npt.ArrayLike) -> Signs:
-    """Return telegrams as an array of bits."""
-    try:
-        array = np.asarray(bits)
-    except ValueError:
-        raise ArgumentError("bits must be telegrams of one length") from None
-    if array.dtype.kind == "U" and array.size:
-        lengths = np.char.str_len(array)
-        if lengths.min() != lengths.max():
-            raise ArgumentError(
-                f"bits must be telegrams of one length, but have {lengths.min()} to {lengths.max()}"
-            )
-        array = np.ascontiguousarray(array).view("U1").reshape(*array.shape, -1)
-        array = np.where(np.isin(array, ("0", "1")), array == "1", 2)
-    if array.ndim == 0 or array.shape[-1] == 0:
-        raise ArgumentError("bits must hold at least one bit")
-    if not np.isin(array, (0, 1)).all():
-        raise ArgumentError(f"bits must be 0 or 1, but are {bits!r}")
-    return array.astype(np.int8)
-
-
-def levels_of(bits: str | Sequence[str] | npt.ArrayLike) -> Signs:
-    """Return the Manchester levels of bits: step 2 of kim2023's Table 3."""
-    bits = as_bits(bits)
-    return np.stack([1 - bits, bits], axis=-1).reshape(*bits.shape[:-1], -1)
-
-
-def steps_of(bits: str | Sequence[str] | npt.ArrayLike) -> Signs:
-    """Return the changes of the send current at each half-bit: step 3 of kim2023's Table 3."""
-    drawn = 1 - levels_of(bits)
-    return np.diff(drawn, axis=-1, prepend=np.zeros_like(drawn[..., :1]))
-
-
-def pulses_of(bits: str | Sequence[str] | npt.ArrayLike) -> Signs:
-    """Return the sign of the voltage pulse in each slot: step 4 of kim2023's Table 3."""
-    return -steps_of(bits)
 
 
 def ramp(x: npt.ArrayLike) -> Floats:
@@ -100,24 +62,7 @@ def ramp(x: npt.ArrayLike) -> Floats:
     return x - np.sin(2 * np.pi * x) / (2 * np.pi)
 
 
-def send_current(
-    t: npt.ArrayLike,
-    bits: str | Sequence[str] | npt.ArrayLike,
-    *,
-    start: float = 0.0,
-    swing: float = SEND_CURRENT,
-) -> Floats:
-    r"""Return the current that a sender draws, in closed form.
-
-    .. math:: i(t) = I_0 \sum_j d_j \, \rho\left(\frac{t - t_0}{T_h} - j\right)
-    """
-    steps = steps_of(bits)
-    since = (np.asarray(t, dtype=float) - start) / HALF_BIT
-    shapes = ramp(since - np.arange(steps.shape[-1])[:, np.newaxis])
-    return swing * (steps @ shapes)
-
-
-def ramp_spectrum(s: npt.ArrayLike, *, half_bit: float = HALF_BIT) -> npt.NDArray[np.complex128]:
+def ramp_spectrum(s: npt.ArrayLike, *, half_bit: float = HALF_BIT) -> Complexes:
     r"""Return the Laplace transform of the slope of one change of current, area 1.
 
     .. math:: P(s) = e^{-x} \, \frac{\sinh x}{x} \, \frac{1}{1 + (x / \pi)^2},
@@ -132,25 +77,6 @@ def ramp_spectrum(s: npt.ArrayLike, *, half_bit: float = HALF_BIT) -> npt.NDArra
     return np.where(small, np.exp(-x), np.where(pole, 0.5 * np.exp(-x), value))
 
 
-def send_spectrum(
-    s: npt.ArrayLike, bits: str | Sequence[str] | npt.ArrayLike, *, start: float = 0.0
-) -> npt.NDArray[np.complex128]:
-    r"""Return the Laplace transform of `send_current`, in closed form.
-
-    .. math:: I(s) = \frac{I_0}{s} P(s) \sum_j d_j \, e^{-s (t_0 + j T_h)}
-    """
-    s = np.asarray(s, dtype=complex)
-    if np.any(s == 0):
-        raise ArgumentError("s is 0, where the transform of a current has no value of its own")
-    steps = steps_of(bits)
-    at = start + HALF_BIT * np.arange(steps.shape[-1])
-    code = steps @ np.exp(-np.outer(at, s))
-    return np.asarray(SEND_CURRENT * ramp_spectrum(s) / s * code)
-
-
-Bools = npt.NDArray[np.bool_]
-Codes = npt.NDArray[np.uint8]
-
 #: The error classes of kim2023 section 3.4 by name, in the order in which they are checked.
 CLASSES: dict[str, type[FrameError]] = {
     "start": StartBitError,
@@ -161,33 +87,6 @@ CLASSES: dict[str, type[FrameError]] = {
     "end": EndBitError,
     "length": LengthError,
 }
-
-
-def check_bit_count(n_bits: int) -> None:
-    """Raise unless a telegram can have so many bits."""
-    if n_bits not in (RESPONSE_BITS, REQUEST_BITS):
-        raise ArgumentError(
-            f"n_bits is {n_bits!r}; it must be {RESPONSE_BITS}, a response, "
-            f"or {REQUEST_BITS}, a request"
-        )
-
-
-def _columns(slots: npt.ArrayLike, n_bits: int) -> Signs:
-    """Return the slots along the first axis, where numpy works on many telegrams at a time."""
-    check_bit_count(n_bits)
-    array = np.asarray(slots)
-    n_slots = 2 * n_bits + 2
-    if array.ndim == 0 or array.shape[-1] != n_slots:
-        raise ArgumentError(
-            f"slots have the shape {array.shape}; {n_bits} bits need {n_slots} along the last axis"
-        )
-    if array.dtype.kind not in "iu":
-        raise ArgumentError(f"slots must be -1, 0 or 1, but their dtype is {array.dtype}")
-    if array.size and (array.min() < -1 or array.max() > 1):
-        raise ArgumentError(
-            f"slots must be -1, 0 or 1, but range from {array.min()} to {array.max()}"
-        )
-    return np.ascontiguousarray(np.moveaxis(array, -1, 0), dtype=np.int8)
 
 
 def _violations(columns: Signs) -> Bools:
@@ -221,99 +120,6 @@ def check_columns(columns: Signs) -> tuple[Signs, Codes]:
         error[fails] = kind.code
     middles = columns[1:-2:2]
     return np.where(middles == 0, NONE, middles > 0).astype(np.int8), error
-
-
-def check_slots(slots: npt.ArrayLike, n_bits: int) -> tuple[Signs, Codes]:
-    """Decode the pulses of many telegrams at once; the inverse of `apm.pulses_of`."""
-    bits, error = check_columns(_columns(slots, n_bits))
-    return np.ascontiguousarray(np.moveaxis(bits, 0, -1)), error
-
-
-def violations(slots: npt.ArrayLike, n_bits: int) -> Bools:
-    """Return every check that fails, not only the first: for statistics of disturbances."""
-    return np.ascontiguousarray(np.moveaxis(_violations(_columns(slots, n_bits)), 0, -1))
-
-
-def bits_of_slots(slots: npt.ArrayLike) -> str:
-    """Decode the pulses of one telegram, or say which slot breaks which rule."""
-    shape = np.shape(slots)
-    lengths = [2 * n_bits + 2 for n_bits in (RESPONSE_BITS, REQUEST_BITS)]
-    if len(shape) != 1 or shape[0] not in lengths:
-        raise ArgumentError(
-            f"slots have the shape {shape}; one telegram has {lengths[0]} of them, a response, "
-            f"or {lengths[1]}, a request"
-        )
-    last = shape[0] - 3
-    pulse: list[int] = _columns(slots, (shape[0] - 2) // 2).tolist()
-
-    if pulse[0]:
-        raise StartBitError(f"slot 0 holds {_sign(pulse[0])}; the first pulse belongs in slot 1")
-    if pulse[1] != -1:
-        raise StartBitError(f"slot 1 holds {_sign(pulse[1])}; the start bit's pulse is -")
-    filled = [j for j in range(1, last + 1) if pulse[j]]
-    for j, k in pairwise(filled):
-        if pulse[j] == pulse[k]:
-            raise AlternationError(
-                f"slot {k} holds {_sign(pulse[k])} like slot {j}, the pulse before it; "
-                "the signs alternate"
-            )
-    for j in range(1, last):
-        if not pulse[j] and not pulse[j + 1]:
-            raise PauseError(f"slots {j} and {j + 1} are both empty inside the telegram")
-    for j in range(1, last + 1, 2):
-        if not pulse[j]:
-            raise InformationError(f"slot {j} is empty; it is the middle of bit {j // 2}")
-    bits = "".join("1" if pulse[j] > 0 else "0" for j in range(1, last + 1, 2))
-    ones = bits[:-1].count("1")
-    if ones % 2:
-        raise ParityError(
-            f"slots 1 to {last - 2} hold {bits[:-1]} with {ones} ones; their number must be even"
-        )
-    if pulse[last] != 1:
-        raise EndBitError(f"slot {last} holds {_sign(pulse[last])}; the end bit's pulse is +")
-    for j in (last + 1, last + 2):
-        if pulse[j]:
-            raise LengthError(
-                f"slot {j} holds {_sign(pulse[j])}; the line is silent after slot {last}, "
-                "the end bit's"
-            )
-    return bits
-
-
-def _sign(pulse: int) -> str:
-    return {-1: "-", 0: "no pulse", 1: "+"}[pulse]
-
-
-@lru_cache(maxsize=4096)
-def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, int]:
-    """Return what a receiver reads where telegrams overlap, each with the slot of its start."""
-    total = np.zeros(2 * n_bits + 2, dtype=np.int64)
-    for telegram, start in telegrams:
-        pulses = pulses_of(telegram)
-        slots = start + np.arange(pulses.size)
-        heard = (slots >= 0) & (slots < total.size)
-        total[slots[heard]] += pulses[heard]
-    bits, error = check_slots(np.sign(total), n_bits)
-    return ("", int(error)) if error else ("".join(map(str, bits)), 0)
-
-
-def _one_pulse_codes() -> tuple[tuple[int, ...], ...]:
-    table = []
-    for data in range(16):
-        word = np.pad(pulses_of(Response(data).bits), (0, 2))
-        wrong = [
-            np.where(np.arange(word.size) == slot, value, word)
-            for slot in range(word.size)
-            for value in (-1, 0, 1)
-            if value != word[slot]
-        ]
-        table.append(tuple(check_slots(np.stack(wrong), RESPONSE_BITS)[1].tolist()))
-    return tuple(table)
-
-
-#: For each answer 0..15 the error codes of its 32 disturbances of one slot: a pulse lost, turned
-#: round or added, in any of the 16 half-bits that its receiver looks at. None of them is 0.
-ONE_PULSE_CODES = _one_pulse_codes()
 
 
 # Objects ---------------------------------------------------------------------------------------
@@ -352,7 +158,24 @@ class Modulation:
     bits: Signs
 
     def __init__(self, bits: str | Sequence[str] | npt.ArrayLike) -> None:
-        object.__setattr__(self, "bits", as_bits(bits))
+        try:
+            array = np.asarray(bits)
+        except ValueError:
+            raise ArgumentError("bits must be telegrams of one length") from None
+        if array.dtype.kind == "U" and array.size:
+            lengths = np.char.str_len(array)
+            if lengths.min() != lengths.max():
+                raise ArgumentError(
+                    "bits must be telegrams of one length, but have "
+                    f"{lengths.min()} to {lengths.max()}"
+                )
+            array = np.ascontiguousarray(array).view("U1").reshape(*array.shape, -1)
+            array = np.where(np.isin(array, ("0", "1")), array == "1", 2)
+        if array.ndim == 0 or array.shape[-1] == 0:
+            raise ArgumentError("bits must hold at least one bit")
+        if not np.isin(array, (0, 1)).all():
+            raise ArgumentError(f"bits must be 0 or 1, but are {bits!r}")
+        object.__setattr__(self, "bits", array.astype(np.int8))
 
     def __repr__(self) -> str:
         """Show the bits of one telegram, or count several."""
@@ -368,24 +191,38 @@ class Modulation:
     @property
     def levels(self) -> Signs:
         """Manchester level of each half-bit, 1 for high: a 0 is high then low, a 1 the opposite."""
-        return levels_of(self.bits)
+        return np.stack([1 - self.bits, self.bits], axis=-1).reshape(*self.bits.shape[:-1], -1)
 
     @property
     def steps(self) -> Signs:
         """Change of the send current at each half-bit: +1 where it rises, -1 where it falls."""
-        return steps_of(self.bits)
+        drawn = 1 - self.levels
+        return np.diff(drawn, axis=-1, prepend=np.zeros_like(drawn[..., :1]))
 
     @property
     def pulses(self) -> Pulses:
         """Sign of the voltage pulse in each half-bit."""
-        return Pulses(pulses_of(self.bits))
+        return Pulses(-self.steps)
 
     def current(self, t: npt.ArrayLike, *, start: float = 0.0) -> Floats:
         """Return the current that the sender draws at times t [s], of a telegram from `start` [A].
 
         It swings by 60 mA; data sheets say 55 to 68 mA.
         """
-        return send_current(t, self.bits, start=start)
+        since = (np.asarray(t, dtype=float) - start) / HALF_BIT
+        steps = self.steps
+        return SEND_CURRENT * (steps @ ramp(since - np.arange(steps.shape[-1])[:, np.newaxis]))
+
+    def transform(self, s: npt.ArrayLike, *, start: float = 0.0) -> Complexes:
+        r"""Return the Laplace transform of the current at s [rad/s], which must not be 0 [A s].
+
+        .. math:: I(s) = \frac{I_0}{s} P(s) \sum_j d_j \, e^{-s (t_0 + j T_h)}
+        """
+        s, steps = np.asarray(s, dtype=complex), self.steps
+        if np.any(s == 0):
+            raise ArgumentError("s is 0, where the transform of a current has no value of its own")
+        at = start + HALF_BIT * np.arange(steps.shape[-1])
+        return np.asarray(SEND_CURRENT * ramp_spectrum(s) / s * (steps @ np.exp(-np.outer(at, s))))
 
     def spectrum(self, f: npt.ArrayLike) -> Floats:
         """Return the spectrum of the slope of the current at frequencies f [Hz], above 0 [A].
@@ -393,7 +230,7 @@ class Modulation:
         The voltage of a telegram is proportional to the slope, on which its pulses rest.
         """
         s = 2j * np.pi * np.asarray(f, dtype=float)
-        return np.abs(s * send_spectrum(s, self.bits))
+        return np.abs(s * self.transform(s))
 
     @staticmethod
     def pulse_spectrum(f: npt.ArrayLike) -> Floats:
@@ -416,7 +253,7 @@ class Modulation:
             )
         bits, t = self.text, wave.t
         edges = np.arange(2 * len(bits) + 1) * HALF_BIT * 1e6
-        current = send_current(t, bits) * 1e3
+        current = self.current(t) * 1e3
         if len(axes) == 3:
             axes[0].step(edges, [*self.levels, 1], where="post")
             _write_bits(axes[0], bits, 1.25, va="baseline")
@@ -444,6 +281,10 @@ class Modulation:
         axes[4].set(ylabel="pulse [1]", ylim=(-1.4, 1.4), title="5 pulses that the receiver takes")
         axes[5].set_xlabel("time [us]")
         return axes
+
+
+#: How errors write a pulse.
+_SIGN = {-1: "-", 0: "no pulse", 1: "+"}
 
 
 def _write_bits(ax: Axes, bits: str, height: float, va: str = "center") -> None:
@@ -495,9 +336,10 @@ class Pulses:
                 raise ArgumentError(f"signs are {signs!r}; they must be -, 0 and +")
             signs = ["-0+".index(sign) - 1 for sign in signs]
         array = np.asarray(signs)
-        if array.ndim == 0 or array.dtype.kind not in "iu" or (array.size and abs(array).max() > 1):
+        whole = array.ndim and array.dtype.kind in "iu"
+        if not whole or (array.size and not -1 <= array.min() <= array.max() <= 1):
             raise ArgumentError(f"signs are {signs!r}; they must be -1, 0 or +1")
-        object.__setattr__(self, "signs", array.astype(np.int8))
+        object.__setattr__(self, "signs", array.astype(np.int8, copy=False))
 
     def __repr__(self) -> str:
         """Show the signs of one telegram, or count several."""
@@ -517,23 +359,74 @@ class Pulses:
         return int(np.count_nonzero(self.signs))
 
     @property
-    def _whole(self) -> Signs:
-        """The signs with the silence after the telegram."""
-        if self.signs.shape[-1] not in (2 * RESPONSE_BITS, 2 * REQUEST_BITS):
-            return self.signs
-        return np.pad(self.signs, [(0, 0)] * (self.signs.ndim - 1) + [(0, 2)])
+    def _columns(self) -> Signs:
+        """The signs with the silence after the telegrams; half-bits run along the first axis.
+
+        Along that axis numpy works on many telegrams at a time.
+        """
+        signs, lengths = self.signs, (2 * RESPONSE_BITS, 2 * REQUEST_BITS)
+        if signs.shape[-1] in lengths:
+            signs = np.pad(signs, [(0, 0)] * (signs.ndim - 1) + [(0, 2)])
+        if signs.shape[-1] - 2 not in lengths:
+            raise ArgumentError(
+                f"there are {signs.shape[-1]} half-bits; a response has {lengths[0]}, a request "
+                f"{lengths[1]}, or two more with the silence after it"
+            )
+        return np.ascontiguousarray(np.moveaxis(signs, -1, 0))
+
+    def check(self) -> tuple[Signs, Codes]:
+        """Return the bits of each telegram, -1 where a pulse is missing, and its error code."""
+        bits, error = check_columns(self._columns)
+        return np.ascontiguousarray(np.moveaxis(bits, 0, -1)), error
+
+    @property
+    def violations(self) -> Bools:
+        """Which checks each telegram fails, in the order of `CLASSES` along the last axis."""
+        return np.ascontiguousarray(np.moveaxis(_violations(self._columns), 0, -1))
 
     def decode(self) -> str:
         """Return the bits of one telegram, or raise the FrameError of the first broken rule."""
-        return bits_of_slots(self._whole)
+        pulse: list[int] = self._one(self._columns).tolist()
+        last = len(pulse) - 3
+        slot = [f"slot {j} holds {_SIGN[sign]}" for j, sign in enumerate(pulse)]
+        if pulse[0]:
+            raise StartBitError(f"{slot[0]}; the first pulse belongs in slot 1")
+        if pulse[1] != -1:
+            raise StartBitError(f"{slot[1]}; the start bit's pulse is -")
+        for j, k in pairwise(j for j in range(1, last + 1) if pulse[j]):
+            if pulse[j] == pulse[k]:
+                raise AlternationError(
+                    f"{slot[k]} like slot {j}, the pulse before it; the signs alternate"
+                )
+        for j in range(1, last):
+            if not pulse[j] and not pulse[j + 1]:
+                raise PauseError(f"slots {j} and {j + 1} are both empty inside the telegram")
+        for j in range(1, last + 1, 2):
+            if not pulse[j]:
+                raise InformationError(f"slot {j} is empty; it is the middle of bit {j // 2}")
+        bits = "".join("1" if pulse[j] > 0 else "0" for j in range(1, last + 1, 2))
+        ones = bits[:-1].count("1")
+        if ones % 2:
+            raise ParityError(
+                f"slots 1 to {last - 2} hold {bits[:-1]} with {ones} ones; their number must be "
+                "even"
+            )
+        if pulse[last] != 1:
+            raise EndBitError(f"{slot[last]}; the end bit's pulse is +")
+        for j in (last + 1, last + 2):
+            if pulse[j]:
+                raise LengthError(f"{slot[j]}; the line is silent after slot {last}, the end bit's")
+        return bits
+
+    def _one(self, columns: Signs) -> Signs:
+        if columns.ndim != 1:
+            raise ArgumentError(f"there are {self.signs.shape} pulses; one telegram is asked for")
+        return columns
 
     @property
     def broken(self) -> tuple[str, ...]:
         """Names of all the rules that one telegram breaks, in the order of the checks."""
-        whole = self._whole
-        if whole.ndim != 1:
-            raise ArgumentError(f"there are {whole.shape} pulses; `broken` is of one telegram")
-        failed = violations(whole, (len(whole) - 2) // 2)
+        failed = _violations(self._one(self._columns))
         return tuple(name for name, fails in zip(CLASSES, failed, strict=True) if fails)
 
     @property
@@ -559,3 +452,37 @@ class Pulses:
                 ax.axvspan(slot, slot + 1, color=colour, alpha=0.15, linewidth=0)
         ax.set(xlim=(0, self.signs.size), ylim=(-1.3, 1.3), yticks=[-1, 0, 1])
         return ax
+
+
+# Disturbed telegrams ---------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=4096)
+def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, int]:
+    """Return what a receiver reads where telegrams overlap, each with the slot of its start."""
+    total = np.zeros(2 * n_bits + 2, dtype=np.int64)
+    for telegram, start in telegrams:
+        pulses = Modulation(telegram).pulses.signs
+        slots = start + np.arange(pulses.size)
+        heard = (slots >= 0) & (slots < total.size)
+        total[slots[heard]] += pulses[heard]
+    bits, error = Pulses(np.sign(total)).check()
+    return ("", int(error)) if error else ("".join(map(str, bits)), 0)
+
+
+def _one_pulse_codes() -> tuple[tuple[int, ...], ...]:
+    table = []
+    for word in np.pad(Modulation(RESPONSES).pulses.signs, ((0, 0), (0, 2))):
+        wrong = [
+            np.where(np.arange(word.size) == slot, value, word)
+            for slot in range(word.size)
+            for value in (-1, 0, 1)
+            if value != word[slot]
+        ]
+        table.append(tuple(Pulses(wrong).check()[1].tolist()))
+    return tuple(table)
+
+
+#: For each answer 0..15 the error codes of its 32 disturbances of one slot: a pulse lost, turned
+#: round or added, in any of the 16 half-bits that its receiver looks at. None of them is 0.
+ONE_PULSE_CODES = _one_pulse_codes()

@@ -14,10 +14,10 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Findings
+from shipnet.arrays import Bools, Floats
 from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan_file import read_elements, write_elements
@@ -36,19 +36,16 @@ from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.timing import Cycle, Transaction, transfers_values
 from shipnet.errors import ArgumentError
+from shipnet.lazy import Axes, pd
 from shipnet.line.network import CableRun, Network
 from shipnet.style import LIMIT
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
     from shipnet.asi.receiver import Waveform
     from shipnet.asi.telegram import Request, Response
 
 _E = TypeVar("_E", bound=Element)
 
-Floats = npt.NDArray[np.float64]
 
 #: The kinds of elements of a plan, by the name of their attribute.
 _KINDS: dict[str, type[Element]] = {
@@ -387,8 +384,6 @@ class Plan:
         `repetitions` on the line and the time between two looks of the `host` [s]. A slave for
         analogue values transfers one value, after a `conversion` [s].
         """
-        import pandas as pd
-
         used, cycle = self._addresses(), self.cycle
         rows = {}
         for slave in self.slaves:
@@ -542,8 +537,6 @@ class Comparison:
 
     def table(self, *, by_slave: bool = False) -> pd.DataFrame:
         """Return the worst slave of each plan, one row per plan, or one row per slave of each."""
-        import pandas as pd
-
         if by_slave:
             parts = {name: one.table() for name, one in self.qualities.items()}
             return pd.DataFrame(pd.concat(parts, names=["plan"]))
@@ -559,7 +552,7 @@ class Comparison:
         return table.rename_axis("plan")
 
     @property
-    def within_tolerance(self) -> npt.NDArray[np.bool_]:
+    def within_tolerance(self) -> Bools:
         """Which plans keep all their slaves within both tolerances."""
         return np.array([bool(one.within_tolerance.all()) for one in self.qualities.values()])
 

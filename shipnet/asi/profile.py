@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, record, whole
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 Port = Literal["IN", "OUT", "I/O", "TRI"]
 
@@ -49,11 +46,6 @@ def describe_status(status: int) -> str:
 @record(slots=True)
 class Profile:
     """A slave's profile, as its nameplate prints it: ``S-7.A.E``.
-
-    Raises
-    ------
-    ArgumentError
-        If a code is outside 0..15.
 
     Examples
     --------
@@ -106,8 +98,6 @@ class Profile:
     @classmethod
     def table(cls) -> pd.DataFrame:
         """Return the ports D0..D3 of every I/O configuration code: kim2023's Table 7."""
-        import pandas as pd
-
         codes = pd.Index([f"{code:X}" for code in range(len(IO_CONFIGURATIONS))], name="code")
         return pd.DataFrame(IO_CONFIGURATIONS, index=codes, columns=["D0", "D1", "D2", "D3"])
 

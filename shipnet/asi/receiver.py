@@ -9,19 +9,19 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.asi.modulation import HALF_BIT, Pulses, check_bit_count, check_columns, pulses_of
+from shipnet.arrays import Bools, Floats, Indices
+from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, check_columns
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import number, record, switch
+from shipnet.lazy import Axes
 from shipnet.line import waveform as line_waveform
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: What `numpy.random.default_rng` takes.
 RNGLike = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence | int
@@ -39,9 +39,6 @@ _SAMPLES = 2**16
 #: From the first sample above the minimum the first pulse peaks within this many half-bits: one
 #: for the filtered pulse, which is two long, and the delay of the supply's 78 ohm || 100 uH.
 _REACH = 1.25
-
-Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 
 class Disturbance(Protocol):
@@ -112,7 +109,7 @@ class Reception(NamedTuple):
         return Pulses(self.slots)
 
     @property
-    def within_tolerance(self) -> npt.NDArray[np.bool_]:
+    def within_tolerance(self) -> Bools:
         """Which telegrams came without an error and with pulses as even as they should be."""
         even = (self.weakest >= TOLERANCE.evenness) & (self.ringing <= TOLERANCE.ringing)
         return np.asarray((self.error == 0) & even)
@@ -219,14 +216,8 @@ class Waveform(line_waveform.Waveform):
     u : ndarray of float, shape (..., n_t)
         Voltage [V]; the axis before the last one is that of the telegrams, if there are several,
         and the one before it that of the slaves.
-    dt : float
-        Time between two samples, 1e-9..1e-6 [s].
-    start : float, default 0
-        Time of the first sample, 0 or less [s].
-    names : tuple of str, optional
-        Slaves, one per entry of the first axis.
-    description : str, optional
-        One line on where it comes from.
+    dt, start, names, description
+        As for `shipnet.line.Waveform`; names are those of the slaves.
     bits : ndarray of int, shape (n_bits,) or (n_telegrams, n_bits)
         What was sent; 7 or 14 bits.
 
@@ -249,7 +240,7 @@ class Waveform(line_waveform.Waveform):
         """Check that everything fits."""
         super().__post_init__()
         bits = np.asarray(self.bits)
-        check_bit_count(bits.shape[-1])
+        _check_bit_count(bits.shape[-1])
         if bits.ndim > 2 or (bits.ndim == 2 and bits.shape[0] != self.u.shape[-2]):
             raise ArgumentError(f"bits have the shape {bits.shape}; u has {self.u.shape}")
         object.__setattr__(self, "bits", bits)
@@ -280,7 +271,7 @@ class Waveform(line_waveform.Waveform):
         heard = receive(rows, self.dt, bits.shape[-1], matched=False)
         if not np.isfinite(heard.start).all():
             raise ArgumentError("a telegram in u holds no pulse above the receiver's minimum")
-        signs = np.pad(pulses_of(bits), ((0, 0), (0, 2)))[:, 1:]
+        signs = np.pad(Modulation(bits).pulses.signs, ((0, 0), (0, 2)))[:, 1:]
         t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, points)
         middles = heard.start[:, np.newaxis] + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
         place = (middles[..., np.newaxis] + t) / self.dt
@@ -328,7 +319,7 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     """Receive telegrams of known length, one a row of samples; `settings` are a receiver's."""
     receiver = Receiver(**settings)
     u = _checked(u, dt)
-    check_bit_count(n_bits)
+    _check_bit_count(n_bits)
     n_t = u.shape[-1]
     rows = u.reshape(-1, n_t)
     length, gain = _filter_gain(n_t, dt)
@@ -340,6 +331,14 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
         parts.append(_decide(line, y, dt, n_bits, receiver))
     joined = (np.concatenate(field) for field in zip(*parts, strict=True))
     return Reception(*(field.reshape(u.shape[:-1] + field.shape[1:]) for field in joined))
+
+
+def _check_bit_count(n_bits: int) -> None:
+    if n_bits not in (RESPONSE_BITS, REQUEST_BITS):
+        raise ArgumentError(
+            f"n_bits is {n_bits!r}; it must be {RESPONSE_BITS}, a response, "
+            f"or {REQUEST_BITS}, a request"
+        )
 
 
 def _checked(u: npt.ArrayLike, dt: float) -> npt.NDArray[np.floating]:
@@ -392,9 +391,7 @@ def _filtered(y: Floats, length: int, gain: Floats) -> Floats:
     return np.fft.irfft(gain * np.fft.rfft(y, length), length)[..., : y.shape[-1]]
 
 
-def _first_pulse(
-    y: Floats, samples: float, minimum: float
-) -> tuple[npt.NDArray[np.bool_], Indices, Floats]:
+def _first_pulse(y: Floats, samples: float, minimum: float) -> tuple[Bools, Indices, Floats]:
     """Return which rows are silent, at which sample the first pulse peaks, and the true peak."""
     n_rows, n_t = y.shape
     row = np.arange(n_rows)

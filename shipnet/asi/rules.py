@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,9 +17,7 @@ from shipnet.answers import COLUMNS
 from shipnet.asi.segment import Segment
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Cycle, Transaction
 from shipnet.errors import ArgumentError
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 #: A value that is on its limit but for rounding meets the rule.
 _SLACK = 1e-9
@@ -68,8 +65,6 @@ def check_lines(
     limits: pd.DataFrame | None,
 ) -> pd.DataFrame:
     """Check the lines of a plan against every rule; `Plan.check` says how."""
-    import pandas as pd
-
     if wanted_cycle is not None and not 0 < wanted_cycle < np.inf:
         raise ArgumentError(f"wanted_cycle is {wanted_cycle!r} s; it must be positive")
     bounds = rule_limits() if limits is None else limits

@@ -12,26 +12,23 @@ from dataclasses import dataclass
 from functools import cached_property
 from heapq import heappop, heappush
 from math import ceil
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Complexes, Floats
 from shipnet.asi.elements import DEVICE, Repeater, Supply, Terminator
 from shipnet.asi.master import Master
-from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, as_bits, ramp_spectrum, steps_of
+from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
 from shipnet.asi.receiver import TOLERANCE, Waveform, receive
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES, Request, Response
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
+from shipnet.lazy import pd
 from shipnet.line.network import CableRun, Load, Network
 from shipnet.line.waveform import F_MAX, record_of
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-Floats = npt.NDArray[np.float64]
 
 #: What a plan is made of.
 Element: TypeAlias = CableRun | Master | Supply | Slave | Terminator | Repeater
@@ -63,7 +60,7 @@ def telegram_voltages(
     `f_max` [Hz] every voltage is within 5e-5 of its node's peak, on lines, stubs, stars and trees
     of up to 300 m, with a supply or without.
     """
-    steps = np.atleast_2d(steps_of(bits)).astype(float)
+    steps = np.atleast_2d(Modulation(bits).steps).astype(float)
     before = check_scalar("before", before, "s", 0, 1.0)
     after = check_scalar("after", after, "s", 0, 1.0)
     dt = check_scalar("dt", dt, "s", 1e-9, 1e-6)
@@ -74,7 +71,7 @@ def telegram_voltages(
     n_t = ceil(round((before + steps.shape[1] * HALF_BIT + after) / dt, 6))
     rows = [network.index(node) for node in nodes]
 
-    def change(s: npt.NDArray[np.complex128]) -> npt.NDArray[np.complex128]:
+    def change(s: Complexes) -> Complexes:
         current = SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before)
         return np.asarray(-network.transfer(master, s)[..., rows, :] * current)
 
@@ -130,14 +127,12 @@ class Quality(NamedTuple):
 
     def table(self) -> pd.DataFrame:
         """Return one row per slave, as a table."""
-        import pandas as pd
-
         columns = ["level_least_Vpp", "level_most_Vpp", "evenness", "ringing", "received"]
         index = pd.Index(self.slaves or range(1, len(self.received) + 1), name="slave")
         return pd.DataFrame(dict(zip(columns, self[:5], strict=True)), index=index)
 
     @property
-    def within_tolerance(self) -> npt.NDArray[np.bool_]:
+    def within_tolerance(self) -> Bools:
         """Which slaves have pulses as even and gaps as still as they should be."""
         return np.asarray(
             (self.evenness >= TOLERANCE.evenness) & (self.ringing <= TOLERANCE.ringing)
@@ -275,7 +270,7 @@ class Segment:
         if not nodes:
             raise ArgumentError(f"{self} has no slave; one must send or hear")
         words = telegrams.bits if isinstance(telegrams, Request | Response) else telegrams
-        bits = as_bits(words)
+        bits = Modulation(words).bits
         u = telegram_voltages(
             self.network, self.head, nodes, bits, dt=dt, before=before, after=after
         )

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Floats
 from shipnet.asi.channel import (
     ATTEMPT,
     EXECUTED,
+    LABELS,
     OUTCOME,
     PHASE,
     Channel,
@@ -30,10 +31,7 @@ from shipnet.asi.timing import Transaction
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, number, part, record
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 # A standby master ------------------------------------------------------------------------------
 
@@ -85,8 +83,6 @@ class Standby:
 
 
 # What came of it -------------------------------------------------------------------------------
-
-Floats = npt.NDArray[np.float64]
 
 
 class InputChange(NamedTuple):
@@ -184,15 +180,28 @@ class Run:
         """
         return self._events.copy()
 
+    @cached_property
+    def _exchanges(self) -> pd.DataFrame:
+        """The data exchanges by slave and time, with when inputs were taken and known [s]."""
+        record, bit_time = self.record, self.record.transaction.bit_time
+        slave = record.field(4, 7)
+        rows = np.flatnonzero(record.field(0, 4) == Call.DATA_EXCHANGE)
+        rows = rows[np.argsort(slave[rows], kind="stable")]
+        sampled = record.starts[rows] + REQUEST_BITS
+        return pd.DataFrame(
+            {
+                "slave": LABELS[slave[rows]],
+                "failed": record.field(OUTCOME, 4)[rows] > 0,
+                "cyclic": record.field(PHASE, 3)[rows] == Phase.DATA_EXCHANGE,
+                "sampled": sampled * bit_time,
+                "known": (sampled + record.pauses[rows] + RESPONSE_BITS) * bit_time,
+            }
+        )
+
     def table(self) -> pd.DataFrame:
         """Return a row per slave: its data exchanges, how many failed, and its response times."""
-        import pandas as pd
-
-        rows, slave = self._exchanges()
-        failed = self.record.field(OUTCOME, 4)[rows] > 0
-        frame = pd.DataFrame({"slave": _labels(slave), "failed": failed})
-        grouped = frame.groupby("slave", sort=False)["failed"]
-        counts = pd.DataFrame({"exchanges": grouped.size(), "failed": grouped.sum()})
+        by = self._exchanges.groupby("slave", sort=False)["failed"]
+        counts = pd.DataFrame({"exchanges": by.size(), "failed": by.sum()})
         return counts.join(self.response_times())
 
     def plot(
@@ -300,16 +309,12 @@ class Run:
     @cached_property
     def lists(self) -> pd.DataFrame:
         """What entered and left the lists: ``time_s``, ``list``, ``slave``, ``present``."""
-        import pandas as pd
-
         rows = [change for master in self.masters for change in master.lists.changes]
         return pd.DataFrame(rows, columns=["time_s", "list", "slave", "present"])
 
     @cached_property
     def commands(self) -> pd.DataFrame:
         """What became of the host's commands: ``time_s``, ``command``, ``done``, ``outcome``."""
-        import pandas as pd
-
         rows = [
             (time, str(command), done, outcome)
             for master in self.masters
@@ -320,18 +325,8 @@ class Run:
     @cached_property
     def watchdogs(self) -> pd.DataFrame:
         """When the watchdog of which slave reset it: ``time_s``, ``slave``."""
-        import pandas as pd
-
         trips = [(time, slave.label) for slave in self.slaves for time in slave.trips]
         return pd.DataFrame(sorted(trips), columns=["time_s", "slave"])
-
-    def _exchanges(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Return the rows with data exchanges, sorted by slave and time, and their slaves."""
-        record = self.record
-        slave = record.field(4, 7)
-        rows = np.flatnonzero(record.field(0, 4) == Call.DATA_EXCHANGE)
-        rows = rows[np.argsort(slave[rows], kind="stable")]
-        return rows, slave[rows]
 
     def failure_classes(self) -> pd.DataFrame:
         """Count the failures in a row, as Siemens' analyser 3RK1904-3AB01 does.
@@ -339,23 +334,14 @@ class Run:
         Indexed by slave; column n counts how often n data exchanges failed in a row, from 1 to
         the number after which the master drops the slave, or more: 6 by default.
         """
-        import pandas as pd
-
         leading = self.masters[0]
         worst = (1 + leading.repetitions) * leading.drop_after
-        rows, slave = self._exchanges()
-        failed = self.record.field(OUTCOME, 4)[rows] > 0
+        found = self._exchanges[["slave", "failed"]]
         # A run of failures ends with a success, with another slave, or with the record.
-        border = np.ones(rows.size, dtype=bool)
-        border[1:] = (failed[1:] != failed[:-1]) | (slave[1:] != slave[:-1])
-        begins = np.flatnonzero(border)
-        length = np.diff(np.append(begins, rows.size))
-        runs = failed[begins]
-        table = pd.crosstab(
-            pd.Index(_labels(slave[begins][runs]), name="slave"),
-            pd.Index(np.minimum(length[runs], worst), name="class"),
-        )
-        everybody = _labels(np.unique(slave))
+        run = (found != found.shift()).any(axis=1).cumsum()
+        runs = found[found["failed"]].groupby(run)["slave"].agg(["first", "size"])
+        table = pd.crosstab(runs["first"], runs["size"].clip(upper=worst))
+        everybody = found["slave"].unique()
         whole = table.reindex(index=everybody, columns=range(1, worst + 1), fill_value=0)
         return whole.rename_axis(index="slave", columns="class")
 
@@ -367,42 +353,25 @@ class Run:
         cyclic exchange that succeeds and the last. A slave that was dropped meanwhile has a long
         time.
         """
-        import pandas as pd
-
-        rows, slave = self._exchanges()
-        cyclic = self.record.field(PHASE, 3)[rows] == Phase.DATA_EXCHANGE
-        keep = cyclic & (self.record.field(OUTCOME, 4)[rows] == 0)
-        rows, slave = rows[keep], slave[keep]
-        sampled, known = self._sampled(rows)
-        same = slave[1:] == slave[:-1]
-        waited = (sampled[1:] - sampled[:-1])[same]
-        longest, least = (known[1:] - sampled[:-1])[same], (known[1:] - sampled[1:])[same]
-        area = (longest**2 - least**2) / 2
-        frame = pd.DataFrame(
+        good = self._exchanges.query("cyclic and not failed")
+        before = good.groupby("slave", sort=False)["sampled"].shift()
+        waits = pd.DataFrame(
             {
-                "slave": _labels(slave[1:][same]),
-                "least_s": least,
-                "longest_s": longest,
-                "area": area,
-                "waited": waited,
+                "slave": good["slave"],
+                "least_s": good["known"] - good["sampled"],
+                "longest_s": good["known"] - before,
+                "waited": good["sampled"] - before,
             }
-        )
-        grouped = frame.groupby("slave", sort=False)
-        totals = grouped[["area", "waited"]].sum()
+        ).dropna()
+        waits["area"] = (waits["longest_s"] ** 2 - waits["least_s"] ** 2) / 2
+        by = waits.groupby("slave", sort=False)
         return pd.DataFrame(
             {
-                "least_s": grouped["least_s"].min(),
-                "mean_s": totals["area"] / totals["waited"],
-                "longest_s": grouped["longest_s"].max(),
+                "least_s": by["least_s"].min(),
+                "mean_s": by["area"].sum() / by["waited"].sum(),
+                "longest_s": by["longest_s"].max(),
             }
         )
-
-    def _sampled(self, rows: npt.NDArray[np.int64]) -> tuple[Floats, Floats]:
-        """Return when the slave took its inputs, and when the master had them [s]."""
-        record = self.record
-        sampled = record.starts[rows] + REQUEST_BITS
-        known = sampled + record.pauses[rows] + RESPONSE_BITS
-        return sampled * record.transaction.bit_time, known * record.transaction.bit_time
 
     def input_changes(self) -> pd.DataFrame:
         """Return when the master learnt of each change of inputs: one row per change.
@@ -410,28 +379,17 @@ class Run:
         ``response_time_s`` is NaN where the simulation ended before, or the input had changed
         again.
         """
-        import pandas as pd
-
-        rows, slave = self._exchanges()
-        keep = self.record.field(OUTCOME, 4)[rows] == 0
-        rows, labels = rows[keep], np.array(_labels(slave[keep]))
-        sampled, known = self._sampled(rows)
+        good = self._exchanges.query("not failed")
         answers = []
         for change in self.changes:
             later = [
                 c.time for c in self.changes if c.slave == change.slave and c.time > change.time
             ]
-            own = labels == change.slave
-            place = np.searchsorted(sampled[own], change.time)
-            seen = place < own.sum() and sampled[own][place] < min(later, default=np.inf)
-            answers.append(known[own][place] - change.time if seen else np.nan)
+            own = good[good["slave"] == change.slave]
+            seen = own[own["sampled"].between(change.time, min(later, default=np.inf), "left")]
+            answers.append(seen["known"].iloc[0] - change.time if len(seen) else np.nan)
         frame = pd.DataFrame(self.changes, columns=["time_s", "slave", "value"])
         return frame.assign(response_time_s=np.array(answers, dtype=float))
-
-
-def _labels(slave: npt.NDArray[np.int64]) -> list[str]:
-    """Return the labels of packed slaves: five bits of address, two of half."""
-    return [f"{code & 31}{('', 'A', 'B')[code >> 5]}" for code in slave.tolist()]
 
 
 # The simulation --------------------------------------------------------------------------------

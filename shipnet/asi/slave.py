@@ -19,7 +19,7 @@ from dataclasses import field
 from enum import Enum
 from functools import cache
 from math import inf
-from typing import TYPE_CHECKING, Literal, cast
+from typing import Literal, cast
 
 from shipnet import style
 from shipnet.asi.batch import NONE
@@ -29,11 +29,8 @@ from shipnet.asi.telegram import Answer, Call, Half, Request, Response
 from shipnet.asi.timing import ADDRESSES
 from shipnet.errors import ArgumentError, FrameError, UnknownCallError
 from shipnet.fields import check_whole, number, record, switch, text, whole
+from shipnet.lazy import Axes, pd
 from shipnet.line.network import Load, check_node
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 #: After this time without data or parameters a slave resets itself [s]: SAP5S/SAP51 data sheet
 #: rev. 3.1, 2012, p. 47. The AS2702 (rev. C, 2001, p. 13) does it after 50 ms to 100 ms.
@@ -80,11 +77,6 @@ class Slave:
     specification 2.1, which answers neither request for an extended ID code. If the profile is
     omitted, it has four inputs: ``S-0.A.F`` with a half in the label, else ``S-0.F.F``. Its load
     on the cable is by default that of the limits of a chip's data sheet.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
 
     Examples
     --------
@@ -157,8 +149,6 @@ class Slave:
         One row per telegram: `telegram`, the receive `state` after it, and the `answer` in words.
         An empty telegram is a pause, as it follows a response.
         """
-        import pandas as pd
-
         running, rows = RunningSlave(self), []
         for bits in telegrams:
             if bits:

@@ -24,7 +24,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
-from typing import TYPE_CHECKING, Literal
+from typing import Any, Literal
 
 from shipnet import style
 from shipnet.asi.profile import describe_io_configuration, describe_status
@@ -39,10 +39,7 @@ from shipnet.errors import (
     UnknownCallError,
 )
 from shipnet.fields import check_whole
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 # Calls ----------------------------------------------------------------------------------------
 
@@ -94,36 +91,28 @@ class Call(IntEnum):
     '1aaaaa1S110'
     """
 
-    DATA_EXCHANGE = 0
-    WRITE_PARAMETER = 1
-    ASSIGN_ADDRESS = 2
-    WRITE_ID1 = 3
-    DELETE_ADDRESS = 4
-    RESET = 5
-    READ_IO_CONFIGURATION = 6
-    READ_ID = 7
-    READ_ID1 = 8
-    READ_ID2 = 9
-    READ_STATUS = 10
-    BROADCAST_RESET = 11
-    ENTER_PROGRAM_MODE = 12
+    _rule: Rule
+
+    def __new__(cls, rule: Any) -> Call:
+        """Number the calls as they come."""
+        call = int.__new__(cls, len(cls.__members__))
+        call._value_, call._rule = len(cls.__members__), rule
+        return call
 
     @property
     def rule(self) -> Rule:
         """Bits, wording and answer of this call."""
-        return _RULES[self]
+        return self._rule
 
-
-_RULES = {
-    Call.DATA_EXCHANGE: Rule(
+    DATA_EXCHANGE = Rule(
         "data exchange",
         "0aaaaa0dddd",
         "data exchange with slave {slave}: outputs {bits} ({data:X})",
         extended="0aaaaa0Sddd",
         lowest_address=1,
         answer="inputs",
-    ),
-    Call.WRITE_PARAMETER: Rule(
+    )
+    WRITE_PARAMETER = Rule(
         "write parameter",
         "0aaaaa1dddd",
         "write parameter {bits} ({data:X}) to slave {slave}",
@@ -131,62 +120,61 @@ _RULES = {
         symbol="P",
         lowest_address=1,
         answer="parameter",
-    ),
-    Call.ASSIGN_ADDRESS: Rule(
+    )
+    ASSIGN_ADDRESS = Rule(
         "assign address",
         "000000ddddd",
         "assign address {data} to the slave at address 0",
         symbol="A",
         answer=Answer.DONE,
-    ),
-    Call.WRITE_ID1: Rule(
+    )
+    WRITE_ID1 = Rule(
         "write extended ID code 1",
         "1000000dddd",
         "write extended ID code 1 {bits} ({data:X}) to the slave at address 0",
         symbol="ID",
         answer=Answer.ERASED,
-    ),
-    Call.DELETE_ADDRESS: Rule(
+    )
+    DELETE_ADDRESS = Rule(
         "delete address",
         "1aaaaa0s000",
         "delete the address of slave {slave}",
         lowest_address=1,
         answer=Answer.ERASED,
-    ),
-    Call.RESET: Rule("reset slave", "1aaaaa1S100", "reset slave {slave}", answer=Answer.DONE),
-    Call.READ_IO_CONFIGURATION: Rule(
+    )
+    RESET = Rule("reset slave", "1aaaaa1S100", "reset slave {slave}", answer=Answer.DONE)
+    READ_IO_CONFIGURATION = Rule(
         "read I/O configuration",
         "1aaaaa1s000",
         "read the I/O configuration of slave {slave}",
         answer="I/O configuration",
-    ),
-    Call.READ_ID: Rule(
+    )
+    READ_ID = Rule(
         "read ID code", "1aaaaa1s001", "read the ID code of slave {slave}", answer="ID code"
-    ),
-    Call.READ_ID1: Rule(
+    )
+    READ_ID1 = Rule(
         "read extended ID code 1",
         "1aaaaa1s010",
         "read extended ID code 1 of slave {slave}",
         answer="extended ID code 1",
-    ),
-    Call.READ_ID2: Rule(
+    )
+    READ_ID2 = Rule(
         "read extended ID code 2",
         "1aaaaa1s011",
         "read extended ID code 2 of slave {slave}",
         answer="extended ID code 2",
-    ),
-    Call.READ_STATUS: Rule(
+    )
+    READ_STATUS = Rule(
         "read status", "1aaaaa1S110", "read the status of slave {slave}", answer="status"
-    ),
-    Call.BROADCAST_RESET: Rule(
+    )
+    BROADCAST_RESET = Rule(
         "broadcast reset", "11111110101", "broadcast reset of all slaves, without answer"
-    ),
-    Call.ENTER_PROGRAM_MODE: Rule(
+    )
+    ENTER_PROGRAM_MODE = Rule(
         "enter program mode",
         "10000011101",
         "enter program mode at address 0, without answer",
-    ),
-}
+    )
 
 
 # Telegrams ------------------------------------------------------------------------------------
@@ -580,8 +568,6 @@ class Request:
         One row per call and one column per bit; a cell is 0 or 1 where the bit is fixed, else the
         name of what it carries. ``S`` is the select bit, ``~S`` its inverse.
         """
-        import pandas as pd
-
         rows = {}
         for call in Call:
             layout = call.rule.layout(extended)
@@ -620,8 +606,6 @@ class Request:
 
 
 def _field_table(rows: list[tuple[str, str, int, str, str, str]]) -> pd.DataFrame:
-    import pandas as pd
-
     columns = ["symbol", "field", "length_bit", "value_0", "value_1", "ones_even_over"]
     return pd.DataFrame(rows, columns=columns).set_index("symbol")
 

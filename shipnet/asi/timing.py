@@ -16,20 +16,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets, style
+from shipnet.arrays import Floats, Integers
 from shipnet.asi.profile import Profile
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response, plot_telegram
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, number, record
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from shipnet.lazy import Axes
 
 #: Length of one bit on the line [s], from icn2007 section 5 and OMRON manual W357, p. 5.
 BIT_TIME = 6e-6
@@ -61,11 +59,6 @@ class Span(NamedTuple):
 @record(slots=True)
 class Transaction:
     """One request with its response and both pauses.
-
-    Raises
-    ------
-    ArgumentError
-        If a pause or the bit time is out of its range.
 
     Notes
     -----
@@ -141,7 +134,7 @@ class Transaction:
         """User bits of one exchange, four each way, over its length [bit/s]."""
         return 2 * USER_BITS / self.duration
 
-    def efficiency(self, user_bits: npt.ArrayLike = USER_BITS) -> npt.NDArray[np.float64]:
+    def efficiency(self, user_bits: npt.ArrayLike = USER_BITS) -> Floats:
         """Return the share of the line that carries `user_bits` each way.
 
         AS-i takes one transaction per 4 bits; the rates of buses are left out, since a share of
@@ -212,7 +205,6 @@ _MOST = 10_000
 #: Most channels of a slave.
 _CHANNELS = 4
 
-Floats = npt.NDArray[np.float64]
 Direction = Literal["in", "out"]
 
 
@@ -303,7 +295,7 @@ class Cycle:
         object.__setattr__(self, "pairs", pairs if pairs.ndim else int(pairs))
 
     @property
-    def addresses(self) -> int | npt.NDArray[np.int64]:
+    def addresses(self) -> int | Integers:
         """Addresses that are asked in each cycle."""
         used = np.asarray(self.slaves) - np.asarray(self.pairs)
         return used if used.ndim else int(used)
@@ -501,7 +493,7 @@ def transfer_cycles(
 # Checks ----------------------------------------------------------------------------------------
 
 
-def _whole(name: str, value: npt.ArrayLike, high: int) -> npt.NDArray[np.int64]:
+def _whole(name: str, value: npt.ArrayLike, high: int) -> Integers:
     array = np.asarray(value)
     if array.dtype.kind not in "iu" or not ((array >= 0) & (array <= high)).all():
         raise ArgumentError(f"{name} is {value!r}; it must be whole numbers 0..{high}")

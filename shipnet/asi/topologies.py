@@ -101,14 +101,8 @@ def star(
         Length of each leg, with a slave at its end [m].
     along : int or sequence of float, default ()
         How many more slaves on the trunk, or the place of each, 0..trunk [m]. They come first.
-    pairs : int, optional
-        Addresses that an A and a B slave share; as for `line`.
-    master, supply : float, default 0
-        Places of the master and of the power supply of 30 V on the trunk [m].
-    cable : str or shipnet.line.Cable, default "as-i 1.5"
-        Type of all cables, or a cable of your own.
-    current : float, default 0.065
-        What each slave draws, 0..10 [A].
+    pairs, master, supply, cable, current
+        As for `line`; the places are 0..trunk [m].
 
     Returns
     -------
@@ -171,14 +165,8 @@ def ring(
         Length of the cable around the ring [m].
     slaves : int or sequence of float
         How many slaves, at equal distances, or the place of each, 0 to less than `length` [m].
-    pairs : int, optional
-        Addresses that an A and a B slave share; as for `line`.
-    supply : float, default 0
-        Place of the power supply of 30 V [m].
-    cable : str or shipnet.line.Cable, default "as-i 1.5"
-        Type of the cable, or a cable of your own.
-    current : float, default 0.065
-        What each slave draws, 0..10 [A].
+    pairs, supply, cable, current
+        As for `line`.
 
     Returns
     -------

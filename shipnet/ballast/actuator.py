@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_scalar, number, record
 
@@ -127,12 +128,10 @@ class Actuator:
         """Oil for a quarter turn [m3]."""
         return self.piston_area * self.pinion_radius * (pi / 2)
 
-    def _arrays(self) -> list[npt.NDArray[np.float64]]:
+    def _arrays(self) -> list[Floats]:
         values = (getattr(self, field.name) for field in fields(self))
         return [value for value in values if isinstance(value, np.ndarray)]
 
-
-Floats = npt.NDArray[np.float64]
 
 #: Opening over which the seat lets go, as a part of the quarter turn; our assumption.
 _SEAT = 0.03
@@ -278,32 +277,3 @@ def steady_temperature(actuator: Actuator) -> Floats:
     """Return how warm the motor is after many strokes at its duty."""
     pressure = hydraulics(actuator, load_pressure(actuator, 0.5)).pump_pressure
     return actuator.ambient + actuator.duty * losses(actuator, pressure) / actuator.cooling
-
-
-class OperatingPoint(NamedTuple):
-    """A running valve, half open; every attribute has the shape () or (n_valves,)."""
-
-    FP: Floats
-    OP: Floats
-    MC: Floats
-    OT: Floats
-    stroke_time: Floats
-
-
-def operating_point(actuator: Actuator, direction: int = 1) -> OperatingPoint:
-    """Return the operating point that follows from the numbers of an actuator.
-
-    The paper prints FP 90, OP 2, MC 1.2, OT 50 and 0 to 10 s for a healthy valve (claims
-    kim2014-071 and -072). Ours lie near it by the choice of the actuator: that all agree at once
-    shows that the paper's values are consistent with one machine, not that it was this one.
-    """
-    if direction not in (-1, 1):
-        raise ArgumentError(f"direction is {direction!r}; it must be 1 to open or -1 to close")
-    state = hydraulics(actuator, load_pressure(actuator, 0.5, direction))
-    return OperatingPoint(
-        state.pump_pressure / 1e5,
-        state.cylinder_pressure / 1e5,
-        motor_current(actuator, state.pump_pressure),
-        steady_temperature(actuator),
-        stroke_time(actuator, direction),
-    )

@@ -9,12 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats
 from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import CHANNELS, position_speed, stroke_speed
@@ -22,13 +23,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import Samples, check_method
 from shipnet.fuzzy.rules import Decision, Firing, RuleBase
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
+from shipnet.lazy import Axes, pd
 
 #: What 100 % of the operating display is for each sensor, in its unit.
 _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
@@ -73,8 +68,8 @@ class Run:
     readings: Floats
     speed: Floats
     ran: Floats
-    moving: Flags
-    active: Flags
+    moving: Bools
+    active: Bools
     opening: Floats
     movements: tuple[Movement, ...]
 
@@ -114,7 +109,7 @@ class Run:
         return stroke_speed(self.speed, self.ran)
 
     @cached_property
-    def running(self) -> Flags:
+    def running(self) -> Bools:
         """Whether the motor runs, shape (n_times, n_valves)."""
         return ~np.isnan(self.ran)
 
@@ -126,8 +121,6 @@ class Run:
 
     def valve(self, valve: int) -> pd.DataFrame:
         """Return the columns of one valve, counted from 1, indexed by ``time_s``."""
-        import pandas as pd
-
         k = check_whole("valve", valve, 1, self.n_valves) - 1
         columns = {c.column: self.readings[:, place, k] for place, c in enumerate(CHANNELS)}
         columns["DVPos_percent_per_s"] = self.DVPos[:, k]
@@ -136,8 +129,6 @@ class Run:
 
     def table(self) -> pd.DataFrame:
         """Return one row per instant and valve, indexed by ``valve`` and ``time_s``."""
-        import pandas as pd
-
         tables = {k: self.valve(k) for k in range(1, self.n_valves + 1)}
         return pd.concat(tables, names=["valve"])
 
@@ -149,8 +140,6 @@ class Run:
         a way of less than 20 %); medians ``FP_bar``, ``MC_A`` and maxima ``OP_max_bar``,
         ``OT_max_degC`` while the motor ran.
         """
-        import pandas as pd
-
         strokes = stroke_rows(self)
         rows = np.full((len(strokes), 5), np.nan)
         for row, moved in zip(rows, self.movements, strict=True):
@@ -214,8 +203,6 @@ class Run:
 
 def stroke_rows(run: Run) -> pd.DataFrame:
     """Return the runs of motors that have ended: valve, action, times, opening, outcome."""
-    import pandas as pd
-
     frame = pd.DataFrame(run.movements, columns=list(Movement._fields))
     frame["valve"] += 1
     frame["duration_s"] = frame["end"] - frame["start"]
@@ -227,7 +214,7 @@ class Recorder:
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
-        self._rows: list[tuple[float, Floats, Floats, Flags, Floats]] = []
+        self._rows: list[tuple[float, Floats, Floats, Bools, Floats]] = []
         self._first = len(plant.movements)
 
     def take(self) -> None:
@@ -257,7 +244,7 @@ class Tail(NamedTuple):
     """The last instants of a run, copied, for the diagnosis of the run that follows it."""
 
     samples: dict[str, Floats]
-    active: Flags
+    active: Bools
 
 
 def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats]:
@@ -323,8 +310,8 @@ class Diagnosis:
     n: int
     threshold: float
     samples: dict[str, Floats]
-    active: Flags
-    before: Flags
+    active: Bools
+    before: Bools
     tail: Tail
 
     @property
@@ -339,7 +326,7 @@ class Diagnosis:
         return self.base.top_codes(self.active, silent)
 
     @cached_property
-    def onset(self) -> Flags:
+    def onset(self) -> Bools:
         """Where a code becomes active that was not before, shape as `active`."""
         new = self.active.copy()
         new[1:] &= ~self.active[:-1]
@@ -355,8 +342,6 @@ class Diagnosis:
 
     def alarms(self) -> pd.DataFrame:
         """One row for every time a code becomes active, in order of time."""
-        import pandas as pd
-
         rows, valves, places = np.nonzero(self.onset)
         return pd.DataFrame(
             {
@@ -411,7 +396,7 @@ class Diagnosis:
         firing = _fire(self.base, given, self.method)
         return Decision(firing, self.threshold, self.active[row : row + 1, k]).explain(0)
 
-    def is_active(self, valve: int, code: str) -> Flags:
+    def is_active(self, valve: int, code: str) -> Bools:
         """Return at which instants a code is active."""
         return np.asarray(self.active[:, self._place(valve), self._column(code)])
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import cos, pi
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from shipnet.ballast.registers import (
     N_REGISTERS,
     Code,
     RegisterMap,
-    Status,
 )
 from shipnet.ballast.scan import READ_STATUS, System, status_poll
 from shipnet.ballast.slave import ValveDevice, ValveRegisters, valve_slaves
@@ -32,14 +31,12 @@ from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import NORMAL
+from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_UNIT, tcp_frame
 from shipnet.modbus.pdu import Adu, ExceptionCode, Request, Response, decode
 from shipnet.modbus.server import Server, real_clock
 from shipnet.modbus.server import serve as serve_slaves
 from shipnet.modbus.slave import DeviceError, Slave, answer
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 class _Image(ValveRegisters):
@@ -273,8 +270,6 @@ def acceptance_tests(
     >>> table.iloc[-1][["step", "found"]].tolist(), int(table.passed.sum())
     (['tank of S3 after closing', 'rose, then held'], 11)
     """
-    import pandas as pd
-
     if diagnosed_by not in ("slave", "master"):
         raise ArgumentError(f"diagnosed_by is {diagnosed_by!r}; it must be 'slave' or 'master'")
     chosen = list(tests)
@@ -644,7 +639,8 @@ class Client:
                 words.append(response.registers)
                 units.append(unit)
         status = RegisterMap().decode(np.array(words, np.int64).reshape(-1, 4))
-        return Readout(self.n_valves, status, np.array(units, np.int64))
+        valves = pd.RangeIndex(1, self.n_valves + 1, name="valve")
+        return Readout(status.table().set_axis(units).reindex(valves))
 
     def screen(self) -> Screen:
         """Read all valves, and return them as the master would show them."""
@@ -652,55 +648,36 @@ class Client:
 
     def status(self, valve: int) -> pd.Series:
         """Read one valve, and return what it says, as text with units."""
-        import pandas as pd
-
         return pd.Series(self.read().numbers(valve), name=f"valve {valve}", dtype=object)
 
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """What valves answered: the status of those that did, and their unit ids."""
+    """What valves answered: `rows` of `Status.table` by valve, NaN for one that did not answer."""
 
-    n_valves: int
-    status: Status
-    units: np.ndarray[tuple[int], np.dtype[np.int64]]
-
-    @property
-    def positions(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        """Position of all valves from 1 on [%]; NaN where one did not answer."""
-        found = np.full(self.n_valves, np.nan)
-        found[self.units - 1] = self.status.readings[4]
-        return found
+    rows: pd.DataFrame
 
     @property
     def screen(self) -> Screen:
         """The valves as the master would show them, just read."""
-        current, fault = np.zeros(self.n_valves), np.zeros(self.n_valves, np.int64)
-        silent = np.ones(self.n_valves, bool)
-        mine = self.units - 1
-        current[mine], fault[mine] = self.status.readings[2], self.status.fault
-        silent[mine] = False
-        age = np.where(silent, np.inf, 0.0)
-        return Screen.of(self.positions, current, fault, silent=silent, age=age, time=0.0)
+        silent = self.rows["fault"].isna().to_numpy()
+        return Screen.of(self.rows, silent=silent, age=np.where(silent, np.inf, 0.0), time=0.0)
 
     def numbers(self, valve: int) -> dict[str, str]:
         """Return what one valve says, as text with units; nothing if it did not answer."""
-        place = np.flatnonzero(self.units == valve)
-        if not place.size:
+        row = self.rows.loc[valve]
+        if pd.isna(row["fault"]):
             return {}
-        k, status = int(place[0]), self.status
-        fp, op, mc, ot, position = status.readings[:, k]
-        mode = "auto" if status.auto[k] else "manual"
-        way = "open" if status.open[k] else "close" if status.close[k] else "no command yet"
+        way = "open" if row["open"] else "close" if row["close"] else "no command yet"
         return {
-            "position": said(position, 0, "%"),
-            "pump pressure": said(fp, 0, "bar"),
-            "operating pressure": said(op, 1, "bar"),
-            "motor current": said(mc, 1, "A"),
-            "motor temperature": said(ot, 0, "degC"),
-            "motor ran": f"{status.operating_time[k]:.1f} s",
-            "mode": f"{mode}, last command {way}",
-            "fault reported": str(int(status.fault[k])) if status.fault[k] else "none",
+            "position": said(row["VPos_percent"], 0, "%"),
+            "pump pressure": said(row["FP_bar"], 0, "bar"),
+            "operating pressure": said(row["OP_bar"], 1, "bar"),
+            "motor current": said(row["MC_A"], 1, "A"),
+            "motor temperature": said(row["OT_degC"], 0, "degC"),
+            "motor ran": f"{row['operating_s']:.1f} s",
+            "mode": f"{'auto' if row['auto'] else 'manual'}, last command {way}",
+            "fault reported": str(int(row["fault"])) if row["fault"] else "none",
         }
 
 

@@ -10,12 +10,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.plant import Fault as ValveFault
@@ -26,22 +27,12 @@ from shipnet.ballast.slave import valve_slaves
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
+from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Adu, ExceptionCode, Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.simulation import LOST, A, Master, Try
 from shipnet.modbus.slave import Slave, answer
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-
-Floats = npt.NDArray[np.float64]
-
-Ints = npt.NDArray[np.int64]
-
-Flags = npt.NDArray[np.bool_]
 
 #: What a valve can be on the screen. The first that holds counts.
 STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")
@@ -125,15 +116,15 @@ class Screen:
     time: float
 
     @classmethod
-    def of(
-        cls, position: Floats, current: Floats, fault: Ints, *, silent: Flags, age: Floats,
-        time: float,
-    ) -> Screen:  # fmt: skip
-        """Return the screen that shows these values of the valves, valve 1 first."""
-        import pandas as pd
+    def of(cls, rows: pd.DataFrame, *, silent: Bools, age: Floats, time: float) -> Screen:
+        """Return the screen that shows the last status of each valve, valve 1 first.
 
+        The `rows` are those of `Status.table`, NaN where nothing has come.
+        """
+        position = rows["VPos_percent"].to_numpy()
+        fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
         conditions = [
-            silent, np.isnan(position), fault > 0, current >= LEAST_CURRENT,
+            silent, np.isnan(position), fault > 0, rows["MC_A"].to_numpy() >= LEAST_CURRENT,
             position >= 100 - _END, position <= _END,
         ]  # fmt: skip
         columns = {
@@ -263,26 +254,19 @@ class MasterRun:
     @cached_property
     def answers(self) -> pd.DataFrame:
         """One row a status: ``unit``, ``read_s``, ``shown_s``, readings, flags, ``fault``."""
-        import pandas as pd
-
         unit, read, time = self._columns
         words = np.array([s.registers for s in self.shown], np.int64).reshape(-1, 4)
-        status = self.registers.decode(words)
-        columns: dict[str, object] = {"unit": unit, "read_s": read, "shown_s": time}
-        columns |= {c.column: status.readings[k] for k, c in enumerate(CHANNELS)}
-        columns |= {name: getattr(status, name) for name in ("auto", "close", "open", "fault")}
-        return pd.DataFrame(columns | {"operating_s": status.operating_time})
+        table = pd.DataFrame({"unit": unit, "read_s": read, "shown_s": time})
+        return table.join(self.registers.decode(words).table())
 
     @cached_property
     def commands(self) -> pd.DataFrame:
         """One row a command: ``unit``, ``value``, ``sent_s``, ``free_s``, ``outcome``."""
-        import pandas as pd
-
         rows = [(w.unit, f"0x{w.value:04X}", w.time, w.end, w.outcome) for w in self.writes]
         return pd.DataFrame(rows, columns=["unit", "value", "sent_s", "free_s", "outcome"])
 
     @cached_property
-    def _columns(self) -> tuple[Ints, Floats, Floats]:
+    def _columns(self) -> tuple[Integers, Floats, Floats]:
         unit = np.array([s.unit for s in self.shown], np.int64)
         times = np.array([(s.read, s.time) for s in self.shown], float).reshape(-1, 2)
         return unit, times[:, 0], times[:, 1]
@@ -309,14 +293,7 @@ class MasterRun:
         at = self.duration if time is None else check_scalar("time", time, "s", 0, 1e9)
         last = self._last(np.array([at]))[0]
         rows = self.answers.reindex(np.where(last < len(self.shown), last, -1))
-        return Screen.of(
-            rows["VPos_percent"].to_numpy(),
-            rows["MC_A"].to_numpy(),
-            rows["fault"].fillna(0).to_numpy().astype(np.int64),
-            silent=self._silent(at),
-            age=self.ages([at])[0],
-            time=at,
-        )
+        return Screen.of(rows, silent=self._silent(at), age=self.ages([at])[0], time=at)
 
     @property
     def oldest(self) -> float:
@@ -344,7 +321,7 @@ class MasterRun:
             f"oldest value shown {self.oldest:.2f} s)"
         )
 
-    def _last(self, times: Floats) -> Ints:
+    def _last(self, times: Floats) -> Integers:
         """Return which status is shown of each valve, (n_times, n_valves); past the end if none."""
         unit, _, shown = self._columns
         found = np.full((times.size, self.n_valves), len(self.shown))
@@ -355,7 +332,7 @@ class MasterRun:
             found[there, k] = mine[place[there]]
         return found
 
-    def _silent(self, time: float) -> npt.NDArray[np.bool_]:
+    def _silent(self, time: float) -> Bools:
         silent = np.zeros(self.n_valves, bool)
         spent = (self.poll.unanswered_time, self.poll.time)
         ended = (t for t in reversed(self.tries) if t[0] + spent[t[4]] <= time + 1e-9)

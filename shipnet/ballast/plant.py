@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats
 from shipnet.ballast.actuator import (
     Actuator,
     Hydraulics,
@@ -31,9 +32,6 @@ from shipnet.clock import Fault as TimedFault
 from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, number, record
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 #: What a command may ask for, besides a position.
 ACTIONS = ("open", "close", "stop")
@@ -69,11 +67,6 @@ class Command:
 
     The `action` is ``open``, ``close``, ``stop`` or the position to go to, 0..100 [%]; `valves`
     are numbers counted from 1, and None is all.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
 
     Examples
     --------
@@ -331,9 +324,9 @@ class _Step(NamedTuple):
 
     speed: Floats
     lasted: Floats
-    late: Flags
-    arrives: Flags
-    at_limit: Flags
+    late: Bools
+    arrives: Bools
+    at_limit: Bools
 
 
 class Plant:
@@ -514,7 +507,7 @@ class Plant:
         self.active &= ~arrives
         return losses(self._actuator, now.pump_pressure) * lasted / self.step
 
-    def _stop(self, which: Flags, when: npt.ArrayLike, outcome: str) -> None:
+    def _stop(self, which: Bools, when: npt.ArrayLike, outcome: str) -> None:
         if not np.count_nonzero(which):
             return
         ends = np.broadcast_to(np.asarray(when, float), self.n_valves)

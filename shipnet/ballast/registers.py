@@ -9,19 +9,17 @@ from __future__ import annotations
 import csv
 from enum import Enum
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats, Integers, Words
 from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError, FieldError
 from shipnet.fields import check_scalar, check_whole, choice, record
-
-if TYPE_CHECKING:
-    import pandas as pd
-
+from shipnet.lazy import pd
 
 #: How the codes of Table 2 can be read: column of the data file, base of its numbers.
 CODE_READINGS = {
@@ -52,8 +50,6 @@ def command_codes(reading: str) -> dict[Code, int]:
     return {Code(row["name_printed"]): int(row[column], base) for row in rows}
 
 
-Floats = npt.NDArray[np.float64]
-
 #: Input registers of the status; Tables 1 and 3 of the paper.
 FIRST_REGISTER, N_REGISTERS = 0x4020, 4
 
@@ -83,7 +79,7 @@ SCALES = (
 
 def whole_steps(
     values: Floats, highest: npt.ArrayLike, missing: npt.ArrayLike | None = None
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+) -> tuple[Integers, Bools]:
     """Return values as whole numbers that fit, and where they did not."""
     unknown = np.isnan(values)
     rounded = np.rint(np.where(unknown, highest, values))
@@ -121,20 +117,26 @@ _FLAGS = np.array([1, 2, 4, 8])
 class Packed(NamedTuple):
     """What a slave sends."""
 
-    registers: npt.NDArray[np.uint16]
-    saturated: npt.NDArray[np.bool_]
+    registers: Words
+    saturated: Bools
 
 
 class Status(NamedTuple):
     """What a master reads."""
 
     readings: Floats
-    manual: npt.NDArray[np.bool_]
-    auto: npt.NDArray[np.bool_]
-    close: npt.NDArray[np.bool_]
-    open: npt.NDArray[np.bool_]
-    fault: npt.NDArray[np.int64]
+    manual: Bools
+    auto: Bools
+    close: Bools
+    open: Bools
+    fault: Integers
     operating_time: Floats
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per status: readings, flags, ``fault`` and ``operating_s``."""
+        table = pd.DataFrame(self.readings.T, columns=[channel.column for channel in CHANNELS])
+        flags = {name: getattr(self, name) for name in ("auto", "close", "open", "fault")}
+        return table.assign(**flags, operating_s=self.operating_time)
 
 
 @record(slots=True)
@@ -265,8 +267,6 @@ class RegisterMap:
         The largest error is that of converter and register together, within the scale of the sensor
         and of the byte.
         """
-        import pandas as pd
-
         converter = (sensors if sensors is not None else Sensors()).step
         rows = [
             {

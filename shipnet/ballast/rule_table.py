@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from math import inf
-from typing import TYPE_CHECKING
-
-import numpy as np
-import numpy.typing as npt
 
 from shipnet import datasets
+from shipnet.arrays import Bools
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.fuzzy.rule_files import read_rules
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import Rule, Term, Variable
-
-if TYPE_CHECKING:
-    import pandas as pd
-
+from shipnet.lazy import pd
 
 #: The test values as printed, and with the misprints corrected; the words of the data file.
 VERSIONS = {"printed": "printed", "corrected": "meant"}
@@ -119,7 +113,7 @@ def _numbers(text: pd.DataFrame) -> pd.DataFrame:
     return text.replace("", "nan").astype(float)
 
 
-def _holds(base: RuleBase, term: str, table: pd.DataFrame) -> npt.NDArray[np.bool_]:
+def _holds(base: RuleBase, term: str, table: pd.DataFrame) -> Bools:
     """Return the rows for which a term holds as printed."""
     condition = RuleBase(base.variables, (Rule("condition", term, 1),))
     return condition.fire(table, "crisp").strength[:, 0] > 0

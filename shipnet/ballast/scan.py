@@ -4,25 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import KW_ONLY, field
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.ballast.sensors import Sensors
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, choice, number, record, switch, whole
+from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    import pandas as pd
-
 
 #: Usual bit rates within the 2400 to 115200 bit/s of both controllers; the paper, section 3.
 BIT_RATES = (2400, 4800, 9600, 19200, 38400, 57600, 115200)
@@ -171,8 +168,6 @@ class System:
         middle whose ports scan at once, ``valves_in_2_s`` how many valves a master updates within
         the 2 s in which DNV-OS-D202 asks for a full screen.
         """
-        import pandas as pd
-
         given = self.poll if self.poll is not None else status_poll()
         masters = -(-self.n_valves // MAX_UNIT)
         largest = -(-self.n_valves // masters)
@@ -198,8 +193,6 @@ class System:
 
     def valve_addresses(self) -> pd.DataFrame:
         """Return the master and the unit id of each valve, shared out evenly and in order."""
-        import pandas as pd
-
         shares = np.array_split(np.arange(self.n_valves), -(-self.n_valves // MAX_UNIT))
         rows = [
             (master, unit)

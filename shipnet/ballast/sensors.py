@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError
 from shipnet.fields import record, whole
@@ -45,12 +46,6 @@ class Limit(NamedTuple):
     codes: tuple[str, ...]
 
 
-def normal_values() -> dict[str, float]:
-    """Return the readings that row 0 of the rule table prints for a healthy valve."""
-    row = _rules()[0]
-    return {name: float(row[f"{name.lower()}_printed"]) for name in ("FP", "OP", "MC", "OT")}
-
-
 def rule_limits() -> list[Limit]:
     """Return the limits of the rule table, each once."""
     found: dict[tuple[str, str, float], list[str]] = {}
@@ -67,8 +62,6 @@ def _rules() -> list[dict[str, str]]:
     with path("kim2014_rule_table.csv").open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
-
-Floats = npt.NDArray[np.float64]
 
 #: Over how long the change of the position is taken [s]; the paper does not say.
 WINDOW = 1.0

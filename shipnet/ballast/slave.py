@@ -10,8 +10,8 @@ from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats
 from shipnet.ballast.plant import Command, Plant
 from shipnet.ballast.registers import (
     COMMAND_REGISTER,
@@ -28,10 +28,6 @@ from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import ExceptionCode
 from shipnet.modbus.slave import DeviceError, Slave, Table
 
-Floats = npt.NDArray[np.float64]
-
-Flags = npt.NDArray[np.bool_]
-
 #: A code is found if its rule fired in 3 or more of the last 5 readings.
 _LEAST, _WINDOW = 3, 5
 
@@ -44,19 +40,15 @@ class Monitor:
         self.base = rule_base()
         self.found = np.zeros((plant.n_valves, len(self.base.rules)), bool)
         self._ranked = np.array([self.base.codes.index(code) for code in self.base.ranking])
-        self._fired: deque[Flags] = deque(maxlen=_WINDOW)
+        self._fired: deque[Bools] = deque(maxlen=_WINDOW)
         self._places: deque[tuple[float, Floats]] = deque()
-        self._calm: tuple[Floats, Flags] | None = None
+        self._calm: tuple[Floats, Bools] | None = None
         plant.watchers.append(self._look)
 
     def row(self, valve: int) -> int:
         """Return what the status says: the row of the first code in rank that was found, or 0."""
         found = self.found[valve, self._ranked]
         return int(self._ranked[found.argmax()]) + 1 if np.count_nonzero(found) else 0
-
-    def codes(self, valve: int) -> tuple[str, ...]:
-        """Return all codes that were found since the last command, the highest priority first."""
-        return tuple(self.base.active_codes(self.found[[valve]])[0].split())
 
     def report(self, valve: int, row: int) -> None:
         """Take a code for found, and no other, and begin to count anew."""
@@ -80,7 +72,7 @@ class Monitor:
         self._fired.append(self._fires())
         self.found |= sum(self._fired, np.zeros(self.found.shape, int)) >= _LEAST
 
-    def _fires(self) -> Flags:
+    def _fires(self) -> Bools:
         """Return which rules fire for the present reading, shape (n_valves, n_rules)."""
         plant, speed = self.plant, np.full(self.plant.n_valves, np.nan)
         calm = not np.count_nonzero(plant.active)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,15 +28,7 @@ from shipnet.fuzzy.firing import METHODS
 from shipnet.fuzzy.rules import RuleBase, draw_matrix
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-
-Floats = npt.NDArray[np.float64]
-
-Flags = npt.NDArray[np.bool_]
+from shipnet.lazy import Axes, pd
 
 #: What stands behind the numbers.
 BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
@@ -115,8 +107,6 @@ class Trials:
         ``_low`` and ``_high`` of its interval; and the median ``delay_s``. For ``normal`` valves
         ``detected`` is the share with a false alarm, and ``isolated`` the share without one.
         """
-        import pandas as pd
-
         groups = self.rows.groupby(["method", "fault"], sort=False)
         table = pd.DataFrame({"n": groups.size()})
         for name in ("detected", "named", "isolated"):
@@ -130,8 +120,6 @@ class Trials:
 
     def confusion(self, method: str = "fuzzy") -> pd.DataFrame:
         """Return how many trials of each fault (rows) had which top fault (columns)."""
-        import pandas as pd
-
         mine = self.rows[self.rows["method"] == method]
         if mine.empty:
             known = ", ".join(self.rows["method"].unique())
@@ -217,8 +205,6 @@ def fault_trials(
     >>> fault_trials(["normal", "V1"], n_valves=8, rng=2024).confusion().loc["V1"].to_dict()
     {'normal': 0, 'V1': 8}
     """
-    import pandas as pd
-
     generator = np.random.default_rng(rng)
     wanted, asked = _some("codes", codes), _some("methods", methods)
     valves = check_whole("n_valves", n_valves, 1, 10_000 // len(wanted))
@@ -348,8 +334,6 @@ def false_alarms(
     >>> table["alarmed"].to_dict()
     {'crisp': 32, 'midpoint': 0, 'fuzzy': 0}
     """
-    import pandas as pd
-
     every = check_scalar("period", period, "s", 60, 1e6)
     time = check_scalar("until", until, "s", every, 1e7)
     valves = check_whole("n_valves", n_valves, 1, 10_000)
@@ -438,8 +422,6 @@ class FleetReport:
 
     def faults(self) -> pd.DataFrame:
         """One row a fault and valve, in order of time."""
-        import pandas as pd
-
         rows = []
         for fault in self.injected:
             severities = fault.severities(self.n_valves)
@@ -606,8 +588,6 @@ def run_fleet(
     >>> report.faults()[["valve", "code", "top_fault"]].values.tolist()
     [[3, 'V1', 'V1'], [6, 'O1', '']]
     """
-    import pandas as pd
-
     fleet = as_system(system)
     failed: list[Any] = list(as_faults(faults, Fault))
     end = check_scalar("until", until, "s", 0, 1e8)

@@ -10,24 +10,19 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
 from math import inf, nan, sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats
 from shipnet.ballast.actuator import Actuator, hydraulics, load_pressure, stroke_time
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.fuzzy.firing import persistent
 from shipnet.fuzzy.terms import Term
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-
-Floats = npt.NDArray[np.float64]
+from shipnet.lazy import Axes, pd
 
 #: A stroke may take so long [s]: row 0 of the rule table.
 LIMIT = 10.0
@@ -127,9 +122,8 @@ class Wear:
         ``P2`` is FP below 2.5 bar, ``T1`` (ours) a stroke longer than 10 s, each in `k` of the last
         `n` strokes; NaN if the rule never reports.
         """
-        import pandas as pd
 
-        def first(fires: npt.NDArray[np.bool_]) -> Floats:
+        def first(fires: Bools) -> Floats:
             reported = persistent(fires, k, n)
             return np.where(reported.any(axis=0), reported.argmax(axis=0).astype(float), np.nan)
 
@@ -162,8 +156,6 @@ class Wear:
 
         ``remaining`` with its interval ``low`` to ``high``, and the ``true`` number.
         """
-        import pandas as pd
-
         rows = {
             valve: self.predict(valve, at, predictor=predictor, window=window).remaining
             for valve in range(1, self.life.size + 1)
@@ -174,8 +166,6 @@ class Wear:
 
     def life_table(self, valve: int = 1, at: Iterable[int] = (20, 50, 100, 200)) -> pd.DataFrame:
         """Return the strokes left of one valve, predicted after some numbers of ``strokes``."""
-        import pandas as pd
-
         k = self._place(valve)
         rows = {now: (*self.predict(valve, now).remaining, self.life[k] - now) for now in at}
         columns = ["remaining", "low", "high", "true"]
@@ -192,8 +182,6 @@ class Wear:
         predicted over the true life; share ``within_20`` percent; share whose interval ``covers``
         the truth.
         """
-        import pandas as pd
-
         index, rows = [], []
         for predictor in PREDICTORS:
             for part in parts:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from os import PathLike
-from typing import TYPE_CHECKING
 
 from shipnet.can.faults import ErrorBound
 from shipnet.can.log import Log
@@ -15,9 +14,7 @@ from shipnet.can.messages import BIT_RATES, MessageSet, bus_load, check_set, rea
 from shipnet.can.response import Assignment, Assumptions, ResponseTimes, audsley, response_times
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_path, check_scalar
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,8 +58,6 @@ class Analysis:
         of its deadline, and ``critical_percent``, how much; ``some_order`` says whether any order
         of priority meets all deadlines.
         """
-        import pandas as pd
-
         rows = []
         for rate, found in self.responses.items():
             critical = found[found.critical] if len(found) else None
@@ -93,7 +88,7 @@ def analyse(
     *,
     period: float | None = None,
     assumptions: Assumptions | None = None,
-    faults: ErrorBound | Iterable[ErrorBound] = (),
+    faults: ErrorBound | None = None,
 ) -> Analysis:
     """Return load, response times, lowest bit rate and best order of a message set.
 

@@ -7,19 +7,15 @@ the bus is read between the phase segments.
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
+from shipnet.arrays import Floats
 from shipnet.can.frame import check_bit_rate
 from shipnet.fields import check_scalar
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-Floats = npt.NDArray[np.float64]
+from shipnet.lazy import pd
 
 #: Ranges of the AT90CAN128 [quanta], and the prescaler; Atmel 4250E, 2004, p. 236.
 _PRESCALER, _SEGMENT, _JUMP, _QUANTA = 64, 8, 4, (8, 25)
@@ -104,8 +100,6 @@ def bit_timings(
     >>> round(float(row["oscillator_tolerance_percent"]), 2), round(float(row["longest_bus_m"]))
     (0.31, 320)
     """
-    import pandas as pd
-
     hertz = check_scalar("clock", clock, "Hz", 1e6, 16e6)
     rate = check_bit_rate(bit_rate)
     wanted = check_scalar("sample_point", sample_point, "", 1e-3, 1 - 1e-3)

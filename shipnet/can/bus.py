@@ -11,13 +11,11 @@ from heapq import heappop, heappush
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Integers
 from shipnet.can.faults import BitErrors, ErrorAt, Simulated
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import NEVER, nanoseconds
-
-Integers = npt.NDArray[np.int64]
 
 #: In place of the start of a frame that never began.
 WAITING, OVERWRITTEN = -1, -2

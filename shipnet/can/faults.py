@@ -2,7 +2,7 @@
 
 >>> from shipnet.can.faults import BitErrors, ErrorAt, ErrorBound
 >>> BitErrors(1e-5), ErrorAt(2e-3), ErrorBound(interval=0.1)
-(BitErrors(rate=1e-05), ErrorAt(time=0.002), ErrorBound(interval=0.1, burst=1))
+(BitErrors(rate=1e-05), ErrorAt(time=0.002, bits=23), ErrorBound(interval=0.1, burst=1, bits=31))
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from shipnet.clock import Fault, nanoseconds
 from shipnet.errors import ArgumentError
@@ -55,14 +55,14 @@ class BitErrors(Fault):
         return f"BitErrors(rate={self.rate:g}{times})"
 
 
-@record(repr=False)
+@record
 class ErrorAt:
     """One bit is disturbed at a given time, to simulate; between frames it does no harm.
 
     Examples
     --------
     >>> ErrorAt(0.2e-3)
-    ErrorAt(time=0.0002)
+    ErrorAt(time=0.0002, bits=23)
     """
 
     time: float = number(0, 1e6, "s", "When the bit is disturbed")
@@ -70,12 +70,8 @@ class ErrorAt:
         17, 23, "bit", "Length of an error frame with intermission", default=23, kw_only=True
     )
 
-    def __repr__(self) -> str:
-        """Name the time."""
-        return f"ErrorAt(time={self.time:g})"
 
-
-@record(repr=False)
+@record
 class ErrorBound:
     r"""The most errors that hit the bus in any time :math:`t`, to analyse.
 
@@ -124,10 +120,6 @@ class ErrorBound:
             return self.burst
         return self.burst - 1 - -nanoseconds(time) // nanoseconds(self.interval)
 
-    def __repr__(self) -> str:
-        """Name interval and burst."""
-        return f"ErrorBound(interval={self.interval:g}, burst={self.burst})"
-
 
 Simulated: TypeAlias = BitErrors | ErrorAt
 
@@ -135,17 +127,9 @@ Simulated: TypeAlias = BitErrors | ErrorAt
 NO_ERRORS = ErrorBound(math.inf, 0)
 
 
-def _several(faults: Any) -> tuple[Any, ...]:
-    if isinstance(faults, BitErrors | ErrorAt | ErrorBound):
-        return (faults,)
-    if not isinstance(faults, Iterable):
-        raise ArgumentError(f"faults is {faults!r}; it must be one of can.faults, or several")
-    return tuple(faults)
-
-
 def simulated(faults: Simulated | Iterable[Simulated]) -> tuple[Simulated, ...]:
     """Return one or several faults of a simulation as a tuple, or raise if one is of no use."""
-    several = _several(faults)
+    several = tuple(faults) if isinstance(faults, Iterable) else (faults,)
     for fault in several:
         if not isinstance(fault, BitErrors | ErrorAt):
             raise ArgumentError(
@@ -155,14 +139,11 @@ def simulated(faults: Simulated | Iterable[Simulated]) -> tuple[Simulated, ...]:
     return several
 
 
-def bound(faults: ErrorBound | Iterable[ErrorBound]) -> ErrorBound:
-    """Return the bound on errors of an analysis, or raise if there are several or another kind."""
-    several = _several(faults)
-    if not several:
-        return NO_ERRORS
-    if len(several) > 1 or not isinstance(several[0], ErrorBound):
+def bound(faults: ErrorBound | None) -> ErrorBound:
+    """Return the bound on errors of an analysis, or raise if it is of another kind."""
+    if not isinstance(faults, ErrorBound | None):
         raise ArgumentError(
             f"faults is {faults!r}; an analysis takes one faults.ErrorBound, a simulation "
             "faults.BitErrors and faults.ErrorAt"
         )
-    return several[0]
+    return faults or NO_ERRORS

@@ -14,7 +14,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,10 +31,7 @@ from shipnet.errors import (
     SymbolError,
 )
 from shipnet.fields import check_scalar, check_whole
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from shipnet.lazy import Axes
 
 # The layout of a frame -----------------------------------------------------------------------
 

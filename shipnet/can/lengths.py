@@ -13,6 +13,7 @@ from typing import Literal, NamedTuple, overload
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.frame import (
     INTERMISSION,
     RUN,
@@ -25,9 +26,6 @@ from shipnet.fields import check_choice
 
 Stuffing = Literal["none", "mean", "attainable", "worst", "worst 1994"]
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 Octets = npt.NDArray[np.uint8]
 
 #: Bits after the CRC sequence, intermission included.
@@ -180,7 +178,7 @@ def measure_frames(
 
 
 def _measure(
-    data: Octets, number: Integers, dlc: Integers, extended: Flags, remote: Flags
+    data: Octets, number: Integers, dlc: Integers, extended: Bools, remote: Bools
 ) -> Integers:
     """Return the lengths of frames whose data are equally long."""
     # SRR and IDE are the bits 26 and 25 of an extended frame's head.

@@ -6,26 +6,20 @@ import os
 from collections import Counter
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import COLUMNS, Findings
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import measure_frames
 from shipnet.can.messages import Message, MessageSet, check_set
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_path, check_scalar
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-Booleans = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
-
+from shipnet.lazy import Axes, pd
 
 #: What the columns of a log may hold, by the kind of a numpy array.
 _KINDS = {
@@ -92,9 +86,9 @@ class Log:
 
     time: Floats
     channel: npt.NDArray[np.str_]
-    arbitration_id: npt.NDArray[np.int64]
-    extended: Booleans
-    remote: Booleans
+    arbitration_id: Integers
+    extended: Bools
+    remote: Bools
     dlc: npt.NDArray[np.uint8]
     data: npt.NDArray[np.uint8]
     faults: tuple[str, ...] = ()
@@ -148,8 +142,6 @@ class Log:
 
     def table(self) -> pd.DataFrame:
         """Return one row per frame: its time, bus, identifier, kind, data length code and data."""
-        import pandas as pd
-
         text = self.data.tobytes().hex(" ", 8).split() if len(self) else []
         size = np.where(self.remote, 0, np.minimum(self.dlc, 8))
         table = pd.DataFrame(dict(zip([*_KINDS][:6], self.columns, strict=False)))
@@ -182,8 +174,6 @@ class Log:
         left out (its `faults` and `skipped`) is not counted: `LogLoad.frames` is the number of
         frames that the load rests on, `LogLoad.left_out` the number of the others.
         """
-        import pandas as pd
-
         rate = check_bit_rate(bit_rate, 5e3)
         window = check_scalar("window", window, "s", 1e-6, 1e9)
         self._check_times("the load")
@@ -251,8 +241,6 @@ class Log:
         take at least n - 1 periods less a deadline. Frames of all buses count. A log without time
         stamps is checked for its messages and their lengths only.
         """
-        import pandas as pd
-
         check_set(messages)
         timed = not np.isnan(self.time).any()
         keys = self.arbitration_id << 1 | self.extended
@@ -356,9 +344,7 @@ class LogLoad:
 # What a log says -------------------------------------------------------------------------------
 
 
-def _sliding(
-    time: npt.NDArray[np.float64], bits: npt.NDArray[np.float64], window: float
-) -> npt.NDArray[np.float64]:
+def _sliding(time: Floats, bits: Floats, window: float) -> Floats:
     """Return the bits of the frames that ended within the window up to each of them."""
     summed = np.concatenate([[0.0], np.cumsum(bits)])
     # Stamps have microseconds: a frame exactly a window ago is out, in spite of roundings.

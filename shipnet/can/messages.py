@@ -19,12 +19,13 @@ from dataclasses import replace
 from decimal import Decimal
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, overload
+from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
+from shipnet.arrays import Floats, Indices
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import Stuffing, length_table
 from shipnet.clock import nanoseconds
@@ -45,6 +46,7 @@ from shipnet.fields import (
     text,
     whole,
 )
+from shipnet.lazy import pd
 from shipnet.tables import (
     NUMBER,
     Sheet,
@@ -55,11 +57,7 @@ from shipnet.tables import (
     text_of,
 )
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 T = TypeVar("T")
-Floats = npt.NDArray[np.float64]
 
 #: Bit rates in use [bit/s], with bus lengths from 5000 m down to 20 m: Beckhoff, BX5100
 #: documentation.
@@ -72,11 +70,6 @@ TIMES = ("period", "deadline", "jitter", "offset")
 @record(slots=True)
 class Message:
     """A message that is sent again and again; its times are kept to the nanosecond.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is outside its range; the message names it and its value.
 
     Examples
     --------
@@ -337,8 +330,6 @@ class MessageSet(Named[Message]):
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, indexed by name: its fields, times in ms."""
-        import pandas as pd
-
         columns: dict[str, list[Any]] = {}
         for column in COLUMNS[1:]:
             field = column.removesuffix("_ms")
@@ -467,7 +458,7 @@ def message_lengths(messages: MessageSet, stuffing: Stuffing = "worst") -> Float
     return np.array([m.bits or table[m.extended][m.dlc] for m in messages], dtype=np.float64)
 
 
-def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[npt.NDArray[np.intp], int]:
+def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[Indices, int]:
     """Return the first bit of each point in the data of a station, and how many bytes they fill.
 
     Analogue values come first, `bits` each, filled up to a whole byte; then the states, one bit

@@ -11,14 +11,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Integers
 from shipnet.can.messages import MessageSet, check_set, message_lengths
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
-
-Integers = npt.NDArray[np.int64]
 
 #: Releases in a hyperperiod beyond which messages of a sender are taken as of several clocks: that
 #: is safe, as they have more freedom then.

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import chain
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -22,10 +22,7 @@ from shipnet.can.offsets import Streams, clocks, longest_responses
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_kind, choice, record, switch, whole
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes, pd
 
 Method = Literal["exact", "sufficient", "1994"]
 
@@ -163,13 +160,11 @@ class Level:
         if errors.burst:
             # Errors are one more stream, of retransmissions.
             cost = errors.bits * bus.bit + max(frame for _, frame, _ in self._equal)
-            endless = errors.interval == math.inf
-            self._constant += (errors.burst - (not endless)) * cost
-            if not endless:
-                interval = nanoseconds(errors.interval) * bus.nanosecond
-                self._equal.append((interval, cost, 0))
-                # A delay is searched for with tau added, but errors count up to the frame's end.
-                self._higher.append((interval, cost, self.frame - self._tau))
+            self._constant += (errors.burst - 1) * cost
+            interval = nanoseconds(errors.interval) * bus.nanosecond
+            self._equal.append((interval, cost, 0))
+            # A delay is searched for with tau added, but errors count up to the frame's end.
+            self._higher.append((interval, cost, self.frame - self._tau))
         # What is queued together with the message goes first, once at least, even without tau.
         self._least = self._constant + sum(frame for _, frame, _ in self._higher)
 
@@ -182,7 +177,7 @@ class Level:
         busy = _settle(self._constant, self._equal, self._least + self.frame, 0)
         return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
 
-    def responses(self, *, every: bool = True) -> Iterator[float]:
+    def responses(self, *, every: bool) -> Iterator[float]:
         """Yield the longest responses of the instances in a busy period, or of the first alone.
 
         One that is infinite takes the place of all if the bus need not be at rest again.
@@ -329,8 +324,6 @@ class ResponseTimes(Named[ResponseTime]):
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, indexed by name, with the load it contributes."""
-        import pandas as pd
-
         messages = [one.message for one in self._items]
         table = pd.DataFrame(
             {
@@ -389,7 +382,7 @@ def response_times(
     *,
     method: Method = "exact",
     assumptions: Assumptions | None = None,
-    faults: ErrorBound | Iterable[ErrorBound] = (),
+    faults: ErrorBound | None = None,
     offsets: bool = False,
 ) -> ResponseTimes:
     r"""Return the longest response time of every message, the highest priority first.
@@ -491,7 +484,6 @@ def response_times(
 
 def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> list[ResponseTime]:
     """Return response times with what messages of one sender spare each other."""
-    tau, foreign = (bits * bus.bit for bits in (bus.assumptions.arbitration_bits, bus.foreign_bits))
     offsets = [nanoseconds(message.offset) * bus.nanosecond for message in messages]
     rows = [(*one, offset % one[0]) for one, offset in zip(bus.streams, offsets, strict=True)]
     tick = math.gcd(bus.bit, *chain.from_iterable(rows))
@@ -499,9 +491,11 @@ def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> 
     try:
         short = np.array([[time // tick for time in row] for row in rows], dtype=np.int64)
         period, frame, jitter, offset = short.reshape(-1, 4).T
-        # At least a tick of tau: what is queued as the bus falls free takes part.
+        bit = bus.bit // tick
+        # At least a tick: what is queued as the bus falls free takes part.
+        tau = max(bus.assumptions.arbitration_bits * bit, 1)
         ticks = longest_responses(
-            Streams(period, frame, jitter, offset, clock, max(tau // tick, 1), foreign // tick)
+            Streams(period, frame, jitter, offset, clock, tau, bus.foreign_bits * bit)
         )
     except OverflowError:
         ticks = None
@@ -571,7 +565,7 @@ def audsley(
     bit_rate: float,
     *,
     assumptions: Assumptions | None = None,
-    faults: ErrorBound | Iterable[ErrorBound] = (),
+    faults: ErrorBound | None = None,
 ) -> Assignment:
     """Find an order of priority in which all deadlines are met, if there is one.
 
@@ -638,7 +632,8 @@ def audsley(
     while left:
         for m in reversed(left):
             higher = [k for k in left if k != m]
-            if all(r <= bus.deadline[m] for r in Level(bus, m, higher, placed, errors).responses()):
+            level = Level(bus, m, higher, placed, errors)
+            if all(response <= bus.deadline[m] for response in level.responses(every=True)):
                 break
         else:
             break

@@ -8,23 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_kind, check_scalar, check_whole, number, record, whole
+from shipnet.lazy import Axes, pd
 from shipnet.line.cable import Cable
 from shipnet.line.characteristics import Driver, simulate
 from shipnet.line.network import CableRun, Load, Network
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-Floats = npt.NDArray[np.float64]
 Bits = npt.NDArray[np.int8]
 
 #: Differential voltages [V] from which a receiver sees dominant, and up to which it sees
@@ -230,8 +226,6 @@ class Signals:
         ``read`` has ? where a receiver may read either value; ``least_dominant_V`` must be 0.9 V
         or more, and ``most_recessive_V`` 0.5 V or less.
         """
-        import pandas as pd
-
         nodes = range(1, self.segment.nodes + 1)
         rows = [self.row(node) for node in nodes]
         dominant = self.sent == 0

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.bus import (
     OVERWRITTEN,
     WAITING,
@@ -27,13 +28,7 @@ from shipnet.can.messages import MessageSet, check_set, counted, message_lengths
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_kind, check_rng, check_scalar
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-Integers = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
+from shipnet.lazy import Axes, pd
 
 #: Most frames that one run may release: some gigabytes of memory.
 MOST_FRAMES = 20_000_000
@@ -252,8 +247,6 @@ def simulate(
     >>> round(run.load, 3)
     0.972
     """
-    import pandas as pd
-
     columns = _columns(messages)
     bit = bit_time_ns(bit_rate)
     check_choice("queue", queue, ("fifo", "overwrite"))
@@ -292,7 +285,7 @@ def simulate(
         }
     )
     waited = np.where(sent, response, np.where(start == OVERWRITTEN, -1, horizon - arrival))
-    table = _statistics(messages, columns, releases.message, start, response, waited, retries)
+    table = _statistics(messages, events, waited > columns.deadline[releases.message])
     errors, nodes = _error_tables(messages, columns, releases, failures, at_end)
     busy = int(releases.duration[sent].sum()) + sum(f.free - f.start for f in failures)
     # The last frame may reach beyond the horizon.
@@ -332,8 +325,6 @@ class BatchRun:
 
     def table(self) -> pd.DataFrame:
         """Return one row per message over all sets: ``sent``, ``mean_ms`` and ``max_ms``."""
-        import pandas as pd
-
         total = self.sent.sum(axis=0)
         summed = np.nansum(self.mean_response * self.sent, axis=0)
         longest = np.where(self.sent > 0, self.max_response, -np.inf).max(axis=0, initial=-np.inf)
@@ -479,36 +470,22 @@ def _releases(
     return arrival[order], releases
 
 
-def _statistics(
-    messages: MessageSet,
-    columns: _Columns,
-    message: Integers,
-    start: Integers,
-    response: Integers,
-    waited: Integers,
-    retries: Integers,
-) -> pd.DataFrame:
-    import pandas as pd
-
-    number = len(messages)
-    sent = start >= 0
-
-    def count(chosen: npt.NDArray[np.bool_]) -> Integers:
-        return np.bincount(message[chosen], minlength=number)
-
-    times = pd.Series(response[sent] / 1e6).groupby(message[sent])
-    frame = {"min_ms": times.min(), "mean_ms": times.mean(), "max_ms": times.max()}
+def _statistics(messages: MessageSet, events: pd.DataFrame, missed: Bools) -> pd.DataFrame:
+    number, outcome = len(messages), events["outcome"].cat
+    message = events["message"].cat.codes.to_numpy(dtype=np.intp)
+    places = message + number * outcome.codes.to_numpy()
+    counts = np.bincount(places, minlength=3 * number).reshape(3, number)
+    times = events["response_ms"].groupby(message)
+    ranges = {f"{how}_ms": times.agg(how).reindex(range(number)) for how in ("min", "mean", "max")}
     return pd.DataFrame(
         {
             "arbitration_id": [m.arbitration_id for m in messages],
             "extended": [m.extended for m in messages],
-            "released": np.bincount(message, minlength=number),
-            "sent": count(sent),
-            "waiting": count(start == WAITING),
-            "overwritten": count(start == OVERWRITTEN),
-            **{name: values.reindex(range(number)).to_numpy() for name, values in frame.items()},
-            "missed": count(waited > columns.deadline[message]),
-            "retries": np.bincount(message, weights=retries, minlength=number).astype(int),
+            "released": counts.sum(axis=0),
+            **dict(zip(outcome.categories, counts, strict=True)),
+            **{name: values.to_numpy() for name, values in ranges.items()},
+            "missed": np.bincount(message[missed], minlength=number),
+            "retries": np.bincount(message, events["retries"], number).astype(int),
         },
         index=pd.Index(messages.names, name="message", dtype=object),
     )
@@ -521,8 +498,6 @@ def _error_tables(
     failures: list[Failure],
     nodes: Nodes,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    import pandas as pd
-
     failed = pd.DataFrame(failures, columns=list(Failure._fields))
     ranks = releases.message[failed.pop("release").to_numpy(dtype=int)].tolist()
     errors = pd.DataFrame(

@@ -58,7 +58,6 @@ _ROUNDED = 0.2
 
 #: Columns whose lowest value is named, with words and unit.
 _TOLD = (
-    ("total_cost_eur", "Lowest cost", "EUR"),
     ("conductors_at_cabinet", "Fewest conductors at the cabinet", ""),
     (RESPONSE, "Shortest response at worst", "ms"),
     ("lost_by_failure", "Fewest points lost by one cable or device", ""),
@@ -113,7 +112,7 @@ class Comparison:
     >>> points = IoList.parse("tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3")
     >>> found = points.compare((0, 0, 0), ["home runs", "AS-i", "CAN"])
     >>> found
-    <Comparison: home runs, AS-i, CAN meet every rule that a plan can show; cheapest: home ...>
+    <Comparison: cheapest that connects every point and violates no rule: home runs, 585 EUR>
     >>> found.table()["conductors_at_cabinet"].to_dict()
     {'home runs': 4.0, 'AS-i': 2.0, 'CAN': 4.0}
     >>> more = found.add(found.plan("AS-i", settings={"asi.tree": False}, name="chain"))
@@ -224,13 +223,18 @@ class Comparison:
     @property
     def verdict(self) -> str:
         """What the comparison comes to, in one line."""
+        table = self._table[self._table["points_left_out"] == 0]
         if self.meeting:
-            verb = "meets" if len(self.meeting) == 1 else "meet"
-            cost = number(self._table["total_cost_eur"][self.meeting[0]])
-            cheapest = f"cheapest: {self.meeting[0]}, " if len(self.meeting) > 1 else ""
-            named = ", ".join(self.meeting)
-            return f"{named} {verb} every rule that a plan can show; {cheapest}{cost} EUR"
-        if (self._table["points_left_out"] == 0).any():
+            best, costs = self.meeting[0], table["total_cost_eur"]
+            said = "cheapest that connects every point and violates no rule: "
+            said += f"{best}, {number(costs[best])} EUR"
+            if costs.min() < costs[best]:
+                least = str(costs.idxmin())
+                broken = int(table["rules_violated"][least])
+                more = number(costs[best] - costs[least])
+                said += f"; {more} EUR more than {least}, which violates {_rules(broken)}"
+            return said
+        if len(table):
             return "every design that connects all points violates a rule"
         return "no design connects all points"
 
@@ -339,8 +343,9 @@ class Comparison:
         said += _lengths(self.designs)
         said += _prices(self.designs)
         whole = table[table["points_left_out"] == 0]
+        said = [f"{self.verdict[:1].upper()}{self.verdict[1:]}.", *said]
         if whole.empty:
-            return [*said, "No design connects every point."]
+            return said
         for column, words, in_ in _TOLD:
             values = whole[column].dropna()
             if len(values) > 1:
@@ -547,6 +552,10 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
             f"reckoned, they would be {number(own.sum() / 1e3)} km. With list_lengths false, all "
             "are computed alike."
         )
+
+
+def _rules(count: int) -> str:
+    return f"{count} rule{'s' * (count > 1)}"
 
 
 def _prices(designs: Mapping[str, Design]) -> Iterator[str]:

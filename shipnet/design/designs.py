@@ -19,7 +19,7 @@ from shipnet.design.points import PointTable
 from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
-from shipnet.design.supply import supplies_table, voltages_table
+from shipnet.design.supply import supply_tables
 from shipnet.tables import as_csv, as_workbook
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class Design(Layout):
     >>> points = IoList.parse("tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3")
     >>> design = points.plan("AS-i", cabinet=(0, 0, 0))
     >>> design
-    <Design 'AS-i': 2 of 2 points fit, 4 cables, 52 m>
+    <Design 'AS-i': 2 of 2 points fit, 4 cables, 60 m>
     >>> design.quantities()["conductors_at_cabinet"], design.lost(devices=["AS-i 1 master"])
     (2.0, ('LS-1', 'LS-2'))
     >>> design.check("DNV").verdict
@@ -159,11 +159,11 @@ class Design(Layout):
 
         Mains cables from the cabinet to a supply are not computed.
         """
-        return supplies_table(self)
+        return supply_tables(self)[0]
 
     def voltages(self) -> pd.DataFrame:
         """Return one row per device and line that a supply feeds: current, voltage and its drop."""
-        return voltages_table(self)
+        return supply_tables(self)[1]
 
     def check(
         self, rules: RuleSet | str | PathLike[str] = "DNV", *, host_time: float | None = None

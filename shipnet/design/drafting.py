@@ -17,8 +17,9 @@ from scipy.spatial.distance import cdist
 
 from shipnet.design.catalogue import cables, smallest
 from shipnet.design.designs import Design
-from shipnet.design.layout import COLUMNS, frame
+from shipnet.design.layout import COLUMNS, Layout, frame
 from shipnet.design.settings import Settings
+from shipnet.design.supply import sized
 from shipnet.signals import SIGNALS
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from shipnet.design.catalogue import Cable
     from shipnet.design.points import PointTable
     from shipnet.design.site import Site
+    from shipnet.design.supply import Feeders
 
 
 # Which places belong together: clusters within reach, groups of equal size, groups that fit
@@ -218,7 +220,6 @@ class Laid(NamedTuple):
     start: Place
     end: Place
     length: float = np.nan
-    slack: float = np.nan
     share: float = 1.0
     avoid: frozenset[str] = frozenset()
 
@@ -351,23 +352,60 @@ class Draft:
             {"tag": self.tags, **self._point, "response_ms": self._response * 1e3,
              "fits": self._point["bus"] != ""},
         )  # fmt: skip
+        runs = self._runs(self._rows["cables"])
         tables: dict[str, Any] = {
             t: frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")
         }
+        laid = Layout(
+            name, self.iolist, self.site, points, cables=runs, settings=self.settings, **tables
+        )
+        wanted = sized(laid)
+        if wanted.cable:
+            runs = self._feed(runs, wanted)
+            points["fits"] &= ~points["device"].isin([weak[0] for weak in wanted.weak])
+            tables |= {t: frame(t, self._rows[t]) for t in ("devices", "reasons")}
         return Design(
-            name,
-            self.iolist,
-            self.site,
-            points,
-            cables=self._runs(),
-            settings=self.settings,
-            **tables,
+            name, self.iolist, self.site, points, cables=runs, settings=self.settings, **tables
         )
 
-    def _runs(self) -> pd.DataFrame:
+    def _feed(self, runs: pd.DataFrame, wanted: Feeders) -> pd.DataFrame:
+        """Return the cables with feeders of the sizes wanted, and put supplies near where asked."""
         import pandas as pd
 
-        rows = self._rows["cables"]
+        rows, known = self._rows["cables"], cables()
+        idle, old = set(wanted.idle), len(rows)
+        for number, cable in wanted.cable.items():
+            rows[number] |= {"cable": cable, "conductors": known[cable].conductors}
+        for number, supply in wanted.own.items():
+            row, given = rows[number], self._rows["devices"][supply]
+            name, (x, y, z) = given["device"], row["end"]
+            if supply in idle:  # it moves there itself
+                idle.remove(supply)
+                given |= {"x_m": x, "y_m": y, "z_m": z, "at": ""}
+                self._in_cabinet.discard(name)
+            else:
+                name = self.device(name, given["kind"], row["segment"], row["end"])
+            row |= {"a": name, "start": row["end"], "at_cabinet": False}
+            if self.settings.fed:
+                laid = Laid(self.middle, row["end"], avoid=row["avoid"])
+                ends, mains = (self.cabinet, name), known[self.settings.feeder]
+                self.run("feeder", ends, laid, mains, PAIR, row["segment"], row["line"])
+        for device, value, bound, unit in wanted.weak:
+            verb = "draws" if unit == "A" else "gets"
+            text = (
+                f"{device} {verb} {value:.3g} {unit} from a supply beside it; the limit is "
+                f"{bound:.3g} {unit}"
+            )
+            self.reason(device, "supply", value, bound, unit, text)
+        for column in ("cable", "conductors"):
+            runs[column] = [row[column] for row in rows[:old]]
+        near = list(wanted.own)
+        fresh = self._runs([*(rows[number] for number in near), *rows[old:]])
+        return pd.concat([runs.drop(index=near), fresh], ignore_index=True) if near else runs
+
+    def _runs(self, rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
+        import pandas as pd
+
         if not rows:
             return frame("cables")
         runs = pd.DataFrame(rows).drop(columns=["start", "end"])
@@ -387,12 +425,8 @@ class Draft:
                 ways[row] = way
             asked = mine[np.isnan(length[mine])]
             route[asked] = self.site.route(start[asked], end[asked], avoid=avoid) * share[asked]
-        slack = runs["slack"].to_numpy(np.float64)
-        open_ = np.isnan(length)
-        length[open_] = np.where(
-            np.isnan(slack[open_]),
-            self.site.length(route[open_]),
-            self.site.detour * route[open_] + np.nan_to_num(slack[open_]),
+        length = np.where(
+            np.isnan(length), self.site.detour * route + self.site.tails * share, length
         )
         return frame(
             "cables",

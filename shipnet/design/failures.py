@@ -234,14 +234,14 @@ class Reach:
         from_cabinet = self._feeders & (self._ends == self._cabinet).any(axis=1)
         number = np.flatnonzero(from_cabinet)
         far = self._ends[number].sum(axis=1) - self._cabinet
-        fed = self.kinds[far] == "supply"
+        fed = np.isin(self.kinds[far], ("supply", "auxiliary supply"))
         return far[fed], number[fed]
 
     @cached_property
     def _auxiliary(self) -> Edges:
         """What feeds the outputs of AS-i modules from an auxiliary supply, beside the trunk."""
-        supplies = (self.kinds == "supply")[self._ends].any(axis=1)
-        number = np.flatnonzero(self._asi & self._feeders & ~supplies)
+        apart = np.isin(self.kinds, ("supply", "cabinet"))[self._ends].any(axis=1)
+        number = np.flatnonzero(self._asi & self._feeders & ~apart)
         return (*self._ends[number].T, number)
 
     @cached_property
@@ -359,7 +359,7 @@ class Reach:
         u, v, _ = self._auxiliary
         labels = _labels(self._open(self._auxiliary, cut, dead), len(self.kinds), u, v)
         live = np.zeros_like(labels, dtype=bool)
-        row, device = np.nonzero(~dead & (self.kinds == "auxiliary supply"))
+        row, device = np.nonzero(self._feeding(cut, dead) & (self.kinds == "auxiliary supply"))
         live[row, labels[row, device]] = True
         return np.take_along_axis(live, labels, axis=1)
 
@@ -369,14 +369,18 @@ class Reach:
         count = len(self.kinds)
         labels = _labels(self._open(self._power, cut, dead), 2 * count, u, v)
         live = np.zeros_like(labels, dtype=bool)
-        fed, mains = self._mains
-        unfed = np.zeros_like(dead)
-        row, place = np.nonzero(cut[:, mains])
-        unfed[row, fed[place]] = True
-        row, device = np.nonzero(~dead & ~unfed & (self.kinds == "supply"))
+        row, device = np.nonzero(self._feeding(cut, dead) & (self.kinds == "supply"))
         live[row, labels[row, device]] = live[row, labels[row, device + count]] = True
         reached = np.take_along_axis(live, labels, axis=1)
         return np.asarray(reached[:, :count] | reached[:, count:])
+
+    def _feeding(self, cut: Bools, dead: Bools) -> Bools:
+        """Return which devices are not dead and have their mains, if that is a cable of theirs."""
+        fed, mains = self._mains
+        feeding = ~dead
+        row, place = np.nonzero(cut[:, mains])
+        feeding[row, fed[place]] = False
+        return feeding
 
 
 def _labels(keep: Bools, count: int, u: Whole, v: Whole) -> Whole:

@@ -116,26 +116,32 @@ class IoList(PointTable):
         mix: Mapping[str, str] | None = None,
         rules: RuleSet | str | PathLike[str] = "DNV",
         rng: Rng = 2024,
+        progress: bool | Callable[[int, int], object] | None = None,
     ) -> Comparison:
         """Plan the points in several ways and compare them.
 
         `options` are ways of `OPTIONS`, all if None, and `mix` one way more, as in `plan`. `rules`
         are the name of a published set, a file or a `RuleSet`; where a plan exceeds their limits on
         responses, it is planned anew within them as far as it can. `rng` draws the assumptions from
-        their ranges, for the interval that 9 of 10 draws of a figure lie in.
+        their ranges, for the interval that 9 of 10 draws of a figure lie in. `progress` is called
+        after each plan; by default a terminal shows a bar after 2 s.
         """
         from shipnet.design.comparison import CRITERIA, compared
         from shipnet.design.planning import OPTIONS, plan
         from shipnet.design.rules import RuleSet
         from shipnet.design.settings import Settings
         from shipnet.design.site import site_of
+        from shipnet.parallel import teller
 
         values, rules = Settings.of(settings), RuleSet.of(rules)
         site, said = site_of(self, cabinet, trays, values)
         ways = OPTIONS if options is None else options
         each = [(option, None) for option in ways] + [("home runs", mix)] * bool(mix)
-        designs = [plan(self, site, option, settings=values, mix=choose, rules=rules)
-                   for option, choose in each]  # fmt: skip
+        tell = teller(progress)
+        designs: list[Design] = []
+        for option, choose in each:
+            designs.append(plan(self, site, option, settings=values, mix=choose, rules=rules))
+            tell(len(designs), len(each))
         generator = np.random.default_rng(rng)
         return compared(designs, rules, CRITERIA, generator, (said,) if said else ())
 
@@ -210,7 +216,9 @@ class _Case:
     def __call__(self, **values: Any) -> dict[str, pd.DataFrame]:
         settings = self.settings.replace(values)
         site = replace(self.site, detour=settings.detour, tails=settings.tails)
-        found = self.iolist.compare(site, self.options, settings=settings, rules=self.rules)
+        found = self.iolist.compare(
+            site, self.options, settings=settings, rules=self.rules, progress=False
+        )
         return {_TABLE: found.table().reset_index()}
 
 

@@ -459,8 +459,7 @@ def plan_asi(draft: Draft, rows: Ints) -> None:
             return None, needed / ADDRESSES
         at = spots[[0, *(place + 1 for place in group)]]
         ways = draft.site.route(at[:, None], at[None, :])
-        cable = draft.site.detour * ways + limits.slack
-        line = build(own, ways, cable, draft.need, limits)
+        line = build(own, ways, draft.site.length(ways), draft.need, limits)
         return line, 1 if line.broken is None else inf
 
     number = 0
@@ -505,7 +504,7 @@ def _lay(draft: Draft, segment: str, line: Line) -> None:
             draft.run("feeder", (draft.cabinet, name), laid, feeder, _PAIR, segment)
     for piece in line.drawn.pieces:
         near, far = piece.edge
-        laid = Laid(spots[near], spots[far], slack=limits.slack * piece.share, share=piece.share)
+        laid = Laid(spots[near], spots[far], share=piece.share)
         ends = names[piece.near], names[piece.far]
         draft.run("trunk", ends, laid, cables()[limits.cable], _PAIR, segment)
     if limits.auxiliary and (powered := _powered(line)):
@@ -524,10 +523,10 @@ def _lay_auxiliary(
     """Put a supply into the cabinet, and its pair along the line as far as outputs need it."""
     name = f"{segment} auxiliary supply"
     supply = draft.device(name, "auxiliary supply", segment, draft.middle, draft.cabinet)
-    feeder, slack = cables()[draft.settings.feeder], draft.settings.asi.slack
+    feeder = cables()[draft.settings.feeder]
     for near, far in dict.fromkeys(piece.edge for piece in line.drawn.pieces):
         if far in powered:
-            laid = Laid(spots[near], spots[far], slack=slack)
+            laid = Laid(spots[near], spots[far])
             ends = supply if near == 0 else names[str(near)], names[str(far)]
             draft.run("feeder", ends, laid, feeder, _PAIR, segment)
 

@@ -258,9 +258,13 @@ def plan_modbus(draft: Draft, rows: Ints) -> None:
 
     def alone(box: Box, length: float) -> tuple[Floats, str]:
         rate = max(rate for rate in limits.bit_rates if _longest_section(limits, rate) >= length)
-        polls = [_polls(draft, registers_of([draft.types[row]]), rate)[0] for row in box.rows]
+        types = [draft.types[row] for row in box.rows]
+        least = {
+            kind: 2 * _polls(draft, registers_of([kind]), rate)[0].time
+            for kind in dict.fromkeys(types)
+        }
         words = f"alone on Modbus RTU at {rate} bit/s it has a response of"
-        return np.array([2 * poll.time for poll in polls]), words
+        return np.array([least[kind] for kind in types]), words
 
     most_m = "a Modbus section has at most {:.0f} m"
     longest = _longest_section(limits, min(limits.bit_rates))

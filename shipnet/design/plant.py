@@ -75,11 +75,6 @@ class Plant:
     It is laid out twice, with a cable to every contact and on AS-i, so that what a paper or an
     offer says of a saving can be computed.
 
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range.
-
     Examples
     --------
     >>> print(Plant(62, contacts=4).saving)

@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, zip_longest
+from itertools import chain, pairwise, zip_longest
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -51,7 +51,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
 
 #: Marks of points that are not to be built, and of tags that stand for nothing yet.
 _MARK = r"\W*(?:deleted?|cancell?ed|void|not used|spare|삭제|예비)"
-_MARKED = re.compile(rf"(?:^|\x1f){_MARK}\W*(?=\x1f|$)", re.IGNORECASE)
+_MARKED = re.compile(rf"{_MARK}\W*", re.IGNORECASE)
 _MARKED_TAG = re.compile(rf"{_MARK}\b.*", re.IGNORECASE)
 
 #: How a list is read that brings no words of its own.
@@ -163,9 +163,17 @@ class Cells:
         """Return the rows that are points, and remark on the others."""
         points, left = [], dict[str, list[int]]()
         heads = [{cell for cell in titles if cell} for titles in self._repeated]
+        # Few rows have a cell that is a title, or a mark of points that are not to be built.
+        words = set(chain.from_iterable(cells for _, cells in rows))
+        marked = set(filter(_MARKED.fullmatch, words))
+        suspect = marked.union(*heads)
         meant: dict[tuple[str, str], bool] = {}
         for number, cells in rows:
-            why = self._no_point(number, cells, heads, meant)
+            if suspect.isdisjoint(cells):
+                why = self._no_point(number, cells, (), False, meant)
+            else:
+                is_marked = not marked.isdisjoint(cells)
+                why = self._no_point(number, cells, heads, is_marked, meant)
             if why:
                 left.setdefault(why, []).append(number)
             else:
@@ -182,6 +190,7 @@ class Cells:
         number: int,
         cells: list[str],
         heads: Sequence[set[str]],
+        is_marked: bool,
         meant: dict[tuple[str, str], bool],
     ) -> str:
         """Return why a row is not a point; nothing if it is one.
@@ -201,7 +210,7 @@ class Cells:
             return cells[place] if place < len(cells) else ""
 
         tag, what = clean(cell("tag")), (cell("type"), cell("signal"))
-        if _MARKED_TAG.fullmatch(tag) or _MARKED.search("\x1f".join(cells)):
+        if is_marked or _MARKED_TAG.fullmatch(tag):
             return "marked as deleted or spare"
         if what not in meant:
             word, _ = without_safety(self.reading.signal(clean(widened(what[1]))))
@@ -252,7 +261,7 @@ class Cells:
 
     def given(self, name: str) -> NDArray[np.bool_]:
         """Return whether each cell of a column holds something."""
-        return np.array([cell != "" for cell in self[name]], dtype=bool)
+        return np.fromiter(map(bool, self[name]), bool, len(self.rows))
 
     def title(self, name: str) -> str:
         """Return what the list itself calls a column, with the letter that a spreadsheet shows."""
@@ -319,6 +328,16 @@ def clean(cell: str) -> str:
     return text[1:] if text[:1] == "'" and _FORMULA.match(text) else text
 
 
+def _cleaned(cells: Sequence[str]) -> list[str]:
+    """Return the cells of a column, each clean."""
+    # One look at all of them suffices where nothing is wrong; no cell may end before a blank.
+    text = "|".join(cells)
+    if text.isprintable() and "  " not in text and "'" not in text:
+        return list(cells)
+    known = {cell: clean(cell) for cell in set(cells)}
+    return [known[cell] for cell in cells]
+
+
 # The numbers of an I/O list: where points and boxes are, lengths of cables, update times --------
 
 #: How far a cable may fall short of the straight way, as both are rounded [m].
@@ -329,7 +348,7 @@ _Floats = NDArray[np.float64]
 
 def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, _Floats]:
     """Return the numbers of an I/O list, and keep the faults that are found."""
-    mark = decimal_mark(cell for name in RANGES for cell in cells[name])
+    mark = decimal_mark(set().union(*(cells[name] for name in RANGES)))
     if mark == ",":
         cells.remarks.append(Remark("numbers have a decimal comma", detail=True))
     numbers = {name: _numbers(cells, name, mark) for name in RANGES}
@@ -471,7 +490,7 @@ def points_of(
 
 
 def _text(cells: Cells, name: str) -> list[str]:
-    texts = [clean(cell) for cell in cells[name]]
+    texts = _cleaned(cells[name])
     # One look at all of them suffices where nothing is wrong.
     suspect = cells.sheet.odd or not "".join(texts).isprintable()
     bad = [
@@ -484,7 +503,7 @@ def _text(cells: Cells, name: str) -> list[str]:
 
 def _notes(cells: Cells) -> list[str]:
     """Return the remarks of each point, of all columns for them; what cannot be shown is left."""
-    columns = [map(clean, cells.column(place)) for place in cells.places.get("note", [])]
+    columns = [_cleaned(cells.column(place)) for place in cells.places.get("note", [])]
     if not columns:
         return [""] * len(cells.rows)
     notes = ["; ".join(filter(None, own)) for own in zip(*columns, strict=True)]
@@ -522,7 +541,7 @@ def _signals(cells: Cells, kinds: list[str], safety: list[str]) -> list[str]:
     known: dict[tuple[str, str, str, str], _Found] = {}
     signals: list[str] = []
     taken: dict[tuple[str, str], list[int]] = {}
-    words = [clean(widened(cell)) for cell in cells["signal"]]
+    words = _cleaned([*map(widened, cells["signal"])])
     points = zip(words, cells["type"], kinds, cells["conductors"], strict=True)
     for row, point in enumerate(points):
         if point not in known:

@@ -16,7 +16,9 @@ import numpy.typing as npt
 from shipnet import datasets
 from shipnet.answers import Findings
 from shipnet.crc import Crc
+from shipnet.design.catalogue import cables
 from shipnet.design.layout import Layout
+from shipnet.design.supply import point_currents, supply_tables
 from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import (
@@ -89,6 +91,11 @@ class Facts:
     host_time: float
 
     @cached_property
+    def fed(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Its supplies, and the devices that they feed."""
+        return supply_tables(self.design)
+
+    @cached_property
     def links(self) -> pd.DataFrame:
         """The segments that are data links."""
         segments = self.design.segments
@@ -112,6 +119,9 @@ class Measure(NamedTuple):
 
 
 _NAN = float("nan")
+
+#: What one unit of load of NMEA 2000 is [A].
+LOAD_UNIT = 0.05
 
 
 def _response(facts: Facts, concerned: Bools, host: bool) -> Outcome:
@@ -272,6 +282,94 @@ def _repeats(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     return Outcome(float("inf"), "", "CAN repeats by itself")
 
 
+def _most(values: pd.Series[float], subjects: pd.Series[str], none: str, why: str = "") -> Outcome:
+    """Return the largest of some values, and what it belongs to."""
+    if not values.notna().any():
+        return Outcome(_NAN, why=none)
+    worst: Any = values.idxmax()
+    said = why or f"the largest of {int(values.notna().sum())}"
+    return Outcome(float(values[worst]), str(subjects[worst]), said)
+
+
+def _fed(
+    value: Callable[[pd.DataFrame], pd.Series[float]], why: str = ""
+) -> Callable[[Facts, Bools, bool], Outcome]:
+    """Return a measure of the devices that a supply feeds, each with the row of its supply."""
+
+    def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+        supplies, devices = facts.fed
+        known = cables()
+        cable = facts.design.cables.set_index("run")["cable"]
+        table = devices.assign(
+            source_v=devices["supply"].map(supplies.set_index("supply")["voltage_v"]),
+            most_a=devices["run"].map(cable.map(lambda name: known[name].current)),
+        )
+        return _most(value(table), table["device"], "no supply feeds a device", why)
+
+    return compute
+
+
+def _supply_load(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    table = facts.fed[0]
+    share = 100 * table["current_a"] / table["rating_a"]
+    return _most(share, table["supply"], "no supply is planned")
+
+
+def _supply_voltage(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    table = facts.fed[0]
+    table = table[~table["segment"].isin(facts.links.query("bus == 'AS-i'")["segment"])
+                  | (table["kind"] != "supply")]  # fmt: skip
+    return _most(100 * (table["voltage_v"] / 24 - 1), table["supply"], "no supply has 24 V")
+
+
+def _spur_current(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    points = facts.design.points
+    on = points["segment"].isin(facts.links["segment"]) & concerned
+    return _most(point_currents(facts.design)[on], points["tag"], "no data link has such a point")
+
+
+def _runs(kind: str, total: bool, ohms: bool = False) -> Callable[[Facts, Bools, bool], Outcome]:
+    """Return a measure of the cables of a kind: the longest, or all of a segment and line."""
+
+    def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+        runs, known = facts.design.cables, cables()
+        runs = runs[(runs["kind"] == kind) & runs["segment"].isin(facts.links["segment"])]
+        each = runs["cable"].map(lambda name: known[name].resistance if ohms else 1.0)
+        value = runs["length_m"] * each
+        if not total:
+            return _most(value, runs["run"], "no data link has such a cable")
+        added = value.groupby([runs["segment"], runs["line"]]).sum(min_count=1)
+        names = added.index.to_series().map(" ".join).str.strip()
+        return _most(added, names, "no data link has such a cable")
+
+    return compute
+
+
+def _nodes(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    links = facts.links
+    return _most(links["devices"].astype(float), links["segment"], "no data link")
+
+
+def _units(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    devices = facts.fed[1]
+    # What rounding leaves beyond a whole unit is none.
+    units = np.ceil(devices["load_a"] / LOAD_UNIT - 1e-9).groupby(devices["supply"]).sum()
+    return _most(units, units.index.to_series(), "no supply feeds a device")
+
+
+def _terminators(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    devices, runs = facts.design.devices, facts.design.cables
+    links = facts.links.loc[facts.links["bus"] != "AS-i", "segment"]
+    if links.empty:
+        return Outcome(_NAN, why="no data link needs terminators")
+    trunk = runs[(runs["kind"] == "trunk") & runs["segment"].isin(links)]
+    lines = trunk.groupby("segment")["line"].nunique().reindex(links, fill_value=1)
+    own = devices.loc[devices["kind"] == "terminator", "segment"].value_counts()
+    wrong = (own.reindex(links, fill_value=0) - 2 * lines).abs()
+    subject = str(wrong.idxmax()) if wrong.any() else ""
+    return Outcome(int(wrong.sum()), subject, "two at the ends of each trunk")
+
+
 _PARTS = ("module", "station", "box")
 _LOST_BY_A_SUPPLY = _lost(("device",), ("supply", "auxiliary supply"), "no supply is planned")
 
@@ -304,6 +402,42 @@ MEASURES: Mapping[str, Measure] = {
     "trays shared by two lines": Measure("trays", "trays that hold both lines of a link", _shared),
     "links without a standard": Measure("links", "buses without an open standard", _standard),
     "bit errors unseen": Measure("patterns", "wrong bits, one or two, that a CRC misses", _unseen),
+    "voltage below nominal": Measure(
+        "%", "most that is lost on the way to a device and its worst point, of the voltage",
+        _fed(lambda t: 100 * (1 - t["lowest_v"] / t["source_v"])),
+    ),
+    "voltage with a short": Measure(
+        "%", "the same while the cable of the worst point is shorted",
+        _fed(lambda t: 100 * (1 - t["shorted_v"] / t["source_v"])),
+    ),
+    "voltage drop": Measure(
+        "V", "most that is lost on the way to a device",
+        _fed(lambda t: t["source_v"] - t["voltage_v"]),
+    ),
+    "voltage above nominal": Measure(
+        "%", "how much more than 24 V a supply of stations or outputs gives", _supply_voltage
+    ),
+    "supply load": Measure("%", "most that a supply gives, of its rating", _supply_load),
+    "cable load": Measure(
+        "%", "largest current of a feeder, of what its cable may carry",
+        _fed(lambda t: 100 * t["current_a"] / t["most_a"]),
+    ),
+    "spur current": Measure("A", "largest current of a point on a link", _spur_current),
+    "spur length": Measure("m", "longest cable of a point on a link", _runs("drop", total=False)),
+    "spurs in all": Measure(
+        "m", "cable of all points on a segment", _runs("drop", total=True)
+    ),
+    "trunk length": Measure("m", "longest trunk of a segment", _runs("trunk", total=True)),
+    "trunk resistance": Measure(
+        "ohm", "both conductors of a trunk", _runs("trunk", total=True, ohms=True)
+    ),
+    "devices of a segment": Measure("devices", "most devices, the master among them", _nodes),
+    "load units": Measure("units", "units of 50 mA that one supply feeds", _units),
+    "load units of a device": Measure(
+        "units", "units of 50 mA that one device draws",
+        _fed(lambda t: np.ceil(t["load_a"] / LOAD_UNIT - 1e-9)),
+    ),
+    "terminators": Measure("terminators", "too many or too few for two a trunk", _terminators),
     "repeats": Measure("repeats", "how often a message that was lost is sent again", _repeats),
 }  # fmt: skip
 
@@ -311,7 +445,7 @@ MEASURES: Mapping[str, Measure] = {
 # Class rules as data: what each asks, what is computed for it, and its source
 
 #: Rule sets of `data/design_rules.csv`; what IMO asks holds beside the rules of a class society.
-RULE_SETS = ("DNV", "BV", "IMO", "lee2012")
+RULE_SETS = ("DNV", "BV", "IMO", "lee2012", "supply", "NMEA 2000")
 _WITH_IMO = ("DNV", "BV")
 
 #: On which side of the limit a computed value is good.

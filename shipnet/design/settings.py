@@ -22,9 +22,21 @@ import numpy as np
 from shipnet.design.catalogue import Assumptions, Range, cables, ordered, read_assumptions
 from shipnet.design.words import Reading
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import Kind, Switch, Whole, check_whole, declared, number, record, switch, whole
+from shipnet.fields import (
+    Choice,
+    Kind,
+    Switch,
+    Whole,
+    check_whole,
+    choice,
+    declared,
+    number,
+    record,
+    switch,
+    whole,
+)
 from shipnet.modbus.electrical import INTERFACES
-from shipnet.modbus.uart import SerialLine
+from shipnet.modbus.uart import CHARACTERS
 from shipnet.tables import read_bytes, text_of
 
 if TYPE_CHECKING:
@@ -67,20 +79,6 @@ class _BitRates(Kind):
         if not isinstance(value, tuple) or not value:
             raise ArgumentError(f"{name} is {value!r}; it must be {self.legal}")
         return tuple(check_whole(f"one of {name}", rate, 1000, 1_000_000) for rate in value)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Character(Kind):
-    """The bits of a serial character."""
-
-    @property
-    def legal(self) -> str:
-        """The form."""
-        return "8, one of N, E, O, and 1 or 2"
-
-    def _check(self, name: str, value: Any, record: Any) -> str:
-        SerialLine(9600, value)
-        return str(value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,9 +149,6 @@ class AsiLimits:
         "AS-i", "The line, a key of the catalogue. The flat cable is not type-approved for ships "
         "as it is", "ASI_MARINE",
     )  # fmt: skip
-    slack: float = number(
-        0, 50, "m", "Cable that is needed at each module beside the way; assumed", default=1.0
-    )
     current: float = number(0, 10, "A", "Current of a module with its sensors", default=0.065)
     loop_current: float = number(
         0, 1, "A", "Current of each analogue channel on top: the upper end of a 4-20 mA loop, "
@@ -226,9 +221,8 @@ class ModbusLimits:
         0.001, 60, "s", "How long the master waits beyond the longest answer before it asks a "
         "silent station on the second line; the guide has 1 s to several seconds", default=1.0,
     )  # fmt: skip
-    character: str = field(
-        default="8E1",
-        metadata={"kind": _Character(help="Data bits, parity and stop bits of a character")},
+    character: str = choice(
+        CHARACTERS, "Data bits, parity and stop bits of a character", default="8E1"
     )
     cable: str = _cable("Modbus RTU", "The trunk, a key of the catalogue", "RS485_MARINE")
 
@@ -604,7 +598,8 @@ def legal(name: str) -> str:
     kind = kind_of(name)
     if isinstance(kind, Switch):
         return "true or false"
-    said = f"a whole number {kind.legal}" if isinstance(kind, Whole) else kind.legal
+    words = {Whole: "a whole number ", Choice: "one of "}
+    said = words.get(type(kind), "") + kind.legal
     unit = "" if isinstance(kind, _Ends | _BitRates) else kind.unit
     return f"{said} {unit}".rstrip()
 

@@ -6,11 +6,11 @@ voltage drops from the supplies, one level of all trees at a time.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +18,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from shipnet.asi.rules import rule_limits
-from shipnet.design.catalogue import cables
+from shipnet.design.catalogue import Cable, cables
 from shipnet.line.cable import CABLES
 
 if TYPE_CHECKING:
@@ -219,6 +219,12 @@ def _roots(
     return supply
 
 
+def point_currents(design: Layout) -> pd.Series[float]:
+    """Return what each point draws while it is on [A]."""
+    draws = {name: getattr(design.settings.supply, kind) for name, kind in LOADS.items()}
+    return design.iolist.points["signal"].map(draws).fillna(0.0).astype(float)
+
+
 def _loads(
     design: Layout,
     kinds: npt.NDArray[np.object_],
@@ -234,8 +240,7 @@ def _loads(
     load, spur = np.zeros(_LAYERS * count), np.zeros(_LAYERS * count)
     known = cables()
     device = np.array([index.get(name, -1) for name in points["device"]], np.intp)
-    draws = {name: getattr(limits, kind) for name, kind in LOADS.items()}
-    amps = listed["signal"].map(draws).fillna(0.0).to_numpy(np.float64)
+    amps = point_currents(design).to_numpy()
     share = np.where(listed["signal"].map(LOADS) == "solenoid", limits.simultaneity, 1.0)
     asi, types = (points["bus"] == "AS-i").to_numpy(), listed["type"].to_numpy(object)
     # The line itself feeds its modules with all that is not a digital output.
@@ -267,20 +272,113 @@ def _loads(
     return load, spur, fed_24
 
 
+# Which cable each feeder needs, and where a supply has to be nearer ------------------------------
+
+
+class Feeders(NamedTuple):
+    """What the feeders of a design need."""
+
+    #: Cable of each feeder, by the number of its run.
+    cable: Mapping[int, str]
+    #: Runs that are replaced by a supply beside the device at their far end, with the supply that
+    #: feeds it so far.
+    own: Mapping[int, int]
+    #: Supplies that feed nothing then.
+    idle: Collection[int]
+    #: Devices that even a supply beside them does not serve, with what it comes to.
+    weak: Sequence[tuple[str, float, float, str]]
+
+
+def sized(design: Layout) -> Feeders:
+    """Return the thinnest feeders that meet voltage and current, with as few supplies as can be.
+
+    At constant currents, the voltage lost is proportional to the resistance of the cable, so that
+    one solution sizes a tree. Where no cable is enough, supplies are put nearer to their devices.
+    """
+    settings, trees = design.settings, forest(design)
+    limits, kinds = settings.supply, design.cables["kind"].to_numpy(object)
+    feeders = trees.fed[kinds[trees.run[trees.fed]] == "feeder"]
+    if not len(feeders):
+        return Feeders({}, {}, (), ())
+    sizes = feeders_of(settings.feeder)
+    tails = settings.tails
+    cuts = [_cuts(trees, feeders.tolist(), cable, limits.rating, tails) for cable in sizes]
+    count = [np.bincount(trees.root[list(cut)], minlength=len(trees.root)) for cut in cuts]
+    best = np.argmin(count, axis=0)  # of as few supplies, the thinnest cable
+    own = [node for size, cut in enumerate(cuts) for node in cut if best[trees.root[node]] == size]
+    nearer = {int(trees.run[node]): trees.supply[int(trees.root[node])] for node in own}
+    heads = feeders[trees.parent[feeders] == trees.root[feeders]]
+    feeding = {trees.supply[root] for root in trees.parent[np.setdiff1d(heads, own)].tolist()}
+    trees = trees.cut(own, tails)
+    trees = replace(trees, ohms=np.where(trees.metres > 0, 1.0, 0.0))
+    (flow, _), (_, lost) = trees.solve(), trees.solve(short=True)
+    roots = trees.root[feeders]
+    # How much resistance per metre each tree may have, and how much its largest current is.
+    left = (trees.allowed[feeders] - trees.spur[feeders]) / np.maximum(lost[feeders], 1e-12)
+    most, into = np.full(len(flow), np.inf), np.zeros(len(flow))
+    np.minimum.at(most, roots, left)
+    np.maximum.at(into, roots, flow[feeders] + limits.short)
+    fits = np.array([
+        (cable.resistance <= most * (1 + 1e-12)) & (cable.current >= into) for cable in sizes
+    ])  # fmt: skip
+    chosen = np.where(fits.any(axis=0), fits.argmax(axis=0), len(sizes) - 1)
+    names = design.devices["device"].to_numpy(object)[trees.device[feeders]]
+    ohms = np.array([cable.resistance for cable in sizes])[chosen[roots]]
+    total, volts = flow[roots] + limits.short, limits.voltage - trees.spur[feeders]
+    over, under = total > limits.rating, ~fits[chosen, np.arange(len(chosen))][roots]
+    comes = np.where(over, total, volts - lost[feeders] * ohms)
+    bound = np.where(over, limits.rating, limits.voltage - trees.allowed[feeders])
+    weak = [
+        (str(names[n]), float(comes[n]), float(bound[n]), "A" if over[n] else "V")
+        for n in np.flatnonzero(over | under).tolist()
+    ]
+    cable = {
+        int(run): sizes[int(size)].id
+        for run, size in zip(trees.run[feeders], chosen[roots], strict=True)
+    }
+    return Feeders(cable, nearer, set(nearer.values()) - feeding, weak)
+
+
+def feeders_of(thinnest: str) -> list[Cable]:
+    """Return a cable and the thicker ones of one pair that may feed instead."""
+    first = cables()[thinnest]
+    more = [
+        cable for cable in cables().values()
+        if "hardwired" in cable.buses and cable.conductors == 2 and cable.section > first.section
+    ]  # fmt: skip
+    return [first, *sorted(more, key=lambda cable: cable.section)]
+
+
+def _cuts(
+    trees: Forest, feeders: Sequence[int], cable: Cable, rating: float, tails: float
+) -> list[int]:
+    """Return the nodes that need a supply of their own with a cable: as few as can be.
+
+    From the leaves, a branch stays with what is before it while a supply there could serve both.
+    """
+    parent, short = trees.parent.tolist(), trees.short.tolist()
+    metres, allowed = trees.metres.tolist(), trees.allowed.tolist()
+    flow, below = trees.load.tolist(), trees.spur.tolist()
+    most = min(rating, cable.current)
+    cut = []
+    for node in reversed(feeders):
+        above, into = parent[node], flow[node] + short[node]
+        fall = max(below[above], below[node] + cable.resistance * metres[node] * into)
+        total = flow[above] + flow[node] + short[node]
+        head = parent[above] < 0
+        ends = 0.0 if head else cable.resistance * tails * total
+        if into > most or total > (rating if head else most) or fall + ends > allowed[node]:
+            cut.append(node)
+        else:
+            flow[above] += flow[node]
+            below[above] = fall
+    return cut
+
+
 # What a design's supplies give, and what arrives: two tables ------------------------------------
 
 
-def voltages_table(design: Layout) -> pd.DataFrame:
-    """Return one row per device that is fed, on each of its lines."""
-    return _tables(design)[1]
-
-
-def supplies_table(design: Layout) -> pd.DataFrame:
-    """Return one row per supply: what it gives, and where its voltage is lowest."""
-    return _tables(design)[0]
-
-
-def _tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
+def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return one row per supply, and one per device that is fed, on each of its lines."""
     import pandas as pd
 
@@ -310,6 +408,7 @@ def _tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
             "run": own["run"].to_numpy(object),
             "length_m": own["length_m"].to_numpy(float),
             "cross_section_mm2": [known[name].section for name in own["cable"]],
+            "load_a": trees.load[nodes],
             "current_a": flow[nodes],
             "voltage_v": volts - drop[nodes],
             "lowest_v": volts - drop[nodes] - spur,

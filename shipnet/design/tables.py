@@ -16,7 +16,7 @@ import pandas as pd
 
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.costs import bill_table
-from shipnet.design.supply import supplies_table, voltages_table
+from shipnet.design.supply import supply_tables
 from shipnet.signals import SIGNALS
 
 if TYPE_CHECKING:
@@ -56,13 +56,14 @@ def zipped(named: Iterable[tuple[str, bytes]]) -> bytes:
 
 def tables(design: Layout) -> dict[str, pd.DataFrame]:
     """Return the tables of a design by the names of their files, rows in a stable order."""
+    supplies, voltages = supply_tables(design)
     return {
         "cables": schedule(design),
         "terminals": terminals(design),
         "devices": devices(design),
         "points": points(design),
-        "supplies": supplies_table(design),
-        "voltages": voltages_table(design),
+        "supplies": supplies,
+        "voltages": voltages,
         "segments": design.segments.copy(),
         "bill": bill_table(design),
         "reasons": design.reasons.copy(),

@@ -9,29 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.can.messages import packed
+from shipnet.arrays import Bytes, Integers, Words
+from shipnet.can.lengths import Stuffing, frame_length
+from shipnet.can.messages import Message, MessageSet, packed
 from shipnet.engine.points import PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, part, record, whole
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from shipnet.can.messages import MessageSet
+from shipnet.lazy import pd
 
 #: Data bytes of a classic CAN frame; ISO 11898-1.
 _FRAME = 8
 
 #: Identifiers from one box to the next: the box's number times 256, the highest 11-bit one.
 _ID_STEP, _HIGHEST_ID = 0x100, 0x7FF
-
-_Values = npt.NDArray[np.uint16]
-_Bytes = npt.NDArray[np.uint8]
 
 
 @record
@@ -54,8 +49,8 @@ class CanLayout:
     >>> from shipnet import engine
     >>> points = engine.read_points()
     >>> layout = engine.CanLayout(points)
-    >>> len(layout.messages()), [layout.size(box) for box in layout.boxes]
-    (22, [75, 33, 56])
+    >>> len(layout.messages()), layout.volume().bytes.to_dict()
+    (22, {'JB1': 75, 'JB2': 33, 'JB3': 56, 'all': 164})
     >>> frames = layout.encode([k * point.analogue for k, point in enumerate(points)])
     >>> bytes(frames["JB1-01"]).hex(" ")
     '00 00 00 01 00 02 00 03'
@@ -68,75 +63,87 @@ class CanLayout:
 
     def __post_init__(self) -> None:
         """Check that the identifiers suffice."""
-        most = _HIGHEST_ID // _ID_STEP
-        if len(self.boxes) > most:
-            raise ArgumentError(f"there are {len(self.boxes)} boxes; there must be 1..{most}")
-        largest = max(self.size(box) for box in self.boxes)
-        if largest > _FRAME * _ID_STEP:
+        sizes, most = self._packed[1], _HIGHEST_ID // _ID_STEP
+        if len(sizes) > most:
+            raise ArgumentError(f"there are {len(sizes)} boxes; there must be 1..{most}")
+        if (largest := max(sizes.values())) > _FRAME * _ID_STEP:
             raise ArgumentError(f"a box has {largest} bytes; its identifiers suffice for 2048")
 
     @cached_property
-    def boxes(self) -> tuple[str, ...]:
-        """Boxes in the order of their points."""
-        return self.points.boxes
+    def _packed(self) -> tuple[Integers, dict[str, int]]:
+        """First bit of each point among those of all messages, and the data bytes of each box."""
+        first, sizes = np.empty(len(self.points), np.int64), dict[str, int]()
+        for box, own in self.points.by_box().items():
+            place, size = packed([point.analogue for point in own], self.bits)
+            first[[point.box == box for point in self.points]] = 8 * sum(sizes.values()) + place
+            sizes[box] = size
+        return first, sizes
 
-    def size(self, box: str) -> int:
-        """Return how many data bytes a box sends."""
-        return self._packed(box)[1]
+    @cached_property
+    def _width(self) -> Integers:
+        """Bits of each point, shape (n_points,)."""
+        return np.array([self.bits if point.analogue else 1 for point in self.points])
+
+    @cached_property
+    def _places(self) -> tuple[Integers, Words, Integers]:
+        """Each bit of all points: whose it is, its weight, and its place among those sent."""
+        point = np.repeat(np.arange(len(self.points)), self._width)
+        behind = np.concatenate([np.arange(width) for width in self._width])
+        # In a byte the highest bit comes first, but the first switch is in the lowest one.
+        flip = np.array([0 if point.analogue else 7 for point in self.points])
+        weight = (self._width[point] - 1 - behind).astype(np.uint16)
+        return point, weight, (self._packed[0] ^ flip)[point] + behind
 
     def messages(self, period: float = 1.0) -> MessageSet:
         """Return the message set, with one update per `period` [s]; the paper prints none."""
-        from shipnet.can.messages import Message, MessageSet
-
         return MessageSet(
-            Message(name, identifier, dlc, period, sender=box)
-            for box in self.boxes
-            for name, identifier, dlc in self._frames(box)
-        )
+            Message(
+                f"{box}-{n + 1:02}", number * _ID_STEP + n, min(_FRAME, size - _FRAME * n), period,
+                sender=box,
+            )
+            for number, (box, size) in enumerate(self._packed[1].items(), 1)
+            for n in range(-(-size // _FRAME))
+        )  # fmt: skip
 
-    def encode(self, values: npt.ArrayLike) -> dict[str, _Bytes]:
+    @cached_property
+    def _spans(self) -> dict[str, slice]:
+        """The bytes of each message among those of all."""
+        dlc = np.array([message.dlc for message in self.messages()])
+        ends = np.cumsum(dlc)
+        spans = map(slice, (ends - dlc).tolist(), ends.tolist())
+        return dict(zip((message.name for message in self.messages()), spans, strict=True))
+
+    def encode(self, values: npt.ArrayLike) -> dict[str, Bytes]:
         """Return the data bytes of each frame, for codes of shape (..., n_points)."""
-        codes = self._checked(values)
-        frames: dict[str, _Bytes] = {}
-        for box in self.boxes:
-            analogue, switches = self._analogue(box), self._switches(box)
-            shifts = np.arange(self.bits - 1, -1, -1, dtype=np.uint16)
-            stream = codes[..., analogue, np.newaxis] >> shifts & 1
-            flat = stream.reshape(*codes.shape[:-1], len(analogue) * self.bits).astype(np.uint8)
-            states = codes[..., switches].astype(np.uint8)
-            data = np.concatenate(
-                [np.packbits(flat, axis=-1), np.packbits(states, axis=-1, bitorder="little")],
-                axis=-1,
-            )
-            for place, (name, _, dlc) in enumerate(self._frames(box)):
-                frames[name] = data[..., _FRAME * place : _FRAME * place + dlc]
-        return frames
+        codes, (point, weight, place) = self._checked(values), self._places
+        size = 8 * sum(self._packed[1].values())
+        source, mask = np.zeros(size, np.intp), np.zeros(size, np.uint16)
+        source[place], mask[place] = point, 1 << weight
+        data = np.packbits((codes.take(source, axis=-1) & mask) != 0, axis=-1)
+        return {name: data[..., span] for name, span in self._spans.items()}
 
-    def decode(self, frames: Mapping[str, Any]) -> _Values:
+    def decode(self, frames: Mapping[str, Any]) -> Words:
         """Return the codes that frames hold, from the bytes of every message by its name."""
-        rows = self._checked_frames(frames)
-        shape = next(iter(rows.values())).shape[:-1]
-        codes = np.zeros((*shape, len(self.points)), np.uint16)
-        weights = 1 << np.arange(self.bits - 1, -1, -1)
-        for box in self.boxes:
-            analogue, switches = self._analogue(box), self._switches(box)
-            data = np.concatenate([rows[name] for name, _, _ in self._frames(box)], axis=-1)
-            split = -(-len(analogue) * self.bits // 8)
-            flat = np.unpackbits(data[..., :split], axis=-1, count=len(analogue) * self.bits)
-            digits = flat.reshape(*shape, len(analogue), self.bits)
-            codes[..., analogue] = digits @ weights
-            states = data[..., split:]
-            codes[..., switches] = np.unpackbits(
-                states, axis=-1, count=len(switches), bitorder="little"
-            )
-        return codes
+        _, weight, place = self._places
+        data = np.concatenate(self._checked_frames(frames), axis=-1)
+        bits = np.unpackbits(data, axis=-1)[..., place].astype(np.uint16) << weight
+        starts = np.cumsum(self._width) - self._width
+        return np.add.reduceat(bits, starts, axis=-1, dtype=np.uint16)
 
     def table(self) -> pd.DataFrame:
         """Return in which message and byte every point begins, and its last message: by tag."""
-        import pandas as pd
-
-        columns = ["tag", "box", "message", "byte", "bits", "last_message"]
-        return pd.DataFrame(self._rows(), columns=columns).set_index("tag")
+        names = np.array(list(self._spans), dtype=object)
+        begins = np.array([span.start for span in self._spans.values()])
+        first, last = self.message_of, self._message_at(self._packed[0] + self._width - 1)
+        columns = {
+            "box": [point.box for point in self.points],
+            "message": names[first],
+            "byte": self._packed[0] // 8 - begins[first],
+            "bits": self._width,
+            "last_message": names[last],
+        }
+        index = pd.Index([point.tag for point in self.points], name="tag")
+        return pd.DataFrame(columns, index=index)
 
     def volume(
         self, bit_rates: Sequence[int] = (125_000, 250_000, 500_000, 1_000_000)
@@ -146,79 +153,41 @@ class CanLayout:
         ``worst_bits`` and ``worst_extended_bits`` are for 11-bit and 29-bit identifiers,
         intermission included; ``ms_125k`` and so on is the time of the worst bits of the former.
         """
-        import pandas as pd
-
-        from shipnet.can.lengths import Stuffing, frame_length
-
         rates = [check_whole("bit_rates", rate, 1000, 10**6, " bit/s") for rate in bit_rates]
-        table = pd.DataFrame(
-            {
-                "analogue": [len(self._analogue(box)) for box in self.boxes],
-                "switches": [len(self._switches(box)) for box in self.boxes],
-                "bytes": [self.size(box) for box in self.boxes],
-                "frames": [len(self._frames(box)) for box in self.boxes],
-            },
-            index=list(self.boxes),
+        messages = self.messages()
+        frames = pd.DataFrame(
+            {"box": [m.sender for m in messages], "bytes": [m.dlc for m in messages]}
         )
-        dlcs = [[dlc for _, _, dlc in self._frames(box)] for box in self.boxes]
         ways: dict[str, tuple[bool, Stuffing]] = {
             "nominal_bits": (False, "none"),
             "worst_bits": (False, "worst"),
             "worst_extended_bits": (True, "worst"),
         }
         for column, (extended, way) in ways.items():
-            table[column] = [
-                int(frame_length(dlc, stuffing=way, extended=extended).sum()) for dlc in dlcs
-            ]
+            bits = frame_length(frames["bytes"], stuffing=way, extended=extended)
+            frames[column] = bits.astype(int)
+        counts = self.points.counts()[["analogue", "switch"]].set_axis(
+            ["analogue", "switches"], axis=1
+        )
+        own = frames.groupby("box", sort=False)
+        sums = own.sum()
+        sums.insert(1, "frames", own.size())
+        table = counts.join(sums, how="inner")
         table.loc["all"] = table.sum()
         for rate in rates:
             table[f"ms_{rate / 1000:g}k"] = table["worst_bits"] / rate * 1e3
         return table
 
-    def _rows(self) -> list[tuple[str, str, str, int, int, str]]:
-        """Return tag, box, message, byte, bits and last message of every point."""
-        rows = {}
-        for box in self.boxes:
-            names = [name for name, _, _ in self._frames(box)]
-            for k, first in zip(self._places(box), self._packed(box)[0].tolist(), strict=True):
-                width = self.bits if self.points[k].analogue else 1
-                ends = [place // 8 // _FRAME for place in (first, first + width - 1)]
-                byte = first // 8 % _FRAME
-                rows[k] = (self.points[k].tag, box, names[ends[0]], byte, width, names[ends[1]])
-        return [rows[k] for k in sorted(rows)]
-
     @cached_property
-    def message_of(self) -> npt.NDArray[np.int64]:
+    def message_of(self) -> Integers:
         """Number of the message in which each point begins, shape (n_points,)."""
-        names = [name for box in self.boxes for name, _, _ in self._frames(box)]
-        return np.array([names.index(row[2]) for row in self._rows()], dtype=np.int64)
+        return self._message_at(self._packed[0])
 
-    def _places(self, box: str) -> list[int]:
-        found = [k for k, point in enumerate(self.points) if point.box == box]
-        if not found:
-            raise ArgumentError(f"box is {box!r}; it must be one of {', '.join(self.boxes)}")
-        return found
+    def _message_at(self, bit: Integers) -> Integers:
+        begins = [span.start for span in self._spans.values()]
+        return np.asarray(np.searchsorted(begins, bit // 8, side="right") - 1)
 
-    def _analogue(self, box: str) -> list[int]:
-        return [k for k in self._places(box) if self.points[k].analogue]
-
-    def _switches(self, box: str) -> list[int]:
-        return [k for k in self._places(box) if not self.points[k].analogue]
-
-    def _packed(self, box: str) -> tuple[npt.NDArray[np.intp], int]:
-        """Return the first bit of each point of a box in its data, and the bytes of these."""
-        return packed([self.points[k].analogue for k in self._places(box)], self.bits)
-
-    def _frames(self, box: str) -> list[tuple[str, int, int]]:
-        """Return name, identifier and data bytes of each frame of a box."""
-        first = (self.boxes.index(box) + 1) * _ID_STEP
-        rest = self.size(box)
-        return [
-            (f"{box}-{n + 1:02}", first + n, min(rest - _FRAME * n, _FRAME))
-            for n in range(-(-rest // _FRAME))
-        ]
-
-    def _checked(self, values: npt.ArrayLike) -> _Values:
+    def _checked(self, values: npt.ArrayLike) -> Words:
         array = np.asarray(values)
         n = len(self.points)
         if array.dtype.kind not in "iub" or not array.ndim or array.shape[-1] != n:
@@ -226,7 +195,7 @@ class CanLayout:
                 f"values are {array.dtype} of shape {array.shape}; they must be whole numbers of "
                 f"shape (..., {n})"
             )
-        highest = np.array([2**self.bits - 1 if p.analogue else 1 for p in self.points])
+        highest = 2**self._width - 1
         bad = (array < 0) | (array > highest)
         if bad.any():
             worst = np.argwhere(bad)[0]
@@ -237,14 +206,14 @@ class CanLayout:
             )
         return array.astype(np.uint16)
 
-    def _checked_frames(self, frames: Mapping[str, Any]) -> dict[str, _Bytes]:
-        wanted = {name: dlc for box in self.boxes for name, _, dlc in self._frames(box)}
+    def _checked_frames(self, frames: Mapping[str, Any]) -> list[Bytes]:
+        wanted = {name: span.stop - span.start for name, span in self._spans.items()}
         if set(frames) != set(wanted):
             missing, strange = set(wanted) - set(frames), set(frames) - set(wanted)
             raise ArgumentError(
                 f"frames lack {sorted(missing)} and hold {sorted(strange)} beside those of the set"
             )
-        rows = {}
+        rows = []
         for name, dlc in wanted.items():
             data = frames[name]
             if isinstance(data, bytes | bytearray | memoryview):
@@ -255,7 +224,7 @@ class CanLayout:
                     f"frame {name} is {row.dtype} of shape {row.shape}; it must be uint8 of shape "
                     f"(..., {dlc})"
                 )
-            rows[name] = row
-        if len({row.shape[:-1] for row in rows.values()}) > 1:
+            rows.append(row)
+        if len({row.shape[:-1] for row in rows}) > 1:
             raise ArgumentError("frames differ in their leading shape; they must have the same")
         return rows

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
 from math import inf, isnan, nan
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from shipnet.answers import Findings
 from shipnet.crc import CAN, MODBUS, Crc
@@ -18,11 +18,9 @@ from shipnet.engine.points import Point, PointList, read_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, part, record, switch, whole
+from shipnet.lazy import pd
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Verdict = Literal["met", "violated", "not verified"]
 
@@ -48,11 +46,6 @@ class Redundancy:
     A box works as long as one supply and one processor of it do; the points of a box that does not
     work are lost, whatever the buses do.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of range.
-
     Notes
     -----
     The paper names one microcontroller and one power connector per box (section IV.1) and asks for
@@ -75,8 +68,6 @@ class Redundancy:
 
     def table(self) -> pd.DataFrame:
         """Return what each ``dead`` part costs: ``boxes_lost``, ``points_lost``."""
-        import pandas as pd
-
         rows = []
         for kind, count in (("supply", self.supplies), ("cpu", self.cpus)):
             for box, own in self.points.by_box().items():
@@ -91,8 +82,6 @@ class Redundancy:
     @classmethod
     def compare(cls, points: Iterable[Point]) -> pd.DataFrame:
         """Return what dead parts cost with one or two of each: one row per design and part."""
-        import pandas as pd
-
         designs = {
             "one of each": (1, 1),
             "two supplies": (2, 1),
@@ -114,11 +103,6 @@ class Description:
     `volatile` says whether settings or programs lie in memory that forgets without supply.
     `protocols` are names. `links` maps each link to the stations beside the master on it, and
     `routes` the same links to the spaces or trays that they run through.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of range.
 
     Examples
     --------
@@ -349,8 +333,6 @@ def check(system: Description) -> Findings:
     >>> print(*findings.violated().loc[0, ["rule", "value", "high"]])
     CPU duplicated 43.0 0.0
     """
-    import pandas as pd
-
     if not isinstance(system, Description):
         raise ArgumentError(f"system is {system!r}; it must be a Description")
     rows: list[dict[str, Any]] = []

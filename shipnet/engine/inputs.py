@@ -19,21 +19,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats, Integers, Words
 from shipnet.engine.points import PT100, Point, PointList
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, part, record, switch, whole
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-_Floats = npt.NDArray[np.float64]
-_Codes = npt.NDArray[np.uint16]
-
+from shipnet.lazy import pd
 
 # Thermometers ----------------------------------------------------------------------------------
 
@@ -43,7 +38,7 @@ _R0 = 100.0
 _A, _B, _C = 3.9083e-3, -5.775e-7, -4.183e-12
 
 
-def pt100_resistance(temperature: npt.ArrayLike) -> float | _Floats:
+def pt100_resistance(temperature: npt.ArrayLike) -> float | Floats:
     """Return the resistance [ohm] of a Pt100 at -200..850 degC; IEC 60751, section 4.2."""
     t = _within("temperature", temperature, *PT100, "degC")
     cold = np.minimum(t, 0)
@@ -51,7 +46,7 @@ def pt100_resistance(temperature: npt.ArrayLike) -> float | _Floats:
     return r if r.ndim else float(r)
 
 
-def pt100_temperature(resistance: npt.ArrayLike) -> float | _Floats:
+def pt100_temperature(resistance: npt.ArrayLike) -> float | Floats:
     """Return the temperature [degC] of a Pt100: closed form from 0 degC up, Newton's rule below."""
     low, high = (float(pt100_resistance(end)) for end in PT100)
     r = _within("resistance", resistance, low, high, "ohm")
@@ -67,7 +62,7 @@ def pt100_temperature(resistance: npt.ArrayLike) -> float | _Floats:
     return t if t.ndim else float(t)
 
 
-def _within(name: str, value: npt.ArrayLike, low: float, high: float, unit: str) -> _Floats:
+def _within(name: str, value: npt.ArrayLike, low: float, high: float, unit: str) -> Floats:
     array = np.asarray(value)
     if array.dtype.kind not in "iuf":
         raise ArgumentError(f"{name} is {value!r}; it must be numbers, {low:g}..{high:g} {unit}")
@@ -111,11 +106,6 @@ WIRE_FAULTS: dict[Literal["open", "short"], dict[str, float]] = {
 @record
 class InputCard:
     """The converters of a list of points: R/V, I/V and B/V.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of range.
 
     Notes
     -----
@@ -167,7 +157,7 @@ class InputCard:
         """Voltage from one code to the next [V]."""
         return float(self.reference / 2**self.bits)
 
-    def signal(self, values: npt.ArrayLike) -> _Floats:
+    def signal(self, values: npt.ArrayLike) -> Floats:
         """Return what the sensors do at values: resistance [ohm], current [A], contact (1 closed).
 
         A transmitter goes no further than 3.8 and 20.5 mA.
@@ -192,14 +182,14 @@ class InputCard:
         return signals
 
     @property
-    def window(self) -> _Floats:
+    def window(self) -> Floats:
         """Signals that make 0 V and the reference, shape (n_points, 2)."""
         ends = self._ends
         span = ends[:, 1] - ends[:, 0]
         wide = np.array([self.margin * point.analogue for point in self.points])
         return np.column_stack([ends[:, 0] - wide * span, ends[:, 1] + wide * span])
 
-    def voltage(self, signal: npt.ArrayLike) -> _Floats:
+    def voltage(self, signal: npt.ArrayLike) -> Floats:
         """Return the voltages at the converter [V]; a resistance or current may be infinite."""
         s = self._shaped("signal", signal)
         if np.isnan(s).any():
@@ -208,14 +198,14 @@ class InputCard:
         u = self.reference * (s - low) / (high - low)
         return np.asarray(np.clip(u, 0, self.reference))
 
-    def code(self, signal: npt.ArrayLike) -> _Codes:
+    def code(self, signal: npt.ArrayLike) -> Words:
         """Return the codes of signals; of a switch the bit of its port."""
         u = self.voltage(signal)
         analogue = np.array([point.analogue for point in self.points])
         steps = np.clip(np.floor(u / self.step + 0.5), 0, self.highest)
         return np.where(analogue, steps, u > self.reference / 2).astype(np.uint16)
 
-    def value(self, code: npt.ArrayLike) -> _Floats:
+    def value(self, code: npt.ArrayLike) -> Floats:
         """Return the values that the firmware makes of codes."""
         c = np.asarray(code)
         highest = np.array([self.highest if p.analogue else 1 for p in self.points])
@@ -227,7 +217,7 @@ class InputCard:
             raise ArgumentError(f"code is out of range; it must be 0..{highest.max()}")
         return self._decoded(c / np.where(highest > 1, self.highest + 1.0, 1.0))
 
-    def _decoded(self, part: npt.ArrayLike, *, linearised: bool | None = None) -> _Floats:
+    def _decoded(self, part: npt.ArrayLike, *, linearised: bool | None = None) -> Floats:
         """Return the values at parts of the window, voltage over reference, without rounding."""
         x = self._shaped("part", part)
         curve = self.linearised if linearised is None else linearised
@@ -247,7 +237,7 @@ class InputCard:
         return values
 
     @property
-    def limits(self) -> npt.NDArray[np.int64]:
+    def limits(self) -> Integers:
         """Codes at or below the first and at or above the second are failures, shape (n_points, 2).
 
         They are the codes of 3.6 and 21 mA, and of the same parts of a thermometer's span; -1 and
@@ -264,7 +254,7 @@ class InputCard:
             ]
         )
 
-    def valid(self, code: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    def valid(self, code: npt.ArrayLike) -> Bools:
         """Return which codes are values and not failures, by `limits`."""
         low, high = self.limits.T
         c = np.asarray(code)
@@ -278,8 +268,6 @@ class InputCard:
         That is of quantisation, and of the firmware's straight line if the card has one, and of
         nothing else: sensors, amplifiers and reference are taken as perfect.
         """
-        import pandas as pd
-
         rows = []
         for k, count in self.points.kinds():
             point = self.points[k]
@@ -309,7 +297,7 @@ class InputCard:
                    "conversion_error", "error_at"]  # fmt: skip
         return pd.DataFrame(rows, columns=columns)
 
-    def broken(self, wire: Literal["open", "short"]) -> _Codes:
+    def broken(self, wire: Literal["open", "short"]) -> Words:
         """Return the codes of all points with their wires open or short."""
         return self.code([WIRE_FAULTS[wire][point.condition] for point in self.points])
 
@@ -321,8 +309,6 @@ class InputCard:
         Without margin 4 mA and a broken wire are both 0 V. A switch that opens on alarm shows a
         broken wire as an alarm, which is safe, and hides every later alarm if its wires touch.
         """
-        import pandas as pd
-
         low, high = (
             self.code(self.signal([getattr(point, end) for point in self.points])).astype(int)
             for end in ("low", "high")
@@ -345,7 +331,7 @@ class InputCard:
         return pd.DataFrame(rows, columns=columns)
 
     @cached_property
-    def _ends(self) -> _Floats:
+    def _ends(self) -> Floats:
         """The signals at both ends of the ranges."""
         ends = np.empty((len(self.points), 2))
         for k, point in enumerate(self.points):
@@ -356,7 +342,7 @@ class InputCard:
                 ends[k] = _LOOP if point.analogue else (1, 0)
         return ends
 
-    def _shaped(self, name: str, values: npt.ArrayLike) -> _Floats:
+    def _shaped(self, name: str, values: npt.ArrayLike) -> Floats:
         array = np.asarray(values)
         n = len(self.points)
         if array.dtype.kind not in "iufb" or not array.ndim or array.shape[-1] != n:

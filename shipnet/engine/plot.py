@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,10 +10,8 @@ from matplotlib.patches import Patch, Rectangle
 
 from shipnet import style
 from shipnet.errors import ArgumentError
+from shipnet.lazy import pd
 from shipnet.style import LIMIT, bare
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: Colour and hatch of each task, of the Okabe-Ito palette.
 _TASKS = {

@@ -9,16 +9,14 @@ import re
 from collections.abc import Iterable
 from functools import cache
 from os import PathLike
-from typing import TYPE_CHECKING, Literal, SupportsIndex, overload
+from typing import Literal, SupportsIndex, overload
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_whole, choice, number, record
+from shipnet.lazy import pd
 from shipnet.signals import SIGNALS, Saving
 from shipnet.tables import read_sheet
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Condition = Literal["RTD", "4-20 mA", "switch"]
 
@@ -40,11 +38,6 @@ class Point:
     Texts are printable; `tag` and `box`, the junction box that it is wired to, are not empty.
     `quantity` is what is measured, such as ``"temperature"``, `unit` that of the range, `signal`
     the kind of sensor, such as ``"Pt100 3-wire"``, and `service` what it measures on the engine.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
 
     Examples
     --------
@@ -176,15 +169,11 @@ class PointList(tuple[Point, ...]):
 
     def table(self) -> pd.DataFrame:
         """Return all points: one row per tag, with the fields of `Point` as columns."""
-        import pandas as pd
-
         rows = [[getattr(point, name) for name in _COLUMNS] for point in self]
         return pd.DataFrame(rows, columns=list(_COLUMNS)).set_index("tag")
 
     def counts(self) -> pd.DataFrame:
         """Return how many points of each condition every box has, and a last row ``all``."""
-        import pandas as pd
-
         rows = []
         for own in (*self.by_box().values(), self):
             kinds = [point.condition for point in own]

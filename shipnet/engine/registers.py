@@ -4,8 +4,8 @@ lee2012 marks a value that is missing by 0xFF (section III.2.c) and prints neith
 value nor its scale. `CODINGS` has the readings of that which make sense, and a corrected one.
 
 Each of the two boxes that the monitoring system asks holds all points, its own and those that it
-heard on CAN. The values come first, in the order of the points. A map with status words adds, for
-each box: its age, its heartbeat, and one bit per point, set while the value is good.
+heard on CAN. The values come first, in the order of the points. The corrected design adds the age
+of each CAN frame.
 """
 
 from __future__ import annotations
@@ -13,22 +13,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import cached_property
 from math import floor, log10
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats, Words
+from shipnet.can.messages import Message
+from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.points import Point, PointList
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, choice, part, record, switch, whole
+from shipnet.fields import check_scalar, part, record, switch, whole
+from shipnet.lazy import pd
 from shipnet.modbus.pdu import Request
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-_Floats = npt.NDArray[np.float64]
-_Registers = npt.NDArray[np.uint16]
-
 
 # How a value becomes the content of a register -------------------------------------------------
 
@@ -40,11 +37,6 @@ class Coding:
     `step` is what one more in the register is worth, 1e-6..1e6 in the unit of the point. With
     ``"full scale"`` the range fills the bits, from 0 to all ones. With ``"decimal"`` it is the
     largest power of ten within a thousandth of the span.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of range.
 
     Notes
     -----
@@ -99,7 +91,7 @@ class Coding:
 
     def encode(
         self, points: Iterable[Point], values: npt.ArrayLike, failed: npt.ArrayLike = False
-    ) -> _Registers:
+    ) -> Words:
         """Return the registers of values; NaN, and what is `failed`, becomes the error mark."""
         known = PointList(points)
         v = np.asarray(values)
@@ -120,7 +112,7 @@ class Coding:
         whole = np.clip(count, low, high).astype(np.int64) & 0xFFFF
         return np.where(missing, self.error, whole).astype(np.uint16)
 
-    def decode(self, points: Iterable[Point], registers: npt.ArrayLike) -> _Floats:
+    def decode(self, points: Iterable[Point], registers: npt.ArrayLike) -> Floats:
         """Return the values of registers, NaN where one holds the error mark."""
         known = PointList(points)
         r = np.asarray(registers)
@@ -131,19 +123,19 @@ class Coding:
         step, zero = self._scale(known)
         return np.where(r == self.error, np.nan, zero + step * self._number(known, r))
 
-    def _number(self, points: PointList, registers: npt.NDArray[np.integer]) -> _Floats:
+    def _number(self, points: PointList, registers: npt.NDArray[np.integer]) -> Floats:
         """Return the whole numbers that registers hold."""
         r = registers.astype(np.int64)
         signed = self._bounds(points)[0] < 0
         return np.where(signed & (r >= 0x8000), r - 0x10000, r).astype(np.float64)
 
-    def _scale(self, points: PointList) -> tuple[_Floats, _Floats]:
+    def _scale(self, points: PointList) -> tuple[Floats, Floats]:
         """Return step and value of content 0, by point."""
         full = self.step == "full scale"
         zero = np.array([point.low if full and point.analogue else 0.0 for point in points])
         return np.array([self.step_of(point) for point in points]), zero
 
-    def _bounds(self, points: PointList) -> tuple[_Floats, _Floats]:
+    def _bounds(self, points: PointList) -> tuple[Floats, Floats]:
         """Return the lowest and highest whole number that a register holds, by point.
 
         The lowest one of two's complement is left out if it is the error mark.
@@ -160,8 +152,6 @@ class Coding:
         ``reads`` is the value of the mark; readings between ``from`` and ``to`` are taken for an
         error (NaN if none are), which is ``percent`` of the range.
         """
-        import pandas as pd
-
         known = PointList(points)
         mark = np.full(len(known), self.error, np.int64)
         number = self._number(known, mark)
@@ -193,8 +183,7 @@ class Coding:
         )
 
 
-#: The corrected coding: no value looks like the mark, and status words say apart from it which
-#: values are good and how old they are.
+#: The corrected coding: no value looks like the mark.
 CORRECTED = Coding("corrected: decimal, 0x8000", "decimal", 0x8000)
 
 #: Readings of the coding that the paper does not print, and the corrected one, by name.
@@ -217,44 +206,20 @@ CODINGS = {
 #: What one more in an age register is worth [s]; the highest content is "so old or older".
 AGE_STEP = 0.1
 
-#: What marks a word of packed switches. Its highest bit holds no switch, so no states look like it,
-#: as eight switches in alarm would look like 0x00FF.
-PACKED_MARK = 0x8000
-
-#: Points in one word of validity bits, switches in one that can be marked, and registers in one
-#: request.
-_WORD, _SWITCHES, _REQUEST = 16, 15, 125
-
-Packing = Literal["single", "box", "all"]
-
-
-class Word(NamedTuple):
-    """A register: what it holds, of which box, and the places of its points, lowest bit first."""
-
-    kind: Literal["value", "switches", "age", "heartbeat", "valid"]
-    box: str
-    places: tuple[int, ...]
+#: Most registers that one request reads.
+_REQUEST = 125
 
 
 class Decoded(NamedTuple):
-    """What the monitoring system reads: values by point, ages [s] and heartbeats by box.
+    """What the monitoring system reads: values by point, NaN if marked, and ages by frame [s]."""
 
-    A value is NaN where it is marked; without status words, ages and heartbeats are NaN.
-    """
-
-    values: _Floats
-    ages: _Floats
-    heartbeats: _Floats
+    values: Floats
+    ages: Floats
 
 
 @record
 class RegisterMap:
-    """Registers of a junction box.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of range.
+    """Registers of a junction box: one per point, then the ages if it sends them.
 
     Notes
     -----
@@ -265,10 +230,10 @@ class RegisterMap:
     >>> from shipnet import engine
     >>> points = engine.read_points()
     >>> printed, corrected = engine.RegisterMap(points), engine.RegisterMap.corrected(points)
-    >>> len(printed), len(engine.RegisterMap(points, switches="all")), len(corrected)
-    (99, 82, 113)
-    >>> corrected.table().tail(4)["kind"].to_dict()
-    {109: 'heartbeat', 110: 'valid', 111: 'valid', 112: 'valid'}
+    >>> len(printed), len(corrected)
+    (99, 121)
+    >>> corrected.table().loc[[98, 99], ["holds", "step", "unit"]].values.tolist()
+    [['ME-JB3-099', 1.0, ''], ['age of JB1-01', 0.1, 's']]
     """
 
     points: PointList = part(PointList, "One or more points", make=PointList)
@@ -276,181 +241,62 @@ class RegisterMap:
         Coding, "How values become registers; tenths with the error mark 0x00FF if not given",
         default=CODINGS["tenths, 0x00FF"],
     )  # fmt: skip
-    switches: Packing = choice(
-        ("single", "box", "all"),
-        "Whether each switch has a register, or fifteen share one, those of a box or all in a row. "
-        "Packed switches follow the other values. Those of a word are marked together, by "
-        "`PACKED_MARK`, whatever the coding; with status words each has a validity bit instead, "
-        "and sixteen share a register", default="single",
-    )  # fmt: skip
-    status: bool = switch("Whether age, heartbeat and validity bits follow", default=False)
-    first_address: int = whole(
-        0, 0xFFFF, "", "Address on the wire of the first register", default=0
+    ages: bool = switch(
+        "Whether the age of each CAN frame of `CanLayout` follows the values", default=False
     )
 
-    def __post_init__(self) -> None:
-        """Check that the last address exists."""
-        why = f" for {len(self)} registers"
-        check_whole("first_address", self.first_address, 0, 0x10000 - len(self), why)
-
     @classmethod
-    def corrected(cls, points: Iterable[Point], *, first_address: int = 0) -> RegisterMap:
-        """Return the map with the corrected coding and status words."""
-        return cls(PointList(points), CORRECTED, status=True, first_address=first_address)
+    def corrected(cls, points: Iterable[Point]) -> RegisterMap:
+        """Return the map of `System.corrected`, with the corrected coding and ages."""
+        return cls(PointList(points), CORRECTED, ages=True)
 
     @cached_property
-    def words(self) -> tuple[Word, ...]:
-        """Registers in the order of their addresses."""
-        points = enumerate(self.points)
-        own = [k for k, point in points if point.analogue or self.switches == "single"]
-        words = [Word("value", self.points[k].box, (k,)) for k in own]
-        rest = [k for k in range(len(self.points)) if k not in set(own)]
-        boxes = self.points.boxes
-        most = _WORD if self.status else _SWITCHES
-        if self.switches == "all":
-            words += [Word("switches", self._box(part), part) for part in _cut(rest, most)]
-        else:
-            for box in boxes:
-                part = [k for k in rest if self.points[k].box == box]
-                words += [Word("switches", box, places) for places in _cut(part, most)]
-        for box in boxes if self.status else ():
-            places = [k for k, point in enumerate(self.points) if point.box == box]
-            words += [Word("age", box, ()), Word("heartbeat", box, ())]
-            words += [Word("valid", box, part) for part in _cut(places, _WORD)]
-        return tuple(words)
+    def frames(self) -> tuple[Message, ...]:
+        """The CAN frames whose ages the last registers hold."""
+        return tuple(CanLayout(self.points).messages()) if self.ages else ()
 
     def __len__(self) -> int:
-        return len(self.words)
+        return len(self.points) + len(self.frames)
 
     def requests(self) -> tuple[Request, ...]:
         """Return the requests that read the whole map, 125 registers each at most."""
-        size = len(self)
         return tuple(
-            Request.read_holding_registers(
-                self.first_address + start,
-                min(_REQUEST, size - start),
-            )
-            for start in range(0, size, _REQUEST)
+            Request.read_holding_registers(start, min(_REQUEST, len(self) - start))
+            for start in range(0, len(self), _REQUEST)
         )
 
     def table(self) -> pd.DataFrame:
-        """Return the address map: by address the kind, box, tags (lowest bit first) and step."""
-        import pandas as pd
-
-        rows = []
-        for address, word in enumerate(self.words, self.first_address):
-            tags = ", ".join(self.points[k].tag for k in word.places)
-            step, unit = {"age": (AGE_STEP, "s"), "heartbeat": (1.0, "")}.get(word.kind, (1.0, ""))
-            if word.kind == "value":
-                point = self.points[word.places[0]]
-                step, unit = self.coding.step_of(point), point.unit
-            rows.append((address, word.kind, word.box, tags, step, unit))
-        columns = ["address", "kind", "box", "tags", "step", "unit"]
-        return pd.DataFrame(rows, columns=columns).set_index("address")
-
-    def collisions(self) -> pd.DataFrame:
-        """Return which legal readings this map cannot distinguish from a mark.
-
-        As `Coding.collisions`, but a packed switch never collides with the mark of its word.
-        """
-        table = self.coding.collisions(self.points)
-        packed = [k for word in self.words if word.kind == "switches" for k in word.places]
-        table.loc[packed, "collides"] = False
-        table.loc[packed, ["reads", "from", "to"]] = np.nan
-        table.loc[packed, "percent"] = 0.0
-        return table
+        """Return the address map: by address what it holds (a tag, an age), box, step and unit."""
+        rows = [(p.tag, p.box, self.coding.step_of(p), p.unit) for p in self.points]
+        rows += [(f"age of {m.name}", m.sender, AGE_STEP, "s") for m in self.frames]
+        table = pd.DataFrame(rows, columns=["holds", "box", "step", "unit"])
+        return table.rename_axis("address")
 
     def encode(
-        self,
-        values: npt.ArrayLike,
-        failed: npt.ArrayLike = False,
-        *,
-        ages: npt.ArrayLike = 0.0,
-        heartbeats: npt.ArrayLike = 0,
-    ) -> _Registers:
+        self, values: npt.ArrayLike, failed: npt.ArrayLike = False, *, ages: npt.ArrayLike = 0.0
+    ) -> Words:
         """Return the content of all registers.
 
-        `values` and `failed` are by point, `ages` [s] and `heartbeats` by box; NaN counts as
-        failed, and ages are rounded up.
+        `values` and `failed` are by point, `ages` [s] by frame; NaN counts as failed, and ages are
+        rounded up.
         """
-        single = self.coding.encode(self.points, values, failed)
-        lead = single.shape[:-1]
-        given = np.asarray(values, np.float64)
-        missing = np.isnan(given) | np.broadcast_to(failed, given.shape)
+        registers = self.coding.encode(self.points, values, failed)
         age = np.asarray(ages, np.float64)
-        beat = np.asarray(heartbeats)
         if not (age >= 0).all():
             raise ArgumentError(f"ages are {ages!r} s; they must be 0 or more")
-        if beat.dtype.kind not in "iu" or (beat < 0).any():
-            raise ArgumentError(f"heartbeats are {heartbeats!r}; they must be whole, 0 or more")
-        boxes = self.points.boxes
+        wanted = (*registers.shape[:-1], len(self.frames))
         # 0.3 s are 3.0000000000000004 tenths, which must not become 4.
-        tenths = np.minimum(np.ceil(age / AGE_STEP - 1e-9), 0xFFFF)
-        per_box = {
-            "age": self._by_box("ages", tenths, lead),
-            "heartbeat": self._by_box("heartbeats", beat & 0xFFFF, lead),
-        }
-        registers = np.zeros((*lead, len(self)), np.uint16)
-        for n, word in enumerate(self.words):
-            places = list(word.places)
-            if word.kind == "value":
-                registers[..., n] = single[..., places[0]]
-            elif word.kind in per_box:
-                registers[..., n] = per_box[word.kind][..., boxes.index(word.box)]
-            elif word.kind == "valid":
-                registers[..., n] = _bits(~missing[..., places])
-            else:
-                gone = missing[..., places]
-                # With status words a switch is marked there, and its neighbours stay readable.
-                marked = gone.any(axis=-1) & (not self.status)
-                states = np.where(gone, False, given[..., places] >= 0.5)
-                registers[..., n] = np.where(marked, PACKED_MARK, _bits(states))
-        return registers
+        tenths = np.minimum(np.ceil(age / AGE_STEP - 1e-9), 0xFFFF).astype(np.uint16)
+        try:
+            tenths = np.broadcast_to(tenths, wanted)
+        except ValueError:
+            raise ArgumentError(f"ages have shape {age.shape}; it must fit {wanted}") from None
+        return np.concatenate([registers, tenths], axis=-1)
 
     def decode(self, registers: npt.ArrayLike) -> Decoded:
         """Return what the monitoring system reads."""
         r = np.asarray(registers)
         if r.dtype.kind not in "iu" or not r.ndim or r.shape[-1] != len(self):
             raise ArgumentError(f"registers have shape {r.shape}; it must be (..., {len(self)})")
-        boxes = self.points.boxes
-        single = np.zeros((*r.shape[:-1], len(self.points)), np.int64)
-        ages, beats = (np.full((*r.shape[:-1], len(boxes)), np.nan) for _ in range(2))
-        good = np.ones(single.shape, np.bool_)
-        packed = []
-        for n, word in enumerate(self.words):
-            places, content = list(word.places), r[..., n]
-            if word.kind == "value":
-                single[..., places[0]] = content
-            elif word.kind == "switches":
-                marked = (content == PACKED_MARK) & (not self.status)
-                states = content[..., np.newaxis] >> np.arange(len(places)) & 1
-                packed.append((places, np.where(marked[..., np.newaxis], np.nan, states)))
-            elif word.kind == "age":
-                ages[..., boxes.index(word.box)] = content * AGE_STEP
-            elif word.kind == "heartbeat":
-                beats[..., boxes.index(word.box)] = content
-            else:
-                good[..., places] = content[..., np.newaxis] >> np.arange(len(places)) & 1 == 1
-        values = self.coding.decode(self.points, single)
-        for places, states in packed:
-            values[..., places] = states
-        return Decoded(np.where(good, values, np.nan), ages, beats)
-
-    def _box(self, places: tuple[int, ...]) -> str:
-        boxes = {self.points[k].box for k in places}
-        return boxes.pop() if len(boxes) == 1 else ""
-
-    def _by_box(self, name: str, array: Any, lead: tuple[int, ...]) -> Any:
-        wanted = (*lead, len(self.points.boxes))
-        try:
-            return np.broadcast_to(array, wanted)
-        except ValueError:
-            raise ArgumentError(f"{name} have shape {array.shape}; it must fit {wanted}") from None
-
-
-def _cut(places: list[int], most: int) -> list[tuple[int, ...]]:
-    return [tuple(places[k : k + most]) for k in range(0, len(places), most)]
-
-
-def _bits(states: npt.NDArray[np.bool_]) -> Any:
-    return states @ (1 << np.arange(states.shape[-1]))
+        values, tenths = np.split(r, [len(self.points)], axis=-1)
+        return Decoded(self.coding.decode(self.points, values), tenths * AGE_STEP)

@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import WIRES, EngineFault, StuckSensor, outages
 from shipnet.engine.inputs import InputCard
@@ -20,14 +21,7 @@ from shipnet.engine.points import Point, PointList
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-Bools = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
+from shipnet.lazy import Axes, pd
 
 _Slices = list[tuple[int, int, str]]
 
@@ -413,8 +407,6 @@ class Run:
 
     def ages(self, tag: str) -> Ages:
         """Return the age of a point over time."""
-        import pandas as pd
-
         shown = self.shown(tag)
         good = shown.good
         columns = {
@@ -452,8 +444,6 @@ class Run:
 
         `values` are what the sensors measure; synthetic ones with the seed 2024 if not given.
         """
-        import pandas as pd
-
         known = values or SyntheticValues(self.system.points, 2024)
         seen = self.views.seen
         now = nanoseconds(check_scalar("time", time, "s", 0, 1e6))
@@ -496,8 +486,6 @@ class Run:
 
     @cached_property
     def _table(self) -> pd.DataFrame:
-        import pandas as pd
-
         rows = []
         for place, point in enumerate(self.system.points):
             shown = self._shown(place)
@@ -520,8 +508,6 @@ class Run:
 
     def requests(self) -> pd.DataFrame:
         """Return one row per request: ``poll``, ``channel``, ``time_s``, ``outcome``."""
-        import pandas as pd
-
         return pd.DataFrame(
             {
                 "poll": self.attempts.poll,
@@ -533,8 +519,6 @@ class Run:
 
     def answers(self) -> pd.DataFrame:
         """Return one row per poll: ``time_s``, ``answer_s`` (how long; infinite without one)."""
-        import pandas as pd
-
         rows = pd.DataFrame(self.attempts._asdict())
         took = np.where(rows["outcome"] == 0, nanoseconds(self.system.poll.time), np.inf)
         rows["end"] = rows["start"] + took
@@ -558,8 +542,6 @@ class Run:
 
     @cached_property
     def _alarms(self) -> pd.DataFrame:
-        import pandas as pd
-
         rows = self._link_alarms() + self._path_alarms()
         until, good, good_until = self._good
         bad = "0xFF" if self.system.coding == "printed" else "too old"
@@ -610,8 +592,6 @@ class Run:
     @cached_property
     def bus_loads(self) -> pd.Series[float]:
         """Share of the time in which the CAN bus and both Modbus lines are busy."""
-        import pandas as pd
-
         inside = self.sent.start >= 0
         bits = self.system.frame_ns[self.sent.message[inside]]
         busy = {"CAN": int(bits.sum())}
@@ -637,8 +617,6 @@ def _changes(time: Integers, good: Bools) -> Sequence[tuple[int, bool]]:
 
 def _timeline(run: Run, start: float, stop: float) -> Timeline:
     """Return who works when."""
-    import pandas as pd
-
     check_scalar("start", start, "s", -1.0, 1e6)
     check_scalar("stop", stop, "s", -1.0, 1e6 + 60)
     if not start < stop <= start + 60:

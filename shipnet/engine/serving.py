@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import (
     BusOff,
@@ -28,15 +28,11 @@ from shipnet.engine.simulation import islands
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
+from shipnet.lazy import pd
 from shipnet.modbus.pdu import ExceptionCode, Request
-from shipnet.modbus.server import real_clock
+from shipnet.modbus.server import Server, real_clock
 from shipnet.modbus.server import serve as serve_slaves
 from shipnet.modbus.slave import DeviceError, Slave, Table
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from shipnet.modbus.server import Server
 
 #: Unit ids of the boxes on channels 1 and 2; lee2012, Table 2.
 UNITS = (2, 3)
@@ -167,8 +163,6 @@ def fault_registers(system: System | None = None) -> pd.DataFrame:
     >>> print(*table.loc[0], table.loc[100, "holds"], sep="; ")
     JB1; 1 box dead; 1 sensor stuck, 2 sensor wire open, 3 sensor wires short
     """
-    import pandas as pd
-
     registers = FaultRegisters(System() if system is None else system, [])
     rows = [
         (address, where, ", ".join(f"{n} {kind.words}" for n, kind in enumerate(kinds, 1)))
@@ -237,17 +231,16 @@ class JunctionBox:
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
         """Return registers in a row; exception 2 if one of them does not exist."""
-        first = address - self.registers.first_address
-        if table != "holding_registers" or not 0 <= first <= len(self.registers) - quantity:
+        if table != "holding_registers" or address + quantity > len(self.registers):
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         content: list[int] = self.registers.encode(self.values(time)).tolist()
-        return content[first : first + quantity]
+        return content[address : address + quantity]
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
         """Refuse: nothing can be written to a junction box."""
         raise DeviceError(ExceptionCode.ILLEGAL_FUNCTION)
 
-    def values(self, time: float) -> npt.NDArray[np.float64]:
+    def values(self, time: float) -> Floats:
         """Return what the box knows of every point at a time [s], NaN where it marks it."""
         now = nanoseconds(time)
         heard = [self._heard(box, now) for box in range(len(self.system.boxes))]

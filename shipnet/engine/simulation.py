@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Bools, Integers
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import (
@@ -29,13 +29,11 @@ from shipnet.engine.faults import (
     ModbusBreak,
     outages,
 )
-from shipnet.engine.run import NEVER, Attempts, Cpu, Frames, Integers, Rounds, Run, Views, marks
+from shipnet.engine.run import NEVER, Attempts, Cpu, Frames, Rounds, Run, Views, marks
 from shipnet.engine.system import RULE, FailureBounds, System
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 #: Most frames that one run may send, and the AMS read: some gigabytes of memory. A poll reads all
 #: of them.
@@ -170,7 +168,7 @@ def _lost(
     loops: Sequence[Rounds],
     faults: Sequence[EngineFault],
     rng: np.random.Generator | None,
-) -> npt.NDArray[np.bool_] | None:
+) -> Bools | None:
     """Return what each box does not hear, shape (n_boxes, n_messages, n_rounds)."""
     random = [fault for fault in faults if isinstance(fault, LostCanFrames)]
     if not random or rng is None:
@@ -196,7 +194,7 @@ class _Table:
         cpu: Cpu,
         loop: Rounds,
         sent: Frames,
-        lost: npt.NDArray[np.bool_] | None,
+        lost: Bools | None,
         faults: Sequence[EngineFault],
     ) -> None:
         self.system, self.box, self.cpu, self.loop = system, box, cpu, loop
@@ -541,8 +539,6 @@ def single_failures(
     >>> table[["lost", "marked", "noticed", "answer_ok", "age_ok"]].values.tolist()
     [[0, 0, 'no', True, True], [18, 18, 'mark', True, False]]
     """
-    import pandas as pd
-
     check_scalar("rule", rule, "s", 0.1, 100)
     check_whole("trials", trials, 1, 1000)
     chance = np.random.default_rng(rng)
@@ -610,7 +606,7 @@ def _fault_row(
     }
 
 
-def _unseen(run: Run, begin: float, end: float) -> npt.NDArray[np.bool_]:
+def _unseen(run: Run, begin: float, end: float) -> Bools:
     """Return of which points nothing newer than the fault is seen while it lasts."""
     shown = [run.shown(point.tag) for point in run.system.points]
     # A stuck sensor's values are of the very nanosecond at which it got stuck.

@@ -9,11 +9,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Floats, Integers
+from shipnet.can.lengths import frame_length
+from shipnet.can.messages import MessageSet
+from shipnet.can.response import Assumptions, response_times
 from shipnet.clock import Fault, as_faults, nanoseconds
 from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.faults import (
@@ -30,20 +33,13 @@ from shipnet.engine.faults import (
     StuckSensor,
 )
 from shipnet.engine.points import PointList, read_points
+from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, number, part, record, switch, whole
+from shipnet.lazy import Axes, pd
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from shipnet.can.messages import MessageSet
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 
 #: What lee2012 quotes from the class rules, section II: a response takes 2 s at most [s].
 RULE = 2.0
@@ -63,11 +59,6 @@ class Firmware:
     One program runs in every box; a switch chooses the box that it serves. Its main loop converts
     all analogue inputs, reads the switches, hands the frames to the CAN controller, and begins
     again. Three routines interrupt it: Modbus before timer before CAN.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
 
     Notes
     -----
@@ -304,8 +295,7 @@ class System:
     @cached_property
     def registers(self) -> int:
         """Registers of a response: one per point, and one age per frame in the corrected coding."""
-        ages = self.sender.size if self.coding == "corrected" else 0
-        return len(self.points) + ages
+        return len(RegisterMap(self.points, ages=self.coding == "corrected"))
 
     @cached_property
     def poll(self) -> Poll:
@@ -334,8 +324,6 @@ class System:
         return self._messages(self.suspended_ns)
 
     def _messages(self, suspended: Integers) -> MessageSet:
-        from shipnet.can.messages import MessageSet
-
         periods = dict(zip(self.boxes, self.period_ns.tolist(), strict=True))
         delays = dict(zip(self.boxes, suspended.tolist(), strict=True))
         return MessageSet(
@@ -351,14 +339,11 @@ class System:
     @cached_property
     def sender(self) -> Integers:
         """Number of the box that sends each message, shape (n_messages,)."""
-        frames = [-(-self._layout.size(box) // 8) for box in self.boxes]
-        return np.repeat(np.arange(len(self.boxes)), frames)
+        return np.array([self.boxes.index(m.sender) for m in self._layout.messages()])
 
     @cached_property
     def frame_ns(self) -> Integers:
         """Longest time of each message on the bus, intermission included [ns]."""
-        from shipnet.can.lengths import frame_length
-
         bits = frame_length([m.dlc for m in self._layout.messages()])
         return np.rint(bits * 1e9 / self.can_bit_rate).astype(np.int64)
 
@@ -430,8 +415,6 @@ class System:
         return self._can_response(self.messages)
 
     def _can_response(self, messages: MessageSet) -> Floats:
-        from shipnet.can.response import Assumptions, response_times
-
         # The receiver's interrupt comes at the end of the frame, so the intermission is left out.
         assumptions = Assumptions(own_jitter=False, intermission="between")
         found = response_times(messages, self.can_bit_rate, assumptions=assumptions)
@@ -488,8 +471,6 @@ class System:
         self, channels: tuple[int, ...], suspended: Integers, can_response: Floats
     ) -> pd.DataFrame:
         """Return the ages over the better of some channels, for delays of the boxes and frames."""
-        import pandas as pd
-
         spacing = self.poll_spacing()
         longest = int(self.loop_ns.max()) + self.service_ns
         if longest > nanoseconds(spacing):

@@ -6,15 +6,13 @@ import re
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.exercises.answers import NotSolved, blank
 from shipnet.exercises.exercise import Exercise, Student
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 #: Who has no name yet.
 _NOBODY = Student("nobody")

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from shipnet.asi.modulation import levels_of, pulses_of
+from shipnet.asi.modulation import Modulation
 from shipnet.exercises.answers import Bits, Function, Number, Whole
 from shipnet.exercises.exercise import Exercise
 
 
 def _levels(bits: str) -> str:
-    return "".join(map(str, levels_of(bits)))
+    return "".join(map(str, Modulation(bits).levels))
 
 
 def _pulses(bits: str) -> int:
-    return int((pulses_of(bits) != 0).sum())
+    return Modulation(bits).pulses.count
 
 
 def _telegram_time(n_bits: int, rate: float) -> float:

@@ -6,20 +6,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
 from math import inf
 from operator import and_
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.fuzzy.terms import Rule, Variable
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-Bools = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
+from shipnet.lazy import pd
 
 #: Values by the name of their variable.
 Samples: TypeAlias = "Mapping[str, npt.ArrayLike] | pd.DataFrame"

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.firing import (
     Ramps,
@@ -27,13 +28,7 @@ from shipnet.fuzzy.firing import (
     persistent,
 )
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN, Rule, Term, Variable, number_text
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-Bools = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
+from shipnet.lazy import Axes, pd
 
 #: Samples that are processed at once: what they need stays in the cache.
 _BLOCK = 8192
@@ -159,15 +154,13 @@ class RuleBase:
 
     def table(self) -> pd.DataFrame:
         """Return the rules: code, antecedent, flag, priority and labels."""
-        import pandas as pd
-
         rows = [
             (rule.code, rule.text, rule.flag, rule.priority, rule.english, rule.korean)
             for rule in self.rules
         ]
         return pd.DataFrame(rows, columns=list(RULE_COLUMNS))
 
-    def random_samples(self, n: int, rng: Any = None) -> dict[str, npt.NDArray[np.float64]]:
+    def random_samples(self, n: int, rng: Any = None) -> dict[str, Floats]:
         """Return `n` samples, uniform over the universe of each variable."""
         generator = np.random.default_rng(rng)
         return {v.name: generator.uniform(v.low, v.high, n) for v in self.variables}
@@ -222,8 +215,6 @@ class RuleBase:
         region, so the regions cover all that the sensors can report; how often each occurs is
         another question. `method` is ``crisp`` or ``midpoint``.
         """
-        import pandas as pd
-
         check_method(method, "crisp", "midpoint")
         chosen = {v.name: v.cells(method) for v in self.variables} if values is None else values
         if set(chosen) != set(self.names) or not all(len(one) for one in chosen.values()):
@@ -245,8 +236,6 @@ class RuleBase:
         One row per vector: the code ``expected``, the codes that ``fired``, the ``top`` one, and
         whether that is ``right``.
         """
-        import pandas as pd
-
         decision = self.decide(vectors, method)
         expected = vectors.index.astype(str).to_numpy(dtype=object)
         table = decision.table()
@@ -268,8 +257,6 @@ class RuleBase:
 
         .. math:: z = \frac{\sum_i w_i \left( 2 - w_i \right) i}{\sum_i w_i \left( 2 - w_i \right)}
         """
-        import pandas as pd
-
         firing = self.fire(samples)
         decided = firing.decide().table()
         strength = np.atleast_2d(firing.strength)
@@ -381,8 +368,6 @@ class Firing:
 
     def table(self) -> pd.DataFrame:
         """Return one row per sample, one column per rule, and ``normal``."""
-        import pandas as pd
-
         if self.strength.ndim > 2:
             raise ArgumentError(f"strength has {self.strength.ndim} axes; a table has two")
         table = pd.DataFrame(np.atleast_2d(self.strength), columns=list(self.base.codes))
@@ -482,8 +467,6 @@ class Decision:
         ``missing`` and ``clipped`` name the sensors that report nothing, or lie outside their
         universe.
         """
-        import pandas as pd
-
         if self.active.ndim > 2:
             raise ArgumentError(f"active has {self.active.ndim} axes; a table has two")
         firing, top = self.firing, np.atleast_1d(self.top)
@@ -616,7 +599,7 @@ class Overlaps:
         check_method(self.method, "crisp", "midpoint")
 
     @cached_property
-    def _counts(self) -> npt.NDArray[np.int64]:
+    def _counts(self) -> Integers:
         """The number of regions in which each pair of rules fires."""
         table = self.base.regions(self.method)[list(self.base.names)]
         fires = self.base.fire(table, self.method).strength.astype(np.int64)
@@ -625,8 +608,6 @@ class Overlaps:
     @property
     def matrix(self) -> pd.DataFrame:
         """In how many regions each pair of rules fires; the diagonal counts those of each rule."""
-        import pandas as pd
-
         codes = list(self.base.codes)
         return pd.DataFrame(self._counts, index=codes, columns=codes)
 
@@ -645,8 +626,6 @@ class Overlaps:
         ``a in b`` means that b fires whenever a does; the others are ``b in a``, ``equal`` and
         ``overlap``.
         """
-        import pandas as pd
-
         names = {
             (True, True): "equal", (True, False): "a in b", (False, True): "b in a",
             (False, False): "overlap",

@@ -13,14 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Bools = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
+from shipnet.lazy import Axes
 
 #: What is reported when no rule fires, and when no sensor reports anything.
 NORMAL, UNKNOWN = "normal", "unknown"

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
     Quantity,
@@ -21,16 +22,11 @@ from shipnet.fields import (
     number,
     record,
 )
+from shipnet.lazy import Axes
 from shipnet.line.waveform import laplace_grid, synthesize
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: Legal constants: l and c are not 0, so that every cable has a wave impedance and a delay.
 LEAST, MOST = 1e-18, 1e12
-
-Complexes = npt.NDArray[np.complex128]
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,12 +20,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.line.network import Network
 from shipnet.line.waveform import Waveform
-
-Floats = npt.NDArray[np.float64]
 
 #: A quantity over time: a constant, its samples, or a function of the array of times.
 Signal = float | npt.ArrayLike | Callable[[Floats], npt.ArrayLike]

@@ -6,20 +6,19 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import fields, style
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees, record
+from shipnet.lazy import Axes
 from shipnet.line.cable import CABLES, Cable, Valued
 from shipnet.line.solver import Rooted, check_frequencies, closed_transfer, tree_transfer
 from shipnet.line.waveform import F_MAX, Waveform, record_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 #: Legal lengths [m]: a shorter line is a node, a longer one is not a field bus.
 SHORTEST, LONGEST = 1e-6, 1e6
@@ -29,8 +28,6 @@ LEAST, MOST = 1e-18, 1e18
 
 #: Legal currents and voltages at direct current, and minus that [A, V].
 _MOST_DC = 1e9
-
-Floats = npt.NDArray[np.float64]
 
 
 def _constant(unit: str, help: str) -> Any:

@@ -22,9 +22,9 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError, InputError
-
-Floats = npt.NDArray[np.float64]
+from shipnet.lazy import pd
 
 #: Fewest samples per second that resolve pulses of 3 us [1/s].
 SLOWEST_RATE = 1e6
@@ -524,8 +524,6 @@ def _parse(
     data: bytes, offset: int, separator: str | None, places: tuple[int, ...], decimal: str
 ) -> Floats:
     """Read all rows at once; raise ValueError where one is not as the others."""
-    import pandas as pd
-
     body = io.BytesIO(data)
     body.seek(offset)
     frame = pd.read_csv(

@@ -21,18 +21,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Complexes, Floats, Indices
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity
 from shipnet.line.cable import Cable
-
-Complexes = npt.NDArray[np.complex128]
-Floats = npt.NDArray[np.float64]
 
 #: Cable and length of each run of a network [m].
 Pieces = Sequence[tuple[Cable, Quantity]]
 
 #: Rows of an array: a view where they follow each other, or where one serves for all.
-Rows = slice | npt.NDArray[np.intp]
+Rows = slice | Indices
 
 #: Legal moduli of a complex frequency [rad/s].
 _LOWEST, _HIGHEST = 1e-9, 1e15
@@ -118,7 +116,7 @@ class Lines:
 
 
 def admittances(
-    shunts: npt.NDArray[np.float64], trees: slice, s: Complexes, out: Complexes | None = None
+    shunts: Floats, trees: slice, s: Complexes, out: Complexes | None = None
 ) -> Complexes:
     """Return what the loads at each node admit."""
     conductance, per_henry, capacitance = (

@@ -13,20 +13,15 @@ from dataclasses import dataclass
 from math import ceil
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Floats = npt.NDArray[np.float64]
-Complexes = npt.NDArray[np.complex128]
+from shipnet.lazy import Axes
 
 #: Highest frequency that counts where a change of current takes 3 us [Hz]. Legs of a star ring at
 #: a quarter wave, 12.8 MHz for 3 m, but so short a ringing has little to start it.
@@ -88,7 +83,7 @@ class Waveform:
             raise ArgumentError(f"there are {len(self.names)} names; u has {rows} rows")
 
     @property
-    def t(self) -> npt.NDArray[np.float64]:
+    def t(self) -> Floats:
         """Times [s]."""
         return self.start + self.dt * np.arange(self.u.shape[-1], dtype=np.float64)
 
@@ -148,7 +143,7 @@ class Waveform:
         return f"<Waveform: {what}; {self.u.shape[-1]} samples every {self.dt * 1e6:g} us>"
 
 
-def laplace_grid(duration: float, f_max: float, damping: float = 7.0) -> npt.NDArray[np.complex128]:
+def laplace_grid(duration: float, f_max: float, damping: float = 7.0) -> Complexes:
     r"""Return the complex frequencies from which `synthesize` makes a waveform.
 
     .. math:: s_k = \frac{d + 2 \pi j k}{T}, \qquad k = 0 \ldots \lceil f_{max} T \rceil
@@ -163,7 +158,7 @@ def laplace_grid(duration: float, f_max: float, damping: float = 7.0) -> npt.NDA
 
 def synthesize(
     spectrum: npt.ArrayLike, n_samples: int, duration: float, damping: float = 7.0
-) -> npt.NDArray[np.float64]:
+) -> Floats:
     """Return the waveforms of Laplace transforms that were sampled on `laplace_grid`."""
     check_whole("n_samples", n_samples, 1, 2**40)
     length = check_scalar("duration", duration, "s", 1e-12, 1e6)

@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from shipnet.fields import check_choice, check_scalar, check_whole
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 #: The tables that the limits are from.
 _NI = "National Instruments, PCMCIA-232 manual, table B-1"
@@ -123,8 +121,6 @@ def interfaces(
     >>> print(interfaces(3, 2000, 9600).set_index("interface").why_not["RS-485"])
     2000 m are more than 1219 m
     """
-    import pandas as pd
-
     count = check_whole("n_stations", n_stations, 2, 256)
     far = check_scalar("length", length, "m", 0, 1e5)
     load = check_scalar("unit_load", unit_load, "", 0.125, 1)

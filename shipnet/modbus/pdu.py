@@ -8,10 +8,11 @@ of the "MODBUS application protocol specification" V1.1b3, 2012.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
 from struct import pack, unpack
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from shipnet.errors import (
     ArgumentError,
@@ -22,6 +23,7 @@ from shipnet.errors import (
     UnknownCallError,
 )
 from shipnet.fields import check_whole
+from shipnet.lazy import pd
 from shipnet.modbus.frame import (
     MAX_PDU,
     MAX_UNIT,
@@ -33,9 +35,6 @@ from shipnet.modbus.frame import (
     rtu_frame,
     tcp_frame,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: Most coils or registers that one request reads, by function code; section 6.
 READ_LIMITS = {1: 2000, 2: 2000, 3: 125, 4: 125, 23: 125}
@@ -302,9 +301,27 @@ class Request(_Framed):
     @classmethod
     def parse(cls, pdu: bytes) -> Request:
         """Return the request that a PDU is, or raise the error that names the wrong field."""
-        data, function = _opened(pdu, "request")
+        data = _opened(pdu, "request")
+        parts = _parts(data, _REQUESTS)
+        values = parts.get("values", b"")
+        address, number, *more = _numbers(parts)
         try:
-            return _request(function, data)
+            match data[0]:
+                case 5:
+                    return cls.write_single_coil(address, _coil(number))
+                case 6:
+                    return cls.write_single_register(address, number)
+                case 15:
+                    if -(-number // 8) != len(values):
+                        count = f"byte count is {len(values)}"
+                        raise FieldError(f"{count}, but {number} coils need another")
+                    return cls.write_multiple_coils(address, unpack_coils(values)[:number])
+                case 16:
+                    return cls.write_multiple_registers(address, _registers(values, number))
+                case 23:
+                    registers = _registers(values, more[1])
+                    return cls.read_write_multiple_registers(address, number, more[0], registers)
+            return cls(FunctionCode(data[0]), address, number)
         except ArgumentError as error:
             raise FieldError(str(error)) from None
 
@@ -442,9 +459,22 @@ class Response(_Framed):
         """
         if request is not None and not isinstance(request, Request):
             raise ArgumentError(f"request is {request!r}; it must be a Request")
-        data, function = _opened(pdu, "response")
+        data = _opened(pdu, "response")
+        parts, code = _parts(data, _RESPONSES), data[0]
+        values, numbers = parts.get("values", b""), _numbers(parts)
         try:
-            response = _response(function, data)
+            if code > 0x80:
+                response = cls(code & 0x7F, exception=data[1])  # type: ignore[arg-type]
+            elif code <= 2:
+                response = cls(code, coils=unpack_coils(values))
+            elif code in _REGISTERS_READ:
+                response = cls(code, registers=_registers(values))
+            elif code == 5:
+                response = cls(code, coils=(_coil(numbers[1]),), address=numbers[0])
+            elif code == 6:
+                response = cls(code, registers=(numbers[1],), address=numbers[0])
+            else:
+                response = cls(code, address=numbers[0], quantity=numbers[1])
         except ArgumentError as error:
             raise FieldError(str(error)) from None
         return response if request is None else _compared(request, response, data)
@@ -469,60 +499,71 @@ class Response(_Framed):
 # Reading ----------------------------------------------------------------------------------------
 
 
-def _opened(pdu: bytes, kind: str) -> tuple[bytes, int]:
+#: Fields behind the function code of a request and of a normal response by function code; two bytes
+#: each, but for a byte count and the values that it counts. Sections 6.1 to 6.17.
+_BLOCK, _ONE, _COUNTED = (
+    ("starting address", "quantity"),
+    ("address", "value"),
+    ("byte count", "values"),
+)
+_REQUESTS: dict[int, tuple[str, ...]] = {
+    **dict.fromkeys((1, 2, 3, 4), _BLOCK), **dict.fromkeys((5, 6), _ONE),
+    **dict.fromkeys((15, 16), _BLOCK + _COUNTED),
+    23: (*_BLOCK, "write starting address", "write quantity", *_COUNTED),
+}  # fmt: skip
+_RESPONSES: dict[int, tuple[str, ...]] = {
+    **dict.fromkeys((1, 2, 3, 4, 23), _COUNTED), **dict.fromkeys((5, 6), _ONE),
+    **dict.fromkeys((15, 16), _BLOCK),
+}  # fmt: skip
+
+
+def _opened(pdu: bytes, kind: str) -> bytes:
     if not isinstance(pdu, bytes | bytearray | memoryview):
         raise ArgumentError(f"pdu is {pdu!r}; it must be bytes")
-    data = bytes(pdu)
-    if not 1 <= len(data) <= MAX_PDU:
-        raise LengthError(f"the {kind} has {len(data)} bytes; it must have 1..{MAX_PDU}")
-    return data, data[0]
+    if not 1 <= len(pdu) <= MAX_PDU:
+        raise LengthError(f"the {kind} has {len(pdu)} bytes; it must have 1..{MAX_PDU}")
+    return bytes(pdu)
 
 
-def _request(function: int, data: bytes) -> Request:
-    match function:
-        case 1 | 2 | 3 | 4:
-            return Request(FunctionCode(function), *_two(data))
-        case 5 | 6:
-            address, value = _single(function, data)
-            if function == 6:
-                return Request.write_single_register(address, value)
-            return Request.write_single_coil(address, bool(value))
-        case 15:
-            start, quantity = unpack(">HH", _part(data, 6)[1:5])
-            coils = unpack_coils(_counted(data, 5))
-            if -(-quantity // 8) != data[5]:
-                raise FieldError(f"byte count is {data[5]}, but {quantity} coils need another")
-            return Request.write_multiple_coils(start, coils[:quantity])
-        case 16:
-            start, quantity = unpack(">HH", _part(data, 6)[1:5])
-            registers = _registers(_counted(data, 5), quantity)
-            return Request.write_multiple_registers(start, registers)
-        case 23:
-            read, quantity, write, n = unpack(">4H", _part(data, 10)[1:9])
-            registers = _registers(_counted(data, 9), n)
-            return Request.read_write_multiple_registers(read, quantity, write, registers)
-    raise UnknownCallError(f"function code is {function}; it must be {_CODES}")
+def _parts(data: bytes, layouts: dict[int, tuple[str, ...]]) -> dict[str, bytes]:
+    """Return the bytes of each field behind the function code."""
+    if data[0] > 0x80 and layouts is _RESPONSES:
+        if len(data) != 2:
+            raise LengthError(f"the exception has {len(data)} bytes; it must have 2")
+        return {"exception code": data[1:]}
+    if data[0] not in layouts:
+        raise UnknownCallError(f"function code is {data[0]}; it must be {_CODES}")
+    names = layouts[data[0]]
+    counted = names[-1] == "values"
+    end = 1 + 2 * len(names[:-2] if counted else names)
+    if len(data) <= end if counted else len(data) != end:
+        needed = f"{end + 1} or more" if counted else end
+        raise LengthError(f"the PDU has {len(data)} bytes; it must have {needed}")
+    parts = {name: data[k : k + 2] for name, k in zip(names, range(1, end, 2), strict=False)}
+    if counted:
+        parts["byte count"], parts["values"] = data[end : end + 1], data[end + 1 :]
+        if data[end] != len(parts["values"]):
+            raise LengthError(f"byte count is {data[end]}, but {len(data) - end - 1} bytes follow")
+    return parts
 
 
-def _response(function: int, data: bytes) -> Response:
-    match function:
-        case 1 | 2:
-            return Response(function, coils=unpack_coils(_counted(data, 1)))
-        case 3 | 4 | 23:
-            return Response(function, registers=_registers(_counted(data, 1)))
-        case 5 | 6:
-            address, value = _single(function, data)
-            if function == 6:
-                return Response(function, registers=(value,), address=address)
-            return Response(function, coils=(bool(value),), address=address)
-        case 15 | 16:
-            address, quantity = _two(data)
-            return Response(function, address=address, quantity=quantity)
-        case refused if refused > 0x80:
-            if len(data) != 2:
-                raise LengthError(f"the exception has {len(data)} bytes; it must have 2")
-            return Response(refused & 0x7F, exception=data[1])  # type: ignore[arg-type]
-    raise UnknownCallError(f"function code is {function}; it must be {_CODES}")
+def _numbers(parts: dict[str, bytes]) -> list[int]:
+    """Return the fields before a byte count as numbers."""
+    words = [part for name, part in parts.items() if name not in _COUNTED]
+    return [int.from_bytes(word, "big") for word in words]
+
+
+def _coil(value: int) -> bool:
+    if value not in (0, 0xFF00):
+        raise FieldError(f"coil value is 0x{value:04X}; it must be 0x0000 or 0xFF00")
+    return bool(value)
+
+
+def _registers(data: bytes, quantity: int | None = None) -> tuple[int, ...]:
+    if len(data) % 2 or quantity not in (None, len(data) // 2):
+        needed = "an even number" if quantity is None else f"2 x {quantity}"
+        raise FieldError(f"byte count is {len(data)}; it must be {needed}")
+    return unpack(f">{len(data) // 2}H", data)
 
 
 def _compared(request: Request, response: Response, data: bytes) -> Response:
@@ -536,52 +577,10 @@ def _compared(request: Request, response: Response, data: bytes) -> Response:
         if len(data) != request.response_size:
             expected = request.response_size - 2
             raise MismatchError(f"byte count is {data[1]}, but what was asked makes {expected}")
-        if code <= 2:
-            return Response(code, coils=response.coils[: request.quantity])
-    elif code in (5, 6) and data != request.pdu:
-        raise MismatchError(f"the echo is {data.hex()}, but {request.pdu.hex()} was asked")
-    elif data[1:] != request.pdu[1:5]:
-        raise MismatchError(
-            f"address and quantity are {data[1:].hex()}, but {request.pdu[1:5].hex()} was asked"
-        )
+        return Response(code, coils=response.coils[: request.quantity]) if code <= 2 else response
+    if data != (echo := request.response().pdu):
+        raise MismatchError(f"the echo is {data.hex()}, but {echo.hex()} was asked")
     return response
-
-
-def _part(data: bytes, least: int) -> bytes:
-    if len(data) < least:
-        raise LengthError(f"the PDU has {len(data)} bytes; it must have {least} or more")
-    return data
-
-
-def _two(data: bytes) -> tuple[int, int]:
-    """Read the two fields of a PDU that has 5 bytes."""
-    if len(data) != 5:
-        raise LengthError(f"the PDU has {len(data)} bytes; it must have 5")
-    first, second = unpack(">HH", data[1:])
-    return first, second
-
-
-def _single(function: int, data: bytes) -> tuple[int, int]:
-    """Read address and value of function code 5 or 6."""
-    address, value = _two(data)
-    if function == FunctionCode.WRITE_SINGLE_COIL and value not in (0, 0xFF00):
-        raise FieldError(f"coil value is 0x{value:04X}; it must be 0x0000 or 0xFF00")
-    return address, value
-
-
-def _counted(data: bytes, place: int) -> bytes:
-    """Return what follows a byte count."""
-    rest = _part(data, place + 1)[place + 1 :]
-    if data[place] != len(rest):
-        raise LengthError(f"byte count is {data[place]}, but {len(rest)} bytes follow")
-    return rest
-
-
-def _registers(data: bytes, quantity: int | None = None) -> tuple[int, ...]:
-    if len(data) % 2 or quantity not in (None, len(data) // 2):
-        needed = "an even number" if quantity is None else f"2 x {quantity}"
-        raise FieldError(f"byte count is {len(data)}; it must be {needed}")
-    return unpack(f">{len(data) // 2}H", data)
 
 
 # Frames -----------------------------------------------------------------------------------------
@@ -661,8 +660,6 @@ class Adu:
 
         With a transaction id the frame is that of TCP, else RTU.
         """
-        import pandas as pd
-
         if self.transaction_id is None:
             fields, rest = {"unit id": self.rtu[:1]}, {"CRC": self.rtu[-2:]}
         else:
@@ -674,11 +671,19 @@ class Adu:
                 "unit id": head[6:],
             }
             rest = {}
-        fields |= _fields(self.pdu) | rest
+        fields |= {"function code": self.pdu[:1], **self._parts()} | rest
         return pd.DataFrame(
             {"bytes": [part.hex(" ") for part in fields.values()]},
             index=pd.Index(list(fields), name="field"),
         )
+
+    def _parts(self) -> dict[str, bytes]:
+        """Return the bytes behind the function code by field, all as data if they are neither."""
+        for parse, layouts in ((Request.parse, _REQUESTS), (Response.parse, _RESPONSES)):
+            with suppress(FrameError):
+                parse(self.pdu)
+                return _parts(self.pdu, layouts)
+        return {"data": self.pdu[1:]} if self.pdu[1:] else {}
 
 
 def decode(data: bytes, framing: Framing = "rtu") -> Adu:
@@ -721,32 +726,3 @@ def decode(data: bytes, framing: Framing = "rtu") -> Adu:
     True
     """
     return Adu(*read_frame(data, framing))
-
-
-def _fields(pdu: bytes) -> dict[str, bytes]:
-    """Return the bytes of a PDU by field."""
-    fields = {"function code": pdu[:1]}
-    code, rest = pdu[0], pdu[1:]
-    try:
-        Request.parse(pdu)
-    except FrameError:
-        pass
-    else:
-        if code in (5, 6):
-            return fields | {"address": rest[:2], "value": rest[2:]}
-        fields |= {"starting address": rest[:2], "quantity": rest[2:4]}
-        if code in (15, 16):
-            fields |= {"byte count": rest[4:5], "values": rest[5:]}
-        elif code == 23:
-            fields |= {"write starting address": rest[4:6], "write quantity": rest[6:8]}
-            fields |= {"byte count": rest[8:9], "values": rest[9:]}
-        return fields
-    try:
-        response = Response.parse(pdu)
-    except FrameError:
-        return fields | ({"data": rest} if rest else {})
-    if response.exception is not None:
-        return fields | {"exception code": rest}
-    if code in READ_LIMITS:
-        return fields | {"byte count": rest[:1], "values": rest[1:]}
-    return fields | {"starting address": rest[:2], "quantity": rest[2:]}

@@ -20,11 +20,6 @@ class Poll:
 
     .. math:: T = t_{request} + t_{3.5} + t_{processing} + t_{response} + t_{3.5}
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
-
     Notes
     -----
     After a time-out the next request follows at once, because the line has been silent. The

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Floats
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
@@ -22,15 +23,10 @@ from shipnet.fields import (
     switch,
     whole,
 )
+from shipnet.lazy import Axes, pd
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.polling import Poll
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-Floats = npt.NDArray[np.float64]
 
 #: Colour and word of what serves a slave.
 _SERVED = {"A": ("C0", "through A"), "B": ("C1", "through B"), "-": ("0.75", "lost")}
@@ -157,8 +153,6 @@ class _Redundant:
         ``worst_gap_s`` is the longest time between two answers of any slave still served, NaN if
         there is none.
         """
-        import pandas as pd
-
         faults = self.single_faults()
         stay, moved = np.array([self.reach(fault).counts for fault in faults]).T
         lost = self.n_slaves - stay - moved
@@ -176,11 +170,6 @@ class _Redundant:
 @record(slots=True)
 class Loop(_Redundant):
     r"""A line from port A of a master past all slaves, in a closed loop back to its port B.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
 
     Notes
     -----
@@ -396,11 +385,6 @@ class Loop(_Redundant):
 @record(slots=True)
 class DualChannel(_Redundant):
     r"""Two channels from a master to two slaves that both hold all data.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
 
     Notes
     -----

@@ -6,23 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats, Integers
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
+from shipnet.lazy import Axes, pd
 from shipnet.modbus.redundancy import DualChannel, Faults, Loop, System, line_faults
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 #: Ports, and in place of one: served by none.
 A, B, LOST = range(3)
@@ -205,8 +198,6 @@ class Run:
         ``kind`` is poll, switch (the other port is asked at once) or probe (what failed is tried
         again), and ``answered`` says whether the whole response came.
         """  # noqa: E501
-        import pandas as pd
-
         start, slave, port, kind, answered = self._columns
         poll = self.system.poll
         return pd.DataFrame(
@@ -221,14 +212,14 @@ class Run:
         )
 
     @cached_property
-    def _columns(self) -> tuple[Floats, Ints, Ints, Ints, npt.NDArray[np.bool_]]:
+    def _columns(self) -> tuple[Floats, Integers, Integers, Integers, Bools]:
         columns = list(zip(*self.tries, strict=True)) if self.tries else [()] * 5
         slave, port, kind = (np.array(column, dtype=np.int64) for column in columns[1:4])
         start, answered = np.array(columns[0], dtype=float), np.array(columns[4], dtype=bool)
         return start, slave, port, kind, answered
 
     @cached_property
-    def _answers(self) -> tuple[Floats, Ints, Ints]:
+    def _answers(self) -> tuple[Floats, Integers, Integers]:
         """Return end, slave and port of the responses, slave by slave."""
         start, slave, port, _, answered = self._columns
         order = np.flatnonzero(answered)
@@ -264,8 +255,6 @@ class Run:
         than before; ``recovery_s``, from the last repair to the first answer through port A of a
         slave that was not served from there. NaN where there was none.
         """
-        import pandas as pd
-
         time, slave, port = self._answers
         begin = min((fault.start for fault in self.faults), default=inf)
         repaired = max((fault.stop for fault in self.faults if fault.stop < inf), default=inf)

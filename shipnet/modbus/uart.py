@@ -10,43 +10,25 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
-from re import fullmatch
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Bytes, Floats, Integers
 from shipnet.errors import ArgumentError, FormError, ParityError
-from shipnet.fields import check_kind, check_scalar, check_whole, number, record
+from shipnet.fields import check_kind, check_scalar, check_whole, choice, number, record
+from shipnet.lazy import Axes
 from shipnet.modbus.frame import MAX_PDU, RTU_BYTES
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Bits = npt.NDArray[np.uint8]
-Floats = npt.NDArray[np.float64]
-
-#: Data bits of a character of RTU.
+#: Data bits of a character of RTU, and what a character may be: data bits, parity, stop bits.
 _DATA = 8
+CHARACTERS = ("8E1", "8E2", "8O1", "8O2", "8N1", "8N2")
 
 
 @record(slots=True)
 class SerialLine:
     r"""Settings of an RTU line.
-
-    Parameters
-    ----------
-    bit_rate : float
-        50..10e6 [bit/s].
-    character : str, default "8E1"
-        Data bits (8 in RTU), parity (N, E or O) and stop bits (1 or 2). The standard asks for
-        8E1 as default, and for 8N2 without parity; 8N1 is common nevertheless.
-
-    Raises
-    ------
-    ArgumentError
-        If the bit rate is out of range, or the character is unknown.
 
     References
     ----------
@@ -61,7 +43,10 @@ class SerialLine:
     """
 
     bit_rate: float = number(50, 10e6, "bit/s", "Bit rate")
-    character: str = "8E1"
+    character: str = choice(
+        CHARACTERS, "Data bits (8 in RTU), parity and stop bits. The standard asks for 8E1 as "
+        "default, and for 8N2 without parity; 8N1 is common nevertheless", default="8E1",
+    )  # fmt: skip
 
     #: Highest bit rate at which the silences are counted in characters [bit/s], and what they are
     #: above it [s]; section 2.5.1.1.
@@ -69,16 +54,9 @@ class SerialLine:
     FIXED_T15: ClassVar[float] = 750e-6
     FIXED_T35: ClassVar[float] = 1.75e-3
 
-    def __post_init__(self) -> None:
-        """Check the character."""
-        if not isinstance(self.character, str) or not fullmatch("8[NEO][12]", self.character):
-            raise ArgumentError(
-                f"character is {self.character!r}; it must be 8, one of N, E, O, and 1 or 2"
-            )
-
     @property
     def character_bits(self) -> int:
-        """Bits on the line for a byte: start, 8 data, parity if any, stop."""
+        """Bytes on the line for a byte: start, 8 data, parity if any, stop."""
         return 9 + (self.character[1] != "N") + int(self.character[2])
 
     @property
@@ -162,7 +140,7 @@ class SerialLine:
         return (n - 1) / (n - 0.5) - 1, highest - 1
 
 
-def _line_bits(data: bytes, line: SerialLine) -> Bits:
+def _line_bits(data: bytes, line: SerialLine) -> Bytes:
     """Return the bits of bytes on a line, one character per row: start, data, parity, stop."""
     if not isinstance(data, bytes | bytearray | memoryview):
         raise ArgumentError(f"data is {data!r}; it must be bytes")
@@ -189,9 +167,9 @@ class Characters(NamedTuple):
     #: Edge of the start bit, as the receiver saw it [s].
     time: Floats
     #: The byte, whatever its code.
-    value: Bits
+    value: Bytes
     #: 0, or the code of `ParityError` or `FormError`; `shipnet.errors.name_of` names it.
-    code: npt.NDArray[np.int64]
+    code: Integers
 
     @property
     def data(self) -> bytes:

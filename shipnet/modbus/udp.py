@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from heapq import heappop, heappush
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Floats, Integers
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
     check_choice,
@@ -22,14 +22,10 @@ from shipnet.fields import (
     number,
     record,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 __all__ = ["LossyPath", "compare"]
 
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
 Match = Literal["nothing", "unit id", "transaction id"]
 
 #: Transaction ids have 16 bits.
@@ -228,8 +224,6 @@ def compare(
     unit id                 10           0        32       31
     transaction id           0           0        39       38
     """
-    import pandas as pd
-
     seed = int(check_rng(rng).integers(2**63))
     settings = {"timeout": timeout, "period": period, "processing": processing, "flush": flush}
     rows = {}

@@ -4,10 +4,8 @@ from . import kim2014 as kim2014
 from . import kim2023 as kim2023
 from . import lee2012 as lee2012
 from .claims import PAPERS as PAPERS
-from .items import PrintedTable as PrintedTable
 from .items import figure as figure
 from .items import table as table
 from .judging import Claim as Claim
-from .judging import Ledger as Ledger
 from .judging import ledger as ledger
 from .judging import show as show

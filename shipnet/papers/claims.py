@@ -6,13 +6,11 @@ import math
 import re
 from collections.abc import Hashable, Iterator, Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError, InputError
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 #: The papers by their keys, in the order in which they are shown.
 PAPERS: Mapping[str, str] = {

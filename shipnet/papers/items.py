@@ -5,29 +5,19 @@ from __future__ import annotations
 import importlib
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shipnet import datasets, style
 from shipnet.errors import ArgumentError
+from shipnet.lazy import Axes, pd
 from shipnet.papers import judging
 from shipnet.papers.claims import check_paper
 from shipnet.papers.registry import FIGURES, TABLES
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
 
 @dataclass(frozen=True)
 class PrintedTable:
-    """A table of a paper, as printed and as the code generates it; see `table`.
-
-    Examples
-    --------
-    >>> five = PrintedTable("kim2023", "Table 5")
-    >>> five.printed.loc["RESET", "I3"], five.ours.loc["RESET", "I3"]
-    ('S', '~S')
-    """
+    """A table of a paper, as printed and as the code generates it."""
 
     paper: str
     item: str
@@ -63,8 +53,6 @@ class PrintedTable:
         A row that only one side has is listed once, with an empty column name. Kind, claim and
         reason are NaN where nobody has explained a difference.
         """
-        import pandas as pd
-
         theirs, ours = self.printed, self.ours
         found = []
         for row in ours.index.union(theirs.index, sort=False):
@@ -120,6 +108,9 @@ def table(paper: str, item: str) -> PrintedTable:
 
     Examples
     --------
+    >>> five = table("kim2023", "Table 5")
+    >>> five.printed.loc["RESET", "I3"], five.ours.loc["RESET", "I3"]
+    ('S', '~S')
     >>> len(table("kim2023", "Table 7").differences())
     0
     """

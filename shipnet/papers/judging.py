@@ -11,16 +11,13 @@ import importlib
 import math
 import re
 from collections.abc import Collection, Hashable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from shipnet import datasets, style
+from shipnet import style
 from shipnet.errors import ArgumentError
+from shipnet.lazy import Axes, pd
 from shipnet.papers.claims import CONDITIONS, PAPERS, UNDECIDED, as_number, check_paper, rows
 from shipnet.papers.registry import REGISTRY
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 #: Colour of each kind of treatment: the basis of what is judged, or why a claim is not.
 _COLOURS = {
@@ -87,13 +84,7 @@ class Claim:
 
 
 class Ledger:
-    """The claims of one paper or of all, each with its recomputation and its verdict; see `ledger`.
-
-    Examples
-    --------
-    >>> Ledger("kim2014")  # doctest: +ELLIPSIS
-    <Ledger of kim2014: ... claims, ... judged, ... agree, open: 0>
-    """
+    """The claims of one paper or of all, each with its recomputation and its verdict."""
 
     def __init__(self, paper: str | None = None) -> None:
         self.paper = paper
@@ -105,16 +96,12 @@ class Ledger:
         `published` is as printed; `computed` is a float, or a bool for a statement, or None;
         `relative_difference` is computed over published, minus 1.
         """
-        import pandas as pd
-
         order = list(PAPERS)
         claims = sorted(self._claims, key=lambda one: (order.index(one["paper"]), one["id"]))
         return pd.DataFrame([_judge(claim) for claim in claims]).set_index("id")
 
     def counts(self) -> pd.DataFrame:
         """Return how many claims of each paper are judged on each basis, or not judged."""
-        import pandas as pd
-
         table = self.table()
         how = table["basis"].where(table["status"] == "judged", table["status"])
         counted = pd.crosstab(table["paper"], how)
@@ -135,11 +122,6 @@ class Ledger:
     def errata(self) -> pd.DataFrame:
         """Return the misprints, wrong terms and slips of numbering, each with its correction."""
         return self.table().query("kind == 'erratum'")[["where", "claim", "published", "corrected"]]
-
-    def items(self) -> pd.DataFrame:
-        """Return the figures and tables of the papers, and how each is treated."""
-        items = datasets.read("figures_tables.csv")
-        return items if self.paper is None else items[items["paper"] == self.paper]
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw how many claims of each paper are treated how; numbers below 4 are not written."""
@@ -225,8 +207,6 @@ def show(*claims: str) -> pd.DataFrame:
     >>> show("kim2023-004").loc["kim2023-004", "we compute"]
     '0.4032 %'
     """
-    import pandas as pd
-
     ids = " ".join(claims).split()
     rows = [_judge(claim) for claim in _claims_by_id(ids)]
     shown = {

@@ -3,7 +3,8 @@
 A *numeric* claim is a number that a paper prints; its function returns ours. A *qualitative* one
 is a statement; its function says whether it holds. Both take named inputs, so that a test can
 move an input and see the result move: a typed constant cannot pass for a computation. Claims that
-differ in their inputs alone share a function.
+differ in their inputs alone share a function. One that is a single expression is a lambda: its
+claim says in words what it computes.
 """
 
 from __future__ import annotations
@@ -78,8 +79,8 @@ class Recomputation:
 
     @property
     def evidence(self) -> str:
-        """Full name of the function."""
-        return f"{self.function.__module__}.{self.function.__name__}"
+        """Full name of the function, or of its module if the function has no name."""
+        return f"{self.function.__module__}.{self.function.__name__}".removesuffix(".<lambda>")
 
 
 def _is_paper(frame: FrameType) -> bool:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.intervals import share_interval
+from shipnet.lazy import Axes, pd
 from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat, Shares
 from shipnet.remote_control.system import Supervision, System
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 #: Only when the value has changed, as printed; or in every packet.
 Sending = Literal["changed", "cyclic"]
@@ -135,8 +132,6 @@ class Comparison:
         `MarkerFormat.error_shares`, ``missed`` the share of the disturbed packets that is accepted,
         and ``items_lost`` counts items discarded per item sent.
         """
-        import pandas as pd
-
         return pd.DataFrame(list(self._rows))
 
     def plot(self, ax: Axes | None = None, *, bit_error_rate: float | None = None) -> Axes:
@@ -254,8 +249,6 @@ def candidates(
     turn. Where only changes are sent, a packet is as long as the most items that change at once,
     taken as all; its failures are counted for packets of one item.
     """
-    import pandas as pd
-
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     p = check_scalar("rate", rate, "", 0, 0.1)
     most_wrong = check_scalar("wrong_per_year", wrong_per_year, "", 1e-12, 1e12)

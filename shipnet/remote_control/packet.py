@@ -13,25 +13,22 @@ from __future__ import annotations
 
 from decimal import Decimal, localcontext
 from functools import cache
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Bytes, Floats
 from shipnet.crc import MODBUS
 from shipnet.errors import FrameError
 from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
+from shipnet.lazy import pd
 from shipnet.remote_control.packet_format import (
-    Bytes,
-    Flags,
     Items,
     NumberCheck,
     PacketFormat,
     check_bytes,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: The markers; K. Y. Chung and K. S. Rhyu, "A study on the communication method for a ship main
 #: engine remote control system", 1998, section 3.2.
@@ -61,15 +58,13 @@ _NUMBER_CHECKS = {
     "rising": "the numbers are known and rise",
 }
 
-Floats = npt.NDArray[np.float64]
-
 
 def _crc(rows: Bytes) -> npt.NDArray[np.unsignedinteger]:
     # A single packet is quicker as bytes.
     return np.array([MODBUS.of(rows.tobytes())], np.uint16) if len(rows) == 1 else MODBUS.of(rows)
 
 
-def _crc_fits(rows: Bytes) -> Flags:
+def _crc_fits(rows: Bytes) -> Bools:
     # Behind its own check, the register of a reflected CRC without final addition is 0.
     return np.asarray(_crc(rows) == 0)
 
@@ -82,8 +77,6 @@ def _with_crc(rows: Bytes) -> Bytes:
 
 def _traced(taken: list[tuple[int, str]], start: int, size: int) -> pd.DataFrame:
     """Return a row per byte with its place in a ring of `size`."""
-    import pandas as pd
-
     check_whole("size", size, 2, 65536)
     check_whole("start", start, 0, size - 1)
     rows = [((start + k) % size, f"0x{byte:02X}", what) for k, (byte, what) in enumerate(taken)]
@@ -225,7 +218,7 @@ class MarkerFormat(PacketFormat):
         rows[:, -1] = PACKET_END
         return _with_crc(rows) if self.crc else rows
 
-    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Flags, Flags, Bytes]:
+    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
         head, lead = len(self.head), len(self.lead)
         end = rows.shape[1] - 1 - _CRC * self.crc
         groups = rows[:, head:end].reshape(len(rows), n_items, lead + _ITEM)
@@ -335,7 +328,7 @@ def stuff(data: Bytes) -> Bytes:
     return np.where(rows[:, :-1] == 0, step, rows[:, :-1])
 
 
-def unstuff(rows: Bytes) -> tuple[Flags, Bytes]:
+def unstuff(rows: Bytes) -> tuple[Bools, Bytes]:
     """Return which rows are stuffed, and the bytes that `stuff` was given for those."""
     n_rows, width = rows.shape
     good = (rows != 0).all(axis=1)
@@ -443,7 +436,7 @@ class CobsFormat(PacketFormat):
         rows[:, :-1] = stuff(data)
         return rows
 
-    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Flags, Flags, Bytes]:
+    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
         formed, data = unstuff(rows[:, :-1])
         formed &= rows[:, -1] == 0
         return formed, _crc_fits(data), data[:, :-2].reshape(len(rows), n_items, 3)

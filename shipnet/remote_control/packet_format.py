@@ -13,6 +13,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Bytes, Integers, Words
 from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
 from shipnet.fields import check_scalar, check_whole
 
@@ -22,8 +23,6 @@ Items = tuple[tuple[int, int], ...]
 #: What a receiver requires of the numbers.
 NumberCheck = Literal["any", "known", "rising"]
 
-Bytes = npt.NDArray[np.uint8]
-Flags = npt.NDArray[np.bool_]
 
 #: Packets worked on at a time.
 _CHUNK = 1 << 16
@@ -93,12 +92,12 @@ class Decoded(NamedTuple):
 
     error: Bytes
     numbers: Bytes
-    values: npt.NDArray[np.uint16]
+    values: Words
 
     @property
-    def accepted(self) -> Flags:
+    def accepted(self) -> Bools:
         """Whether each packet is accepted, shape (n_packets,)."""
-        accepted: Flags = self.error == 0
+        accepted: Bools = self.error == 0
         return accepted
 
 
@@ -274,21 +273,21 @@ class PacketFormat:
     def _encode_rows(self, items: Bytes) -> Bytes:
         raise NotImplementedError
 
-    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Flags, Flags, Bytes]:
+    def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
         """Return whether form and CRC are in order, and the items."""
         raise NotImplementedError
 
-    def _accepts(self, numbers: Bytes) -> Flags:
+    def _accepts(self, numbers: Bytes) -> Bools:
         """Return whether the receiver accepts each row of numbers."""
         if self.numbers == "any":
             return np.ones(len(numbers), bool)
-        accepts: Flags = np.all(numbers < self.n_numbers, axis=1)
+        accepts: Bools = np.all(numbers < self.n_numbers, axis=1)
         if self.numbers == "rising":
             accepts &= np.all(numbers[:, 1:] > numbers[:, :-1], axis=1)
         return accepts
 
 
-def _whole(name: str, values: npt.ArrayLike, highest: int) -> npt.NDArray[np.int64]:
+def _whole(name: str, values: npt.ArrayLike, highest: int) -> Integers:
     try:
         array = np.asarray(values)
     except ValueError:
@@ -305,7 +304,7 @@ def _single_flip_share(packet_format: PacketFormat, n_items: int) -> float:
     return float(packet_format.decode_batch(flipped).accepted.mean())
 
 
-def _hits(n_bits: int, p: float, rng: np.random.Generator) -> npt.NDArray[np.int64]:
+def _hits(n_bits: int, p: float, rng: np.random.Generator) -> Integers:
     """Return which of so many bits are inverted, in rising order."""
     if p == 0 or n_bits == 0:
         return np.zeros(0, np.int64)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +13,7 @@ from matplotlib.patches import Patch, Rectangle, Wedge
 
 from shipnet import style
 from shipnet.errors import ArgumentError
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 #: What each case shows, and its colour: normal pale, abnormal strong.
 _CASES = {

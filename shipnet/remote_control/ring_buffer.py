@@ -14,21 +14,19 @@ unread bytes:
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.lazy import Axes, pd
 from shipnet.remote_control.packet import PACKET_START
 from shipnet.remote_control.packet_format import check_bytes
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 Case = Literal["a", "b", "c", "d"]
 Action = Literal["take", "wait", "stop", "repair"]
@@ -42,6 +40,13 @@ class State(NamedTuple):
     ring_f: int
     get_no: int
     ring_get_f: int
+
+    @property
+    def case(self) -> Case:
+        """Which of the four cases they show, in the order of the printed list."""
+        if self.ring_f == self.ring_get_f:
+            return "b" if self.no >= self.get_no else "a"
+        return "c" if self.no >= self.get_no else "d"
 
 
 class Step(NamedTuple):
@@ -58,21 +63,15 @@ class Step(NamedTuple):
     stale: bool = False
 
 
-def pointer_case(state: State) -> Case:
-    """Return which of the four cases the variables show, in the order of the printed list."""
-    return _case(state.no >= state.get_no, state.ring_f == state.ring_get_f)
-
-
-def _case(ahead: bool, same_flag: bool) -> Case:
-    if same_flag:
-        return "b" if ahead else "a"
-    return "c" if ahead else "d"
+def bytes_of(steps: Iterable[Step]) -> bytes:
+    """Return the bytes that some steps took."""
+    return bytes(step.byte for step in steps if step.byte is not None)
 
 
 def case_of(get_no: int, lead: int, size: int) -> Case:
     """Return the case that shows if the writer leads a reader at a place by so many bytes."""
     ring_f, no = divmod((get_no + lead) % (2 * size), size)
-    return pointer_case(State(no, ring_f, get_no, 0))
+    return State(no, ring_f, get_no, 0).case
 
 
 class Ring:
@@ -185,9 +184,7 @@ class Ring:
     @property
     def case(self) -> Case:
         """The case that the variables show."""
-        lap, no = divmod(self.written, self.size)
-        lap_read, get_no = divmod(self._reader, self.size)
-        return _case(no >= get_no, (lap - lap_read) % 2 == 0)
+        return self.state.case
 
     @property
     def unread(self) -> int:
@@ -237,6 +234,13 @@ class Ring:
             return Step(case, "wait")
         return self._take(case)
 
+    def drain(self) -> list[Step]:
+        """Read on until the reader waits or stops, as the task does; return the steps."""
+        steps = [self.extract()]
+        while steps[-1].action in ("take", "repair"):
+            steps.append(self.extract())
+        return steps
+
     def explore(self, max_unread: int | None = None) -> pd.DataFrame:
         """Return every state that some order of storing and extracting reaches, and its step.
 
@@ -247,8 +251,6 @@ class Ring:
 
         Every byte stored is 0xCC, so that a repair finds a packet's start at once.
         """
-        import pandas as pd
-
         check_whole("size", self.size, 2, 16)
         limit = 3 * self.size
         if max_unread is not None:
@@ -354,8 +356,6 @@ class RingCases:
         A row per lap, from a lead of ``from`` to one of ``to`` bytes. A lead of exactly one lap is
         a full ring: nothing is lost yet, though case c shows.
         """
-        import pandas as pd
-
         shown = self._shown().reshape(self.laps, -1)
         first = np.arange(self.laps) * self.size
         counts = {case: (shown == case).sum(axis=1) for case in get_args(Case)}

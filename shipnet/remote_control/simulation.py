@@ -9,24 +9,21 @@ from functools import partial
 from heapq import heappop, heappush
 from itertools import count
 from math import inf, nan
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, choice, number, record, whole
+from shipnet.lazy import Axes, pd
 from shipnet.remote_control.faults import BitErrors, DeadStation, LostPacket, Stall
 from shipnet.remote_control.packet import DATA_START, MarkerFormat
 from shipnet.remote_control.packet_format import Items
 from shipnet.remote_control.station import State, Station
 from shipnet.remote_control.system import BIT_RATES, System
 from shipnet.remote_control.values import HOPS, STATIONS, forwarded
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 #: What RCS passes on between the slaves.
 _FORWARDED = {"BCS": ("SS", forwarded("BCS", "SS")), "SS": ("BCS", forwarded("SS", "BCS"))}
@@ -147,8 +144,6 @@ class Run:
         "ring stopped", "ring overrun unnoticed", "task stalls", "station stops" and "station
         starts".
         """
-        import pandas as pd
-
         columns = ["time_s", "station", "event", "partner", "detail"]
         return pd.DataFrame(self._events, columns=columns)
 
@@ -159,8 +154,6 @@ class Run:
 
     def table(self) -> pd.DataFrame:
         """Return a row per line and direction: how many packets were sent, and their outcomes."""
-        import pandas as pd
-
         rows = []
         for hop in HOPS:
             fates = [p.outcome for p in self.packets if (p.source, p.target) == hop]
@@ -170,8 +163,6 @@ class Run:
 
     def traffic(self) -> pd.DataFrame:
         """Return all packets, a row each, with when they were read and their outcome."""
-        import pandas as pd
-
         rows = [
             (p.start, p.end, p.source, p.target, len(p.items), p.read, p.disturbed, p.outcome)
             for p in self.packets
@@ -181,14 +172,12 @@ class Run:
 
     def states(self) -> pd.DataFrame:
         """Return when each station began to send, to receive, to process, or was dead."""
-        import pandas as pd
-
         rows = [(time, name, state.value, state.comm_f) for time, name, state in self._states]
         table = pd.DataFrame(rows, columns=["time_s", "station", "state", "comm_f"])
         return table.astype({"comm_f": "Int64"})
 
     @property
-    def cycle_times(self) -> npt.NDArray[np.float64]:
+    def cycle_times(self) -> Floats:
         """Times from one packet of RCS to BCS to the next, shape (n_cycles,) [s]."""
         starts = [p.start for p in self.packets if (p.source, p.target) == HOPS[0]]
         return np.diff(np.array(starts, dtype=float))
@@ -198,8 +187,6 @@ class Run:
 
         The values are those that it set itself, or if it set none, those that it heard.
         """
-        import pandas as pd
-
         check_whole("number", number, 0, self.system.n_items - 1)
         if station not in STATIONS:
             raise ArgumentError(f"station is {station!r}; it must be one of {STATIONS}")
@@ -217,8 +204,6 @@ class Run:
         It is 0 where the station still had the value from before, and NaN where the value had
         changed again, or the simulation ended, before the station had it.
         """
-        import pandas as pd
-
         rows = []
         for change in self.changes:
             if change.station == station:
@@ -638,8 +623,6 @@ def switch_delays(
     >>> table.followed.tolist(), table[["mean_s", "bound_s"]].round(2).values[[0, 4]].tolist()
     ([20, 20, 20, 20, 20], [[0.02, 0.21], [0.3, 3.3]])
     """
-    import pandas as pd
-
     base = System() if system is None else system
     n = check_whole("changes", changes, 1, 10_000)
     chance, rows = np.random.default_rng(rng), []

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.remote_control.packet_format import Items
-from shipnet.remote_control.ring_buffer import Ring
+from shipnet.remote_control.ring_buffer import Ring, bytes_of
 from shipnet.remote_control.system import Counter, System
 from shipnet.remote_control.values import HOPS
 
@@ -145,14 +145,10 @@ class Station:
     def read(self) -> Reading:
         """Take everything out of the ring, as the task does, and return what was in it."""
         unread, lost_before = self.ring.unread, self.ring.lost
-        data, repaired = bytearray(), False
-        while (step := self.ring.extract()).action in ("take", "repair"):
-            if step.byte is None:
-                repaired = True
-            else:
-                data.append(step.byte)
-        lost = self.ring.lost - lost_before
-        return Reading(self.parser.feed(bytes(data)), unread, repaired, step.action == "stop", lost)
+        steps = self.ring.drain()
+        repaired = any(step.action == "repair" for step in steps)
+        stopped, lost = steps[-1].action == "stop", self.ring.lost - lost_before
+        return Reading(self.parser.feed(bytes_of(steps)), unread, repaired, stopped, lost)
 
     def choose_partner(self) -> None:
         """Set whom the station sends to next: the master's partners in turn, but for failed ones.

@@ -8,19 +8,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from math import ceil, floor
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, choice, number, part, record, switch, whole
+from shipnet.lazy import Axes, pd
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat
 from shipnet.remote_control.values import HOPS, VALUES
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 #: Bit rates that section 5 of chung1998 tries [bit/s].
 BIT_RATES = (9600, 4800, 2400, 1200, 600)
@@ -176,11 +173,6 @@ class Cascade(NamedTuple):
 class System:
     r"""The link of three stations: RCS asks BCS and SS in turn, over a line to each.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range.
-
     Notes
     -----
     With packets of the length P, each worked on for a time t, a cycle takes
@@ -329,8 +321,6 @@ class System:
 
     def signals(self) -> pd.DataFrame:
         """Return the values that cross the link: who sets them, who reads them, on which hops."""
-        import pandas as pd
-
         rows = [
             {
                 "number": value.number,
@@ -467,8 +457,6 @@ class Timing:
         ``ticks`` are the most that a healthy slave counts, ``printed_margin`` and
         ``intended_margin`` those left before the alarm by either rule.
         """
-        import pandas as pd
-
         rows = []
         for rate in self.bit_rates:
             one = replace(self.system, bit_rate=rate)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes
 
+if TYPE_CHECKING:
     from shipnet.tools._page import Page
     from shipnet.tools._view import View
 

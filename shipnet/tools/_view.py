@@ -9,16 +9,14 @@ from dataclasses import asdict, dataclass, field
 from html import escape
 from io import BytesIO
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import declared
-
-if TYPE_CHECKING:
-    import pandas as pd
+from shipnet.lazy import pd
 
 #: Width of a picture [inch], and its resolution [1/inch]; a page shows it at 100 per inch.
 _WIDTH, _DPI = 7.5, 150

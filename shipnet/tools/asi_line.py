@@ -45,11 +45,6 @@ class AsiLine(Tool):
     `wave` is the voltage at the master, an `asi.Waveform`, and `result` what the master's receiver
     makes of it, an `asi.Reception`.
 
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
-
     Examples
     --------
     >>> AsiLine().verdict

@@ -24,11 +24,6 @@ class AsiNetwork(Tool):
 
     `plan` is the installation, an `asi.Plan`, and `result` the findings of its rules.
 
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
-
     Examples
     --------
     >>> AsiNetwork(slaves=31).ok

@@ -63,9 +63,9 @@ class CanLoad(Tool):
         return MessageSet.parse(self.text)
 
     @property
-    def faults(self) -> list[ErrorBound]:
+    def faults(self) -> ErrorBound | None:
         """The errors on the bus."""
-        return [ErrorBound(interval=1 / self.errors_per_s)] if self.errors_per_s else []
+        return ErrorBound(interval=1 / self.errors_per_s) if self.errors_per_s else None
 
     @cached_property
     def result(self) -> ResponseTimes:

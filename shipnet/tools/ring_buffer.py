@@ -70,11 +70,6 @@ class ReceiveRing(Tool):
 
     `result` has the ring, what the last action did as `said`, and how many packets were found.
 
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
-
     Examples
     --------
     >>> ReceiveRing(16, "intended", ("packet", "extract")).verdict

@@ -30,11 +30,6 @@ class ValveClient(Tool):
 
     `result` is what model valves answer in model time; the page talks to a server.
 
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
-
     Examples
     --------
     >>> ValveClient(valves=3).verdict

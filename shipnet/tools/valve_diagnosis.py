@@ -50,11 +50,6 @@ class ValveDiagnosis(Tool):
     `result` is the decision, a `fuzzy.Decision`; `strength` has the firing strength of each rule,
     and `printed` the codes that fire as printed.
 
-    Raises
-    ------
-    ArgumentError
-        If a value is out of its range.
-
     Examples
     --------
     >>> ValveDiagnosis().verdict

@@ -7,7 +7,7 @@ import numpy as np
 from shipnet.asi import channel
 from shipnet.asi.elements import Repeater
 from shipnet.asi.master import Master
-from shipnet.asi.modulation import as_bits
+from shipnet.asi.modulation import Modulation
 from shipnet.asi.plan import Plan
 from shipnet.asi.simulation import simulate
 from shipnet.asi.slave import Slave
@@ -15,8 +15,8 @@ from shipnet.asi.telegram import frame
 from shipnet.line.network import CableRun
 
 #: Bits of every request that a frame can hold, known or not, and of every response.
-REQUESTS = as_bits([frame(f"{information:011b}") for information in range(2**11)])
-RESPONSES = as_bits([frame(f"{data:04b}") for data in range(16)])
+REQUESTS = Modulation([frame(f"{information:011b}") for information in range(2**11)]).bits
+RESPONSES = Modulation([frame(f"{data:04b}") for data in range(16)]).bits
 
 
 def slave(profile, address=0, half=None, **options):

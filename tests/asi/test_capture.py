@@ -15,7 +15,7 @@ from shipnet.__main__ import main
 from shipnet.asi import Request, bursts
 from shipnet.asi.bursts import filtered, pieces
 from shipnet.asi.capture import decode
-from shipnet.asi.modulation import send_current
+from shipnet.asi.modulation import SEND_CURRENT, Modulation
 from shipnet.errors import ArgumentError
 
 BIT = 6e-6
@@ -51,7 +51,7 @@ def line(telegrams, duration, rate):
         begin = int(start / step)
         end = min(len(current), int((start + (len(bits) + 1) * BIT) / step))
         t = np.arange(begin, end) * step
-        current[begin:end] += send_current(t, bits, start=start, swing=swing)
+        current[begin:end] += swing / SEND_CURRENT * Modulation(bits).current(t, start=start)
     voltage = -lfilter(*bilinear([78.0 * 100e-6, 0], [100e-6, 78.0], 1 / step), current)
     return voltage[:: round(1 / (rate * step))]
 

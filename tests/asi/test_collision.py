@@ -5,13 +5,7 @@ import pytest
 
 from shipnet.asi import Response
 from shipnet.asi.channel import MISSED, REQUEST_LOST, VARIANTS
-from shipnet.asi.modulation import (
-    ONE_PULSE_CODES,
-    bits_of_slots,
-    check_slots,
-    collide,
-    pulses_of,
-)
+from shipnet.asi.modulation import ONE_PULSE_CODES, Modulation, Pulses, collide
 from shipnet.errors import FrameError, name_of
 from tests.asi.lines import REQUESTS, draw
 
@@ -32,13 +26,13 @@ def test_answers_that_overlap_by_part_never_pass(shift):
 
 
 def test_an_answer_upon_a_request_never_makes_another_request_of_it():
-    pulses = np.pad(pulses_of(REQUESTS).astype(int), ((0, 0), (0, 2)))
+    pulses = np.pad(Modulation(REQUESTS).pulses.signs.astype(int), ((0, 0), (0, 2)))
     survived = 0
     for answer, shift in itertools.product(ANSWERS, range(28)):
         both = pulses.copy()
-        heard = pulses_of(answer)[: 30 - shift]
+        heard = Modulation(answer).pulses.signs[: 30 - shift]
         both[:, shift : shift + heard.size] += heard
-        bits, error = check_slots(np.sign(both), 14)
+        bits, error = Pulses(np.sign(both)).check()
         passed = error == 0
         assert (bits[passed] == REQUESTS[passed]).all()
         survived += passed.sum()
@@ -48,27 +42,27 @@ def test_an_answer_upon_a_request_never_makes_another_request_of_it():
 
 def test_pulses_add_up_as_currents_do():
     total = np.zeros(16, dtype=int)
-    total[:14] += pulses_of(ANSWERS[3])
-    total[2:16] += pulses_of(ANSWERS[9])
+    total[:14] += Modulation(ANSWERS[3]).pulses.signs
+    total[2:16] += Modulation(ANSWERS[9]).pulses.signs
     bits, error = collide(((ANSWERS[3], 0), (ANSWERS[9], 2)), 7)
-    assert (bits, error) == ("", check_slots(np.sign(total), 7)[1])
+    assert (bits, error) == ("", Pulses(np.sign(total)).check()[1])
 
 
 def test_what_began_before_is_heard_from_its_middle_on():
-    early = [*pulses_of(ANSWERS[9])[4:], 0, 0, 0, 0, 0, 0]
-    assert collide(((ANSWERS[9], -4),), 7)[1] == check_slots(early, 7)[1]
+    early = [*Modulation(ANSWERS[9]).pulses.signs[4:], 0, 0, 0, 0, 0, 0]
+    assert collide(((ANSWERS[9], -4),), 7)[1] == Pulses(early).check()[1]
 
 
 def test_the_codes_of_one_disturbed_pulse_are_those_that_the_scalar_receiver_finds():
     for data, codes in enumerate(ONE_PULSE_CODES):
-        word = np.pad(pulses_of(ANSWERS[data]), (0, 2))
+        word = np.pad(Modulation(ANSWERS[data]).pulses.signs, (0, 2))
         wrong = iter(codes)
         for slot in range(16):
             for value in sorted({-1, 0, 1} - {int(word[slot])}):
                 other = word.copy()
                 other[slot] = value
                 with pytest.raises(FrameError) as caught:
-                    bits_of_slots(other)
+                    Pulses(other).decode()
                 assert type(caught.value).__name__ == name_of(next(wrong))
 
 

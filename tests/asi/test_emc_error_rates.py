@@ -17,14 +17,14 @@ from shipnet.asi.emc.error_rates import (
     independent_failures,
     noise_error_rate,
 )
-from shipnet.asi.modulation import CLASSES, HALF_BIT, as_bits, pulses_of
+from shipnet.asi.modulation import CLASSES, HALF_BIT, Modulation
 from shipnet.asi.receiver import Receiver, Waveform, matched_filter
 from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.timing import Cycle, Transaction
 from shipnet.errors import ArgumentError
 
 NEAR = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
-BITS = as_bits(RESPONSES)
+BITS = Modulation(RESPONSES).bits
 SLOT = 156e-6
 
 
@@ -58,7 +58,7 @@ def ideal(start, height, duration, dt=1e-6):
     t = np.arange(round(duration / dt)) * dt
     x = (t - start) / HALF_BIT - np.arange(14)[:, np.newaxis]
     shapes = np.where((x > 0) & (x < 1), np.sin(np.pi * x) ** 2, 0)
-    return Waveform(height * (pulses_of(BITS) @ shapes), dt, start=-start, bits=BITS)
+    return Waveform(height * (Modulation(BITS).pulses.signs @ shapes), dt, start=-start, bits=BITS)
 
 
 #: Noise of so many volts a sample, whatever the step.
@@ -158,7 +158,7 @@ def test_small_rates_do_not_drown_in_rounding():
     # A pulse of 2.4 V fails below half of the first one, which is as noisy: the difference has
     # 1.2 V and sqrt(1 + 1/4) of the noise, ten over sqrt(5/4) sigma.
     theory = theory_of(ideal(-3.5e-6, 2.4, 64e-6), 0.12, matched=False, minimum=1.0)
-    others = np.count_nonzero(pulses_of(RESPONSES), axis=1).mean() - 1
+    others = np.count_nonzero(Modulation(RESPONSES).pulses.signs, axis=1).mean() - 1
     assert theory[0] == pytest.approx(others * stats.norm.sf(10 / np.sqrt(1.25)), rel=0.01)
     assert (theory_of(NEAR, [1.0], minimum=0.05) > 0.99).all()
 

@@ -3,20 +3,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipnet.asi.modulation import as_bits, pulses_of
+from shipnet.asi.modulation import Modulation
 from shipnet.asi.receiver import Receiver, Waveform
 from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.topologies import line
 from shipnet.errors import ArgumentError
 from shipnet.papers.kim2023.signals import train_of
 
-WORDS = as_bits(RESPONSES)
+WORDS = Modulation(RESPONSES).bits
 
 
 def test_ideal_pulses_lie_on_each_other():
-    opened = Waveform(train_of(1.5 * pulses_of(WORDS)), 250e-9, bits=WORDS).eye()
+    opened = Waveform(train_of(1.5 * Modulation(WORDS).pulses.signs), 250e-9, bits=WORDS).eye()
     assert opened.t.tolist() == np.linspace(-1.5e-6, 1.5e-6, 61).tolist()
-    assert len(opened.pulses) == (pulses_of(WORDS) != 0).sum()
+    assert len(opened.pulses) == (Modulation(WORDS).pulses.signs != 0).sum()
     assert len(opened.pulses) + len(opened.gaps) == 16 * 15
     # Linear interpolation between samples a twelfth of a pulse apart.
     ideal = np.cos(np.pi * opened.t / 3e-6) ** 2
@@ -29,7 +29,7 @@ def test_a_supply_voltage_and_a_scale_change_nothing():
     plain, lifted = wave.eye(), replace(wave, u=1.5 * wave.u + 30).eye()
     assert lifted.pulses == pytest.approx(plain.pulses, abs=1e-9)
     assert lifted.gaps == pytest.approx(plain.gaps, abs=1e-9)
-    assert len(plain.pulses) == 2 * (pulses_of(WORDS) != 0).sum()
+    assert len(plain.pulses) == 2 * (Modulation(WORDS).pulses.signs != 0).sum()
     # Each telegram counts from its own mean and over its own largest sample.
     scaled = replace(
         wave, u=wave.u * np.linspace(1, 2, 16)[:, np.newaxis] + np.arange(16.0)[:, np.newaxis]
@@ -53,8 +53,8 @@ def test_the_weakest_pulse_is_the_receivers():
     ("u", "points", "message"),
     [
         (np.zeros((16, 320)), 61, "^a telegram in u holds no pulse above the receiver's minimum$"),
-        (train_of(2 * pulses_of(WORDS)), 1, "^points is 1; it must be 2 or more$"),
-        (train_of(pulses_of(WORDS))[:, :190], 61, "u ends after 4.75e-05 s"),
+        (train_of(2 * Modulation(WORDS).pulses.signs), 1, "^points is 1; it must be 2 or more$"),
+        (train_of(Modulation(WORDS).pulses.signs)[:, :190], 61, "u ends after 4.75e-05 s"),
     ],
 )
 def test_what_does_not_fit_is_named(u, points, message):

@@ -7,17 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from shipnet.asi import Request, Response
-from shipnet.asi.modulation import (
-    HALF_BIT,
-    SEND_CURRENT,
-    levels_of,
-    pulses_of,
-    ramp,
-    ramp_spectrum,
-    send_current,
-    send_spectrum,
-    steps_of,
-)
+from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp, ramp_spectrum
 from shipnet.errors import ArgumentError
 
 TELEGRAMS = [Response(data).bits for data in range(16)]
@@ -26,18 +16,18 @@ TELEGRAMS += [Request.data_exchange(a, d).bits for a in range(1, 32) for d in ra
 
 def test_levels_of_the_papers():
     # kim2023 Table 3: a 0 goes from high to low in the middle of the bit, a 1 from low to high.
-    assert levels_of("0").tolist() == [1, 0]
-    assert levels_of("1").tolist() == [0, 1]
+    assert Modulation("0").levels.tolist() == [1, 0]
+    assert Modulation("1").levels.tolist() == [0, 1]
 
 
 def test_pulse_trains_of_the_example_response():
-    signs = "".join("0+-"[pulse] for pulse in pulses_of("0011001"))
+    signs = "".join("0+-"[pulse] for pulse in Modulation("0011001").pulses.signs)
     assert signs == "0-+-0+-+0-+-0+"
 
 
 @pytest.mark.parametrize("bits", TELEGRAMS[::37] + TELEGRAMS[:16])
 def test_rules_of_every_pulse_train(bits):
-    pulses = pulses_of(bits)
+    pulses = Modulation(bits).pulses.signs
     signs = pulses[pulses != 0]
     assert signs[0] == -1, "the first pulse is negative"
     assert signs[-1] == 1, "the last pulse is positive"
@@ -46,17 +36,17 @@ def test_rules_of_every_pulse_train(bits):
     assert [int(pulse > 0) for pulse in pulses[1::2]] == [int(bit) for bit in bits]
     equal = [a == b for a, b in itertools.pairwise(bits)]
     assert [pulse != 0 for pulse in pulses[2::2]] == equal, "a pulse between equal bits only"
-    assert steps_of(bits).sum() == 0, "the current returns to nothing"
+    assert Modulation(bits).steps.sum() == 0, "the current returns to nothing"
 
 
 def test_different_telegrams_have_different_pulses():
-    trains = {tuple(pulses_of(bits)) for bits in TELEGRAMS}
+    trains = {tuple(Modulation(bits).pulses.signs) for bits in TELEGRAMS}
     assert len(trains) == len(TELEGRAMS)
 
 
 def test_current_swings_between_nothing_and_its_full_value():
     t = np.linspace(-5e-6, 50e-6, 20_001)
-    current = send_current(t, "0011001")
+    current = Modulation("0011001").current(t)
     assert current.min() == pytest.approx(0, abs=1e-12)
     assert current.max() == pytest.approx(SEND_CURRENT)
     assert (current[(t < HALF_BIT) | (t > 42e-6)] == 0).all()
@@ -64,8 +54,8 @@ def test_current_swings_between_nothing_and_its_full_value():
 
 def test_rising_current_makes_a_negative_pulse():
     t = np.arange(0, 42e-6, 25e-9)
-    slope = np.gradient(send_current(t, "0011001"), t)
-    for slot, pulse in enumerate(pulses_of("0011001")):
+    slope = np.gradient(Modulation("0011001").current(t), t)
+    for slot, pulse in enumerate(Modulation("0011001").pulses.signs):
         middle = slope[np.searchsorted(t, (slot + 0.5) * HALF_BIT)]
         assert np.sign(-middle).round() == pulse or abs(middle) < 1e-3 * abs(slope).max()
 
@@ -99,35 +89,37 @@ def test_spectrum_and_time_agree():
     t = np.arange(n) * duration / n
     damping = 7.0
     s = damping / duration + 2j * np.pi * np.arange(n // 2 + 1) / duration
-    spectrum = send_spectrum(s, "0011001", start=5e-6)
+    spectrum = Modulation("0011001").transform(s, start=5e-6)
     back = np.fft.irfft(spectrum, n) * n / duration * np.exp(damping * t / duration)
-    assert back == pytest.approx(send_current(t, "0011001", start=5e-6), abs=1e-6 * SEND_CURRENT)
+    assert back == pytest.approx(
+        Modulation("0011001").current(t, start=5e-6), abs=1e-6 * SEND_CURRENT
+    )
 
 
 def test_a_batch_is_its_telegrams():
     bits = np.array([[int(bit) for bit in word] for word in TELEGRAMS[:16]]).reshape(4, 4, 7)
     t = np.arange(0, 45e-6, 1e-6)
     s = 1e5 + 2j * np.pi * np.arange(0, 5) * 1e5
-    currents, spectra = send_current(t, bits), send_spectrum(s, bits)
+    currents, spectra = Modulation(bits).current(t), Modulation(bits).transform(s)
     assert currents.shape == (4, 4, t.size)
     for index, word in zip(np.ndindex(4, 4), TELEGRAMS[:16], strict=True):
-        assert (pulses_of(bits)[index] == pulses_of(word)).all()
-        assert currents[index] == pytest.approx(send_current(t, word))
-        assert spectra[index] == pytest.approx(send_spectrum(s, word))
+        assert (Modulation(bits).pulses.signs[index] == Modulation(word).pulses.signs).all()
+        assert currents[index] == pytest.approx(Modulation(word).current(t))
+        assert spectra[index] == pytest.approx(Modulation(word).transform(s))
 
 
 @given(st.text("01", min_size=1, max_size=40))
 def test_any_bits_alternate(bits):
-    signs = pulses_of(bits)[pulses_of(bits) != 0]
+    signs = Modulation(bits).pulses.signs[Modulation(bits).pulses.signs != 0]
     assert (signs[1:] == -signs[:-1]).all()
 
 
 @pytest.mark.parametrize("bits", ["", [], [0, 2], [[0.5]], 1, "0a", "01\u0661"])
 def test_other_bits_are_refused(bits):
     with pytest.raises(ArgumentError, match="bits must"):
-        pulses_of(bits)
+        Modulation(bits)
 
 
 def test_a_current_has_no_value_at_frequency_0():
     with pytest.raises(ArgumentError, match="s is 0"):
-        send_spectrum([1j, 0], "01")
+        Modulation("01").transform([1j, 0])

@@ -5,7 +5,6 @@ from matplotlib.figure import Figure
 
 from shipnet import style
 from shipnet.asi import Modulation, Profile, Request, Response, Transaction, compare
-from shipnet.asi.modulation import as_bits, pulses_of
 from shipnet.asi.profile import IO_CONFIGURATIONS
 from shipnet.asi.receiver import Waveform
 from shipnet.asi.telegram import plot_telegram
@@ -88,8 +87,8 @@ def test_style_is_one_for_all():
 
 
 def test_an_eye_draws_every_half_bit_and_the_tolerances(ax):
-    bits = as_bits(["0011001", "0000001"])
-    opened = Waveform(train_of(2 * pulses_of(bits)), 250e-9, bits=bits).eye()
+    bits = Modulation(["0011001", "0000001"]).bits
+    opened = Waveform(train_of(2 * Modulation(bits).pulses.signs), 250e-9, bits=bits).eye()
     opened.plot(ax)
     drawn = [line for line in ax.lines if len(line.get_xdata()) == len(opened.t)]
     assert len(drawn) == len(opened.pulses) + len(opened.gaps)

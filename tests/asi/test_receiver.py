@@ -10,17 +10,7 @@ from hypothesis.extra import numpy as hnp
 from scipy import signal
 
 from shipnet.asi.batch import NONE
-from shipnet.asi.modulation import (
-    CLASSES,
-    HALF_BIT,
-    SEND_CURRENT,
-    bits_of_slots,
-    check_slots,
-    pulses_of,
-    ramp,
-    steps_of,
-    violations,
-)
+from shipnet.asi.modulation import CLASSES, HALF_BIT, SEND_CURRENT, Modulation, Pulses, ramp
 from shipnet.asi.receiver import matched_filter, receive
 from shipnet.errors import ArgumentError, FrameError, SilenceError, name_of
 from tests.asi.lines import REQUESTS, RESPONSES
@@ -30,7 +20,7 @@ GRIDS = [25e-9, 50e-9, 100e-9, 250e-9, 400e-9, 500e-9]
 
 def slots_of(bits):
     """Return the pulses of telegrams with the two silent slots behind them."""
-    pulses = pulses_of(bits)
+    pulses = Modulation(bits).pulses.signs
     return np.concatenate([pulses, np.zeros_like(pulses[..., :2])], axis=-1)
 
 
@@ -44,7 +34,7 @@ def ternary(n):
 def ideal(bits, dt, *, start=0.0, height=2.4, duration=64e-6):
     """Return the voltage of an ideal inductor: sin^2 pulses in closed form."""
     x = (np.arange(round(duration / dt)) * dt - start) / HALF_BIT
-    pulses = pulses_of(bits)
+    pulses = Modulation(bits).pulses.signs
     shapes = x - np.arange(pulses.shape[-1])[:, np.newaxis]
     shapes = np.where((shapes > 0) & (shapes < 1), np.sin(np.pi * shapes) ** 2, 0)
     return height * (pulses @ shapes)
@@ -64,7 +54,7 @@ def supply_step():
 def supplied(bits, dt, *, start=3e-6, duration=64e-6):
     """Return the voltage across the supply: steps of current, superposed."""
     u = np.zeros(round(duration / FINE))
-    for j, step in enumerate(steps_of(bits)):
+    for j, step in enumerate(Modulation(bits).steps):
         begin = round((start + j * HALF_BIT) / FINE)
         u[begin:] += step * supply_step()[: u.size - begin]
     return u[:: round(dt / FINE)]
@@ -75,15 +65,15 @@ def supplied(bits, dt, *, start=3e-6, duration=64e-6):
 
 @pytest.mark.parametrize("words", [RESPONSES, REQUESTS], ids=["16 responses", "2048 requests"])
 def test_every_telegram_comes_back_from_its_pulses(words):
-    bits, error = check_slots(slots_of(words), words.shape[1])
+    bits, error = Pulses(slots_of(words)).check()
     assert (bits == words).all()
     assert not error.any()
-    assert not violations(slots_of(words), words.shape[1]).any()
+    assert not Pulses(slots_of(words)).violations.any()
 
 
 def test_the_scalar_code_reads_every_telegram_too():
     for word in [*RESPONSES, *REQUESTS]:
-        assert bits_of_slots(slots_of(word)) == "".join(map(str, word))
+        assert Pulses(slots_of(word)).decode() == "".join(map(str, word))
 
 
 def test_no_other_row_of_pulses_is_a_response():
@@ -94,7 +84,7 @@ def test_no_other_row_of_pulses_is_a_response():
     for pair in ternary(2):
         slots[:, :2] = pair
         for part in np.array_split(slots, 81):  # small enough for a core's cache
-            accepted.append(part[check_slots(part, 7)[1] == 0])
+            accepted.append(part[Pulses(part).check()[1] == 0])
     accepted = np.concatenate(accepted)
     assert sorted(accepted.tolist()) == sorted(slots_of(RESPONSES).tolist())
 
@@ -114,7 +104,7 @@ def test_faults_in_fewer_than_four_slots_are_found(faults, patterns, undetected)
     bad = np.concatenate(bad)
     assert (bad != np.tile(good, (len(bad) // 16, 1))).sum() == faults * len(bad)
     assert len(bad) == patterns
-    assert (check_slots(bad, 7)[1] == 0).sum() == undetected
+    assert (Pulses(bad).check()[1] == 0).sum() == undetected
 
 
 # The response 0-+-0+-+0-+-0+00, 0011001, with one thing broken each.
@@ -134,11 +124,11 @@ def test_every_class_of_error_is_told_apart(name):
     row, message = BROKEN[name]
     slots = ["-0+".index(sign) - 1 for sign in row]
     kind = CLASSES[name]
-    assert check_slots(slots, 7)[1] == kind.code
-    fails = violations(slots, 7)
+    assert Pulses(slots).check()[1] == kind.code
+    fails = Pulses(slots).violations
     assert list(CLASSES)[fails.argmax()] == name
     with pytest.raises(kind, match=re.escape(message)):
-        bits_of_slots(slots)
+        Pulses(slots).decode()
 
 
 @pytest.mark.parametrize("name", CLASSES)
@@ -160,13 +150,13 @@ def test_the_scalar_code_agrees_on_random_rows(n_bits):
     slots = slots_of(words[rng.integers(0, len(words), 3000)])
     hit = rng.random(slots.shape) < rng.choice([0.02, 0.1, 0.7], size=(3000, 1))
     slots[hit] = rng.integers(-1, 2, hit.sum())
-    bits, error = check_slots(slots, n_bits)
-    fails = violations(slots, n_bits)
+    bits, error = Pulses(slots).check()
+    fails = Pulses(slots).violations
     codes = np.array([kind.code for kind in CLASSES.values()])
     assert (np.where(fails.any(-1), codes[fails.argmax(-1)], 0) == error).all()
     for row, word, code in zip(slots, bits, error, strict=True):
         try:
-            assert bits_of_slots(row) == "".join(map(str, word))
+            assert Pulses(row).decode() == "".join(map(str, word))
             assert code == 0
         except FrameError as fault:
             assert fault.code == code
@@ -175,39 +165,39 @@ def test_the_scalar_code_agrees_on_random_rows(n_bits):
 def test_a_pulse_before_the_telegram_is_a_start_error():
     slots = slots_of(RESPONSES[6])
     slots[0] = 1
-    assert name_of(int(check_slots(slots, 7)[1])) == "StartBitError"
+    assert name_of(int(Pulses(slots).check()[1])) == "StartBitError"
     with pytest.raises(CLASSES["start"], match="slot 0 holds"):
-        bits_of_slots(slots)
+        Pulses(slots).decode()
 
 
 def test_checks_keep_leading_axes():
     slots = slots_of(RESPONSES).reshape(2, 8, 16)
-    bits, error = check_slots(slots, 7)
+    bits, error = Pulses(slots).check()
     assert bits.shape == (2, 8, 7)
     assert error.shape == (2, 8)
-    assert violations(slots, 7).shape == (2, 8, 7)
-    assert check_slots(np.zeros((0, 30), dtype=int), 14)[0].shape == (0, 14)
+    assert Pulses(slots).violations.shape == (2, 8, 7)
+    assert Pulses(np.zeros((0, 30), dtype=int)).check()[0].shape == (0, 14)
 
 
 @pytest.mark.parametrize(
-    ("slots", "n_bits", "message"),
+    ("slots", "message"),
     [
-        ([0] * 16, 8, "n_bits is 8; it must be 7"),
-        ([0] * 15, 7, r"shape \(15,\); 7 bits need 16"),
-        ([0.0] * 16, 7, "dtype is float64"),
-        ([2] + [0] * 15, 7, "range from 0 to 2"),
+        ([0] * 15, "there are 15 half-bits; a response has 14, a request 28, or two more"),
+        ([0.0] * 16, "they must be -1, 0 or"),
+        ([2] + [0] * 15, "they must be -1, 0 or"),
+        (np.full(16, -128, dtype=np.int8), "they must be -1, 0 or"),
     ],
 )
-def test_what_is_no_row_of_slots_is_refused(slots, n_bits, message):
-    for function in (check_slots, violations):
+def test_what_is_no_row_of_slots_is_refused(slots, message):
+    for function in (Pulses.check, lambda pulses: pulses.violations):
         with pytest.raises(ArgumentError, match=message):
-            function(slots, n_bits)
+            function(Pulses(slots))
 
 
-@pytest.mark.parametrize("slots", [[0] * 14, [[0] * 16], 0])
-def test_one_telegram_has_16_or_30_slots(slots):
-    with pytest.raises(ArgumentError, match="has 16 of them, a response, or 30, a request"):
-        bits_of_slots(slots)
+def test_one_telegram_is_decoded_at_a_time():
+    for read in (Pulses.decode, lambda pulses: pulses.broken):
+        with pytest.raises(ArgumentError, match=r"there are \(1, 16\) pulses; one telegram"):
+            read(Pulses([[0] * 16]))
 
 
 # The receiver on the line.

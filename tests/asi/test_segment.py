@@ -6,7 +6,7 @@ import pytest
 
 from shipnet.asi import Request, Response
 from shipnet.asi.elements import DEVICE, POWER_SUPPLY
-from shipnet.asi.modulation import as_bits, send_spectrum
+from shipnet.asi.modulation import Modulation
 from shipnet.asi.segment import quality_of, telegram_voltages
 from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.topologies import line, ring, star
@@ -28,7 +28,7 @@ def test_telegrams_are_sums_of_single_changes():
     s = laplace_grid(102.4e-6, 6e6)
     transfer = plan.network.transfer("0 m", s)
     for row, node in enumerate(nodes):
-        spectrum = send_spectrum(s, as_bits(RESPONSES), start=5e-6)
+        spectrum = Modulation(Modulation(RESPONSES).bits).transform(s, start=5e-6)
         whole = synthesize(-transfer[plan.network.index(node)] * spectrum, 2048, 102.4e-6)
         assert u[row] == pytest.approx(whole, abs=2e-5 * np.abs(whole).max())
 

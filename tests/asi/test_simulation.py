@@ -35,7 +35,7 @@ from shipnet.asi.faults import (
     TelegramErrors,
 )
 from shipnet.asi.master import FAULTY, SILENT, Master, Phase, RunningMaster
-from shipnet.asi.modulation import check_slots, pulses_of
+from shipnet.asi.modulation import Modulation, Pulses
 from shipnet.asi.simulation import Run, Standby, simulate
 from shipnet.asi.slave import Event, RunningSlave, prepared
 from shipnet.asi.timing import Transaction
@@ -96,13 +96,13 @@ class EverySlaveHears:
         if answers:
             ((i, answer, pause),) = answers
             took = pause + 7 + 2
-            slots = np.pad(pulses_of(answer.bits), (0, 2))
+            slots = np.pad(Modulation(answer.bits).pulses.signs, (0, 2))
             if cyclic and self.rng.random() < self.rates[i][1]:
                 variant = self.rng.integers(32)
                 note[i] |= (variant + 1) << 2
                 others = [v for v in (-1, 0, 1) if v != slots[variant // 2]]
                 slots[variant // 2] = others[variant % 2]
-            bits, code = check_slots(slots, 7)
+            bits, code = Pulses(slots).check()
             error = int(code)
             reply = FAULTY if error else int("".join(map(str, bits[1:5])), 2)
             for one in self.slaves:

@@ -14,7 +14,6 @@ from shipnet.ballast.actuator import (
     losses,
     motor_current,
     move_time,
-    operating_point,
     steady_temperature,
     stroke_time,
     valve_torque,
@@ -22,10 +21,11 @@ from shipnet.ballast.actuator import (
 )
 from shipnet.ballast.plant import FAULTS, Command, Fault, faulty
 from shipnet.ballast.scan import System
-from shipnet.ballast.sensors import CHANNELS, Sensors, normal_values, rule_limits
+from shipnet.ballast.sensors import CHANNELS, Sensors, rule_limits
 from shipnet.ballast.simulation import simulate
 from shipnet.errors import ArgumentError
 from tests.ballast.compliance import DAMPING, integrate_stroke
+from tests.ballast.nominal import normal_values, operating_point
 
 
 def one(code, severity):
@@ -243,7 +243,6 @@ def test_the_noise_has_the_deviations_that_were_asked_for():
         (lambda: Actuator(pump_leak=[1e-13, 1e-3]), "pump_leak"),
         (lambda: Actuator(duty=1.5), r"duty is 1.5.*0\.\.1"),
         (lambda: Actuator(pump_leak=[1e-13] * 2, speed=[20] * 3), "2 and for 3 valves"),
-        (lambda: operating_point(Actuator(), 0), "direction is 0"),
         (lambda: stroke_time(Actuator(), 2), "direction is 2"),
         (lambda: move_time(Actuator(), 0, 1.1), "end is 1.1"),
         (lambda: integrate_stroke(Actuator(pump_leak=[1e-13] * 2), [0, 1]), "2 valves"),

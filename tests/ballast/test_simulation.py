@@ -17,9 +17,10 @@ from shipnet.ballast.actuator import (
 )
 from shipnet.ballast.plant import FAULTS, Command, Fault, Plant, faulty
 from shipnet.ballast.scan import System
-from shipnet.ballast.sensors import Sensors, normal_values
+from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks, simulate
 from shipnet.errors import ArgumentError
+from tests.ballast.nominal import normal_values
 
 OPEN = [Command("open", 1.0)]
 

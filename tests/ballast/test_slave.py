@@ -127,7 +127,7 @@ def test_a_slave_finds_its_fault_and_what_does_not_fit_reaches_the_master():
     # Three of five readings; S2, in row 7, is Pos4 without motor current, and ranks higher.
     assert [status(device, 0.1 * k).fault[0] for k in range(4)] == [0, 0, 7, 7]
     seen = status(device, 0.4)
-    assert device.monitor.codes(0) == ("S2", "Pos4")
+    assert device.monitor.base.active_codes(device.monitor.found) == ["S2 Pos4"]
     assert seen.readings[4, 0] == 0
     assert [name for name, lost in device.saturated.items() if lost] == ["VPos"]
 
@@ -145,7 +145,7 @@ def test_the_four_faults_of_the_position_are_found_by_the_slave(code, row):
     for time in (60.0, 61.0, 62.0):
         found = status(device, time).fault[0]
     assert found == row
-    assert code in device.monitor.codes(1)
+    assert code in device.monitor.base.active_codes(device.monitor.found)[1].split()
     assert [status(slaves[unit].device, 60.0).fault[0] for unit in (1, 3)] == [0, 0]
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.stats import linregress, t
 
-from shipnet.ballast.actuator import Actuator, operating_point, stroke_time
+from shipnet.ballast.actuator import Actuator, stroke_time
 from shipnet.ballast.plant import Command, Fault, faulty
 from shipnet.ballast.simulation import simulate
 from shipnet.ballast.wear import (
@@ -21,6 +21,7 @@ from shipnet.ballast.wear import (
     remaining_life,
 )
 from shipnet.errors import ArgumentError
+from tests.ballast.nominal import operating_point
 
 X = np.arange(60.0)
 FEW = X[::2]

@@ -39,14 +39,14 @@ CALLS = [
     (can.read_messages, {"path": "none"}, {"path": "text path"}),
     (can.analyse, {
         "messages": MESSAGES, "bit_rates": [125e3], "period": 1.0, "assumptions": None,
-        "faults": (),
-    }, {"messages": "text path", "period": "None", "faults": "empty"}),
-    (can.audsley, {"messages": MESSAGES, "bit_rate": 125e3, "assumptions": None, "faults": ()},
-     {"faults": "empty"}),
+        "faults": None,
+    }, {"messages": "text path", "period": "None"}),
+    (can.audsley, {"messages": MESSAGES, "bit_rate": 125e3, "assumptions": None, "faults": None},
+     {}),
     (can.response_times, {
         "messages": MESSAGES, "bit_rate": 125e3, "method": "exact", "assumptions": None,
-        "faults": (), "offsets": False,
-    }, {"faults": "empty"}),
+        "faults": None, "offsets": False,
+    }, {}),
     (can.spread_offsets, {"messages": MESSAGES, "step": 1e-3}, {}),
     (can.Segment, {
         "length": 40, "nodes": 9, "terminator": 120, "stubs": {},

@@ -79,6 +79,23 @@ def test_frames_of_the_sender_count_in_its_whole_hyperperiod():
     assert can.response_times(even, 125e3, offsets=True)["m1"].response == 1.08e-3
 
 
+@pytest.mark.parametrize("offset", [200, 200.5])
+def test_a_bound_with_offsets_is_one_instance_without_a_busy_period(offset):
+    # The low message comes so many bits after the high one, and waits for a foreign frame of 150.
+    for deadline, met in ((250, True), (249.999, False)):
+        messages = can.MessageSet(
+            can.Message(f"m{k}", k, 8, 1000 * US, deadline=deadline * US, offset=k * offset * US,
+                        sender="s", bits=100)
+            for k in range(2)
+        )  # fmt: skip
+        some = can.Assumptions(foreign_bits=150)
+        found = can.response_times(messages, FAST, assumptions=some, offsets=True)["m1"]
+        assert math.isnan(found.busy_period)
+        assert found.instances == (found.response,)
+        assert found.response == pytest.approx(250 * US, rel=1e-12)
+        assert found.met is met
+
+
 @pytest.mark.parametrize(("jitter", "cases"), [(0.0, 30), (0.3, 8)])
 def test_no_simulated_response_passes_the_bound_and_no_bound_that_without_offsets(jitter, cases):
     rng, tight = np.random.default_rng(2), []
@@ -138,9 +155,10 @@ def test_a_sender_whose_hyperperiod_is_too_long_counts_as_several(monkeypatch):
 @pytest.mark.parametrize(
     ("bit_rate", "fast", "slow"),
     [
-        # Ticks of 1 fs: the period, and the offset, have more than 64 bits.
+        # Ticks of 1 fs: the period, the offset and the jitter have more than 64 bits.
         (999_983, {"period": 0.1}, {"period": 1e5}),
         (999_983, {"period": 0.1}, {"period": 0.1, "offset": 1e5 - 1e-9}),
+        (999_983, {"period": 0.1}, {"period": 0.1, "jitter": 1e5}),
         # 2 ** 53 ticks are 9 s here, and the clock repeats after 12 s.
         (999_983, {"period": 3.0, "offset": 1e-9}, {"period": 4.0}),
         # 10 ** 8 frames of the fast message are late at once.
@@ -181,6 +199,39 @@ def test_spread_offsets_halve_the_longest_response_of_most_sets():
     assert np.mean(np.array(gains) >= 2) >= 0.5
 
 
+def spread_slowly(messages):
+    """Return offsets in slots: that with the least sent around it, middle of several, by loops."""
+    slots = math.lcm(*(round(m.period * 1e3) for m in messages))
+    sent, offsets = {}, {}
+    for message in sorted(messages, key=lambda m: (m.period, -m.frame_length())):
+        every = round(message.period * 1e3)
+        crowd = [0.0] * every
+        for slot in range(slots):
+            for other, bits in sent.items():
+                apart = abs(slot - other)
+                crowd[slot % every] += bits / (1 + min(apart, slots - apart))
+        least = [slot for slot, bits in enumerate(crowd) if bits < min(crowd) + 1e-6]
+        offsets[message.name] = least[len(least) // 2]
+        for slot in range(offsets[message.name], slots, every):
+            sent[slot] = sent.get(slot, 0.0) + message.frame_length()
+    return offsets
+
+
+@pytest.mark.parametrize("case", range(6))
+def test_offsets_are_spread_as_by_loops_and_without_a_sender_they_stay(case):
+    rng = np.random.default_rng(case)
+    mine = [
+        can.Message(f"m{k}", k, int(rng.integers(9)), float(rng.choice([5, 10, 15, 20])) / 1e3,
+                    sender="s")
+        for k in rng.permutation(7).tolist()
+    ]  # fmt: skip
+    alone = can.Message("alone", 99, 8, 0.01, offset=1.5e-3)
+    found = can.spread_offsets(can.MessageSet([*mine, alone]))
+    assert found["alone"] == alone
+    expected = spread_slowly(can.MessageSet(mine))
+    assert {m.name: round(m.offset * 1e3) for m in found if m.sender} == expected
+
+
 def test_what_offsets_do_not_go_with_is_refused():
     messages = can.example()
     for more in (
@@ -188,8 +239,12 @@ def test_what_offsets_do_not_go_with_is_refused():
         {"faults": can.faults.ErrorBound(0.1)},
         {"assumptions": can.Assumptions(own_jitter=False)},
     ):
-        with pytest.raises(ArgumentError, match="offsets is True; that takes the exact method"):
+        with pytest.raises(ArgumentError, match=r"^offsets is True; .* own_jitter$"):
             can.response_times(messages, 125e3, offsets=True, **more)
+    with pytest.raises(ArgumentError, match=r"^offsets is 1"):
+        can.response_times(messages, 125e3, offsets=1)
+    with pytest.raises(ArgumentError, match=r"^step is 2 s; it must be 1e-06..1 s"):
+        can.spread_offsets(messages, 2)
     with pytest.raises(ArgumentError, match="the period of 'speed' is not a multiple"):
         can.spread_offsets(messages.replace("speed", period=10.5e-3), 1e-3)
     odd = [can.Message(f"m{k}", k, 8, t, sender="s") for k, t in enumerate((0.997, 0.991, 0.983))]

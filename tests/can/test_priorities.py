@@ -80,6 +80,19 @@ def test_what_cannot_be_placed_comes_first_in_the_order_of_deadlines():
     assert found.messages.names == ("a", "b", "c")
 
 
+def test_an_order_that_fails_in_a_second_instance_alone_is_not_feasible():
+    # The example of Davis et al. 2007: B and C are alike, and the lower of them takes 3.5 ms.
+    messages = MessageSet(
+        [
+            Message("A", 1, 7, 2.5e-3),
+            Message("B", 2, 7, 3.5e-3, 3.25e-3),
+            Message("C", 3, 7, 3.5e-3, 3.25e-3),
+        ]
+    )
+    assert not audsley(messages, 125e3).feasible
+    assert audsley(messages.replace("C", deadline=3.5e-3), 125e3).feasible
+
+
 def test_assumptions_and_errors_reach_the_test_of_an_order():
     # 135 + 135 bits fit 270 us; a fault, or a foreign frame, is too much.
     messages = MessageSet([Message("a", 1, 8, 270 * US), Message("b", 2, 8, 540 * US)])

@@ -258,6 +258,14 @@ def test_errors_that_keep_coming_are_counted_by_hand():
     assert errors(2, 500 * US).count(727 * US) == 3
 
 
+def test_an_error_that_is_due_as_the_busy_period_ends_does_not_count():
+    # The frame, and once 31 bits and the frame again; the next error comes at 231.
+    (alone,) = response_times(message_set([100], [5000]), FAST, faults=errors(1, 231 * US))
+    assert alone.busy_period == alone.response == pytest.approx(231 * US, rel=1e-12)
+    (alone,) = response_times(message_set([100], [5000]), FAST, faults=errors(1, 230 * US))
+    assert alone.busy_period == pytest.approx((231 + 131) * US, rel=1e-12)
+
+
 @given(small_sets(), st.data())
 def test_more_jitter_longer_frames_and_more_messages_never_help(drawn, data):
     before = [r.response for r in response_times(message_set(*drawn), FAST)]
@@ -403,6 +411,17 @@ def test_an_overloaded_bus_is_an_answer():
     assert [round(r / US) for r in alone.instances] == [200]
 
 
+def test_a_first_instance_behind_a_full_bus_ends_only_if_nothing_else_waits():
+    messages = message_set([100, 60], [100, 1000])
+    for bits, expected in ((0, 160 * US), (1, math.inf)):
+        some = Assumptions(arbitration_bits=bits)
+        found = response_times(messages, FAST, method="1994", assumptions=some)
+        assert found[1].response == pytest.approx(expected, rel=1e-12)
+    blocked = Assumptions(arbitration_bits=0, foreign_bits=1)
+    found = response_times(messages, FAST, method="1994", assumptions=blocked)
+    assert found[1].response == math.inf
+
+
 def test_faults_can_overload_the_bus():
     messages = message_set([100], [1000])
     found = response_times(messages, FAST, faults=errors(1, 131 * US))[0]
@@ -460,6 +479,8 @@ def test_no_message_and_wrong_arguments():
     for rate in (999, 1_000_001, 83_333.3, math.nan, None, "125000"):
         with pytest.raises(ArgumentError, match=r"bit_rate is .*; it must be"):
             response_times(davis_messages(), rate)
+    with pytest.raises(ArgumentError, match=r"^assumptions is 1"):
+        response_times(nothing, FAST, assumptions=1)
     with pytest.raises(ArgumentError, match="method is 'davis'"):
         response_times(nothing, FAST, method="davis")
 
@@ -526,9 +547,7 @@ def test_results_are_read_by_name_and_the_critical_message_is_named():
     assert found.table()["load_percent"].sum() == pytest.approx(100 * (1 / 2.5 + 2 / 3.5), rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    "wrong", [faults.BitErrors(1e-3), [faults.ErrorAt(1.0)], [errors(1), errors(1)]]
-)
+@pytest.mark.parametrize("wrong", [faults.BitErrors(1e-3), [faults.ErrorAt(1.0)], [errors(1)], ()])
 def test_an_analysis_takes_one_bound_on_errors(wrong):
     with pytest.raises(ArgumentError, match=r"an analysis takes one faults\.ErrorBound"):
         response_times(davis_messages(), 125e3, faults=wrong)

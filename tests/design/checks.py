@@ -73,9 +73,7 @@ def check_lengths(design):
             continue
         assert run.route_m == float(design.site.route(places[run.a], places[run.b])), run
         slack = run.length_m - design.site.detour * run.route_m
-        assert slack >= -CLOSE
-        if run.kind in ("home run", "drop"):
-            assert abs(slack - design.site.tails) < CLOSE
+        assert abs(slack - design.site.tails) < CLOSE, run
 
 
 class Segment:

@@ -64,11 +64,11 @@ def test_an_option_that_leaves_points_out_is_not_on_the_front():
     both = compare([design, cheaper])
     assert both.table()["total_cost_eur"]["partly"] < both.table()["total_cost_eur"]["example"]
     assert both.pareto() == ["example"]
-    assert both.conclusions()[0] == "partly leaves 1 of 4 points out."
+    assert both.conclusions()[1] == "partly leaves 1 of 4 points out."
     assert both.tornado().between == ("example",)
     alone = compare([cheaper])
     assert alone.tornado().between == ("partly",)
-    assert alone.conclusions()[-1] == "No design connects every point."
+    assert alone.conclusions()[0] == "No design connects all points."
 
 
 def test_options_of_the_ship_are_planned_and_weighed():
@@ -101,6 +101,23 @@ def test_a_saving_counts_from_the_first_option_to_the_cheapest_other():
     assert alone == "CAN"
 
 
+def test_the_headline_is_the_cheapest_that_violates_no_rule_and_what_it_costs_more():
+    rules = RuleSet((Rule("two", "lines of a link", 2, bound="at least", confirmed=True),))
+    one, two = Design.example(), Design.example(redundant=True)
+    costs = [design.quantities()["total_cost_eur"] for design in (one, two)]
+    more = number(costs[1] - costs[0])
+    found = compare([one, two], rules=rules)
+    assert found.best is two and found.verdict == (
+        "cheapest that connects every point and violates no rule: example, redundant, "
+        f"{number(costs[1])} EUR; {more} EUR more than example, which violates 1 rule"
+    )
+    assert found.conclusions()[0] == f"C{found.verdict[1:]}."
+    assert "more than" not in compare([two], rules=rules).verdict
+    assert compare([one], rules=rules).conclusions()[0] == (
+        "Every design that connects all points violates a rule."
+    )
+
+
 def test_an_option_that_leaves_points_out_is_no_saving_and_says_why():
     unplaced = IoList.parse("tag,signal,home run,x,y,z\nL-1,contact,20,,,\nL-2,contact,20,5,2,3\n")
     found = unplaced.compare(Design.example().site)
@@ -110,7 +127,7 @@ def test_an_option_that_leaves_points_out_is_no_saving_and_says_why():
     turned = unplaced.compare(Design.example().site, ["CAN", "AS-i", "home runs", "junction boxes"])
     assert turned.tornado().between == ("home runs",)
     fast = IoList.parse("tag,signal,x,y,z,update\nL-1,contact,5,2,3,1\nL-2,contact,6,2,3,1\n")
-    (said,) = fast.compare(Design.example().site, ["home runs", "Modbus RTU"]).conclusions()[:1]
+    (said,) = fast.compare(Design.example().site, ["home runs", "Modbus RTU"]).conclusions()[1:2]
     assert said.startswith("Modbus RTU leaves 2 of 2 points out: L-1 needs an update every 1 ms;")
     assert said.endswith("(and 1 more).")
 
@@ -252,3 +269,9 @@ def test_barriers_are_counted_and_their_place_is_named():
             f"Intrinsically safe points: 1, with barriers for {cost} EUR {where}"
         )
     assert not any("safe" in one for one in ship(4).compare((0, 0, 0)).conclusions())
+
+
+def test_progress_is_told_plan_by_plan():
+    told = []
+    ship(4).compare((0, 0, 0), ["home runs", "CAN"], progress=lambda *state: told.append(state))
+    assert told == [(1, 2), (2, 2)]

@@ -78,11 +78,12 @@ def searched(design, cut=(), dead=(), needs=None):
             join(power, run.a, run.b, lines)
         if run.kind == "feeder" and not asi and not ends & {"cabinet", "gateway"}:
             join(power, run.a, run.b, lines)
-        if run.kind == "feeder" and asi and "supply" not in ends and not {run.a, run.b} & blocked:
+        mains = bool(ends & {"cabinet", "supply"})
+        if run.kind == "feeder" and asi and not mains and not {run.a, run.b} & blocked:
             auxiliary.add_edge(run.a, run.b)
     for run in design.cables.itertuples():
         if run.kind == "feeder" and run.run in cut and design.cabinet in (run.a, run.b):
-            unfed |= {name for name in (run.a, run.b) if kind[name] == "supply"}
+            unfed |= {name for name in (run.a, run.b) if kind[name].endswith("supply")}
     for name, row in devices[devices["at"] != ""].iterrows():
         hangs_on = row["at"]
         if row["kind"] in ("supply", "repeater"):
@@ -107,7 +108,7 @@ def searched(design, cut=(), dead=(), needs=None):
     reached = {name for name, _ in nx.node_connected_component(graph, (design.cabinet, "A"))}
     alive = reached - dead
     outputs = set()
-    for name in kind.index[(kind == "auxiliary supply") & ~kind.index.isin(dead)]:
+    for name in kind.index[(kind == "auxiliary supply") & ~kind.index.isin(dead | unfed)]:
         outputs |= nx.node_connected_component(auxiliary, name)
     return alive, supplied, outputs, wires
 

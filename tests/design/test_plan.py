@@ -131,8 +131,7 @@ def test_what_is_too_far_away_is_left_out_with_value_and_bound(option, away, lim
     assert design.points["fits"].tolist() == [False, True]
     (reason,) = design.reasons.itertuples()
     assert (reason.subject, reason.limit, reason.bound, reason.unit) == ("P0", limit, bound, "m")
-    extra = 1.0 if option == "AS-i" else SITE.tails
-    assert reason.value == pytest.approx(SITE.detour * away + extra)
+    assert reason.value == pytest.approx(SITE.detour * away + SITE.tails)
     assert "P0" in reason.text and f"{bound}" in reason.text
     check_everything(design, Settings())
 
@@ -190,19 +189,19 @@ def test_more_than_31_modules_share_addresses_and_then_need_two_lines():
     def crowd(n):
         return table([("contact", (10 + k % 2, 0, 0), 1000) for k in range(4 * n)])
 
-    limits = Settings({"asi.slack": 0.1})
+    site, limits = Site(SITE.cabinet, tails=0.1), Settings({"tails": 0.1})
     for modules, addresses in ((31, [31]), (32, [31]), (62, [31]), (63, [31, 31])):
-        design = plan(crowd(modules), SITE, "AS-i", settings=limits)
+        design = plan(crowd(modules), site, "AS-i", settings=limits)
         assert design.segments["addresses"].tolist() == addresses
         assert design.segments["slaves"].sum() == modules
         check_everything(design, limits)
     # kim2023, section 3.3: 62 modules of four contacts, 496 conductors, are 2 on the bus.
-    local = Settings({"asi.slack": 0.1, "fed": False})
+    local = Settings({"fed": False})
     for option, conductors in (("home runs", 496), ("AS-i", 2)):
-        runs = plan(crowd(62), SITE, option, settings=local).cables
+        runs = plan(crowd(62), site, option, settings=local).cables
         assert runs.loc[runs["at_cabinet"], "used"].sum() == conductors
-    alone = Settings({"asi.slack": 0.1, "asi.shared": False})
-    assert len(plan(crowd(32), SITE, "AS-i", settings=alone).segments) == 2
+    alone = Settings({"asi.shared": False})
+    assert len(plan(crowd(32), site, "AS-i", settings=alone).segments) == 2
 
 
 def test_a_point_without_a_place_goes_home_and_nowhere_else():

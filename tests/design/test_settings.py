@@ -147,7 +147,7 @@ def test_all_faults_are_told_at_once_with_name_value_and_legal_range(tmp_path):
         "asi.shared is 1; it must be true or false",
         "there is no 'asi.lenght'; the nearest is asi.length",
         f"can.bit_rates is [500000, 10]; {rates}",
-        "modbus.character is '7E1'; it must be 8, one of N, E, O, and 1 or 2",
+        "modbus.character is '7E1'; it must be one of '8E1', '8E2', '8O1', '8O2', '8N1', '8N2'",
         f"modbus.bit_rates is []; {rates}",
         f"assumptions.gland is [9, 8, 20]; {price}",
         f"assumptions.box is [1, 2]; {price}",

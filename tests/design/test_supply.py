@@ -1,5 +1,7 @@
 """What supplies give and what arrives, against the solver for cables and by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,9 +12,10 @@ from hypothesis import strategies as st
 from shipnet.design.catalogue import cables
 from shipnet.design.designs import Design
 from shipnet.design.planning import plan
+from shipnet.design.rules import Rule, RuleSet
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
-from shipnet.design.supply import LOADS
+from shipnet.design.supply import LOADS, feeders_of
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import Cable
 from shipnet.line.network import CableRun, Network
@@ -83,21 +86,89 @@ def test_an_as_i_line_has_the_voltages_of_its_plan():
 
 
 def test_a_chain_by_hand():
-    # Two stations: the first draws 0.5 + 0.022 A, the second 0.5 + 0.6 x 0.25 A.
+    # Two stations: the first draws 0.5 + 0.022 A, the second 0.5 + 0.6 x 0.25 A; one channel more
+    # may be shorted, 1.7 A.
     iolist = table([("current_loop", (40, 0, 0), 1000), ("solenoid", (100, 0, 0), 1000)])
-    design = plan(iolist, Site((0.0, 0.0, 0.0), detour=1.0, tails=0.0), "CAN")
-    ohms = 26e-3
-    first = 24 - 40 * ohms * (0.522 + 0.65)
-    second = first - 60 * ohms * 0.65
+    site = Site((0.0, 0.0, 0.0), detour=1.0, tails=0.0)
+    # With 1.5 mm2, 26 ohm/km, 24 - 8.6 V would arrive; 2.5 mm2 has 15.96 ohm/km.
+    assert 40 * 26e-3 * (1.172 + 1.7) + 60 * 26e-3 * (0.65 + 1.7) > 6
+    first = 24 - 40 * 15.96e-3 * (0.522 + 0.65)
+    second = first - 60 * 15.96e-3 * 0.65
+    design = plan(iolist, site, "CAN")
     got = design.voltages().set_index("device")
     assert got["voltage_v"].tolist() == pytest.approx([first, second], abs=1e-12)
     assert got["current_a"].tolist() == pytest.approx([1.172, 0.65])
-    # One channel is shorted there: 1.7 A more on all of the way.
-    assert got["shorted_v"].iloc[1] == pytest.approx(second - 100 * ohms * 1.7)
+    assert got["load_a"].tolist() == pytest.approx([0.522, 0.65])
+    assert got["shorted_v"].iloc[1] == pytest.approx(second - 100 * 15.96e-3 * 1.7)
     (supply,) = design.supplies().to_dict("records")
     assert supply["worst_device"] == "CAN box 2" and supply["devices"] == 2
     assert (supply["current_a"], supply["drop_v"]) == pytest.approx((1.172, 24 - second))
-    assert supply["cross_section_mm2"] == 1.5 and supply["length_m"] == 100
+    assert supply["cross_section_mm2"] == 2.5 and supply["length_m"] == 100
+
+
+def test_a_long_chain_of_stations_is_fed_on_the_way():
+    # A station with coils every 23 m: with 1.5 mm2 from one supply, the last would get far less
+    # than nothing, which nobody said.
+    rows = [("solenoid", (23 * (n // 8), 0, 0), 1000) for n in range(8, 8 * 32)]
+    design = plan(table(rows), SITE, "CAN", settings=Settings({"boxes.points": 8}))
+    assert design.fits and len(design.segments) == 1
+    devices, (segment,) = design.devices, design.segments["segment"]
+    assert design.check("supply").ok
+    idle = {f"supply.{name}": 0 for name in ("solenoid", "station", "short")}
+    once = plan(table(rows), SITE, "CAN", settings=Settings({"boxes.points": 8, **idle}))
+    (bare,) = once.priced(Settings({"boxes.points": 8})).supplies().to_dict("records")
+    assert bare["lowest_v"] < -100 and bare["length_m"] > 700 and bare["cross_section_mm2"] == 1.5
+    # More supplies, each with its mains from the cabinet and a cable to its station, all counted.
+    supplies = design.supplies()
+    assert len(supplies) > 1 and (supplies["lowest_v"] >= 18).all()
+    assert (supplies["current_a"] + 1.7 <= 20).all()
+    moved = supplies[supplies["at"] != "cabinet"]
+    mains = design.cables[(design.cables["kind"] == "feeder") & (design.cables["a"] == "cabinet")]
+    assert sorted(mains["b"]) == sorted(moved["supply"]) and mains["at_cabinet"].all()
+    bill = design.bill().set_index("item")
+    assert bill.loc["supply", "number"] == len(supplies)
+    feeders = design.cables[design.cables["kind"] == "feeder"].groupby("cable")["length_m"].sum()
+    for cable, metres in feeders.items():
+        assert bill.loc[cable, "number"] >= metres
+    assert set(design.voltages()["device"]) == set(
+        devices.loc[devices["kind"] == "station", "device"]
+    )
+    local = plan(table(rows), SITE, "CAN", settings=Settings({"boxes.points": 8, "fed": False}))
+    assert segment and len(local.supplies()) == 0
+
+
+@pytest.mark.parametrize("option", ["CAN", "Modbus RTU", "AS-i"])
+@pytest.mark.parametrize("redundant", [False, True])
+def test_feeders_are_as_thin_as_the_limits_allow(option, redundant):
+    design = plan(ship(150), SITE, option, settings=Settings({"redundant": redundant}))
+    sizes = feeders_of("MI1P150")
+    limits, table = design.settings.supply, design.voltages()
+    table = table.join(design.cables.set_index("run")["cable"], on="run")
+    table = table[table["cable"].isin([size.id for size in sizes])]
+    assert len(table) > 5
+    for _, tree in table.groupby("supply"):
+        (cable,) = set(tree["cable"])
+        assert (tree["shorted_v"] >= tree["needed_v"] - 1e-9).all()
+        assert (tree["current_a"] + limits.short <= cables()[cable].current).all()
+        place = [size.id for size in sizes].index(cable)
+        if place == 0:
+            continue
+        thinner, lost = sizes[place - 1], 24 - tree["shorted_v"]
+        spur = tree["voltage_v"] - tree["lowest_v"]
+        lost = spur + (lost - spur) * thinner.resistance / sizes[place].resistance
+        late = tree["current_a"] + limits.short > thinner.current
+        assert (lost > limits.drop * limits.voltage + 1e-9).any() or late.any()
+
+
+def test_a_load_that_no_supply_serves_is_a_reason():
+    rows = [("solenoid", (30, 0, 0), 1000)] * 8
+    design = plan(table(rows), SITE, "CAN", settings=Settings({"supply.rating": 3.0}))
+    (reason,) = design.reasons.to_dict("records")
+    assert reason["subject"] == "CAN box 1" and reason["limit"] == "supply"
+    # 0.5 A, 8 coils of 0.25 A of which 6 in 10 are on, and 1.7 A.
+    assert (reason["value"], reason["bound"], reason["unit"]) == (pytest.approx(3.4), 3.0, "A")
+    assert "CAN box 1 draws 3.4 A" in reason["text"]
+    assert not design.points["fits"].any()
 
 
 def test_the_cable_of_the_worst_point_counts():
@@ -105,6 +176,77 @@ def test_the_cable_of_the_worst_point_counts():
     (row,) = plan(iolist, SITE, "CAN").voltages().to_dict("records")
     # The box is half way between; 10 m with detour and tails to either coil, and it is on alone.
     assert row["voltage_v"] - row["lowest_v"] == pytest.approx((1.15 * 10 + 5) * 52e-3 * 0.25)
+
+
+def boat(values=None, *, tails=1.0, places=((10, 0, 0), (40, 0, 0)), each=1):
+    """A CAN design that meets every rule of NMEA 2000, and of supplies."""
+    small = {"supply.station": 0.1, "supply.solenoid": 0.1, "boxes.reach": 3, "tails": tails}
+    rows = [("solenoid", place, 1000) for place in places for _ in range(each)]
+    site = Site((0.0, 0.0, 0.0), detour=1.0, tails=tails)
+    return plan(table(rows), site, "CAN", settings=Settings(small | (values or {})))
+
+
+def priced(**values):
+    """The same boat under other loads, as if nobody had planned for them."""
+    return boat().priced(boat().settings.replace({f"supply.{k}": v for k, v in values.items()}))
+
+
+#: For each rule a design that violates it, and what is computed there. The feeders are 11 m and
+#: 31 m of 26 ohm/km, and a cable to a point has 1 m of 52 ohm/km.
+VIOLATIONS = {
+    "voltage": (lambda: priced(solenoid=10.0),
+                (11 * 26e-3 * 12.2 + 31 * 26e-3 * 6.1 + 52e-3 * 10) / 0.24),
+    "voltage above nominal": (lambda: boat({"supply.voltage": 32.0}), 100 / 3),
+    "spur short circuit": (lambda: priced(short=10.0),
+                           (11 * 26e-3 * 10.32 + 31 * 26e-3 * 10.16 + 52e-3 * 0.1) / 0.24),
+    "segment current": (lambda: priced(rating=0.2), 160.0),
+    "cable current": (lambda: priced(station=10.5), 105.6),
+    "spur overcurrent": (lambda: boat({"supply.solenoid": 0.6}), 0.6),
+    "backbone": (lambda: boat(places=((10, 0, 0), (110, 0, 0))), 112),
+    "drop": (lambda: boat(tails=6.5), 6.5),
+    "drops in all": (lambda: boat(tails=4.0, each=10), 80),
+    "nodes": (lambda: crowded(51), 51),
+    "terminators": (lambda: with_ends(1), 1),
+    "voltage drop": (lambda: priced(station=1.2), 11 * 26e-3 * 2.52 + 31 * 26e-3 * 1.26),
+    "load of a device": (lambda: boat({"supply.station": 1.0}), 22),
+    "load of a supply": (lambda: boat(
+        {"supply.station": 0.9}, places=[(x, 0, 0) for x in (5, 15, 25, 35)]), 80),
+}  # fmt: skip
+
+
+def crowded(devices):
+    design = boat()
+    return replace(design, segments=design.segments.assign(devices=devices))
+
+
+def with_ends(most):
+    devices = boat().devices
+    ends = devices["kind"] == "terminator"
+    return replace(boat(), devices=devices[~ends | (ends.cumsum() <= most)])
+
+
+def test_a_small_boat_meets_every_rule_of_supply_and_nmea_2000():
+    found = [boat().check(name).table() for name in ("supply", "NMEA 2000")]
+    assert set(pd.concat(found)["rule"]) == set(VIOLATIONS)
+    assert (pd.concat(found)["verdict"] == "met").all()
+
+
+@pytest.mark.parametrize("rule", VIOLATIONS)
+def test_each_rule_of_supply_has_a_design_that_violates_it(rule):
+    make, computed = VIOLATIONS[rule]
+    names = ("supply", "NMEA 2000")
+    table = pd.concat([make().check(name).table() for name in names]).set_index("rule")
+    row = table.loc[rule]
+    assert row["verdict"] == "violated" and row["source"]
+    assert row["value"] == pytest.approx(computed, rel=1e-3)
+
+
+def test_the_resistance_of_a_trunk_is_that_of_its_cable():
+    rule = Rule("resistance", "trunk resistance", 2.0, confirmed=True)
+    row = boat().check(RuleSet((rule,))).table().iloc[0]
+    # 10 + 1 and 30 + 1 m at 52 ohm/km.
+    assert row["value"] == pytest.approx(42 * 52e-3) and row["verdict"] == "violated"
+    assert row["object"] == "CAN 1"
 
 
 def test_a_design_without_feeders_has_no_supplies():

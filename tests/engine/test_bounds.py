@@ -8,7 +8,6 @@ from shipnet.engine.simulation import simulate
 from shipnet.engine.system import Firmware, System
 from shipnet.errors import ArgumentError
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.lee2012.operation import response_readings
 
 SYSTEMS = {
     "printed": System(),
@@ -190,13 +189,6 @@ def test_the_shortest_and_the_longest_timeout_are_taken_too(bit_rate, retries):
         time = (1 + retries) * (serial.frame_time(8) + timeout)
         found = System(serial=serial).timeout_for(time, retries=retries)
         assert System(serial=serial, timeout=found).timeout == pytest.approx(timeout, rel=1e-12)
-
-
-def test_only_the_reading_of_figure_4_with_11_bits_gives_22_3_ms():
-    table = response_readings(System())
-    fits = table[table["time_ms"].round(1) == 22.3]
-    assert fits[["bits", "bytes"]].values.tolist() == [[11, 8]]
-    assert fits["time_ms"].iloc[0] == pytest.approx(19.5 * 11 / 9.6)
 
 
 def test_the_known_age_is_never_below_the_true_one_and_marks_nothing_in_health():

@@ -68,7 +68,7 @@ def test_the_bytes_are_those_of_a_long_number(bits):
     # The second route: each box is one whole number, written digit by digit.
     layout, values = CanLayout(POINTS, bits), codes(bits, ())
     frames = layout.encode(values)
-    for box in layout.boxes:
+    for box in POINTS.boxes:
         own = [(p, int(v)) for p, v in zip(POINTS, values, strict=True) if p.box == box]
         digits = "".join(f"{v:0{bits}b}" for p, v in own if p.analogue)
         digits += "0" * (-len(digits) % 8)
@@ -97,7 +97,7 @@ def test_the_table_says_which_frames_change_with_a_point(bits):
 def test_a_box_of_switches_alone_and_one_of_values_alone():
     points = [Point("S", "A", "switch", "logic"), Point("P", "B", "4-20 mA", "pressure", 0, 6)]
     layout = CanLayout(points, 12)
-    assert [layout.size("A"), layout.size("B")] == [1, 2]
+    assert layout.volume().bytes.to_dict() == {"A": 1, "B": 2, "all": 3}
     assert layout.decode(layout.encode([1, 4095])).tolist() == [1, 4095]
     assert layout.encode([1, 4095])["B-01"].tobytes() == b"\xff\xf0"
 
@@ -109,7 +109,6 @@ def test_what_does_not_fit_is_refused():
         (lambda: CanLayout(POINTS, 17), "bits is 17"),
         (lambda: CanLayout([]), "points are empty"),
         (lambda: CanLayout(many), "there are 8 boxes"),
-        (lambda: layout.size("JB9"), "box is 'JB9'"),
         (lambda: layout.encode([0] * 98), r"shape \(98,\)"),
         (lambda: layout.encode([0.5] * 99), "float64"),
         (lambda: layout.encode(7), r"shape \(\)"),

@@ -3,8 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.points import Point, read_points
 from shipnet.engine.registers import AGE_STEP, CODINGS, CORRECTED, Coding, RegisterMap
+from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
@@ -75,59 +77,48 @@ def test_the_decimal_step_is_within_a_thousandth_of_the_span():
     assert CORRECTED.step_of(bar) == 1.0
 
 
-@pytest.mark.parametrize("switches", ["single", "box", "all"])
 @pytest.mark.parametrize("coding", ["tenths, 0xFFFF", "corrected: decimal, 0x8000"])
-@pytest.mark.parametrize("status", [False, True])
-def test_what_the_map_encodes_it_decodes(switches, coding, status):
+@pytest.mark.parametrize("aged", [False, True])
+def test_what_the_map_encodes_it_decodes(coding, aged):
     rng = np.random.default_rng(7)
     values = readings(rng, 50)
     failed = rng.random((50, 99)) < 0.1
-    layout = RegisterMap(POINTS, CODINGS[coding], switches, status)
-    ages, beats = rng.random((50, 3)) * 5, rng.integers(0, 10**6, (50, 3))
-    registers = layout.encode(values, failed, ages=ages, heartbeats=beats)
-    assert registers.shape == (50, len(layout))
+    layout = RegisterMap(POINTS, CODINGS[coding], aged)
+    ages = rng.random((50, len(layout.frames))) * 5
+    registers = layout.encode(values, failed, ages=ages)
+    assert registers.shape == (50, len(layout)) == (50, 99 + 22 * aged)
     read = layout.decode(registers)
-    gone = failed.copy()
-    if switches != "single" and not status:
-        # A marked word takes all its switches along.
-        for word in layout.words:
-            gone[:, word.places] |= failed[:, word.places].any(axis=1, keepdims=True)
-    near = np.abs(read.values - values)[~gone & ~np.isnan(read.values)]
+    near = np.abs(read.values - values)[~failed & ~np.isnan(read.values)]
     assert near.max() <= 0.05 + 1e-9
-    assert np.isnan(read.values)[gone].all()
+    assert np.isnan(read.values)[failed].all()
     if coding.startswith("corrected"):
-        assert (np.isnan(read.values) == gone).all()
-    if status:
-        assert (read.ages >= ages - 1e-9).all() and (read.ages - ages < AGE_STEP).all()
-        assert (read.heartbeats == beats % 65536).all()
-    else:
-        assert np.isnan(read.ages).all() and np.isnan(read.heartbeats).all()
+        assert (np.isnan(read.values) == failed).all()
+    assert read.ages.shape == ages.shape
+    assert (read.ages >= ages - 1e-9).all() and (read.ages - ages < AGE_STEP).all()
 
 
 def test_sizes_and_requests_of_the_maps():
-    sizes = {kind: len(RegisterMap(POINTS, switches=kind)) for kind in ("single", "box", "all")}
-    assert sizes == {"single": 99, "box": 83, "all": 82}
     corrected = RegisterMap.corrected(POINTS)
-    # 99 values, and for each box age, heartbeat and a bit a point: 43, 18 and 38.
-    assert len(corrected) == 99 + 3 * 2 + 3 + 2 + 3
+    # 99 values, and the ages of 10, 5 and 7 frames.
+    assert len(corrected) == 99 + 10 + 5 + 7 == System.corrected().registers
     assert [len(m.requests()) for m in (RegisterMap(POINTS), corrected)] == [1, 1]
     line = SerialLine(9600)
     times = [Poll(m.requests()[0], line).time for m in (RegisterMap(POINTS), corrected)]
     assert times[0] == pytest.approx(249.79e-3, abs=5e-6)
-    assert times[1] == pytest.approx(times[0] + 14 * 2 * 11 / 9600)
+    assert times[1] == pytest.approx(times[0] + 22 * 2 * 11 / 9600)
     many = [Point(f"P{k}", "B", "4-20 mA", "pressure", 0, 1) for k in range(251)]
-    asked = [(r.address, r.quantity) for r in RegisterMap(many, first_address=9).requests()]
-    assert asked == [(9, 125), (134, 125), (259, 1)]
+    asked = [(r.address, r.quantity) for r in RegisterMap(many).requests()]
+    assert asked == [(0, 125), (125, 125), (250, 1)]
 
 
-def test_the_table_names_every_point_once():
-    for layout in (RegisterMap(POINTS, switches="box", first_address=100), RegisterMap(POINTS)):
-        table = layout.table()
-        assert table.index.tolist() == list(
-            range(layout.first_address, layout.first_address + len(layout))
-        )
-        tags = ", ".join(table.tags).split(", ")
-        assert sorted(tags) == sorted(point.tag for point in POINTS)
+def test_the_table_names_every_point_once_and_then_the_frames_of_its_box():
+    table = RegisterMap.corrected(POINTS).table()
+    assert table.index.tolist() == list(range(121))
+    assert table.holds[:99].tolist() == [point.tag for point in POINTS]
+    assert table.box[:99].tolist() == [point.box for point in POINTS]
+    messages = CanLayout(POINTS).messages()
+    assert table.holds[99:].tolist() == [f"age of {message.name}" for message in messages]
+    assert table.box[99:].tolist() == [message.sender for message in messages]
 
 
 def test_an_old_value_is_never_called_younger():
@@ -135,49 +126,6 @@ def test_an_old_value_is_never_called_younger():
     for age, shown in ((0.3, 0.3), (0.30001, 0.4), (1e9, 6553.5), (np.inf, 6553.5)):
         read = layout.decode(layout.encode(LOW, ages=age))
         assert read.ages == pytest.approx(shown)
-
-
-def test_8_switches_in_alarm_are_no_error_to_a_packed_word():
-    # JB3 has 11 switches; the first eight of them make 0x00FF.
-    layout = RegisterMap(POINTS, switches="box")
-    values = LOW.copy()
-    jb3 = [k for k, point in enumerate(POINTS) if point.box == "JB3" and not point.analogue]
-    values[jb3[:8]] = 1
-    assert (layout.decode(layout.encode(values)).values[jb3] == values[jb3]).all()
-    failed = np.isin(np.arange(len(POINTS)), jb3[3])
-    marked = layout.decode(layout.encode(values, failed)).values
-    assert np.isnan(marked[jb3]).all() and not np.isnan(np.delete(marked, jb3)).any()
-    corrected = RegisterMap(POINTS, CORRECTED, "box", True)
-    assert (corrected.decode(corrected.encode(values)).values[jb3] == values[jb3]).all()
-
-
-SWITCHES = tuple(Point(f"S{k}", f"B{k % 3}", "switch", "level") for k in range(40))
-
-
-@pytest.mark.parametrize("coding", CODINGS)
-@pytest.mark.parametrize("status", [False, True])
-@given(
-    states=st.lists(st.booleans(), min_size=40, max_size=40),
-    packing=st.sampled_from(["box", "all"]),
-)
-def test_no_states_of_packed_switches_look_like_their_mark(coding, status, states, packing):
-    layout = RegisterMap(SWITCHES, CODINGS[coding], packing, status)
-    # Each switch alone, all but each, all, and any.
-    values = np.vstack([np.eye(40), 1 - np.eye(40), np.ones(40), states])
-    assert (layout.decode(layout.encode(values)).values == values).all()
-    assert not layout.collisions().collides.any()
-
-
-def test_a_map_judges_its_packed_switches_apart_from_its_values():
-    # With the mark 1, every switch in a register of its own collides, and a packed one does not.
-    ones = Coding("mark 1", 0.1, 1)
-    single, packed = (RegisterMap(POINTS, ones, way).collisions() for way in ("single", "box"))
-    switch = np.array([not point.analogue for point in POINTS])
-    assert single.collides[switch].all() and not packed.collides[switch].any()
-    assert single[~switch].equals(packed[~switch])
-    values = np.where(switch, 1.0, LOW)
-    layout = RegisterMap(POINTS, ones, "box")
-    assert (layout.decode(layout.encode(values)).values[switch] == 1).all()
 
 
 def test_what_no_box_has_is_refused():
@@ -195,14 +143,11 @@ def test_what_no_box_has_is_refused():
         (lambda: CORRECTED.decode(POINTS, [65536] * 99), "out of range"),
         (lambda: RegisterMap([]), "points are empty"),
         (lambda: RegisterMap(POINTS, "tenths"), "coding is 'tenths'"),
-        (lambda: RegisterMap(POINTS, switches="none"), "switches is 'none'"),
-        (lambda: RegisterMap(POINTS, status=1), "status is 1"),
-        (lambda: RegisterMap(POINTS, first_address=65438), "first_address is 65438"),
+        (lambda: RegisterMap(POINTS, ages=1), "ages is 1"),
         (lambda: layout.decode([0] * 98), r"shape \(98,\)"),
         (lambda: layout.encode(LOW, ages=-1), "ages are -1"),
         (lambda: layout.encode(LOW, ages=np.nan), "ages are nan"),
         (lambda: layout.encode(LOW, ages=[1.0, 2.0]), "ages have shape"),
-        (lambda: layout.encode(LOW, heartbeats=0.5), "heartbeats are 0.5"),
     ):
         with pytest.raises(ArgumentError, match=message):
             action()

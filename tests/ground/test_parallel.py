@@ -142,12 +142,15 @@ class Terminal(io.StringIO):
 
 
 @pytest.mark.parametrize(
-    ("stream", "progress", "drawn"),
-    [(Terminal, None, True), (io.StringIO, None, False), (io.StringIO, True, True),
-     (Terminal, False, False)],
+    ("stream", "progress", "patience", "drawn"),
+    [(Terminal, None, 0.0, True), (Terminal, None, 60.0, False), (io.StringIO, None, 0.0, False),
+     (io.StringIO, True, 60.0, True), (Terminal, False, 0.0, False)],
 )  # fmt: skip
-def test_the_bar_is_drawn_on_a_terminal_or_on_demand(monkeypatch, stream, progress, drawn):
+def test_the_bar_is_drawn_on_a_terminal_after_a_while_or_on_demand(
+    monkeypatch, stream, progress, patience, drawn
+):
     monkeypatch.setattr(sys, "stderr", stream())
+    monkeypatch.setattr("shipnet.parallel._PATIENCE", patience)
     sweep(process_id, {"n": [1, 2]}, progress=progress)
     text = sys.stderr.getvalue()
     assert text == drawn * f"\r[{'#' * 15}{' ' * 15}] 1/2\r[{'#' * 30}] 2/2\n"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shipnet.asi.elements import DEVICE, POWER_SUPPLY
-from shipnet.asi.modulation import SEND_CURRENT, as_bits, steps_of
+from shipnet.asi.modulation import SEND_CURRENT, Modulation
 from shipnet.asi.receiver import receive
 from shipnet.asi.telegram import RESPONSES
 from shipnet.exercises.checking import exercise
@@ -64,13 +64,13 @@ def test_the_longest_cable_is_that_of_another_solver(further, kept):
     u = simulate(network, drivers, 102.4e-6, dt, probes=["0"]).u[0]
     heard = receive(u[:, :10240:25], 25 * dt, 7)
     assert (heard.error == 0).all()
-    assert (heard.bits == np.tile(as_bits(RESPONSES), (2, 1))).all()
+    assert (heard.bits == np.tile(Modulation(RESPONSES).bits, (2, 1))).all()
     assert heard.within_tolerance.all() == kept
 
 
 def sender(word):
     """Return the current that a slave draws, over time."""
-    steps = np.asarray(steps_of(word)).ravel()
+    steps = np.asarray(Modulation(word).steps).ravel()
 
     def current(t):
         x = np.clip(np.subtract.outer((t - 5e-6) / 3e-6, np.arange(len(steps))), 0, 1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
-from shipnet.asi.modulation import check_slots, pulses_of
+from shipnet.asi.modulation import Modulation, Pulses
 from shipnet.crc import CAN
 from shipnet.exercises.lesson_03 import _MESSAGES, _TRIED, _distance, _remainder
 from shipnet.papers.kim2023.signals import undetected
@@ -18,8 +18,8 @@ def test_of_all_seven_bits_a_receiver_takes_only_the_right_ones(name):
     numbers, telegram = right("ex-03-1", name)
     words = ["".join(bits) for bits in product("01", repeat=7)]
     words = [bits for bits in words if bits[1:5] == numbers["bits"]]
-    pulses = np.pad([pulses_of(bits) for bits in words], ((0, 0), (0, 2)))
-    _, error = check_slots(pulses, 7)
+    pulses = np.pad([Modulation(bits).pulses.signs for bits in words], ((0, 0), (0, 2)))
+    _, error = Pulses(pulses).check()
     assert [bits for bits, code in zip(words, error, strict=True) if code == 0] == [telegram]
 
 
@@ -52,6 +52,7 @@ def test_one_bit_of_crc_less_lets_a_message_pass(name):
 
 
 def test_the_pulses_of_two_answers_differ_in_four_slots():
-    pulses = [pulses_of(f"0{data:04b}{f'{data:b}'.count('1') % 2}1") for data in range(16)]
+    words = [f"0{data:04b}{f'{data:b}'.count('1') % 2}1" for data in range(16)]
+    pulses = Modulation(words).pulses.signs
     assert round(pdist(pulses, "hamming").min() * 14) == 4
     assert undetected(3)[0] == 0 < undetected(4)[0]

@@ -1,5 +1,5 @@
 from shipnet import datasets
-from shipnet.asi.modulation import levels_of, pulses_of
+from shipnet.asi.modulation import Modulation
 
 TABLE2 = datasets.read("kim2023_table2_emc.csv")
 TABLE5 = datasets.read("kim2023_table5_requests.csv")
@@ -36,9 +36,9 @@ def test_table3_has_six_steps_in_order():
     assert table.index.tolist() == list("123456")
     # The Manchester rule of step 2, read as the encoder applies it.
     assert "from high to low for a 0" in table["2"]
-    assert levels_of("0").tolist() == [1, 0]
+    assert Modulation("0").levels.tolist() == [1, 0]
     assert "a rising current gives a negative pulse" in table["4"]
-    assert pulses_of("0")[1] == -1
+    assert Modulation("0").pulses.signs[1] == -1
 
 
 def test_tables_4_and_6_add_up_to_the_telegrams():

@@ -5,15 +5,15 @@ import pytest
 from shipnet import datasets
 from shipnet.asi import Request, Response, Transaction
 from shipnet.errors import ArgumentError
-from shipnet.papers.icn2007.claims import bus_efficiencies, rate_table, rates
+from shipnet.papers.icn2007.claims import bus_efficiencies, rate_table
 
 PRINTED = datasets.read("icn2007_numbers.csv").set_index("parameter")["value"]
 
 
 def test_the_papers_numbers_and_the_assumption_behind_them():
-    gross, _, efficiency = rates(Transaction(2, 2))
-    assert round(gross / 1e3) == float(PRINTED["gross rate"])
-    assert round(100 * efficiency) == float(PRINTED["efficiency"])
+    transaction = Transaction(2, 2)
+    assert round(1e-3 / transaction.bit_time) == float(PRINTED["gross rate"])
+    assert round(100 * float(transaction.efficiency())) == float(PRINTED["efficiency"])
     # The printed net rate is not reached under any assumption, the product of the others neither.
     printed = float(PRINTED["net rate, highest"])
     assert (rate_table()["net_kbit_per_s"].round(1) != printed).all()
@@ -33,10 +33,11 @@ def test_rates_of_other_assumptions():
 def test_user_bits_counted_on_the_line():
     request, response = Request.data_exchange(21, 0xE).bits, Response(6).bits
     line = len(request) + 2 + len(response) + 2
-    assert rates().efficiency == 8 / line
+    table = rate_table()["efficiency_percent"]
+    assert table["25 bit"] == pytest.approx(100 * 8 / line)
     cycle = [(line, 8)] * 31 + [(line, 0)] * 2
     bits, user = (sum(column) for column in zip(*cycle, strict=True))
-    assert rates(addresses=31).efficiency == pytest.approx(user / bits)
+    assert table["25 bit, whole cycle"] == pytest.approx(100 * user / bits)
 
 
 def test_modbus_frames_have_the_length_that_is_counted():
@@ -70,7 +71,6 @@ def test_as_i_leads_only_while_data_are_small():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: rates(addresses=0), "addresses is 0"),
         (lambda: bus_efficiencies(0), "user_bits is 0"),
         (lambda: bus_efficiencies([4, 1937]), "1..1936"),
         (lambda: bus_efficiencies([4.0]), "whole numbers"),

@@ -11,7 +11,7 @@ from pymodbus.transport import CommType
 from shipnet import datasets
 from shipnet.ballast.registers import SCALES, Code, RegisterMap, command_codes
 from shipnet.ballast.rule_table import rule_vectors
-from shipnet.ballast.sensors import CHANNELS, normal_values, rule_limits
+from shipnet.ballast.sensors import CHANNELS, rule_limits
 from shipnet.errors import ArgumentError, LengthError
 from shipnet.modbus.faults import Break, Short
 from shipnet.modbus.frame import rtu_frame
@@ -30,6 +30,7 @@ from shipnet.papers.kim2014.registers import (
     printed_adu,
     survival_table,
 )
+from tests.ballast.nominal import normal_values
 
 READ = Request.read_input_registers(0x4020, 4)
 PRINTED = rule_vectors("printed")

@@ -6,6 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
+from shipnet.ballast.scan import System
 from shipnet.ballast.wear import Wear
 from shipnet.errors import ArgumentError, CrcError
 from shipnet.modbus.faults import Break
@@ -14,7 +15,6 @@ from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers import figure
-from shipnet.papers.kim2014 import plot
 from shipnet.papers.kim2014.faults import graded_trials, reading_table
 from shipnet.papers.kim2014.line import RATES, break_table, conversation, status_poll
 from tests.modbus.sweeps import sweep
@@ -73,13 +73,10 @@ def test_a_tcp_frame_is_drawn_twice_with_all_its_bytes(ax):
     assert "PDU, 5 bytes" in said and "unit id\n1 byte" in said
 
 
-def test_scan_times_are_those_of_the_table(ax):
-    plot.plot_scan_times([5, 247], ax=ax)
-    for line, number in zip(ax.lines, (5, 247), strict=True):
-        assert line.get_xdata().tolist() == list(RATES)
+def test_scan_times_are_those_of_the_polls():
+    for number in (5, 247):
         expected = [number * status_poll(rate).time for rate in RATES]
-        assert line.get_ydata() == pytest.approx(expected)
-    assert ax.get_xlabel() == "bit rate [kbit/s]" and ax.get_ylabel() == "scan [s]"
+        assert System(number).scan_times()["scan_s"].tolist() == pytest.approx(expected)
     # By hand: 28 characters of 11 bits.
     assert 1e3 * status_poll(9600).time == pytest.approx(28 * 11 / 9.6)
 

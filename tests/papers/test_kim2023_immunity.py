@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shipnet.asi.modulation import send_current
+from shipnet.asi.modulation import Modulation
 from shipnet.asi.receiver import receive
 from shipnet.papers.kim2023.signals import supply_decides
 
@@ -15,7 +15,7 @@ def test_the_supply_is_no_shield():
     # decision, because the receiver takes the difference and its mean off.
     dt = 250e-9
     t = np.arange(256) * dt
-    u = -40e-6 * np.gradient(send_current(t, "0011001", start=5e-6), dt)
+    u = -40e-6 * np.gradient(Modulation("0011001").current(t, start=5e-6), dt)
     plain, lifted = receive(u, dt, 7), receive(u + 230, dt, 7)
     assert lifted.bits.tolist() == plain.bits.tolist()
     assert lifted.ringing == pytest.approx(plain.ringing, abs=1e-9)

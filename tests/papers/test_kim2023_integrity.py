@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.distance import pdist
 
 from shipnet.asi import Response
-from shipnet.asi.modulation import check_slots, pulses_of
+from shipnet.asi.modulation import Modulation, Pulses
 from shipnet.papers.kim2023.protocol import outputs_are_reset
 from shipnet.papers.kim2023.signals import check_bits, undetected
 
@@ -54,12 +54,12 @@ def test_one_bit_less_does_not_suffice(information):
 def test_faults_counted_by_trying_them_all(faults):
     missed = tried = 0
     for data in range(16):
-        word = np.pad(pulses_of(Response(data).bits), (0, 2))
+        word = np.pad(Modulation(Response(data).bits).pulses.signs, (0, 2))
         for places in itertools.combinations(range(1, 16), faults):
             others = [[v for v in (-1, 0, 1) if v != word[place]] for place in places]
             wrong = np.repeat(word[np.newaxis], 2**faults, axis=0)
             wrong[:, places] = list(itertools.product(*others))
-            missed += int((check_slots(wrong, 7)[1] == 0).sum())
+            missed += int((Pulses(wrong).check()[1] == 0).sum())
             tried += len(wrong)
     assert undetected(faults) == (missed, tried)
 
@@ -70,7 +70,7 @@ def test_four_faults_are_the_first_to_pass():
 
 def test_faults_of_requests_counted_by_trying_them_all():
     # All errors of four slots in some requests through the checks; then all pairs of requests.
-    words = np.pad(pulses_of(ALL_REQUESTS), ((0, 0), (0, 2)))
+    words = np.pad(Modulation(ALL_REQUESTS).pulses.signs, ((0, 0), (0, 2)))
     places = np.array(list(itertools.combinations(range(1, 30), 4)))
     for word in words[[0, 700, 2047]]:
         missed = 0
@@ -78,7 +78,7 @@ def test_faults_of_requests_counted_by_trying_them_all():
             wrong = np.repeat(word[np.newaxis], len(places), axis=0)
             old = np.take_along_axis(wrong, places, axis=1)
             np.put_along_axis(wrong, places, (old + 1 + signs) % 3 - 1, axis=1)
-            missed += int((check_slots(wrong, 14)[1] == 0).sum())
+            missed += int((Pulses(wrong).check()[1] == 0).sum())
         assert missed == ((words != word).sum(axis=1) == 4).sum()
     apart = np.rint(pdist(words, "hamming") * words.shape[1])
     for faults in (3, 4, 5):

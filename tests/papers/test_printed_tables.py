@@ -3,7 +3,8 @@ import pytest
 from shipnet import datasets
 from shipnet.asi import Call, Request
 from shipnet.errors import ArgumentError
-from shipnet.papers import PrintedTable, figure, table
+from shipnet.papers import figure, table
+from shipnet.papers.items import PrintedTable
 
 GENERATED = [f"Table {number}" for number in (4, 5, 6, 7)]
 

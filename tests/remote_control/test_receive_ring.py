@@ -11,7 +11,7 @@ from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.papers.chung1998.ring import extraction
 from shipnet.remote_control import MarkerFormat, Ring
-from shipnet.remote_control.ring_buffer import State, Step, case_of, pointer_case
+from shipnet.remote_control.ring_buffer import State, Step, case_of
 
 RULES = ["printed", "intended", "corrected"]
 SIZES = range(2, 9)
@@ -147,7 +147,7 @@ def test_cases_are_those_of_the_data_file():
     table = pd.read_csv(datasets.path("chung1998_ring_states.csv"), dtype=str)
     cases = {
         ("same" if state.ring_f == state.ring_get_f else "different",
-         "<" if state.no < state.get_no else ">="): pointer_case(state)
+         "<" if state.no < state.get_no else ">="): state.case
         for state in itertools.starmap(State, itertools.product(range(3), (0, 1), range(3), (0, 1)))
     }  # fmt: skip
     printed = zip(table.ring_flags, table.no_against_get_no, strict=True)

@@ -40,7 +40,7 @@ def test_a_valve_travels_in_model_time():
     places = []
     for valves.time in (0.0, 3.0, 12.0):
         readout = Client.over(valves, 8).read()
-        places.append(readout.positions[[0, 2, 4]].tolist())
+        places.append(readout.rows.VPos_percent.loc[[1, 3, 5]].tolist())
     assert places == [[0, 0, 0], [0, 33, 33], [0, 100, 40]]
     view = ValveClient(valves=8, valve=3).view(readout)
     assert view.verdict == "valve 3: open, 100 %"
@@ -75,8 +75,8 @@ def test_over_a_socket_it_is_the_same_as_in_model_time():
         with linked(server.port) as link:
             assert send(link, 3, "open") == "valve 3: open"
             readout = Client.over(link, 5).read()
-    assert readout.positions.tolist()[:4] == [0, 15, 0, 0]
-    assert readout.units.tolist() == [1, 2, 3, 4]
+    assert readout.rows.VPos_percent.tolist()[:4] == [0, 15, 0, 0]
+    assert readout.rows.fault.dropna().index.tolist() == [1, 2, 3, 4]
     assert ValveClient(valves=5, valve=3).view(readout).verdict == "valve 3: moving, 0 %"
 
 

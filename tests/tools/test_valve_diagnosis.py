@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.ballast.actuator import Actuator, operating_point
+from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.diagnosis import diagnose_run
 from shipnet.ballast.plant import FAULTS, Command, Fault, faulty
 from shipnet.ballast.rule_table import rule_vectors
@@ -13,6 +13,7 @@ from shipnet.ballast.trials import fault_trials
 from shipnet.ballast.wear import Wear
 from shipnet.errors import ArgumentError
 from shipnet.tools.valve_diagnosis import STATES, ValveDiagnosis
+from tests.ballast.nominal import operating_point
 
 
 def axes():

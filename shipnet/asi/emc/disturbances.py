@@ -14,10 +14,9 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, number, record, whole
-
-Floats = npt.NDArray[np.float64]
 
 #: Begin and end of a telegram in its record [s].
 Span = tuple[float, float]

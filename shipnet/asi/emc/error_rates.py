@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -19,18 +18,15 @@ import pandas as pd
 from scipy import special
 
 from shipnet import style
+from shipnet.arrays import Bools, Floats
 from shipnet.asi.emc.disturbances import PACKET_LENGTH, PACKET_PERIOD
-from shipnet.asi.modulation import CLASSES, HALF_BIT, violations
+from shipnet.asi.modulation import CLASSES, HALF_BIT, Pulses
 from shipnet.asi.receiver import Disturbance, Receiver, RNGLike, Waveform, matched_filter, receive
 from shipnet.asi.timing import Cycle, Transaction
 from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.intervals import share_interval
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-Floats = npt.NDArray[np.float64]
+from shipnet.lazy import Axes
 
 #: Samples worked on at a time: an array of them is 2 MB.
 _SAMPLES = 2**18
@@ -74,7 +70,7 @@ def _row(
         wrong = ~bad & (received.bits != bits[sent]).any(axis=1)
         failed += int(np.count_nonzero(bad | wrong))
         undetected += int(np.count_nonzero(wrong))
-        broken[:-1] += violations(received.slots[bad & ~silent], n_bits).sum(axis=0)
+        broken[:-1] += Pulses(received.slots[bad & ~silent]).violations.sum(axis=0)
         broken[-1] += np.count_nonzero(silent)
     low, high = share_interval([failed, undetected], count)
     share = broken / failed if failed else np.full(broken.shape, np.nan)
@@ -90,8 +86,6 @@ def _row(
         **dict(zip([*CLASSES, "silence"], share.tolist(), strict=True)),
     }
 
-
-Bools = npt.NDArray[np.bool_]
 
 #: What begins within this many half-bits ahead of the first pulse's peak is taken for the pulse.
 _REACH = 1.25

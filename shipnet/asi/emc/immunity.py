@@ -6,17 +6,13 @@ of them arrive between the wires is not in any of these standards; `disturbances
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
 from shipnet import datasets, style
 from shipnet.errors import ArgumentError
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from shipnet.lazy import Axes
 
 #: Titles of the standards that `levels` names, and of one on emission, to tell it from immunity.
 STANDARDS: dict[str, str] = {

@@ -4,8 +4,7 @@ K. Y. Chung, K. S. Rhyu, "A study on the communication method for a ship main en
 system", J. Korean Soc. Marine Eng., 1998. Its drawings are not in the text that we have.
 """
 
-from shipnet.papers.chung1998.link import cascades, deaths, flips, recommendations, send_loops
+from shipnet.papers.chung1998.link import deaths, send_loops
 from shipnet.papers.chung1998.ring import extraction, given_up, recovered, ring_trials
 
-__all__ = ["cascades", "deaths", "extraction", "flips", "given_up", "recommendations"]
-__all__ += ["recovered", "ring_trials", "send_loops"]
+__all__ = ["deaths", "extraction", "given_up", "recovered", "ring_trials", "send_loops"]

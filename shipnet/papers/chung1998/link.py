@@ -4,25 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.lazy import pd
 from shipnet.papers.chung1998.usart import Status, Usart, send
 from shipnet.papers.registry import check, numeric
-from shipnet.remote_control.experiment import recommend, switch_staleness
+from shipnet.remote_control.experiment import switch_staleness
 from shipnet.remote_control.faults import DeadStation, LostPacket
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.simulation import Change, simulate, switch_delays
 from shipnet.remote_control.station import Sender
 from shipnet.remote_control.system import BIT_RATES, Supervision, System
 from shipnet.remote_control.values import HOPS, STATIONS, VALUES, Hop
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: What the paper prints, by its name: `chung1998_parameters.csv`.
 _TABLE = datasets.read("chung1998_parameters.csv")
@@ -32,14 +30,11 @@ PRINTED = dict(zip(_TABLE["parameter"], _TABLE["value"], strict=True))
 _INPUTS, _COUNTERS = 8, 3
 
 
-@check("chung1998-001", counter={"lines": 3})
-def chips_are_enough(*, lines: int = int(PRINTED["chips_8251"])) -> bool:
-    """Whether one 8259 and one 8253 serve this many serial chips and a timer of 0.1 s.
-
-    Each line needs an interrupt for the bytes that come in and a clock of its own, the
-    supervision one more of both. Sending needs none: it polls.
-    """
-    return lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
+# Each line needs an interrupt for the bytes that come in and a clock of its own, the supervision
+# one more of both. Sending needs none: it polls.
+check("chung1998-001", counter={"lines": 3})(
+    lambda *, lines=int(PRINTED["chips_8251"]): lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
+)
 
 
 @numeric("chung1998-029")
@@ -48,10 +43,9 @@ def serial_chips(*, hops: tuple[Hop, ...] = tuple(h for h in HOPS if h[0] == "RC
     return max(sum(station == source for source, _ in hops) for station in STATIONS)
 
 
-@check("chung1998-030", counter={"flows": HOPS[:3]})
-def flows_are_enough(*, flows: tuple[Hop, ...] = HOPS) -> bool:
-    """Whether every value comes to all who need it on these flows, by RCS where it must."""
-    return all(hop in flows for value in VALUES for hop in value.hops)
+check("chung1998-030", counter={"flows": HOPS[:3]})(
+    lambda *, flows=HOPS: all(hop in flows for value in VALUES for hop in value.hops)
+)
 
 
 def send_loops(
@@ -64,8 +58,6 @@ def send_loops(
     only, which makes no difference there; how often the printed loop repeats a byte on a busy chip
     depends on it by chance.
     """
-    import pandas as pd
-
     if not polls:
         raise ArgumentError("polls is empty; it must hold a time")
     ways = [("idle", b"", "printed", polls[0]), ("idle", b"", "intended", polls[0])]
@@ -239,36 +231,10 @@ def nobody_waits_for_ever(*, miss: int = Supervision().miss_limit) -> bool:
     return missed >= {("BCS", "RCS"), ("SS", "RCS"), ("RCS", "BCS"), ("RCS", "SS")}
 
 
-@numeric("chung1998-046")
-def longest_silence(*, rate: float = BIT_RATES[-1], items: int = ITEMS) -> float:
-    """Seconds without a 0xDD that a slave sees in health."""
-    return as_printed(items, bit_rate=rate).idle_time
-
-
-@numeric("chung1998-047")
-def silence_while_waiting(*, items: int = ITEMS) -> float:
-    """Seconds without a 0xDD for BCS while RCS waits for an SS that died silent, as printed."""
-    return as_printed(items).cascade().silent[1]
-
-
-def cascades(
-    changes: Mapping[str, Mapping[str, Any]], rates: Sequence[float] = (9600, 600)
-) -> pd.DataFrame:
-    """Return what BCS sees while RCS waits for a dead SS, by rule and bit rate.
-
-    `changes` maps the name of each rule to the fields of `System` that it changes; the columns are
-    those of `Cascade`, times at worst.
-    """
-    import pandas as pd
-
-    rows = []
-    for name, fields in changes.items():
-        for rate in rates:
-            seen = as_printed(bit_rate=rate, **fields).cascade()
-            rows.append((name, rate, seen.wait[1], seen.silent[1], seen.longest, seen.alarm))
-    columns = ["rule", "bit/s", "RCS waits [s]", "BCS hears nothing [s]", "later, up to [s]"]
-    columns += ["false alarm"]
-    return pd.DataFrame(rows, columns=columns)
+numeric("chung1998-046")(
+    lambda *, rate=BIT_RATES[-1], items=ITEMS: as_printed(items, bit_rate=rate).idle_time
+)
+numeric("chung1998-047")(lambda *, items=ITEMS: as_printed(items).cascade().silent[1])
 
 
 def deaths(
@@ -276,11 +242,10 @@ def deaths(
 ) -> pd.DataFrame:
     """Return who is taken as failed in `n` deaths of SS, spread over a cycle: one row per rule.
 
-    That RCS fails SS is right; that it fails BCS, or BCS fails RCS, is not. `changes` is as for
-    `cascades`; the timers of the stations are drawn with the seed 2024.
+    That RCS fails SS is right; that it fails BCS, or BCS fails RCS, is not. `changes` maps the name
+    of each rule to the fields of `System` that it changes; the timers of the stations are drawn
+    with the seed 2024.
     """
-    import pandas as pd
-
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
     runs, rows = check_whole("n", n, 1, 1000), []
     for name, fields in changes.items():
@@ -336,44 +301,9 @@ def crc_share(*, items: int = ITEMS) -> float:
     return 100 * (checked - plain) / plain
 
 
-def flips(items: int = ITEMS) -> pd.DataFrame:
-    """Return how many bits of a packet can each be inverted unseen, by reading and check."""
-    import pandas as pd
-
-    rows = []
-    for reading, what, form, n in (
-        ("A", "markers", MarkerFormat(n_numbers=items), items),
-        ("A", "numbers must be known", MarkerFormat(n_numbers=items, numbers="known"), items),
-        ("A", "numbers must rise", MarkerFormat(n_numbers=items, numbers="rising"), items),
-        ("B", "markers", MarkerFormat("B", items), items),
-        ("C", "markers", MarkerFormat(), 1),
-        ("A", "markers and CRC", MarkerFormat(n_numbers=items, crc=True), items),
-    ):
-        bits, share = 8 * form.size(n), form.undetected_flips(n)
-        rows.append((reading, what, bits, round(share * bits), round(100 * share, 1)))
-    return pd.DataFrame(rows, columns=["reading", "check", "bits", "pass", "share [%]"])
-
-
-def recommendations(items: Sequence[int], patience: Mapping[float, float]) -> pd.DataFrame:
-    """Return how to send this many data, by `recommend`.
-
-    `patience` is how long a switch may be wrong [s], by bit rate.
-    """
-    import pandas as pd
-
-    rows = []
-    for rate, stale in patience.items():
-        for n in items:
-            best = recommend(n, System(bit_rate=rate), stale_time=stale)
-            rows.append((rate, n, best.check, best.sending, best.per_packet, best.refresh_time))
-    columns = ["bit/s", "values", "check", "sending", "values a packet", "all sent in [s]"]
-    return pd.DataFrame(rows, columns=columns)
-
-
-@check("chung1998-019", counter={"crc": True})
-def flags_show_errors(*, crc: bool = False) -> bool:
-    """Whether a packet whose flags stand at their places has no error, tried with single bits."""
-    return MarkerFormat(n_numbers=ITEMS, crc=crc).undetected_flips(ITEMS) == 0
+check("chung1998-019", counter={"crc": True})(
+    lambda *, crc=False: MarkerFormat(n_numbers=ITEMS, crc=crc).undetected_flips(ITEMS) == 0
+)
 
 
 @numeric("chung1998-020")
@@ -382,16 +312,12 @@ def imitations(*, value_bytes: int = 2 * ITEMS, flags: int = len(FLAGS)) -> floa
     return 100 * MarkerFormat.false_sync(value_bytes, flags)
 
 
-@check("chung1998-066", counter={"few": ITEMS, "many": 1})
-def crc_costs_most_for_few(*, few: int = 1, many: int = ITEMS) -> bool:
-    """Whether a CRC adds a larger share to a packet of few data than to one of many."""
-    return crc_share(items=few) > crc_share(items=many)
-
-
-@check("chung1998-074", counter={"changed": ITEMS})
-def changes_alone_save_time(*, changed: int = 1) -> bool:
-    """Whether a cycle in which so many of the ten data changed is shorter than one with all."""
-    return cycle_time(items=changed) < cycle_time()
+check("chung1998-066", counter={"few": ITEMS, "many": 1})(
+    lambda *, few=1, many=ITEMS: crc_share(items=few) > crc_share(items=many)
+)
+check("chung1998-074", counter={"changed": ITEMS})(
+    lambda *, changed=1: cycle_time(items=changed) < cycle_time()
+)
 
 
 @check("chung1998-068", counter={"interval": 3600.0})

@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import FancyBboxPatch, Patch, Rectangle
+from matplotlib.patches import FancyBboxPatch
 
 from shipnet import style
-from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings, stored
-from shipnet.papers.plot import diagrams
+from shipnet.lazy import pd
+from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings
+from shipnet.papers.plot import diagrams, fields
 from shipnet.papers.registry import figure
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.values import HOPS, values_on
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from shipnet.remote_control.simulation import Run
 
 #: Place of each station, and what it is.
@@ -69,47 +68,28 @@ def _stations(*, ax: Axes) -> Axes:
 @figure("chung1998", "Fig 4")
 def _packets(*, items: Mapping[int, int] = _ITEMS, ax: Axes) -> Axes:
     """Draw the bytes of the same data in the three readings of the packet."""
-    colours = {"flag": "control", "number": "address", "low": "information", "high": "parity"}
     rows = {
-        "A": [MarkerFormat("A").encode(items)],
-        "B": [MarkerFormat("B").encode(items)],
-        "C": [MarkerFormat("A").encode({number: value}) for number, value in items.items()],
+        "reading A": [MarkerFormat("A").encode(items)],
+        "reading B": [MarkerFormat("B").encode(items)],
+        "reading C": [MarkerFormat("A").encode({number: value}) for number, value in items.items()],
     }
-    for row, (reading, packets) in enumerate(rows.items()):
-        start = 0.0
-        for packet in packets:
-            for place, byte in enumerate(packet):
-                kind = _kind(reading, place, len(packet))
-                ax.add_patch(
-                    Rectangle(
-                        (start + place, row - 0.35), 1, 0.7,
-                        facecolor=style.FIELD[colours[kind]], edgecolor="0.3",
-                    )
-                )  # fmt: skip
-                ax.text(start + place + 0.5, row, f"{byte:02X}", ha="center", va="center")
-            start += len(packet) + 0.3
-    most = max(len(packets) * 0.3 + sum(map(len, packets)) for packets in rows.values())
-    ax.set(xlim=(-0.3, most), ylim=(2.6, -0.6), xlabel="byte")
-    ax.set_yticks(range(3), [f"reading {name}" for name in rows])
-    ax.set_xticks([])
-    ax.grid(visible=False)
-    handles = [
-        Patch(
-            facecolor=style.FIELD[colour],
-            edgecolor="0.3",
-            label="marker" if kind == "flag" else kind,
-        )
-        for kind, colour in colours.items()
-    ]
-    ax.legend(handles=handles, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    return ax
+    kinds = {"marker": "control", "number": "address", "low": "information", "high": "parity"}
+    drawn = {}
+    for reading, packets in rows.items():
+        drawn[reading] = [
+            (f"{byte:02X}", kinds[kind], kind)
+            for packet in packets
+            for byte, kind in zip(packet, _kinds(reading, len(packet)), strict=True)
+        ]
+    return fields(ax, drawn)
 
 
-def _kind(reading: str, place: int, size: int) -> str:
-    if place in (0, size - 1) or (reading != "B" and place == 1):
-        return "flag"
-    within = (place - 1) % 4 if reading == "B" else (place - 2) % 3 + 1
-    return ("flag", "number", "low", "high")[within]
+def _kinds(reading: str, size: int) -> list[str]:
+    """Return what the bytes of a packet are."""
+    item = ["number", "low", "high"]
+    if reading == "reading B":
+        return ["marker", *(["marker", *item] * ((size - 2) // 4)), "marker"]
+    return ["marker", "marker", *(item * ((size - 3) // 3)), "marker"]
 
 
 def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
@@ -143,28 +123,6 @@ def plot_switch(runs: Mapping[str, Run], number: int, *, ax: Axes) -> Axes:
     ax.set_yticks([1.5 * (len(rows) - 1 - row) + 0.5 for row in range(len(rows))], list(rows))
     ax.set(xlabel="time [s]", xlim=(0, first.until))
     ax.grid(visible=False, axis="y")
-    return ax
-
-
-def plot_storing(*, size: int = SIZE, n: int = 600, ax: Axes) -> Axes:
-    """Draw place and flag of the writer, each to its own scale, while bytes are stored."""
-    seen = stored(n, size)
-    place, flag = ([getattr(state, name) for state in seen] for name in ("no", "ring_f"))
-    ax.plot(range(n), place, drawstyle="steps-post", label="no")
-    ax.plot(
-        range(n), [size * (value - 1.5) for value in flag], drawstyle="steps-post", label="ring_f"
-    )
-    ax.set(xlabel="bytes stored", ylabel="ring_f [1]   no [index]")
-    ax.set_yticks([-1.5 * size, -0.5 * size, 0, size // 2, size - 1])
-    ax.set_yticklabels(["0", "1", "0", f"{size // 2}", f"{size - 1}"])
-    return ax
-
-
-def plot_outside(table: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw how many values of a packet come out wrong, over its place in the ring."""
-    ax.bar(table["offset"], table["wrong"], width=0.8, color=style.LIMIT["color"])
-    ax.set(xlabel="place of the packet's first byte [index]", ylabel="wrong values")
-    ax.set(yticks=[0, 1], xlim=(-1, len(table)))
     return ax
 
 

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.lazy import pd
 from shipnet.papers.chung1998.link import ITEMS, PRINTED, as_printed, length
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.faults import Stall
 from shipnet.remote_control.packet import PACKET_START, MarkerFormat
-from shipnet.remote_control.ring_buffer import Case, Ring, State, case_of, pointer_case
+from shipnet.remote_control.ring_buffer import Case, Ring, State, bytes_of, case_of
 from shipnet.remote_control.simulation import simulate
 from shipnet.remote_control.system import System
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: Longest time that a byte takes to be written into an EEPROM of that time [s]: Atmel, AT28C64B,
 #: data sheet, "write cycle time 10 ms maximum". That the paper's chip is like it is assumed.
@@ -36,16 +34,6 @@ BYTES_PER_PRESS = 2
 SIZE = int(PRINTED["ring_size"])
 
 
-def stored(n: int, size: int = SIZE) -> list[State]:
-    """Return the four variables before each of this many bytes that are stored."""
-    ring = Ring(size)
-    found = []
-    for _ in range(n):
-        found.append(ring.state)
-        ring.store(0)
-    return found
-
-
 def states(places: int, flags: int) -> list[State]:
     """Return all states of a ring of this many places, with flags of this many values."""
     return [State(*four) for four in product(*2 * (range(places), range(flags)))]
@@ -54,7 +42,10 @@ def states(places: int, flags: int) -> list[State]:
 @numeric("chung1998-033")
 def virtual_rings(*, with_flag: bool = True) -> int:
     """Rounds that the variables of the writer distinguish, with their flag or without."""
-    seen = {(state.no, state.ring_f if with_flag else 0) for state in stored(4 * SIZE)}
+    ring, seen = Ring(SIZE), set()
+    for _ in range(4 * SIZE):
+        seen.add(ring.state[:2] if with_flag else ring.state[:1])
+        ring.store(0)
     return len(seen) // SIZE
 
 
@@ -64,7 +55,7 @@ def variables(*, flags: int = 2) -> int:
     every = states(2, flags)
     return sum(
         any(
-            pointer_case(state) != pointer_case(state._replace(**{name: value}))
+            state.case != state._replace(**{name: value}).case
             for state in every
             for value in {getattr(other, name) for other in every}
         )
@@ -72,10 +63,9 @@ def variables(*, flags: int = 2) -> int:
     )
 
 
-@numeric("chung1998-011")
-def pointer_cases(*, places: int = 2, flags: int = 2) -> int:
-    """Cases that a ring of this many places can show, with flags of this many values."""
-    return len({pointer_case(state) for state in states(places, flags)})
+numeric("chung1998-011")(
+    lambda *, places=2, flags=2: len({state.case for state in states(places, flags)})
+)
 
 
 def shown(rounds: int) -> set[Case]:
@@ -85,23 +75,15 @@ def shown(rounds: int) -> set[Case]:
     return {case for case in cases if table[case].sum()}
 
 
-@check("chung1998-012", counter={"rounds": 1})
-def left_out_case_never_shows(*, rounds: int = 2) -> bool:
-    """Whether case a, same flags and no < get_no, never shows with fewer rounds unread."""
-    return "a" not in shown(rounds)
-
-
-@check("chung1998-050", counter={"rounds": 2})
-def normal_cases_are_b_and_d(*, rounds: int = 1) -> bool:
-    """Whether with less than a round unread the cases b and d show, and no other."""
-    return shown(rounds) == {"b", "d"}
+check("chung1998-012", counter={"rounds": 1})(lambda *, rounds=2: "a" not in shown(rounds))
+check("chung1998-050", counter={"rounds": 2})(lambda *, rounds=1: shown(rounds) == {"b", "d"})
 
 
 @check("chung1998-052", counter={"rounds": 2})
 def groups_have_one_normal_case(*, rounds: int = 1) -> bool:
     """Whether of the two cases with equal flags one is normal, and so with different flags."""
     groups = [
-        {pointer_case(state) for state in states(2, 2) if (state[1] == state[3]) == same}
+        {state.case for state in states(2, 2) if (state[1] == state[3]) == same}
         for same in (True, False)
     ]
     return all(len(group) == 2 and len(group & shown(rounds)) == 1 for group in groups)
@@ -126,13 +108,11 @@ def stops_behind_the_packet(*, while_receiving: bool = True) -> bool:
 
     If it begins to read at the first byte, or when all are there.
     """
-    ring, taken = Ring(SIZE), bytearray()
+    ring = Ring(SIZE)
     packet = MarkerFormat(n_numbers=ITEMS).encode(dict.fromkeys(range(ITEMS), 1000))
-    for byte in packet[:1] if while_receiving else packet:
-        ring.store(byte)
-    while (step := ring.extract()).byte is not None:
-        taken.append(step.byte)
-    return step.action == "stop" and bytes(taken).startswith(packet)
+    ring.store_all(packet[:1] if while_receiving else packet)
+    steps = ring.drain()
+    return steps[-1].action == "stop" and bytes_of(steps).startswith(packet)
 
 
 @check("chung1998-054", counter={"before": bytes([0xCC, 0xDD])})
@@ -172,24 +152,20 @@ def extraction(
     One row per place of its first byte: ``outside`` counts bytes read outside the ring, ``wrong``
     values that come out wrong. Unless the indices `wrap`, two zeros lie in memory after the ring.
     """
-    import pandas as pd
-
     form = packet_format or MarkerFormat()
     packet = form.encode(items)
     check_whole("bytes of the packet", len(packet), 0, SIZE)
-    laid = np.frombuffer(packet.ljust(SIZE, b"\0"), np.uint8).astype(int)
-    true = np.reshape(form.decode(packet), (-1, 2))
-    # A row per place of the packet's first byte, a column per cell or per item.
-    offset = np.arange(SIZE)[:, np.newaxis]
-    cells = laid[(np.arange(SIZE) - offset) % SIZE]
-    memory = np.hstack([cells, cells[:, :2] * wrap])
+    laid, true = np.array([*packet.ljust(SIZE, b"\0")]), np.reshape(form.decode(packet), (-1, 2))
     first, step = len(form.head) + len(form.lead), len(form.lead) + 3
-    places = (offset + first + step * np.arange(len(true))) % SIZE
-    number, low, high = (np.take_along_axis(memory, places + k, axis=1) for k in range(3))
-    wrong = (number != true[:, 0]) | ((low | high << 8) != true[:, 1])
-    outside = np.maximum(places + 3 - SIZE, 0) * (not wrap)
-    columns = {"offset": offset[:, 0], "outside": outside.sum(axis=1), "wrong": wrong.sum(axis=1)}
-    return pd.DataFrame(columns)
+    rows = []
+    for offset in range(SIZE):
+        cells = np.roll(laid, offset)
+        memory = np.append(cells, cells[:2] * wrap)
+        places = (offset + first + step * np.arange(len(true))) % SIZE
+        taken = np.stack([memory[places], memory[places + 1] | memory[places + 2] << 8], axis=1)
+        outside = np.maximum(places + 3 - SIZE, 0).sum() * (not wrap)
+        rows.append((offset, outside, (taken != true).any(axis=1).sum()))
+    return pd.DataFrame(rows, columns=["offset", "outside", "wrong"])
 
 
 # Overrun, repair, trials -------------------------------------------------------------------
@@ -241,10 +217,7 @@ def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: 
     sent = [dict.fromkeys(range(ITEMS), n) for n in range(1, count + 1)]
     ring = Ring.filled(0, get_no, SIZE, rule)
     ring.store_all(b"".join(map(form.encode, sent))[:waiting])
-    taken = bytearray()
-    while (step := ring.extract()).action in ("take", "repair"):
-        taken += bytes([] if step.byte is None else [step.byte])
-    found = form.parser().feed(bytes(taken))
+    found = form.parser().feed(bytes_of(ring.drain()))
     return sum(tuple(packet.items()) in found for packet in sent)
 
 
@@ -259,8 +232,6 @@ def recovered(
     Of the ring as ``intended`` it is the mean over the `places` of the reader, with the ``fewest``
     and the ``most``; ``stops`` is the share of the places at which its reader stops in case a.
     """
-    import pandas as pd
-
     if not len(places):
         raise ArgumentError("places is empty; it must hold a place")
     size, rows = length(reading="A"), []
@@ -298,7 +269,7 @@ def toggled_flag_restores_order(*, toggled: bool = True) -> bool:
         ring.extract()
         if before.no >= SIZE >> 1:
             flag = ring.state.ring_get_f if toggled else before.ring_get_f
-            if pointer_case(ring.state._replace(ring_get_f=flag)) != "b":
+            if ring.state._replace(ring_get_f=flag).case != "b":
                 return False
     return True
 
@@ -313,16 +284,8 @@ def repair_keeps_a_part(*, items: int = ITEMS) -> bool:
     return True
 
 
-@numeric("chung1998-060")
-def fill_time() -> float:
-    """Seconds in which unbroken reception fills the ring."""
-    return as_printed().fill_time
-
-
-@numeric("chung1998-061")
-def packets_held(*, size: int = SIZE, items: int = ITEMS) -> float:
-    """Packets of this many data that the ring holds."""
-    return size / length(reading="A", items=items)
+numeric("chung1998-060")(lambda: as_printed().fill_time)
+numeric("chung1998-061")(lambda *, size=SIZE, items=ITEMS: size / length(reading="A", items=items))
 
 
 @numeric("chung1998-015")
@@ -366,8 +329,6 @@ def ring_trials(system: System | None = None, *, duration: float = 20.0) -> pd.D
     because the time to write is not printed. While the partner waits for an answer, its one packet
     waits in the ring, and comes again when its counters have run out, after 3.9 to 4.4 s.
     """
-    import pandas as pd
-
     link = System(repeat=10) if system is None else system
     rows = []
     for trial, presses, printed in zip(

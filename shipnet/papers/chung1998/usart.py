@@ -92,35 +92,26 @@ def send(usart: Usart, data: bytes, *, printed: bool, poll: float = 20e-6) -> Se
     `poll` is the time to read the status, and to write a byte [s]; the paper names none.
     """
     step = check_scalar("poll", poll, "s", 1e-7, 1.0)
-    time, writes, already = 0.0, 0, len(usart.line)
-    # Which byte waits in the chip, by its place in the data; -1 is one that waited before.
-    waiting, out = -1, set[int]()
-    expected = set(range(0 if usart.status(time) & Status.TXRDY else -1, len(data)))
-
-    def write(place: int) -> None:
-        nonlocal waiting, writes, time
-        if not usart.write(data[place], time):
-            out.add(waiting)
-        waiting = place
-        writes += 1
-        time += step
-
-    for place in range(len(data)):
-        begun = time
-        while not usart.status(time) & Status.TXRDY:
+    time, writes, lost, already = 0.0, 0, 0, len(usart.line)
+    written: set[int] = set()
+    for place, byte in enumerate(data):
+        begun, ready = time, False
+        while not ready:
+            ready = bool(usart.status(time) & Status.TXRDY)
             # Each round of the printed loop fills the buffer again; if it always asks too early
             # it has no end.
-            if time - begun > _MOST_CHARACTERS * usart.character_time:
+            if not ready and time - begun > _MOST_CHARACTERS * usart.character_time:
                 raise ArgumentError(
                     f"poll is {step:g} s: byte {place} is still written again after "
                     f"{_MOST_CHARACTERS} characters, because the loop never asks in time"
                 )
             time += step
-            if printed:
-                write(place)
-        time += step
-        if not printed:
-            write(place)
+            if ready is not printed:
+                # What is replaced by itself is not lost.
+                lost += usart.write(byte, time) and place not in written
+                written.add(place)
+                writes += 1
+                time += step
     usart.finish()
     line = bytes(byte for _, byte in usart.line[already:])
-    return Sent(line, writes, len(expected - out - {waiting}))
+    return Sent(line, writes, lost + len(data) - len(written))

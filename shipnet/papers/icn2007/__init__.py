@@ -11,9 +11,8 @@ from shipnet.papers.icn2007.claims import (
     consumer_drop,
     pulse_height,
     rate_table,
-    rates,
     share_above,
 )
 
 __all__ = ["allowed_plans", "arriving_share", "bus_efficiencies", "consumer_drop", "pulse_height"]
-__all__ += ["rate_table", "rates", "share_above"]
+__all__ += ["rate_table", "share_above"]

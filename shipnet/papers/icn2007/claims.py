@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
-
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.asi.faults import DeadSlave, LostReply, MasterFailure
 from shipnet.asi.master import Master
-from shipnet.asi.modulation import (
-    HALF_BIT,
-    ramp_spectrum,
-    send_current,
-    send_spectrum,
-    steps_of,
-)
+from shipnet.asi.modulation import HALF_BIT, Modulation, ramp_spectrum
 from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.segment import telegram_voltages
@@ -26,20 +19,13 @@ from shipnet.asi.timing import Transaction, cycle_time
 from shipnet.asi.topologies import line, ring, star
 from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
+from shipnet.lazy import pd
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import Load, Network
 from shipnet.papers.kim2023.protocol import CHIP_EDGES, master_pause_of_chip
 from shipnet.papers.registry import check, numeric
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-
-@numeric("icn2007-035")
-def metres_per_star_leg(*, total: float = 100, trunk: float = 90, slaves: int = 62) -> float:
-    """Cable that is left for each leg of the star at the end of the trunk."""
-    return (total - trunk) / slaves
+numeric("icn2007-035")(lambda *, total=100, trunk=90, slaves=62: (total - trunk) / slaves)
 
 
 @numeric("icn2007-015")
@@ -73,10 +59,7 @@ def same_answer(
     return said[0].bits == said[1].bits
 
 
-@numeric("icn2007-025")
-def net_rate(*, pause: float = 2) -> float:
-    """Kilobits of user data a second, four bits each way in every transaction."""
-    return 1e-3 * Transaction(pause, 2).net_rate
+numeric("icn2007-025")(lambda *, pause=2: 1e-3 * Transaction(pause, 2).net_rate)
 
 
 @numeric("icn2007-026")
@@ -85,10 +68,9 @@ def efficiency(*, pause: float = 2) -> float:
     return 100 * float(Transaction(pause, 2).efficiency())
 
 
-@check("icn2007-029", counter={"call": Call.RESET})
-def broadcast_is_silent(*, call: Call = Call.BROADCAST_RESET) -> bool:
-    """Whether no slave answers this call."""
-    return call.rule.answer is None
+check("icn2007-029", counter={"call": Call.RESET})(
+    lambda *, call=Call.BROADCAST_RESET: call.rule.answer is None
+)
 
 
 # Who answers whom, what a lost reply leads to, and who takes over ------------------------------
@@ -173,9 +155,6 @@ def standby_takes_over(*, standby: bool = True) -> bool:
 # Rates under every assumption ------------------------------------------------------------------
 
 
-#: User bits of one exchange: four in the request, four in the response.
-USER_BITS = 8
-
 #: A CAN data frame with an 11-bit identifier around its data, the three bits of intermission
 #: included and stuff bits left out, ISO 11898-1: 1 + 11 + 3 + 4 + 15 + 1 + 2 + 7 + 3 [bit].
 CAN_FRAME, CAN_BYTES = 47, 8
@@ -186,69 +165,8 @@ CAN_FRAME, CAN_BYTES = 47, 8
 MODBUS_BYTES, MODBUS_SILENCE, MODBUS_CHARACTER, MODBUS_MOST = 13 + 5, 2 * 3.5, 11, 242
 
 
-class Rates(NamedTuple):
-    """What a line carries."""
-
-    gross: float
-    net: float
-    efficiency: float
-
-
-def rates(
-    transaction: Transaction | None = None,
-    *,
-    addresses: int | None = None,
-) -> Rates:
-    """Return gross rate, net rate and efficiency over one transaction, or over a whole cycle.
-
-    Parameters
-    ----------
-    transaction : asi.Transaction, optional
-        The transaction; with pauses of 2 and 2 bit times if omitted.
-    addresses : int, optional
-        Slaves in the cycle, 1..31; a single transaction if omitted.
-
-    Returns
-    -------
-    Rates
-        `gross` and `net` [bit/s], `efficiency` 0..1.
-
-    Raises
-    ------
-    ArgumentError
-        If `addresses` is out of range.
-
-    Examples
-    --------
-    >>> rates().efficiency
-    0.32
-    """
-    transaction = Transaction(2, 2) if transaction is None else transaction
-    gross = 1 / transaction.bit_time
-    if addresses is None:
-        net = USER_BITS / transaction.duration
-    else:
-        asked = check_whole("addresses", addresses, 1, 31)
-        net = asked * USER_BITS / float(cycle_time(asked, transaction=transaction))
-    return Rates(gross, net, net / gross)
-
-
 def rate_table() -> pd.DataFrame:
-    """Return the rates under each assumption about the length of a transaction.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row per assumption: ``transaction_bit``, ``net_kbit_per_s``, ``efficiency_percent`` and
-        the ``assumption`` in words.
-
-    Examples
-    --------
-    >>> rate_table()["efficiency_percent"].round(1).head(2).tolist()
-    [32.7, 32.0]
-    """
-    import pandas as pd
-
+    """Return the rates by how long a transaction is assumed to be; one row per assumption."""
     pauses = {
         "24.5 bit": (2.0, 1.5, "shortest pauses of the papers, 2 and 1.5 bit"),
         "25 bit": (2.0, 2.0, "pauses of 2 and 2 bit: 150 us (Siemens)"),
@@ -258,47 +176,28 @@ def rate_table() -> pd.DataFrame:
     }
     rows = {}
     for name, (*pair, says) in pauses.items():
-        transaction = Transaction(*pair)
-        rows[name] = (transaction.bits, *rates(transaction)[1:], says)
-    says = "31 of 33 transactions carry user data"
+        rows[name] = (*_rates(Transaction(*pair)), says)
     for name in ("25 bit", "26 bit"):
-        transaction = Transaction(*pauses[name][:2])
-        whole = rates(transaction, addresses=31)
-        rows[f"{name}, whole cycle"] = (transaction.bits, *whole[1:], says)
+        one = Transaction(*pauses[name][:2])
+        used = 31 * one.duration / float(cycle_time(31, transaction=one))
+        says = "31 of 33 transactions carry user data"
+        rows[f"{name}, whole cycle"] = (*_rates(one, used), says)
     columns = ["transaction_bit", "net_kbit_per_s", "efficiency_percent", "assumption"]
-    table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
-    table["net_kbit_per_s"] *= 1e-3
-    table["efficiency_percent"] *= 100
-    return table
+    return pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+
+
+def _rates(one: Transaction, used: float = 1.0) -> tuple[float, float, float]:
+    """Return the bit times of a transaction, and its net rate and efficiency if this share is."""
+    return one.bits, 1e-3 * used * one.net_rate, 100 * used * float(one.efficiency())
 
 
 def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
-    r"""Return the efficiencies of three buses that exchange the same data with one station.
+    r"""Return the efficiencies of three buses that exchange 1..1936 user bits each way.
 
     .. math:: \eta = \frac{2 n}{\text{bit times of all frames and silences}}
 
-    Parameters
-    ----------
-    user_bits : array_like of int
-        User bits n in each direction, 1..1936.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row per number of bits, a column each for ``as_i``, ``can`` and ``modbus_rtu``.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of range.
-
-    Examples
-    --------
-    >>> bus_efficiencies(4).round(2).values.tolist()
-    [[0.32, 0.07, 0.03]]
+    One row per number of bits, a column each for ``as_i``, ``can`` and ``modbus_rtu``.
     """
-    import pandas as pd
-
     n = np.atleast_1d(user_bits)
     if n.dtype.kind not in "iu" or not ((n >= 1) & (n <= 8 * MODBUS_MOST)).all():
         raise ArgumentError(
@@ -306,48 +205,27 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
         )
     octets = -(-n // 8)
     registers = -(-n // 16)
-    line = {
-        "as_i": Transaction(2, 2).bits * -(-n // 4),
-        "can": 2 * (CAN_FRAME * -(-octets // CAN_BYTES) + 8 * octets),
-        "modbus_rtu": MODBUS_CHARACTER * (MODBUS_BYTES + MODBUS_SILENCE + 4 * registers),
-    }
-    index = pd.Index(n, name="user_bits")
-    return pd.DataFrame({bus: 2 * n / bits for bus, bits in line.items()}, index=index)
+    can = 2 * (CAN_FRAME * -(-octets // CAN_BYTES) + 8 * octets)
+    modbus = MODBUS_CHARACTER * (MODBUS_BYTES + MODBUS_SILENCE + 4 * registers)
+    shares = {
+        "as_i": Transaction(2, 2).efficiency(n), "can": 2 * n / can, "modbus_rtu": 2 * n / modbus
+    }  # fmt: skip
+    return pd.DataFrame(shares, index=pd.Index(n, name="user_bits"))
 
 
 #: Frequencies on which energies are summed [Hz].
 FREQUENCIES = np.arange(0.5e3, 30e6, 1e3)
 
-Floats = npt.NDArray[np.float64]
 
-
-@check("icn2007-031", counter={"closed": False})
-def ring_lowers_drop(*, closed: bool = True) -> bool:
-    """Whether a consumer half-way along gets more voltage if the cable comes back to the supply."""
-    return consumer_drop(closed=closed) < consumer_drop(closed=False)
+check("icn2007-031", counter={"closed": False})(
+    lambda *, closed=True: consumer_drop(closed=closed) < consumer_drop(closed=False)
+)
 
 
 def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -> float:
     """Return the voltage that 1 A loses on the way to its place on a line or a ring [V].
 
-    Parameters
-    ----------
-    closed : bool
-        Whether the cable comes back to the supply.
-    place : float, default 50
-        Where the consumer is, more than 0 and less than `length` [m].
-    length : float, default 100
-        Length of the whole cable, of two cores of 1.5 mm2 [m].
-
-    Returns
-    -------
-    float
-        Voltage lost in both wires [V].
-
-    Examples
-    --------
-    >>> f"{consumer_drop(closed=False):.2f} V, {consumer_drop(closed=True):.3f} V"
-    '1.35 V, 0.675 V'
+    A ``closed`` cable comes back to the supply; it has two cores of 1.5 mm2, lengths are in m.
     """
     (segment,) = (ring if closed else line)(length, [place], current=1.0).segments
     voltage = segment.voltages
@@ -385,30 +263,10 @@ def dense_pulses_change_more(*, length: float = 100.0) -> bool:
 def pulse_height(
     length: float, bits: str, *, place: float = 5.0, terminator: float | None = None
 ) -> float:
-    """Return the height of the pulses in the middle of a long row of bits [V].
+    """Return the height of the pulses in the middle of a long row of bits, at the master [V].
 
-    Equal bits make pulses a half-bit apart, alternating bits a bit apart.
-
-    Parameters
-    ----------
-    length : float
-        Length of the cable [m].
-    bits : str
-        The row of bits.
-    place : float, default 5
-        Where the sender is; master and supply are at 0 [m].
-    terminator : float, optional
-        Resistance across the far end [ohm].
-
-    Returns
-    -------
-    float
-        Height at the master [V].
-
-    Examples
-    --------
-    >>> print(f"{pulse_height(100, '0' * 16):.2f} V, {pulse_height(100, '01' * 8):.2f} V")
-    2.46 V, 2.34 V
+    Equal bits make pulses a half-bit apart, alternating bits a bit apart. The sender is at a
+    `place` of the cable [m], master and supply at 0; the `terminator` [ohm] is at the far end.
     """
     plan = line(length, slaves=(place,), terminator=terminator)
     dt, end = 50e-9, 2 * len(bits) * HALF_BIT
@@ -427,7 +285,7 @@ def signal_suits_cable(*, speed: float = 1.0, length: float = 100.0) -> bool:
     frequencies = FREQUENCIES[FREQUENCIES < 3e6]
     s = 2j * np.pi * frequencies
     bits = Request.data_exchange(21, 0xE).bits
-    energy = np.abs(s * send_spectrum(s / speed, bits)) ** 2
+    energy = np.abs(s * Modulation(bits).transform(s / speed)) ** 2
     signal, noise = (bent_by_the_end(length, s, w) for w in (energy, np.ones_like(energy)))
     return signal < noise / 2
 
@@ -453,56 +311,22 @@ def bent_by_the_end(
 
 
 def arriving_share(length: float, *, cable: Cable = CABLES["as-i 1.5"]) -> float:
-    """Return which share of the energy of the example's request a matched cable passes on.
-
-    Parameters
-    ----------
-    length : float
-        Length of the cable [m].
-    cable : shipnet.line.Cable, optional
-        The nominal AS-i cable if omitted.
-
-    Returns
-    -------
-    float
-        Share, 0..1.
-
-    Examples
-    --------
-    >>> print(f"{arriving_share(100):.1%}")
-    94.2%
-    """
+    """Return the share of the energy of the example's request that a matched cable passes on."""
     s = 2j * np.pi * FREQUENCIES
-    energy = np.abs(s * send_spectrum(s, Request.data_exchange(21, 0xE).bits)) ** 2
+    energy = np.abs(s * Modulation(Request.data_exchange(21, 0xE).bits).transform(s)) ** 2
     passed = np.exp(-2 * cable.propagation(s).real * length)
     return float((passed * energy).sum() / energy.sum())
 
 
-@check("icn2007-051", counter={"pulse": "rectangle"})
-def narrow_band(*, pulse: str = "sin2") -> bool:
-    """Whether less than a thousandth of the energy lies above the band, 667 kHz."""
-    return share_above(2 / HALF_BIT, pulse=pulse) < 1e-3
+check("icn2007-051", counter={"pulse": "rectangle"})(
+    lambda *, pulse="sin2": share_above(2 / HALF_BIT, pulse=pulse) < 1e-3
+)
 
 
 def share_above(frequency: float, *, pulse: str = "sin2") -> float:
-    """Return which share of the energy of the example's request lies above a frequency.
+    """Return the share of the energy of the example's request above a frequency [Hz].
 
-    Parameters
-    ----------
-    frequency : float
-        Frequency [Hz].
-    pulse : {"sin2", "half sine", "rectangle"}, default "sin2"
-        Form of the pulses, all a half-bit long.
-
-    Returns
-    -------
-    float
-        Share, 0..1.
-
-    Examples
-    --------
-    >>> print(f"{share_above(667e3):.2%}, {share_above(667e3, pulse='rectangle'):.1%}")
-    0.07%, 7.1%
+    The `pulse` is ``"sin2"``, ``"half sine"`` or ``"rectangle"``, all a half-bit long.
     """
     x = FREQUENCIES * HALF_BIT
     shape = {
@@ -510,7 +334,7 @@ def share_above(frequency: float, *, pulse: str = "sin2") -> float:
         "half sine": np.abs(np.cos(np.pi * x) / (1 - (2 * x) ** 2)),
         "rectangle": np.abs(np.sinc(x)),
     }[pulse]
-    steps = steps_of(Request.data_exchange(21, 0xE).bits)
+    steps = Modulation(Request.data_exchange(21, 0xE).bits).steps
     code = steps @ np.exp(-2j * np.pi * np.outer(np.arange(steps.size), x))
     energy = np.abs(shape * code) ** 2
     return float(energy[FREQUENCIES > frequency].sum() / energy.sum())
@@ -525,16 +349,7 @@ SLAVES = 62
 def allowed_plans() -> dict[str, Plan]:
     """Return the structures that section 4 allows, as plans with the supply in a good place.
 
-    Returns
-    -------
-    dict of str to Plan
-        Eight plans of 100 m; all but the first with 62 slaves.
-
-    Examples
-    --------
-    >>> plans = allowed_plans()
-    >>> [name for name, plan in plans.items() if not keeps_all_rules(plan)]
-    []
+    All but the first have 62 slaves on 100 m.
     """
     growing = np.arange(1, SLAVES + 1)
     return {
@@ -554,21 +369,17 @@ def keeps_all_rules(plan: Plan) -> bool:
     return plan.check().ok is True
 
 
-def trunk_and_star(leg: float = 10 / SLAVES) -> Plan:
-    """Return 90 m of cable, then a star of 62 slaves with the supply at its hub."""
-    return star(90, [leg] * SLAVES, supply=90)
+def trunk_and_star(leg: float = 10 / SLAVES, supply: float = 90.0) -> Plan:
+    """Return 90 m of cable, then a star of 62 slaves, with the supply at its hub or elsewhere."""
+    return star(90, [leg] * SLAVES, supply=supply)
 
 
-@check("icn2007-003", counter={"leg": 2.0})
-def trunk_and_star_is_allowed(*, leg: float = 10 / SLAVES) -> bool:
-    """Whether 90 m and 62 legs of this length [m] keep every rule."""
-    return keeps_all_rules(trunk_and_star(leg))
-
-
-@check("icn2007-004", counter={"length": 101.0})
-def slave_at_end(*, length: float = 100.0) -> bool:
-    """Whether a cable of this length with a slave at its end keeps every rule."""
-    return keeps_all_rules(line(length, [length]))
+check("icn2007-003", counter={"leg": 2.0})(
+    lambda *, leg=10 / SLAVES: keeps_all_rules(trunk_and_star(leg))
+)
+check("icn2007-004", counter={"length": 101.0})(
+    lambda *, length=100.0: keeps_all_rules(line(length, [length]))
+)
 
 
 @check("icn2007-048", counter={"supply": 0.0})
@@ -578,10 +389,9 @@ def structures_are_allowed(*, supply: float = 50.0) -> bool:
     return all(keeps_all_rules(plan) for plan in plans.values())
 
 
-@check("icn2007-027", counter={"user_bits": 64})
-def best_of_buses(*, user_bits: int = 4) -> bool:
-    """Whether AS-i is the most efficient of three buses for this many bits each way."""
-    return bool(bus_efficiencies(user_bits).iloc[0].idxmax() == "as_i")
+check("icn2007-027", counter={"user_bits": 64})(
+    lambda *, user_bits=4: bool(bus_efficiencies(user_bits).iloc[0].idxmax() == "as_i")
+)
 
 
 # Further statements of sections 4 and 5 and of the data link layer ------------------------------
@@ -601,7 +411,7 @@ def impedance_rises(*, quantity: str = "series impedance") -> bool:
 @check("icn2007-056", counter={"supply": 90.0})
 def length_is_the_only_condition(*, supply: float = 0.0) -> bool:
     """Whether 90 m and a star of 62 slaves meet every rule with the supply in this place [m]."""
-    return keeps_all_rules(star(90, [10 / SLAVES] * SLAVES, supply=supply))
+    return keeps_all_rules(trunk_and_star(supply=supply))
 
 
 @check("icn2007-057", counter={"longest": 200.0})
@@ -617,9 +427,9 @@ def current_is_the_integral(*, power: int = 2) -> bool:
     """Whether the send current rises and falls with sin to this power, to a thousandth."""
     bits = Request.data_exchange(21, 0xE).bits
     t = np.arange(0.0, 2 * HALF_BIT * len(bits) + 2e-6, 20e-9)
-    slope = np.gradient(send_current(t, bits), t)
+    slope = np.gradient(Modulation(bits).current(t), t)
     x = np.clip(t / HALF_BIT - np.arange(2 * len(bits))[:, np.newaxis], 0, 1)
-    pulses = steps_of(bits) @ np.sin(np.pi * x) ** power
+    pulses = Modulation(bits).steps @ np.sin(np.pi * x) ** power
     return bool(np.abs(slope / np.abs(slope).max() - pulses).max() < 1e-3)
 
 
@@ -684,6 +494,6 @@ def check_bits_cost_rate(*, extra: int = 7 + 4) -> bool:
 def phase_turns_with_the_bit(*, slots: str = "within bits") -> bool:
     """Whether the steps of the code in these half-bits turn round where the bit changes, only."""
     bits = "0011010001110"
-    steps = steps_of(bits)[1 if slots == "within bits" else 0 :: 2]
+    steps = Modulation(bits).steps[1 if slots == "within bits" else 0 :: 2]
     changed = np.array(list(bits[1:])) != np.array(list(bits[:-1]))
     return bool((steps[1:] * steps[:-1] == np.where(changed, -1, 1)).all())

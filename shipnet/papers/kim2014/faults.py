@@ -66,10 +66,9 @@ def distinct_faults(*, equalities: bool = True) -> int:
     return int((~same).sum()) if equalities else len(rows)
 
 
-@numeric("kim2014-074")
-def overlapping_pairs(*, as_printed: bool = True) -> int:
-    """Pairs of rules that can fire together, in the middle of the ramps if not as printed."""
-    return len(BASE.overlaps("crisp" if as_printed else "midpoint"))
+numeric("kim2014-074")(
+    lambda *, as_printed=True: len(BASE.overlaps("crisp" if as_printed else "midpoint"))
+)
 
 
 @numeric("kim2014-082")
@@ -78,10 +77,9 @@ def silent_pressures(*, high: float = _limit("FP", ">"), low: float = _limit("FP
     return high - low
 
 
-@numeric("kim2014-100")
-def quantities_with_limit(*, limit: float = 2.5) -> int:
-    """Quantities that the rule table compares with this number."""
-    return len({one.channel for one in rule_limits() if one.value == limit})
+numeric("kim2014-100")(
+    lambda *, limit=2.5: len({one.channel for one in rule_limits() if one.value == limit})
+)
 
 
 @check("kim2014-037", counter={"ramps": True})
@@ -207,10 +205,7 @@ def row_is_found_at_both_ends(*, code: str, channel: str, value: float) -> bool:
     return all(is_right(code, codes) for codes in fired(ends))
 
 
-@numeric("kim2014-032")
-def above_open(*, end: float = 300.0, below: float = _ROW_12) -> float:
-    """Position as far above this open end as the input of row 12 is below the closed one."""
-    return end + (_CLOSE - below)
+numeric("kim2014-032")(lambda *, end=300.0, below=_ROW_12: end + (_CLOSE - below))
 
 
 @check("kim2014-068", counter={"version": "printed"})
@@ -220,10 +215,9 @@ def all_tests_pass(*, version: str = "corrected") -> bool:
     return all(is_right(str(code), codes) for code, codes in found.items())
 
 
-@check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})
-def master_finds(*, codes: tuple[str, ...] = BASE.codes) -> bool:
-    """Whether a master finds these faults from the readings that the registers bring it."""
-    return all(through_registers(code) == code for code in codes)
+check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})(
+    lambda *, codes=BASE.codes: all(through_registers(code) == code for code in codes)
+)
 
 
 @check("kim2014-045", counter={"predictor": "stroke time"})

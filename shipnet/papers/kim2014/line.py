@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations, pairwise, product
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from shipnet.ballast.registers import (
 from shipnet.ballast.scan import status_poll
 from shipnet.ballast.sensors import CHANNELS
 from shipnet.ballast.slave import valve_slaves
+from shipnet.lazy import pd
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.faults import Break, DeadPort
 from shipnet.modbus.frame import MAX_UNIT, rtu_frame
@@ -30,17 +31,11 @@ from shipnet.modbus.udp import LossyPath, simulate
 from shipnet.papers.kim2014.registers import answer_table
 from shipnet.papers.registry import check, is_legal, numeric
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-
 # The ID switches of a slave: two decimal dials and two DIP pins, and which settings are legal.
 
 
 def switch_table() -> pd.DataFrame:
     """Return all 400 settings of the switches: pins, tens, units, their number and a verdict."""
-    import pandas as pd
-
     rows = [(n // 100, n // 10 % 10, n % 10, n, _verdict(n)) for n in range(400)]
     return pd.DataFrame(rows, columns=["pins", "tens", "units", "number", "verdict"])
 
@@ -63,10 +58,7 @@ def slaves_of_a_master(*, bits: int = 8) -> int:
     return sum(is_legal(rtu_frame, unit, read) for unit in range(1, 2**bits))
 
 
-@numeric("kim2014-047")
-def first_that_needs_two(*, bits: int = 8) -> int:
-    """Valves from which on one master is not enough."""
-    return slaves_of_a_master(bits=bits) + 1
+numeric("kim2014-047")(lambda *, bits=8: slaves_of_a_master(bits=bits) + 1)
 
 
 @numeric("kim2014-003")
@@ -137,8 +129,6 @@ def break_table(
     The master moves each slave by itself to the other port (``one_by_one_s``), or with it all
     downstream (``with_downstream_s``).
     """
-    import pandas as pd
-
     middle = [Break((n_slaves + 1) // 2)]
     rows = []
     for timeout in timeouts:
@@ -154,8 +144,6 @@ def break_table(
 
 def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -> pd.DataFrame:
     """Send a valve to a position, read its status at these times, and return the messages."""
-    import pandas as pd
-
     registers = RegisterMap()
     valve = valve_slaves(Plant())[1]
     write = Request.write_single_register(

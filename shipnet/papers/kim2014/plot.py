@@ -6,7 +6,7 @@ None of the printed figures was available. The words of the outlines are from se
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.registers import FIRST_REGISTER, N_REGISTERS
-from shipnet.ballast.scan import System
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.uart import SerialLine
@@ -23,7 +22,7 @@ from shipnet.papers.kim2014.faults import Picture
 from shipnet.papers.plot import FILL, HALF, arrow, box, diagram, diagrams, fields, outline
 from shipnet.papers.registry import figure
 
-__all__ = ["plot_ages", "plot_control_system", "plot_scan_times", "plot_seen_strokes"]
+__all__ = ["plot_ages", "plot_control_system", "plot_seen_strokes"]
 
 #: The query of Table 3, and the line that it is sent on by default.
 _QUERY = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
@@ -122,19 +121,6 @@ def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
         )
     ]  # fmt: skip
     return fields(ax, {"Fig 5": general, "Fig 6": detail})
-
-
-def plot_scan_times(slaves: Sequence[int], *, ax: Axes) -> Axes:
-    """Draw the time of a scan over the bit rate, one line per number of slaves."""
-    for number in slaves:
-        table = System(number).scan_times()
-        ax.loglog(table.index, table["scan_s"], "o-", markersize=4, label=f"{number} slaves")
-    ax.set_xticks(table.index, [f"{rate / 1e3:g}" for rate in table.index])
-    ax.set(xlabel="bit rate [kbit/s]", ylabel="scan [s]")
-    ax.minorticks_off()
-    ax.set_yticks([0.03, 0.1, 0.3, 1, 3, 10, 30], ["0.03", "0.1", "0.3", "1", "3", "10", "30"])
-    ax.legend()
-    return ax
 
 
 @figure("kim2014", "Fig 10")

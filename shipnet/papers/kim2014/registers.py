@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from math import ceil
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,15 +25,12 @@ from shipnet.ballast.scan import READ_STATUS, command_poll, status_poll
 from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.errors import FrameError
 from shipnet.fields import check_scalar, check_whole
+from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_PDU, MAX_UNIT, rtu_frame
 from shipnet.modbus.pdu import FunctionCode, Request, Response, decode
 from shipnet.modbus.slave import Slave
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.registry import check, is_legal, numeric
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 # The messages of Tables 2 and 3, byte for byte: as printed, and as the standard wants them.
 
@@ -75,8 +71,6 @@ def message_table() -> pd.DataFrame:
     The lengths are those in the MBAP header; ``decoder`` is what a decoder by the standard says of
     the printed bytes: ``ok`` or the name of the error.
     """
-    import pandas as pd
-
     rows = []
     for message in STANDARD:
         printed, standard = printed_adu(message), STANDARD[message]
@@ -137,10 +131,7 @@ def exception_code(*, function: int) -> int:
     return Response(function, exception=1).pdu[0]  # type: ignore[arg-type]
 
 
-@numeric("kim2014-010")
-def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
-    """Registers that one response can hold."""
-    return (longest_pdu - len(_answer(1).pdu) + 2) // 2
+numeric("kim2014-010")(lambda *, longest_pdu=MAX_PDU: (longest_pdu - len(_answer(1).pdu) + 2) // 2)
 
 
 @numeric("kim2014-086")
@@ -170,22 +161,11 @@ def length_field(*, messages: tuple[str, ...]) -> int:
     return length
 
 
-@numeric("kim2014-020")
-def response_length(*, registers: int = N_REGISTERS) -> int:
-    """Unit id and PDU of a read response [byte]."""
-    return 1 + len(_answer(registers).pdu)
-
-
-@numeric("kim2014-053")
-def registers_read(*, first: int = 0x4020, last: int = 0x4023) -> int:
-    """Registers that the query from the first to the last of these addresses asks for."""
-    return Request.read(_READ, first, last - first + 1).quantity
-
-
-@numeric("kim2014-054")
-def byte_count(*, registers: int = N_REGISTERS) -> int:
-    """Byte that follows the function code in the read response."""
-    return _answer(registers).pdu[1]
+numeric("kim2014-020")(lambda *, registers=N_REGISTERS: 1 + len(_answer(registers).pdu))
+numeric("kim2014-053")(
+    lambda *, first=0x4020, last=0x4023: Request.read(_READ, first, last - first + 1).quantity
+)
+numeric("kim2014-054")(lambda *, registers=N_REGISTERS: _answer(registers).pdu[1])
 
 
 @numeric("kim2014-080")
@@ -201,10 +181,9 @@ def exceptions_exist(*, codes: tuple[int, ...] = (1, 2, 3, 4)) -> bool:
     return all(is_legal(Response.parse, pdu) for pdu in pdus)
 
 
-@check("kim2014-083", counter={"read": 3})
-def functions_are_named_right(*, write: int = 6, read: int = 4) -> bool:
-    """Whether these codes write a single register and read input registers."""
-    return (FunctionCode(write), FunctionCode(read)) == (_WRITE, _READ)
+check("kim2014-083", counter={"read": 3})(
+    lambda *, write=6, read=4: (FunctionCode(write), FunctionCode(read)) == (_WRITE, _READ)
+)
 
 
 @check("kim2014-058", counter={"first": 1})
@@ -258,8 +237,6 @@ def answer_table(
     The last has the shortest time-out that is long enough. A command that is not answered is
     repeated `retries` times.
     """
-    import pandas as pd
-
     moving = check_scalar("movement", movement, "s", 0, 3600)
     scan = status_poll(serial).scan_time(check_whole("n_slaves", n_slaves, 1, MAX_UNIT))
     write = replace(command_poll(serial, timeout=timeout), retries=retries)
@@ -304,10 +281,9 @@ def channels(*, names: tuple[str, ...] = tuple(channel.name for channel in CHANN
     return len(names)
 
 
-@check("kim2014-021", counter={"reading": "flag sum"})
-def codes_differ(*, reading: str = "decimal") -> bool:
-    """Whether every command has a code of its own, as this reading of Table 2 has them."""
-    return bool(code_table()[reading].is_unique)
+check("kim2014-021", counter={"reading": "flag sum"})(
+    lambda *, reading="decimal": bool(code_table()[reading].is_unique)
+)
 
 
 @check("kim2014-022", counter={"highest": 305.0})
@@ -349,16 +325,8 @@ def converter_step(*, bits: int = 12, span: float = 100.0) -> float:
     return float(Sensors((0.0,) * len(CHANNELS), high, bits=bits).step[_VPOS])
 
 
-@numeric("kim2014-079")
-def angle_step(*, travel: float = 90.0) -> float:
-    """Degrees that one step of the position is, of a travel of this many degrees."""
-    return SCALES[_VPOS].step / 100 * travel
-
-
-@numeric("kim2014-081")
-def largest_position(*, bits: int = 8) -> int:
-    """What a register of this many bits holds for a position of 305."""
-    return int(whole_steps(np.array([305.0]), 2**bits - 1)[0][0])
+numeric("kim2014-079")(lambda *, travel=90.0: SCALES[_VPOS].step / 100 * travel)
+numeric("kim2014-081")(lambda *, bits=8: int(whole_steps(np.array([305.0]), 2**bits - 1)[0][0]))
 
 
 @numeric("kim2014-044")
@@ -369,8 +337,6 @@ def colours(*, bits: int = 16) -> int:
 
 def code_table() -> pd.DataFrame:
     """Return the codes of all readings beside each other, one row per command."""
-    import pandas as pd
-
     codes = {
         reading: {code.value: number for code, number in command_codes(reading).items()}
         for reading in CODE_READINGS
@@ -384,8 +350,6 @@ def survival_table() -> pd.DataFrame:
     A value ``survives`` that is received within half a step; positions are the corrected ones, and
     305 as printed.
     """
-    import pandas as pd
-
     rows = []
     for rule in datasets.read("kim2014_rule_table.csv").to_dict("records"):
         for channel, scale in zip(CHANNELS, SCALES, strict=True):

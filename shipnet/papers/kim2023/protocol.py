@@ -40,28 +40,11 @@ EXAMPLE_RESPONSE = str(_EXAMPLES["response"])
 DATASHEET_FRAMES = tuple(datasets.read("asi_datasheet_frames.csv")["bits"])
 
 
-@numeric("kim2023-008", "icn2007-022")
-def bits_per_cycle() -> int:
-    """User bits of a response: what start, parity and end bit leave of it."""
-    return len(Response(0x6).bits) - len(frame(""))
-
-
-@numeric("kim2023-026", "icn2007-011")
-def request_length() -> int:
-    """Bits of a request."""
-    return len(Request.data_exchange(21, 0xE).bits)
-
-
-@numeric("kim2023-027", "icn2007-012")
-def response_length() -> int:
-    """Bits of a response."""
-    return len(Response(0x6).bits)
-
-
-@numeric("icn2007-021")
-def request_information() -> int:
-    """Bits of a request that must be checked: all but start, parity and end bit."""
-    return request_length() - len(frame(""))
+numeric("kim2023-026", "icn2007-011")(lambda: len(Request.data_exchange(21, 0xE).bits))
+numeric("kim2023-027", "icn2007-012")(lambda: len(Response(0x6).bits))
+# What start, parity and end bit leave of a request, and of a response.
+numeric("icn2007-021")(lambda: len(Request.data_exchange(21, 0xE).bits) - len(frame("")))
+numeric("kim2023-008", "icn2007-022")(lambda: len(Response(0x6).bits) - len(frame("")))
 
 
 def read_in_place(bits: str) -> Request:
@@ -69,65 +52,23 @@ def read_in_place(bits: str) -> Request:
     return Request.parse(frame(bits[1:-2]))
 
 
-@numeric("kim2023-037", "icn2007-017")
-def example_address(*, bits: str = EXAMPLE_REQUEST) -> int:
-    """Address in the example."""
-    return read_in_place(bits).address
-
-
-@numeric("kim2023-038", "icn2007-041")
-def example_data(*, bits: str = EXAMPLE_REQUEST) -> int:
-    """Data of the example."""
-    return read_in_place(bits).data
-
-
-@numeric("kim2023-039", "icn2007-042")
-def example_answer(*, bits: str = EXAMPLE_RESPONSE) -> int:
-    """Data of the example response."""
-    return Response.parse(bits).data
+numeric("kim2023-037", "icn2007-017")(lambda *, bits=EXAMPLE_REQUEST: read_in_place(bits).address)
+numeric("kim2023-038", "icn2007-041")(lambda *, bits=EXAMPLE_REQUEST: read_in_place(bits).data)
+numeric("kim2023-039", "icn2007-042")(lambda *, bits=EXAMPLE_RESPONSE: Response.parse(bits).data)
 
 
 def even_ones(bits: str, *, end_bit: bool = False) -> bool:
-    """Tell whether a telegram has an even number of ones, the end bit counted or not.
-
-    Parameters
-    ----------
-    bits : str
-        A telegram, right or wrong.
-    end_bit : bool, default False
-        Whether the last bit counts.
-
-    Returns
-    -------
-    bool
-        True if the number is even.
-
-    Examples
-    --------
-    The response of the paper follows the rule of the data sheets, its request does not:
-
-    >>> even_ones(EXAMPLE_RESPONSE), even_ones(EXAMPLE_REQUEST)
-    (True, False)
-    """
+    """Return whether a telegram has an even number of ones, the end bit counted or not."""
     return (bits if end_bit else bits[:-1]).count("1") % 2 == 0
 
 
-@check("kim2023-040", "icn2007-037", counter={"bits": Request.data_exchange(21, 0xE).bits})
-def example_request_parity(*, bits: str = EXAMPLE_REQUEST) -> bool:
-    """Whether the example request obeys the parity rule of the standard."""
-    return is_legal(Request.parse, bits)
-
-
-@check("icn2007-043", counter={"bits": "0011011"})
-def example_response_parity(*, bits: str = EXAMPLE_RESPONSE) -> bool:
-    """Whether the example response obeys the parity rule of the standard."""
-    return even_ones(bits)
-
-
-@check("kim2023-081", counter={"frames": (EXAMPLE_REQUEST,)})
-def parity_counts_all_bits(*, frames: tuple[str, ...] = DATASHEET_FRAMES) -> bool:
-    """Whether frames of a chip maker have even ones when the end bit counts too."""
-    return all(even_ones(bits, end_bit=True) for bits in frames)
+check("kim2023-040", "icn2007-037", counter={"bits": Request.data_exchange(21, 0xE).bits})(
+    lambda *, bits=EXAMPLE_REQUEST: is_legal(Request.parse, bits)
+)
+check("icn2007-043", counter={"bits": "0011011"})(lambda *, bits=EXAMPLE_RESPONSE: even_ones(bits))
+check("kim2023-081", counter={"frames": (EXAMPLE_REQUEST,)})(
+    lambda *, frames=DATASHEET_FRAMES: all(even_ones(bits, end_bit=True) for bits in frames)
+)
 
 
 @check("kim2023-082", counter={"request": Request.data_exchange(21, 0xE).bits})
@@ -188,10 +129,7 @@ def a_slave_like_standard(*, half: Half = "A") -> bool:
     return True
 
 
-@numeric("kim2023-045")
-def calls_in_the_data_sheets(*, calls: tuple[Call, ...] = tuple(Call)) -> int:
-    """Calls in the table of the data sheets; Table 5 lists one less."""
-    return len(calls)
+numeric("kim2023-045")(lambda *, calls=tuple(Call): len(calls))
 
 
 def _row_agrees(call: str, columns: list[str]) -> bool:
@@ -199,19 +137,12 @@ def _row_agrees(call: str, columns: list[str]) -> bool:
     return bool((printed.loc[[call], columns] == generated.loc[[call], columns]).all(axis=None))
 
 
-@check("kim2023-046", counter={"address": 0})
-def write_id1_to_any_address(*, address: int = 21) -> bool:
-    """Whether the bits of write ID code 1 may carry this address: then they mean that call.
-
-    With another address than 0, and data 0, they are the bits of delete address.
-    """
-    return Request.parse(frame(f"1{address:05b}00000")).call is Call.WRITE_ID1
-
-
-@check("kim2023-048", counter={"call": "DATA_EXCHANGE"})
-def parameter_letters(*, call: str = "WRITE_PARAMETER") -> bool:
-    """Whether Table 5 gives the bits that this call carries their names."""
-    return _row_agrees(call, ["I2", "I1", "I0"])
+check("kim2023-046", counter={"address": 0})(
+    lambda *, address=21: Request.parse(frame(f"1{address:05b}00000")).call is Call.WRITE_ID1
+)
+check("kim2023-048", counter={"call": "DATA_EXCHANGE"})(
+    lambda *, call="WRITE_PARAMETER": _row_agrees(call, ["I2", "I1", "I0"])
+)
 
 
 @check("kim2023-049", counter={"expected": "01111111010101"})
@@ -228,10 +159,9 @@ def information_bit_4(*, data: str = "0", parameter: str = "1") -> bool:
     return list(bits) == [data, parameter]
 
 
-@check("kim2023-086", counter={"call": Call.RESET})
-def assigned_at_address_0(*, call: Call = Call.ASSIGN_ADDRESS) -> bool:
-    """Whether this call can only go to a slave at address 0."""
-    return call.rule.pattern[1:6] == "00000"
+check("kim2023-086", counter={"call": Call.RESET})(
+    lambda *, call=Call.ASSIGN_ADDRESS: call.rule.pattern[1:6] == "00000"
+)
 
 
 @check("kim2023-080", counter={"address": 1})
@@ -241,16 +171,10 @@ def address_0_refuses(*, address: int = 0) -> bool:
     return not any(is_legal(Request, call, address) for call in calls)
 
 
-@numeric("kim2023-055")
-def io_codes() -> int:
-    """Codes of the standard that say what the four ports of a slave do."""
-    return len(Profile.table())
-
-
-@check("kim2023-056", counter={"table": "Table 5"})
-def io_code_cells(*, table: str = "Table 7") -> bool:
-    """Whether all cells of the printed table are those that the code generates."""
-    return PrintedTable("kim2023", table).differences().empty
+numeric("kim2023-055")(lambda: len(Profile.table()))
+check("kim2023-056", counter={"table": "Table 5"})(
+    lambda *, table="Table 7": PrintedTable("kim2023", table).differences().empty
+)
 
 
 @check("kim2023-052", counter={"shift": 1})
@@ -260,10 +184,9 @@ def references_fit(*, shift: int = 0) -> bool:
     return all(word in _captions()[f"Table {number + shift}"] for number, word in said.items())
 
 
-@check("kim2023-094", counter={"codes": (0xA,)})
-def both_codes_share_an_address(*, codes: tuple[int, ...] = (0xA, 0xB)) -> bool:
-    """Whether slaves with these ID codes share their address with another."""
-    return all(Profile(7, code).extended for code in codes)
+check("kim2023-094", counter={"codes": (0xA,)})(
+    lambda *, codes=(0xA, 0xB): all(Profile(7, code).extended for code in codes)
+)
 
 
 def _captions() -> dict[str, str]:
@@ -275,10 +198,9 @@ def _captions() -> dict[str, str]:
 # Tables 4 to 7, generated by the code that encodes and decodes.
 
 
-@table("kim2023", "Table 4")
-def request_fields() -> pd.DataFrame:
-    """Return the fields of a request."""
-    return Request.fields().astype(str)
+table("kim2023", "Table 4")(lambda: Request.fields().astype(str))
+table("kim2023", "Table 6")(lambda: Response.fields().astype(str))
+table("kim2023", "Table 7")(lambda: Profile.table())
 
 
 @table("kim2023", "Table 5")
@@ -287,18 +209,6 @@ def requests() -> pd.DataFrame:
     requests = Request.table()
     header = pd.DataFrame([requests.columns], index=["HEADER"], columns=requests.columns)
     return pd.concat([header, requests]).rename_axis("call")
-
-
-@table("kim2023", "Table 6")
-def response_fields() -> pd.DataFrame:
-    """Return the fields of a response."""
-    return Response.fields().astype(str)
-
-
-@table("kim2023", "Table 7")
-def io_code_table() -> pd.DataFrame:
-    """Return the directions of the four ports for every I/O code."""
-    return Profile.table()
 
 
 # Sections 3.3, 3.5 and 3.6: how many slaves, strands and points.
@@ -355,40 +265,18 @@ def reach(*, repeaters: int = 2) -> float:
     return longest * len(ends) if plan.check().ok else math.nan
 
 
-@numeric("kim2023-075")
-def points_per_master() -> int:
-    """Ports of all slaves of a master, if each has four inputs and shares its address."""
-    return slaves_per_master(halves=("A", "B")) * len(Profile(io=0, id=0xA).ports)
-
-
-@check("kim2023-076", counter={"profile": "S-7.F"})
-def four_outputs_each(*, profile: str = "S-7.A.E") -> bool:
-    """Whether a request to a slave that shares its address, as 62 must, has four output bits."""
-    return Profile.parse(profile).output_bits == 4
-
-
-@numeric("kim2023-062")
-def lines_for_fermenter(*, valves: int = 400) -> int:
-    """Lines for one slave a valve."""
-    return lines_needed(valves)
-
-
-@numeric("kim2023-069")
-def slaves_per_submarine_master(*, slaves: int = 190, masters: int = 14) -> float:
-    """Average load of a master."""
-    return slaves / masters
-
-
-@numeric("kim2023-070")
-def submarine_cable(*, masters: int = 14, repeaters: int = 5, segment: float = 100) -> float:
-    """Metres of cable if every segment is as long as it may be."""
-    return (masters + repeaters) * segment
-
-
-@numeric("kim2023-071")
-def valves_per_slave(*, valves: int = 200, slaves: int = 190) -> float:
-    """Valves for each slave, of which one has four inputs and three or four outputs."""
-    return valves / slaves
+numeric("kim2023-075")(
+    lambda: slaves_per_master(halves=("A", "B")) * len(Profile(io=0, id=0xA).ports)
+)
+check("kim2023-076", counter={"profile": "S-7.F"})(
+    lambda *, profile="S-7.A.E": Profile.parse(profile).output_bits == 4
+)
+numeric("kim2023-062")(lambda *, valves=400: lines_needed(valves))
+numeric("kim2023-069")(lambda *, slaves=190, masters=14: slaves / masters)
+numeric("kim2023-070")(
+    lambda *, masters=14, repeaters=5, segment=100: (masters + repeaters) * segment
+)
+numeric("kim2023-071")(lambda *, valves=200, slaves=190: valves / slaves)
 
 
 # Section 3.4, commands (c) to (e): addresses and ID codes of slaves, on a simulated line.
@@ -458,16 +346,8 @@ def bit_time(*, unit: float) -> float:
     return Transaction().bit_time / unit
 
 
-@numeric("kim2023-021", "icn2007-006")
-def gross_rate() -> float:
-    """Kilobits a second while bits follow one another."""
-    return 1e-3 * Transaction().bits / Transaction().duration
-
-
-@numeric("kim2023-022")
-def half_bit() -> float:
-    """Microseconds of a Manchester half-bit."""
-    return 1e6 * Transaction().bit_time / 2
+numeric("kim2023-021", "icn2007-006")(lambda: 1e-3 * Transaction().bits / Transaction().duration)
+numeric("kim2023-022")(lambda: 1e6 * Transaction().bit_time / 2)
 
 
 def master_pause_of_chip(*, edge: float) -> float:
@@ -482,10 +362,9 @@ def master_pause_in_range(*, edges: tuple[float, ...] = CHIP_EDGES) -> bool:
     return all(is_legal(Transaction, pause) for pause in pauses)
 
 
-@check("kim2023-030", "icn2007-016", counter={"pause": 84.0})
-def slave_pause_at_most_2(*, pause: float = 3.0) -> bool:
-    """Whether a master may not leave this pause, above the printed 2 bit times."""
-    return not is_legal(Transaction(slave_pause=pause).check_line)
+check("kim2023-030", "icn2007-016", counter={"pause": 84.0})(
+    lambda *, pause=3.0: not is_legal(Transaction(slave_pause=pause).check_line)
+)
 
 
 @numeric("kim2023-031", master_pause=2, slave_pause=1.5)
@@ -495,10 +374,7 @@ def transaction(*, master_pause: float, slave_pause: float) -> float:
     return Transaction(master_pause, slave_pause).bits
 
 
-@numeric("kim2023-033")
-def unanswered_transaction() -> float:
-    """Bit times until a master that hears nothing may send again."""
-    return Transaction().unanswered
+numeric("kim2023-033")(lambda: Transaction().unanswered)
 
 
 @numeric("kim2023-034", slaves=31)
@@ -524,10 +400,9 @@ def least_cycles(bits: int, *, bits_per_cycle: int = 4) -> int:
     return -(-bits // bits_per_cycle)
 
 
-@check("kim2023-009", counter={"bits": 4})
-def several_cycles(*, bits: int = 5) -> bool:
-    """Whether this many bits, and a value of profile S-7.3, take several cycles."""
-    return least_cycles(bits) > 1 and transfer_cycles("S-7.3") > 1
+check("kim2023-009", counter={"bits": 4})(
+    lambda *, bits=5: least_cycles(bits) > 1 and transfer_cycles("S-7.3") > 1
+)
 
 
 @check("kim2023-090", counter={"loop": 0.1})

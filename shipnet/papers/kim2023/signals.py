@@ -9,17 +9,11 @@ from math import comb
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Floats
 from shipnet.asi.elements import DEVICE
 from shipnet.asi.emc.disturbances import Noise
 from shipnet.asi.emc.error_rates import error_rate
-from shipnet.asi.modulation import (
-    HALF_BIT,
-    as_bits,
-    check_slots,
-    levels_of,
-    pulses_of,
-    send_current,
-)
+from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses
 from shipnet.asi.plan import Plan
 from shipnet.asi.receiver import Receiver, receive
 from shipnet.asi.slave import Slave
@@ -48,16 +42,17 @@ def above_supply(*, slave: float = 30.0, supply: float = 30.0) -> bool:
     return bool(slave + plan.waveform(Response(0x6)).u.max() > supply)
 
 
-@check("kim2023-087", counter={"zero": (0, 1)})
-def zero_falls(*, zero: tuple[int, int] = (1, 0)) -> bool:
-    """Whether a 0 has these levels, and a 1 the inverse."""
-    return tuple(levels_of("0")) == zero and tuple(levels_of("1")) == zero[::-1]
+check("kim2023-087", counter={"zero": (0, 1)})(
+    lambda *, zero=(1, 0): (
+        tuple(Modulation("0").levels) == zero and tuple(Modulation("1").levels) == zero[::-1]
+    )
+)
 
 
 @check("kim2023-088", "icn2007-009", counter={"sign": 1})
 def first_pulse(*, sign: int = -1) -> bool:
     """Whether the first pulse of every response has this sign, and belongs to the start bit."""
-    trains = pulses_of(RESPONSES)
+    trains = Modulation(RESPONSES).pulses.signs
     return bool((trains[:, 0] == 0).all() and (trains[:, 1] == sign).all())
 
 
@@ -65,15 +60,13 @@ def first_pulse(*, sign: int = -1) -> bool:
 def rising_current(*, sign: int = -1) -> bool:
     """Whether the voltage on the line has this sign while the current begins to rise."""
     wave = line(100, slaves=(5,)).waveform(Response(0x6), dt=50e-9)
-    slope = np.gradient(send_current(wave.t, Response(0x6).bits), wave.t)
+    slope = np.gradient(Modulation(Response(0x6).bits).current(wave.t), wave.t)
     first = int(np.argmax(np.abs(slope) > 0.5 * np.abs(slope).max()))
     return bool(slope[first] > 0 and np.sign(wave.u[0, first]) == sign)
 
 
 # Section 3.4: what the receiver copes with, and what an open cable does to the pulses.
 
-
-Floats = npt.NDArray[np.float64]
 
 #: Sampling interval of the trains [s].
 STEP = 250e-9
@@ -94,10 +87,10 @@ def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
     With the first pulse as the largest and as the smallest, and both ends of the range of the
     comparator, 45 % to 55 % of the first pulse.
     """
-    sent = as_bits(RESPONSES)
+    sent = Modulation(RESPONSES).bits
     low = np.full((2, 14), 1 - difference)
     low[0, 1], low[1, 2:] = 1, 1
-    u = train_of(2 * pulses_of(sent)[:, np.newaxis] * low)
+    u = train_of(2 * Modulation(sent).pulses.signs[:, np.newaxis] * low)
     heard = [receive(u, STEP, 7, threshold=threshold, matched=False) for threshold in (0.45, 0.55)]
     return all(bool((one.bits == sent[:, np.newaxis]).all()) for one in heard)
 
@@ -109,8 +102,8 @@ def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
     The first pulse, by which the receiver sets its threshold, is the smallest that the other
     tolerance allows, 65 % of the largest.
     """
-    sent = as_bits(RESPONSES)
-    pulses = np.pad(pulses_of(sent), ((0, 0), (0, 2))).astype(float)
+    sent = Modulation(RESPONSES).bits
+    pulses = np.pad(Modulation(sent).pulses.signs, ((0, 0), (0, 2))).astype(float)
     swing = overshoot * (-1.0) ** np.arange(pulses.shape[1])
     heights = np.where(pulses != 0, pulses, np.stack([swing, -swing])[:, np.newaxis])
     heights[..., 0] = 0
@@ -155,16 +148,15 @@ def check_bits(*, bits: int) -> int:
     return r
 
 
-@numeric("kim2023-059")
-def growth(*, request: int = 11, response: int = 4, extra: int = 7 + 4) -> float:
-    """Growth in percent by the extra bits that the paper prints, over the information bits."""
-    return 100 * extra / (request + response)
+numeric("kim2023-059")(
+    lambda *, request=11, response=4, extra=7 + 4: 100 * extra / (request + response)
+)
 
 
 @numeric("kim2023-060", "icn2007-024")
 def error_classes(*, faults: int = 3) -> int:
     """Kinds of error that the receiver names in responses with up to this many wrong slots."""
-    sent = np.pad(pulses_of(RESPONSES), ((0, 0), (0, 2)))
+    sent = np.pad(Modulation(RESPONSES).pulses.signs, ((0, 0), (0, 2)))
     changes = [
         np.bincount(places, steps, sent.shape[1])
         for n in range(1, faults + 1)
@@ -172,39 +164,18 @@ def error_classes(*, faults: int = 3) -> int:
         for steps in product((1, 2), repeat=n)
     ]
     heard = (sent + np.array(changes, np.int8)[:, np.newaxis] + 1) % 3 - 1
-    return len(set(check_slots(heard, 7)[1].ravel().tolist()) - {0})
+    return len(set(Pulses(heard).check()[1].ravel().tolist()) - {0})
 
 
 def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
-    """Count the faults of pulses that leave a telegram valid.
+    """Return how many faults of pulses leave a telegram valid, and how many there are.
 
-    Parameters
-    ----------
-    faults : int
-        Slots that change at once, 1 or more; each takes either of its two other values.
-    requests : bool, default False
-        Whether requests are counted instead of responses.
-
-    Returns
-    -------
-    tuple of int
-        Undetected patterns, and all patterns: of the 15 slots from the start pulse on in each of
-        the 16 responses, or of the 29 slots in each of the 2048 requests.
-
-    Notes
-    -----
-    A fault of the model is a slot that is read wrong, whatever the cause; how likely that is on
-    a ship, it does not say.
-
-    Examples
-    --------
-    >>> undetected(1), undetected(4)
-    ((0, 480), (32, 349440))
-    >>> undetected(3, requests=True)[0], undetected(4, requests=True)[0]
-    (0, 11264)
+    At once `faults` slots change, each to either of its two other values, of the 15 from the start
+    pulse on in each of the 16 responses, or of the 29 in each of the 2048 `requests`. A fault is a
+    slot that is read wrong, whatever the cause; how likely that is on a ship, it does not say.
     """
     size = 11 if requests else 4
-    words = pulses_of([frame(f"{data:0{size}b}") for data in range(2**size)])
+    words = Modulation([frame(f"{data:0{size}b}") for data in range(2**size)]).pulses.signs
     slots = np.pad(words, ((0, 0), (0, 2)))[:, 1:]
     n = slots.shape[1]
     # The checks accept these telegrams and nothing else, so a fault passes only if it turns one
@@ -213,10 +184,7 @@ def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
     return passed, len(slots) * comb(n, faults) * 2**faults
 
 
-@check("kim2023-061", counter={"faults": 4})
-def every_fault_found(*, faults: int = 1) -> bool:
-    """Whether every response with this many wrong slots is found faulty."""
-    return undetected(faults)[0] == 0
+check("kim2023-061", counter={"faults": 4})(lambda *, faults=1: undetected(faults)[0] == 0)
 
 
 # Section 3.3, 3.6 and Table 2: immunity, and what a ship asks for beyond it.

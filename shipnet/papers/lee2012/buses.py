@@ -62,16 +62,12 @@ def _serial(rate: float, parity: bool = True) -> SerialLine:
     return SerialLine(rate, f"8{LINE.character[1] if parity else 'N'}1")
 
 
-@numeric("lee2012-021")
-def bit_time(*, rate: float = BIT_RATE) -> float:
-    """Microseconds of one bit."""
-    return 1e6 * _serial(rate).character_time / _serial(rate).character_bits
-
-
-@numeric("lee2012-022")
-def start_time(*, bits: int = 8, rate: float = BIT_RATE) -> float:
-    """Microseconds of the silence, with characters of 8 bits as the paper counts them."""
-    return 1e6 * _serial(rate).t35 * bits / _serial(rate).character_bits
+numeric("lee2012-021")(
+    lambda *, rate=BIT_RATE: 1e6 * _serial(rate).character_time / _serial(rate).character_bits
+)
+numeric("lee2012-022")(
+    lambda *, bits=8, rate=BIT_RATE: 1e6 * _serial(rate).t35 * bits / _serial(rate).character_bits
+)
 
 
 @numeric("lee2012-023")
@@ -86,16 +82,10 @@ def character_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
     return 1e6 * _serial(rate, parity).character_time
 
 
-@numeric("lee2012-097")
-def silence(*, rate: float = BIT_RATE, parity: bool = True) -> float:
-    """Milliseconds of silence between two frames."""
-    return 1e3 * _serial(rate, parity).t35
-
-
-@numeric("lee2012-032")
-def silence_in_characters(*, rate: float = float(SerialLine.SILENCE_LIMIT)) -> float:
-    """Characters of silence between two frames, at the highest rate that counts them so."""
-    return _serial(rate).t35 / _serial(rate).character_time
+numeric("lee2012-097")(lambda *, rate=BIT_RATE, parity=True: 1e3 * _serial(rate, parity).t35)
+numeric("lee2012-032")(
+    lambda *, rate=float(SerialLine.SILENCE_LIMIT): _serial(rate).t35 / _serial(rate).character_time
+)
 
 
 @check("lee2012-024", counter={"stop_bits": 2})
@@ -125,10 +115,7 @@ def master_is_addressed(*, master: int = AMS) -> bool:
     return master in (decode(request).unit_id, decode(response).unit_id)
 
 
-@check("lee2012-076", counter={"drawn": JB1})
-def response_names_the_receiver(*, drawn: int = AMS) -> bool:
-    """Whether the response of JB1 begins with the address that Fig 4(b) draws."""
-    return answer(1).rtu(JB1)[0] == drawn
+check("lee2012-076", counter={"drawn": JB1})(lambda *, drawn=AMS: answer(1).rtu(JB1)[0] == drawn)
 
 
 @check("lee2012-027", counter={"slaves": (JB1, JB1)})
@@ -227,10 +214,9 @@ def whole_poll(registers: int = POINTS, rate: float = BIT_RATE) -> Poll:
     return Poll(read(registers), _serial(rate), timeout=60)
 
 
-@numeric("lee2012-035")
-def poll_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
-    """Milliseconds of a poll for all points, from one request to the next."""
-    return 1e3 * whole_poll(registers, rate).time
+numeric("lee2012-035")(
+    lambda *, registers=POINTS, rate=BIT_RATE: 1e3 * whole_poll(registers, rate).time
+)
 
 
 @numeric("lee2012-036")
@@ -240,10 +226,7 @@ def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
     return (longest_pdu - head) // 2
 
 
-@numeric("lee2012-098")
-def drawn_response(*, widths: tuple[int, ...] = _WIDTHS["response"]) -> int:
-    """Bytes of the response as Fig 4(b) draws it."""
-    return sum(widths)
+numeric("lee2012-098")(lambda *, widths=_WIDTHS["response"]: sum(widths))
 
 
 @numeric("lee2012-057")
@@ -297,10 +280,7 @@ def terminators_suit_the_line(*, ohm: float | None = 120.0) -> bool:
     return not Segment(60, nodes=3, terminator=ohm).send({1: bits}, 125e3).wrong
 
 
-@numeric("lee2012-043")
-def frames_per_update(*, bits: int = 16) -> int:
-    """CAN frames that carry all points once."""
-    return len(CanLayout(read_points(), bits).messages())
+numeric("lee2012-043")(lambda *, bits=16: len(CanLayout(read_points(), bits).messages()))
 
 
 @numeric("lee2012-044")

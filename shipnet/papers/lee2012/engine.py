@@ -54,16 +54,12 @@ def power(
     return 1e5 * pressure * rate / 60 * _volume(cylinders, strokes) / 1e3
 
 
-@numeric("lee2012-006")
-def rate_from_power(*, power: float = _GUIDE, pressure: float = PRESSURE) -> float:
-    """Revolutions a minute at which the engine has its power."""
-    return 60 * 1e3 * power / (1e5 * pressure * _volume())
-
-
-@numeric("lee2012-007")
-def pressure_from_power(*, power: float = _GUIDE, rate: float = SPEED) -> float:
-    """Bar of mean effective pressure at which the engine has its power."""
-    return 1e3 * power / (rate / 60 * _volume()) / 1e5
+numeric("lee2012-006")(
+    lambda *, power=_GUIDE, pressure=PRESSURE: 60 * 1e3 * power / (1e5 * pressure * _volume())
+)
+numeric("lee2012-007")(
+    lambda *, power=_GUIDE, rate=SPEED: 1e3 * power / (rate / 60 * _volume()) / 1e5
+)
 
 
 @numeric("lee2012-008", per_horsepower_hour=126.0)  # fuel
@@ -127,10 +123,7 @@ def listed_points(*, column: str, value: str) -> int:
     return int(TABLE_3.loc[TABLE_3[column] == value, "quantity_points"].sum())
 
 
-@numeric("lee2012-016")
-def points_of_engine(*, double_row: bool = True) -> int:
-    """Points of all boxes, the row that is printed twice counted twice."""
-    return len(printed_points(double_row=double_row))
+numeric("lee2012-016")(lambda *, double_row=True: len(printed_points(double_row=double_row)))
 
 
 @numeric("lee2012-017")
@@ -198,16 +191,12 @@ def enough_inputs(*, condition: str, inputs: int) -> bool:
     return max(sum(point.condition == condition for point in own) for own in boxes) <= inputs
 
 
-@check("lee2012-050", counter={"volts": (0.0, 5.0)})
-def one_resistor_does(*, volts: tuple[float, float] = (1.0, 5.0)) -> bool:
-    """Whether one and the same resistor turns 4 and 20 mA into these voltages [V]."""
-    return bool(np.isclose(volts[0] / 4e-3, volts[1] / 20e-3))
-
-
-@check("lee2012-052", counter={"quantities": 20})
-def each_has_a_switch(*, quantities: int = 3) -> bool:
-    """Whether Table 3 has a switch for each of so many quantities."""
-    return listed_points(column="condition", value="S/W") >= quantities
+check("lee2012-050", counter={"volts": (0.0, 5.0)})(
+    lambda *, volts=(1.0, 5.0): bool(np.isclose(volts[0] / 4e-3, volts[1] / 20e-3))
+)
+check("lee2012-052", counter={"quantities": 20})(
+    lambda *, quantities=3: listed_points(column="condition", value="S/W") >= quantities
+)
 
 
 @check("lee2012-088", counter={"offset": False})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +17,6 @@ from shipnet.engine.system import RULE, System
 from shipnet.papers.lee2012.buses import BIT_RATE, JB1, JB3, LINE, read, whole_poll
 from shipnet.papers.lee2012.engine import printed_points
 from shipnet.papers.registry import check, numeric
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @check("lee2012-058", counter={"rate": 1000.0})
@@ -37,10 +34,9 @@ def links_share_nothing(*, second: str = "JB3") -> bool:
     return bool(findings.set_index("rule")["verdict"]["links duplicated"] == "met")
 
 
-@numeric("lee2012-101")
-def most_points_of_a_box(*, double_row: bool = True) -> int:
-    """Points that are lost with the worst of the boxes."""
-    return Redundancy(printed_points(double_row=double_row)).worst()
+numeric("lee2012-101")(
+    lambda *, double_row=True: Redundancy(printed_points(double_row=double_row)).worst()
+)
 
 
 @check("lee2012-045", counter={"stale_limit": 0.5})
@@ -175,32 +171,3 @@ def switch_over_scope(system: System, *, cut: float = 1.5, end: float = 3.4) -> 
         request = read(system.registers).rtu(unit)
         traces[f"Tx of channel {channel}"] = _trace([request] * len(begins), begins, end)
     return traces
-
-
-def response_readings(system: System) -> pd.DataFrame:
-    """Return how long a request and its response take, read in several ways: one row per reading.
-
-    The paper prints 22.3 us from request to response (Fig 13), 0.21 bit times. Read as ms, it is
-    request, silence and response of 8 bytes each, as Fig 4 draws them, in characters of 11 bits, to
-    the last digit; no FC03 response has 8 bytes, because 5 + 2 n is odd. That the sum fits may be
-    chance: from the request alone 9.1 ms of processing would give it too. The last two rows are the
-    system itself, up to the first and up to the last bit of its response.
-    """
-    import pandas as pd
-
-    rate = system.serial.bit_rate
-    own = system.serial.character_bits
-    cases = [
-        ("as drawn in figure 4, 8 bits a character", 8, 8),
-        ("as drawn, without the parity bit", 10, 8),
-        ("as drawn, 8E1", 11, 8),
-        ("one register, 8E1", 11, 7),
-        ("two registers, 8E1", 11, 9),
-    ]
-    rows = [(name, bits, size, (8 + 3.5 + size) * bits / rate * 1e3) for name, bits, size in cases]
-    size = 5 + 2 * system.registers
-    whole = system.serial.frame_time(8) + system.poll.shortest_timeout
-    first = whole - system.serial.frame_time(size)
-    rows.append(("all points, to the first bit of the response", own, size, first * 1e3))
-    rows.append(("all points, to the last bit of the response", own, size, whole * 1e3))
-    return pd.DataFrame(rows, columns=["reading", "bits", "bytes", "time_ms"])

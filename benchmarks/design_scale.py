@@ -1,0 +1,62 @@
+"""How a whole design grows: plans, failures, rules, costs and report of all options.
+
+CPU seconds on one core, without imports, beside the goals on two cores; peak memory of the process
+so far. Sizes may be given: `python benchmarks/design_scale.py 1000 20000 100000`.
+"""
+
+import os
+
+# One core is measured: numpy reads this when it is loaded.
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import resource
+import sys
+from time import process_time
+
+import numpy as np
+from design_plan import CABINET, ship
+
+from shipnet.design.comparison import compare
+from shipnet.design.planning import OPTIONS, plan
+from shipnet.design.rules import RuleSet
+from shipnet.design.site import Site
+
+#: CPU seconds and MB by number of points.
+GOALS = {1_000: (3, 1500), 20_000: (40, 1500), 100_000: (240, 5000)}
+
+
+def whole(n):
+    """Return the seconds of each part."""
+    iolist, rules, spent, designs = ship(n), RuleSet.published("DNV"), {}, []
+    begin = process_time()
+    for option in OPTIONS:
+        designs.append(plan(iolist, Site(CABINET), option, rules=rules))
+        spent[option], begin = process_time() - begin, process_time()
+    for design in designs:
+        design.failures()
+    spent["failures"], begin = process_time() - begin, process_time()
+    found = compare(designs, rules=rules, rng=1)
+    found.html()
+    spent["rules, costs, report"] = process_time() - begin
+    return spent
+
+
+def main():
+    whole(200)  # loads what is loaded late
+    sizes = [int(size) for size in sys.argv[1:]] or [1000, 4000, 20_000]
+    totals = []
+    for n in sizes:
+        spent = whole(n)
+        totals.append(sum(spent.values()))
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        print(f"{n} points: {totals[-1]:.1f} s, {peak:.0f} MB", end="")
+        print("; goal {} s, {} MB".format(*GOALS[n]) if n in GOALS else "")
+        for what, seconds in spent.items():
+            print(f"  {what:<24}{seconds:8.2f} s")
+    powers = np.diff(np.log(totals)) / np.diff(np.log(sizes))
+    for n, power in zip(sizes[1:], powers, strict=True):
+        print(f"up to {n} points the time grows with the power {power:.2f}")
+
+
+if __name__ == "__main__":
+    main()
