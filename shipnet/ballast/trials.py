@@ -23,7 +23,7 @@ from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
 from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_choice, check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
 from shipnet.fuzzy.rules import RuleBase, draw_matrix
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN
@@ -120,10 +120,8 @@ class Trials:
 
     def confusion(self, method: str = "fuzzy") -> pd.DataFrame:
         """Return how many trials of each fault (rows) had which top fault (columns)."""
+        check_choice("method", method, self.rows["method"].unique())
         mine = self.rows[self.rows["method"] == method]
-        if mine.empty:
-            known = ", ".join(self.rows["method"].unique())
-            raise ArgumentError(f"method is {method!r}; the trials are of {known}")
         order = list(dict.fromkeys([*mine["fault"], *sorted(mine["top_fault"].unique())]))
         counted = pd.crosstab(mine["fault"], mine["top_fault"])
         table = counted.reindex(index=list(mine["fault"].unique()), columns=order, fill_value=0)

@@ -19,7 +19,7 @@ from shipnet import style
 from shipnet.arrays import Bools, Floats
 from shipnet.ballast.actuator import Actuator, hydraulics, load_pressure, stroke_time
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_choice, check_scalar, check_whole
 from shipnet.fuzzy.firing import persistent
 from shipnet.fuzzy.terms import Term
 from shipnet.lazy import Axes, pd
@@ -141,10 +141,7 @@ class Wear:
         ``stroke time`` or ``FP membership`` (both straight in the number of strokes).
         """
         k = self._place(valve)
-        if predictor not in PREDICTORS:
-            raise ArgumentError(
-                f"predictor is {predictor!r}; it must be one of {', '.join(PREDICTORS)}"
-            )
+        check_choice("predictor", predictor, PREDICTORS)
         last = check_whole("at", at, _FEWEST, len(self.FP))
         first = max(last - check_whole("window", window, _FEWEST, 10**6), 0)
         values, limit, _ = self._indicator(predictor, slice(first, last), k)
