@@ -129,7 +129,6 @@ class Description:
     )
 
     def __post_init__(self) -> None:
-        """Check what is not declared."""
         if self.volatile is not None and not isinstance(self.volatile, bool):
             raise ArgumentError(f"volatile is {self.volatile!r}; it must be True, False or None")
         if self.protocols is not None:
