@@ -84,7 +84,7 @@ class Design(Layout):
     >>> points = IoList.parse("tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3")
     >>> design = points.plan("AS-i", cabinet=(0, 0, 0))
     >>> design
-    <Design 'AS-i': 2 of 2 points fit, 4 cables, 52 m>
+    <Design 'AS-i': 2 of 2 points fit, 4 cables, 60 m>
     >>> design.quantities()["conductors_at_cabinet"], design.lost(devices=["AS-i 1 master"])
     (2.0, ('LS-1', 'LS-2'))
     >>> design.check("DNV").verdict

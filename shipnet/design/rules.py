@@ -287,7 +287,8 @@ def _most(values: pd.Series[float], subjects: pd.Series[str], none: str, why: st
     if not values.notna().any():
         return Outcome(_NAN, why=none)
     worst: Any = values.idxmax()
-    return Outcome(float(values[worst]), str(subjects[worst]), why)
+    said = why or f"the largest of {int(values.notna().sum())}"
+    return Outcome(float(values[worst]), str(subjects[worst]), said)
 
 
 def _fed(
@@ -365,7 +366,8 @@ def _terminators(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     lines = trunk.groupby("segment")["line"].nunique().reindex(links, fill_value=1)
     own = devices.loc[devices["kind"] == "terminator", "segment"].value_counts()
     wrong = (own.reindex(links, fill_value=0) - 2 * lines).abs()
-    return Outcome(int(wrong.sum()), str(wrong.idxmax()) if wrong.any() else "")
+    subject = str(wrong.idxmax()) if wrong.any() else ""
+    return Outcome(int(wrong.sum()), subject, "two at the ends of each trunk")
 
 
 _PARTS = ("module", "station", "box")

@@ -89,7 +89,7 @@ def _reviews() -> tuple[_Options, _Options]:
     }
     return (
         {name: every[name] for name in ways[:3]},
-        {name: every[name] for name in (_POOR, "CAN", "junction boxes")},
+        {name: every[name] for name in (_POOR, "junction boxes", "CAN")},
     )
 
 

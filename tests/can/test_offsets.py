@@ -199,6 +199,39 @@ def test_spread_offsets_halve_the_longest_response_of_most_sets():
     assert np.mean(np.array(gains) >= 2) >= 0.5
 
 
+def spread_slowly(messages):
+    """Return offsets in slots: that with the least sent around it, middle of several, by loops."""
+    slots = math.lcm(*(round(m.period * 1e3) for m in messages))
+    sent, offsets = {}, {}
+    for message in sorted(messages, key=lambda m: (m.period, -m.frame_length())):
+        every = round(message.period * 1e3)
+        crowd = [0.0] * every
+        for slot in range(slots):
+            for other, bits in sent.items():
+                apart = abs(slot - other)
+                crowd[slot % every] += bits / (1 + min(apart, slots - apart))
+        least = [slot for slot, bits in enumerate(crowd) if bits < min(crowd) + 1e-6]
+        offsets[message.name] = least[len(least) // 2]
+        for slot in range(offsets[message.name], slots, every):
+            sent[slot] = sent.get(slot, 0.0) + message.frame_length()
+    return offsets
+
+
+@pytest.mark.parametrize("case", range(6))
+def test_offsets_are_spread_as_by_loops_and_without_a_sender_they_stay(case):
+    rng = np.random.default_rng(case)
+    mine = [
+        can.Message(f"m{k}", k, int(rng.integers(9)), float(rng.choice([5, 10, 15, 20])) / 1e3,
+                    sender="s")
+        for k in rng.permutation(7).tolist()
+    ]  # fmt: skip
+    alone = can.Message("alone", 99, 8, 0.01, offset=1.5e-3)
+    found = can.spread_offsets(can.MessageSet([*mine, alone]))
+    assert found["alone"] == alone
+    expected = spread_slowly(can.MessageSet(mine))
+    assert {m.name: round(m.offset * 1e3) for m in found if m.sender} == expected
+
+
 def test_what_offsets_do_not_go_with_is_refused():
     messages = can.example()
     for more in (
@@ -210,6 +243,8 @@ def test_what_offsets_do_not_go_with_is_refused():
             can.response_times(messages, 125e3, offsets=True, **more)
     with pytest.raises(ArgumentError, match=r"^offsets is 1"):
         can.response_times(messages, 125e3, offsets=1)
+    with pytest.raises(ArgumentError, match=r"^step is 2 s; it must be 1e-06..1 s"):
+        can.spread_offsets(messages, 2)
     with pytest.raises(ArgumentError, match="the period of 'speed' is not a multiple"):
         can.spread_offsets(messages.replace("speed", period=10.5e-3), 1e-3)
     odd = [can.Message(f"m{k}", k, 8, t, sender="s") for k, t in enumerate((0.997, 0.991, 0.983))]

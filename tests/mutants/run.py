@@ -54,7 +54,6 @@ TARGETS = {
         ["can/test_response.py", "can/test_priorities.py", "can/test_offsets.py"],
         ("x_*", "*ǁ[!p]*"),
     ),
-    "can offsets": Target("can/offsets", ["can/test_offsets.py"]),
     "fuzzy firing": Target("fuzzy/firing", ["fuzzy/test_firing.py", "fuzzy/test_decision.py"]),
     "ring buffer": Target("remote_control/ring_buffer", ["remote_control/test_receive_ring.py"]),
     "voltage drop": Target(
