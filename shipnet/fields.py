@@ -553,7 +553,6 @@ def record(kind: type[T] | None = None, /, **options: bool) -> Any:
         if own is not None or not getattr(inherited, "_checks", False):
 
             def __post_init__(self: Any) -> None:
-                """Check every declared field."""
                 check(self)
                 if inherited is not None:
                     inherited(self)

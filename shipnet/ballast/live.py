@@ -172,7 +172,6 @@ class TestBed:
         self.tank = Tank()
 
     def __repr__(self) -> str:
-        """Return the time and the screen."""
         return f"TestBed({self.time:.1f} s, {self.screen()!r})"
 
     @property
@@ -601,11 +600,9 @@ class Client:
         return client
 
     def __enter__(self) -> Client:
-        """Return the client, whose connection is closed at the end of the block."""
         return self
 
     def __exit__(self, *exception: object) -> None:
-        """Close the connection."""
         self.close()
 
     def close(self) -> None:

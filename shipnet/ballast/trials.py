@@ -90,7 +90,6 @@ class Trials:
         return BASIS
 
     def __repr__(self) -> str:
-        """Return the numbers of trials and of faults that were isolated."""
         share = self.rows.groupby("method", sort=False)["isolated"].mean()
         said = ", ".join(f"{name} {100 * x:.0f} %" for name, x in share.items())
         n = len(self.rows) // max(len(share), 1)
@@ -469,7 +468,6 @@ class FleetReport:
         return table.reindex([code for code in FAULTS if code in groups.groups])
 
     def __str__(self) -> str:
-        """Return the report in a few lines."""
         table = self.faults()
         found, own = table["alarm_s"].count(), table["diagnosed_s"].count()
         return (
@@ -480,7 +478,6 @@ class FleetReport:
         )
 
     def __repr__(self) -> str:
-        """Return the numbers of valves, faults and false alarms."""
         table = self.faults()
         return (
             f"FleetReport({self.n_valves} valves, {self.duration / 3600:g} h, {len(table)} faults, "

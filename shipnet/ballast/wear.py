@@ -105,7 +105,6 @@ class Wear:
         )
 
     def __repr__(self) -> str:
-        """Return the numbers of valves and strokes, and the shortest and longest life."""
         n = self.life.size
         return (
             f"Wear({n} valve{'s' if n != 1 else ''}, {len(self.FP)} strokes, "
@@ -232,7 +231,6 @@ class Prediction:
     remaining: Crossing
 
     def __repr__(self) -> str:
-        """Return the strokes left with their interval."""
         left = self.remaining
         said = f"{left.estimate:.0f} more, {left.low:.0f} to {left.high:.0f}"
         what = said if self.trend.found else self.trend.text

@@ -131,7 +131,6 @@ class Description:
     )
 
     def __post_init__(self) -> None:
-        """Check what is not declared."""
         if self.protocols is not None:
             object.__setattr__(self, "protocols", _names("protocols", self.protocols))
         for name in ("links", "routes"):
