@@ -118,15 +118,12 @@ class Findings:
         return self._table[self._table["verdict"] == "violated"].reset_index(drop=True)
 
     def __len__(self) -> int:
-        """Return the number of findings."""
         return len(self._table)
 
     def __str__(self) -> str:
-        """Return the verdict, and a line per rule that is not met."""
         return "\n".join([self.verdict, *self.broken])
 
     def __repr__(self) -> str:
-        """Return the verdict."""
         return f"<Findings: {self.verdict}>"
 
 

@@ -27,7 +27,6 @@ class Fault:
     stop: float = number(0, inf, "s", "When it ends, later than `start`", default=inf, kw_only=True)
 
     def __post_init__(self) -> None:
-        """Check that the fault ends after it begins."""
         if not self.start < self.stop:
             raise ArgumentError(
                 f"stop is {self.stop:g} s; it must be after start, {self.start:g} s"

@@ -66,7 +66,6 @@ class FrameError(ValueError):
         cls.code = code
 
     def __str__(self) -> str:
-        """Return what is wrong, each fault in at most 300 characters."""
         return _short(super().__str__())
 
 
@@ -140,7 +139,6 @@ class ArgumentError(ValueError):
     code = 7
 
     def __str__(self) -> str:
-        """Return what is wrong, each fault in at most 300 characters."""
         return _short(super().__str__())
 
 
@@ -192,7 +190,6 @@ class InputError(ValueError):
         )
 
     def __str__(self) -> str:
-        """Say everything in one line."""
         return f"{self.file}: {'; '.join(self.lines(self.shown))}"
 
     def _groups(self, short: bool) -> list[tuple[str, int]]:

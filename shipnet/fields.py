@@ -452,10 +452,15 @@ def choice(
 
 
 def switch(
-    help: str = "", *, default: Any = MISSING, label: str = "", kw_only: bool = False
+    help: str = "",
+    *,
+    default: Any = MISSING,
+    label: str = "",
+    optional: bool = False,
+    kw_only: bool = False,
 ) -> Any:
     """Declare a field that is True or False."""
-    return _declare(Switch(help=help, label=label), default, kw_only)
+    return _declare(Switch(help=help, label=label, optional=optional), default, kw_only)
 
 
 def text(
@@ -548,7 +553,6 @@ def record(kind: type[T] | None = None, /, **options: bool) -> Any:
         if own is not None or not getattr(inherited, "_checks", False):
 
             def __post_init__(self: Any) -> None:
-                """Check every declared field."""
                 check(self)
                 if inherited is not None:
                     inherited(self)

@@ -145,7 +145,6 @@ class Saving:
         return 1 - self.left
 
     def __str__(self) -> str:
-        """Say both, in percent."""
         return (
             f"{self.hardwired} -> {self.bus} conductors: "
             f"{self.left:.2%} left, {self.saved:.2%} saved".replace("%", " %")

@@ -66,7 +66,6 @@ class Remark:
     detail: bool = False
 
     def __str__(self) -> str:
-        """Say it with the rows, the first of them if there are many."""
         if not self.rows:
             return self.what
         several, places = "s" * (len(self.rows) > 1), listed(self.rows).lstrip("s ")

@@ -212,7 +212,6 @@ class Summary:
     slaves: pd.DataFrame
 
     def __str__(self) -> str:
-        """Report in a few lines."""
         errors = ", ".join(f"{name} {count}" for name, count in self.errors.items())
         cycle = "unknown" if np.isnan(self.cycle_time) else f"{self.cycle_time * 1e3:.3f} ms"
         return "\n".join(
@@ -361,7 +360,6 @@ class Capture:
     _summary: list[Summary] = field(default_factory=list, repr=False, compare=False)
 
     def __repr__(self) -> str:
-        """Count what was found."""
         return (
             f"Capture({self.telegrams} telegrams in {len(self.transactions)} transactions, "
             f"{1e3 * self.duration:.3g} ms)"
@@ -440,7 +438,6 @@ class Capture:
         return ax
 
     def __str__(self) -> str:
-        """Return the summary."""
         return str(self.summary())
 
     def summary(self) -> Summary:

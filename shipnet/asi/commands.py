@@ -69,7 +69,6 @@ class ChangeAddress:
     new: str = text("Label that it gets")
 
     def __post_init__(self) -> None:
-        """Check the labels."""
         slave_key(self.old)
         if slave_key(self.new)[0] < 2 or self.new == self.old:
             raise ArgumentError(f"new is {self.new!r}; it must be another label than {self.old!r}")
@@ -109,7 +108,6 @@ class _OfSlave:
     slave: str = text("Label of the slave")
 
     def __post_init__(self) -> None:
-        """Check the label."""
         slave_key(self.slave)
 
 
@@ -164,7 +162,6 @@ class WriteParameter(_OfSlave):
     value: int = whole(0, 15, help="Parameter bits; 0..7 for an A/B slave")
 
     def __post_init__(self) -> None:
-        """Check label and value."""
         check_bits("parameter", self.slave, self.value)
 
     def run(self, lists: Lists) -> Task[str]:

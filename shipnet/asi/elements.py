@@ -38,11 +38,9 @@ class Supply:
     load: Load = field(default=POWER_SUPPLY, kw_only=True)
 
     def __post_init__(self) -> None:
-        """Check the node."""
         check_node(self.node)
 
     def __str__(self) -> str:
-        """Name the supply by its node."""
         return f"supply at {self.node}"
 
 
@@ -68,12 +66,10 @@ class Repeater:
     current: float = number(0, 10, "A", "What it draws from either segment", default=CURRENT)
 
     def __post_init__(self) -> None:
-        """Check the nodes."""
         check_node(self.a)
         check_node(self.b)
 
     def __str__(self) -> str:
-        """Name the repeater by its nodes."""
         return f"repeater {self.a} | {self.b}"
 
 
@@ -94,9 +90,7 @@ class Terminator:
     resistance: float = number(1, 1e6, "ohm", "Resistance", default=100.0)
 
     def __post_init__(self) -> None:
-        """Check the node."""
         check_node(self.node)
 
     def __str__(self) -> str:
-        """Name the terminator by its node."""
         return f"terminator at {self.node}"

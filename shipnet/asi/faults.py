@@ -46,7 +46,6 @@ class _OfSlave(LineFault):
     slave: str = text("Label of the slave")
 
     def __post_init__(self) -> None:
-        """Check the label, too."""
         super().__post_init__()
         slave_key(self.slave)
 
@@ -128,7 +127,6 @@ class SupplyDip(LineFault):
     """
 
     def __post_init__(self) -> None:
-        """Check that the supply comes back."""
         super().__post_init__()
         if self.stop == inf:
             raise ArgumentError("stop is inf s; it must be finite, when the supply comes back")
@@ -213,7 +211,6 @@ class MasterFailure(LineFault):
     """
 
     def __post_init__(self) -> None:
-        """Refuse an end."""
         super().__post_init__()
         if self.stop < inf:
             raise ArgumentError(f"stop is {self.stop:g} s; a master that fails does not come back")

@@ -89,7 +89,6 @@ class Master:
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check the labels and what belongs to them."""
         if self.node:
             check_node(self.node)
         projected = {}
@@ -118,7 +117,6 @@ class Master:
         return self.projected is not None
 
     def __str__(self) -> str:
-        """Name the master by its node."""
         return f"master at {self.node}" if self.node else "master"
 
 

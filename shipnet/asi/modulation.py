@@ -178,7 +178,6 @@ class Modulation:
         object.__setattr__(self, "bits", array.astype(np.int8))
 
     def __repr__(self) -> str:
-        """Show the bits of one telegram, or count several."""
         if self.bits.ndim > 1:
             return f"<Modulation: {' x '.join(map(str, self.bits.shape))} bits>"
         return f"Modulation('{self.text}')"
@@ -342,7 +341,6 @@ class Pulses:
         object.__setattr__(self, "signs", array.astype(np.int8, copy=False))
 
     def __repr__(self) -> str:
-        """Show the signs of one telegram, or count several."""
         if self.signs.ndim > 1:
             return f"<Pulses: {' x '.join(map(str, self.signs.shape))} half-bits>"
         return "".join("0+-"[sign] for sign in self.signs)

@@ -72,7 +72,7 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
 _NAMED = 12
 
 
-@dataclass(frozen=True, init=False, repr=False)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """An installation: cables, and what is clamped to them.
 
@@ -118,25 +118,16 @@ class Plan:
     <Findings: 39 checks, all met>
     """
 
-    cables: tuple[CableRun, ...]
-    masters: tuple[Master, ...] = ()
-    supplies: tuple[Supply, ...] = ()
-    slaves: tuple[Slave, ...] = ()
-    repeaters: tuple[Repeater, ...] = ()
-    terminators: tuple[Terminator, ...] = ()
+    cables: Sequence[CableRun]
+    masters: Sequence[Master] = ()
+    supplies: Sequence[Supply] = ()
+    slaves: Sequence[Slave] = ()
+    repeaters: Sequence[Repeater] = ()
+    terminators: Sequence[Terminator] = ()
 
-    def __init__(
-        self,
-        cables: Iterable[CableRun],
-        masters: Iterable[Master] = (),
-        supplies: Iterable[Supply] = (),
-        slaves: Iterable[Slave] = (),
-        repeaters: Iterable[Repeater] = (),
-        terminators: Iterable[Terminator] = (),
-    ) -> None:
-        given = (cables, masters, supplies, slaves, repeaters, terminators)
-        for (name, kind), several in zip(_KINDS.items(), given, strict=True):
-            elements = tuple(several)
+    def __post_init__(self) -> None:
+        for name, kind in _KINDS.items():
+            elements = tuple(getattr(self, name))
             for element in elements:
                 if not isinstance(element, kind):
                     raise ArgumentError(f"{name} holds {element!r}; it must be a {kind.__name__}")
@@ -148,12 +139,10 @@ class Plan:
             raise ArgumentError("; ".join(faults))
 
     def __iter__(self) -> Iterator[Element]:
-        """Go through all elements, kind by kind."""
         for name in _KINDS:
             yield from getattr(self, name)
 
     def __str__(self) -> str:
-        """Count its elements."""
         counts = {
             "master": len(self.masters),
             "slave": len(self.slaves),
@@ -163,7 +152,6 @@ class Plan:
         return ", ".join(f"{n} {name}{'s' if n != 1 else ''}" for name, n in counts.items())
 
     def __repr__(self) -> str:
-        """Count its elements."""
         return f"<Plan: {self}>"
 
     # What hangs together -----------------------------------------------------------------------
@@ -531,7 +519,6 @@ class Comparison:
         self.qualities = dict(qualities)
 
     def __repr__(self) -> str:
-        """Count the plans and those within tolerance."""
         good = int(self.within_tolerance.sum())
         return f"<Comparison: {len(self.qualities)} plans, {good} within tolerance>"
 

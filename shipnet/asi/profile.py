@@ -74,7 +74,6 @@ class Profile:
         return 3 if self.extended else 4
 
     def __str__(self) -> str:
-        """Return the nameplate form."""
         codes = [self.io, self.id] + ([] if self.id2 is None else [self.id2])
         return "S-" + ".".join(f"{code:X}" for code in codes)
 

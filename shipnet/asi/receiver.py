@@ -198,7 +198,6 @@ class Receiver:
     minimum: float = number(0, 1e9, "V", "Voltage below which nothing counts", default=MINIMUM)
 
     def __post_init__(self) -> None:
-        """Check that the threshold lies between its ends."""
         if not 0 < self.threshold < 1:
             raise ArgumentError(f"threshold is {self.threshold}; it must lie between 0 and 1")
 
@@ -237,7 +236,6 @@ class Waveform(line_waveform.Waveform):
     bits: npt.NDArray[np.integer] = field(kw_only=True)
 
     def __post_init__(self) -> None:
-        """Check that everything fits."""
         super().__post_init__()
         bits = np.asarray(self.bits)
         _check_bit_count(bits.shape[-1])

@@ -120,7 +120,6 @@ class Quality(NamedTuple):
     slaves: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        """Sum up all slaves in one line."""
         good = f"{int(self.within_tolerance.sum())} of {len(self.received)} slaves"
         worst = f"evenness from {self.evenness.min():.2f}, ringing up to {self.ringing.max():.2f}"
         return f"Quality({good} within tolerance; {worst})"
@@ -184,7 +183,6 @@ class Segment:
     lead: float
 
     def __str__(self) -> str:
-        """Name the segment by its head, or by the first node of its first cable."""
         return f"segment at {self.head or self.cables[0].a}"
 
     @property
@@ -310,7 +308,6 @@ class Groups:
         self._parent: dict[str, str] = {}
 
     def __contains__(self, name: str) -> bool:
-        """Whether a name has been seen."""
         return name in self._parent
 
     def leader(self, name: str) -> str:

@@ -64,7 +64,6 @@ class Standby:
     silence: float = number(501e-6, 1e9, "s", "Silence after which it takes over", default=1e-3)
 
     def __post_init__(self) -> None:
-        """Check that slaves are projected."""
         if not self.master.projected:
             raise ArgumentError("master has no projected slaves; a standby master must know them")
 
@@ -105,7 +104,6 @@ class Summary:
     lost_replies: int
 
     def __str__(self) -> str:
-        """Say it in two lines."""
         least, mean, most = (1e3 * time for time in self.cycle_time)
         return (
             f"{self.cycles} cycles of {mean:.2f} ms ({least:.2f} to {most:.2f} ms), "
@@ -148,7 +146,6 @@ class Run:
     changes: list[InputChange]
 
     def __repr__(self) -> str:
-        """Say how long it was, and how it ended."""
         found = self.summary
         return (
             f"<Run: {found.cycles} cycles of {1e3 * found.cycle_time[1]:.2f} ms, "

@@ -118,7 +118,6 @@ class Slave:
     load: Load = field(default=DEVICE, kw_only=True)
 
     def __post_init__(self) -> None:
-        """Check label and profile."""
         half = slave_key(self.label)[1]
         profile = self.profile or ("S-0.A.F" if half else "S-0.F.F")
         object.__setattr__(self, "profile", Profile.parse(profile))
@@ -161,11 +160,46 @@ class Slave:
 
     @staticmethod
     def plot_states(ax: Axes | None = None) -> Axes:
-        """Draw the receive states of any slave, and what leads from one to another."""
-        return plot_states(ax)
+        """Draw the receive states of any slave from their table: icn2007's figure 3.19.
+
+        A box per state, an arrow from state to state with the events that lead along it, and
+        after a slash what the slave does.
+        """
+        ax = style.axes(ax)
+        for state, x in _X.items():
+            style.box(
+                ax,
+                x - _HALF_WIDTH,
+                -_HALF_HEIGHT,
+                2 * _HALF_WIDTH,
+                2 * _HALF_HEIGHT,
+                facecolor=style.FIELD["address"],
+                edgecolor="0.3",
+            )
+            ax.text(x, 0, state.value.upper(), ha="center", va="center", fontsize=8)
+        words = defaultdict(list)
+        for (state, event), following in TRANSITIONS.items():
+            # A pause after a response is a pause: where any will do, it need not be named.
+            if event is Event.SLAVE_PAUSE and (state, Event.PAUSE) in TRANSITIONS:
+                continue
+            doing = f" / {ACTIONS[event]}" if event in ACTIONS else ""
+            words[state, following].append(event.value + doing)
+        for (begin, end), said in words.items():
+            # Arrows out of RECEIVE run above those back to it, with their words outside.
+            lane = _LANE if begin is State.RECEIVE else -_LANE
+            side = 1 if _X[end] > _X[begin] else -1
+            x0, x1 = _X[begin] + side * _HALF_WIDTH, _X[end] - side * _HALF_WIDTH
+            arrow = {"arrowstyle": "-|>", "mutation_scale": 12, "color": "0.3"}
+            ax.annotate(
+                "", (x1, lane), (x0, lane), arrowprops={**arrow, "shrinkA": 0, "shrinkB": 0}
+            )
+            ax.text(
+                (x0 + x1) / 2, lane + (0.08 if lane > 0 else -0.08), "\n".join(said), ha="center",
+                va="bottom" if lane > 0 else "top", fontsize=7,
+            )  # fmt: skip
+        return style.bare(ax, (-1.4, 13.4), (-0.9, 1.6))
 
     def __str__(self) -> str:
-        """Name the slave by address and node."""
         return f"slave {self.label} at {self.node}" if self.node else f"slave {self.label}"
 
 
@@ -276,45 +310,6 @@ TRANSITIONS = {
 #: Middle of each state's box; half its width and height, and how far arrows keep from its middle.
 _X = {State.ASYNCHRONOUS: 0.0, State.RECEIVE: 6.0, State.SYNCHRONOUS: 12.0}
 _HALF_WIDTH, _HALF_HEIGHT, _LANE = 1.2, 0.5, 0.22
-
-
-def plot_states(ax: Axes | None = None) -> Axes:
-    """Draw the receive states of a slave from their table: the figure that icn2007 calls 3.19.
-
-    A box per state, an arrow from state to state with the events that lead along it, and after a
-    slash what the slave does.
-    """
-    ax = style.axes(ax)
-    for state, x in _X.items():
-        style.box(
-            ax,
-            x - _HALF_WIDTH,
-            -_HALF_HEIGHT,
-            2 * _HALF_WIDTH,
-            2 * _HALF_HEIGHT,
-            facecolor=style.FIELD["address"],
-            edgecolor="0.3",
-        )
-        ax.text(x, 0, state.value.upper(), ha="center", va="center", fontsize=8)
-    words = defaultdict(list)
-    for (state, event), following in TRANSITIONS.items():
-        # A pause after a response is a pause: where any will do, it need not be named.
-        if event is Event.SLAVE_PAUSE and (state, Event.PAUSE) in TRANSITIONS:
-            continue
-        doing = f" / {ACTIONS[event]}" if event in ACTIONS else ""
-        words[state, following].append(event.value + doing)
-    for (begin, end), said in words.items():
-        # Arrows out of RECEIVE run above those back to it, with their words outside.
-        lane = _LANE if begin is State.RECEIVE else -_LANE
-        side = 1 if _X[end] > _X[begin] else -1
-        x0, x1 = _X[begin] + side * _HALF_WIDTH, _X[end] - side * _HALF_WIDTH
-        arrow = {"arrowstyle": "-|>", "mutation_scale": 12, "color": "0.3"}
-        ax.annotate("", (x1, lane), (x0, lane), arrowprops={**arrow, "shrinkA": 0, "shrinkB": 0})
-        ax.text(
-            (x0 + x1) / 2, lane + (0.08 if lane > 0 else -0.08), "\n".join(said), ha="center",
-            va="bottom" if lane > 0 else "top", fontsize=7,
-        )  # fmt: skip
-    return style.bare(ax, (-1.4, 13.4), (-0.9, 1.6))
 
 
 # The slave -------------------------------------------------------------------------------------

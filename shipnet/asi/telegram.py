@@ -283,7 +283,6 @@ class Response:
     call: Call | None = None
 
     def __post_init__(self) -> None:
-        """Check the data and that the call has an answer at all."""
         object.__setattr__(self, "data", check_whole("data", self.data, 0, 15, " in a response"))
         if self.call is not None:
             object.__setattr__(self, "call", Call(self.call))
@@ -306,7 +305,6 @@ class Response:
         return plot_telegram(self.bits, ax=ax)
 
     def __str__(self) -> str:
-        """Say in one line what the response means."""
         if self.call is None:
             return f"response: {self.data:04b} ({self.data:X})"
         answer = self.call.rule.answer
@@ -405,7 +403,6 @@ class Request:
     half: Half | None = None
 
     def __post_init__(self) -> None:
-        """Check every field against the call's pattern."""
         object.__setattr__(self, "call", Call(self.call))
         rule, layout = self.call.rule, self._layout
         if self.half not in (None, "A", "B"):
@@ -457,7 +454,6 @@ class Request:
         return plot_telegram(self.bits, ax=ax)
 
     def __str__(self) -> str:
-        """Say in one line what the request asks for."""
         return self.call.rule.says.format(slave=self.slave, data=self.data, bits=self._data_bits)
 
     def answer(self, data: int | None = None) -> Response:

@@ -280,7 +280,6 @@ class Cycle:
     minimum: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         slaves = _whole("slaves", self.slaves, 2 * ADDRESSES)
         least = np.maximum(slaves - ADDRESSES, 0)
         pairs = least if self.pairs is None else _whole("pairs", self.pairs, ADDRESSES)

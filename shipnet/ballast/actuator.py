@@ -104,7 +104,6 @@ class Actuator:
     )
 
     def __post_init__(self) -> None:
-        """Check that all arrays have one length, and that the shaft gives no more than it gets."""
         lengths = {len(value) for value in self._arrays()}
         if len(lengths) > 1:
             raise ArgumentError(

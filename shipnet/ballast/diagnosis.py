@@ -194,7 +194,6 @@ class Run:
         return ax
 
     def __repr__(self) -> str:
-        """Return the time, and the numbers of valves and motor runs."""
         span = f"{self.time[-1] - self.time[0]:g} s, " if self.time.size else ""
         said = f"{self.n_valves} valve{'s' if self.n_valves != 1 else ''}"
         n = len(self.movements)
@@ -432,7 +431,6 @@ class Diagnosis:
         return ax
 
     def __repr__(self) -> str:
-        """Return the numbers of valves and alarms, and the top fault of each that has one."""
         n, ever = self.run.n_valves, np.asarray(self.active.any(axis=0))
         found, said = np.flatnonzero(ever.any(axis=1)), self.base.top_codes(ever)
         faults = ", ".join(f"valve {k + 1}: {said[k]}" for k in found[:3])

@@ -28,7 +28,7 @@ from shipnet.ballast.registers import (
 from shipnet.ballast.scan import READ_STATUS, System, status_poll
 from shipnet.ballast.slave import ValveDevice, ValveRegisters, valve_slaves
 from shipnet.errors import ArgumentError, FrameError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_choice, check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.lazy import pd
@@ -172,7 +172,6 @@ class TestBed:
         self.tank = Tank()
 
     def __repr__(self) -> str:
-        """Return the time and the screen."""
         return f"TestBed({self.time:.1f} s, {self.screen()!r})"
 
     @property
@@ -270,8 +269,7 @@ def acceptance_tests(
     >>> table.iloc[-1][["step", "found"]].tolist(), int(table.passed.sum())
     (['tank of S3 after closing', 'rose, then held'], 11)
     """
-    if diagnosed_by not in ("slave", "master"):
-        raise ArgumentError(f"diagnosed_by is {diagnosed_by!r}; it must be 'slave' or 'master'")
+    check_choice("diagnosed_by", diagnosed_by, ("slave", "master"))
     chosen = list(tests)
     strange = [repr(test) for test in chosen if test not in TESTS]
     if strange:
@@ -602,11 +600,9 @@ class Client:
         return client
 
     def __enter__(self) -> Client:
-        """Return the client, whose connection is closed at the end of the block."""
         return self
 
     def __exit__(self, *exception: object) -> None:
-        """Close the connection."""
         self.close()
 
     def close(self) -> None:

@@ -145,7 +145,6 @@ class Screen:
         return self.shown.loc[check_whole("valve", valve, 1, len(self.shown))]
 
     def __repr__(self) -> str:
-        """Return how many valves are in each state."""
         counts = self.shown["state"].value_counts()
         said = ", ".join(f"{counts[name]} {name}" for name in STATES if name in counts)
         return f"Screen({self.time:.1f} s: {said})"
@@ -315,7 +314,6 @@ class MasterRun:
         return received_run(self, valve, target=target)
 
     def __repr__(self) -> str:
-        """Return the time, the numbers of valves and statuses, and the greatest age."""
         return (
             f"MasterRun({self.duration:g} s, {self.n_valves} valves, {len(self.shown)} statuses, "
             f"oldest value shown {self.oldest:.2f} s)"

@@ -81,7 +81,6 @@ class Command:
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:
-        """Check action and valves."""
         if not isinstance(self.action, str):
             object.__setattr__(self, "action", check_scalar("position", self.action, "%", 0, 100))
         elif self.action not in ACTIONS:
@@ -221,7 +220,6 @@ class Fault(TimedFault):
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:
-        """Check the times and the valves."""
         super().__post_init__()
         object.__setattr__(self, "valves", _numbers(self.valves))
 

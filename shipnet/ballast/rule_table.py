@@ -6,8 +6,7 @@ from math import inf
 
 from shipnet import datasets
 from shipnet.arrays import Bools
-from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar
+from shipnet.fields import check_choice, check_scalar
 from shipnet.fuzzy.rule_files import read_rules
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import Rule, Term, Variable
@@ -91,9 +90,8 @@ def rule_vectors(version: str = "corrected", *, fill: str = "absent") -> pd.Data
     >>> [rule_vectors(version).loc["S2", "VPos"].item() for version in ("printed", "corrected")]
     [305.0, -5.0]
     """
-    for name, value, legal in (("version", version, VERSIONS), ("fill", fill, FILLS)):
-        if value not in legal:
-            raise ArgumentError(f"{name} is {value!r}; it must be one of {', '.join(legal)}")
+    check_choice("version", version, VERSIONS)
+    check_choice("fill", fill, FILLS)
     base = rule_base()
     names = list(base.names)
     every = datasets.read("kim2014_assumed_vectors.csv")

@@ -126,7 +126,6 @@ class System:
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Take the number of valves of the actuator, or check that it is the same."""
         known = self.actuator.n_valves
         count = known or 1 if self.n_valves is None else self.n_valves
         if known not in (None, count):
@@ -140,7 +139,6 @@ class System:
         object.__setattr__(self, "n_valves", count)
 
     def __repr__(self) -> str:
-        """Return the number of valves, and the bit rate of their line."""
         valves = f"{self.n_valves} valve{'s' if self.n_valves > 1 else ''}"
         return f"System({valves}{f', {self.poll.line.bit_rate:g} bit/s' if self.poll else ''})"
 

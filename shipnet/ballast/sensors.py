@@ -121,7 +121,6 @@ class Sensors:
     bits: int | None = whole(1, 24, help="Resolution", default=12, optional=True)
 
     def __post_init__(self) -> None:
-        """Check the scales and deviations."""
         for name in ("low", "high", "noise"):
             object.__setattr__(self, name, _five(name, getattr(self, name)))
         for name, low, high, noise in zip(_NAMES, self.low, self.high, self.noise, strict=True):

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from shipnet.arrays import Bools, Floats
-from shipnet.ballast.plant import Command, Plant
+from shipnet.ballast.plant import ACTIONS, Command, Plant
 from shipnet.ballast.registers import (
     COMMAND_REGISTER,
     FIRST_REGISTER,
@@ -23,7 +23,7 @@ from shipnet.ballast.registers import (
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed, stroke_speed
 from shipnet.errors import ArgumentError, FieldError
-from shipnet.fields import check_whole
+from shipnet.fields import check_choice, check_whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import ExceptionCode
 from shipnet.modbus.slave import DeviceError, Slave, Table
@@ -191,8 +191,7 @@ class ValveDevice(ValveRegisters):
 
     def turn(self, action: str, time: float) -> None:
         """Work the on-off-on switch beside the valve."""
-        if action not in ("open", "close", "stop"):
-            raise ArgumentError(f"action is {action!r}; it must be open, close or stop")
+        check_choice("action", action, ACTIONS)
         if not self.local and self.auto:
             raise ArgumentError("the valve is in auto mode; the switch works in manual mode only")
         self.plant.run_until(time)

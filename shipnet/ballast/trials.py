@@ -23,7 +23,7 @@ from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
 from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_choice, check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
 from shipnet.fuzzy.rules import RuleBase, draw_matrix
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN
@@ -90,7 +90,6 @@ class Trials:
         return BASIS
 
     def __repr__(self) -> str:
-        """Return the numbers of trials and of faults that were isolated."""
         share = self.rows.groupby("method", sort=False)["isolated"].mean()
         said = ", ".join(f"{name} {100 * x:.0f} %" for name, x in share.items())
         n = len(self.rows) // max(len(share), 1)
@@ -120,10 +119,8 @@ class Trials:
 
     def confusion(self, method: str = "fuzzy") -> pd.DataFrame:
         """Return how many trials of each fault (rows) had which top fault (columns)."""
+        check_choice("method", method, self.rows["method"].unique())
         mine = self.rows[self.rows["method"] == method]
-        if mine.empty:
-            known = ", ".join(self.rows["method"].unique())
-            raise ArgumentError(f"method is {method!r}; the trials are of {known}")
         order = list(dict.fromkeys([*mine["fault"], *sorted(mine["top_fault"].unique())]))
         counted = pd.crosstab(mine["fault"], mine["top_fault"])
         table = counted.reindex(index=list(mine["fault"].unique()), columns=order, fill_value=0)
@@ -471,7 +468,6 @@ class FleetReport:
         return table.reindex([code for code in FAULTS if code in groups.groups])
 
     def __str__(self) -> str:
-        """Return the report in a few lines."""
         table = self.faults()
         found, own = table["alarm_s"].count(), table["diagnosed_s"].count()
         return (
@@ -482,7 +478,6 @@ class FleetReport:
         )
 
     def __repr__(self) -> str:
-        """Return the numbers of valves, faults and false alarms."""
         table = self.faults()
         return (
             f"FleetReport({self.n_valves} valves, {self.duration / 3600:g} h, {len(table)} faults, "

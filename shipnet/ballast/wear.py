@@ -19,7 +19,7 @@ from shipnet import style
 from shipnet.arrays import Bools, Floats
 from shipnet.ballast.actuator import Actuator, hydraulics, load_pressure, stroke_time
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_choice, check_scalar, check_whole
 from shipnet.fuzzy.firing import persistent
 from shipnet.fuzzy.terms import Term
 from shipnet.lazy import Axes, pd
@@ -105,7 +105,6 @@ class Wear:
         )
 
     def __repr__(self) -> str:
-        """Return the numbers of valves and strokes, and the shortest and longest life."""
         n = self.life.size
         return (
             f"Wear({n} valve{'s' if n != 1 else ''}, {len(self.FP)} strokes, "
@@ -141,10 +140,7 @@ class Wear:
         ``stroke time`` or ``FP membership`` (both straight in the number of strokes).
         """
         k = self._place(valve)
-        if predictor not in PREDICTORS:
-            raise ArgumentError(
-                f"predictor is {predictor!r}; it must be one of {', '.join(PREDICTORS)}"
-            )
+        check_choice("predictor", predictor, PREDICTORS)
         last = check_whole("at", at, _FEWEST, len(self.FP))
         first = max(last - check_whole("window", window, _FEWEST, 10**6), 0)
         values, limit, _ = self._indicator(predictor, slice(first, last), k)
@@ -235,7 +231,6 @@ class Prediction:
     remaining: Crossing
 
     def __repr__(self) -> str:
-        """Return the strokes left with their interval."""
         left = self.remaining
         said = f"{left.estimate:.0f} more, {left.low:.0f} to {left.high:.0f}"
         what = said if self.trend.found else self.trend.text

@@ -71,7 +71,6 @@ class Analysis:
         return pd.DataFrame(rows, columns=[*columns, "some_order"], index=index)
 
     def __repr__(self) -> str:
-        """Name the lowest bit rates, in the order given and in the best one."""
         given, best = (
             "none" if rate == math.inf else f"{rate / 1e3:g} kbit/s"
             for rate in (self.lowest, self.lowest_in_best_order)

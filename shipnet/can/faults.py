@@ -46,7 +46,6 @@ class BitErrors(Fault):
     )  # fmt: skip
 
     def __repr__(self) -> str:
-        """Name the rate, and the times unless the fault is always there."""
         times = "".join(
             f", {name}={value:g}"
             for name, value, usual in (("start", self.start, 0), ("stop", self.stop, math.inf))
@@ -107,7 +106,6 @@ class ErrorBound:
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check that errors which keep coming come at times that a tick can hold."""
         if self.interval != math.inf and not (self.interval <= 1e5 and self.burst >= 1):
             raise ArgumentError(
                 f"interval is {self.interval:g} s and burst is {self.burst}; interval must be "

@@ -215,7 +215,6 @@ class Frame:
     dlc: int = None  # type: ignore[assignment]  # None never outlives the constructor
 
     def __post_init__(self) -> None:
-        """Check every field."""
         for name in ("extended", "remote"):
             flag = getattr(self, name)
             if not isinstance(flag, bool | np.bool_):
@@ -313,11 +312,9 @@ class Frame:
         return plot_fields(self.bits, set(self.stuff_positions), fields, ax, bits_per_row)
 
     def __repr__(self) -> str:
-        """Name the class around what `str` says."""
         return f"Frame({self})"
 
     def __str__(self) -> str:
-        """Write the frame as the program candump does: id, ``#``, data or ``R``."""
         number = f"{self.arbitration_id:0{8 if self.extended else 3}X}"
         length = min(self.dlc, 8)
         content = (f"R{length or ''}") if self.remote else self.data.hex().upper()

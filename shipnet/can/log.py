@@ -95,7 +95,6 @@ class Log:
     skipped: tuple[tuple[float, str, str], ...] = ()
 
     def __post_init__(self) -> None:
-        """Check that the columns are equally long and hold frames that can be."""
         for name, kinds in _KINDS.items():
             column = np.asarray(getattr(self, name))
             if column.ndim != 1 + (name == "data") or (
@@ -123,11 +122,9 @@ class Log:
         return tuple(getattr(self, name) for name in _KINDS)
 
     def __len__(self) -> int:
-        """Return the number of frames."""
         return len(self.time)
 
     def __repr__(self) -> str:
-        """Count the frames, and what is left out."""
         span = float(np.ptp(self.time)) if len(self) else 0.0
         parts = [f"{len(self)} frames " + (f"in {span:.3g} s" if span >= 0 else "without times")]
         kinds = Counter(kind for _, _, kind in self.skipped)
@@ -331,7 +328,6 @@ class LogLoad:
         return ax
 
     def __repr__(self) -> str:
-        """Name the load of each bus, and how many frames it rests on."""
         parts = [
             f"{channel}: load {row.load:.1%}, peak {row.peak_load:.1%}".replace("%", " %")
             for channel, row in zip(self._total.index, self._total.itertuples(), strict=True)

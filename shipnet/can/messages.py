@@ -108,7 +108,6 @@ class Message:
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check what depends on several fields, and round the times to nanoseconds."""
         for field, value in (("name", self.name), ("sender", self.sender)):
             if not value.isprintable() or value != value.strip():
                 raise ArgumentError(f"{field} is {value!r}; it must be printable text")
@@ -283,7 +282,6 @@ class MessageSet(Named[Message]):
         return hash(self._items)
 
     def __repr__(self) -> str:
-        """Count the messages and name the first, and count what was overlooked."""
         faults = f"; {len(self.overlooked)} faults overlooked" if self.overlooked else ""
         return f"MessageSet({counted(self.names)}{faults})"
 

@@ -318,7 +318,6 @@ class ResponseTimes(Named[ResponseTime]):
         return tuple(one.message.name for one in self)
 
     def __repr__(self) -> str:
-        """Count the messages and those that are late, and name the critical one."""
         late = f"{len(self.late)} late" if self.late else "all in time"
         return f"ResponseTimes({len(self)} messages, {late}, critical: {self.critical})"
 

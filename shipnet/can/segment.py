@@ -61,7 +61,6 @@ class Segment:
     capacitance: float = number(1e-15, 1e-3, "F", "Input capacitance of a node", default=100e-12)
 
     def __post_init__(self) -> None:
-        """Check stubs and cable."""
         if not isinstance(self.stubs, Mapping):
             raise ArgumentError(f"stubs is {self.stubs!r}; it must give lengths [m] by node")
         check_kind("cable", self.cable, Cable)
@@ -160,7 +159,6 @@ class Segment:
         )
 
     def __repr__(self) -> str:
-        """Name length, nodes, terminators and stubs."""
         ends = "open ends" if self.terminator is None else "terminated"
         stubs = f", stubs {dict(self.stubs)}" if self.stubs else ""
         return f"Segment({self.length:g} m, {self.nodes} nodes, {ends}{stubs})"
@@ -271,7 +269,6 @@ class Signals:
         return ax
 
     def __repr__(self) -> str:
-        """Say how many nodes read all bits."""
         nodes, wrong = self.segment.nodes, len(self.wrong)
         said = (
             f"{wrong} of {nodes} nodes read wrong bits" if wrong else f"{nodes} nodes read all bits"

@@ -166,7 +166,6 @@ class Run:
         return Log(time, np.full(len(sent), channel), ids, extended, no, dlc.astype(np.uint8), data)
 
     def __repr__(self) -> str:
-        """Count the frames."""
         return (
             f"Run({len(self.system)} messages, {len(self._events)} frames in {self.until:g} s, "
             f"load {self.load:.0%})"
@@ -339,7 +338,6 @@ class BatchRun:
         )
 
     def __repr__(self) -> str:
-        """Count the sets and the messages."""
         sets = len(self.sent)
         plural = "s" if sets != 1 else ""
         return f"BatchRun({sets} set{plural} of offsets, {counted(self.system.names)})"

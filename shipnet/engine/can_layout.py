@@ -62,7 +62,6 @@ class CanLayout:
     bits: int = whole(1, 16, "", "Bits of an analogue value", default=16)
 
     def __post_init__(self) -> None:
-        """Check that the identifiers suffice."""
         sizes, most = self._packed[1], _HIGHEST_ID // _ID_STEP
         if len(sizes) > most:
             raise ArgumentError(f"there are {len(sizes)} boxes; there must be 1..{most}")

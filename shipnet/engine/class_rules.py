@@ -100,7 +100,6 @@ class Redundancy:
 class Description:
     """What is known of a monitoring system, for the class rules to judge; None is not known.
 
-    `volatile` says whether settings or programs lie in memory that forgets without supply.
     `protocols` are names. `links` maps each link to the stations beside the master on it, and
     `routes` the same links to the spaces or trays that they run through.
 
@@ -117,7 +116,10 @@ class Description:
     power_switch_over: float | None = number(
         0, 3600, "s", "How long a change of the supply takes", default=None, optional=True
     )
-    volatile: bool | None = None
+    volatile: bool | None = switch(
+        "Whether settings or programs lie in memory that forgets without supply", default=None,
+        optional=True,
+    )  # fmt: skip
     protocols: tuple[str, ...] | None = None
     links: Mapping[str, tuple[str, ...]] | None = field(default=None, hash=False)
     routes: Mapping[str, tuple[str, ...]] | None = field(default=None, hash=False)
@@ -129,9 +131,6 @@ class Description:
     )
 
     def __post_init__(self) -> None:
-        """Check what is not declared."""
-        if self.volatile is not None and not isinstance(self.volatile, bool):
-            raise ArgumentError(f"volatile is {self.volatile!r}; it must be True, False or None")
         if self.protocols is not None:
             object.__setattr__(self, "protocols", _names("protocols", self.protocols))
         for name in ("links", "routes"):

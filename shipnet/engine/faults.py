@@ -32,7 +32,6 @@ class EngineFault(Fault):
     where: str = text("What fails")
 
     def __str__(self) -> str:
-        """Say what fails."""
         return f"{self.words} {self.where}".strip()
 
 

@@ -63,7 +63,6 @@ class Point:
     service: str = ""
 
     def __post_init__(self) -> None:
-        """Check the texts, and that the range suits the condition."""
         for field in ("tag", "box", "quantity", "unit", "signal", "service"):
             text = getattr(self, field)
             if not isinstance(text, str) or not text.isprintable() or text != text.strip():

@@ -74,7 +74,6 @@ class Coding:
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check the step."""
         if self.step not in ("full scale", "decimal"):
             object.__setattr__(self, "step", check_scalar("step", self.step, "", 1e-6, 1e6))
 

@@ -20,7 +20,7 @@ from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import Point, PointList
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar
+from shipnet.fields import check_choice, check_scalar
 from shipnet.lazy import Axes, pd
 
 _Slices = list[tuple[int, int, str]]
@@ -248,12 +248,8 @@ class Screen:
 
     def mark(self, box: str) -> str:
         """Return the mark of the first point of a box; empty if it is shown as good."""
-        own = self._table.loc[self._table["box"] == box, "mark"]
-        if own.empty:
-            raise ArgumentError(
-                f"box is {box!r}; it must be one of {', '.join(self._table['box'].unique())}"
-            )
-        return str(own.iloc[0])
+        check_choice("box", box, self._table["box"].unique())
+        return str(self._table.loc[self._table["box"] == box, "mark"].iloc[0])
 
     @property
     def marked(self) -> int:

@@ -239,7 +239,6 @@ class System:
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check what the fields ask of each other."""
         check_scalar("timeout", self.timeout, "s", self.shortest_timeout, LONGEST)
         if not 2 <= len(self.boxes) <= 7:
             raise ArgumentError(f"points lie in {len(self.boxes)} boxes; it must be 2..7")

@@ -36,7 +36,6 @@ class Student:
     name: str
 
     def __post_init__(self) -> None:
-        """Check and store the name."""
         plain = self.name.strip().casefold() if isinstance(self.name, str) else ""
         if not plain:
             raise ArgumentError(f"name is {self.name!r}; it must be a text, not empty")

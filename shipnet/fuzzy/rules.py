@@ -80,7 +80,6 @@ class RuleBase:
         def __init__(self, variables: Sequence[Variable], rules: Sequence[Rule]) -> None: ...
 
     def __post_init__(self) -> None:
-        """Check that they fit together."""
         object.__setattr__(self, "variables", tuple(self.variables))
         object.__setattr__(self, "rules", tuple(self.rules))
         if not self.rules or not self.variables:
@@ -92,7 +91,6 @@ class RuleBase:
             raise ArgumentError("; ".join(faults))
 
     def __repr__(self) -> str:
-        """Return the numbers of rules and variables."""
         return f"RuleBase({len(self.rules)} rules, variables {' '.join(self.names)})"
 
     @cached_property
@@ -340,7 +338,6 @@ class Firing:
     strength: Floats
 
     def __repr__(self) -> str:
-        """Return the numbers of samples and rules."""
         n = self.strength[..., 0].size
         return f"Firing({n} sample{'s' if n != 1 else ''}, {len(self.base.rules)} rules)"
 
@@ -440,7 +437,6 @@ class Decision:
     active: Bools
 
     def __repr__(self) -> str:
-        """Return the reason for one sample, or how often each code is on top."""
         shape = self.active.shape[:-1]
         if self.active.size == len(self.firing.base.codes):
             return f"Decision({self.explain(*(0 for _ in shape))})"
@@ -595,7 +591,6 @@ class Overlaps:
     method: str = "crisp"
 
     def __post_init__(self) -> None:
-        """Check the method."""
         check_method(self.method, "crisp", "midpoint")
 
     @cached_property
@@ -612,11 +607,9 @@ class Overlaps:
         return pd.DataFrame(self._counts, index=codes, columns=codes)
 
     def __len__(self) -> int:
-        """Return the number of pairs that can fire together."""
         return int(np.count_nonzero(np.triu(self._counts, 1)))
 
     def __repr__(self) -> str:
-        """Return how many pairs there are."""
         n = len(self.base.rules)
         return f"Overlaps({len(self)} of {n * (n - 1) // 2} pairs of rules)"
 

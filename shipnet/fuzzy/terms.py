@@ -56,7 +56,6 @@ class Interval:
     high_closed: bool = False
 
     def __post_init__(self) -> None:
-        """Check that something lies inside, and something outside."""
         point = self.low == self.high and self.low_closed and self.high_closed
         if not (self.low < self.high or point) or (self.low, self.high) == (-inf, inf):
             raise ArgumentError(
@@ -82,7 +81,6 @@ class Interval:
         return cls(low, high, low_closed, high_closed)
 
     def __str__(self) -> str:
-        """Write it as `parse` reads it."""
         low, high = number_text(self.low), number_text(self.high)
         if self.low == self.high:
             return f"x == {low}"
@@ -148,7 +146,6 @@ class Term:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        """Check the name and the corners."""
         check_word("term", self.name)
         if isinstance(self.crisp, str):
             object.__setattr__(self, "crisp", Interval.parse(self.crisp))
@@ -228,7 +225,6 @@ class Variable:
     korean: str = ""
 
     def __post_init__(self) -> None:
-        """Check the universe, and the terms within it."""
         check_word("variable", self.name)
         low, high = float(self.low), float(self.high)
         object.__setattr__(self, "low", low)
@@ -358,7 +354,6 @@ class Rule:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        """Check every field."""
         if check_word("code", self.code) in (NORMAL, UNKNOWN):
             raise ArgumentError(f"code is {self.code!r}, which says that no rule fires")
         object.__setattr__(self, "priority", check_whole("priority", self.priority, 1, 9999))

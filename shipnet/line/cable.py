@@ -66,11 +66,9 @@ class Valued:
         return tuple(tuple(v) if isinstance(v, np.ndarray) else v for v in self.parameters)
 
     def __eq__(self, other: object) -> bool:
-        """Compare all constants."""
         return isinstance(other, type(self)) and self._key() == other._key()
 
     def __hash__(self) -> int:
-        """Hash all constants."""
         return hash(self._key())
 
 
@@ -114,7 +112,6 @@ class Cable(Valued):
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check that all constants have as many values."""
         check_trees("a cable", None, *self.parameters)
 
     @property

@@ -67,7 +67,6 @@ class Driver:
     conductance: Signal | None = None
 
     def __post_init__(self) -> None:
-        """Check that it is either kind of sender."""
         given = [self.current is not None, self.voltage is not None, self.conductance is not None]
         if given not in ([True, False, False], [False, True, True]):
             raise ArgumentError(

@@ -65,7 +65,6 @@ class CableRun:
     cable: str | Cable = "as-i 1.5"
 
     def __post_init__(self) -> None:
-        """Check the ends, the length and the cable."""
         check_node(self.a)
         check_node(self.b)
         metres = check_quantity(f"length of {self}", self.length, "m", low=SHORTEST, high=LONGEST)
@@ -84,7 +83,6 @@ class CableRun:
         return self.cable if isinstance(self.cable, Cable) else CABLES[self.cable]
 
     def __str__(self) -> str:
-        """Name the run by its ends."""
         return f"cable {self.a} - {self.b}"
 
 
@@ -112,7 +110,6 @@ class Load(Valued):
     c: Quantity | None = _constant("F", "Capacitance")
 
     def __post_init__(self) -> None:
-        """Check that there is a value, and that all have as many trees."""
         if self.r is None and self.l is None and self.c is None:
             raise ArgumentError("a load has neither r nor l nor c; it must have at least one")
         check_trees("a load", None, *self.parameters)
@@ -256,7 +253,6 @@ class Network:
         return self._index[name]
 
     def __repr__(self) -> str:
-        """Count what it is made of."""
         shape = "tree" if self._ring is None else "ring"
         many = "" if self._trees is None else f", {self._trees} at once"
         return f"<Network: {shape} of {len(self.nodes)} nodes, {len(self.loads)} loads{many}>"

@@ -69,7 +69,6 @@ class Waveform:
     description: str = ""
 
     def __post_init__(self) -> None:
-        """Check the step and the names."""
         u = np.asarray(self.u)
         if u.dtype.kind not in "iuf" or u.ndim == 0:
             raise ArgumentError(
@@ -135,7 +134,6 @@ class Waveform:
         return ax
 
     def __repr__(self) -> str:
-        """Return the description, or count what it holds."""
         if self.description:
             return f"<Waveform: {self.description}>"
         shown = ", ".join(self.names[:4]) + (" ..." if len(self.names) > 4 else "")

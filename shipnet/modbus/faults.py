@@ -28,7 +28,6 @@ class Break(Fault):
     section: int = whole(0, 247, help="Section of the cable")
 
     def __str__(self) -> str:
-        """Return the short name that tables use."""
         return f"break {self.section}"
 
 
@@ -47,7 +46,6 @@ class Short(Fault):
     section: int = whole(0, 247, help="Section of the cable")
 
     def __str__(self) -> str:
-        """Return the short name that tables use."""
         return f"short {self.section}"
 
 
@@ -66,7 +64,6 @@ class DeadSlave(Fault):
     slave: int = whole(1, 247, help="Its number on the cable")
 
     def __str__(self) -> str:
-        """Return the short name that tables use."""
         return f"slave {self.slave}"
 
 
@@ -85,5 +82,4 @@ class DeadPort(Fault):
     port: Port = choice(("A", "B"), "Which port")
 
     def __str__(self) -> str:
-        """Return the short name that tables use."""
         return f"port {self.port}"

@@ -222,7 +222,6 @@ class Request(_Framed):
     write_address: int | None = None
 
     def __post_init__(self) -> None:
-        """Check every field."""
         put = object.__setattr__
         if type(self.function) is not FunctionCode:
             put(self, "function", _function(self.function))
@@ -373,7 +372,6 @@ class Request(_Framed):
         return Response(self.function, exception=code)  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
-        """Return the call that makes this request."""
         values: tuple[Any, ...] = {5: self.coils, 6: self.registers}.get(self.function, ())
         if self.function in READ_LIMITS:
             values = (self.quantity,)
@@ -429,7 +427,6 @@ class Response(_Framed):
     exception: ExceptionCode | None = None
 
     def __post_init__(self) -> None:
-        """Check every field."""
         put = object.__setattr__
         if self.exception is not None:
             put(self, "function", check_whole("function", self.function, 1, 127))
@@ -622,7 +619,6 @@ class Adu:
     MAX_UNIT: ClassVar[int] = MAX_UNIT
 
     def __post_init__(self) -> None:
-        """Check every field."""
         put, unit, pdu = object.__setattr__, self.unit_id, self.pdu
         if not (type(unit) is int and 0 <= unit <= 255):
             put(self, "unit_id", check_whole("unit_id", unit, 0, 255))

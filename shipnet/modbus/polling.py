@@ -59,7 +59,6 @@ class Poll:
     response_size: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Check what depends on other fields."""
         check_kind("request", self.request, Request)
         check_kind("line", self.line, SerialLine)
         object.__setattr__(self, "request_size", len(self.request.pdu) + RTU_BYTES)

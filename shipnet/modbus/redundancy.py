@@ -258,7 +258,6 @@ class Loop(_Redundant):
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check what depends on other fields."""
         self._check()
 
     @property
@@ -435,7 +434,6 @@ class DualChannel(_Redundant):
     )
 
     def __post_init__(self) -> None:
-        """Check what depends on other fields."""
         self._check()
         check_scalar("period", self.period, "s", self.poll.time, 3600)
 

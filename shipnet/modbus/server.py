@@ -95,14 +95,12 @@ class Server:
         self._stop: Callable[[], object] = lambda: None
 
     def __repr__(self) -> str:
-        """Count the slaves, and say where it listens."""
         where = f"listens on port {self.port}" if self.port else "listens on a serial line"
         if self._listener is None:
             where = "does not listen"
         return f"Server({len(self.slaves)} slave{'s'[: len(self.slaves) > 1]}, {where})"
 
     def __enter__(self) -> Server:
-        """Listen in a thread of its own."""
         self._check_idle()
         ready: Future[None] = Future()
         self._thread = Thread(
@@ -117,7 +115,6 @@ class Server:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Stop, and wait until everything is closed."""
         self._finish()
 
     async def __aenter__(self) -> Server:

@@ -185,7 +185,6 @@ class Run:
     tries: list[Try]
 
     def __repr__(self) -> str:
-        """Return what came of it in one line."""
         n = self.system.n_slaves
         return (
             f"Run({n} slave{'s'[: n > 1]}, {', '.join(map(str, self.faults)) or 'no faults'}, "

@@ -136,7 +136,6 @@ class Registers:
         memory.update(new)
 
     def __repr__(self) -> str:
-        """Count what each table holds."""
         held = []
         for table in ("coils", "discrete_inputs", "holding_registers", "input_registers"):
             if number := len(getattr(self, table)):
@@ -282,7 +281,6 @@ class Slave:
         super().__setattr__(name, value)
 
     def __repr__(self) -> str:
-        """Return what it holds, and where it is not a slave that serves everything at once."""
         device = self.device
         said = [repr(device) if isinstance(device, Registers) else type(device).__name__]
         if self.functions != frozenset(FunctionCode):

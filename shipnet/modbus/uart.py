@@ -220,7 +220,6 @@ class Waveform:
     threshold: float = 0.5
 
     def __post_init__(self) -> None:
-        """Check every field."""
         check_scalar("threshold", self.threshold, "", -1e6, 1e6)
         check_kind("line", self.line, SerialLine)
         try:
@@ -240,7 +239,6 @@ class Waveform:
         object.__setattr__(self, "level", value)
 
     def __repr__(self) -> str:
-        """Return what it is in one line."""
         end = self.time[-1] if self.time.size else 0.0
         return f"Waveform({self.time.size} corners, {1e3 * end:.3g} ms, {self.line!r})"
 

@@ -23,7 +23,6 @@ class PrintedTable:
     item: str
 
     def __post_init__(self) -> None:
-        """Check that the table is transcribed."""
         check_paper(self.paper)
         known = _transcribed(self.paper)
         if self.item not in known:

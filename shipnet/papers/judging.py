@@ -77,7 +77,6 @@ class Claim:
         return REGISTRY[self.id](**inputs)
 
     def __repr__(self) -> str:
-        """Say what is printed, what we compute, and the verdict."""
         says, ours = _says(self._row), _ours(self._row)
         verdict = self.verdict or self.kind
         return f"<Claim {self.id}: the paper says {says}, we compute {ours}: {verdict}>"
@@ -142,18 +141,15 @@ class Ledger:
         return ax
 
     def __len__(self) -> int:
-        """Return the number of claims."""
         return len(self._claims)
 
     def __str__(self) -> str:
-        """Count the claims, those judged, those that agree, and those still open."""
         status = [_status(claim) for claim in self._claims]
         agree = sum(claim["verdict"] == "agrees" for claim in self._claims)
         judged, left = status.count("judged"), status.count("open")
         return f"{len(self)} claims, {judged} judged, {agree} agree, open: {left}"
 
     def __repr__(self) -> str:
-        """Name the paper and count its claims."""
         return f"<Ledger of {self.paper or 'all papers'}: {self}>"
 
 

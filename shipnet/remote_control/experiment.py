@@ -116,7 +116,6 @@ class Comparison:
     _rows: tuple[dict[str, object], ...]
 
     def __repr__(self) -> str:
-        """Say it in one line."""
         table = self.table()
         if table.empty:
             return "Comparison(of nothing)"
@@ -220,7 +219,6 @@ class Recommendation:
     _table: pd.DataFrame = field(repr=False, compare=False)
 
     def __str__(self) -> str:
-        """Say it in one line."""
         return (
             f"{self.check}, {self.sending}, {self.per_packet} items per packet: "
             f"{self.refresh_time * 1e3:.0f} ms for all values"

@@ -43,7 +43,6 @@ class Stall(Fault):
     station: str = choice(STATIONS, "Which station")
 
     def __post_init__(self) -> None:
-        """Check that the stall ends."""
         super().__post_init__()
         if self.stop == inf:
             raise ArgumentError("stop is inf; a stall must end")
@@ -64,7 +63,6 @@ class LostPacket(Fault):
     target: str = choice(STATIONS, "To whom; one of both is RCS")
 
     def __post_init__(self) -> None:
-        """Check that there is a line between the two."""
         super().__post_init__()
         if (self.source, self.target) not in HOPS:
             raise ArgumentError(

@@ -133,7 +133,6 @@ class Run:
     _states: list[tuple[float, str, State]] = field(default_factory=list)
 
     def __repr__(self) -> str:
-        """Say it in one line."""
         alarms = sum(event[2] == "failed" for event in self._events)
         return f"Run({self.until:g} s, {len(self.packets)} packets, {alarms} alarms)"
 

@@ -66,7 +66,6 @@ class Supervision:
     )
 
     def __post_init__(self) -> None:
-        """Check that the limit of misses can be reached."""
         check_whole("miss_limit", self.miss_limit, 0 if self.strict else 1, 1000)
 
     @classmethod
@@ -235,7 +234,6 @@ class System:
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check that a packet holds the repeated values."""
         check_whole("repeat", self.repeat, 0, self.n_items)
 
     @property

@@ -45,7 +45,6 @@ class View:
     files: Mapping[str, str | bytes] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        """Return verdict, table and numbers as lines of text."""
         table = [] if self.table is None else [self.table.to_string(), self.caption]
         numbers = (f"{name}: {number}" for name, number in self.numbers.items())
         return "\n".join([self.verdict, *filter(None, table), *numbers])

@@ -72,7 +72,6 @@ class EngineFaults(Tool):
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check all three, and that the design can have the fault."""
         chosen = FAULTS[self.fault]
         if chosen is not None and chosen.where not in DESIGNS[self.design].places[chosen.at]:
             raise ArgumentError(f"fault is {self.fault!r}; {self.design!r} has no such cable")

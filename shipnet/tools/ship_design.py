@@ -151,7 +151,6 @@ class ShipDesign(Tool):
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        """Check the values, and that a saved state can hold the list."""
         # JSON writes a character beyond ASCII as six, a line's end as two.
         beyond = len(self.points.encode("ascii", errors="ignore"))
         size = 6 * (len(self.points) - beyond) + beyond + self.points.count("\n")

@@ -151,7 +151,7 @@ def test_the_last_slaves_share_addresses_or_those_that_can_wait():
         (lambda: CableRun("", "b", 5), "a node is ''"),
         (lambda: Master(node=" a"), "a node is ' a'"),
         (lambda: Master(node="a\nb"), "printable"),
-        (lambda: Master(node=3), "a node is 3"),
+        (lambda: Master(node=3), "node is 3; it must be text"),
         (lambda: Slave("32"), "slave is '32'"),
         (lambda: Slave(1), "label is 1; it must be text"),
         (lambda: Slave("1C"), "slave is '1C'"),

@@ -251,7 +251,6 @@ class ConductedRF:
     f_mod: float = number(0, 1e12, "Hz", "Frequency of the modulation", default=1e3)
 
     def __post_init__(self) -> None:
-        """Check that the modulation is slower than the carrier."""
         check_scalar("f_mod", self.f_mod, "Hz", 0, self.frequency)
 
     def voltage(

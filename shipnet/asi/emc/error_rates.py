@@ -218,7 +218,6 @@ class ErrorRates:
         return ax
 
     def __repr__(self) -> str:
-        """Return the rates in one line."""
         t = self._table
         volts = ", ".join(f"{volt:g}" for volt in t["amplitude_V"])
         share = ", ".join(f"{100 * rate:.3g}" for rate in t["rate"])

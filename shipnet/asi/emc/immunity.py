@@ -103,7 +103,6 @@ class Levels:
         self._table = table[[*first, "printed_name", "standard", "source", "confirmed", "note"]]
 
     def __repr__(self) -> str:
-        """Count the verdicts."""
         counts = self._table["gap"].value_counts()
         return f"<Levels: {', '.join(f'{n} {what}' for what, n in counts.items())}>"
 
