@@ -8,17 +8,16 @@ from dataclasses import dataclass, replace
 from functools import cache
 from math import ceil, inf, isfinite, nan, pi
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
+from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
+from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: How far the truth may lie from a figure, by what is known of it. Geometry: the model of the file
 #: is good to a quarter. Work: the one span that is published, 5 to 15 minutes a conductor
@@ -27,7 +26,6 @@ SPREAD: Mapping[str, float] = {
     "confirmed": 0.0, "estimate": 0.25, "derived": 0.5, "assumption": 0.5,
 }  # fmt: skip
 
-Floats = npt.NDArray[np.float64]
 
 #: The names of the three values of a range.
 LEVELS: tuple[Literal["low", "nominal", "high"], ...] = ("low", "nominal", "high")
@@ -158,7 +156,6 @@ class Assumptions(Mapping[str, Range]):
         return len(self._entries)
 
     def __hash__(self) -> int:
-        """Return the same for equal ranges."""
         return hash(frozenset(self.items()))
 
     def entry(self, name: str) -> Assumption:
@@ -176,8 +173,6 @@ class Assumptions(Mapping[str, Range]):
     @property
     def table(self) -> pd.DataFrame:
         """One row per assumption: name, meaning, low, nominal, high, unit, status, source."""
-        import pandas as pd
-
         rows = [
             (name, entry.meaning, *entry.range, entry.unit, entry.status, entry.source)
             for name, entry in self._entries.items()

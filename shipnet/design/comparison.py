@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -39,11 +39,8 @@ from shipnet.design.settings import Settings, meaning, names, shown, unit
 from shipnet.design.site import Site, Trays
 from shipnet.design.tables import file_name, save_files
 from shipnet.errors import ArgumentError
+from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 RESPONSE = "worst_response_ms"
 
@@ -156,8 +153,6 @@ class Comparison:
 
     @cached_property
     def _table(self) -> pd.DataFrame:
-        import pandas as pd
-
         rows = {name: self._row(name) for name in self.designs}
         table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("design")
         best = self._optimal(table, self.criteria)
@@ -256,8 +251,6 @@ class Comparison:
 
     def changes(self) -> pd.DataFrame:
         """Return the settings that are not the defaults, and in which designs."""
-        import pandas as pd
-
         default, rows = Settings(), []
         for name in names():
             having: dict[str, list[str]] = {}
@@ -369,7 +362,6 @@ class Comparison:
         return shown.T.rename(label)
 
     def __str__(self) -> str:
-        """Return the table and the conclusions as the command prints them."""
         changed = [
             f"not the default: {row['name']} {shown(row['value'])} ({shown(row['default'])})"
             + ("" if row["designs"] == "all" else f", {row['designs']}")
@@ -379,7 +371,6 @@ class Comparison:
         return "\n".join([*top, f"\n{self.short().to_string()}\n", *self.conclusions(), BANNER])
 
     def __repr__(self) -> str:
-        """Return the verdict."""
         return f"<Comparison: {self.verdict}>"
 
     def html(self, *, title: str | None = None, date: str | None = None) -> str:
@@ -591,8 +582,6 @@ def _why(design: Design) -> str:
 
 
 def _by_design(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    import pandas as pd
-
     named = [table.assign(design=name) for name, table in tables.items()]
     joined = pd.concat([table for table in named if len(table)] or named[:1], ignore_index=True)
     return joined[["design", *joined.columns.drop("design")]]

@@ -7,24 +7,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import floor, isinf, isnan, log10
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arrays import Floats
 from shipnet.design.catalogue import LEVELS, Level, values_at, words
 from shipnet.design.catalogue import cables as catalogue
+from shipnet.design.layout import Layout
 from shipnet.design.plot import plot_ranges
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from shipnet.design.layout import Layout
-
+from shipnet.lazy import Axes, pd
 
 # Numbers as a table of a design shows them: counts whole, estimates with three digits
 
@@ -43,7 +38,6 @@ def number(value: float) -> str:
 
 # What a design consists of, counted: cables by type, devices, channels -------------------------
 
-Floats = npt.NDArray[np.float64]
 
 #: What `numpy.random.default_rng` takes.
 Rng: TypeAlias = np.random.Generator | int | None
@@ -258,7 +252,6 @@ class Quantities:
         return plot_ranges(ends, f"cost of {self.name} [EUR]", ax=ax)
 
     def __repr__(self) -> str:
-        """Say the figures that are asked for first, and what is left out."""
         cost = self.figures.loc["total_cost_eur"]
         left_out = f"; {self.unconnected} points not connected" if self.unconnected else ""
         return (
@@ -277,8 +270,6 @@ def check_figure(figure: str) -> str:
 
 def ranges_of(quantities: Mapping[str, Quantities], figure: str) -> pd.DataFrame:
     """Return a figure of each of several designs: low, nominal, high."""
-    import pandas as pd
-
     ends = {name: one.figures.loc[figure, list(LEVELS)] for name, one in quantities.items()}
     return pd.DataFrame(ends).T.astype(float)
 
@@ -359,8 +350,6 @@ class Model:
     @property
     def used(self) -> pd.DataFrame:
         """The assumptions in use: name, low, nominal, high, unit, status, source."""
-        import pandas as pd
-
         columns = ["name", *LEVELS, "unit", "status", "source"]
         own = [name for name in self.names if name not in CABLE_RANGES]
         listed = self.assumptions.table.loc[own].reset_index()[columns]
@@ -377,8 +366,6 @@ class Model:
 
 def quantities(design: Layout) -> Quantities:
     """Return what a design takes under the assumptions of its settings."""
-    import pandas as pd
-
     model = Model(design)
     table = pd.DataFrame({level: model.figures(others=level) for level in LEVELS})
     units = {name: unit for name, (_, unit) in FIGURES.items()}
@@ -393,8 +380,6 @@ def quantities(design: Layout) -> Quantities:
 
 def bill_table(design: Layout) -> pd.DataFrame:
     """Return cables, parts and work of a design, at nominal; their costs add up to the total."""
-    import pandas as pd
-
     model = Model(design)
     cables, assumed = _by_cable(model), model.assumptions
     rows = [
@@ -428,8 +413,6 @@ def _by_cable(model: Model) -> pd.DataFrame:
 
 def draw(designs: Mapping[str, Layout], *, rng: Rng, draws: int = 10_000) -> pd.DataFrame:
     """Draw every assumption from its range, again and again, and return the figures."""
-    import pandas as pd
-
     models = {name: Model(design) for name, design in designs.items()}
     rng = np.random.default_rng(rng)
     n = check_whole("draws", draws, 1, 1_000_000)
@@ -540,7 +523,6 @@ class Tornado:
         return [str(name) for name in self.every.index[self.every["swing"] > 0][:n]]
 
     def __str__(self) -> str:
-        """Name the three assumptions that matter most."""
         unit = f" {self.unit}" if self.unit else ""
         low, high = self.ends["low"], self.ends["high"]
         said = [
@@ -555,8 +537,6 @@ def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> To
 
     The figure is that of the lowest of the other designs less that of the first.
     """
-    import pandas as pd
-
     check_figure(figure)
     models = {name: Model(design) for name, design in designs.items()}
     nominal = {name: float(model.figures()[figure]) for name, model in models.items()}

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from os import PathLike
-from typing import TYPE_CHECKING
 
 from shipnet import style
+from shipnet.answers import Findings
 from shipnet.design import costs, drawing, failures, tables
 from shipnet.design.costs import Quantities
 from shipnet.design.layout import Layout, frame
@@ -20,14 +20,8 @@ from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.design.supply import supply_tables
+from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv, as_workbook
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from shipnet.answers import Findings
-
 
 #: The points of the example.
 _LIST = """\
@@ -223,8 +217,6 @@ class Design(Layout):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the design from above: cabinet, devices, points, and the cables between them."""
-        import pandas as pd
-
         ax = style.axes(ax)
         at = self.devices.set_index("device")[["x_m", "y_m"]]
         points = self.iolist.points.set_index("tag")[["x_m", "y_m"]]

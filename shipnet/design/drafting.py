@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, inf
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,21 +15,16 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.sparse.csgraph import depth_first_order, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
-from shipnet.design.catalogue import cables, smallest
+from shipnet.arrays import Bools, Floats, Indices
+from shipnet.design.catalogue import Cable, cables, smallest
 from shipnet.design.designs import Design
 from shipnet.design.layout import COLUMNS, Layout, frame
+from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
-from shipnet.design.supply import sized
+from shipnet.design.site import Site
+from shipnet.design.supply import Feeders, sized
+from shipnet.lazy import pd
 from shipnet.signals import SIGNALS
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from shipnet.design.catalogue import Cable
-    from shipnet.design.points import PointTable
-    from shipnet.design.site import Site
-    from shipnet.design.supply import Feeders
-
 
 # Which places belong together: clusters within reach, groups of equal size, groups that fit
 
@@ -42,13 +37,11 @@ _MANY = 1000
 #: Rounds of moving the centres; assignments settle in a few.
 _ROUNDS = 20
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.intp]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def zones(xyz: Floats, *, reach: float, most: int) -> Ints:
+def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
     """Return the cluster of each place, (n, 3): no more than `most`, all within `reach`."""
     if len(xyz) > _MOST:
         upper = _halves(xyz)
@@ -66,7 +59,7 @@ def zones(xyz: Floats, *, reach: float, most: int) -> Ints:
 
 def balanced(
     xyz: Floats, groups: int, *, kinds: npt.ArrayLike = 0, most: Sequence[int] = ()
-) -> Ints:
+) -> Indices:
     """Return groups of nearly equal size whose places are near the middle of their group.
 
     A group has at most `most` places of each kind, and there is room for all of them.
@@ -144,14 +137,14 @@ def _first_centres(xyz: Floats, groups: int) -> Floats:
     return np.array([np.median(xyz[c], axis=0) if len(c) else xyz[order[-1]] for c in chunks])
 
 
-def _halves(xyz: Floats) -> npt.NDArray[np.bool_]:
+def _halves(xyz: Floats) -> Bools:
     along = xyz[:, np.ptp(xyz, axis=0).argmax()]
     upper = np.zeros(len(xyz), dtype=np.bool_)
     upper[np.argsort(along, kind="stable")[len(xyz) // 2 :]] = True
     return upper
 
 
-def _renumbered(labels: Ints) -> Ints:
+def _renumbered(labels: Indices) -> Indices:
     _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[inverse], dtype=np.intp)
 
@@ -235,7 +228,6 @@ class Draft:
     longest: Floats | float = inf
 
     def __post_init__(self) -> None:
-        """Take what every planner asks for from the list, and put the cabinet down."""
         points = self.iolist.points
         n = len(points)
         self.places: Floats = self.iolist.places
@@ -328,7 +320,7 @@ class Draft:
             self._point[name][row] = value
         self._response[row] = response
 
-    def segment(self, rows: Ints, **columns: Any) -> None:
+    def segment(self, rows: Indices, **columns: Any) -> None:
         """Put down a segment of connected points, with times of the point nearest to its limit."""
         nearest = rows[(self._response[rows] / self.need[rows]).argmax()]
         self._rows["segments"].append(
@@ -370,8 +362,6 @@ class Draft:
 
     def _feed(self, runs: pd.DataFrame, wanted: Feeders) -> pd.DataFrame:
         """Return the cables with feeders of the sizes wanted, and put supplies near where asked."""
-        import pandas as pd
-
         rows, known = self._rows["cables"], cables()
         idle, old = set(wanted.idle), len(rows)
         for number, cable in wanted.cable.items():
@@ -404,8 +394,6 @@ class Draft:
         return pd.concat([runs.drop(index=near), fresh], ignore_index=True) if near else runs
 
     def _runs(self, rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
-        import pandas as pd
-
         if not rows:
             return frame("cables")
         runs = pd.DataFrame(rows).drop(columns=["start", "end"])
@@ -449,10 +437,10 @@ class Box(NamedTuple):
 
     name: str
     place: Place
-    rows: Ints
+    rows: Indices
     lengths: Floats
 
-    def part(self, chosen: Ints) -> Box:
+    def part(self, chosen: Indices) -> Box:
         """Return the same box with some of its points, by their places in `rows`."""
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
@@ -464,7 +452,7 @@ class Box(NamedTuple):
         return [self.part(np.sort(part)) for part in np.array_split(order, 2)]
 
 
-def boxes(draft: Draft, rows: Ints) -> list[Box]:
+def boxes(draft: Draft, rows: Indices) -> list[Box]:
     """Return the boxes of some points; those that no box can be found for are given a reason."""
     table = draft.iolist.points
     names = table["box"].to_numpy(object)
@@ -496,7 +484,7 @@ def boxes(draft: Draft, rows: Ints) -> list[Box]:
     return found
 
 
-def without_place(draft: Draft, rows: Ints) -> None:
+def without_place(draft: Draft, rows: Indices) -> None:
     """Give points the reason that their place is not known."""
     for row in rows:
         tag = draft.tags[row]
@@ -515,7 +503,7 @@ def too_far(draft: Draft, box: Box, away: float, longest: float, most: str) -> N
 def _box(
     name: str,
     places: Floats,
-    rows: Ints,
+    rows: Indices,
     lengths: Floats,
 ) -> Box:
     x, y, z = (float(value) for value in np.median(places, axis=0))

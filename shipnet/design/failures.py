@@ -6,28 +6,23 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arrays import Bools, Integers
+from shipnet.design.layout import Layout
 from shipnet.errors import ArgumentError
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from shipnet.design.layout import Layout
-
+from shipnet.lazy import pd
 
 # What of a planned design is still reached when some of its cables are cut and devices dead
 
-Bools = npt.NDArray[np.bool_]
-Whole = npt.NDArray[np.int64]
 #: Numbers of the runs that are cut, and of the devices that are dead.
 Failure = tuple[Collection[int], Collection[int]]
-_NONE: Whole = np.empty(0, np.int64)
+_NONE: Integers = np.empty(0, np.int64)
 #: Nodes at both ends of each edge, and its run; -1 if it is not a run.
-Edges = tuple[Whole, Whole, Whole]
+Edges = tuple[Integers, Integers, Integers]
 
 #: Devices that join the two lines of a pair, and those through which nothing passes once dead.
 _JOINS = ("cabinet", "master", "gateway")
@@ -82,7 +77,7 @@ class Reach:
                 found.append((pair.tolist(), ends[self.kinds[ends] == "master"].tolist()))
         return found
 
-    def _together(self, number: Whole, pair_ends: Sequence[str]) -> list[Whole]:
+    def _together(self, number: Integers, pair_ends: Sequence[str]) -> list[Integers]:
         """Return runs of a segment and line that hang together but for devices of some kinds."""
         lines = self.design.cables.iloc[number].groupby(["segment", "line"], sort=False).ngroup()
         order = np.argsort(lines.to_numpy(), kind="stable")
@@ -107,7 +102,7 @@ class Reach:
         mine = good & only[point] & (run >= 0)
         return dict(zip(run[mine].tolist(), point[mine].tolist(), strict=True))
 
-    def lost(self, failures: Sequence[Failure]) -> list[Whole]:
+    def lost(self, failures: Sequence[Failure]) -> list[Integers]:
         """Return the numbers of the points that each failure costs.
 
         No area feels what fails in another. So one failure of each area is looked at at once, and
@@ -139,7 +134,7 @@ class Reach:
         return np.split(point, bounds)[: len(failing)]
 
     @cached_property
-    def _areas(self) -> tuple[Whole, Whole]:
+    def _areas(self) -> tuple[Integers, Integers]:
         """Area of each device and then each run, and of each point: what hangs together.
 
         The cabinet, which is of none, joins areas for data alone. Should it pass on power, or be
@@ -167,12 +162,12 @@ class Reach:
         return self._index[self.design.cabinet]
 
     @cached_property
-    def _at(self) -> Whole:
+    def _at(self) -> Integers:
         """Device in whose housing each one is; -1 in its own."""
         return np.array([self._index.get(at, -1) for at in self.design.devices["at"]], np.int64)
 
     @cached_property
-    def _ends(self) -> Whole:
+    def _ends(self) -> Integers:
         """Devices at the ends of every run, shape (n_runs, 2); -1 where a point is."""
         runs = self.design.cables
         b = runs["b"].where(~self.at_point, "")
@@ -180,7 +175,7 @@ class Reach:
         return np.array(ends, np.int64).reshape(2, -1).T
 
     @cached_property
-    def _wires(self) -> tuple[Whole, Whole, Whole]:
+    def _wires(self) -> tuple[Integers, Integers, Integers]:
         """Point, device and run of each cable that a point has; run -1 is a terminal."""
         points, runs = self.design.points, self.design.cables
         row = {tag: n for n, tag in enumerate(points["tag"])}
@@ -215,7 +210,7 @@ class Reach:
         )
 
     @cached_property
-    def _current_at(self) -> Whole:
+    def _current_at(self) -> Integers:
         """Device at which each edge of data must have current to carry any; -1 for none."""
         u, v, run = self._data
         a, b = self._ends.T
@@ -229,7 +224,7 @@ class Reach:
         return np.where(beside, at, along)
 
     @cached_property
-    def _mains(self) -> tuple[Whole, Whole]:
+    def _mains(self) -> tuple[Integers, Integers]:
         """Supplies with a feeder from the cabinet, and this run."""
         from_cabinet = self._feeders & (self._ends == self._cabinet).any(axis=1)
         number = np.flatnonzero(from_cabinet)
@@ -259,13 +254,13 @@ class Reach:
         return np.asarray(names.isin(asi).to_numpy(bool))
 
     @cached_property
-    def _housings(self) -> Whole:
+    def _housings(self) -> Integers:
         """Devices in the housing of another, and that one, shape (n, 2)."""
         inside = np.flatnonzero(self._at >= 0)
         return np.stack([inside, self._at[inside]], axis=1)
 
     @cached_property
-    def _joints(self) -> Whole:
+    def _joints(self) -> Integers:
         """Devices in a housing, and what each is connected to there, shape (n, 2)."""
         segment = self.design.devices["segment"].to_numpy(str)
         master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
@@ -276,11 +271,11 @@ class Reach:
         return joints
 
     @cached_property
-    def _poles(self) -> Whole:
+    def _poles(self) -> Integers:
         """Supplies, and where they feed their line without a cable of their own, shape (n, 2)."""
         return np.asarray(self._joints[self.kinds[self._joints[:, 0]] == "supply"])
 
-    def _by_line(self, number: Whole, joints: Whole) -> Edges:
+    def _by_line(self, number: Integers, joints: Integers) -> Edges:
         """Return runs and joints as edges; node n + D is device n on line B."""
         line, count = self.design.cables["line"].to_numpy(str)[number], len(self.kinds)
         first, second = number[line != "B"], number[line != "A"]
@@ -298,7 +293,9 @@ class Reach:
         """Points that work while nothing has failed."""
         return np.asarray(self._works(*self._masks(), self._needs_supply)[0])
 
-    def _masks(self, size: int = 1, row: Whole = _NONE, item: Whole = _NONE) -> tuple[Bools, Bools]:
+    def _masks(
+        self, size: int = 1, row: Integers = _NONE, item: Integers = _NONE
+    ) -> tuple[Bools, Bools]:
         """Return which runs are cut and which devices dead; the last column is of no run.
 
         An item is the number of a device, or that of a run after all devices.
@@ -383,7 +380,7 @@ class Reach:
         return feeding
 
 
-def _labels(keep: Bools, count: int, u: Whole, v: Whole) -> Whole:
+def _labels(keep: Bools, count: int, u: Integers, v: Integers) -> Integers:
     """Return the component of each node in each of several graphs, shape (n_graphs, count)."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -398,7 +395,7 @@ def _labels(keep: Bools, count: int, u: Whole, v: Whole) -> Whole:
     return np.asarray(labels - labels.min(axis=1, initial=size, keepdims=True))
 
 
-def _nth(values: Whole) -> Iterator[Whole]:
+def _nth(values: Integers) -> Iterator[Integers]:
     """Yield where each value occurs for the first time, for the second, and so on."""
     order = np.argsort(values, kind="stable")
     _, start, count = np.unique(values[order], return_index=True, return_counts=True)
@@ -416,8 +413,6 @@ FAILURES = ("cut", "short", "tray", "device")
 
 def single_failures(design: Layout) -> pd.DataFrame:
     """Return what each single failure of a planned design costs."""
-    import pandas as pd
-
     reach = Reach(design)
     runs, devices = design.cables, design.devices
     rows: list[tuple[str, str, str, str, str]] = []

@@ -15,13 +15,12 @@ import pandas as pd
 from shipnet.design.points import PointTable
 from shipnet.design.words import COLUMNS
 from shipnet.errors import ArgumentError
+from shipnet.lazy import Axes
 from shipnet.signals import ASI_PAIR, Saving, hardwired_conductors
 from shipnet.signals import SIGNALS as SIGNALS
 from shipnet.tables import no_formula
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from shipnet.design.comparison import Comparison
     from shipnet.design.costs import Rng
     from shipnet.design.designs import Design

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,10 +13,7 @@ from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
-
-if TYPE_CHECKING:
-    import pandas as pd
-
+from shipnet.lazy import pd
 
 #: What a point can be connected by; the empty name is that of a point that fits nowhere.
 BUSES = ("hardwired", "AS-i", "CAN", "Modbus RTU", "")
@@ -68,8 +65,6 @@ _DTYPES = {"float": float, "int": np.int64, "bool": bool}
 
 def frame(table: str, rows: Any = ()) -> pd.DataFrame:
     """Return one of a design's tables, with its columns in order and of their types."""
-    import pandas as pd
-
     if table not in COLUMNS:
         raise ArgumentError(f"table is {table!r}; it must be one of {', '.join(COLUMNS)}")
     types = COLUMNS[table]
@@ -107,7 +102,6 @@ class Layout:
     settings: Settings = field(default_factory=Settings)
 
     def __post_init__(self) -> None:
-        """Check that the tables hang together."""
         for table in COLUMNS:
             object.__setattr__(self, table, frame(table, getattr(self, table)))
         if "at" not in self.devices.columns:
@@ -119,7 +113,6 @@ class Layout:
             raise ArgumentError(f"design {self.name!r}: {'; '.join(faults[:10])}{more}")
 
     def __repr__(self) -> str:
-        """Say what it is in one line."""
         fit, length = int(self.points["fits"].sum()), self.cables["length_m"].sum()
         return (
             f"<{type(self).__name__} {self.name!r}: {fit} of {len(self.points)} points fit, "

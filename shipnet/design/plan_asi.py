@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from functools import cache, lru_cache
 from itertools import pairwise
 from math import ceil, inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import shortest_path
 
+from shipnet.arrays import Floats, Indices
 from shipnet.asi.elements import Repeater, Supply
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
@@ -24,8 +25,6 @@ from shipnet.asi.topologies import assign_addresses as share_addresses
 from shipnet.design.catalogue import cables
 from shipnet.design.drafting import (
     Draft,
-    Floats,
-    Ints,
     Laid,
     Place,
     balanced,
@@ -36,11 +35,9 @@ from shipnet.design.drafting import (
     zones,
 )
 from shipnet.design.settings import AsiLimits
+from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Which points share a module, where it is, and how late the host knows of them -------------------
 
@@ -65,7 +62,7 @@ class Module(NamedTuple):
 
     profile: str
     place: Place
-    rows: Ints
+    rows: Indices
     ports: list[str]
 
     @property
@@ -88,7 +85,7 @@ class Module(NamedTuple):
         return limits.current + limits.loop_current * len(self.ports) * self.analogue
 
 
-def modules(draft: Draft, rows: Ints, places: Floats) -> list[Module]:
+def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
     """Return the modules of some points."""
     limits = draft.settings.asi
     kinds = np.array([draft.types[row] for row in rows], dtype=object)
@@ -128,7 +125,7 @@ def _extended(profile: str) -> bool:
     return Profile.parse(profile).extended
 
 
-def _channels(draft: Draft, rows: Ints, kinds: npt.NDArray[np.object_]) -> Ints:
+def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> Indices:
     """Return how many points of its kind a point's module may have; 0 if even one is too slow."""
     limits = draft.settings.asi
     need = draft.need[rows]
@@ -156,8 +153,8 @@ def _channels(draft: Draft, rows: Ints, kinds: npt.NDArray[np.object_]) -> Ints:
 
 
 def _grouped(
-    mine: Ints,
-    rows: Ints,
+    mine: Indices,
+    rows: Indices,
     places: Floats,
     kinds: npt.NDArray[np.object_],
     names: tuple[str, ...],
@@ -179,7 +176,7 @@ def _grouped(
 
 
 def _module(
-    rows: Ints,
+    rows: Indices,
     places: Floats,
     kinds: npt.NDArray[np.object_],
     limits: AsiLimits,
@@ -442,7 +439,7 @@ def _against_rules(plan: Plan, limits: AsiLimits) -> Broken | None:
 _PAIR = 2
 
 
-def plan_asi(draft: Draft, rows: Ints) -> None:
+def plan_asi(draft: Draft, rows: Indices) -> None:
     """Connect points by AS-i modules near them, on as few lines as keep the limits."""
     limits = draft.settings.asi
     places = np.where(draft.iolist.located[:, None], draft.places, draft.iolist.box_places)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shipnet.arrays import Floats, Indices
 from shipnet.can.bit_timing import longest_bus
 from shipnet.can.lengths import frame_length
 from shipnet.can.messages import Message, MessageSet, packed
@@ -17,8 +18,6 @@ from shipnet.design.drafting import (
     Backbone,
     Box,
     Draft,
-    Floats,
-    Ints,
     boxes,
     divided,
     lay,
@@ -36,7 +35,7 @@ from shipnet.modbus.uart import SerialLine
 
 def _served(
     draft: Draft,
-    rows: Ints,
+    rows: Indices,
     longest: float,
     most: str,
     alone: Callable[[Box, float], tuple[Floats, str]],
@@ -74,8 +73,8 @@ class Packed(NamedTuple):
 
     output: bool
     need: float
-    rows: Ints
-    bits: Ints
+    rows: Indices
+    bits: Indices
     dlc: int
 
 
@@ -120,7 +119,7 @@ class _Segment(NamedTuple):
     load: float
 
 
-def plan_can(draft: Draft, rows: Ints) -> None:
+def plan_can(draft: Draft, rows: Indices) -> None:
     """Connect points by stations in their boxes, on as few CAN segments as keep the limits."""
     limits = draft.settings.can
     longest = _longest(draft)
@@ -252,7 +251,7 @@ class _Loop(NamedTuple):
     registers: list[Registers]
 
 
-def plan_modbus(draft: Draft, rows: Ints) -> None:
+def plan_modbus(draft: Draft, rows: Indices) -> None:
     """Connect points by stations in their boxes, on as few Modbus loops as keep the limits."""
     limits = draft.settings.modbus
 

@@ -8,11 +8,11 @@ from math import ceil, inf
 from types import MappingProxyType
 
 import numpy as np
-import numpy.typing as npt
 
+from shipnet.arrays import Floats, Indices
 from shipnet.design.catalogue import cables, smallest
 from shipnet.design.designs import Design
-from shipnet.design.drafting import Box, Draft, Floats, Laid, boxes, without_place
+from shipnet.design.drafting import Box, Draft, Laid, boxes, without_place
 from shipnet.design.plan_asi import plan_asi
 from shipnet.design.plan_stations import plan_can, plan_modbus
 from shipnet.design.points import PointTable
@@ -23,10 +23,8 @@ from shipnet.errors import ArgumentError
 
 # Every point on wires of its own: to the cabinet, or to a box with a cable of many pairs -------
 
-Rows = npt.NDArray[np.intp]
 
-
-def plan_home_runs(draft: Draft, rows: Rows) -> None:
+def plan_home_runs(draft: Draft, rows: Indices) -> None:
     """Give each point a cable of its own to the cabinet."""
     given = draft.given_lengths("home_run_m")
     known = np.isfinite(given) | draft.iolist.located
@@ -40,7 +38,7 @@ def plan_home_runs(draft: Draft, rows: Rows) -> None:
         draft.connect(row, "hardwired", "", draft.cabinet, "", 0.0)
 
 
-def plan_boxes(draft: Draft, rows: Rows) -> None:
+def plan_boxes(draft: Draft, rows: Indices) -> None:
     """Bring points to junction boxes, and each box to the cabinet with a cable of many pairs."""
     for box in boxes(draft, rows):
         name = draft.device(box.name, "box", "", box.place)
@@ -54,7 +52,7 @@ def plan_boxes(draft: Draft, rows: Rows) -> None:
             draft.run("trunk", (draft.cabinet, name), laid, cable, used)
 
 
-def _trunks(draft: Draft, box: Box) -> list[Rows]:
+def _trunks(draft: Draft, box: Box) -> list[Indices]:
     """Divide the points of a box among cables that are large enough."""
     largest = max(c.conductors for c in cables().values() if "hardwired" in c.buses) // 2
     room = int(largest / (1 + draft.settings.spare) + 1e-9)
@@ -70,7 +68,7 @@ def _trunks(draft: Draft, box: Box) -> list[Rows]:
         number += 1
 
 
-def _wires(draft: Draft, rows: Rows) -> tuple[int, int]:
+def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
     """Return conductors in use and pairs of a trunk; common returns count once a kind."""
     signals = draft.iolist.points["signal"].to_numpy(object)[rows]
     returns = 0
@@ -83,13 +81,13 @@ def _wires(draft: Draft, rows: Rows) -> tuple[int, int]:
     return own + returns, int(pairs[alone].sum()) + ceil(shared / 2)
 
 
-def _pairs(draft: Draft, rows: Rows) -> npt.NDArray[np.intp]:
+def _pairs(draft: Draft, rows: Indices) -> Indices:
     return np.asarray((draft.wires[rows] + 1) // 2, dtype=np.intp)
 
 
 # The ways to connect all points alike, and a mix of them ----------------------------------------
 
-_PLANNERS: Mapping[str, Callable[[Draft, Rows], None]] = MappingProxyType(
+_PLANNERS: Mapping[str, Callable[[Draft, Indices], None]] = MappingProxyType(
     {
         "home runs": plan_home_runs,
         "junction boxes": plan_boxes,

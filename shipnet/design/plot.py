@@ -6,18 +6,15 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from importlib.resources import as_file, files
 from io import StringIO
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
 from shipnet.errors import ArgumentError
+from shipnet.lazy import Axes, pd
 from shipnet.signals import ASI_PAIR, SIGNALS, hardwired_conductors
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 _PANEL, _DEVICE, _MODULE = "#8cc4e8", "#f5c56b", "#7fcfb4"
 _CABLE = "#d4a800"  # the flat AS-i cable is yellow

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import chain, pairwise, zip_longest
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Self
 
 import numpy as np
 import pandas as pd
@@ -30,12 +30,7 @@ from shipnet.design.words import (
 )
 from shipnet.errors import ArgumentError, InputError, listed
 from shipnet.signals import SIGNALS, find_signal, meanings, plain, spellings
-from shipnet.tables import Remark, frame_sheet, parse_sheet, read_sheet, read_sheets
-
-if TYPE_CHECKING:
-    from typing import Self
-
-    from shipnet.tables import Sheet
+from shipnet.tables import Remark, Sheet, frame_sheet, parse_sheet, read_sheet, read_sheets
 
 # Which rows of a sheet are points, and what their columns are ---------------------------------
 
@@ -618,7 +613,6 @@ class PointTable:
     notes: tuple[Remark, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check the form of the table."""
         missing = [name for name in COLUMNS if name not in self.points.columns]
         if missing:
             raise ArgumentError(
@@ -679,15 +673,12 @@ class PointTable:
         return table.astype({"count": "Int64"})
 
     def __len__(self) -> int:
-        """Return the number of points."""
         return len(self.points)
 
     def __str__(self) -> str:
-        """Say how many points there are, of what kind, and where they come from."""
         return f"{self._said} of {Path(self.source).name}"
 
     def __repr__(self) -> str:
-        """Say how many points there are, and of what kind."""
         return f"<{type(self).__name__}: {self._said}>"
 
     @property

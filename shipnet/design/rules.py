@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, asdict, dataclass, fields
 from functools import cache, cached_property
 from os import PathLike
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.answers import Findings
+from shipnet.arrays import Bools, Floats
 from shipnet.crc import Crc
 from shipnet.design.catalogue import cables
 from shipnet.design.layout import Layout
@@ -33,18 +33,11 @@ from shipnet.fields import (
     switch,
     text,
 )
-from shipnet.tables import NUMBER, frame_sheet, in_order, read_sheet, titled
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from shipnet.tables import Sheet
-
+from shipnet.lazy import pd
+from shipnet.tables import NUMBER, Sheet, frame_sheet, in_order, read_sheet, titled
 
 # What can be computed of a planned design for a rule: times, losses, lines, standards
 
-Bools = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
 
 #: Buses with an open international standard or public specification, and the CRC they have.
 STANDARDS: Mapping[str, tuple[str, Crc | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}
@@ -490,7 +483,6 @@ class Rule:
     rule_set: str = text("The set that it belongs to", default="own")
 
     def __post_init__(self) -> None:
-        """Check that there is a name, and that limit and measure go together."""
         if not self.rule:
             raise ArgumentError("rule is ''; it must be a name")
         if self.measure:
@@ -534,7 +526,6 @@ class RuleSet:
     rules: tuple[Rule, ...]
 
     def __post_init__(self) -> None:
-        """Check that there are rules."""
         object.__setattr__(self, "rules", tuple(self.rules))
         if not self.rules or not all(isinstance(rule, Rule) for rule in self.rules):
             raise ArgumentError(f"rules are {self.rules!r}; there must be one Rule or more")
@@ -566,29 +557,22 @@ class RuleSet:
         return cls.published(rules)
 
     def __len__(self) -> int:
-        """Return the number of rules."""
         return len(self.rules)
 
     def __iter__(self) -> Iterator[Rule]:
-        """Yield the rules in their order."""
         return iter(self.rules)
 
     def __repr__(self) -> str:
-        """Say how many rules there are, and of which sets."""
         sets = ", ".join(dict.fromkeys(rule.rule_set for rule in self.rules))
         return f"<RuleSet: {len(self)} rules of {sets}>"
 
     def table(self) -> pd.DataFrame:
         """Return one row per rule, by its name, with all that it says."""
-        import pandas as pd
-
         return pd.DataFrame([asdict(rule) for rule in self.rules]).set_index("rule")
 
     @staticmethod
     def measures() -> pd.DataFrame:
         """Return what can be computed for a rule, by name: unit and meaning."""
-        import pandas as pd
-
         rows = {name: (measure.unit, measure.meaning) for name, measure in MEASURES.items()}
         return pd.DataFrame.from_dict(
             rows, orient="index", columns=["unit", "meaning"]
@@ -665,8 +649,6 @@ def check(
     host_time: float | None = None,
 ) -> Findings:
     """Check a design, of which every single failure is known, against class rules."""
-    import pandas as pd
-
     host = design.settings.host_time if host_time is None else host_time
     facts = Facts(design, failures, check_scalar("host_time", host, "s", 0.0, 60.0))
     rows = []

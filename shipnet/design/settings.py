@@ -15,7 +15,7 @@ from os import PathLike
 from pathlib import Path
 from textwrap import wrap
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -35,13 +35,10 @@ from shipnet.fields import (
     switch,
     whole,
 )
+from shipnet.lazy import pd
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.uart import CHARACTERS
 from shipnet.tables import read_bytes, text_of
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 # Kinds of values that only a design has ------------------------------------------------------
 
@@ -473,8 +470,6 @@ class Settings(_Plain):
 
     def table(self) -> pd.DataFrame:
         """Return one row per name: value, default, unit, legal values and meaning."""
-        import pandas as pd
-
         default = _default()
         rows = [
             (name, self[name], default[name], unit(name), legal(name), meaning(name))
@@ -492,12 +487,10 @@ class Settings(_Plain):
         return [name for name in names() if self[name] != _default()[name]]
 
     def __str__(self) -> str:
-        """Name the values that are not the defaults, with these in brackets."""
         said = [f"{name} {shown(self[name])} ({shown(_default()[name])})" for name in self._changed]
         return f"not the defaults: {', '.join(said)}" if said else "all defaults"
 
     def __repr__(self) -> str:
-        """Say in one line what is not the default."""
         return f"<Settings: {self}>"
 
     @classmethod

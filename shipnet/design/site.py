@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from math import isfinite, prod
 from os import PathLike
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -17,17 +17,12 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from shipnet import style
 from shipnet.design.plot import draw_cables
+from shipnet.design.points import PointTable
+from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import number, record
+from shipnet.lazy import Axes, pd
 from shipnet.tables import NUMBER, Sheet, in_order, parse_sheet, read_sheet, titled
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-
-    from shipnet.design.points import PointTable
-    from shipnet.design.settings import Settings
-
 
 # Cable trays of a ship as a graph: places where they meet, and the ways along them
 
@@ -84,7 +79,6 @@ class Trays:
     cabinets: Mapping[str, Place] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check that they are one graph."""
         faults = tray_faults(self.nodes, self.trays)
         if faults:
             raise ArgumentError("; ".join(fault for _, fault in faults))
@@ -101,8 +95,6 @@ class Trays:
 
     def table(self) -> pd.DataFrame:
         """Return one row per tray: from, to, length_m."""
-        import pandas as pd
-
         columns = {
             "from": [tray.a for tray in self.trays],
             "to": [tray.b for tray in self.trays],
@@ -392,7 +384,6 @@ class Site:
     tails: float = number(0, 1000, "m", "Both ends of a cable together", default=5.0)
 
     def __post_init__(self) -> None:
-        """Check cabinet and trays."""
         cabinet = _places("cabinet", self.cabinet)
         if cabinet.ndim != 1 or np.isnan(cabinet).any():
             raise ArgumentError(f"cabinet is {self.cabinet!r}; it must be three finite numbers")
@@ -481,7 +472,6 @@ class Found(NamedTuple):
     settled: bool
 
     def __str__(self) -> str:
-        """Say it in a sentence."""
         x, y, z = self.place
         said = (
             f"the cabinet is taken to stand at {x:g}, {y:g}, {z:g} m, where the cable lengths of "

@@ -10,24 +10,19 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.rules import rule_limits
 from shipnet.design.catalogue import Cable, cables
+from shipnet.design.layout import Layout
+from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from shipnet.design.layout import Layout
-
-Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.intp]
 
 #: What each signal draws from its station, by the name of the setting; the others draw nothing.
 LOADS: Mapping[str, str] = MappingProxyType(
@@ -50,10 +45,10 @@ class Forest:
     """Feeders and AS-i lines as trees; nodes are numbered, and -1 is none."""
 
     #: Number of the device at each node.
-    device: Whole
+    device: Indices
     #: Next node towards the supply, and the run to it.
-    parent: Whole
-    run: Whole
+    parent: Indices
+    run: Indices
     #: Length [m] and resistance of both conductors [ohm/m] of that run.
     metres: Floats
     ohms: Floats
@@ -64,13 +59,13 @@ class Forest:
     spur: Floats
     allowed: Floats
     #: Node of the supply that feeds each node, and the device at it.
-    root: Whole
+    root: Indices
     supply: Mapping[int, int]
     #: Nodes but the roots, level by level from the supplies.
-    levels: tuple[Whole, ...]
+    levels: tuple[Indices, ...]
 
     @property
-    def fed(self) -> Whole:
+    def fed(self) -> Indices:
         """Nodes but the roots, those near the supplies first."""
         return np.concatenate([np.zeros(0, np.intp), *self.levels])
 
@@ -110,7 +105,7 @@ class Forest:
         )  # fmt: skip
 
 
-def _rooted(parent: Whole, nodes: Whole) -> tuple[Whole, tuple[Whole, ...]]:
+def _rooted(parent: Indices, nodes: Indices) -> tuple[Indices, tuple[Indices, ...]]:
     """Return the root of each node, and some nodes but the roots level by level."""
     root, depth, up = np.arange(len(parent)), np.zeros(len(parent), np.intp), parent.copy()
     while (up >= 0).any():
@@ -184,11 +179,11 @@ def _slave_voltage() -> float:
 def _roots(
     design: Layout,
     kinds: npt.NDArray[np.object_],
-    at: Whole,
+    at: Indices,
     master: Mapping[str, int],
-    on_asi: npt.NDArray[np.bool_],
-    u: Whole,
-    v: Whole,
+    on_asi: Bools,
+    u: Indices,
+    v: Indices,
 ) -> dict[int, int]:
     """Return the node that each supply feeds, and the supply there."""
     count, segments = len(kinds), design.devices["segment"].tolist()
@@ -228,12 +223,12 @@ def point_currents(design: Layout) -> pd.Series[float]:
 def _loads(
     design: Layout,
     kinds: npt.NDArray[np.object_],
-    at: Whole,
+    at: Indices,
     master: Mapping[str, int],
-    on_asi: npt.NDArray[np.bool_],
+    on_asi: Bools,
     index: Mapping[str, int],
     ends: set[int],
-) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
+) -> tuple[Floats, Floats, Bools]:
     """Return what each node draws [A], what is lost to its worst point [V], and which have 24 V."""
     settings, limits, count = design.settings, design.settings.supply, len(kinds)
     points, listed = design.points, design.iolist.points
@@ -380,8 +375,6 @@ def _cuts(
 
 def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return one row per supply, and one per device that is fed, on each of its lines."""
-    import pandas as pd
-
     trees, devices, runs = forest(design), design.devices, design.cables
     (flow, drop), (_, shorted) = trees.solve(), trees.solve(short=True)
     line = devices["segment"].isin(design.segments.query("bus == 'AS-i'")["segment"])

@@ -8,7 +8,7 @@ from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
@@ -16,11 +16,9 @@ import pandas as pd
 
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.costs import bill_table
+from shipnet.design.layout import Layout
 from shipnet.design.supply import supply_tables
 from shipnet.signals import SIGNALS
-
-if TYPE_CHECKING:
-    from shipnet.design.layout import Layout
 
 #: What the two conductors of a trunk carry, by bus, and those of every feeder.
 _WIRES: Mapping[str, tuple[str, str]] = MappingProxyType(

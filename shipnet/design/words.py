@@ -5,15 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from shipnet.errors import ArgumentError, InputError
 from shipnet.signals import find_signal, meanings, plain, spellings
-
-if TYPE_CHECKING:
-    from shipnet.tables import Sheet
+from shipnet.tables import Sheet
 
 #: Columns of a list of points, in their order, and what they hold: text, or a quantity whose unit
 #: the name ends with. `data/iolist_words.csv` has what lists call them.
