@@ -449,7 +449,7 @@ def serve(
     ArgumentError
         If an argument is out of its range.
     ImportError
-        If pymodbus, or pyserial for a serial line, is missing.
+        For RTU, if pymodbus or pyserial is missing.
 
     Examples
     --------

@@ -125,8 +125,8 @@ class ValveDevice(ValveRegisters):
 
     Figures 9 and 10 of the paper, as far as its text goes: in auto mode the master commands,
     in manual mode the switches; a write starts the motor in the direction of the position asked
-    for. The write is answered when the movement starts; `shipnet.ballast.answer` says what an
-    answer at its end would cost. After code Manual, open, close and positions are refused too.
+    for. The write is answered when the movement starts; `System.answer_at_end` is the other
+    reading. After code Manual, open, close and positions are refused too.
     """
 
     def __init__(
