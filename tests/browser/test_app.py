@@ -300,9 +300,9 @@ def test_the_ship_design_compares_a_list_of_ones_own_and_gives_its_report(page, 
     options = page.locator(".shipnet-table thead th")
     expect(options).to_have_count(5)
     expect(page.locator(".shipnet-caption")).to_contain_text("design aid, not class approval.")
-    tool.moves(lambda: modbus.set_checked(False), "Modbus RTU", "violates no rule: AS-i")
+    tool.moves(lambda: modbus.set_checked(False), "Modbus RTU", "violates no rule: CAN")
     expect(options).to_have_count(4)
-    tool.comes_back(lambda: modbus.set_checked(True), "Modbus RTU", "violates no rule: AS-i")
+    tool.comes_back(lambda: modbus.set_checked(True), "Modbus RTU", "violates no rule: CAN")
     tool.is_pictured("ship_design")
     total = page.get_by_role("rowheader", name="total cost [EUR]", exact=True)
     # The notebook shows the same table of another list above the page.
