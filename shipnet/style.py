@@ -17,7 +17,7 @@ __all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "use"]
 PAPER = {"color": "0.45", "linestyle": "--"}
 LIMIT = {"color": "#c0392b", "linestyle": "--"}
 
-# Okabe-Ito colours, told apart with any common colour vision, light enough to write on.
+# Okabe-Ito colours, distinct with any common colour vision, light enough to write on.
 FIELD = {
     "frame": "#d9d9d9",
     "control": "#cc9fc0",

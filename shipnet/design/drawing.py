@@ -9,7 +9,7 @@ from html import escape
 
 from shipnet.design.layout import Layout
 
-#: Colours of segments, after Okabe and Ito: told apart with any common colour vision.
+#: Colours of segments, after Okabe and Ito: distinct with any common colour vision.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#56B4E9", "#444444")
 
 #: A sheet is as wide as it prints well on A4: two columns of rows [px].

@@ -626,7 +626,7 @@ def _value(kind: Kind, cell: str) -> object:
 def longest_responses(rules: Iterable[Rule], points: pd.DataFrame, host_time: float) -> Floats:
     """Return the longest response that rules allow each point [s]; inf where they name none.
 
-    What the host alone exceeds is no limit that a plan could meet.
+    A limit that the host alone exceeds is left out: no plan can meet it.
     """
     longest = np.full(len(points), np.inf)
     for rule in rules:

@@ -24,7 +24,7 @@ _NEAR, _FAR = 10, 30
 
 @cache
 def _conductors(contacts: int, lines: int) -> int:
-    """Count the conductors at the cabinet on AS-i, or those of home runs if there is no line."""
+    """Return the conductors at the cabinet on AS-i, or of home runs if AS-i needs no line."""
     plant = Plant(contacts, contacts=1, lines=lines or 1)
     return conductors_at_cabinet(plant.on_asi if lines else plant.hardwired)
 

@@ -81,7 +81,7 @@ def test_frames_of_the_sender_count_in_its_whole_hyperperiod():
 
 @pytest.mark.parametrize("offset", [200, 200.5])
 def test_a_bound_with_offsets_is_one_instance_without_a_busy_period(offset):
-    # The low message comes so many bits after the high one, and waits for a foreign frame of 150.
+    # The low message comes this many bits after the high one, and waits for a foreign frame of 150.
     for deadline, met in ((250, True), (249.999, False)):
         messages = can.MessageSet(
             can.Message(f"m{k}", k, 8, 1000 * US, deadline=deadline * US, offset=k * offset * US,

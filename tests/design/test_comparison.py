@@ -210,7 +210,7 @@ def test_designs_of_another_place_or_at_other_prices_are_refused(other, what):
         compare([small(), other])
 
 
-def test_designs_within_other_limits_are_compared_and_told_apart():
+def test_designs_within_other_limits_are_compared_and_distinguished():
     both = compare([small(), small(name="spare", spare=0.5)])
     (row,) = both.changes().to_dict("records")
     assert (row["name"], row["value"], row["designs"]) == ("spare", 0.5, "spare")
@@ -271,7 +271,7 @@ def test_barriers_are_counted_and_their_place_is_named():
     assert not any("safe" in one for one in ship(4).compare((0, 0, 0)).conclusions())
 
 
-def test_progress_is_told_plan_by_plan():
-    told = []
-    ship(4).compare((0, 0, 0), ["home runs", "CAN"], progress=lambda *state: told.append(state))
-    assert told == [(1, 2), (2, 2)]
+def test_progress_is_shown_after_each_plan():
+    shown = []
+    ship(4).compare((0, 0, 0), ["home runs", "CAN"], progress=lambda *state: shown.append(state))
+    assert shown == [(1, 2), (2, 2)]
