@@ -31,7 +31,11 @@ _MODELS = (
 )  # fmt: skip
 
 #: What they only read from transcribed tables: a module, or a function of one.
-_READERS = ("shipnet.asi.emc.immunity", "shipnet.engine.points.read_points")
+_READERS = (
+    "shipnet.asi.emc.immunity",
+    "shipnet.ballast.registers.command_codes",
+    "shipnet.engine.points.read_points",
+)
 
 
 @dataclass(frozen=True, eq=False)

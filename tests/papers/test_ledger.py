@@ -187,6 +187,8 @@ def test_every_input_of_a_number_moves_it(claim):
     recomputation = REGISTRY[claim]
     inputs = recomputation.defaults
     original, basis = recomputation.result
+    again = Recomputation(recomputation.function, recomputation.inputs, {})
+    assert again.result[1] == basis, "a cache hides from the second run what the first called"
     assert inputs or basis == "model", "a number without inputs is typed, not computed"
     numbers = [name for name, one in inputs.items() if type(one) in (int, float)]
     for name, value in inputs.items():
@@ -211,7 +213,9 @@ def test_every_input_of_a_number_moves_it(claim):
 @pytest.mark.parametrize("claim", CHECKS)
 def test_every_check_can_turn_round(claim):
     recomputation = REGISTRY[claim]
-    answer, _ = recomputation.result
+    answer, basis = recomputation.result
+    again = Recomputation(recomputation.function, recomputation.inputs, {})
+    assert again.result[1] == basis, "a cache hides from the second run what the first called"
     assert isinstance(answer, bool)
     assert recomputation(**recomputation.counter) is (not answer)
 
