@@ -86,8 +86,9 @@ def test_a_row_says_everything_about_a_transaction():
     assert capture.transactions["slave_pause_bit"][0] == pytest.approx(2, abs=0.02)
     assert np.isnan(row["slave_pause_bit"])
     assert row["request_amplitude_V"] == pytest.approx(2.36, abs=0.02)
-    assert 0.8 < row["weakest_pulse"] < 0.95
-    assert 0.1 < row["ringing"] < 0.25
+    for who in ("request", "response"):
+        assert 0.8 < row[f"{who}_weakest"] < 0.95
+        assert 0.1 < row[f"{who}_ringing"] < 0.25
     assert row["text"] == (
         "data exchange with slave 21: outputs 0101 (5); answer to data exchange: inputs 0011 (3)"
     )
@@ -170,8 +171,8 @@ def test_two_cycles_with_all_that_happens():
         np.median([180, 180, 180, 204, 204, 228]) * BIT, abs=1e-6
     )
     assert summary.slaves.loc["6", ["requests", "answers", "errors"]].tolist() == [3, 2, 0]
-    assert summary.slaves.loc["4", "amplitude_margin"] == pytest.approx(
-        table["weakest_pulse"][[3, 11]].min() - 0.65
+    assert summary.slaves.loc["4", "weakest_pulse"] == pytest.approx(
+        table["response_weakest"][[3, 11]].min()
     )
     assert "never answered 5" in str(summary)
 
