@@ -16,7 +16,7 @@ from shipnet.answers import Findings
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.batch import NONE, Requests, parse_responses
 from shipnet.asi.bursts import Telegrams, find_telegrams
-from shipnet.asi.causes import Restored, causes_of, restored
+from shipnet.asi.causes import Found, Restored, line_causes, ranked, restored, sender_causes
 from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
@@ -440,7 +440,9 @@ class Capture:
     @cached_property
     def supply_voltage(self) -> float:
         """Voltage of the supply [V]; NaN if the record is AC coupled."""
-        middle = abs(float(np.nanmedian(self.wave.u[:: max(1, len(self.wave.u) // 100_000)])))
+        some = self.wave.u[:: max(1, len(self.wave.u) // 100_000)]
+        some = some[~np.isnan(some)]
+        middle = abs(float(np.median(some))) if len(some) else 0.0
         return middle if middle > _COUPLED else float("nan")
 
     def check(self, plan: Plan | None = None) -> Findings:
@@ -478,7 +480,15 @@ class Capture:
         >>> decode(plan.record(10e-3, weak={"2": 0.4}, rng=2024)).causes()["slave"].to_dict()
         {'weak slave': '2'}
         """
-        return causes_of(self)
+        broken, slaves = self.check().violated(), self.slaves
+        found: list[Found] = []
+        if len(broken) or self.disturbances:
+            answering = int((slaves["answers"] > 0).sum())
+            found = line_causes(
+                self.restored, self.wave.dt, self.transactions, answering, self.disturbances,
+                self.supply_voltage,
+            ) or sender_causes(slaves, self.disturbances)  # fmt: skip
+        return ranked(found, broken, self.inverted)
 
     def counters(self) -> pd.DataFrame:
         """Return what masters and analysers count, computed from the record.
@@ -505,6 +515,7 @@ class Capture:
         """Draw the record from `start` to `stop` [s] with the telegrams that were found in it.
 
         Each is shaded, with its bits above it; one with an error has the error's name above them.
+        Two lines show the least size of a first pulse.
         """
         ax = style.axes(ax, figsize=(10, 3.2))
         u, dt = self.wave.u, self.wave.dt
@@ -517,6 +528,9 @@ class Capture:
         index = np.unique(np.arange(len(whole))[:, np.newaxis] * group + index)
         ax.plot((low + index) * dt * 1e6, u[low:high][index], color="C0", linewidth=0.8)
 
+        middle = 0.0 if np.isnan(self.supply_voltage) else float(np.nanmedian(u))
+        style.limit(ax, middle + LEVEL[0], "least first pulse")
+        style.limit(ax, middle - LEVEL[0], "")
         ends = ax.get_xaxis_transform()
         for row in self.transactions.to_dict("records"):
             begin = row["start_s"]
@@ -560,7 +574,10 @@ class Capture:
         """The first 40 ms with the cable taken off, from which bad requests can be read."""
         rows = self.transactions
         asked = rows[(rows["request"].str.len() == REQUEST_BITS) & rows["start_s"].notna()]
-        return restored(self.wave.u, self.wave.dt, asked["start_s"].to_numpy())
+        good = rows[rows["request_error"] == "ok"]
+        words = np.array([int(bits, 2) for bits in good["request"]], np.int64)
+        starts = asked["start_s"].to_numpy(), good["start_s"].to_numpy()
+        return restored(self.wave.u, self.wave.dt, *starts, words, self.inverted)
 
     @cached_property
     def asked(self) -> pd.DataFrame:

@@ -10,7 +10,7 @@ master feeds: supply and cable as one resistance, inductance and capacitance in 
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,9 +21,6 @@ from shipnet.asi.elements import DEVICE, POWER_SUPPLY
 from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
 from shipnet.asi.telegram import REQUEST_BITS, frame
 from shipnet.lazy import pd
-
-if TYPE_CHECKING:
-    from shipnet.asi.capture import Capture
 
 #: How much of a record is looked at [s], and the shortest that says something.
 _LONGEST, _SHORTEST = 40e-3, 0.5e-3
@@ -114,36 +111,40 @@ class Restored(NamedTuple):
     inverted: bool
 
 
-def restored(u: Floats, dt: float, asked: Floats) -> Restored:
-    """Read requests in the part of a record from shortly before the first one was `asked` [s]."""
+def restored(
+    u: Floats, dt: float, asked: Floats, start: Floats, words: Integers, inverted: bool
+) -> Restored:
+    """Read requests in the part of a record from shortly before the first one was `asked` [s].
+
+    Those that were read as they are, with their `start` and `words`, stay if they are more.
+    """
     low = max(0, int((asked[0] - 1e-3) / dt)) if len(asked) else 0
     u = u[low : low + round(_LONGEST / dt)]
+    best = Restored(u, low * dt, start, words, inverted)
     asked = asked - low * dt
     asked = asked[(asked > _BEFORE) & (asked < len(u) * dt - _STRETCH)]
-    best = Restored(u, low * dt, np.zeros(0), np.zeros(0, np.int64), False)
-    # Where responses come from afar, their spectrum is another; where no request is found, nothing
-    # but all of the record is left.
+    # Responses from afar have another spectrum than requests; if those are not found, nothing but
+    # the whole record is left.
     for times in (asked, asked[:0]):
-        if len(u) * dt < _SHORTEST or len(best.start) > 0.8 * len(asked) > 0:
+        if len(u) * dt < _SHORTEST:
             break
         y, step = without_cable(u, dt, times)
         found = find_telegrams(y, step, 0.5, None)
         every = found.telegrams
         good = every[(every.error == 0) & (every.length == REQUEST_BITS)]
-        if len(good) > len(best.start):
+        if len(good) >= len(best.start):
             # The first sample is the mean of as many.
-            start = low * dt + good.start + (Sampling.of(dt).mean - 1) / 2 * dt
-            best = Restored(u, low * dt, start, good.word, found.inverted)
+            begin = low * dt + good.start + (Sampling.of(dt).mean - 1) / 2 * dt
+            best = Restored(u, low * dt, begin, good.word, found.inverted)
+        if len(good) > 0.8 * len(times) > 0:
+            break
     return best
 
 
-def measured(
-    part: Restored, dt: float, start: Floats, words: Integers, inverted: bool
-) -> Impedance | None:
-    """Return the impedance that requests meet: restored ones, or those given if they are more."""
-    if len(part.start) >= len(start):
-        start, words, inverted = part.start, part.words, part.inverted
-    u, start = part.u, start - part.since
+def measured(part: Restored, dt: float) -> Impedance | None:
+    """Return the impedance that requests meet, if enough can be read."""
+    words, inverted = part.words, part.inverted
+    u, start = part.u, part.start - part.since
     inside = (start > 2 * _BEFORE) & (start < len(u) * dt - _WINDOW)
     start, words = start[inside], words[inside]
     if len(start) < _FEWEST:
@@ -220,18 +221,17 @@ _WEAKER, _LOUDER = 0.65, 1.5
 _NOTHING = 0.6
 
 
-class _Found(NamedTuple):
+class Found(NamedTuple):
+    """A cause with its evidence."""
+
     cause: str
     evidence: str
     #: The slave it is about, or all objects.
     slave: str = ""
 
 
-def causes_of(capture: Capture) -> pd.DataFrame:
-    """Return the probable causes of what is wrong with a line; `Capture.causes` says how."""
-    broken = capture.check().violated()
-    faulty = len(broken) > 0 or capture.disturbances > 0
-    found = list(_line_causes(capture) or _sender_causes(capture)) if faulty else []
+def ranked(found: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.DataFrame:
+    """Return causes as a table, those first that explain most of the violated findings."""
     rows = []
     for one in found:
         own = broken["object"] == f"slave {one.slave}"
@@ -240,71 +240,71 @@ def causes_of(capture: Capture) -> pd.DataFrame:
         elif not one.slave:
             own = broken["rule"] != "supply voltage"
         rows.append((one.cause, one.slave, float(own.mean()) if len(own) else 0.0, one.evidence))
-    if capture.inverted:
+    if inverted:
         rows.append((REVERSED, "", 0.0, "the first pulse of most telegrams is positive"))
     table = pd.DataFrame(rows, columns=["cause", "slave", "share", "evidence"])
     return table.sort_values("share", ascending=False, kind="stable").set_index("cause")
 
 
-def _line_causes(capture: Capture) -> list[_Found]:
-    """Return what is wrong with cable or supply, which every sender feels."""
-    rows, part = capture.transactions, capture.restored
-    u, dt = part.u, capture.wave.dt
-    short = len(u) * dt < _SHORTEST
-    good = rows[rows["request_error"] == "ok"]
-    words = np.array([int(bits, 2) for bits in good["request"]], np.int64)
-    found = measured(part, dt, good["start_s"].to_numpy(), words, capture.inverted)
-    supply = capture.supply_voltage
+def line_causes(
+    part: Restored, dt: float, rows: pd.DataFrame, answering: int, bursts: int, supply: float
+) -> list[Found]:
+    """Return what is wrong with cable or supply, which every sender feels.
+
+    `rows` are all transactions, `answering` counts the slaves, `bursts` what is no telegram, and
+    `supply` is its voltage [V], NaN if unknown.
+    """
+    u, found = part.u, measured(part, dt)
     if found is None:
-        level = np.nanquantile(np.abs(u - np.nanmedian(u)), 0.99) if not short else 0.0
-        unread = capture.disturbances + int((~rows["request_error"].isin(["ok", ""])).sum())
+        known = u[~np.isnan(u)]
+        level = np.quantile(np.abs(known - np.median(known)), 0.99) if len(known) else 0.0
+        unread = bursts + int((~rows["request_error"].isin(["ok", ""])).sum())
         if level > _NOTHING and unread >= 2 * _FEWEST:
             said = f"{unread} telegrams cannot be read, not even with the cable's echoes taken off"
-            return [_Found(CABLE, said)]
-        if level < _NOTHING and not capture.telegrams and supply == supply and not short:
+            return [Found(CABLE, said)]
+        silent = level < _NOTHING and not (rows["response_error"] == "ok").any()
+        if silent and supply == supply and len(u) * dt > _SHORTEST:
             said = (
                 f"{supply:.0f} V but no pulse above {_NOTHING} V: an ordinary supply without "
                 "decoupling short-circuits all signals (a silent master looks alike)"
             )
-            return [_Found(INDUCTANCE, said)]
+            return [Found(INDUCTANCE, said)]
         return []
     r, inductance, c, misfit, stray = found
-    devices = int((capture.slaves["answers"] > 0).sum()) + 1
     nominal = [float(part) for part in POWER_SUPPLY.shunt[:2]]
-    own = [devices * float(part) for part in DEVICE.shunt[:2]]
+    own = [(answering + 1) * float(part) for part in DEVICE.shunt[:2]]
     # How many supplies the resistance stands for, and how many the inductance.
     damped, fed = (1 / r - own[0]) / nominal[0], (1 / inductance - own[1]) / nominal[1]
     seen = f"requests meet {r:.0f} ohm beside {inductance * 1e6:.0f} uH"
     usual = f"one supply has {1 / nominal[0]:.0f} ohm beside {1e6 / nominal[1]:.0f} uH"
     if fed > 2.5 and stray < 3 * _STRAY:
-        return [_Found(INDUCTANCE, f"{seen}; {usual}")]
+        return [Found(INDUCTANCE, f"{seen}; {usual}")]
     if stray > _STRAY:
         said = f"{stray:.0%} of the power during requests is foreign to them"
-        return [_Found(INTERFERENCE, said)]
+        return [Found(INTERFERENCE, said)]
     if min(damped, fed) > 1.4 and 0.6 < damped / fed < 1.6:
-        return [_Found(SECOND, f"{seen}; {usual}, and half of a decoupling looks like two")]
+        return [Found(SECOND, f"{seen}; {usual}, and half of a decoupling looks like two")]
     if fed > 1.4:
-        return [_Found(INDUCTANCE, f"{seen}; {usual}")]
+        return [Found(INDUCTANCE, f"{seen}; {usual}")]
     if misfit > _ECHOES or c > _MOST_CAPACITANCE:
         said = (
             f"requests meet {c * 1e9:.0f} nF, where 100 m have {_MOST_CAPACITANCE * 1e9:.0f} nF at "
             f"most; echoes are {misfit:.0%} of their voltage"
         )
-        return [_Found(CABLE, said)]
+        return [Found(CABLE, said)]
     if damped < 0.3:
         rings = 1 / (2 * np.pi * np.sqrt(inductance * c)) / 1e3
-        return [_Found(INDUCTANCE, f"{seen}, not damped: it rings at {rings:.0f} kHz; {usual}")]
+        return [Found(INDUCTANCE, f"{seen}, not damped: it rings at {rings:.0f} kHz; {usual}")]
     if max(damped, fed) < 0.65:
-        return [_Found(CABLE, f"{seen}; {usual}: a long cable leads to it")]
+        return [Found(CABLE, f"{seen}; {usual}: a long cable leads to it")]
     if fed < 0.65:
         tail = inductance / r * 1e6
-        return [_Found(INDUCTANCE, f"{seen}, so pulses fade in {tail:.1f} us; {usual}")]
+        return [Found(INDUCTANCE, f"{seen}, so pulses fade in {tail:.1f} us; {usual}")]
     return []
 
 
-def _sender_causes(capture: Capture) -> list[_Found]:
+def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
     """Return what is wrong with single slaves, and what comes and goes."""
-    slaves = capture.slaves
     level = slaves["amplitude_V"]
     usual = float(level.median())
     found = []
@@ -313,19 +313,19 @@ def _sender_causes(capture: Capture) -> list[_Found]:
         said = f"its level is {slave['amplitude_V']:.2f} V, that of most slaves {usual:.2f} V"
         if slave["amplitude_V"] > _LOUDER * usual:
             said += f"; {slave['errors']} of its answers are bad, as of two that answer at once"
-            found.append(_Found(DUPLICATE, said, str(label)))
+            found.append(Found(DUPLICATE, said, str(label)))
         elif slave["amplitude_V"] < _WEAKER * usual:
-            found.append(_Found(WEAK, said, str(label)))
+            found.append(Found(WEAK, said, str(label)))
     bad = slaves["errors"] + slaves["bad_requests"]
     bad = bad[(bad > 0) & ~bad.index.isin([one.slave for one in found])]
     one = bad.index[0] if len(bad) == 1 else ""
     if one and slaves["errors"][one] == bad[one] >= 3:
         said = f"all {bad[one]} bad telegrams are its answers, as of two that answer at once"
-        found.append(_Found(DUPLICATE, said, str(one)))
-    elif len(bad) or (capture.disturbances and not found):
+        found.append(Found(DUPLICATE, said, str(one)))
+    elif len(bad) or (bursts and not found):
         said = (
             f"{bad.sum()} bad telegrams at {len(bad)} slaves, which come and go; "
-            f"{capture.disturbances} bursts that are no telegram"
+            f"{bursts} bursts that are no telegram"
         )
-        found.append(_Found(INTERFERENCE, said))
+        found.append(Found(INTERFERENCE, said))
     return found

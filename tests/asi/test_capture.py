@@ -346,6 +346,8 @@ def test_what_is_not_as_i_has_no_good_telegram(u):
 def test_any_samples_give_a_table(u, dt):
     capture = decode(u, dt)
     assert capture.summary().transactions == len(capture.transactions)
+    assert len(capture.counters()) == 8
+    assert set(capture.causes()["slave"]) <= {"", *capture.slaves.index}
 
 
 @pytest.mark.parametrize(
@@ -373,9 +375,11 @@ def test_figure_shades_the_telegrams_with_their_bits():
     capture = decode(u, 1e-7)
     ax = Figure().subplots()
     assert capture.plot(ax, stop=180e-6) is ax
-    assert [text.get_text() for text in ax.texts] == [REQUESTS[1].bits, ANSWERS[1].bits]
+    texts = [text.get_text() for text in ax.texts]
+    assert texts == ["least first pulse", "", REQUESTS[1].bits, ANSWERS[1].bits]
     assert len(ax.patches) == 2
-    (drawn,) = ax.lines
+    drawn, *limits = ax.lines
+    assert [line.get_ydata()[0] for line in limits] == pytest.approx([31.5, 28.5], abs=0.2)
     assert drawn.get_ydata().min() == pytest.approx(u[:1800].min())
     assert ax.get_xlabel() == "time [us]"
     assert ax.get_ylabel() == "voltage [V]"
@@ -387,7 +391,7 @@ def test_figure_of_a_long_record_keeps_every_peak():
     u[123_456] = 9
     ax = Figure().subplots()
     decode(u, 1e-7).plot(ax)
-    (drawn,) = ax.lines
+    drawn = ax.lines[0]
     assert len(drawn.get_ydata()) < 25_000
     assert drawn.get_ydata().max() == 9
 
