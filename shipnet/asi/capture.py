@@ -438,12 +438,15 @@ class Capture:
         return self.summary().slaves
 
     @cached_property
-    def supply_voltage(self) -> float:
-        """Voltage of the supply [V]; NaN if the record is AC coupled."""
+    def _middle(self) -> float:
         some = self.wave.u[:: max(1, len(self.wave.u) // 100_000)]
         some = some[~np.isnan(some)]
-        middle = abs(float(np.median(some))) if len(some) else 0.0
-        return middle if middle > _COUPLED else float("nan")
+        return float(np.median(some)) if len(some) else 0.0
+
+    @property
+    def supply_voltage(self) -> float:
+        """Voltage of the supply [V]; NaN if the record is AC coupled."""
+        return abs(self._middle) if abs(self._middle) > _COUPLED else float("nan")
 
     def check(self, plan: Plan | None = None) -> Findings:
         """Judge what was heard, requests and responses apart: level, evenness, ringing, errors.
@@ -528,9 +531,14 @@ class Capture:
         index = np.unique(np.arange(len(whole))[:, np.newaxis] * group + index)
         ax.plot((low + index) * dt * 1e6, u[low:high][index], color="C0", linewidth=0.8)
 
-        middle = 0.0 if np.isnan(self.supply_voltage) else float(np.nanmedian(u))
-        style.limit(ax, middle + LEVEL[0], "least first pulse")
-        style.limit(ax, middle - LEVEL[0], "")
+        zero = 0.0 if np.isnan(self.supply_voltage) else self._middle
+        colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
+        for sign in (1, -1):
+            ax.axhline(zero + sign * LEVEL[0], color=colour, linestyle=dashes)
+        ax.text(
+            1.01, zero - LEVEL[0], f"{LEVEL[0]} V", transform=ax.get_yaxis_transform(),
+            color=colour, va="center", fontsize=8,
+        )  # fmt: skip
         ends = ax.get_xaxis_transform()
         for row in self.transactions.to_dict("records"):
             begin = row["start_s"]

@@ -312,7 +312,9 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
     for label, slave in known.iterrows():
         said = f"its level is {slave['amplitude_V']:.2f} V, that of most slaves {usual:.2f} V"
         if slave["amplitude_V"] > _LOUDER * usual:
-            said += f"; {slave['errors']} of its answers are bad, as of two that answer at once"
+            said += (
+                f"; {int(slave['errors'])} of its answers are bad, as of two that answer at once"
+            )
             found.append(Found(DUPLICATE, said, str(label)))
         elif slave["amplitude_V"] < _WEAKER * usual:
             found.append(Found(WEAK, said, str(label)))
@@ -320,11 +322,11 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
     bad = bad[(bad > 0) & ~bad.index.isin([one.slave for one in found])]
     one = bad.index[0] if len(bad) == 1 else ""
     if one and slaves["errors"][one] == bad[one] >= 3:
-        said = f"all {bad[one]} bad telegrams are its answers, as of two that answer at once"
+        said = f"all {int(bad[one])} bad telegrams are its answers, as of two that answer at once"
         found.append(Found(DUPLICATE, said, str(one)))
     elif len(bad) or (bursts and not found):
         said = (
-            f"{bad.sum()} bad telegrams at {len(bad)} slaves, which come and go; "
+            f"{int(bad.sum())} bad telegrams at {len(bad)} slaves, which come and go; "
             f"{bursts} bursts that are no telegram"
         )
         found.append(Found(INTERFERENCE, said))

@@ -56,7 +56,9 @@ class _Recorder:
                 z = network.transfer(sender, s)[..., rows, :]
                 return np.asarray(-z * SEND_CURRENT * ramp_spectrum(s) / s)
 
-            return record_of(change, round(_RINGS / dt), dt, F_MAX)
+            u = record_of(change, round(_RINGS / dt), dt, F_MAX)
+            # What is left at the end must fade, or it would be heard as a step.
+            return u * np.minimum(1, 2 * np.linspace(1, 0, u.shape[-1]))
 
         #: One change of the master's current at each slave and the scope; by reciprocity the first
         #: are those of the slaves at the master. Then those of the slaves at the scope.

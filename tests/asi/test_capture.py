@@ -376,7 +376,7 @@ def test_figure_shades_the_telegrams_with_their_bits():
     ax = Figure().subplots()
     assert capture.plot(ax, stop=180e-6) is ax
     texts = [text.get_text() for text in ax.texts]
-    assert texts == ["least first pulse", "", REQUESTS[1].bits, ANSWERS[1].bits]
+    assert texts == ["1.5 V", REQUESTS[1].bits, ANSWERS[1].bits]
     assert len(ax.patches) == 2
     drawn, *limits = ax.lines
     assert [line.get_ydata()[0] for line in limits] == pytest.approx([31.5, 28.5], abs=0.2)
