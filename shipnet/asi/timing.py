@@ -328,6 +328,25 @@ class Cycle:
         busy = bits * self.transaction.bit_time
         return _plain(np.divide(busy, time, out=np.zeros(time.shape), where=time > 0))
 
+    def interval(
+        self,
+        profile: Profile | str = "S-0.F",
+        *,
+        channels: int = 1,
+        direction: Direction = "in",
+        paired: npt.ArrayLike | None = None,
+    ) -> float | Floats:
+        """Return the time after which a slave's bits, or its values, are heard again [s].
+
+        The arguments are those of `response_time`.
+        """
+        shared = np.asarray(self.pairs) > 0 if paired is None else np.asarray(paired)
+        if shared.dtype.kind != "b":
+            raise ArgumentError(f"paired is {paired!r}; it must be True or False")
+        count = check_whole("channels", channels, 1, CHANNELS) if transfers_values(profile) else 1
+        asked = np.where(shared, 2, 1) * exchanges(profile, direction) * count
+        return _plain(np.asarray(self.time) * asked)
+
     def response_time(
         self,
         profile: Profile | str = "S-0.F",
@@ -356,17 +375,16 @@ class Cycle:
         The `host` looks at the master's image so often [s]. Every one of the `repetitions` makes
         the worst case later by one transaction.
         """
-        shared = np.asarray(self.pairs) > 0 if paired is None else np.asarray(paired)
-        if shared.dtype.kind != "b":
-            raise ArgumentError(f"paired is {paired!r}; it must be True or False")
         late = _whole("repetitions", repetitions, _MOST) * self.transaction.duration
-        whole = np.asarray(self.time) * np.where(shared, 2, 1) * exchanges(profile, direction)
+        waits = np.asarray(
+            self.interval(profile, channels=channels, direction=direction, paired=paired)
+        )
         if transfers_values(profile):
-            count = check_whole("channels", channels, 1, CHANNELS)
-            known, waits = whole, count * (whole + _seconds("conversion", conversion))
+            known = waits / channels
+            waits = waits + channels * _seconds("conversion", conversion)
         else:
             bits = self.transaction.master_pause + RESPONSE_BITS
-            known, waits = np.asarray(bits * self.transaction.bit_time), whole
+            known = np.asarray(bits * self.transaction.bit_time)
         waits = waits + _seconds("host", host)
         times = np.broadcast_arrays(known, known + waits / 2, known + waits + late)
         return ResponseTime(*map(_plain, times))

@@ -76,6 +76,11 @@ class Module(NamedTuple):
         return self.ports[0].startswith("A")
 
     @property
+    def channels(self) -> int:
+        """How many values it transfers; 1 of single bits."""
+        return len(self.ports) if self.analogue else 1
+
+    @property
     def outputs(self) -> bool:
         """Whether it has outputs, which auxiliary power feeds."""
         return any("Q" in port for port in self.ports)
@@ -383,11 +388,10 @@ def addresses_needed(group: Sequence[Module]) -> int:
 
 
 def _responses(module: Module, cycle: Cycle, paired: bool, limits: AsiLimits) -> Floats:
-    channels = len(module.ports) if module.analogue else 1
     outputs = ["Q" in port for port in module.ports]
     late = {
         output: response(
-            module.profile, cycle, limits, channels=channels, output=output, paired=paired
+            module.profile, cycle, limits, channels=module.channels, output=output, paired=paired
         )
         for output in set(outputs)
     }
@@ -574,13 +578,22 @@ def _connect(draft: Draft, segment: str, line: Line, names: dict[str, str]) -> N
             draft.connect(int(row), "AS-i", segment, device, address, float(late))
             draft.drop(int(row), device, module.place, segment, np.nan)
     rows = np.concatenate([module.rows for module in line.modules])
+    shared = {slave.address for slave in line.slaves if slave.half == "B"}
+    shares = [
+        line.cycle.interval(
+            module.profile, channels=module.channels, paired=slave.address in shared,
+            direction="out" if module.outputs else "in",
+        ) / draft.need[module.rows].min()
+        for module, slave in zip(line.modules, line.slaves, strict=True)
+    ]  # fmt: skip
     parts = line.plan.segments
     used = len({slave.address for slave in line.slaves})
     draft.segment(
         rows, segment=segment, bus="AS-i",
         devices=len(line.slaves) + 1 + len(line.drawn.repeaters), length_m=line.drawn.length,
-        load=used / ADDRESSES, masters=1, slaves=len(line.slaves),
-        addresses=used, cycle_ms=1e3 * float(line.cycle.time), repeaters=len(line.drawn.repeaters),
+        bus_time=line.cycle.bus_time, capacity_used=max(used / ADDRESSES, *shares), masters=1,
+        slaves=len(line.slaves), addresses=used, cycle_ms=1e3 * float(line.cycle.time),
+        repeaters=len(line.drawn.repeaters),
         supply_current_a=max(part.current for part in parts),
         lowest_v=min(min(part.voltages[node] for node, _ in part.draws) for part in parts),
     )  # fmt: skip
