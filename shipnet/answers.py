@@ -11,7 +11,7 @@ from shipnet.errors import ArgumentError
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_workbook
 
-__all__ = ["COLUMNS", "FORMS", "VERDICTS", "Answer", "Findings", "check_output"]
+__all__ = ["COLUMNS", "FORMS", "VERDICTS", "Answer", "Findings", "Utilisation", "check_output"]
 
 #: Columns that all findings have, in this order; others may follow.
 COLUMNS = ("rule", "object", "value", "low", "high", "unit", "verdict", "why", "source")
@@ -125,6 +125,28 @@ class Findings:
 
     def __repr__(self) -> str:
         return f"<Findings: {self.verdict}>"
+
+
+class Utilisation(NamedTuple):
+    """How far a bus is used, in three numbers that mean the same for every bus.
+
+    Attributes
+    ----------
+    bus_time : float
+        Share of the time in which a frame is on the wire. The silence between frames is not in
+        it, but the 3 bits of intermission on CAN are, as in every bus load.
+    capacity_used : float
+        Largest share that is used of what a bus has: its addresses or stations, and its time.
+        Where a master polls, that is the time until it has asked for a point again, over the
+        update that the point needs; on CAN it is the bus time. Above 1 it is not enough.
+    worst_response : float
+        Longest time from a change at a point until the host knows of it [s]. The change waits
+        until it is asked for, or on CAN for the next period of its message.
+    """
+
+    bus_time: float
+    capacity_used: float
+    worst_response: float
 
 
 #: Suffixes of the files that every answer can be written to; no suffix means a folder.

@@ -34,7 +34,7 @@ from shipnet.asi.segment import (
 )
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES
-from shipnet.asi.timing import Cycle, Transaction, transfers_values
+from shipnet.asi.timing import Cycle, Direction, ResponseTime, Transaction, exchanges
 from shipnet.errors import ArgumentError
 from shipnet.lazy import Axes, pd
 from shipnet.line.network import CableRun, Network
@@ -364,26 +364,30 @@ class Plan:
         return Counter(slave.address for slave in slaves)
 
     def response_times(
-        self, *, repetitions: int = 0, host: float = 0.0, conversion: float = 0.0
+        self, *, direction: Direction = "in", repetitions: int = 0, host: float = 0.0
     ) -> pd.DataFrame:
         """Return how soon and how late the host knows of a change at each slave.
 
-        One row per slave: `best_s` and `worst_s`, as `Cycle.response_time` has them, with so many
-        `repetitions` on the line and the time between two looks of the `host` [s]. A slave for
-        analogue values transfers one value, after a `conversion` [s].
+        One row per slave of a plan of one line: `best_s`, `typical_s` and `worst_s`, as
+        `Cycle.response_time` has them, with the slave's profile, channels and conversion. They are
+        NaN where nobody knows how a profile transfers its values; `why` says so.
         """
         used, cycle = self._addresses(), self.cycle
         rows = {}
         for slave in self.slaves:
-            analogue = transfers_values(slave.kind)
-            rows[slave.label] = cycle.response_time(
-                slave.kind if analogue else None,
-                conversion=conversion if analogue else 0.0,
-                paired=used[slave.address] > 1,
-                repetitions=repetitions,
-                host=host,
-            )
-        table = pd.DataFrame.from_dict(rows, orient="index", columns=["best_s", "worst_s"])
+            try:
+                exchanges(slave.kind, direction)
+            except ArgumentError as unknown:
+                rows[slave.label] = (*[np.nan] * 3, str(unknown))
+                continue
+            found = cycle.response_time(
+                slave.kind, channels=slave.channels, conversion=slave.conversion,
+                direction=direction, paired=used[slave.address] > 1,
+                repetitions=repetitions, host=host,
+            )  # fmt: skip
+            rows[slave.label] = (*found, "")
+        columns = [*(f"{name}_s" for name in ResponseTime._fields), "why"]
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("slave")
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:

@@ -27,7 +27,7 @@ from shipnet.asi.master import Command, Master, Phase, RunningMaster, check_bits
 from shipnet.asi.plan import Plan
 from shipnet.asi.slave import KINDS, RunningSlave, Slave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
-from shipnet.asi.timing import Transaction
+from shipnet.asi.timing import Transaction, exchanges, transfers_values
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, number, part, record
@@ -348,9 +348,14 @@ class Run:
         ``least_s``, ``mean_s`` and ``longest_s`` are the time from a change of an input to the
         end of the response that reports it, for a change at a random time between the first
         cyclic exchange that succeeds and the last. A slave that was dropped meanwhile has a long
-        time.
+        time. A slave for values converts all the time from 0 on, as `Cycle.response_time` says.
         """
-        good = self._exchanges.query("cyclic and not failed")
+        good = self._exchanges.query("cyclic and not failed")[["slave", "sampled", "known"]]
+        parts = dict(list(good.groupby("slave", sort=False)))
+        for slave in self.slaves:
+            if slave.label in parts and transfers_values(slave.profile):
+                parts[slave.label] = _values(parts[slave.label], slave.settings)
+        good = pd.concat(parts.values()) if parts else good
         before = good.groupby("slave", sort=False)["sampled"].shift()
         waits = pd.DataFrame(
             {
@@ -387,6 +392,23 @@ class Run:
             answers.append(seen["known"].iloc[0] - change.time if len(seen) else np.nan)
         frame = pd.DataFrame(self.changes, columns=["time_s", "slave", "value"])
         return frame.assign(response_time_s=np.array(answers, dtype=float))
+
+
+def _values(own: pd.DataFrame, slave: Slave) -> pd.DataFrame:
+    """Return when the values of one channel were converted and known, by the slave's exchanges."""
+    try:
+        needed = exchanges(slave.kind)
+    except ArgumentError:  # nobody knows
+        return own[:0]
+    ends = own["known"].to_numpy()[needed - 1 :: needed]
+    taken, known = ends[: -1 : slave.channels], ends[1 :: slave.channels]
+    round_of_all = slave.channels * slave.conversion
+    sampled = np.floor(taken / round_of_all) * round_of_all if round_of_all else taken
+    # A value that is transferred once more says nothing new.
+    new = np.diff(sampled, prepend=-1) > 0
+    return pd.DataFrame(
+        {"slave": own["slave"].iloc[0], "sampled": sampled[new], "known": known[new]}
+    )
 
 
 # The simulation --------------------------------------------------------------------------------

@@ -44,6 +44,9 @@ from shipnet.tables import as_csv
 
 RESPONSE = "worst_response_ms"
 
+#: Columns that are about the segments of a bus, of which the most used one counts.
+_BUS = ("bus_time", "capacity_used")
+
 #: Columns of a comparison in which less is better, and by which designs are weighed.
 CRITERIA = ("total_cost_eur", RESPONSE, "lost_by_failure")
 
@@ -60,11 +63,12 @@ _TOLD = (
     ("lost_by_failure", "Fewest points lost by one cable or device", ""),
 )
 
-#: Rows of a comparison that a text shows; that of the trays only where there are some.
+#: Rows of a comparison that a text shows; those of buses and trays only where there are some.
 _SHORT = (
     "points_left_out", "conductors_at_cabinet", "cable_length_km", "cable_mass_kg", "labour_h",
-    "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", RESPONSE, "lost_by_cable",
-    "lost_by_tray", "lost_by_device", "rules_met", "rules_violated", "rules_not_verified",
+    "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", *_BUS, RESPONSE,
+    "lost_by_cable", "lost_by_tray", "lost_by_device", "rules_met", "rules_violated",
+    "rules_not_verified",
 )  # fmt: skip
 
 
@@ -168,6 +172,7 @@ class Comparison:
             **figures["nominal"],
             "total_cost_low_eur": figures.loc["total_cost_eur", "low"],
             "total_cost_high_eur": figures.loc["total_cost_eur", "high"],
+            **design.segments[list(_BUS)].max(),
             RESPONSE: design.worst_response_ms,
             "lost_by_cable": cable,
             "lost_by_tray": most.get("tray", float("nan")),
@@ -354,7 +359,8 @@ class Comparison:
     def short(self) -> pd.DataFrame:
         """Return the rows that are asked for first, as text, one column per design."""
         table = self._table
-        rows = [row for row in _SHORT if row != "lost_by_tray" or table[row].notna().any()]
+        optional = (*_BUS, "lost_by_tray")
+        rows = [row for row in _SHORT if row not in optional or table[row].notna().any()]
         shown = table[rows].astype(object)
         for row in rows:
             shown[row] = [number(value) for value in shown[row]]

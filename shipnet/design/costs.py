@@ -157,6 +157,8 @@ _OTHERS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "total_cost_low_eur": ("total cost, low", "EUR"),
         "total_cost_high_eur": ("total cost, high", "EUR"),
         "worst_response_ms": ("worst response", "ms"),
+        "bus_time": ("bus time", ""),
+        "capacity_used": ("capacity used", ""),
         "lost_by_cable": ("lost by one cable", ""),
         "lost_by_tray": ("lost by one tray", ""),
         "lost_by_device": ("lost by one device", ""),

@@ -50,7 +50,8 @@ COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         },
         "segments": {
             "segment": "str", "bus": "str", "points": "int", "devices": "int", "length_m": "float",
-            "load": "float", "response_ms": "float", "slowest_update_ms": "float",
+            "bus_time": "float", "capacity_used": "float", "response_ms": "float",
+            "slowest_update_ms": "float",
         },
         "reasons": {
             "subject": "str", "limit": "str", "value": "float", "bound": "float", "unit": "str",

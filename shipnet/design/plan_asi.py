@@ -20,7 +20,7 @@ from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.rules import meets, rule_limits
 from shipnet.asi.slave import Slave
-from shipnet.asi.timing import ADDRESSES, Transaction, cycle_time, response_time, transfer_cycles
+from shipnet.asi.timing import ADDRESSES, Cycle
 from shipnet.asi.topologies import assign_addresses as share_addresses
 from shipnet.design.catalogue import cables, with_spare
 from shipnet.design.drafting import (
@@ -78,6 +78,11 @@ class Module(NamedTuple):
         return self.ports[0].startswith("A")
 
     @property
+    def channels(self) -> int:
+        """How many values it transfers; 1 of single bits."""
+        return len(self.ports) if self.analogue else 1
+
+    @property
     def outputs(self) -> bool:
         """Whether it has outputs, which auxiliary power feeds."""
         return any("Q" in port for port in self.ports)
@@ -102,22 +107,18 @@ def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
     return found
 
 
-def analogue_response(channels: int, limits: AsiLimits, cycle: float | None = None) -> float:
-    """Return how late the host knows of a value."""
-    one = transfer_cycles(_ANALOGUE) * (float(cycle_time(ADDRESSES)) if cycle is None else cycle)
-    late = limits.repetitions * Transaction().duration
-    return (channels + 1) * one + late + channels * limits.conversion
-
-
-def digital_response(
-    cycle: float, paired: bool, profile: str, output: bool, limits: AsiLimits
-) -> float:
-    """Return how late a change of a state is known at the other end."""
-    worst = float(response_time(cycle, paired=paired, repetitions=limits.repetitions).worst)
-    if output and _extended(profile):
-        interval = cycle * (2 if paired else 1)
-        return interval * transfer_cycles(profile, direction="out") + worst - interval
-    return worst
+@lru_cache(4096)
+def response(
+    profile: str, cycle: Cycle, limits: AsiLimits, *, channels: int = 1, output: bool = False,
+    paired: bool = False,
+) -> float:  # fmt: skip
+    """Return how late a change is known at the other end [s]."""
+    return float(
+        cycle.response_time(
+            profile, channels=channels, conversion=limits.conversion, paired=paired,
+            direction="out" if output else "in", repetitions=limits.repetitions,
+        ).worst
+    )  # fmt: skip
 
 
 @cache
@@ -134,14 +135,16 @@ def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> In
     for kind, most in (("DI", limits.inputs), ("DO", limits.outputs)):
         output = kind == "DO"
         profile = _DIGITAL[output, limits.shared]
-        alone = digital_response(float(cycle_time(1)), False, profile, output, limits)
+        alone = response(profile, Cycle(1), limits, output=output)
         least[kinds == kind] = alone
         channels[(kinds == kind) & (need >= alone)] = most
     for kind in ("AI", "AO"):
-        least[kinds == kind] = analogue_response(1, limits)
-        for number in range(1, limits.channels + 1):
-            quick = need >= analogue_response(number, limits)
-            channels[(kinds == kind) & quick] = number
+        late = [
+            response(_ANALOGUE, Cycle(), limits, channels=n + 1) for n in range(limits.channels)
+        ]
+        least[kinds == kind] = late[0]
+        for number, one in enumerate(late, 1):
+            channels[(kinds == kind) & (need >= one)] = number
     for place in np.flatnonzero(channels == 0):
         tag, wanted, alone = draft.tags[rows[place]], 1e3 * need[place], 1e3 * least[place]
         text = (
@@ -361,7 +364,7 @@ class Line(NamedTuple):
     drawn: Drawn
     slaves: list[Slave]
     plan: Plan | None
-    cycle: float
+    cycle: Cycle
     responses: list[Floats]
     broken: Broken | None
 
@@ -383,7 +386,7 @@ def build(
     most = [float(min(need[module.rows])) for module in group]
     slaves = assign_addresses(group, most)
     pairs = sum(slave.half == "B" for slave in slaves)
-    cycle = float(cycle_time(len(group), pairs=pairs))
+    cycle = Cycle(len(group), pairs=pairs)
     paired = {slave.address for slave in slaves if slave.half == "B"}
     responses = [
         _responses(module, cycle, slave.address in paired, limits)
@@ -404,12 +407,12 @@ def addresses_needed(group: Sequence[Module]) -> int:
     return len(group) - sharing + ceil(sharing / 2)
 
 
-def _responses(module: Module, cycle: float, paired: bool, limits: AsiLimits) -> Floats:
-    if module.analogue:
-        return np.full(len(module.ports), analogue_response(len(module.ports), limits, cycle))
-    outputs = [port.startswith("Q") for port in module.ports]
+def _responses(module: Module, cycle: Cycle, paired: bool, limits: AsiLimits) -> Floats:
+    outputs = ["Q" in port for port in module.ports]
     late = {
-        output: digital_response(cycle, paired, module.profile, output, limits)
+        output: response(
+            module.profile, cycle, limits, channels=module.channels, output=output, paired=paired
+        )
         for output in set(outputs)
     }
     return np.array([late[output] for output in outputs])
@@ -595,13 +598,22 @@ def _connect(draft: Draft, segment: str, line: Line, names: dict[str, str]) -> N
             draft.connect(int(row), "AS-i", segment, device, address, float(late))
             draft.drop(int(row), device, module.place, segment, np.nan)
     rows = np.concatenate([module.rows for module in line.modules])
+    shared = {slave.address for slave in line.slaves if slave.half == "B"}
+    shares = [
+        line.cycle.interval(
+            module.profile, channels=module.channels, paired=slave.address in shared,
+            direction="out" if module.outputs else "in",
+        ) / draft.need[module.rows].min()
+        for module, slave in zip(line.modules, line.slaves, strict=True)
+    ]  # fmt: skip
     parts = line.plan.segments
     used = len({slave.address for slave in line.slaves})
     draft.segment(
         rows, segment=segment, bus="AS-i",
         devices=len(line.slaves) + 1 + len(line.drawn.repeaters), length_m=line.drawn.length,
-        load=used / ADDRESSES, masters=1, slaves=len(line.slaves),
-        addresses=used, cycle_ms=1e3 * line.cycle, repeaters=len(line.drawn.repeaters),
+        bus_time=line.cycle.bus_time, capacity_used=max(used / ADDRESSES, *shares), masters=1,
+        slaves=len(line.slaves), addresses=used, cycle_ms=1e3 * float(line.cycle.time),
+        repeaters=len(line.drawn.repeaters),
         supply_current_a=max(part.current for part in parts),
         lowest_v=min(min(part.voltages[node] for node, _ in part.draws) for part in parts),
     )  # fmt: skip

@@ -219,7 +219,7 @@ class Plant:
             cables=pd.concat([trunk, drops]),
             segments=[
                 {"segment": segment, "bus": "AS-i", "points": self.contacts * n, "devices": n,
-                 "length_m": length, "load": nan, "response_ms": nan,
+                 "length_m": length, "bus_time": nan, "capacity_used": nan, "response_ms": nan,
                  "slowest_update_ms": 1000.0}
                 for (segment, length), n in zip(lengths.items(), count, strict=True)
             ],

@@ -194,14 +194,15 @@ def _reasons(reasons: pd.DataFrame) -> str:
 def _segments(designs: Mapping[str, Design]) -> str:
     rows = [
         [option, row.segment, row.bus, str(row.points), str(row.devices), number(row.length_m),
-         "-" if row.load != row.load else f"{row.load:.1%}".replace("%", " %"),
+         *("-" if share != share else f"{share:.1%}".replace("%", " %")
+           for share in (row.bus_time, row.capacity_used)),
          number(row.response_ms), number(row.slowest_update_ms)]
         for option, design in designs.items()
         for row in _each(design.segments)
     ]  # fmt: skip
-    head = ["option", "segment", "bus", "points", "devices", "trunk [m]", "load", "response [ms]",
-            "needed [ms]"]  # fmt: skip
-    body = table(head, rows, numbers=range(3, 9)) if rows else text("No option has a bus.")
+    head = ["option", "segment", "bus", "points", "devices", "trunk [m]", "bus time",
+            "capacity used", "response [ms]", "needed [ms]"]  # fmt: skip
+    body = table(head, rows, numbers=range(3, 10)) if rows else text("No option has a bus.")
     return section("Segments", body)
 
 

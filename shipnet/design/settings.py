@@ -282,7 +282,8 @@ class _Plain:
     )
     spare: float = number(
         0, 10, "", "Spare ones per one in use: pairs of a trunk of many pairs, and of each "
-        "kind all channels of the cabinet or the stations, or ports of AS-i modules; assumed", default=0.2,
+        "kind all channels of the cabinet or the stations, or ports of AS-i modules; assumed",
+        default=0.2,
     )  # fmt: skip
     redundant: bool = switch("Whether the trunks of CAN and Modbus are doubled", default=False)
     update: float = number(

@@ -71,6 +71,11 @@ class Poll:
         return self.line.t35 + self.processing + self.line.frame_time(self.response_size)
 
     @property
+    def on_wire(self) -> float:
+        """Request and response without the silence around them [s]."""
+        return self.line.frame_time(self.request_size) + self.line.frame_time(self.response_size)
+
+    @property
     def time(self) -> float:
         """A transaction, from one request to the next [s]."""
         return self.line.frame_time(self.request_size) + self.shortest_timeout + self.line.t35

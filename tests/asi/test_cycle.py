@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.asi import Transaction
-from shipnet.asi.timing import Cycle, cycle_time, response_time
+from shipnet.asi.timing import Cycle, cycle_time
 from shipnet.errors import ArgumentError
 from tests.support import tolerance
 
@@ -78,15 +78,18 @@ def test_changes_at_any_time_are_heard_within_the_bounds(alone, pairs, slave):
     change = np.random.default_rng(1).uniform(looks[0], looks[-1], 200_000)
     heard = np.array(looks)[np.searchsorted(looks, change)] + (3 + 7) * bit
     cycle = Cycle(alone + 2 * pairs, pairs=pairs)
-    best, worst = cycle.response_time(paired=slave.endswith("A"))
+    best, typical, worst = cycle.response_time(paired=slave.endswith("A"))
     waited = heard - change
+    assert waited.mean() == pytest.approx(typical, rel=0.01)
     assert best <= waited.min() < best + 1e-6
     assert worst - 1e-6 < waited.max() <= worst
 
 
 def test_repetitions_and_the_host_only_make_it_later():
-    plain, late = response_time(5e-3), response_time(5e-3, repetitions=3, host=10e-3)
+    cycle = Cycle(31)
+    plain, late = cycle.response_time(), cycle.response_time(repetitions=3, host=10e-3)
     assert late.best == plain.best
+    assert late.typical - plain.typical == pytest.approx(5e-3)
     assert late.worst - plain.worst == pytest.approx(3 * 156e-6 + 10e-3)
 
 
@@ -98,7 +101,7 @@ def test_arrays_broadcast():
     assert cycles.update_time[3].tolist() == [
         Cycle(3 + 2 * int(number), pairs=int(number)).update_time for number in pairs
     ]
-    assert cycles.response_time().worst.shape == (20, 12)
+    assert [times.shape for times in cycles.response_time()] == [(20, 12)] * 3
 
 
 @pytest.mark.parametrize(
@@ -113,9 +116,10 @@ def test_arrays_broadcast():
         (lambda: cycle_time([3, 31], pairs=[2, 1]), "two slaves share one"),
         (lambda: cycle_time(1, repetitions=-1), "repetitions is -1"),
         (lambda: cycle_time(1, minimum=float("nan")), "minimum is nan s"),
-        (lambda: response_time(0.0), "cycle is 0.0 s; it must be positive"),
-        (lambda: response_time(5e-3, paired=2), "paired is 2"),
-        (lambda: response_time(5e-3, host=-1), "host is -1 s"),
+        (lambda: Cycle().response_time(paired=2), "paired is 2"),
+        (lambda: Cycle().response_time(host=-1), "host is -1 s"),
+        (lambda: Cycle().response_time(repetitions=0.5), "repetitions is 0.5"),
+        (lambda: Cycle().response_time("S-7.3", conversion=-1), "conversion is -1 s"),
     ],
 )
 def test_what_is_no_cycle_is_refused(call, message):

@@ -55,7 +55,9 @@ def mixed():
     )  # fmt: skip
     places = dict.fromkeys(("x_m", "y_m", "z_m"), 0.0)
     segment = ["" if bus == "hardwired" else bus for _, _, bus in devices]
-    fixed = dict.fromkeys(("load", "response_ms", "slowest_update_ms", "length_m"), 1.0)
+    fixed = dict.fromkeys(
+        ("bus_time", "capacity_used", "response_ms", "slowest_update_ms", "length_m"), 1.0
+    )
     run = {"cable": "MI4P075", "segment": "", "route_m": 8.0, "length_m": 10.0, "line": "",
            "way": ()}  # fmt: skip
     return Design(

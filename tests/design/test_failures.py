@@ -171,7 +171,7 @@ def random_network(rng, n_devices=9, n_points=12):
         cables=frame("cables", runs),
         segments=frame("segments", {
             "segment": segments, "bus": buses, "points": 0, "devices": 0, "length_m": 0.0,
-            "load": 0.0, "response_ms": 0.0, "slowest_update_ms": 0.0}),
+            "bus_time": 0.0, "capacity_used": 0.0, "response_ms": 0.0, "slowest_update_ms": 0.0}),
         reasons=frame("reasons"),
     )  # fmt: skip
 

@@ -361,5 +361,7 @@ def test_wrong_arguments_are_named():
 def test_the_data_file_names_each_rule_once_in_its_set():
     rules = RuleSet.read(datasets.path("design_rules.csv"))
     assert {rule.rule_set for rule in rules} == set(RULE_SETS)
-    assert not any(rule.confirmed == "yes" for rule in rules if "not read" in rule.source.split(";")[-1]
-                   and not rule.source.startswith("DNV-OS"))  # fmt: skip
+    for rule in rules:
+        unread = "not read" in rule.source.split(";")[-1] or "not seen" in rule.source
+        if unread and not rule.source.startswith("DNV-OS"):
+            assert rule.confirmed != "yes"
