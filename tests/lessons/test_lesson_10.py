@@ -26,7 +26,7 @@ def ballast():
 
 @cache
 def design(option, repeaters=2, tree=True):
-    settings = Settings({"asi.repeaters": repeaters, "asi.tree": tree})
+    settings = Settings({"asi.repeaters": repeaters, "asi.tree": tree, "spare": 0})
     site = Site((20, -6, 14), tails=2.0)
     return plan(ballast(), site, option, settings=settings, name=f"{option} {repeaters}")
 
@@ -125,7 +125,8 @@ def test_the_defended_choice_of_the_lesson_holds():
 
 def test_one_assumption_turns_as_i_and_can_round_and_none_home_runs():
     designs = {
-        name: plan(ballast(), Site((20, -6, 14), tails=2.0), name) for name in ("AS-i", "CAN")
+        name: plan(ballast(), Site((20, -6, 14), tails=2.0), name, settings=Settings({"spare": 0}))
+        for name in ("AS-i", "CAN")
     }
     turns = tornado(designs).every["order changes"]
     assert set(turns.index[turns]) == {"laying_time"}
