@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from shipnet import style
-from shipnet.answers import Findings
+from shipnet.answers import Findings, Utilisation
 from shipnet.arrays import Bools, Floats
 from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
@@ -34,8 +34,16 @@ from shipnet.asi.segment import (
 )
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES
-from shipnet.asi.timing import Cycle, Direction, ResponseTime, Transaction, exchanges
+from shipnet.asi.timing import (
+    ADDRESSES,
+    Cycle,
+    Direction,
+    ResponseTime,
+    Transaction,
+    exchanges,
+)
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 from shipnet.line.network import CableRun, Network
 from shipnet.style import LIMIT
@@ -389,6 +397,24 @@ class Plan:
         columns = [*(f"{name}_s" for name in ResponseTime._fields), "why"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("slave")
+
+    def utilisation(self, update: float, *, repetitions: int = 0, host: float = 0.0) -> Utilisation:
+        """Return how far a plan of one line is used, where each point needs an `update` [s].
+
+        `repetitions` and `host` as in `response_times`. Raises ArgumentError if nobody knows how a
+        slave transfers its values.
+        """
+        check_scalar("update", update, "s", 1e-6, 1e6)
+        used, cycle = self._addresses(), self.cycle
+        heard = [
+            float(
+                cycle.interval(slave.kind, channels=slave.channels, paired=used[slave.address] > 1)
+            )
+            for slave in self.slaves
+        ]
+        worst = self.response_times(repetitions=repetitions, host=host)["worst_s"].max()
+        capacity = max([len(used) / ADDRESSES, *(time / update for time in heard)])
+        return Utilisation(float(cycle.bus_time), capacity, float(worst))
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the plan to scale along the cable, the slaves in the colour of their verdict.

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shipnet import style
+from shipnet.answers import Utilisation
 from shipnet.arrays import Floats
 from shipnet.asi.channel import (
     ATTEMPT,
@@ -27,10 +28,10 @@ from shipnet.asi.master import Command, Master, Phase, RunningMaster, check_bits
 from shipnet.asi.plan import Plan
 from shipnet.asi.slave import KINDS, RunningSlave, Slave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
-from shipnet.asi.timing import Transaction, exchanges, transfers_values
+from shipnet.asi.timing import ADDRESSES, Transaction, exchanges, transfers_values
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, number, part, record
+from shipnet.fields import check_scalar, check_whole, number, part, record
 from shipnet.lazy import Axes, pd
 
 # A standby master ------------------------------------------------------------------------------
@@ -373,6 +374,28 @@ class Run:
                 "mean_s": by["area"].sum() / by["waited"].sum(),
                 "longest_s": by["longest_s"].max(),
             }
+        )
+
+    def utilisation(self, update: float) -> Utilisation:
+        """Return how far the line was used, where each point needs an `update` [s].
+
+        It is that of the cycles, and as long as the longest gap in them: start-up is left out.
+        """
+        check_scalar("update", update, "s", 1e-6, 1e6)
+        record = self.record
+        first = int(np.argmax(record.cycle >= 0))
+        answered = np.isfinite(record.pauses[first:]).sum()
+        bits = REQUEST_BITS * (len(record.starts) - first) + RESPONSE_BITS * answered
+        good = self._exchanges.query("cyclic and not failed")
+        gaps = good.groupby("slave")["known"].agg(lambda known: known.diff().max())
+        for slave in self.slaves:
+            if slave.label in gaps and transfers_values(slave.profile):
+                gaps[slave.label] *= exchanges(slave.profile) * slave.settings.channels
+        addresses = good["slave"].str.rstrip("AB").nunique()
+        return Utilisation(
+            float(bits / (self.end - record.starts[first])),
+            max(addresses / ADDRESSES, float(gaps.max()) / update),
+            float(self.response_times()["longest_s"].max()),
         )
 
     def input_changes(self) -> pd.DataFrame:

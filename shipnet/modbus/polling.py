@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import field
 from math import floor
 
+from shipnet.answers import Utilisation
 from shipnet.fields import check_kind, check_scalar, check_whole, number, record, whole
 from shipnet.modbus.frame import MAX_UNIT, RTU_BYTES
 from shipnet.modbus.pdu import Request
@@ -95,6 +96,15 @@ class Poll:
         slaves = check_whole("n_slaves", n_slaves, 1, MAX_UNIT)
         silent = check_whole("dead", dead, 0, slaves)
         return (slaves - silent) * self.time + silent * self.timeout_time
+
+    def utilisation(self, n_slaves: int, update: float, *, dead: int = 0) -> Utilisation:
+        """Return how far the line is used, where each slave's points need an `update` [s]."""
+        check_scalar("update", update, "s", 1e-6, 1e6)
+        scan = self.scan_time(n_slaves, dead=dead)
+        tries = dead * (1 + self.retries)
+        busy = (n_slaves - dead) * self.on_wire + tries * self.line.frame_time(self.request_size)
+        capacity = max(n_slaves / MAX_UNIT, scan / update)
+        return Utilisation(busy / scan, capacity, scan + self.time)
 
     def max_slaves(self, period: float, *, dead: int = 0) -> int:
         """Return how many slaves a scan within a period [s] can have, the dead ones included.

@@ -133,17 +133,19 @@ class ModbusScan(Tool):
     def _view(self) -> View:
         """Return what the page shows."""
         poll, in_time = self.poll, self.scan <= self.limit
-        frame_time, silence = poll.line.frame_time, 2e3 * poll.line.t35
-        on_line = 1e3 * (frame_time(poll.request_size) + frame_time(poll.response_size))
+        used = poll.utilisation(self.slaves, self.limit, dead=self.dead)
         return View(
             verdict=f"{'in time' if in_time else 'too slow'}: {self.scan:.3f} s",
             ok=in_time,
             numbers={
-                "one slave": f"{1e3 * poll.time:.1f} ms, of which {on_line:.1f} ms bytes and "
-                f"{silence:.1f} ms silence",
+                "one slave": f"{1e3 * poll.time:.1f} ms, of which {1e3 * poll.on_wire:.1f} ms "
+                f"bytes and {2e3 * poll.line.t35:.1f} ms silence",
                 "a dead slave costs": f"{1e3 * poll.timeout_time:.0f} ms",
                 "scan with all alive": f"{poll.scan_time(self.slaves):.3f} s",
                 "scan": f"{self.scan:.3f} s",
+                "bus time": f"{used.bus_time:.1%}".replace("%", " %"),
+                "capacity used": f"{used.capacity_used:.1%}".replace("%", " %"),
+                "worst response": f"{used.worst_response:.3f} s",
                 "slaves that fit": f"{self.max_slaves}",
             },
             plot=self.plot,
