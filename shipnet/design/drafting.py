@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from math import ceil, inf
 from typing import Any, NamedTuple, TypeVar
@@ -43,10 +44,19 @@ Result = TypeVar("Result")
 
 def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
     """Return the cluster of each place, (n, 3): no more than `most`, all within `reach`."""
+    return _kept_zones(np.asarray(xyz, float).tobytes(), reach, most).copy()
+
+
+@lru_cache(maxsize=16)  # every option with boxes asks for the same zones
+def _kept_zones(places: bytes, reach: float, most: int) -> Indices:
+    return _zones(np.frombuffer(places).reshape(-1, 3), reach, most)
+
+
+def _zones(xyz: Floats, reach: float, most: int) -> Indices:
     if len(xyz) > _MOST:
         upper = _halves(xyz)
         labels = np.empty(len(xyz), dtype=np.intp)
-        low, high = (zones(xyz[side], reach=reach, most=most) for side in (~upper, upper))
+        low, high = (_zones(xyz[side], reach, most) for side in (~upper, upper))
         labels[~upper], labels[upper] = low, high + low.max() + 1
         return _renumbered(labels)
     if len(xyz) < 2:
@@ -82,10 +92,21 @@ def balanced(
         if (moved == labels).all():
             break
         labels = moved
-        for group in range(groups):
-            if (labels == group).any():
-                centres[group] = np.median(xyz[labels == group], axis=0)
+        used, centres_of = medians(xyz, labels)
+        centres[used] = centres_of
     return _renumbered(labels)
+
+
+def medians(xyz: Floats, labels: Indices) -> tuple[Indices, Floats]:
+    """Return the labels in use, and the median of the places of each, (n, 3)."""
+    used, count = np.unique(labels, return_counts=True)
+    end = np.cumsum(count)
+    low, high = end - count + (count - 1) // 2, end - count + count // 2
+    middle = np.empty((len(used), xyz.shape[1]))
+    for axis, along in enumerate(xyz.T):
+        ordered = along[np.lexsort((along, labels))]
+        middle[:, axis] = (ordered[low] + ordered[high]) / 2
+    return used, middle
 
 
 def divided(
@@ -133,8 +154,11 @@ def _first_centres(xyz: Floats, groups: int) -> Floats:
     middle = xyz - xyz.mean(axis=0)
     extent = np.linalg.svd(middle, full_matrices=False)[2][0]
     order = np.argsort(middle @ extent, kind="stable")
-    chunks = np.array_split(order, groups)
-    return np.array([np.median(xyz[c], axis=0) if len(c) else xyz[order[-1]] for c in chunks])
+    centres = np.tile(xyz[order[-1]], (groups, 1))
+    sizes = [len(chunk) for chunk in np.array_split(order, groups)]
+    used, middle = medians(xyz[order], np.repeat(np.arange(groups), sizes))
+    centres[used] = middle
+    return centres
 
 
 def _halves(xyz: Floats) -> Bools:

@@ -166,13 +166,14 @@ def forest(design: Layout) -> Forest:
     return Forest(
         np.arange(nodes, dtype=np.intp) % count, parent, run, metres[run], ohms[run], load,
         np.where(fed_24, limits.short, 0.0), spur,
-        np.where(fed_24, limits.drop * limits.voltage, settings.asi.voltage - _slave_voltage()),
+        np.where(fed_24, limits.drop * limits.voltage, settings.asi.voltage - slave_voltage()),
         root, MappingProxyType(supply), levels,
     )  # fmt: skip
 
 
 @cache
-def _slave_voltage() -> float:
+def slave_voltage() -> float:
+    """Return the least that an AS-i slave needs [V]."""
     return float(rule_limits()["low"]["slave_voltage"])
 
 
