@@ -303,7 +303,9 @@ class Segment:
         codes = [Modulation(some) for some in words]
         found = _voltages(self.network, self.head, nodes, codes, dt, before, after)
         return [
-            Waveform(u if c.bits.ndim == 2 else u[:, 0], dt, start=-before, names=nodes, bits=c.bits)
+            Waveform(
+                u if c.bits.ndim == 2 else u[:, 0], dt, start=-before, names=nodes, bits=c.bits
+            )
             for u, c in zip(found, codes, strict=True)
         ]
 

@@ -255,6 +255,8 @@ class Draft:
         points = self.iolist.points
         n = len(points)
         self.places: Floats = self.iolist.places
+        #: The same as tuples.
+        self.spots: list[Place] = list(map(tuple, self.places.tolist()))
         self.need: Floats = points["update_ms"].to_numpy(np.float64) / 1e3
         self.need = np.where(np.isnan(self.need), self.settings.update, self.need)
         self.need = np.minimum(self.need, self.longest)
@@ -316,7 +318,8 @@ class Draft:
             {"run": self._free(name), "cable": cable.id, "a": a, "b": b,
              "segment": segment, "kind": kind, "used": used, "conductors": cable.conductors,
              "at_cabinet": a in self._in_cabinet or b in self._in_cabinet, "line": line,
-             **laid._asdict()}
+             "start": laid.start, "end": laid.end, "length": laid.length, "share": laid.share,
+             "avoid": laid.avoid}
         )  # fmt: skip
 
     def given_lengths(self, column: str) -> Floats:
@@ -329,7 +332,7 @@ class Draft:
     def drop(self, row: int, device: str, place: Place, segment: str, length: float) -> None:
         """Put down the cable of a point to its device."""
         wires = int(self.wires[row])
-        laid = Laid(place, _place(self.places[row]), length)
+        laid = Laid(place, self.spots[row], length)
         cable = smallest(wires, spare=0)
         self.run("drop", (device, self.tags[row]), laid, cable, wires, segment)
 
@@ -446,11 +449,6 @@ class Draft:
                 list(COLUMNS["cables"])
             ],
         )
-
-
-def _place(xyz: Floats) -> Place:
-    x, y, z = (float(value) for value in xyz)
-    return x, y, z
 
 
 # Junction boxes: those that the list names, and clusters of the points that it gives none
