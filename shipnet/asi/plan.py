@@ -21,9 +21,10 @@ from shipnet.arrays import Bools, Floats
 from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan_file import read_elements, write_elements
-from shipnet.asi.receiver import TOLERANCE
+from shipnet.asi.receiver import RECEIVERS, TOLERANCE
 from shipnet.asi.rules import check_lines
 from shipnet.asi.segment import (
+    PROBES,
     Element,
     Groups,
     Quality,
@@ -49,7 +50,7 @@ from shipnet.line.network import CableRun, Network
 from shipnet.style import LIMIT
 
 if TYPE_CHECKING:
-    from shipnet.asi.receiver import Waveform
+    from shipnet.asi.receiver import Receiver, Waveform
     from shipnet.asi.telegram import Request, Response
 
 _E = TypeVar("_E", bound=Element)
@@ -304,8 +305,9 @@ class Plan:
 
         `wanted_cycle` is the time within which every slave shall be heard again [s]: without it
         the rule ``update_time`` is left out. A `transaction` takes 26 bit times unless given;
-        `limits` has the form of `rule_limits`. A rule is ``not verified`` where its value cannot
-        be computed: voltages need one supply per segment, signals a master on the line.
+        `limits` has the form of `rule_limits`. What cannot be computed of a segment is one row
+        ``voltages_and_signals`` that is ``not verified`` and says why: voltages need one supply
+        per segment, signals and delays a master on the line.
 
         Signals are judged by the worst of all responses and of three requests, which is stricter
         than `quality`, which judges the responses. They rest on nominal cables and on assumed
@@ -351,6 +353,37 @@ class Plan:
         slaves = self.only("quality").slaves
         found = self.only("quality").quality([slave.node for slave in slaves])
         return found._replace(slaves=tuple(slave.label for slave in slaves))
+
+    def error_rates(
+        self, noise_density: float, *, receivers: Mapping[str, Receiver] = RECEIVERS
+    ) -> pd.DataFrame:
+        """Return how often white noise costs a telegram, in a plan of one segment with a master.
+
+        The noise has a one-sided `noise_density` at every receiver [V per root hertz]. One row per
+        slave and receiver: `minimum_V` of the receiver; `request` and `response`, the probability
+        that one is not received as it was sent; `exchange`, that either is not. They are NaN where
+        `emc.error_rate` cannot say; `why` has the reason.
+        """
+        from shipnet.asi.emc.error_rates import error_rate
+
+        check_scalar("noise_density", noise_density, "V per root hertz", 1e-12, 1e6)
+        waves = self.waveform(PROBES), self.waveform()
+        rows = []
+        for place, slave in enumerate(self.slaves):
+            own = [replace(wave, u=wave.u[place], names=()) for wave in waves]
+            for name, receiver in receivers.items():
+                request = response = np.nan
+                why = ""
+                try:
+                    request, response = (
+                        error_rate(wave, noise_density, receiver=receiver).item() for wave in own
+                    )
+                except ArgumentError as reason:
+                    why = str(reason)
+                exchange = request + response - request * response
+                rows.append((slave.label, name, receiver.minimum, request, response, exchange, why))
+        columns = ["slave", "receiver", "minimum_V", "request", "response", "exchange", "why"]
+        return pd.DataFrame(rows, columns=columns).set_index(["slave", "receiver"])
 
     @property
     def voltages(self) -> dict[str, float]:
