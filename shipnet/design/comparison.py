@@ -113,7 +113,7 @@ class Comparison:
     >>> points = IoList.parse("tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3")
     >>> found = points.compare((0, 0, 0), ["home runs", "AS-i", "CAN"])
     >>> found
-    <Comparison: cheapest that connects every point and violates no rule: home runs, 585 EUR>
+    <Comparison: cheapest that connects every point and violates no rule: home runs, 610 EUR>
     >>> found.table()["conductors_at_cabinet"].to_dict()
     {'home runs': 4.0, 'AS-i': 2.0, 'CAN': 4.0}
     >>> more = found.add(found.plan("AS-i", settings={"asi.tree": False}, name="chain"))

@@ -13,7 +13,7 @@ import numpy as np
 
 from shipnet import style
 from shipnet.arrays import Floats
-from shipnet.design.catalogue import LEVELS, Level, values_at, words
+from shipnet.design.catalogue import LEVELS, Level, values_at, with_spare, words
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.layout import Layout
 from shipnet.design.plot import plot_ranges
@@ -77,7 +77,7 @@ def items_of(design: Layout) -> dict[str, int]:
         analogue=design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     )
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
-    items = _devices(design, points) | _channels(points)
+    items = _devices(design, points) | _channels(points, design.settings.spare)
     items["second_interface"] = _second_interfaces(design)
     items["barrier"] = items["barrier_time"] = int(safe.sum())
     items["gland"] = items["gland_time"] = 2 * len(design.cables)
@@ -115,15 +115,17 @@ def _second_interfaces(design: Layout) -> int:
     return len(ends["A"] & ends["B"] & set(stations))
 
 
-def _channels(points: pd.DataFrame) -> dict[str, int]:
+def _channels(points: pd.DataFrame, spare: float) -> dict[str, int]:
+    """Count the channels of the cabinet and of the stations, with the spare ones."""
     analogue = points["analogue"]
     wired, station = points["bus"] == "hardwired", points["bus"].isin(["CAN", "Modbus RTU"])
-    return {
-        "plc_digital_channel": int((wired & ~analogue).sum()),
-        "plc_analogue_channel": int((wired & analogue).sum()),
-        "station_digital_channel": int((station & ~analogue).sum()),
-        "station_analogue_channel": int((station & analogue).sum()),
+    used = {
+        "plc_digital_channel": wired & ~analogue,
+        "plc_analogue_channel": wired & analogue,
+        "station_digital_channel": station & ~analogue,
+        "station_analogue_channel": station & analogue,
     }
+    return {name: with_spare(int(own.sum()), spare) for name, own in used.items()}
 
 
 # What a design takes: conductors, cable, hours and money, each low, nominal and high
@@ -198,7 +200,7 @@ EXCLUDED = (
     "engineering, documentation and software",
     "commissioning and training",
     "class approval and type approval",
-    "spares",
+    "spare parts",
     "cable trays, penetrations and the cabinet itself",
     "cable cut to waste, and the termination of spare conductors and screens",
     "operation, maintenance and what a failure costs",

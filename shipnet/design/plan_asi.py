@@ -22,7 +22,7 @@ from shipnet.asi.rules import meets, rule_limits
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import ADDRESSES, Cycle
 from shipnet.asi.topologies import assign_addresses as share_addresses
-from shipnet.design.catalogue import cables
+from shipnet.design.catalogue import cables, with_spare
 from shipnet.design.drafting import (
     Draft,
     Laid,
@@ -34,7 +34,7 @@ from shipnet.design.drafting import (
     without_place,
     zones,
 )
-from shipnet.design.settings import AsiLimits
+from shipnet.design.settings import AsiLimits, Settings
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
@@ -64,6 +64,8 @@ class Module(NamedTuple):
     place: Place
     rows: Indices
     ports: list[str]
+    #: What it draws from the line [A].
+    current: float
 
     @property
     def shares(self) -> bool:
@@ -85,10 +87,6 @@ class Module(NamedTuple):
         """Whether it has outputs, which auxiliary power feeds."""
         return any("Q" in port for port in self.ports)
 
-    def current(self, limits: AsiLimits) -> float:
-        """Return what it draws from the line [A]."""
-        return limits.current + limits.loop_current * len(self.ports) * self.analogue
-
 
 def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
     """Return the modules of some points."""
@@ -97,13 +95,15 @@ def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
     channels = _channels(draft, rows, kinds)
     found = []
     digital = np.flatnonzero(np.isin(kinds, ["DI", "DO"]) & (channels > 0))
-    found += _grouped(
-        digital, rows, places, kinds, ("DI", "DO"), (limits.inputs, limits.outputs), limits
-    )
+    ports = limits.inputs, limits.outputs
+    found += _grouped(digital, rows, places, kinds, ("DI", "DO"), ports, ports, draft.settings)
     for kind in ("AI", "AO"):
         for number in range(limits.channels, 0, -1):
             values = np.flatnonzero((kinds == kind) & (channels == number))
-            found += _grouped(values, rows, places, kinds, (kind,), (number,), limits)
+            # With fewer values than it has ports, a module is fast enough for them.
+            found += _grouped(
+                values, rows, places, kinds, (kind,), (number,), (limits.channels,), draft.settings
+            )
     return found
 
 
@@ -161,28 +161,49 @@ def _grouped(
     places: Floats,
     kinds: npt.NDArray[np.object_],
     names: tuple[str, ...],
+    room: tuple[int, ...],
     ports: tuple[int, ...],
-    limits: AsiLimits,
+    settings: Settings,
 ) -> list[Module]:
     found = []
-    labels = zones(places[mine], reach=limits.reach, most=_MOST)
-    for zone in range(labels.max(initial=-1) + 1):
-        inside = mine[labels == zone]
-        kind = np.array([names.index(str(name)) for name in kinds[inside]], dtype=np.intp)
-        counts = np.bincount(kind, minlength=len(names))
-        number = max(ceil(count / room) for count, room in zip(counts, ports, strict=True))
-        groups = balanced(places[inside], number, kinds=kind, most=ports)
+    labels = zones(places[mine], reach=settings.asi.reach, most=_MOST)
+    kind = np.array([names.index(str(name)) for name in kinds[mine]], dtype=np.intp)
+    for zone, most in enumerate(_room(labels, kind, room, ports, settings.spare).tolist()):
+        inside, of_kind = mine[labels == zone], kind[labels == zone]
+        counts = np.bincount(of_kind, minlength=len(names))
+        number = max(ceil(count / each) for count, each in zip(counts, most, strict=True))
+        groups = balanced(places[inside], number, kinds=of_kind, most=most)
         for group in range(groups.max() + 1):
             own = inside[groups == group]
-            found.append(_module(rows[own], places[own], kinds[own], limits))
+            found.append(_module(rows[own], places[own], kinds[own], settings))
     return found
+
+
+def _room(
+    zone: Indices, kind: Indices, room: Sequence[int], ports: Sequence[int], spare: float
+) -> Indices:
+    """Return how many points of each kind a module of each zone may have, (zones, kinds).
+
+    As many as it has room for; less in the fullest zones until there are as many ports to spare as
+    wanted, or each point has a module of its own.
+    """
+    used = np.zeros((zone.max(initial=-1) + 1, len(ports)), np.intp)
+    np.add.at(used, (zone, kind), 1)
+    most = np.tile(np.asarray(room, np.intp), (len(used), 1))
+    number = np.ceil(used / most).max(axis=1)
+    for own, left, each in zip(used.T, most.T, ports, strict=True):
+        while number.sum() * each < with_spare(int(own.sum()), spare) and (left > 1).any():
+            fullest = np.where(left > 1, own / number, 0.0).argmax()
+            left[fullest] -= 1
+            number[fullest] = np.ceil(used[fullest] / most[fullest]).max()
+    return most
 
 
 def _module(
     rows: Indices,
     places: Floats,
     kinds: npt.NDArray[np.object_],
-    limits: AsiLimits,
+    settings: Settings,
 ) -> Module:
     letters = {"DI": "I", "DO": "Q", "AI": "AI", "AO": "AQ"}
     seen: dict[str, int] = {}
@@ -191,9 +212,10 @@ def _module(
         seen[kind] = seen.get(kind, 0) + 1
         ports.append(f"{letters[kind]}{seen[kind]}")
     x, y, z = (float(value) for value in np.median(places, axis=0))
-    outputs = "DO" in seen
-    profile = _ANALOGUE if kinds[0][0] == "A" else _DIGITAL[outputs, limits.shared]
-    return Module(profile, (x, y, z), rows, ports)
+    analogue = kinds[0][0] == "A"
+    profile = _ANALOGUE if analogue else _DIGITAL["DO" in seen, settings.asi.shared]
+    current = settings.asi.current + analogue * len(rows) * settings.supply.loop
+    return Module(profile, (x, y, z), rows, ports, current)
 
 
 # One AS-i line: the way of its cable, the segments that repeaters make of it, their supplies
@@ -347,14 +369,12 @@ class Line(NamedTuple):
     broken: Broken | None
 
 
-def assign_addresses(
-    group: Sequence[Module], need: Sequence[float], limits: AsiLimits
-) -> list[Slave]:
+def assign_addresses(group: Sequence[Module], need: Sequence[float]) -> list[Slave]:
     """Give each module an address, at the node of its number."""
     shares = [module.shares for module in group]
     labels = share_addresses(len(group), shares=shares, need=need)
     return [
-        Slave(label, module.profile, node=str(place), current=module.current(limits))
+        Slave(label, module.profile, node=str(place), current=module.current)
         for place, (label, module) in enumerate(zip(labels, group, strict=True), 1)
     ]
 
@@ -364,7 +384,7 @@ def build(
 ) -> Line:
     """Draw up a line."""
     most = [float(min(need[module.rows])) for module in group]
-    slaves = assign_addresses(group, most, limits)
+    slaves = assign_addresses(group, most)
     pairs = sum(slave.half == "B" for slave in slaves)
     cycle = Cycle(len(group), pairs=pairs)
     paired = {slave.address for slave in slaves if slave.half == "B"}

@@ -244,7 +244,7 @@ def _loads(
     mine = (device >= 0) & ~from_line
     np.add.at(load, (layer * count + device)[mine], (amps * share)[mine])
     loops = from_line & np.isin(types, ("AI", "AO"))
-    np.add.at(load, device[loops], settings.asi.loop_current)
+    np.add.at(load, device[loops], limits.loop)
     drops = design.cables[design.cables["kind"] == "drop"]
     row = dict(zip(points["tag"], range(len(points)), strict=True))
     point = np.array([row[tag] for tag in drops["b"]], np.intp)

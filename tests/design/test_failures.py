@@ -274,7 +274,7 @@ def test_all_failures_at_once_cost_what_each_costs_alone(option, seed):
 def test_a_dead_master_takes_the_points_of_its_line_also_behind_a_repeater_beside_it():
     ship = read_iolist(datasets.path("synthetic_iolist_ship.csv")).points
     valves = IoList.from_table(ship[ship["system"] == "Ballast valve"])
-    limits = Settings({"asi.repeaters": 1})
+    limits = Settings({"asi.repeaters": 1, "spare": 0})
     design = plan(valves, Site((20, -6, 14)), "AS-i", settings=limits)
     assert ((design.devices["kind"] == "repeater") & (design.devices["at"] == "cabinet")).any()
     for segment, points in design.points.groupby("segment"):

@@ -71,9 +71,10 @@ def test_the_voltages_are_those_of_the_solver_for_cables(iolist, option, redunda
         assert volts == pytest.approx(expected[key], abs=1e-9)
 
 
-def test_an_as_i_line_has_the_voltages_of_its_plan():
+@pytest.mark.parametrize("loop", [0.022, 0.03])
+def test_an_as_i_line_has_the_voltages_of_its_plan(loop):
     # The planner solved each line with repeaters and supplies; here they are found in its tables.
-    design = plan(ship(400), SITE, "AS-i")
+    design = plan(ship(400), SITE, "AS-i", settings=Settings({"supply.loop": loop}))
     supplies = design.supplies()
     lines = supplies[supplies["kind"] == "supply"].groupby("segment")
     expected = design.segments.set_index("segment")
@@ -202,6 +203,7 @@ VIOLATIONS = {
     "segment current": (lambda: priced(rating=0.2), 160.0),
     "cable current": (lambda: priced(station=10.5), 105.6),
     "spur overcurrent": (lambda: boat({"supply.solenoid": 0.6}), 0.6),
+    "trunk resistance": (lambda: boat({"can.cable": "CAN_2x2x025"}), 100 * 80 / 60),
     "backbone": (lambda: boat(places=((10, 0, 0), (110, 0, 0))), 112),
     "drop": (lambda: boat(tails=6.5), 6.5),
     "drops in all": (lambda: boat(tails=4.0, each=10), 80),
@@ -242,11 +244,41 @@ def test_each_rule_of_supply_has_a_design_that_violates_it(rule):
 
 
 def test_the_resistance_of_a_trunk_is_that_of_its_cable():
-    rule = Rule("resistance", "trunk resistance", 2.0, confirmed=True)
+    rule = Rule("resistance", "trunk resistance", 2.0, confirmed="yes")
     row = boat().check(RuleSet((rule,))).table().iloc[0]
     # 10 + 1 and 30 + 1 m at 52 ohm/km.
     assert row["value"] == pytest.approx(42 * 52e-3) and row["verdict"] == "violated"
     assert row["object"] == "CAN 1"
+
+
+@pytest.mark.parametrize(
+    ("far", "cable", "ohms", "listed"),
+    [
+        (30, "CAN_2x2x025", 80, 70),  # its 30 m and 10 m are 40 m of trunk, the last of its row
+        (30.1, "CAN_2x2x025", 80, 60),
+        (290, "CAN_2x2x034", 54, 60),
+        (590, "CAN_5_0p75", 26, 40),
+        (990, "CAN_5_0p75", 26, 26),
+    ],
+)
+def test_the_resistance_of_a_can_trunk_is_judged_by_its_length(far, cable, ohms, listed):
+    design = boat({"can.cable": "CAN_5_0p75"}, tails=0.0, places=((10, 0, 0), (10 + far, 0, 0)))
+    cables = design.cables["cable"].where(design.cables["kind"] != "trunk", cable)
+    design = replace(design, cables=design.cables.assign(cable=cables))
+    row = design.check("supply").table().set_index("rule").loc["trunk resistance"]
+    assert row["value"] == pytest.approx(100 * ohms / listed)
+    assert row["verdict"] == ("met" if ohms <= listed else "violated")
+
+
+def test_a_trunk_whose_resistance_or_length_is_not_listed_is_not_verified():
+    long = boat(tails=0.0, places=((10, 0, 0), (1000, 0, 0)))
+    row = long.cables.index[long.cables["kind"] == "trunk"][0]
+    long.cables.loc[row, "length_m"] = 11
+    unknown = boat().cables.assign(cable=boat().cables["cable"].replace("CAN_5_0p75", "N2K_MID"))
+    for design in (long, replace(boat(), cables=unknown), plan(ship(30), SITE, "Modbus RTU"),
+                   plan(ship(30), SITE, "home runs")):  # fmt: skip
+        found = design.check("supply").table().set_index("rule").loc["trunk resistance"]
+        assert found["verdict"] == "not verified" and np.isnan(found["value"])
 
 
 def test_a_design_without_feeders_has_no_supplies():
