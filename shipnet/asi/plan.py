@@ -41,7 +41,6 @@ from shipnet.asi.timing import (
     Direction,
     ResponseTime,
     Transaction,
-    exchanges,
 )
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
@@ -410,44 +409,38 @@ class Plan:
         """Return how soon and how late the host knows of a change at each slave.
 
         One row per slave of a plan of one line: `best_s`, `typical_s` and `worst_s`, as
-        `Cycle.response_time` has them, with the slave's profile, channels and conversion. They are
-        NaN where nobody knows how a profile transfers its values; `why` says so.
+        `Cycle.response_time` has them, with the slave's profile, channels and conversion, and
+        `update_s`, after which the slave is heard again. They are NaN where nobody knows how a
+        profile transfers its values; `why` says so.
         """
         used, cycle = self._addresses(), self.cycle
         rows = {}
         for slave in self.slaves:
+            asked: dict[str, Any] = {
+                "channels": slave.channels, "direction": direction,
+                "paired": used[slave.address] > 1,
+            }  # fmt: skip
             try:
-                exchanges(slave.kind, direction)
+                renewed = cycle.update_time(slave.kind, **asked)
             except ArgumentError as unknown:
-                rows[slave.label] = (*[np.nan] * 3, str(unknown))
+                rows[slave.label] = (*[np.nan] * 4, str(unknown))
                 continue
-            found = cycle.response_time(
-                slave.kind, channels=slave.channels, conversion=slave.conversion,
-                direction=direction, paired=used[slave.address] > 1,
-                repetitions=repetitions, host=host,
-            )  # fmt: skip
-            rows[slave.label] = (*found, "")
-        columns = [*(f"{name}_s" for name in ResponseTime._fields), "why"]
+            asked |= {"conversion": slave.conversion, "repetitions": repetitions, "host": host}
+            rows[slave.label] = (*cycle.response_time(slave.kind, **asked), renewed, "")
+        columns = [*(f"{name}_s" for name in ResponseTime._fields), "update_s", "why"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("slave")
 
     def utilisation(self, update: float, *, repetitions: int = 0, host: float = 0.0) -> Utilisation:
         """Return how far a plan of one line is used, where each point needs an `update` [s].
 
-        `repetitions` and `host` as in `response_times`. Raises ArgumentError if nobody knows how a
-        slave transfers its values.
+        `repetitions` and `host` as in `response_times`; NaN where that has one.
         """
         check_scalar("update", update, "s", 1e-6, 1e6)
-        used, cycle = self._addresses(), self.cycle
-        heard = [
-            float(
-                cycle.interval(slave.kind, channels=slave.channels, paired=used[slave.address] > 1)
-            )
-            for slave in self.slaves
-        ]
-        worst = self.response_times(repetitions=repetitions, host=host)["worst_s"].max()
-        capacity = max([len(used) / ADDRESSES, *(time / update for time in heard)])
-        return Utilisation(float(cycle.bus_time), capacity, float(worst))
+        times = self.response_times(repetitions=repetitions, host=host)
+        shares = [len(self._addresses()) / ADDRESSES, *(times["update_s"] / update)]
+        worst = times["worst_s"].max(skipna=False)
+        return Utilisation(float(self.cycle.bus_time), float(np.max(shares)), float(worst))
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the plan to scale along the cable, the slaves in the colour of their verdict.
