@@ -27,7 +27,8 @@ class Findings:
     ----------
     table : pandas.DataFrame
         The columns `COLUMNS`, and any others behind them. `low` and `high` are the limits, NaN
-        where there is none; `verdict` is one of `VERDICTS`.
+        where there is none; `verdict` is one of `VERDICTS`. A column `graded` says which rules
+        have a margin; one that is met or not has none.
 
     Raises
     ------
@@ -70,8 +71,9 @@ class Findings:
         """Return one row per rule, the nearest to its limit, or farthest beyond it.
 
         Indexed by rule, with the share of the limit that is left as `margin`: 0 on the limit,
-        negative beyond it, NaN where the rule has no number. Rules come in the order of their
-        margins, those first that are violated or not verified without a number.
+        negative beyond it, NaN where the rule has no number, or is not graded and met. Rules come
+        in the order of their margins; those without one come first if they are violated or not
+        verified, and last if they are met.
         """
         import numpy as np
 
@@ -85,6 +87,8 @@ class Findings:
             left.append((sign * (value - bound) / scale).fillna(np.inf))
         margin = left[0].clip(upper=left[1]).where(value.notna())
         margin += 0.0  # no minus zero
+        if "graded" in table:
+            margin = margin.where(table["graded"] | (table["verdict"] != "met"))
         without = pd.Series(np.where(table["verdict"] == "met", np.inf, -np.inf), table.index)
         order = margin.fillna(without).sort_values(kind="stable").index
         rows = table.assign(margin=margin).loc[order]
@@ -147,6 +151,13 @@ class Utilisation(NamedTuple):
     bus_time: float
     capacity_used: float
     worst_response: float
+
+    def __str__(self) -> str:
+        return (
+            f"bus time {100 * self.bus_time:.3g} %, "
+            f"capacity used {100 * self.capacity_used:.3g} %, "
+            f"worst response {1e3 * self.worst_response:.3g} ms"
+        )
 
 
 #: Suffixes of the files that every answer can be written to; no suffix means a folder.

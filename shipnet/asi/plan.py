@@ -21,9 +21,10 @@ from shipnet.arrays import Bools, Floats
 from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan_file import read_elements, write_elements
-from shipnet.asi.receiver import TOLERANCE
+from shipnet.asi.receiver import RECEIVERS, TOLERANCE
 from shipnet.asi.rules import check_lines
 from shipnet.asi.segment import (
+    PROBES,
     Element,
     Groups,
     Quality,
@@ -40,7 +41,6 @@ from shipnet.asi.timing import (
     Direction,
     ResponseTime,
     Transaction,
-    exchanges,
 )
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
@@ -49,7 +49,7 @@ from shipnet.line.network import CableRun, Network
 from shipnet.style import LIMIT
 
 if TYPE_CHECKING:
-    from shipnet.asi.receiver import Waveform
+    from shipnet.asi.receiver import Receiver, Waveform
     from shipnet.asi.telegram import Request, Response
 
 _E = TypeVar("_E", bound=Element)
@@ -304,8 +304,9 @@ class Plan:
 
         `wanted_cycle` is the time within which every slave shall be heard again [s]: without it
         the rule ``update_time`` is left out. A `transaction` takes 26 bit times unless given;
-        `limits` has the form of `rule_limits`. A rule is ``not verified`` where its value cannot
-        be computed: voltages need one supply per segment, signals a master on the line.
+        `limits` has the form of `rule_limits`. What cannot be computed of a segment is one row
+        ``voltages_and_signals`` that is ``not verified`` and says why: voltages need one supply
+        per segment, signals and delays a master on the line.
 
         Signals are judged by the worst of all responses and of three requests, which is stricter
         than `quality`, which judges the responses. They rest on nominal cables and on assumed
@@ -352,6 +353,37 @@ class Plan:
         found = self.only("quality").quality([slave.node for slave in slaves])
         return found._replace(slaves=tuple(slave.label for slave in slaves))
 
+    def error_rates(
+        self, noise_density: float, *, receivers: Mapping[str, Receiver] = RECEIVERS
+    ) -> pd.DataFrame:
+        """Return how often white noise costs a telegram, in a plan of one segment with a master.
+
+        The noise has a one-sided `noise_density` at every receiver [V per root hertz]. One row per
+        slave and receiver: `minimum_V` of the receiver; `request` and `response`, the probability
+        that one is not received as it was sent; `exchange`, that either is not. They are NaN where
+        `emc.error_rate` cannot say; `why` has the reason.
+        """
+        from shipnet.asi.emc.error_rates import error_rate
+
+        check_scalar("noise_density", noise_density, "V per root hertz", 1e-12, 1e6)
+        waves = self.waveform(PROBES), self.waveform()
+        rows = []
+        for place, slave in enumerate(self.slaves):
+            own = [replace(wave, u=wave.u[place], names=()) for wave in waves]
+            for name, receiver in receivers.items():
+                request = response = np.nan
+                why = ""
+                try:
+                    request, response = (
+                        error_rate(wave, noise_density, receiver=receiver).item() for wave in own
+                    )
+                except ArgumentError as reason:
+                    why = str(reason)
+                exchange = request + response - request * response
+                rows.append((slave.label, name, receiver.minimum, request, response, exchange, why))
+        columns = ["slave", "receiver", "minimum_V", "request", "response", "exchange", "why"]
+        return pd.DataFrame(rows, columns=columns).set_index(["slave", "receiver"])
+
     @property
     def voltages(self) -> dict[str, float]:
         """Voltage of the supply left at each node [V]; each segment needs one supply."""
@@ -377,44 +409,38 @@ class Plan:
         """Return how soon and how late the host knows of a change at each slave.
 
         One row per slave of a plan of one line: `best_s`, `typical_s` and `worst_s`, as
-        `Cycle.response_time` has them, with the slave's profile, channels and conversion. They are
-        NaN where nobody knows how a profile transfers its values; `why` says so.
+        `Cycle.response_time` has them, with the slave's profile, channels and conversion, and
+        `update_s`, after which the slave is heard again. They are NaN where nobody knows how a
+        profile transfers its values; `why` says so.
         """
         used, cycle = self._addresses(), self.cycle
         rows = {}
         for slave in self.slaves:
+            asked: dict[str, Any] = {
+                "channels": slave.channels, "direction": direction,
+                "paired": used[slave.address] > 1,
+            }  # fmt: skip
             try:
-                exchanges(slave.kind, direction)
+                renewed = cycle.update_time(slave.kind, **asked)
             except ArgumentError as unknown:
-                rows[slave.label] = (*[np.nan] * 3, str(unknown))
+                rows[slave.label] = (*[np.nan] * 4, str(unknown))
                 continue
-            found = cycle.response_time(
-                slave.kind, channels=slave.channels, conversion=slave.conversion,
-                direction=direction, paired=used[slave.address] > 1,
-                repetitions=repetitions, host=host,
-            )  # fmt: skip
-            rows[slave.label] = (*found, "")
-        columns = [*(f"{name}_s" for name in ResponseTime._fields), "why"]
+            asked |= {"conversion": slave.conversion, "repetitions": repetitions, "host": host}
+            rows[slave.label] = (*cycle.response_time(slave.kind, **asked), renewed, "")
+        columns = [*(f"{name}_s" for name in ResponseTime._fields), "update_s", "why"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("slave")
 
     def utilisation(self, update: float, *, repetitions: int = 0, host: float = 0.0) -> Utilisation:
         """Return how far a plan of one line is used, where each point needs an `update` [s].
 
-        `repetitions` and `host` as in `response_times`. Raises ArgumentError if nobody knows how a
-        slave transfers its values.
+        `repetitions` and `host` as in `response_times`; NaN where that has one.
         """
         check_scalar("update", update, "s", 1e-6, 1e6)
-        used, cycle = self._addresses(), self.cycle
-        heard = [
-            float(
-                cycle.interval(slave.kind, channels=slave.channels, paired=used[slave.address] > 1)
-            )
-            for slave in self.slaves
-        ]
-        worst = self.response_times(repetitions=repetitions, host=host)["worst_s"].max()
-        capacity = max([len(used) / ADDRESSES, *(time / update for time in heard)])
-        return Utilisation(float(cycle.bus_time), capacity, float(worst))
+        times = self.response_times(repetitions=repetitions, host=host)
+        shares = [len(self._addresses()) / ADDRESSES, *(times["update_s"] / update)]
+        worst = times["worst_s"].max(skipna=False)
+        return Utilisation(float(self.cycle.bus_time), float(np.max(shares)), float(worst))
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the plan to scale along the cable, the slaves in the colour of their verdict.

@@ -349,7 +349,8 @@ class Run:
         ``least_s``, ``mean_s`` and ``longest_s`` are the time from a change of an input to the
         end of the response that reports it, for a change at a random time between the first
         cyclic exchange that succeeds and the last. A slave that was dropped meanwhile has a long
-        time. A slave for values converts all the time from 0 on, as `Cycle.response_time` says.
+        time. ``update_s`` is the longest time between two responses. A slave for values converts
+        all the time from 0 on, as `Cycle.response_time` says, and one of its channels counts.
         """
         good = self._exchanges.query("cyclic and not failed")[["slave", "sampled", "known"]]
         parts = dict(list(good.groupby("slave", sort=False)))
@@ -357,22 +358,27 @@ class Run:
             if slave.label in parts and transfers_values(slave.profile):
                 parts[slave.label] = _values(parts[slave.label], slave.settings)
         good = pd.concat(parts.values()) if parts else good
-        before = good.groupby("slave", sort=False)["sampled"].shift()
+        before = good.groupby("slave", sort=False)[["sampled", "known"]].shift()
         waits = pd.DataFrame(
             {
                 "slave": good["slave"],
                 "least_s": good["known"] - good["sampled"],
-                "longest_s": good["known"] - before,
-                "waited": good["sampled"] - before,
+                # A value that is transferred once more says nothing new.
+                "longest_s": (good["known"] - before["sampled"]).where(
+                    good["sampled"] > before["sampled"], 0.0
+                ),
+                "update_s": good["known"] - before["known"],
+                "waited": good["sampled"] - before["sampled"],
             }
         ).dropna()
-        waits["area"] = (waits["longest_s"] ** 2 - waits["least_s"] ** 2) / 2
+        waits["area"] = waits["waited"] * (waits["least_s"] + waits["waited"] / 2)
         by = waits.groupby("slave", sort=False)
         return pd.DataFrame(
             {
                 "least_s": by["least_s"].min(),
                 "mean_s": by["area"].sum() / by["waited"].sum(),
                 "longest_s": by["longest_s"].max(),
+                "update_s": by["update_s"].max(),
             }
         )
 
@@ -382,20 +388,17 @@ class Run:
         It is that of the cycles, and as long as the longest gap in them: start-up is left out.
         """
         check_scalar("update", update, "s", 1e-6, 1e6)
-        record = self.record
+        record, times = self.record, self.response_times()
+        if times.empty:
+            raise ArgumentError("no slave was heard twice; simulate more cycles")
         first = int(np.argmax(record.cycle >= 0))
         answered = np.isfinite(record.pauses[first:]).sum()
         bits = REQUEST_BITS * (len(record.starts) - first) + RESPONSE_BITS * answered
-        good = self._exchanges.query("cyclic and not failed")
-        gaps = good.groupby("slave")["known"].agg(lambda known: known.diff().max())
-        for slave in self.slaves:
-            if slave.label in gaps and transfers_values(slave.profile):
-                gaps[slave.label] *= exchanges(slave.profile) * slave.settings.channels
-        addresses = good["slave"].str.rstrip("AB").nunique()
+        addresses = len({label.rstrip("AB") for label in times.index})
         return Utilisation(
             float(bits / (self.end - record.starts[first])),
-            max(addresses / ADDRESSES, float(gaps.max()) / update),
-            float(self.response_times()["longest_s"].max()),
+            max(addresses / ADDRESSES, float(times["update_s"].max()) / update),
+            float(times["longest_s"].max()),
         )
 
     def input_changes(self) -> pd.DataFrame:
@@ -427,11 +430,7 @@ def _values(own: pd.DataFrame, slave: Slave) -> pd.DataFrame:
     taken, known = ends[: -1 : slave.channels], ends[1 :: slave.channels]
     round_of_all = slave.channels * slave.conversion
     sampled = np.floor(taken / round_of_all) * round_of_all if round_of_all else taken
-    # A value that is transferred once more says nothing new.
-    new = np.diff(sampled, prepend=-1) > 0
-    return pd.DataFrame(
-        {"slave": own["slave"].iloc[0], "sampled": sampled[new], "known": known[new]}
-    )
+    return pd.DataFrame({"slave": own["slave"].iloc[0], "sampled": sampled, "known": known})
 
 
 # The simulation --------------------------------------------------------------------------------

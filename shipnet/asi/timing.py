@@ -272,7 +272,7 @@ class Cycle:
 
     62 slaves take no longer, but each is heard every other cycle:
 
-    >>> Cycle(62).time == Cycle(31).time, f"{Cycle(62).update_time * 1e3:.3f} ms"
+    >>> Cycle(62).time == Cycle(31).time, f"{Cycle(62).update_time() * 1e3:.3f} ms"
     (True, '10.296 ms')
     >>> Cycle([6, 31], transaction=Transaction(2, 2)).time.round(5).tolist()
     [0.0012, 0.00495]
@@ -315,11 +315,6 @@ class Cycle:
         return _plain(np.maximum(requests * self.transaction.duration, self.minimum))
 
     @property
-    def update_time(self) -> float | Floats:
-        """Time after which every slave has been heard again: two cycles where any share [s]."""
-        return _plain(np.multiply(self.time, np.where(np.asarray(self.pairs) > 0, 2, 1)))
-
-    @property
     def bus_time(self) -> float | Floats:
         """Share of the time in which a telegram is on the line; no new slave answers."""
         asked = np.asarray(self.addresses) + np.asarray(self.management) + self.repetitions
@@ -328,7 +323,7 @@ class Cycle:
         busy = bits * self.transaction.bit_time
         return _plain(np.divide(busy, time, out=np.zeros(time.shape), where=time > 0))
 
-    def interval(
+    def update_time(
         self,
         profile: Profile | str = "S-0.F",
         *,
@@ -338,7 +333,7 @@ class Cycle:
     ) -> float | Floats:
         """Return the time after which a slave's bits, or its values, are heard again [s].
 
-        The arguments are those of `response_time`.
+        The arguments are those of `response_time`; by default it is that of the slowest slave.
         """
         shared = np.asarray(self.pairs) > 0 if paired is None else np.asarray(paired)
         if shared.dtype.kind != "b":
@@ -377,7 +372,7 @@ class Cycle:
         """
         late = _whole("repetitions", repetitions, _MOST) * self.transaction.duration
         waits = np.asarray(
-            self.interval(profile, channels=channels, direction=direction, paired=paired)
+            self.update_time(profile, channels=channels, direction=direction, paired=paired)
         )
         if transfers_values(profile):
             known = waits / channels

@@ -16,6 +16,8 @@ import numpy.typing as npt
 
 from shipnet.answers import Findings
 from shipnet.design.costs import (
+    FIGURES,
+    MERITS,
     Quantities,
     Rng,
     Tornado,
@@ -346,7 +348,7 @@ class Comparison:
                     f"{name} leaves {left} of {len(design.points)} points out{_why(design)}."
                 )
         said += _lengths(self.designs)
-        said += _prices(self.designs)
+        said += _prices(self.quantities, self.designs)
         whole = table[table["points_left_out"] == 0]
         said = [f"{self.verdict[:1].upper()}{self.verdict[1:]}.", *said]
         if whole.empty:
@@ -501,11 +503,10 @@ def compared(
                 f"design {design.name!r} has not the {other} of {first.name!r}; their costs cannot "
                 "be compared"
             )
-    made = Comparison(named, rules, criteria, rng, remarks)
-    known = [*made._row(first.name)]
+    known = [*FIGURES, *MERITS]
     if not criteria or not set(criteria) <= set(known):
         raise ArgumentError(f"criteria are {criteria}; they must be of {', '.join(known)}")
-    return made
+    return Comparison(named, rules, criteria, rng, remarks)
 
 
 def _differing(a: Design, b: Design) -> str:
@@ -562,11 +563,11 @@ def _rules(count: int) -> str:
     return f"{count} rule{'s' * (count > 1)}"
 
 
-def _prices(designs: Mapping[str, Design]) -> Iterator[str]:
+def _prices(quantities: Mapping[str, Quantities], designs: Mapping[str, Design]) -> Iterator[str]:
     """Say what limits on responses cost, and where intrinsically safe points are connected."""
     for name, design in designs.items():
         if (loose := design.without_limits) is not None:
-            more = design.quantities()["total_cost_eur"] - loose.quantities()["total_cost_eur"]
+            more = quantities[name]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
             yield (
                 f"Within the rules' limits on responses, {name} costs {number(abs(more))} EUR "
                 f"{'less' if more < 0 else 'more'} than without them."

@@ -150,8 +150,8 @@ FIGURES: Mapping[str, tuple[str, str]] = MappingProxyType(
     }
 )
 
-#: The other columns of a comparison: their words, and their units.
-_OTHERS: Mapping[str, tuple[str, str]] = MappingProxyType(
+#: What else a comparison weighs: the words of each column, and its unit.
+MERITS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "points_left_out": ("points left out", ""),
         "total_cost_low_eur": ("total cost, low", "EUR"),
@@ -166,14 +166,15 @@ _OTHERS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "rules_met": ("rules met", ""),
         "rules_violated": ("rules violated", ""),
         "rules_not_verified": ("rules not verified", ""),
-        "pareto": ("Pareto-optimal", ""),
     }
 )
+
+_LABELS = {**FIGURES, **MERITS, "pareto": ("Pareto-optimal", "")}
 
 
 def label(column: str) -> str:
     """Return a column of a comparison in words, with its unit in brackets."""
-    words, unit = ({**FIGURES, **_OTHERS}).get(column, (column, ""))
+    words, unit = _LABELS.get(column, (column, ""))
     return f"{words} [{unit}]" if unit else words
 
 

@@ -607,7 +607,7 @@ def _connect(draft: Draft, segment: str, line: Line, names: dict[str, str]) -> N
     rows = np.concatenate([module.rows for module in line.modules])
     shared = {slave.address for slave in line.slaves if slave.half == "B"}
     shares = [
-        line.cycle.interval(
+        line.cycle.update_time(
             module.profile, channels=module.channels, paired=slave.address in shared,
             direction="out" if module.outputs else "in",
         ) / draft.need[module.rows].min()

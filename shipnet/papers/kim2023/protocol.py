@@ -384,7 +384,7 @@ def update_time(*, slaves: int) -> float:
 
     No address is left at which a new slave could be found.
     """
-    return 1e3 * float(Cycle(slaves, inclusion=0).update_time)
+    return 1e3 * float(Cycle(slaves, inclusion=0).update_time())
 
 
 # Section 3.3: messages of more than four bits, and what they are too slow for.
