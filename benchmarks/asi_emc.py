@@ -13,7 +13,7 @@ from _timing import seconds
 
 from shipnet import asi
 from shipnet.asi.emc.disturbances import Burst, ConductedRF, Impulses, Noise
-from shipnet.asi.emc.error_rates import error_rate
+from shipnet.asi.emc.error_rates import count_errors
 from shipnet.asi.receiver import Receiver
 
 NUMBER = 40_000
@@ -44,7 +44,7 @@ def main():
     )
     for name, (disturbance, amplitude, minimum) in cases.items():
         rng, receiver = np.random.default_rng(2024), Receiver(minimum=minimum)
-        batch = partial(error_rate, wave, disturbance, amplitude, NUMBER, rng, receiver=receiver)
+        batch = partial(count_errors, wave, disturbance, amplitude, NUMBER, rng, receiver=receiver)
         loop = partial(plain_loop, wave, disturbance, amplitude, SAMPLE, rng, receiver)
         rate, low_rate = batch().table()["rate"][0], loop()
         # Both must do the same work: rates agree within five sigma of the loop's.

@@ -212,7 +212,13 @@ def tested_page(root: Path) -> str:
 
 #: Tables with rows that rest on something else than the document itself.
 UNREAD = [
-    ("rules for designs", "design_rules.csv", "confirmed", "yes", "quoted from a paper or summary"),
+    (
+        "rules for designs",
+        "design_rules.csv",
+        "confirmed",
+        "yes",
+        "quoted from a paper, a summary or a maker's document",
+    ),
     ("EMC levels", "emc_levels.csv", "confirmed", "yes", "recalled; the standard was not read"),
     ("cables", "estimated_cables.csv", "status_price", "confirmed", "with an assumed price"),
     ("cables", "estimated_cables.csv", "status_mass", "confirmed", "with an estimated mass"),

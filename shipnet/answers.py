@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,7 +12,7 @@ from shipnet.errors import ArgumentError
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_workbook
 
-__all__ = ["COLUMNS", "FORMS", "VERDICTS", "Answer", "Findings", "check_output"]
+__all__ = ["COLUMNS", "FORMS", "VERDICTS", "Answer", "Findings", "Utilisation", "check_output"]
 
 #: Columns that all findings have, in this order; others may follow.
 COLUMNS = ("rule", "object", "value", "low", "high", "unit", "verdict", "why", "source")
@@ -27,7 +28,8 @@ class Findings:
     ----------
     table : pandas.DataFrame
         The columns `COLUMNS`, and any others behind them. `low` and `high` are the limits, NaN
-        where there is none; `verdict` is one of `VERDICTS`.
+        where there is none; `verdict` is one of `VERDICTS`. A column `graded` says which rules
+        have a margin; one that is met or not has none.
 
     Raises
     ------
@@ -70,8 +72,9 @@ class Findings:
         """Return one row per rule, the nearest to its limit, or farthest beyond it.
 
         Indexed by rule, with the share of the limit that is left as `margin`: 0 on the limit,
-        negative beyond it, NaN where the rule has no number. Rules come in the order of their
-        margins, those first that are violated or not verified without a number.
+        negative beyond it, NaN where the rule has no number, or is not graded and met. Rules come
+        in the order of their margins; those without one come first if they are violated or not
+        verified, and last if they are met.
         """
         import numpy as np
 
@@ -85,6 +88,8 @@ class Findings:
             left.append((sign * (value - bound) / scale).fillna(np.inf))
         margin = left[0].clip(upper=left[1]).where(value.notna())
         margin += 0.0  # no minus zero
+        if "graded" in table:
+            margin = margin.where(table["graded"] | (table["verdict"] != "met"))
         without = pd.Series(np.where(table["verdict"] == "met", np.inf, -np.inf), table.index)
         order = margin.fillna(without).sort_values(kind="stable").index
         rows = table.assign(margin=margin).loc[order]
@@ -127,6 +132,35 @@ class Findings:
         return f"<Findings: {self.verdict}>"
 
 
+class Utilisation(NamedTuple):
+    """How far a bus is used, in three numbers that mean the same for every bus.
+
+    Attributes
+    ----------
+    bus_time : float
+        Share of the time in which a frame is on the wire. The silence between frames is not in
+        it, but the 3 bits of intermission on CAN are, as in every bus load.
+    capacity_used : float
+        Largest share that is used of what a bus has: its addresses or stations, and its time.
+        Where a master polls, that is the time until it has asked for a point again, over the
+        update that the point needs; on CAN it is the bus time. Above 1 it is not enough.
+    worst_response : float
+        Longest time from a change at a point until the host knows of it [s]. The change waits
+        until it is asked for, or on CAN for the next period of its message.
+    """
+
+    bus_time: float
+    capacity_used: float
+    worst_response: float
+
+    def __str__(self) -> str:
+        return (
+            f"bus time {100 * self.bus_time:.3g} %, "
+            f"capacity used {100 * self.capacity_used:.3g} %, "
+            f"worst response {1e3 * self.worst_response:.3g} ms"
+        )
+
+
 #: Suffixes of the files that every answer can be written to; no suffix means a folder.
 FORMS = (".csv", ".xlsx", ".json", ".png", ".svg")
 
@@ -157,7 +191,7 @@ class Answer(NamedTuple):
             "ok": self.ok,
             "verdict": self.verdict,
             "numbers": {
-                name: {"value": value if value == value else None, "unit": unit}
+                name: {"value": value if isfinite(value) else None, "unit": unit}
                 for name, (value, unit) in self.numbers.items()
             },
             "findings": [] if self.findings is None else _rows(self.findings.table()),

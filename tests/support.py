@@ -3,7 +3,13 @@
 import csv
 import math
 import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +34,20 @@ def require(part: str, available: bool, hint: str) -> None:
     if part in os.environ.get("SHIPNET_REQUIRE", "").split(","):
         pytest.fail(f"{part}: {hint}", pytrace=False)
     pytest.skip(f"{part}: {hint}")
+
+
+@contextmanager
+def running(*arguments: str) -> Iterator[subprocess.Popen]:
+    """Run `python -m shipnet` with these arguments; an interrupt stops it, the end kills it."""
+    # A shell starts what runs in the background with interrupts ignored, and a child inherits it.
+    heed = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    command = [sys.executable, "-m", "shipnet", *arguments]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, preexec_fn=heed) as program:
+        try:
+            yield program
+        finally:
+            program.kill()
 
 
 def load(upload: object, content: bytes, name: str = "a.csv") -> None:

@@ -35,6 +35,7 @@ HEADINGS = {
     ],
     "solutions": ["Exercises"],
     "explore": ["What to try", "What it assumes"],
+    "01_three_buses.ipynb": ["The problem on the ship", "What we learned", "References"],
     "notebooks": [
         "The problem on the ship",
         "The map",

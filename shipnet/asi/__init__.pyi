@@ -15,6 +15,7 @@ from .plan import Plan as Plan
 from .plan import compare as compare
 from .plan import read_plan as read_plan
 from .profile import Profile as Profile
+from .receiver import RECEIVERS as RECEIVERS
 from .receiver import TOLERANCE as TOLERANCE
 from .receiver import Receiver as Receiver
 from .receiver import Reception as Reception

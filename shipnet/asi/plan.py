@@ -16,15 +16,16 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from shipnet import style
-from shipnet.answers import Findings
+from shipnet.answers import Findings, Utilisation
 from shipnet.arrays import Bools, Floats
 from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan_file import read_elements, write_elements
-from shipnet.asi.receiver import TOLERANCE, Disturbance, RNGLike
+from shipnet.asi.receiver import RECEIVERS, TOLERANCE, Disturbance, RNGLike
 from shipnet.asi.recording import record_segment
 from shipnet.asi.rules import check_lines
 from shipnet.asi.segment import (
+    PROBES,
     Element,
     Groups,
     Quality,
@@ -35,15 +36,22 @@ from shipnet.asi.segment import (
 )
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES
-from shipnet.asi.timing import Cycle, Transaction, transfers_values
+from shipnet.asi.timing import (
+    ADDRESSES,
+    Cycle,
+    Direction,
+    ResponseTime,
+    Transaction,
+)
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 from shipnet.line.network import CableRun, Network
 from shipnet.line.waveform import Waveform as LineWaveform
 from shipnet.style import LIMIT
 
 if TYPE_CHECKING:
-    from shipnet.asi.receiver import Waveform
+    from shipnet.asi.receiver import Receiver, Waveform
     from shipnet.asi.telegram import Request, Response
 
 _E = TypeVar("_E", bound=Element)
@@ -298,8 +306,9 @@ class Plan:
 
         `wanted_cycle` is the time within which every slave shall be heard again [s]: without it
         the rule ``update_time`` is left out. A `transaction` takes 26 bit times unless given;
-        `limits` has the form of `rule_limits`. A rule is ``not verified`` where its value cannot
-        be computed: voltages need one supply per segment, signals a master on the line.
+        `limits` has the form of `rule_limits`. What cannot be computed of a segment is one row
+        ``voltages_and_signals`` that is ``not verified`` and says why: voltages need one supply
+        per segment, signals and delays a master on the line.
 
         Signals are judged by the worst of all responses and of three requests, which is stricter
         than `quality`, which judges the responses. They rest on nominal cables and on assumed
@@ -403,6 +412,37 @@ class Plan:
         found = self.only("quality").quality([slave.node for slave in slaves])
         return found._replace(slaves=tuple(slave.label for slave in slaves))
 
+    def error_rates(
+        self, noise_density: float, *, receivers: Mapping[str, Receiver] = RECEIVERS
+    ) -> pd.DataFrame:
+        """Return how often white noise costs a telegram, in a plan of one segment with a master.
+
+        The noise has a one-sided `noise_density` at every receiver [V per root hertz]. One row per
+        slave and receiver: `minimum_V` of the receiver; `request` and `response`, the probability
+        that one is not received as it was sent; `exchange`, that either is not. They are NaN where
+        `emc.error_rate` cannot say; `why` has the reason.
+        """
+        from shipnet.asi.emc.error_rates import error_rate
+
+        check_scalar("noise_density", noise_density, "V per root hertz", 1e-12, 1e6)
+        waves = self.waveform(PROBES), self.waveform()
+        rows = []
+        for place, slave in enumerate(self.slaves):
+            own = [replace(wave, u=wave.u[place], names=()) for wave in waves]
+            for name, receiver in receivers.items():
+                request = response = np.nan
+                why = ""
+                try:
+                    request, response = (
+                        error_rate(wave, noise_density, receiver=receiver).item() for wave in own
+                    )
+                except ArgumentError as reason:
+                    why = str(reason)
+                exchange = request + response - request * response
+                rows.append((slave.label, name, receiver.minimum, request, response, exchange, why))
+        columns = ["slave", "receiver", "minimum_V", "request", "response", "exchange", "why"]
+        return pd.DataFrame(rows, columns=columns).set_index(["slave", "receiver"])
+
     @property
     def voltages(self) -> dict[str, float]:
         """Voltage of the supply left at each node [V]; each segment needs one supply."""
@@ -423,27 +463,43 @@ class Plan:
         return Counter(slave.address for slave in slaves)
 
     def response_times(
-        self, *, repetitions: int = 0, host: float = 0.0, conversion: float = 0.0
+        self, *, direction: Direction = "in", repetitions: int = 0, host: float = 0.0
     ) -> pd.DataFrame:
         """Return how soon and how late the host knows of a change at each slave.
 
-        One row per slave: `best_s` and `worst_s`, as `Cycle.response_time` has them, with so many
-        `repetitions` on the line and the time between two looks of the `host` [s]. A slave for
-        analogue values transfers one value, after a `conversion` [s].
+        One row per slave of a plan of one line: `best_s`, `typical_s` and `worst_s`, as
+        `Cycle.response_time` has them, with the slave's profile, channels and conversion, and
+        `update_s`, after which the slave is heard again. They are NaN where nobody knows how a
+        profile transfers its values; `why` says so.
         """
         used, cycle = self._addresses(), self.cycle
         rows = {}
         for slave in self.slaves:
-            analogue = transfers_values(slave.kind)
-            rows[slave.label] = cycle.response_time(
-                slave.kind if analogue else None,
-                conversion=conversion if analogue else 0.0,
-                paired=used[slave.address] > 1,
-                repetitions=repetitions,
-                host=host,
-            )
-        table = pd.DataFrame.from_dict(rows, orient="index", columns=["best_s", "worst_s"])
+            asked: dict[str, Any] = {
+                "channels": slave.channels, "direction": direction,
+                "paired": used[slave.address] > 1,
+            }  # fmt: skip
+            try:
+                renewed = cycle.update_time(slave.kind, **asked)
+            except ArgumentError as unknown:
+                rows[slave.label] = (*[np.nan] * 4, str(unknown))
+                continue
+            asked |= {"conversion": slave.conversion, "repetitions": repetitions, "host": host}
+            rows[slave.label] = (*cycle.response_time(slave.kind, **asked), renewed, "")
+        columns = [*(f"{name}_s" for name in ResponseTime._fields), "update_s", "why"]
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("slave")
+
+    def utilisation(self, update: float, *, repetitions: int = 0, host: float = 0.0) -> Utilisation:
+        """Return how far a plan of one line is used, where each point needs an `update` [s].
+
+        `repetitions` and `host` as in `response_times`; NaN where that has one.
+        """
+        check_scalar("update", update, "s", 1e-6, 1e6)
+        times = self.response_times(repetitions=repetitions, host=host)
+        shares = [len(self._addresses()) / ADDRESSES, *(times["update_s"] / update)]
+        worst = times["worst_s"].max(skipna=False)
+        return Utilisation(float(self.cycle.bus_time), float(np.max(shares)), float(worst))
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the plan to scale along the cable, the slaves in the colour of their verdict.

@@ -1,10 +1,11 @@
 """Plans as CSV files that a spreadsheet can write: one row an element.
 
-    kind,node,to,length_m,cable,address,profile,current_ma,voltage_v,rating_a
-    master,bridge,,,,,,,,
-    supply,bridge,,,,,,,30,4
-    cable,bridge,deck,60,as-i 1.5,,,,,
-    slave,deck,,,,12A,S-0.A,20,,
+    kind,node,to,length_m,cable,address,profile,current_ma,channels,voltage_v,rating_a
+    master,bridge,,,,,,,,,
+    supply,bridge,,,,,,,,30,4
+    cable,bridge,deck,60,as-i 1.5,,,,,,
+    slave,deck,,,,12A,S-0.A,20,,,
+    slave,deck,,,,13,S-7.3,20,4,,
 
 A cell that its kind of row does not know stays empty; a cell that may be left empty takes the
 default of its element. Columns may come in any order and be left out if no row needs them.
@@ -25,6 +26,7 @@ from shipnet.asi.master import Master
 from shipnet.asi.profile import Profile
 from shipnet.asi.segment import Element, structure_faults
 from shipnet.asi.slave import Slave, slave_key
+from shipnet.asi.timing import CHANNELS, transfers_values
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Number, declared
 from shipnet.line.cable import CABLES
@@ -35,6 +37,7 @@ from shipnet.tables import NUMBER, in_order, read_sheet, titled
 _NUMBERS: dict[str, tuple[Any, int]] = {
     "length_m": (Number(low=0.01, high=10e3, unit="m", shown=(0.01, 10e3)), 0),
     "current_ma": (declared(Slave)["current"], -3),
+    "conversion_ms": (declared(Slave)["conversion"], -3),
     "voltage_v": (declared(Supply)["voltage"], 0),
     "rating_a": (declared(Supply)["rating"], 0),
     "delay_us": (declared(Repeater)["delay"], -6),
@@ -58,13 +61,19 @@ _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]]
     "slave": (
         Slave,
         {"node": "node", "label": "address"},
-        {"profile": "profile", "current": "current_ma"},
+        {
+            "profile": "profile",
+            "current": "current_ma",
+            "channels": "channels",
+            "conversion": "conversion_ms",
+        },
     ),
 }
 
 #: Columns of a plan file, in the order in which they are written.
 COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "current_ma",
-           "voltage_v", "rating_a", "delay_us", "resistance_ohm")  # fmt: skip
+           "channels", "conversion_ms", "voltage_v", "rating_a", "delay_us",
+           "resistance_ohm")  # fmt: skip
 
 
 def write_elements(elements: Sequence[Element], path: str | PathLike[str]) -> None:
@@ -85,6 +94,9 @@ def _row(element: Element) -> dict[str, str]:
     )
     row = {"kind": kind}
     for argument, column in (needed | optional).items():
+        if isinstance(element, Slave) and argument in ("channels", "conversion"):
+            if not transfers_values(element.kind):
+                continue
         value = getattr(element, argument)
         if column in _NUMBERS:
             # Shifting the point of the shortest decimal leaves it the same number, to the bit.
@@ -162,7 +174,7 @@ def _value(column: str, cell: str, point: str) -> Any:
     read, expected = _READ.get(column, (str, ""))
     try:
         return read(cell)
-    except (ArgumentError, KeyError):
+    except (ValueError, KeyError):
         raise ArgumentError(expected) from None
 
 
@@ -175,6 +187,7 @@ def _label(cell: str) -> str:
 _READ: dict[str, tuple[Callable[[str], Any], str]] = {
     "address": (_label, "0 to 31, with A or B behind it for a slave that shares it"),
     "profile": (Profile.parse, "a profile such as S-7.A.E or S-0.F"),
+    "channels": (int, f"a whole number, 1 to {CHANNELS}"),
     "cable": (dict(zip(CABLES, CABLES, strict=True)).__getitem__, f"one of {', '.join(CABLES)}"),
 }
 

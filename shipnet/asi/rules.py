@@ -33,8 +33,9 @@ def rule_limits() -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Indexed by rule: `object`, `low`, `high`, `unit`, `source`, `note`. A limit is NaN where
-        there is none, or where the user or the object sets it.
+        Indexed by rule: `object`, `low`, `high`, `unit`, `graded`, `source`, `note`. A limit is
+        NaN where there is none, or where the user or the object sets it. A rule that is not graded
+        is met or not, and has no margin.
 
     Examples
     --------
@@ -55,7 +56,7 @@ def _published() -> pd.DataFrame:
     table = table.rename(columns={"lowest": "low", "highest": "high"})
     for bound in ("low", "high"):
         table[bound] = table[bound].replace("", "nan").astype(float)
-    return table
+    return table.assign(graded=table["graded"] == "yes")
 
 
 def check_lines(
@@ -82,7 +83,7 @@ def check_lines(
     known = np.where(met, "met", "violated")
     table["verdict"] = np.where(table["value"].isna(), "not verified", known)
     table["why"] = table["why"].where(table["why"] != "", table["note"])
-    return table[list(COLUMNS)]
+    return table[[*COLUMNS, "graded"]]
 
 
 def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:
@@ -115,7 +116,15 @@ def _rows(
     for segment in line:
         yield from _segment_rows(segment, terminated)
         yield from _supply_rows(segment)
-        yield from _signal_rows(segment)
+        why = []
+        if segment.head is None:
+            why.append("no master on the line")
+        if len(segment.supplies) != 1 and segment.listeners:
+            why.append(f"{len(segment.supplies)} supplies in the segment")
+        if why:
+            yield "voltages_and_signals", str(segment), np.nan, None, "; ".join(why)
+        else:
+            yield from _signal_rows(segment)
 
 
 def _line_rows(
@@ -130,7 +139,7 @@ def _line_rows(
         on_address = Counter(slave.address for slave in slaves if slave.address)
         pairs = sum(number > 1 for number in on_address.values())
         cycle = Cycle(len(on_address) + pairs, pairs=pairs, transaction=transaction)
-        yield "update_time", name, float(cycle.update_time), wanted, ""
+        yield "update_time", name, float(cycle.update_time()), wanted, ""
 
 
 def _address_rows(line: tuple[Segment, ...]) -> Iterator[_Row]:
@@ -157,8 +166,6 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
     yield rule, name, segment.length, None, ""
     series = "repeaters_in_series_terminated" if terminated else "repeaters_in_series"
     if segment.head is None:
-        yield series, name, np.nan, None, "no master on the line"
-        yield "answer_delay", name, np.nan, None, "no master on the line"
         return
     yield series, name, len(segment.path), None, f"{segment.reach:g} m from the master"
     per_metre = max(float(run.made_of.delay) for run in segment.cables)
@@ -187,21 +194,13 @@ def _supply_rows(segment: Segment) -> Iterator[_Row]:
         yield "supply_voltage", str(supply), supply.voltage, None, ""
         yield "supply_current", str(supply), current, None, ""
         yield "supply_rating", str(supply), current, supply.rating, ""
-    one = len(segment.supplies) == 1
-    volts = segment.voltages if one else {}
-    note = "" if one else f"{len(segment.supplies)} supplies in the segment"
-    for slave in segment.slaves:
-        yield "slave_voltage", str(slave), volts.get(slave.node, np.nan), None, note
+    if len(segment.supplies) == 1:
+        for slave in segment.slaves:
+            yield "slave_voltage", str(slave), segment.voltages[slave.node], None, ""
 
 
 def _signal_rows(segment: Segment) -> Iterator[_Row]:
     names = [name for name, _ in segment.listeners]
     rules = ("signal_level_least", "signal_level_most", "signal_evenness", "ringing", "reception")
-    why = "no master on the line" if segment.head is None else ""
-    if not why and len(segment.supplies) != 1:
-        why = f"{len(segment.supplies)} supplies in the segment"
-    if why:
-        yield from ((rule, name, np.nan, None, why) for rule in rules for name in names)
-        return
     for rule, values in zip(rules, segment.signals()[:5], strict=True):
         yield from ((rule, name, float(v), None, "") for name, v in zip(names, values, strict=True))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shipnet import style
+from shipnet.answers import Utilisation
 from shipnet.arrays import Floats
 from shipnet.asi.channel import (
     ATTEMPT,
@@ -27,10 +28,10 @@ from shipnet.asi.master import Command, Master, Phase, RunningMaster, check_bits
 from shipnet.asi.plan import Plan
 from shipnet.asi.slave import KINDS, RunningSlave, Slave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
-from shipnet.asi.timing import Transaction
+from shipnet.asi.timing import ADDRESSES, Transaction, exchanges, transfers_values
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, number, part, record
+from shipnet.fields import check_scalar, check_whole, number, part, record
 from shipnet.lazy import Axes, pd
 
 # A standby master ------------------------------------------------------------------------------
@@ -348,26 +349,56 @@ class Run:
         ``least_s``, ``mean_s`` and ``longest_s`` are the time from a change of an input to the
         end of the response that reports it, for a change at a random time between the first
         cyclic exchange that succeeds and the last. A slave that was dropped meanwhile has a long
-        time.
+        time. ``update_s`` is the longest time between two responses. A slave for values converts
+        all the time from 0 on, as `Cycle.response_time` says, and one of its channels counts.
         """
-        good = self._exchanges.query("cyclic and not failed")
-        before = good.groupby("slave", sort=False)["sampled"].shift()
+        good = self._exchanges.query("cyclic and not failed")[["slave", "sampled", "known"]]
+        parts = dict(list(good.groupby("slave", sort=False)))
+        for slave in self.slaves:
+            if slave.label in parts and transfers_values(slave.profile):
+                parts[slave.label] = _values(parts[slave.label], slave.settings)
+        good = pd.concat(parts.values()) if parts else good
+        before = good.groupby("slave", sort=False)[["sampled", "known"]].shift()
         waits = pd.DataFrame(
             {
                 "slave": good["slave"],
                 "least_s": good["known"] - good["sampled"],
-                "longest_s": good["known"] - before,
-                "waited": good["sampled"] - before,
+                # A value that is transferred once more says nothing new.
+                "longest_s": (good["known"] - before["sampled"]).where(
+                    good["sampled"] > before["sampled"], 0.0
+                ),
+                "update_s": good["known"] - before["known"],
+                "waited": good["sampled"] - before["sampled"],
             }
         ).dropna()
-        waits["area"] = (waits["longest_s"] ** 2 - waits["least_s"] ** 2) / 2
+        waits["area"] = waits["waited"] * (waits["least_s"] + waits["waited"] / 2)
         by = waits.groupby("slave", sort=False)
         return pd.DataFrame(
             {
                 "least_s": by["least_s"].min(),
                 "mean_s": by["area"].sum() / by["waited"].sum(),
                 "longest_s": by["longest_s"].max(),
+                "update_s": by["update_s"].max(),
             }
+        )
+
+    def utilisation(self, update: float) -> Utilisation:
+        """Return how far the line was used, where each point needs an `update` [s].
+
+        It is that of the cycles, and as long as the longest gap in them: start-up is left out.
+        """
+        check_scalar("update", update, "s", 1e-6, 1e6)
+        record, times = self.record, self.response_times()
+        if times.empty:
+            raise ArgumentError("no slave was heard twice; simulate more cycles")
+        first = int(np.argmax(record.cycle >= 0))
+        answered = np.isfinite(record.pauses[first:]).sum()
+        bits = REQUEST_BITS * (len(record.starts) - first) + RESPONSE_BITS * answered
+        addresses = len({label.rstrip("AB") for label in times.index})
+        return Utilisation(
+            float(bits / (self.end - record.starts[first])),
+            max(addresses / ADDRESSES, float(times["update_s"].max()) / update),
+            float(times["longest_s"].max()),
         )
 
     def input_changes(self) -> pd.DataFrame:
@@ -387,6 +418,19 @@ class Run:
             answers.append(seen["known"].iloc[0] - change.time if len(seen) else np.nan)
         frame = pd.DataFrame(self.changes, columns=["time_s", "slave", "value"])
         return frame.assign(response_time_s=np.array(answers, dtype=float))
+
+
+def _values(own: pd.DataFrame, slave: Slave) -> pd.DataFrame:
+    """Return when the values of one channel were converted and known, by the slave's exchanges."""
+    try:
+        needed = exchanges(slave.kind)
+    except ArgumentError:  # nobody knows
+        return own[:0]
+    ends = own["known"].to_numpy()[needed - 1 :: needed]
+    taken, known = ends[: -1 : slave.channels], ends[1 :: slave.channels]
+    round_of_all = slave.channels * slave.conversion
+    sampled = np.floor(taken / round_of_all) * round_of_all if round_of_all else taken
+    return pd.DataFrame({"slave": own["slave"].iloc[0], "sampled": sampled, "known": known})
 
 
 # The simulation --------------------------------------------------------------------------------

@@ -26,7 +26,7 @@ from shipnet.asi.batch import NONE
 from shipnet.asi.elements import CURRENT, DEVICE
 from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
 from shipnet.asi.telegram import Answer, Call, Half, Request, Response
-from shipnet.asi.timing import ADDRESSES
+from shipnet.asi.timing import ADDRESSES, CHANNELS, CONVERSION
 from shipnet.errors import ArgumentError, FrameError, UnknownCallError
 from shipnet.fields import check_whole, number, record, switch, text, whole
 from shipnet.lazy import Axes, pd
@@ -114,6 +114,14 @@ class Slave:
     write_time: float = number(
         0, inf, "s", "Time to store an address or ID code 1", default=WRITE_TIME, kw_only=True
     )
+    channels: int = whole(
+        1, CHANNELS, help="Analogue values that it transfers, if its profile is one for values",
+        default=1, kw_only=True,
+    )  # fmt: skip
+    conversion: float = number(
+        0, 10, "s", "Time to convert an analogue value; makers print 20 to 60 ms",
+        default=CONVERSION, kw_only=True,
+    )  # fmt: skip
     locked: bool = switch("Whether its maker closed the program mode", default=True, kw_only=True)
     load: Load = field(default=DEVICE, kw_only=True)
 

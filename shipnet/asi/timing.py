@@ -8,14 +8,14 @@ one new slave. An address that an A and a B slave share is asked once per cycle 
 two slaves by turns: each of them is heard every second cycle.
 
 Four bits pass in a cycle, so the profiles for analogue values cut a value into pieces, each type
-of transfer (CTT) in its own way. How many cycles a value takes is data, from
-`asi_analogue_profiles.csv`. Profiles that are not in there are unknown to us, as is CTT4.
+of transfer (CTT) in its own way. How many exchanges a value takes is data, from
+`asi_analogue_profiles.csv`; of CTT4 no maker prints it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -202,16 +202,23 @@ _USUAL = Transaction()
 #: Most transactions of one kind that are taken; no cycle comes near.
 _MOST = 10_000
 
-#: Most channels of a slave.
-_CHANNELS = 4
+#: Most channels of a slave for analogue values.
+CHANNELS = 4
+
+#: Longest conversion of an analogue value that makers print, of 20 to 60 ms per channel [s].
+CONVERSION = 60e-3
 
 Direction = Literal["in", "out"]
 
 
 class ResponseTime(NamedTuple):
-    """Shortest and longest time from a change at a slave to the host's knowing of it [s]."""
+    """Time from a change at a slave to the host's knowing of it [s].
+
+    `typical` is the mean over changes at random times, on a line without repetitions.
+    """
 
     best: float | Floats
+    typical: float | Floats
     worst: float | Floats
 
 
@@ -265,7 +272,7 @@ class Cycle:
 
     62 slaves take no longer, but each is heard every other cycle:
 
-    >>> Cycle(62).time == Cycle(31).time, f"{Cycle(62).update_time * 1e3:.3f} ms"
+    >>> Cycle(62).time == Cycle(31).time, f"{Cycle(62).update_time() * 1e3:.3f} ms"
     (True, '10.296 ms')
     >>> Cycle([6, 31], transaction=Transaction(2, 2)).time.round(5).tolist()
     [0.0012, 0.00495]
@@ -308,16 +315,39 @@ class Cycle:
         return _plain(np.maximum(requests * self.transaction.duration, self.minimum))
 
     @property
-    def update_time(self) -> float | Floats:
-        """Time after which every slave has been heard again: two cycles where any share [s]."""
-        return _plain(np.multiply(self.time, np.where(np.asarray(self.pairs) > 0, 2, 1)))
+    def bus_time(self) -> float | Floats:
+        """Share of the time in which a telegram is on the line; no new slave answers."""
+        asked = np.asarray(self.addresses) + np.asarray(self.management) + self.repetitions
+        bits = asked * (REQUEST_BITS + RESPONSE_BITS) + np.asarray(self.inclusion) * REQUEST_BITS
+        time = np.asarray(self.time)
+        busy = bits * self.transaction.bit_time
+        return _plain(np.divide(busy, time, out=np.zeros(time.shape), where=time > 0))
+
+    def update_time(
+        self,
+        profile: Profile | str = "S-0.F",
+        *,
+        channels: int = 1,
+        direction: Direction = "in",
+        paired: npt.ArrayLike | None = None,
+    ) -> float | Floats:
+        """Return the time after which a slave's bits, or its values, are heard again [s].
+
+        The arguments are those of `response_time`; by default it is that of the slowest slave.
+        """
+        shared = np.asarray(self.pairs) > 0 if paired is None else np.asarray(paired)
+        if shared.dtype.kind != "b":
+            raise ArgumentError(f"paired is {paired!r}; it must be True or False")
+        count = check_whole("channels", channels, 1, CHANNELS) if transfers_values(profile) else 1
+        asked = np.where(shared, 2, 1) * exchanges(profile, direction) * count
+        return _plain(np.asarray(self.time) * asked)
 
     def response_time(
         self,
-        profile: Profile | str | None = None,
+        profile: Profile | str = "S-0.F",
         *,
         channels: int = 1,
-        conversion: float = 0.0,
+        conversion: float = CONVERSION,
         direction: Direction = "in",
         paired: npt.ArrayLike | None = None,
         repetitions: npt.ArrayLike = 0,
@@ -325,55 +355,34 @@ class Cycle:
     ) -> ResponseTime:
         """Return how soon and how late the host knows of a change, or a slave of an output.
 
-        Without a `profile`, or with one for single bits, a slave looks at its inputs when the
-        request ends. At best the change comes just before: pause and response pass. At worst it
-        comes just after, and waits for the next request to this slave, every second cycle if it
-        shares its address (`paired`; the slowest slave if omitted); every one of the
-        `repetitions` makes that later by one transaction, and the `host` looks at the master's
-        image so often [s]. Delays of the input itself, a filter or a relay, come on top.
+        Waiting, conversion and transfer are in it. A slave for single bits looks at its inputs
+        when the request ends. At best the change comes just before: pause and response pass. At
+        worst it comes just after, and waits for the next request to this slave, every second
+        cycle if it shares its address (`paired`; the slowest slave if omitted). Delays of the
+        input itself, a filter or a relay, come on top.
 
-        With a profile for values, its module converts so many `channels`, each in `conversion`
-        [s], and transfers them in turn; at worst a round of all has just missed the value.
+        A slave for values, which its `profile` says, converts its `channels` in turn all the time,
+        each in `conversion` [s], and transfers the newest values in turn; a value is that of the
+        end of its conversion, and is taken when the transfer before it ends. At worst the change
+        comes just after a conversion, whose successor misses a whole round of transfers. Siemens
+        counts one round more, lost to synchronising (SlimLine analogue module, manual).
+
+        The `host` looks at the master's image so often [s]. Every one of the `repetitions` makes
+        the worst case later by one transaction.
         """
-        shared = np.asarray(self.pairs) > 0 if paired is None else np.asarray(paired)
-        digital = response_time(
-            self.time, paired=shared, repetitions=repetitions, host=host,
-            transaction=self.transaction,
-        )  # fmt: skip
-        if profile is None:
-            return digital
-        interval = np.asarray(self.time) * np.where(shared, 2, 1)
-        one = interval * transfer_cycles(profile, direction=direction)
-        if not transfers_values(profile):
-            # The last piece of several takes an exchange, as a single one does.
-            return ResponseTime(digital.best, _plain(one + digital.worst - interval))
-        count = check_whole("channels", channels, 1, _CHANNELS)
-        wait = float(_seconds("conversion", conversion))
-        late = np.asarray(repetitions) * self.transaction.duration + _seconds("host", host)
-        return ResponseTime(_plain(one + wait), _plain((count + 1) * one + late + count * wait))
-
-    def transfer_time(
-        self,
-        profile: Profile | str,
-        *,
-        channels: int = 1,
-        paired: bool = False,
-        direction: Direction = "in",
-        value_bit: int | None = None,
-        extra_rounds: int = 0,
-    ) -> float | Floats:
-        """Return how long the bus takes to transfer all values of a slave [s].
-
-        ``S-7.3.C`` counts as ``S-7.3`` if it has no row of its own in `analogue_profiles`; of
-        several sizes the largest counts unless `value_bit` says which. `extra_rounds` are values
-        lost to synchronising; Siemens counts one (SlimLine analogue module, manual: 7 x 2 + 7 =
-        21 cycles for two channels). 20 to 60 ms of conversion per channel come on top.
-        """
-        cycles = transfer_cycles(
-            profile, channels=channels, direction=direction, value_bit=value_bit,
-            extra_rounds=extra_rounds,
-        )  # fmt: skip
-        return _plain(np.asarray(self.time) * (cycles * (2 if paired else 1)))
+        late = _whole("repetitions", repetitions, _MOST) * self.transaction.duration
+        waits = np.asarray(
+            self.update_time(profile, channels=channels, direction=direction, paired=paired)
+        )
+        if transfers_values(profile):
+            known = waits / channels
+            waits = waits + channels * _seconds("conversion", conversion)
+        else:
+            bits = self.transaction.master_pause + RESPONSE_BITS
+            known = np.asarray(bits * self.transaction.bit_time)
+        waits = waits + _seconds("host", host)
+        times = np.broadcast_arrays(known, known + waits / 2, known + waits + late)
+        return ResponseTime(*map(_plain, times))
 
 
 def cycle_time(
@@ -416,77 +425,46 @@ def cycle_time(
     ).time  # fmt: skip
 
 
-def response_time(
-    cycle: npt.ArrayLike,
-    *,
-    paired: npt.ArrayLike = False,
-    repetitions: npt.ArrayLike = 0,
-    host: float = 0.0,
-    transaction: Transaction = _USUAL,
-) -> ResponseTime:
-    """Return how soon and how late the host knows of a change, by the time of a cycle [s]."""
-    interval = _seconds("cycle", cycle)
-    if not (interval > 0).all():
-        raise ArgumentError(f"cycle is {cycle!r} s; it must be positive")
-    shared = np.asarray(paired)
-    if shared.dtype.kind != "b":
-        raise ArgumentError(f"paired is {paired!r}; it must be True or False")
-    k = _whole("repetitions", repetitions, _MOST)
-    answer = (transaction.master_pause + RESPONSE_BITS) * transaction.bit_time
-    waited = interval * np.where(shared, 2, 1) + k * transaction.duration
-    look = _seconds("host", host)
-    return ResponseTime(_plain(np.full(waited.shape, answer)), _plain(waited + answer + look))
-
-
 # Values of more than four bits -----------------------------------------------------------------
 
 
 @cache
-def analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
-    """Return the exchanges that a value takes, by profile and direction, and by its size [bit]."""
+def _analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
+    """Return the exchanges that a value takes, 0 if unknown: by profile, direction and size."""
     found: dict[tuple[str, str], dict[int, int]] = {}
     for row in datasets.read("asi_analogue_profiles.csv").to_dict("records"):
         sizes = found.setdefault((row["profile"], row["direction"]), {})
-        sizes[int(row["value_bit"])] = int(row["cycles"])
+        sizes[int(row["value_bit"])] = int(row["cycles"] or 0)
     return found
 
 
-def _sizes(profile: Profile, direction: str) -> dict[int, int]:
+@lru_cache(maxsize=256)
+def _sizes(profile: Profile | str, direction: str) -> dict[int, int]:
+    """Return the exchanges by the size of a value; S-7.3.C counts as S-7.3 without its own rows."""
+    profile = Profile.parse(profile)
     general, own = f"S-{profile.io:X}.{profile.id:X}", str(profile)
-    known = analogue_profiles()
+    known = _analogue_profiles()
     return known.get((general, direction), {}) | known.get((own, direction), {})
 
 
+@lru_cache(maxsize=256)
 def transfers_values(profile: Profile | str) -> bool:
     """Return whether a profile is one for values of more than four bits."""
-    profile = Profile.parse(profile)
-    return max((*_sizes(profile, "in"), *_sizes(profile, "out")), default=0) > 4
+    return max((*_sizes(profile, "in"), *_sizes(profile, "out")), default=0) > USER_BITS
 
 
-def transfer_cycles(
-    profile: Profile | str,
-    *,
-    channels: int = 1,
-    direction: Direction = "in",
-    value_bit: int | None = None,
-    extra_rounds: int = 0,
-) -> int:
-    """Return how many exchanges with a slave all of its values take."""
-    check_whole("channels", channels, 1, _CHANNELS)
-    check_whole("extra_rounds", extra_rounds, 0, 1000)
-    sizes = _sizes(Profile.parse(profile), direction)
-    size = max(sizes, default=None) if value_bit is None else value_bit
-    if size not in sizes:
-        known = [
-            f"{name} {way} {bits} bit"
-            for (name, way), cycles in analogue_profiles().items()
-            for bits in cycles
-        ]
+def exchanges(profile: Profile | str, direction: Direction = "in") -> int:
+    """Return how many exchanges the largest value of a slave takes, or its bits: one."""
+    if direction not in ("in", "out"):
+        raise ArgumentError(f"direction is {direction!r}; it must be 'in' or 'out'")
+    sizes = _sizes(profile, direction)
+    if not sizes and not transfers_values(profile):
+        return 1
+    if not sizes or not sizes[max(sizes)]:
         raise ArgumentError(
-            f"profile is '{profile}' {direction}"
-            f"{'' if value_bit is None else f' {value_bit} bit'}; known are {', '.join(known)}"
+            f"profile is '{profile}' {direction}; how many exchanges its value takes is not known"
         )
-    return sizes[size] * (channels + extra_rounds)
+    return sizes[max(sizes)]
 
 
 # Checks ----------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from shipnet import style
+from shipnet.answers import Utilisation
 from shipnet.can.faults import ErrorBound, bound
 from shipnet.can.frame import INTERMISSION, check_bit_rate
 from shipnet.can.messages import Message, MessageSet, Named, check_set
@@ -300,6 +301,12 @@ class ResponseTimes(Named[ResponseTime]):
     def met(self) -> bool:
         """Whether every message meets its deadline."""
         return all(one.met for one in self._items)
+
+    def utilisation(self) -> Utilisation:
+        """Return how far the bus is used: its load, and the longest wait for a period and frame."""
+        load = sum(one.frame_time / one.message.period for one in self)
+        waits = (one.message.period + one.response for one in self)
+        return Utilisation(load, load, max(waits, default=math.nan))
 
     @property
     def late(self) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.answers import Utilisation
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.bus import (
     OVERWRITTEN,
@@ -88,6 +89,15 @@ class Run:
         deadline or waits beyond it.
         """
         return self._table.copy()
+
+    def utilisation(self) -> Utilisation:
+        """Return how far the bus was used: its load, and the longest wait for a period and frame.
+
+        A change just after the event of a frame is known at the end of the next one.
+        """
+        sent = self._events[self._events["outcome"] == "sent"].sort_values("arrival_ms")
+        before = sent.groupby("message", observed=True)["arrival_ms"].shift()
+        return Utilisation(self.load, self.load, float((sent["end_ms"] - before).max()) / 1e3)
 
     def errors(self) -> pd.DataFrame:
         """Return one row per destroyed frame.

@@ -110,11 +110,16 @@ def _cable(row: dict[str, str]) -> Cable:
     )
 
 
+def with_spare(used: int, spare: float) -> int:
+    """Return how many conductors, channels or ports there are with the spare ones."""
+    # A share such as 0.12 is not a binary number, but 25 conductors with 12 % are 28.
+    return ceil(round(used * (1 + spare), 9))
+
+
 @cache
 def smallest(conductors: int, *, spare: float) -> Cable:
     """Return the thinnest cable for hardwired points that has enough conductors and a reserve."""
-    # A share such as 0.12 is not a binary number, but 25 conductors with 12 % are 28.
-    needed = ceil(round(conductors * (1 + spare), 9))
+    needed = with_spare(conductors, spare)
     own = [cable for cable in cables().values() if "hardwired" in cable.buses]
     fit = [cable for cable in own if cable.conductors >= needed]
     if not fit:

@@ -16,6 +16,8 @@ import numpy.typing as npt
 
 from shipnet.answers import Findings
 from shipnet.design.costs import (
+    FIGURES,
+    MERITS,
     Quantities,
     Rng,
     Tornado,
@@ -44,6 +46,9 @@ from shipnet.tables import as_csv
 
 RESPONSE = "worst_response_ms"
 
+#: Columns that are about the segments of a bus, of which the most used one counts.
+_BUS = ("bus_time", "capacity_used")
+
 #: Columns of a comparison in which less is better, and by which designs are weighed.
 CRITERIA = ("total_cost_eur", RESPONSE, "lost_by_failure")
 
@@ -60,11 +65,12 @@ _TOLD = (
     ("lost_by_failure", "Fewest points lost by one cable or device", ""),
 )
 
-#: Rows of a comparison that a text shows; that of the trays only where there are some.
+#: Rows of a comparison that a text shows; those of buses and trays only where there are some.
 _SHORT = (
     "points_left_out", "conductors_at_cabinet", "cable_length_km", "cable_mass_kg", "labour_h",
-    "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", RESPONSE, "lost_by_cable",
-    "lost_by_tray", "lost_by_device", "rules_met", "rules_violated", "rules_not_verified",
+    "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", *_BUS, RESPONSE,
+    "lost_by_cable", "lost_by_tray", "lost_by_device", "rules_met", "rules_violated",
+    "rules_not_verified",
 )  # fmt: skip
 
 
@@ -109,7 +115,7 @@ class Comparison:
     >>> points = IoList.parse("tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3")
     >>> found = points.compare((0, 0, 0), ["home runs", "AS-i", "CAN"])
     >>> found
-    <Comparison: cheapest that connects every point and violates no rule: home runs, 585 EUR>
+    <Comparison: cheapest that connects every point and violates no rule: home runs, 610 EUR>
     >>> found.table()["conductors_at_cabinet"].to_dict()
     {'home runs': 4.0, 'AS-i': 2.0, 'CAN': 4.0}
     >>> more = found.add(found.plan("AS-i", settings={"asi.tree": False}, name="chain"))
@@ -143,6 +149,11 @@ class Comparison:
         return next(iter(self.designs.values()))
 
     @cached_property
+    def _tornados(self) -> dict[str, Tornado]:
+        """The tornados of the cheapest design that were asked for, by figure."""
+        return {}
+
+    @cached_property
     def quantities(self) -> dict[str, Quantities]:
         """Conductors, cable, hours and money of each design."""
         return {name: design.quantities() for name, design in self.designs.items()}
@@ -168,6 +179,7 @@ class Comparison:
             **figures["nominal"],
             "total_cost_low_eur": figures.loc["total_cost_eur", "low"],
             "total_cost_high_eur": figures.loc["total_cost_eur", "high"],
+            **design.segments[list(_BUS)].max(),
             RESPONSE: design.worst_response_ms,
             "lost_by_cable": cable,
             "lost_by_tray": most.get("tray", float("nan")),
@@ -201,6 +213,10 @@ class Comparison:
     @property
     def meeting(self) -> list[str]:
         """Designs that connect every point and violate no rule, the cheapest first."""
+        return list(self._meeting)
+
+    @cached_property
+    def _meeting(self) -> list[str]:
         table = self._table
         table = table[(table["points_left_out"] == 0) & (table["rules_violated"] == 0)]
         return [str(name) for name in table.sort_values("total_cost_eur", kind="stable").index]
@@ -281,7 +297,9 @@ class Comparison:
         Without names, the cheapest design with all points is set against the first one.
         """
         if a is None and b is None:
-            return tornado(complete(self.designs), figure)
+            if figure not in self._tornados:
+                self._tornados[figure] = tornado(complete(self.designs), figure)
+            return self._tornados[figure]
         if a == b:
             raise ArgumentError(f"a and b are both {a!r}; they must be two designs")
         known = [name for name in (b, a) if name is not None]
@@ -334,7 +352,7 @@ class Comparison:
                     f"{name} leaves {left} of {len(design.points)} points out{_why(design)}."
                 )
         said += _lengths(self.designs)
-        said += _prices(self.designs)
+        said += _prices(self.quantities, self.designs)
         whole = table[table["points_left_out"] == 0]
         said = [f"{self.verdict[:1].upper()}{self.verdict[1:]}.", *said]
         if whole.empty:
@@ -354,7 +372,8 @@ class Comparison:
     def short(self) -> pd.DataFrame:
         """Return the rows that are asked for first, as text, one column per design."""
         table = self._table
-        rows = [row for row in _SHORT if row != "lost_by_tray" or table[row].notna().any()]
+        optional = (*_BUS, "lost_by_tray")
+        rows = [row for row in _SHORT if row not in optional or table[row].notna().any()]
         shown = table[rows].astype(object)
         for row in rows:
             shown[row] = [number(value) for value in shown[row]]
@@ -488,11 +507,10 @@ def compared(
                 f"design {design.name!r} has not the {other} of {first.name!r}; their costs cannot "
                 "be compared"
             )
-    made = Comparison(named, rules, criteria, rng, remarks)
-    known = [*made._row(first.name)]
+    known = [*FIGURES, *MERITS]
     if not criteria or not set(criteria) <= set(known):
         raise ArgumentError(f"criteria are {criteria}; they must be of {', '.join(known)}")
-    return made
+    return Comparison(named, rules, criteria, rng, remarks)
 
 
 def _differing(a: Design, b: Design) -> str:
@@ -549,11 +567,11 @@ def _rules(count: int) -> str:
     return f"{count} rule{'s' * (count > 1)}"
 
 
-def _prices(designs: Mapping[str, Design]) -> Iterator[str]:
+def _prices(quantities: Mapping[str, Quantities], designs: Mapping[str, Design]) -> Iterator[str]:
     """Say what limits on responses cost, and where intrinsically safe points are connected."""
     for name, design in designs.items():
         if (loose := design.without_limits) is not None:
-            more = design.quantities()["total_cost_eur"] - loose.quantities()["total_cost_eur"]
+            more = quantities[name]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
             yield (
                 f"Within the rules' limits on responses, {name} costs {number(abs(more))} EUR "
                 f"{'less' if more < 0 else 'more'} than without them."

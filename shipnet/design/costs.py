@@ -12,8 +12,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from shipnet import style
-from shipnet.arrays import Floats
-from shipnet.design.catalogue import LEVELS, Level, values_at, words
+from shipnet.arrays import Bools, Floats
+from shipnet.design.catalogue import LEVELS, Level, values_at, with_spare, words
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.layout import Layout
 from shipnet.design.plot import plot_ranges
@@ -73,18 +73,16 @@ def conductors_at_cabinet(design: Layout) -> int:
 
 def items_of(design: Layout) -> dict[str, int]:
     """Count the parts and pieces of work of a design, by the names of what they cost."""
-    points = design.points[["bus", "device"]].assign(
-        analogue=design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
-    )
+    analogue = design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
-    items = _devices(design, points) | _channels(points)
+    items = _devices(design, analogue) | _channels(design, analogue)
     items["second_interface"] = _second_interfaces(design)
     items["barrier"] = items["barrier_time"] = int(safe.sum())
     items["gland"] = items["gland_time"] = 2 * len(design.cables)
     return {name: number for name, number in items.items() if number}
 
 
-def _devices(design: Layout, points: pd.DataFrame) -> dict[str, int]:
+def _devices(design: Layout, analogue: Bools) -> dict[str, int]:
     bus_of = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     bus = [bus_of.get(segment, "") for segment in design.devices["segment"]]
     devices = design.devices
@@ -97,10 +95,9 @@ def _devices(design: Layout, points: pd.DataFrame) -> dict[str, int]:
         by_bus = _DEVICES[kind]
         for name in by_bus.get(of_bus, by_bus[""]):
             items[name] = items.get(name, 0) + number
-    modules = devices["device"][devices["kind"] == "module"]
-    analogue = int(modules.isin(points["device"][points["analogue"]]).sum())
-    if analogue:
-        items |= {"asi_analogue_module": analogue, "asi_module": items["asi_module"] - analogue}
+    modules = set(devices.loc[devices["kind"] == "module", "device"])
+    if number := len(modules.intersection(design.points["device"].to_numpy()[analogue])):
+        items |= {"asi_analogue_module": number, "asi_module": items["asi_module"] - number}
     return items
 
 
@@ -115,15 +112,17 @@ def _second_interfaces(design: Layout) -> int:
     return len(ends["A"] & ends["B"] & set(stations))
 
 
-def _channels(points: pd.DataFrame) -> dict[str, int]:
-    analogue = points["analogue"]
-    wired, station = points["bus"] == "hardwired", points["bus"].isin(["CAN", "Modbus RTU"])
-    return {
-        "plc_digital_channel": int((wired & ~analogue).sum()),
-        "plc_analogue_channel": int((wired & analogue).sum()),
-        "station_digital_channel": int((station & ~analogue).sum()),
-        "station_analogue_channel": int((station & analogue).sum()),
+def _channels(design: Layout, analogue: Bools) -> dict[str, int]:
+    """Count the channels of the cabinet and of the stations, with the spare ones."""
+    bus, spare = design.points["bus"].to_numpy(), design.settings.spare
+    wired, station = bus == "hardwired", (bus == "CAN") | (bus == "Modbus RTU")
+    used = {
+        "plc_digital_channel": wired & ~analogue,
+        "plc_analogue_channel": wired & analogue,
+        "station_digital_channel": station & ~analogue,
+        "station_analogue_channel": station & analogue,
     }
+    return {name: with_spare(int(own.sum()), spare) for name, own in used.items()}
 
 
 # What a design takes: conductors, cable, hours and money, each low, nominal and high
@@ -148,13 +147,15 @@ FIGURES: Mapping[str, tuple[str, str]] = MappingProxyType(
     }
 )
 
-#: The other columns of a comparison: their words, and their units.
-_OTHERS: Mapping[str, tuple[str, str]] = MappingProxyType(
+#: What else a comparison weighs: the words of each column, and its unit.
+MERITS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "points_left_out": ("points left out", ""),
         "total_cost_low_eur": ("total cost, low", "EUR"),
         "total_cost_high_eur": ("total cost, high", "EUR"),
         "worst_response_ms": ("worst response", "ms"),
+        "bus_time": ("bus time", ""),
+        "capacity_used": ("capacity used", ""),
         "lost_by_cable": ("lost by one cable", ""),
         "lost_by_tray": ("lost by one tray", ""),
         "lost_by_device": ("lost by one device", ""),
@@ -162,14 +163,15 @@ _OTHERS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "rules_met": ("rules met", ""),
         "rules_violated": ("rules violated", ""),
         "rules_not_verified": ("rules not verified", ""),
-        "pareto": ("Pareto-optimal", ""),
     }
 )
+
+_LABELS = {**FIGURES, **MERITS, "pareto": ("Pareto-optimal", "")}
 
 
 def label(column: str) -> str:
     """Return a column of a comparison in words, with its unit in brackets."""
-    words, unit = ({**FIGURES, **_OTHERS}).get(column, (column, ""))
+    words, unit = _LABELS.get(column, (column, ""))
     return f"{words} [{unit}]" if unit else words
 
 
@@ -196,7 +198,7 @@ EXCLUDED = (
     "engineering, documentation and software",
     "commissioning and training",
     "class approval and type approval",
-    "spares",
+    "spare parts",
     "cable trays, penetrations and the cabinet itself",
     "cable cut to waste, and the termination of spare conductors and screens",
     "operation, maintenance and what a failure costs",

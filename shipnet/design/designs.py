@@ -58,8 +58,9 @@ class Design(Layout):
         Every cable laid: run, its name; cable, its type in the catalogue; a and b, its ends;
         segment, kind, route_m, length_m, used, conductors, at_cabinet, line, and way, its trays.
     segments : pandas.DataFrame
-        Lines and loops: segment, bus, points, devices, length_m, load, response_ms and
-        slowest_update_ms of the point nearest to its limit, and what only one bus has.
+        Lines and loops: segment, bus, points, devices, length_m, bus_time and capacity_used as
+        in `Utilisation`, response_ms and slowest_update_ms of the point nearest to its limit, and
+        what only one bus has.
     reasons : pandas.DataFrame
         Why something does not fit: subject, limit, value, bound, unit, text.
     settings : Settings, optional
@@ -93,7 +94,7 @@ class Design(Layout):
 
         A redundant one has a second line on the other side of the ship.
         """
-        iolist = PointTable.parse(_LIST, "example")
+        iolist, nan = PointTable.parse(_LIST, "example"), float("nan")
         tags = list(iolist.points["tag"])
         stations = ["JB1", "JB1", "JB2", "JB2"]
         places = {"cabinet": 0.0, "master": 0.0, "JB1": 22.5, "JB2": 42.5}
@@ -127,7 +128,8 @@ class Design(Layout):
             cables=frame("cables", trunk + drops),
             segments=frame("segments", [{
                 "segment": "loop 1", "bus": "Modbus RTU", "points": 4, "devices": 2,
-                "length_m": 71.0, "load": 0.18, "response_ms": 180.0, "slowest_update_ms": 500.0,
+                "length_m": 71.0, "bus_time": nan, "capacity_used": nan, "response_ms": 180.0,
+                "slowest_update_ms": 500.0,
             }]),
             reasons=frame("reasons"),
         )  # fmt: skip

@@ -20,9 +20,9 @@ from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.rules import meets, rule_limits
 from shipnet.asi.slave import Slave
-from shipnet.asi.timing import ADDRESSES, Transaction, cycle_time, response_time, transfer_cycles
+from shipnet.asi.timing import ADDRESSES, Cycle
 from shipnet.asi.topologies import assign_addresses as share_addresses
-from shipnet.design.catalogue import cables
+from shipnet.design.catalogue import cables, with_spare
 from shipnet.design.drafting import (
     Draft,
     Laid,
@@ -34,7 +34,8 @@ from shipnet.design.drafting import (
     without_place,
     zones,
 )
-from shipnet.design.settings import AsiLimits
+from shipnet.design.settings import AsiLimits, Settings
+from shipnet.design.supply import slave_voltage
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
@@ -64,6 +65,8 @@ class Module(NamedTuple):
     place: Place
     rows: Indices
     ports: list[str]
+    #: What it draws from the line [A].
+    current: float
 
     @property
     def shares(self) -> bool:
@@ -76,13 +79,14 @@ class Module(NamedTuple):
         return self.ports[0].startswith("A")
 
     @property
+    def channels(self) -> int:
+        """How many values it transfers; 1 of single bits."""
+        return len(self.ports) if self.analogue else 1
+
+    @property
     def outputs(self) -> bool:
         """Whether it has outputs, which auxiliary power feeds."""
         return any("Q" in port for port in self.ports)
-
-    def current(self, limits: AsiLimits) -> float:
-        """Return what it draws from the line [A]."""
-        return limits.current + limits.loop_current * len(self.ports) * self.analogue
 
 
 def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
@@ -92,32 +96,30 @@ def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
     channels = _channels(draft, rows, kinds)
     found = []
     digital = np.flatnonzero(np.isin(kinds, ["DI", "DO"]) & (channels > 0))
-    found += _grouped(
-        digital, rows, places, kinds, ("DI", "DO"), (limits.inputs, limits.outputs), limits
-    )
+    ports = limits.inputs, limits.outputs
+    found += _grouped(digital, rows, places, kinds, ("DI", "DO"), ports, ports, draft.settings)
     for kind in ("AI", "AO"):
         for number in range(limits.channels, 0, -1):
             values = np.flatnonzero((kinds == kind) & (channels == number))
-            found += _grouped(values, rows, places, kinds, (kind,), (number,), limits)
+            # With fewer values than it has ports, a module is fast enough for them.
+            found += _grouped(
+                values, rows, places, kinds, (kind,), (number,), (limits.channels,), draft.settings
+            )
     return found
 
 
-def analogue_response(channels: int, limits: AsiLimits, cycle: float | None = None) -> float:
-    """Return how late the host knows of a value."""
-    one = transfer_cycles(_ANALOGUE) * (float(cycle_time(ADDRESSES)) if cycle is None else cycle)
-    late = limits.repetitions * Transaction().duration
-    return (channels + 1) * one + late + channels * limits.conversion
-
-
-def digital_response(
-    cycle: float, paired: bool, profile: str, output: bool, limits: AsiLimits
-) -> float:
-    """Return how late a change of a state is known at the other end."""
-    worst = float(response_time(cycle, paired=paired, repetitions=limits.repetitions).worst)
-    if output and _extended(profile):
-        interval = cycle * (2 if paired else 1)
-        return interval * transfer_cycles(profile, direction="out") + worst - interval
-    return worst
+@lru_cache(4096)
+def response(
+    profile: str, cycle: Cycle, limits: AsiLimits, *, channels: int = 1, output: bool = False,
+    paired: bool = False,
+) -> float:  # fmt: skip
+    """Return how late a change is known at the other end [s]."""
+    return float(
+        cycle.response_time(
+            profile, channels=channels, conversion=limits.conversion, paired=paired,
+            direction="out" if output else "in", repetitions=limits.repetitions,
+        ).worst
+    )  # fmt: skip
 
 
 @cache
@@ -134,14 +136,16 @@ def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> In
     for kind, most in (("DI", limits.inputs), ("DO", limits.outputs)):
         output = kind == "DO"
         profile = _DIGITAL[output, limits.shared]
-        alone = digital_response(float(cycle_time(1)), False, profile, output, limits)
+        alone = response(profile, Cycle(1), limits, output=output)
         least[kinds == kind] = alone
         channels[(kinds == kind) & (need >= alone)] = most
     for kind in ("AI", "AO"):
-        least[kinds == kind] = analogue_response(1, limits)
-        for number in range(1, limits.channels + 1):
-            quick = need >= analogue_response(number, limits)
-            channels[(kinds == kind) & quick] = number
+        late = [
+            response(_ANALOGUE, Cycle(), limits, channels=n + 1) for n in range(limits.channels)
+        ]
+        least[kinds == kind] = late[0]
+        for number, one in enumerate(late, 1):
+            channels[(kinds == kind) & (need >= one)] = number
     for place in np.flatnonzero(channels == 0):
         tag, wanted, alone = draft.tags[rows[place]], 1e3 * need[place], 1e3 * least[place]
         text = (
@@ -158,28 +162,49 @@ def _grouped(
     places: Floats,
     kinds: npt.NDArray[np.object_],
     names: tuple[str, ...],
+    room: tuple[int, ...],
     ports: tuple[int, ...],
-    limits: AsiLimits,
+    settings: Settings,
 ) -> list[Module]:
     found = []
-    labels = zones(places[mine], reach=limits.reach, most=_MOST)
-    for zone in range(labels.max(initial=-1) + 1):
-        inside = mine[labels == zone]
-        kind = np.array([names.index(str(name)) for name in kinds[inside]], dtype=np.intp)
-        counts = np.bincount(kind, minlength=len(names))
-        number = max(ceil(count / room) for count, room in zip(counts, ports, strict=True))
-        groups = balanced(places[inside], number, kinds=kind, most=ports)
+    labels = zones(places[mine], reach=settings.asi.reach, most=_MOST)
+    kind = np.array([names.index(str(name)) for name in kinds[mine]], dtype=np.intp)
+    for zone, most in enumerate(_room(labels, kind, room, ports, settings.spare).tolist()):
+        inside, of_kind = mine[labels == zone], kind[labels == zone]
+        counts = np.bincount(of_kind, minlength=len(names))
+        number = max(ceil(count / each) for count, each in zip(counts, most, strict=True))
+        groups = balanced(places[inside], number, kinds=of_kind, most=most)
         for group in range(groups.max() + 1):
             own = inside[groups == group]
-            found.append(_module(rows[own], places[own], kinds[own], limits))
+            found.append(_module(rows[own], places[own], kinds[own], settings))
     return found
+
+
+def _room(
+    zone: Indices, kind: Indices, room: Sequence[int], ports: Sequence[int], spare: float
+) -> Indices:
+    """Return how many points of each kind a module of each zone may have, (zones, kinds).
+
+    As many as it has room for; less in the fullest zones until there are as many ports to spare as
+    wanted, or each point has a module of its own.
+    """
+    used = np.zeros((zone.max(initial=-1) + 1, len(ports)), np.intp)
+    np.add.at(used, (zone, kind), 1)
+    most = np.tile(np.asarray(room, np.intp), (len(used), 1))
+    number = np.ceil(used / most).max(axis=1)
+    for own, left, each in zip(used.T, most.T, ports, strict=True):
+        while number.sum() * each < with_spare(int(own.sum()), spare) and (left > 1).any():
+            fullest = np.where(left > 1, own / number, 0.0).argmax()
+            left[fullest] -= 1
+            number[fullest] = np.ceil(used[fullest] / most[fullest]).max()
+    return most
 
 
 def _module(
     rows: Indices,
     places: Floats,
     kinds: npt.NDArray[np.object_],
-    limits: AsiLimits,
+    settings: Settings,
 ) -> Module:
     letters = {"DI": "I", "DO": "Q", "AI": "AI", "AO": "AQ"}
     seen: dict[str, int] = {}
@@ -188,9 +213,10 @@ def _module(
         seen[kind] = seen.get(kind, 0) + 1
         ports.append(f"{letters[kind]}{seen[kind]}")
     x, y, z = (float(value) for value in np.median(places, axis=0))
-    outputs = "DO" in seen
-    profile = _ANALOGUE if kinds[0][0] == "A" else _DIGITAL[outputs, limits.shared]
-    return Module(profile, (x, y, z), rows, ports)
+    analogue = kinds[0][0] == "A"
+    profile = _ANALOGUE if analogue else _DIGITAL["DO" in seen, settings.asi.shared]
+    current = settings.asi.current + analogue * len(rows) * settings.supply.loop
+    return Module(profile, (x, y, z), rows, ports, current)
 
 
 # One AS-i line: the way of its cable, the segments that repeaters make of it, their supplies
@@ -287,12 +313,18 @@ def place_supply(
     graph = coo_array(([piece.length for piece in pieces], (near, far)), shape=(len(nodes),) * 2)
     away = shortest_path(graph.tocsr(), directed=False)
     current = np.array([draws.get(node, 0.0) for node in nodes])
-    # Axes: supply, device, device; what both ways from the supply have in common.
-    shared = (away[:, :, None] + away[:, None, :] - away[None]) / 2
-    drop = (resistance * shared @ current).max(axis=1, where=current > 0, initial=0.0)
-    least = float(rule_limits()["low"]["slave_voltage"])
-    if first in number and voltage - drop[number[first]] >= least:
-        return first
+
+    def drops(here: slice) -> Floats:
+        # Axes: supply, device, device; what both ways from the supply have in common.
+        shared = (away[here, :, None] + away[here, None, :] - away[None]) / 2
+        lost = resistance * shared @ current
+        return np.asarray(lost.max(axis=1, where=current > 0, initial=0.0))
+
+    if first in number:
+        (drop,) = drops(slice(number[first], number[first] + 1))
+        if voltage - drop >= slave_voltage():
+            return first
+    drop = drops(slice(None))
     drop[[node not in draws for node in nodes]] = np.inf
     return nodes[int(drop.argmin())]
 
@@ -339,19 +371,17 @@ class Line(NamedTuple):
     drawn: Drawn
     slaves: list[Slave]
     plan: Plan | None
-    cycle: float
+    cycle: Cycle
     responses: list[Floats]
     broken: Broken | None
 
 
-def assign_addresses(
-    group: Sequence[Module], need: Sequence[float], limits: AsiLimits
-) -> list[Slave]:
+def assign_addresses(group: Sequence[Module], need: Sequence[float]) -> list[Slave]:
     """Give each module an address, at the node of its number."""
     shares = [module.shares for module in group]
     labels = share_addresses(len(group), shares=shares, need=need)
     return [
-        Slave(label, module.profile, node=str(place), current=module.current(limits))
+        Slave(label, module.profile, node=str(place), current=module.current)
         for place, (label, module) in enumerate(zip(labels, group, strict=True), 1)
     ]
 
@@ -361,9 +391,9 @@ def build(
 ) -> Line:
     """Draw up a line."""
     most = [float(min(need[module.rows])) for module in group]
-    slaves = assign_addresses(group, most, limits)
+    slaves = assign_addresses(group, most)
     pairs = sum(slave.half == "B" for slave in slaves)
-    cycle = float(cycle_time(len(group), pairs=pairs))
+    cycle = Cycle(len(group), pairs=pairs)
     paired = {slave.address for slave in slaves if slave.half == "B"}
     responses = [
         _responses(module, cycle, slave.address in paired, limits)
@@ -384,12 +414,12 @@ def addresses_needed(group: Sequence[Module]) -> int:
     return len(group) - sharing + ceil(sharing / 2)
 
 
-def _responses(module: Module, cycle: float, paired: bool, limits: AsiLimits) -> Floats:
-    if module.analogue:
-        return np.full(len(module.ports), analogue_response(len(module.ports), limits, cycle))
-    outputs = [port.startswith("Q") for port in module.ports]
+def _responses(module: Module, cycle: Cycle, paired: bool, limits: AsiLimits) -> Floats:
+    outputs = ["Q" in port for port in module.ports]
     late = {
-        output: digital_response(cycle, paired, module.profile, output, limits)
+        output: response(
+            module.profile, cycle, limits, channels=module.channels, output=output, paired=paired
+        )
         for output in set(outputs)
     }
     return np.array([late[output] for output in outputs])
@@ -575,13 +605,22 @@ def _connect(draft: Draft, segment: str, line: Line, names: dict[str, str]) -> N
             draft.connect(int(row), "AS-i", segment, device, address, float(late))
             draft.drop(int(row), device, module.place, segment, np.nan)
     rows = np.concatenate([module.rows for module in line.modules])
+    shared = {slave.address for slave in line.slaves if slave.half == "B"}
+    shares = [
+        line.cycle.update_time(
+            module.profile, channels=module.channels, paired=slave.address in shared,
+            direction="out" if module.outputs else "in",
+        ) / draft.need[module.rows].min()
+        for module, slave in zip(line.modules, line.slaves, strict=True)
+    ]  # fmt: skip
     parts = line.plan.segments
     used = len({slave.address for slave in line.slaves})
     draft.segment(
         rows, segment=segment, bus="AS-i",
         devices=len(line.slaves) + 1 + len(line.drawn.repeaters), length_m=line.drawn.length,
-        load=used / ADDRESSES, masters=1, slaves=len(line.slaves),
-        addresses=used, cycle_ms=1e3 * line.cycle, repeaters=len(line.drawn.repeaters),
+        bus_time=line.cycle.bus_time, capacity_used=max(used / ADDRESSES, *shares), masters=1,
+        slaves=len(line.slaves), addresses=used, cycle_ms=1e3 * float(line.cycle.time),
+        repeaters=len(line.drawn.repeaters),
         supply_current_a=max(part.current for part in parts),
         lowest_v=min(min(part.voltages[node] for node, _ in part.draws) for part in parts),
     )  # fmt: skip

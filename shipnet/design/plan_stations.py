@@ -111,12 +111,12 @@ class Sent(NamedTuple):
 
 
 class _Segment(NamedTuple):
-    """A segment: its trunk, its bit rate, its messages with how they fare, its load."""
+    """A segment: its trunk, its bit rate, its messages with how they fare, its bus time."""
 
     trunk: Backbone
     bit_rate: int
     messages: list[tuple[Packed, Sent]]
-    load: float
+    bus_time: float
 
 
 def plan_can(draft: Draft, rows: Indices) -> None:
@@ -162,7 +162,8 @@ def plan_can(draft: Draft, rows: Indices) -> None:
         everything = np.concatenate([box.rows for box in group])
         draft.segment(
             everything, segment=name, bus="CAN", devices=len(group) + 1,
-            length_m=segment.trunk.length, load=segment.load,
+            length_m=segment.trunk.length, bus_time=segment.bus_time,
+            capacity_used=max(segment.bus_time, (len(group) + 1) / limits.nodes),
             bit_rate=segment.bit_rate, messages=len(segment.messages),
             # Every message goes out on both lines, so that none has to take over.
             switch_over_ms=0.0 if draft.settings.redundant else np.nan,
@@ -196,8 +197,8 @@ def _segment(draft: Draft, group: Sequence[Box]) -> tuple[_Segment, float]:
     parts: float = len(packed) / _MESSAGES
     period = np.array([message.need for message, _ in packed]) * limits.period_share
     bits = frame_length([message.dlc for message, _ in packed])
-    load = float((bits / period).sum()) / rate
-    parts = max(parts, load / limits.load, inf if trunk.length > longest else 1)
+    bus_time = float((bits / period).sum()) / rate
+    parts = max(parts, bus_time / limits.load, inf if trunk.length > longest else 1)
     responses = [np.nan] * len(packed)
     if parts <= 1:
         answers = response_times(_message_set(packed, limits.period_share), rate)
@@ -210,7 +211,7 @@ def _segment(draft: Draft, group: Sequence[Box]) -> tuple[_Segment, float]:
             zip(packed, responses, strict=True), 1
         )
     ]
-    return _Segment(trunk, rate, messages, load), parts
+    return _Segment(trunk, rate, messages, bus_time), parts
 
 
 def _message_set(packed: Sequence[tuple[Packed, int]], share: float) -> MessageSet:
@@ -240,11 +241,15 @@ class Registers(NamedTuple):
 
 
 class _Loop(NamedTuple):
-    """A loop: trunk, bit rate, scan, longest transactions, time to the second line, repeaters."""
+    """A loop: trunk, bit rate, scan, longest transactions, time to the second line, repeaters.
+
+    `on_wire` is the part of the scan in which a frame is on the wire [s].
+    """
 
     trunk: Backbone
     bit_rate: int
     scan: float
+    on_wire: float
     longest: list[float]
     switch_over: float
     repeaters: list[int]
@@ -291,7 +296,9 @@ def plan_modbus(draft: Draft, rows: Indices) -> None:
         draft.segment(
             everything, segment=name, bus="Modbus RTU",
             devices=len(group) + 1 + len(loop.repeaters), length_m=loop.trunk.length,
-            load=loop.scan / float(draft.need[everything].min()), bit_rate=loop.bit_rate,
+            bus_time=loop.on_wire / loop.scan,
+            capacity_used=max(loop.scan / draft.need[everything].min(), len(group) / most),
+            bit_rate=loop.bit_rate,
             scan_ms=1e3 * loop.scan, repeaters=len(loop.repeaters),
             switch_over_ms=1e3 * loop.switch_over if draft.settings.redundant else np.nan,
         )  # fmt: skip
@@ -356,7 +363,8 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     repeaters = sections(trunk.hops.tolist(), length=length, unit_loads=limits.unit_loads)
     fits = in_time and repeaters is not None and len(repeaters) <= limits.repeaters
     switch_over = scan + sum(max(poll.timeout_time for poll in own) for own in polls)
-    loop = _Loop(trunk, rate, scan, longest, switch_over, repeaters or [], registers)
+    on_wire = sum(poll.on_wire for own in polls for poll in own)
+    loop = _Loop(trunk, rate, scan, on_wire, longest, switch_over, repeaters or [], registers)
     return loop, 1 if fits else inf
 
 

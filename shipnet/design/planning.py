@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from shipnet.arrays import Floats, Indices
-from shipnet.design.catalogue import cables, smallest
+from shipnet.design.catalogue import cables, smallest, with_spare
 from shipnet.design.designs import Design
 from shipnet.design.drafting import Box, Draft, Laid, boxes, without_place
 from shipnet.design.plan_asi import plan_asi
@@ -31,8 +31,7 @@ def plan_home_runs(draft: Draft, rows: Indices) -> None:
     without_place(draft, rows[~known[rows]])
     for row in rows[known[rows]]:
         wires = int(draft.wires[row])
-        x, y, z = draft.places[row].tolist()
-        laid = Laid(draft.middle, (x, y, z), float(given[row]))
+        laid = Laid(draft.middle, draft.spots[row], float(given[row]))
         ends = draft.cabinet, draft.tags[row]
         draft.run("home run", ends, laid, smallest(wires, spare=0), wires)
         draft.connect(row, "hardwired", "", draft.cabinet, "", 0.0)
@@ -54,16 +53,20 @@ def plan_boxes(draft: Draft, rows: Indices) -> None:
 
 def _trunks(draft: Draft, box: Box) -> list[Indices]:
     """Divide the points of a box among cables that are large enough."""
-    largest = max(c.conductors for c in cables().values() if "hardwired" in c.buses) // 2
-    room = int(largest / (1 + draft.settings.spare) + 1e-9)
+    largest = max(c.conductors for c in cables().values() if "hardwired" in c.buses)
+
+    def needed(pairs: int) -> int:
+        return with_spare(2 * pairs, draft.settings.spare)
+
     each = _pairs(draft, box.rows)
-    number = max(1, ceil(each.sum() / room))
+    number = max(1, ceil(needed(int(each.sum())) / largest))
     while True:
         # Cut where the pairs so far pass an equal share.
         share = np.cumsum(each) - each / 2
         part = np.minimum((share * number / each.sum()).astype(np.intp), number - 1)
         parts = [box.rows[part == own] for own in range(number) if (part == own).any()]
-        if all(_wires(draft, own)[1] <= room for own in parts) or number >= len(box.rows):
+        fits = all(needed(_wires(draft, own)[1]) <= largest for own in parts)
+        if fits or number >= len(box.rows):
             return parts
         number += 1
 

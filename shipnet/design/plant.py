@@ -15,6 +15,7 @@ from shipnet.design.costs import Rng, conductors_at_cabinet, draw, quantities
 from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
 from shipnet.design.layout import frame
+from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.fields import check_whole, choice, number, record, whole
 from shipnet.signals import ASI_PAIR, SIGNALS
@@ -73,7 +74,7 @@ class Plant:
     """A small plant from counts: modules with contacts, in a row along each of several lines.
 
     It is laid out twice, with a cable to every contact and on AS-i, so that what a paper or an
-    offer says of a saving can be computed.
+    offer says of a saving can be computed. Nothing in it is spare.
 
     Examples
     --------
@@ -218,7 +219,7 @@ class Plant:
             cables=pd.concat([trunk, drops]),
             segments=[
                 {"segment": segment, "bus": "AS-i", "points": self.contacts * n, "devices": n,
-                 "length_m": length, "load": nan, "response_ms": nan,
+                 "length_m": length, "bus_time": nan, "capacity_used": nan, "response_ms": nan,
                  "slowest_update_ms": 1000.0}
                 for (segment, length), n in zip(lengths.items(), count, strict=True)
             ],
@@ -233,7 +234,9 @@ class Plant:
         return table
 
     def _made(self, name: str, **tables: Any) -> Design:
-        return Design(name, self.iolist, _SITE, **tables, reasons=frame("reasons"))
+        settings = Settings({"spare": 0})
+        reasons = frame("reasons")
+        return Design(name, self.iolist, _SITE, **tables, reasons=reasons, settings=settings)
 
 
 def _points(tags: pd.Series, bus: str, **columns: object) -> pd.DataFrame:

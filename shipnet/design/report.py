@@ -194,14 +194,15 @@ def _reasons(reasons: pd.DataFrame) -> str:
 def _segments(designs: Mapping[str, Design]) -> str:
     rows = [
         [option, row.segment, row.bus, str(row.points), str(row.devices), number(row.length_m),
-         "-" if row.load != row.load else f"{row.load:.1%}".replace("%", " %"),
+         *("-" if share != share else f"{share:.1%}".replace("%", " %")
+           for share in (row.bus_time, row.capacity_used)),
          number(row.response_ms), number(row.slowest_update_ms)]
         for option, design in designs.items()
         for row in _each(design.segments)
     ]  # fmt: skip
-    head = ["option", "segment", "bus", "points", "devices", "trunk [m]", "load", "response [ms]",
-            "needed [ms]"]  # fmt: skip
-    body = table(head, rows, numbers=range(3, 9)) if rows else text("No option has a bus.")
+    head = ["option", "segment", "bus", "points", "devices", "trunk [m]", "bus time",
+            "capacity used", "response [ms]", "needed [ms]"]  # fmt: skip
+    body = table(head, rows, numbers=range(3, 10)) if rows else text("No option has a bus.")
     return section("Segments", body)
 
 
@@ -262,8 +263,8 @@ def _points(designs: Mapping[str, Design]) -> str:
 
 _BANNER_MORE = (
     "Computed from an I/O list under the assumptions listed below. Prices, masses and hours are "
-    "estimates until a supplier's are put in; a rule is judged only where its text was read, and "
-    "no society has seen this."
+    "estimates until a supplier's are put in; a rule is judged only where its text, or a maker's "
+    "document with its limit, was read, and no society has seen this."
 )
 
 
@@ -455,9 +456,10 @@ def _rules(rules: Any, options: Sequence[str]) -> str:
     judged, read, why = [], [], []
     for row in first.itertuples():
         limit = "" if row.limit != row.limit else f"{row.bound} {number(row.limit)} {row.unit}"
+        limit += ", from a maker" if row.confirmed == "maker" else ""
         rule = (str(row.rule_set), str(row.rule))
         judged.append([row.rule, row.asks, limit, *(cell(rule, option) for option in options)])
-        stated = "yes" if row.confirmed else "no"
+        stated = "only a maker's" if row.confirmed == "maker" else row.confirmed
         read.append([row.rule, row.rule_set, row.clause, row.edition, row.source, stated])
         same: dict[tuple[str, str], list[str]] = {}
         for option in options:
@@ -474,7 +476,8 @@ def _rules(rules: Any, options: Sequence[str]) -> str:
             judged,
             verdicts=range(3, 3 + len(options)),
             caption=f"Rule sets {sets}. Not verified: nothing in a plan tells, or the text of the "
-            "clause was not read; a value is what was computed all the same.",
+            "clause was not read; a value is what was computed all the same. From a maker: the "
+            "limit is that of a maker's document, and no standard was read for it.",
         ),
         text("Where each rule stands", tag="h3"),
         table(["rule", "set", "clause", "edition", "source", "text read"], read),

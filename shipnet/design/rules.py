@@ -22,6 +22,7 @@ from shipnet.design.supply import point_currents, supply_tables
 from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import (
+    Choice,
     Kind,
     Number,
     Switch,
@@ -338,6 +339,23 @@ def _runs(kind: str, total: bool, ohms: bool = False) -> Callable[[Facts, Bools,
     return compute
 
 
+def _resistance_by_length(facts: Facts, concerned: Bools, host: bool) -> Outcome:
+    runs, known = facts.design.cables, cables()
+    can = facts.links.loc[facts.links["bus"] == "CAN", "segment"]
+    runs = runs[(runs["kind"] == "trunk") & runs["segment"].isin(can)]
+    loop = runs["cable"].map(lambda name: known[name].resistance)
+    trunks = runs.assign(ohms=loop / 2).groupby(["segment", "line"])
+    length, ohms = trunks["length_m"].sum(), trunks["ohms"].max()
+    table = datasets.read("can_bus_resistances.csv")
+    lengths, listed = table[["length_m", "resistance_ohm_per_km"]].to_numpy(float).T
+    # Nothing is listed for a trunk that is longer than the last row.
+    listed = np.append(listed, _NAN) / 1e3
+    share = 100 * (ohms / listed[np.searchsorted(lengths, length - 1e-9)])
+    names = share.index.to_series().map(" ".join).str.strip()
+    found = _most(share, names, "no CAN trunk whose resistance and length are listed")
+    return found._replace(partial=bool(share.isna().any()))
+
+
 def _nodes(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     links = facts.links
     return _most(links["devices"].astype(float), links["segment"], "no data link")
@@ -424,6 +442,10 @@ MEASURES: Mapping[str, Measure] = {
     "trunk resistance": Measure(
         "ohm", "both conductors of a trunk", _runs("trunk", total=True, ohms=True)
     ),
+    "trunk resistance by length": Measure(
+        "%", "resistance of a conductor of a CAN trunk, of what makers list for its length",
+        _resistance_by_length,
+    ),
     "devices of a segment": Measure("devices", "most devices, the master among them", _nodes),
     "load units": Measure("units", "units of 50 mA that one supply feeds", _units),
     "load units of a device": Measure(
@@ -458,7 +480,7 @@ class Rule:
 
     Examples
     --------
-    >>> rule = Rule("one cable", "points lost by a cable", 10, confirmed=True)
+    >>> rule = Rule("one cable", "points lost by a cable", 10, confirmed="yes")
     >>> rule.meets(8), rule.unit
     (True, 'points')
     """
@@ -478,7 +500,10 @@ class Rule:
     clause: str = text("Clause of the document", default="")
     edition: str = text("Edition of the document", default="")
     source: str = text("Where it is written", default="", most=1000)
-    confirmed: bool = switch("Whether its text was read; else it is never met", default=False)
+    confirmed: str = choice(
+        ("no", "maker", "yes"), "Whether its text was read; maker: no standard was, but a maker's "
+        "document that has the limit. With no, it is never met", default="no",
+    )  # fmt: skip
     note: str = text("Why a plan cannot show it", default="", most=1000)
     rule_set: str = text("The set that it belongs to", default="own")
 
@@ -617,6 +642,8 @@ def _value(kind: Kind, cell: str) -> object:
     """Return what a cell says, or the cell itself if a field of this kind cannot hold it."""
     if isinstance(kind, Switch):
         return _YES.get(cell.lower(), cell)
+    if isinstance(kind, Choice):
+        return next((option for option in kind.options if option.lower() == cell.lower()), cell)
     if isinstance(kind, Number):
         plain = cell.replace(",", ".") or "nan"
         return float(plain) if NUMBER.fullmatch(plain) or not cell else cell
@@ -681,6 +708,10 @@ def _outcome(rule: Rule, facts: Facts) -> Outcome:
     return outcome._replace(why=why, partial=True)
 
 
+#: What a verdict says where the limit comes from a maker's document.
+_OF_A_MAKER = "the limit is from a maker's document; no standard was read for it"
+
+
 def _judge(rule: Rule, outcome: Outcome) -> tuple[str, str]:
     """Return the verdict, and why."""
     if outcome.computed != outcome.computed:
@@ -688,7 +719,9 @@ def _judge(rule: Rule, outcome: Outcome) -> tuple[str, str]:
     verdict = "met" if rule.meets(outcome.computed) else "violated"
     if verdict == "met" and outcome.partial:
         return "not verified", outcome.why
-    if rule.confirmed:
+    if rule.confirmed == "yes":
         return verdict, outcome.why
+    if rule.confirmed == "maker":
+        return verdict, f"{outcome.why}{'; ' if outcome.why else ''}{_OF_A_MAKER}"
     made = f" ({outcome.why})" if outcome.why else ""
     return "not verified", f"would be {verdict}{made}, but the clause was not read"

@@ -146,11 +146,9 @@ class AsiLimits:
         "AS-i", "The line, a key of the catalogue. The flat cable is not type-approved for ships "
         "as it is", "ASI_MARINE",
     )  # fmt: skip
-    current: float = number(0, 10, "A", "Current of a module with its sensors", default=0.065)
-    loop_current: float = number(
-        0, 1, "A", "Current of each analogue channel on top: the upper end of a 4-20 mA loop, "
-        "assumed", default=0.022,
-    )  # fmt: skip
+    current: float = number(
+        0, 10, "A", "Current of a module with its sensors, without loops", default=0.065
+    )
     voltage: float = number(1, 60, "V", "Voltage of a supply", default=30.0)
     rating: float = number(0.01, 100, "A", "Most that a supply gives", default=8.0)
     auxiliary: bool = switch(
@@ -226,7 +224,7 @@ class ModbusLimits:
 
 @record(slots=True)
 class SupplyLimits:
-    """What the supplies of stations and outputs give, and what is fed from them.
+    """What the supplies of stations and outputs give, and what draws from them and AS-i lines.
 
     Sources: WAGO 750-1405 (voltage drop: "24 VDC (-25 ... +30 %)", with approvals by DNV and GL),
     750-531 (short) and the manuals of the series 750 (station: "500 mA" at most); Atlas Copco
@@ -250,8 +248,9 @@ class SupplyLimits:
         default=0.025,
     )  # fmt: skip
     loop: float = number(
-        0, 1, "A", "Current of a 4-20 mA loop or output: its upper end, assumed", default=0.022
-    )
+        0, 1, "A", "Current of a 4-20 mA loop or output, and of each analogue channel of an AS-i "
+        "module on top: its upper end, assumed", default=0.022,
+    )  # fmt: skip
     solenoid: float = number(0, 10, "A", "Current of a coil: 6 W at 24 V, assumed", default=0.25)
     simultaneity: float = number(
         0, 1, "", "Part of the coils that are on at once; assumed", default=0.6
@@ -282,8 +281,10 @@ class _Plain:
         0, 60, "s", "What the host adds to a response where a rule counts it; assumed", default=0.5
     )
     spare: float = number(
-        0, 10, "", "Spare pairs of a trunk of many pairs, per pair in use; assumed", default=0.2
-    )
+        0, 10, "", "Spare ones per one in use: pairs of a trunk of many pairs, and of each "
+        "kind all channels of the cabinet or the stations, or ports of AS-i modules; assumed",
+        default=0.2,
+    )  # fmt: skip
     redundant: bool = switch("Whether the trunks of CAN and Modbus are doubled", default=False)
     update: float = number(
         1e-4, 3600, "s", 'Update need of a point where the list names none: "other indications" of '

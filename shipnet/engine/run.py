@@ -347,7 +347,7 @@ class Run:
     Run(30 s, 30 requests, 0 alarms, oldest value shown 1.75 s)
     >>> run.ages("ME-JB2-044")
     Ages(ME-JB2-044, at most 1.75 s)
-    >>> run.bus_loads.round(3).to_dict()
+    >>> run.bus_time.round(3).to_dict()
     {'CAN': 0.046, 'channel 1': 0.242, 'channel 2': 0.0}
     """
 
@@ -586,7 +586,7 @@ class Run:
         return rows
 
     @cached_property
-    def bus_loads(self) -> pd.Series[float]:
+    def bus_time(self) -> pd.Series[float]:
         """Share of the time in which the CAN bus and both Modbus lines are busy."""
         inside = self.sent.start >= 0
         bits = self.system.frame_ns[self.sent.message[inside]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from shipnet.asi.timing import ADDRESSES, Transaction, cycle_time, response_time
+from shipnet.asi.timing import ADDRESSES, Cycle, Transaction, cycle_time
 from shipnet.exercises.answers import Function, Number, Whole
 from shipnet.exercises.exercise import Exercise
 
@@ -25,7 +25,7 @@ def _efficiency(user_bits: int, master_pause: float, slave_pause: float) -> floa
 def _most(limit: float, repetitions: int) -> int:
     """Return with how many slaves a change is known within so many milliseconds."""
     known = (
-        response_time(cycle_time(slaves), repetitions=repetitions).worst
+        Cycle(slaves).response_time(repetitions=repetitions).worst
         for slaves in range(1, ADDRESSES + 1)
     )
     return sum(bool(worst <= limit * 1e-3) for worst in known)

@@ -79,7 +79,7 @@ def _reviews() -> tuple[_Options, _Options]:
     ship = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     ballast = ship.where("system == 'Ballast valve'")
     ways = ["home runs", "junction boxes", "AS-i", "CAN"]
-    found = ballast.compare((20, -6, 14), ways, settings={"tails": 2})
+    found = ballast.compare((20, -6, 14), ways, settings={"tails": 2, "spare": 0})
     found = found.add(found.plan("AS-i", settings={"asi.repeaters": 0}, name=_POOR))
     table = found.table()
     faults = table["points_left_out"] + table["rules_violated"]

@@ -10,11 +10,13 @@ from math import inf
 import numpy as np
 
 from shipnet import style
+from shipnet.answers import Utilisation
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
+from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.redundancy import DualChannel, Faults, Loop, System, line_faults
 
 #: Ports, and in place of one: served by none.
@@ -284,6 +286,20 @@ class Run:
             },
             index=pd.RangeIndex(1, n + 1, name="slave"),
         )
+
+    def utilisation(self, update: float) -> Utilisation:
+        """Return how far the line was used, where each slave's points need an `update` [s].
+
+        Data may be as old as the begin of a try, and are known at its end.
+        """
+        check_scalar("update", update, "s", 1e-6, 1e6)
+        events, poll = self.events(), self.system.poll
+        good = events[events["answered"]]
+        request = poll.line.frame_time(poll.request_size)
+        busy = request * len(events) + (poll.on_wire - request) * len(good)
+        capacity = max(self.system.n_slaves / MAX_UNIT, float(self.gaps.max()) / update)
+        worst = (good["end_s"] - good.groupby("slave")["start_s"].shift()).max()
+        return Utilisation(busy / float(events["end_s"].max()), capacity, float(worst))
 
     def _lost_at(self, moment: float) -> set[int]:
         """Return the slaves that were lost at a moment: silent through every port."""

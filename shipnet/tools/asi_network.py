@@ -110,7 +110,9 @@ class AsiNetwork(Tool):
         effect = independent_failures(self.error_rate, cycle).iloc[0]
         return {
             "cycle": f"{1e3 * float(cycle.time):.2f} ms",
-            "each slave heard after": f"{1e3 * float(cycle.update_time):.2f} ms",
+            "bus time": f"{cycle.bus_time:.1%}".replace("%", " %"),
+            "capacity used": f"{cycle.addresses} of {ADDRESSES} addresses",
+            "each slave heard after": f"{1e3 * float(cycle.update_time()):.2f} ms",
             "input known after": f"{1e3 * response.best:.2f} to {1e3 * response.worst:.2f} ms",
             "repetitions": f"{effect['repetitions_per_s']:.3g} per second",
             "slaves dropped": f"{effect['drops_per_h']:.3g} per hour, if failures are independent",

@@ -1,14 +1,12 @@
+import numpy as np
 import pytest
 
 from shipnet import datasets
-from shipnet.asi import Profile
-from shipnet.asi.timing import (
-    Cycle,
-    cycle_time,
-    transfer_cycles,
-)
+from shipnet.asi import CableRun, Master, Plan, Profile, Slave, simulate
+from shipnet.asi.timing import CONVERSION, Cycle, cycle_time, exchanges
 from shipnet.errors import ArgumentError
 from shipnet.papers.kim2023.protocol import least_cycles
+from tests.support import tolerance
 
 PUBLISHED = datasets.read("asi_published_cycles.csv").astype({"number": int, "time_ms": float})
 
@@ -18,51 +16,79 @@ def test_published_transfer_times_are_reproduced():
     assert len(transfers) == 4
     for row in transfers.itertuples():
         rounds = int("one round" in row.quantity)
-        cycles = transfer_cycles("S-7.3", channels=row.number, extra_rounds=rounds)
-        assert cycles * 5 == pytest.approx(row.time_ms)
+        assert exchanges("S-7.3") * (row.number + rounds) * 5 == pytest.approx(row.time_ms)
 
 
 def test_a_real_transfer_never_beats_four_bits_a_cycle():
-    for row in datasets.read("asi_analogue_profiles.csv").itertuples():
+    profiles = datasets.read("asi_analogue_profiles.csv")
+    assert set(profiles.loc[profiles["cycles"] == "", "evidence"]) == {"unknown"}
+    for row in profiles[profiles["cycles"] != ""].itertuples():
         assert int(row.cycles) >= least_cycles(int(row.value_bit)) / int(row.addresses)
         assert str(Profile.parse(row.profile)) == row.profile
 
 
 def test_messages_of_more_than_four_bits_take_several_cycles():
     assert [least_cycles(bits) for bits in (1, 4, 5, 8, 16)] == [1, 1, 2, 2, 4]
-    assert transfer_cycles("S-7.3") > least_cycles(16)
+    assert exchanges("S-7.3") > least_cycles(16)
 
 
 def test_sharing_an_address_doubles_the_time():
-    times = Cycle([10, 31]).transfer_time("S-7.A.7", paired=True, direction="out")
-    assert times.tolist() == [4 * cycle_time(10), 4 * cycle_time(31)]
-    assert Cycle(31).transfer_time("S-7.A.7", paired=True) == 2 * cycle_time(31)
+    answer = 60e-6
+    times = Cycle([10, 31]).response_time("S-7.A.7", paired=True, direction="out").worst
+    assert times.tolist() == pytest.approx([4 * cycle_time(n) + answer for n in (10, 31)])
+    late = Cycle(31).response_time("S-7.A.7", paired=True).worst
+    assert late == pytest.approx(2 * cycle_time(31) + answer)
     # About 50 Bd: 16 bits take 0.32 s in cycles of 5 ms.
-    time = Cycle(31).transfer_time("S-7.A.5", paired=True)
+    time = Cycle(31).response_time("S-7.A.5", paired=True).best
     assert 16 / time == pytest.approx(50 * 5e-3 / cycle_time(31))
 
 
 def test_a_profile_is_found_by_its_first_two_codes():
-    assert transfer_cycles(Profile.parse("S-7.3.C")) == 7
-    assert transfer_cycles("S-6.0", value_bit=8) == 1
-    with pytest.raises(ArgumentError, match=r"profile is 'S-7\.A\.8' in; known are S-7\.3 in 16"):
-        transfer_cycles("S-7.A.8")
+    assert exchanges(Profile.parse("S-7.3.C")) == 7
+    assert exchanges("S-6.0") == exchanges("S-0.F") == 1
+    for profile in ("S-7.A.8", "S-7.A.9", "S-7.5.5"):
+        with pytest.raises(ArgumentError, match=rf"'{profile}' in; how many exchanges"):
+            Cycle(31).response_time(profile)
     with pytest.raises(ArgumentError, match=r"'S-7\.A\.5' out"):
-        transfer_cycles("S-7.A.5", direction="out")
-    with pytest.raises(ArgumentError, match="12 bit"):
-        transfer_cycles("S-7.3", value_bit=12)
+        exchanges("S-7.A.5", "out")
+    with pytest.raises(ArgumentError, match="direction is 'up'"):
+        Cycle(31).response_time(direction="up")
 
 
 @pytest.mark.parametrize("channels", [0, 5, 1.0])
 def test_numbers_of_channels(channels):
     with pytest.raises(ArgumentError, match="channels is"):
-        transfer_cycles("S-7.3", channels=channels)
+        Cycle(31).response_time("S-7.3", channels=channels)
 
 
 def test_a_value_waits_for_a_round_its_transfer_and_the_conversions():
     cycle, one = Cycle(31), 7 * cycle_time(31)
-    best, worst = cycle.response_time("S-7.3", channels=4, conversion=60e-3)
-    assert (best, worst) == pytest.approx((one + 60e-3, 5 * one + 4 * 60e-3))
+    best, typical, worst = cycle.response_time("S-7.3", channels=4)
+    assert (best, worst) == pytest.approx((one, 5 * one + 4 * CONVERSION))
+    assert typical == pytest.approx((best + worst) / 2)
     # The second of two exchanges waits as one does.
-    best, worst = Cycle(62).response_time("S-7.A.7", direction="out")
+    worst = Cycle(62).response_time("S-7.A.7", direction="out").worst
     assert worst == pytest.approx(60e-6 + 4 * cycle_time(31))
+
+
+@pytest.mark.parametrize(
+    ("channels", "conversion", "cycles"),
+    [(1, 58.2e-3, 4000), (2, 22.2e-3, 4000), (4, 0.0, 2000), (1, 0.3, 4000)],
+)
+def test_responses_of_values_and_bits_are_those_of_the_simulated_line(channels, conversion, cycles):
+    module = Slave("1", "S-7.3", node="0 m", channels=channels, conversion=conversion)
+    bits = [Slave(f"{n}", node="0 m") for n in range(2, 32)]
+    plan = Plan([CableRun("0 m", "50 m", 50)], masters=[Master(node="0 m")], slaves=[module, *bits])
+    computed, seen = plan.response_times(), simulate(plan, cycles=cycles).response_times()
+    close = {"rel": tolerance("asi.responses")}
+    assert seen["longest_s"].to_dict() == pytest.approx(computed["worst_s"].to_dict(), **close)
+    assert seen["mean_s"].to_dict() == pytest.approx(computed["typical_s"].to_dict(), **close)
+    # The formula's cycle is the longer one, and the simulation meets no better moment.
+    assert (seen["longest_s"] <= computed["worst_s"]).all()
+    assert (seen["least_s"] >= (1 - close["rel"]) * computed["best_s"]).all()
+
+
+def test_a_simulation_has_no_response_of_a_value_that_nobody_knows():
+    slaves = [Slave("1"), Slave("2A", "S-7.A.9")]
+    found = simulate(slaves, cycles=20).table()
+    assert np.isnan(found.loc["2A", "longest_s"]) and found.loc["1", "longest_s"] > 0

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.asi import Transaction
-from shipnet.asi.timing import Cycle, cycle_time, response_time
+from shipnet.asi.timing import Cycle, cycle_time
 from shipnet.errors import ArgumentError
 from tests.support import tolerance
 
@@ -41,8 +41,8 @@ def test_the_specified_cycles_need_short_transactions():
     assert cycle_time(slaves, transaction=short) == pytest.approx(4.95e-3)
     assert cycle_time(slaves, transaction=short) < limit < cycle_time(slaves, transaction=long)
     slaves, limit = published("cycle, specification, A/B")
-    assert Cycle(slaves, transaction=short).update_time == pytest.approx(9.9e-3)
-    assert Cycle(slaves, transaction=short).update_time < limit
+    assert Cycle(slaves, transaction=short).update_time() == pytest.approx(9.9e-3)
+    assert Cycle(slaves, transaction=short).update_time() < limit
 
 
 def test_schneider_prints_156_us_times_n_plus_one_above_a_floor():
@@ -66,7 +66,7 @@ def test_a_master_that_asks_by_turns_hears_every_slave_in_its_time(used):
     for slave in set(line) - {None}:
         places = [place for place, asked in enumerate(line) if asked == slave]
         gaps += [b - a for a, b in itertools.pairwise(places)]
-    assert max(gaps) * step == pytest.approx(cycle.update_time)
+    assert max(gaps) * step == pytest.approx(cycle.update_time())
 
 
 @pytest.mark.parametrize(("alone", "pairs", "slave"), [(5, 0, "3"), (3, 2, "1A"), (3, 2, "2")])
@@ -78,15 +78,18 @@ def test_changes_at_any_time_are_heard_within_the_bounds(alone, pairs, slave):
     change = np.random.default_rng(1).uniform(looks[0], looks[-1], 200_000)
     heard = np.array(looks)[np.searchsorted(looks, change)] + (3 + 7) * bit
     cycle = Cycle(alone + 2 * pairs, pairs=pairs)
-    best, worst = cycle.response_time(paired=slave.endswith("A"))
+    best, typical, worst = cycle.response_time(paired=slave.endswith("A"))
     waited = heard - change
+    assert waited.mean() == pytest.approx(typical, rel=0.01)
     assert best <= waited.min() < best + 1e-6
     assert worst - 1e-6 < waited.max() <= worst
 
 
 def test_repetitions_and_the_host_only_make_it_later():
-    plain, late = response_time(5e-3), response_time(5e-3, repetitions=3, host=10e-3)
+    cycle = Cycle(31)
+    plain, late = cycle.response_time(), cycle.response_time(repetitions=3, host=10e-3)
     assert late.best == plain.best
+    assert late.typical - plain.typical == pytest.approx(5e-3)
     assert late.worst - plain.worst == pytest.approx(3 * 156e-6 + 10e-3)
 
 
@@ -95,10 +98,10 @@ def test_arrays_broadcast():
     cycles = Cycle(alone + 2 * pairs, pairs=pairs)
     assert cycles.time.shape == (20, 12)
     assert cycles.time[7, 5] == cycle_time(17, pairs=5)
-    assert cycles.update_time[3].tolist() == [
-        Cycle(3 + 2 * int(number), pairs=int(number)).update_time for number in pairs
+    assert cycles.update_time()[3].tolist() == [
+        Cycle(3 + 2 * int(number), pairs=int(number)).update_time() for number in pairs
     ]
-    assert cycles.response_time().worst.shape == (20, 12)
+    assert [times.shape for times in cycles.response_time()] == [(20, 12)] * 3
 
 
 @pytest.mark.parametrize(
@@ -113,9 +116,10 @@ def test_arrays_broadcast():
         (lambda: cycle_time([3, 31], pairs=[2, 1]), "two slaves share one"),
         (lambda: cycle_time(1, repetitions=-1), "repetitions is -1"),
         (lambda: cycle_time(1, minimum=float("nan")), "minimum is nan s"),
-        (lambda: response_time(0.0), "cycle is 0.0 s; it must be positive"),
-        (lambda: response_time(5e-3, paired=2), "paired is 2"),
-        (lambda: response_time(5e-3, host=-1), "host is -1 s"),
+        (lambda: Cycle().response_time(paired=2), "paired is 2"),
+        (lambda: Cycle().response_time(host=-1), "host is -1 s"),
+        (lambda: Cycle().response_time(repetitions=0.5), "repetitions is 0.5"),
+        (lambda: Cycle().response_time("S-7.3", conversion=-1), "conversion is -1 s"),
     ],
 )
 def test_what_is_no_cycle_is_refused(call, message):

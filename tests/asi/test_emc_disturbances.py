@@ -197,7 +197,7 @@ def test_a_carrier_in_a_zero_of_the_filter_does_no_harm():
     # The filter of 3 us is blind at 667 kHz; at 200 kHz, amid the signal, 2.5 V do harm.
     near = asi.line(100, slaves=(5,)).waveform()
     rates = {
-        frequency: asi.emc.error_rate(near, ConductedRF(frequency, f_mod=0), 2.5, 500, rng())
+        frequency: asi.emc.count_errors(near, ConductedRF(frequency, f_mod=0), 2.5, 500, rng())
         .table()["rate"]
         .item()
         for frequency in (200e3, 2 / 3e-6)

@@ -6,19 +6,20 @@ import pytest
 from matplotlib.figure import Figure
 from scipy import stats
 
-from shipnet import asi
+from shipnet import asi, datasets
 from shipnet.asi.emc.disturbances import Impulses, Noise
 from shipnet.asi.emc.error_rates import (
     CYCLES,
     TRIES,
     ErrorRates,
     burst_failures,
+    count_errors,
     error_rate,
     independent_failures,
-    noise_error_rate,
 )
 from shipnet.asi.modulation import CLASSES, HALF_BIT, Modulation
-from shipnet.asi.receiver import Receiver, Waveform, matched_filter
+from shipnet.asi.receiver import RECEIVERS, Receiver, Waveform, matched_filter
+from shipnet.asi.segment import PROBES
 from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.timing import Cycle, Transaction
 from shipnet.errors import ArgumentError
@@ -45,12 +46,17 @@ def rng():
 
 
 def rates_of(wave, disturbance, amplitudes, count, rng, **receiver):
-    rates = error_rate(wave, disturbance, amplitudes, count, rng, receiver=Receiver(**receiver))
+    rates = count_errors(wave, disturbance, amplitudes, count, rng, receiver=Receiver(**receiver))
     return rates.table()
 
 
 def theory_of(wave, amplitudes, **receiver):
-    return noise_error_rate(wave, amplitudes, receiver=Receiver(**receiver))
+    return error_rate(wave, density(wave, amplitudes), receiver=Receiver(**receiver))
+
+
+def density(wave, deviation):
+    """Return the density of noise by the standard deviation of the wave's samples."""
+    return deviation if isinstance(deviation, str) else np.asarray(deviation) * (2 * wave.dt) ** 0.5
 
 
 def ideal(start, height, duration, dt=1e-6):
@@ -240,7 +246,7 @@ def test_every_word_is_sent_and_meets_its_own_disturbance():
 def test_bad_arguments_are_named(change, message):
     arguments = {"amplitudes": 1.0, "n_telegrams": 10} | change
     with pytest.raises(ArgumentError, match=message):
-        error_rate(NEAR, Noise(), rng=rng(), **arguments)
+        count_errors(NEAR, Noise(), rng=rng(), **arguments)
 
 
 @pytest.mark.parametrize(
@@ -256,6 +262,66 @@ def test_bad_arguments_are_named(change, message):
 def test_theory_needs_noise_and_telegrams_that_are_received(amplitudes, minimum, message):
     with pytest.raises(ArgumentError, match=message):
         theory_of(NEAR, amplitudes, minimum=minimum)
+
+
+def test_a_density_is_the_same_noise_whatever_the_step():
+    fine = asi.line(100, slaves=(5,)).waveform(dt=125e-9)
+    usual = asi.line(100, slaves=(5,)).waveform()
+    proof = RECEIVERS["noise-proof"]
+    rates = [error_rate(wave, Noise().density(0.6), receiver=proof)[0] for wave in (usual, fine)]
+    # A finer step has more samples ahead of a telegram, so it is not quite the same.
+    assert rates[1] == pytest.approx(rates[0], rel=0.25)
+    assert Noise().density([0.0, 1.0]).tolist() == pytest.approx([0, (2 * 250e-9) ** 0.5])
+    counted = count_errors(fine, Noise(), 0.6, 6000, rng(), receiver=proof).table()["rate"][0]
+    assert counted == pytest.approx(rates[1], rel=1 / 3)
+
+
+def test_a_plan_has_an_error_rate_per_slave_and_receiver():
+    plan = asi.line(100, slaves=(5, 100))
+    deviation = 0.6
+    found = plan.error_rates(Noise().density(deviation))
+    assert found.index.tolist() == [(slave, name) for slave in "12" for name in RECEIVERS]
+    assert found["minimum_V"].tolist() == [0.45, 0.9, 1.2] * 2 and not found["why"].any()
+    for slave, node in (("1", "5 m"), ("2", "100 m")):
+        row = found.loc[slave, "noise-proof"]
+        for telegram, words in (("request", PROBES), ("response", None)):
+            wave = plan.waveform(words, node)
+            counted = rates_of(wave, Noise(), deviation, 8000, rng(), minimum=0.9)["rate"][0]
+            assert row[telegram] == pytest.approx(counted, rel=1 / 3)
+        both = (1 - row["request"]) * (1 - row["response"])
+        assert row["exchange"] == pytest.approx(1 - both)
+
+
+def test_exchanges_fail_as_often_on_the_simulated_line():
+    plan = asi.line(100, slaves=(5, 100))
+    row = plan.error_rates(Noise().density(0.7)).loc["1", "noise-proof"]
+    spoil = asi.faults.TelegramErrors("1", request=row["request"], response=row["response"])
+    run = asi.simulate(plan, cycles=10_000, faults=spoil, rng=7)
+    failed, exchanges = run.table().loc["1", ["failed", "exchanges"]]
+    # Four standard deviations.
+    apart = 4 * np.sqrt(row["exchange"] * (1 - row["exchange"]) / exchanges)
+    assert failed / exchanges == pytest.approx(row["exchange"], abs=apart)
+
+
+def test_a_plan_says_why_it_has_no_error_rate():
+    found = asi.line(250, slaves=(5, 250)).error_rates(0.3e-3)
+    unknown = found[found["exchange"].isna()]
+    assert unknown["why"].str.contains("received without an error").all()
+    assert not found.loc[found["exchange"].notna(), "why"].any() and len(unknown) < len(found)
+    assert 0.5 < found.loc[("2", "unfiltered"), "exchange"] < 1
+    with pytest.raises(ArgumentError, match="noise_density is 0"):
+        asi.line(50, slaves=1).error_rates(0.0)
+    with pytest.raises(ArgumentError, match="one segment"):
+        asi.read_plan(datasets.path("synthetic_asi_plan_300m.csv")).error_rates(1e-3)
+
+
+def test_every_named_receiver_has_a_source():
+    assert all(len(one.source) > 20 for one in RECEIVERS.values())
+    assert RECEIVERS["sensitive"] == Receiver()
+    kept = np.sqrt(8 / (3 * 12))
+    # Four standard deviations of the noise that the source names, behind the filter if any.
+    assert RECEIVERS["noise-proof"].minimum == pytest.approx(4 * kept * 0.48, rel=0.01)
+    assert RECEIVERS["unfiltered"].minimum == pytest.approx(4 * 0.3)
 
 
 def drawn(rows):
@@ -289,7 +355,7 @@ def test_rates_are_drawn_with_their_intervals_and_zeros_with_an_arrow():
     ],
 )
 def test_an_axis_says_what_the_amplitude_is_and_in_which_bandwidth(disturbance, axis):
-    rates = error_rate(NEAR, disturbance, [0.5, 2.0], 20, rng())
+    rates = count_errors(NEAR, disturbance, [0.5, 2.0], 20, rng())
     assert rates.plot(Figure().subplots()).get_xlabel() == axis
 
 

@@ -47,7 +47,7 @@ def test_a_receiver_hears_every_response_and_a_finer_step_hears_the_same():
 def test_noise_of_one_density_costs_the_same_at_any_step():
     plan, receiver = asi.line(100, slaves=(5,)), asi.Receiver(minimum=0.9)
     rates = [
-        asi.emc.error_rate(
+        asi.emc.count_errors(
             plan.waveform(dt=dt), asi.emc.Noise(), 0.7, 4000, 2024, receiver=receiver
         ).table()["rate"][0]
         for dt in (125e-9, 250e-9)

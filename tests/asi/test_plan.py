@@ -195,12 +195,15 @@ def test_voltages_cycle_and_responses_of_a_plan():
     assert plan.voltages["0 m"] == 30
     assert plan.cycle.time == cycle_time(2)
     times = plan.response_times(repetitions=1)
-    assert times.index.tolist() == ["1", "2A", "2B"]
+    assert times.index.tolist() == ["1", "2A", "2B"] and not times["why"].any()
     assert times.loc["1", "worst_s"] == pytest.approx(60e-6 + 5 * 156e-6)
     assert times.loc["2B", "worst_s"] == pytest.approx(60e-6 + 9 * 156e-6)
-    values = Plan(plan.cables, slaves=[Slave("1", "S-7.3.C", node="0 m")])
-    late = values.response_times(conversion=60e-3)["worst_s"].item()
-    assert late == pytest.approx(2 * 7 * 3 * 156e-6 + 60e-3)
+    module = Slave("1", "S-7.3.C", node="0 m", conversion=60e-3)
+    unknown = Slave("2A", "S-7.A.9", node="0 m")
+    times = Plan(plan.cables, slaves=[module, unknown]).response_times()
+    assert times.loc["1", "worst_s"] == pytest.approx(2 * 7 * 4 * 156e-6 + 60e-3)
+    assert times.loc["2A"].isna().tolist() == [True] * 4 + [False]
+    assert "'S-7.A.9' in; how many exchanges" in times.loc["2A", "why"]
     with pytest.raises(ArgumentError, match="cycle is of one line; the plan has 14"):
         _ = read_plan(datasets.path("synthetic_asi_plan_submarine.csv")).cycle
 

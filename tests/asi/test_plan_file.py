@@ -247,7 +247,19 @@ def test_whatever_a_file_holds_it_is_a_plan_or_an_input_error(tmp_path_factory, 
 def test_only_columns_in_use_are_written(tmp_path):
     line(100, 1).save(tmp_path / "plan.csv")
     header = (tmp_path / "plan.csv").read_text().splitlines()[0]
-    assert header.split(",") == [c for c in COLUMNS if c not in ("delay_us", "resistance_ohm")]
+    unused = ("channels", "conversion_ms", "delay_us", "resistance_ohm")
+    assert header.split(",") == [c for c in COLUMNS if c not in unused]
+
+
+def test_a_module_for_values_keeps_its_channels_and_conversion(load, tmp_path):
+    rows = "kind,node,to,length_m,address,profile,channels,conversion_ms\ncable,a,b,5,,,,\n"
+    plan = load(rows + "slave,b,,,7,S-7.3,4,22.5\nslave,b,,,8,,,\n")
+    assert (plan.slaves[0].channels, plan.slaves[0].conversion) == (4, 0.0225)
+    plan.save(tmp_path / "saved.csv")
+    assert read_plan(tmp_path / "saved.csv") == plan
+    for cell in ("5", "1.5", "x"):
+        with pytest.raises(InputError, match="channels"):
+            load(rows + f"slave,b,,,7,S-7.3,{cell},\n")
 
 
 def test_a_cable_of_ones_own_has_no_name_in_a_file(tmp_path):

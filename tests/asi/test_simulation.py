@@ -640,7 +640,7 @@ def test_a_change_of_an_input_is_known_after_the_next_exchange():
     assert (seen >= bounds["least_s"] - 1e-12).all() and (seen <= bounds["longest_s"] + 1e-12).all()
     # At rest: a cycle of 4 x 26 + 24 bit times, and pause and response behind the request.
     cycle, fresh = 128 * BIT_TIME, 10 * BIT_TIME
-    assert bounds.to_numpy() == pytest.approx([fresh, cycle / 2 + fresh, cycle + fresh])
+    assert bounds.to_numpy() == pytest.approx([fresh, cycle / 2 + fresh, cycle + fresh, cycle])
     got = run.events().query("slave == '2' and phase == 'data_exchange'")
     for (time, _, value), delay in zip(changes, seen, strict=True):
         told = got[got["time_s"] + (14 + 3 + 7) * BIT_TIME >= time + delay - 1e-9].iloc[0]

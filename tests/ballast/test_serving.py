@@ -3,8 +3,6 @@
 import os
 import re
 import signal
-import subprocess
-import sys
 from contextlib import contextmanager
 
 import pytest
@@ -16,7 +14,7 @@ from shipnet.ballast.plant import Fault
 from shipnet.ballast.registers import RegisterMap
 from shipnet.errors import ArgumentError
 from shipnet.modbus.uart import SerialLine
-from tests.support import require
+from tests.support import require, running
 
 OPEN, CLOSE, HALF = 8, 4, 50 << 8 | 10
 CLIENTS = {"tcp": ModbusTcpClient, "udp": ModbusUdpClient}
@@ -160,11 +158,9 @@ def test_a_fault_is_read_with_and_without_its_severity():
 
 @pytest.mark.parametrize("options", [[], ["--udp"]])
 def test_the_program_says_where_it_listens_and_stops_upon_an_interrupt(options):
-    command = [sys.executable, "-m", "shipnet", "serve", "ballast", "--port", "0"]
-    command += ["--valves", "3", "--fault", "2:S1", "--speed", "100", *options]
+    arguments = ["--port", "0", "--valves", "3", "--fault", "2:S1", "--speed", "100", *options]
     kind = "udp" if options else "tcp"
-    program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
+    with running("serve", "ballast", *arguments) as program:
         said = program.stdout.readline()
         port = int(
             re.fullmatch(rf"listening on 127.0.0.1, port (\d+) \({kind.upper()}\): .*\n", said)[1]
@@ -174,9 +170,6 @@ def test_the_program_says_where_it_listens_and_stops_upon_an_interrupt(options):
         program.send_signal(signal.SIGINT)
         out, error = program.communicate(timeout=60)
         assert (program.returncode, out, error) == (0, "stopped\n", "")
-    finally:
-        program.kill()
-        program.wait()
 
 
 def test_an_engine_has_no_watchdog_of_a_valve(capsys):

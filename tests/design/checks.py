@@ -93,7 +93,7 @@ class Segment:
         need, late = 1e3 * self.need, self.points["response_ms"]
         shown = (late - row.response_ms).abs() + (need - row.slowest_update_ms).abs() < CLOSE
         assert shown.any() and abs((late / need)[shown].max() - (late / need).max()) < CLOSE
-        assert 0 < row.load <= 1
+        assert 0 < row.bus_time <= 1 and 0 < row.capacity_used <= 1
 
     def count(self, kind):
         return int((self.devices["kind"] == kind).sum())
@@ -136,7 +136,9 @@ def check_can(own):
         frame = (55 + 10 * ceil(max(taken) / 8 + 1e-9)) / own.row.bit_rate
         load += frame / (limits.period_share * need)
         order[int(identifier, 16)] = need
-    assert abs(load - own.row.load) < 1e-9 and load <= limits.load + 1e-9
+    assert abs(load - own.row.bus_time) < 1e-9 and load <= limits.load + 1e-9
+    nodes = (own.count("station") + 1) / limits.nodes
+    assert abs(own.row.capacity_used - max(load, nodes)) < 1e-9
     assert all(order[a] <= order[b] for a, b in pairwise(sorted(order)))
 
 
@@ -165,7 +167,7 @@ def check_modbus(own):
     assert all(len(names) == 1 for names in devices.values())
     character = 11 / own.row.bit_rate
     silence = 1.75e-3 if own.row.bit_rate > 19200 else 3.5 * character
-    scan, slowest, given_up = 0.0, {}, 0.0
+    scan, slowest, given_up, on_wire = 0.0, {}, 0.0, 0.0
     for unit, kinds in units.items():
         times = []
         # Function 4: 8 bytes there, 5 and two a register back; 16: 9 and two a register, and 8.
@@ -173,6 +175,7 @@ def check_modbus(own):
             count = len({register for register, _ in kinds[kind]})
             if count:
                 bytes_ = fixed + 2 * count
+                on_wire += bytes_ * character
                 times.append(bytes_ * character + 2 * silence + limits.processing)
         # A request that is written has 9 bytes and two a register, one that reads has 8.
         written = len({register for register, _ in kinds["holding"]})
@@ -181,6 +184,10 @@ def check_modbus(own):
         scan += sum(times)
         slowest[unit] = max(times)
     assert abs(1e3 * scan - own.row.scan_ms) < CLOSE
+    assert abs(on_wire / scan - own.row.bus_time) < 1e-9
+    room = min(limits.units, (1 + limits.repeaters) * (limits.unit_loads - 2) + 1)
+    used = max(scan / own.need.min(), stations / room)
+    assert abs(used - own.row.capacity_used) < 1e-9
     if own.settings.redundant:
         assert abs(1e3 * (scan + given_up) - own.row.switch_over_ms) < CLOSE
     else:
@@ -214,6 +221,19 @@ def check_asi(own):
     assert len(labels) <= (62 if limits.shared else 31)
     cycle = 156e-6 * (len(on_address) + 2)
     assert abs(own.row.cycle_ms - 1e3 * cycle) < CLOSE
+    # 21 bits of each exchange, management too; nobody answers the look for a new slave.
+    bits = 21 * (len(on_address) + 1) + 14
+    assert abs(bits * 6e-6 / cycle - own.row.bus_time) < 1e-9
+    used = [len(on_address) / 31]
+    for device, points in modules:
+        (number, _), names = re.fullmatch(r"(\d+)([AB]?)", labels[device]).groups(), ports[device]
+        both = 2 if len(on_address[int(number)]) > 1 else 1
+        # Seven exchanges a value; outputs of an A/B slave take two.
+        turns = 7 * len(names) if names[0][0] == "A" else 1
+        if limits.shared and any(name[0] == "Q" for name in names):
+            turns = 2
+        used.append(cycle * both * turns / own.need[points.index].min())
+    assert abs(max(used) - own.row.capacity_used) < 1e-9
     for device, names in ports.items():
         assert len(set(names)) == len(names)
         kinds = Counter(re.sub(r"\d", "", name) for name in names)

@@ -11,8 +11,8 @@ from shipnet.asi.elements import Supply
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.slave import Slave
-from shipnet.asi.timing import cycle_time
-from shipnet.design.plan_asi import Piece, analogue_response, digital_response, draw, place_supply
+from shipnet.asi.timing import Cycle
+from shipnet.design.plan_asi import Piece, draw, place_supply, response
 from shipnet.design.planning import plan
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
@@ -99,15 +99,17 @@ def test_the_supply_stays_in_the_cabinet_while_the_voltage_allows_it():
 
 
 def test_a_response_is_that_of_the_published_cycles():
-    full = float(cycle_time(31))
+    full = Cycle(31)
     # Alone at its address: one cycle, the answer and a repetition; shared: two cycles.
-    assert digital_response(full, False, "S-0.A", False, LIMITS) == pytest.approx(5.36e-3, abs=1e-5)
-    assert digital_response(full, True, "S-0.A", False, LIMITS) == pytest.approx(10.51e-3, abs=1e-5)
+    assert response("S-0.A", full, LIMITS) == pytest.approx(5.36e-3, abs=1e-5)
+    assert response("S-0.A", full, LIMITS, paired=True) == pytest.approx(10.51e-3, abs=1e-5)
     # Nord BU0090, p. 69: at most 21 ms to an A/B slave with four outputs.
-    assert digital_response(full, True, "S-7.A.7", True, LIMITS) == pytest.approx(21e-3, rel=0.02)
+    late = response("S-7.A.7", full, LIMITS, output=True, paired=True)
+    assert late == pytest.approx(21e-3, rel=0.02)
     # ifm: seven cycles a value, 5 ms each; a round of four, its own, and four conversions.
     quick = Settings({"asi.conversion": 0, "asi.repetitions": 0}).asi
-    assert analogue_response(4, quick, 5e-3) == pytest.approx(5 * 35e-3)
+    five = Cycle(1, minimum=5e-3)
+    assert response("S-7.3", five, quick, channels=4) == pytest.approx(5 * 35e-3)
 
 
 def test_the_slow_share_addresses():

@@ -102,7 +102,7 @@ def test_a_saving_counts_from_the_first_option_to_the_cheapest_other():
 
 
 def test_the_headline_is_the_cheapest_that_violates_no_rule_and_what_it_costs_more():
-    rules = RuleSet((Rule("two", "lines of a link", 2, bound="at least", confirmed=True),))
+    rules = RuleSet((Rule("two", "lines of a link", 2, bound="at least", confirmed="yes"),))
     one, two = Design.example(), Design.example(redundant=True)
     costs = [design.quantities()["total_cost_eur"] for design in (one, two)]
     more = number(costs[1] - costs[0])
@@ -245,7 +245,7 @@ def test_each_use_of_the_draws_gives_the_same():
 
 @pytest.mark.parametrize(("option", "limit"), [("AS-i", 0.7), ("CAN", 0.51)])
 def test_what_a_limit_on_responses_costs_is_the_difference_to_the_plan_without_it(option, limit):
-    rules = RuleSet((Rule("shown", "response", limit, host=True, confirmed=True),))
+    rules = RuleSet((Rule("shown", "response", limit, host=True, confirmed="yes"),))
     iolist = ship(40)
     found = iolist.compare((0, 0, 0), ["home runs", option], rules=rules)
     design, loose = found.designs[option], iolist.plan(option, (0, 0, 0))

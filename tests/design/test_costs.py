@@ -1,4 +1,7 @@
+from collections import Counter
 from dataclasses import replace
+from fractions import Fraction
+from math import ceil
 
 import numpy as np
 import pandas as pd
@@ -52,7 +55,9 @@ def mixed():
     )  # fmt: skip
     places = dict.fromkeys(("x_m", "y_m", "z_m"), 0.0)
     segment = ["" if bus == "hardwired" else bus for _, _, bus in devices]
-    fixed = dict.fromkeys(("load", "response_ms", "slowest_update_ms", "length_m"), 1.0)
+    fixed = dict.fromkeys(
+        ("bus_time", "capacity_used", "response_ms", "slowest_update_ms", "length_m"), 1.0
+    )
     run = {"cable": "MI4P075", "segment": "", "route_m": 8.0, "length_m": 10.0, "line": "",
            "way": ()}  # fmt: skip
     return Design(
@@ -80,7 +85,7 @@ SIZES = SIZES[["diameter_mm", "height_mm"]]
 
 def priced(design, **ranges):
     """Return a design under other prices, hours or factors."""
-    return design.priced(Settings({"assumptions": ranges}))
+    return design.priced(design.settings.replace({"assumptions": ranges}))
 
 
 def by_hand(design, level):
@@ -105,11 +110,15 @@ def by_hand(design, level):
         total["labour_h"] += 2 * assumed["gland_time"]
         total["hardware_cost_eur"] += 2 * assumed["gland"]
     types = dict(zip(design.points["tag"], design.iolist.points["type"], strict=True))
+    channels = Counter()
     for point in design.points.itertuples():
         kind = "digital" if types[point.tag][0] == "D" else "analogue"
         where = {"hardwired": "plc", "CAN": "station", "Modbus RTU": "station"}.get(point.bus)
         if where:
-            total["hardware_cost_eur"] += assumed[f"{where}_{kind}_channel"]
+            channels[f"{where}_{kind}_channel"] += 1
+    spare = Fraction(str(design.settings.spare))
+    for name, used in channels.items():
+        total["hardware_cost_eur"] += ceil(used * (1 + spare)) * assumed[name]
     bus_of = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     words = {"AS-i": "asi", "CAN": "can", "Modbus RTU": "modbus"}
     for device in design.devices.itertuples():

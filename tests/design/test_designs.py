@@ -39,7 +39,8 @@ def design():
             RUN, {**RUN, "run": "drop B", "b": "B"}]),
         frame("segments", [
             {"segment": "AS-i 1", "bus": "AS-i", "points": 2, "devices": 2, "length_m": 6.0,
-             "load": 1 / 31, "response_ms": 7.0, "slowest_update_ms": 1000.0, "masters": 1}]),
+             "bus_time": 0.5, "capacity_used": 1 / 31, "response_ms": 7.0,
+             "slowest_update_ms": 1000.0, "masters": 1}]),
         frame("reasons"),
     )  # fmt: skip
 

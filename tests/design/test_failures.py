@@ -171,7 +171,7 @@ def random_network(rng, n_devices=9, n_points=12):
         cables=frame("cables", runs),
         segments=frame("segments", {
             "segment": segments, "bus": buses, "points": 0, "devices": 0, "length_m": 0.0,
-            "load": 0.0, "response_ms": 0.0, "slowest_update_ms": 0.0}),
+            "bus_time": 0.0, "capacity_used": 0.0, "response_ms": 0.0, "slowest_update_ms": 0.0}),
         reasons=frame("reasons"),
     )  # fmt: skip
 
@@ -274,7 +274,7 @@ def test_all_failures_at_once_cost_what_each_costs_alone(option, seed):
 def test_a_dead_master_takes_the_points_of_its_line_also_behind_a_repeater_beside_it():
     ship = read_iolist(datasets.path("synthetic_iolist_ship.csv")).points
     valves = IoList.from_table(ship[ship["system"] == "Ballast valve"])
-    limits = Settings({"asi.repeaters": 1})
+    limits = Settings({"asi.repeaters": 1, "spare": 0})
     design = plan(valves, Site((20, -6, 14)), "AS-i", settings=limits)
     assert ((design.devices["kind"] == "repeater") & (design.devices["at"] == "cabinet")).any()
     for segment, points in design.points.groupby("segment"):

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from shipnet.design.catalogue import cables
+from shipnet.design.catalogue import Range, cables, read_assumptions
 from shipnet.design.designs import Design
 from shipnet.design.planning import plan
 from shipnet.design.rules import Rule, RuleSet
@@ -71,9 +71,10 @@ def test_the_voltages_are_those_of_the_solver_for_cables(iolist, option, redunda
         assert volts == pytest.approx(expected[key], abs=1e-9)
 
 
-def test_an_as_i_line_has_the_voltages_of_its_plan():
+@pytest.mark.parametrize("loop", [0.022, 0.03])
+def test_an_as_i_line_has_the_voltages_of_its_plan(loop):
     # The planner solved each line with repeaters and supplies; here they are found in its tables.
-    design = plan(ship(400), SITE, "AS-i")
+    design = plan(ship(400), SITE, "AS-i", settings=Settings({"supply.loop": loop}))
     supplies = design.supplies()
     lines = supplies[supplies["kind"] == "supply"].groupby("segment")
     expected = design.segments.set_index("segment")
@@ -160,6 +161,68 @@ def test_feeders_are_as_thin_as_the_limits_allow(option, redundant):
         assert (lost > limits.drop * limits.voltage + 1e-9).any() or late.any()
 
 
+@pytest.mark.parametrize("option", ["CAN", "Modbus RTU", "AS-i"])
+def test_thicker_feeders_and_more_supplies_are_weighed_by_price(option, monkeypatch):
+    # The costs are those of the bill, which knows nothing of how the planner weighs.
+    def planned(price):
+        known = read_assumptions()
+        given = replace(known["supply"], range=Range(price, price, price))
+        monkeypatch.setattr(
+            "shipnet.design.supply.read_assumptions", lambda: {**known, "supply": given}
+        )
+        design = plan(ship(400), SITE, option)
+        assert design.check("supply").table().set_index("rule")["verdict"]["voltage"] == "met"
+        kind = "auxiliary supply" if option == "AS-i" else "supply"
+        out = (design.devices["kind"] == kind) & (design.devices["at"] != "cabinet")
+        return design.quantities()["total_cost_eur"], out.sum()
+
+    nominal = read_assumptions()["supply"].range.nominal
+    (cost, out), (dear, fewest), (free, most) = map(planned, (nominal, 1e6, 0.0))
+    assert fewest <= out <= most and fewest < most
+    # One that only moves out of the cabinet is weighed as one more.
+    assert cost < dear and cost <= free + nominal * out
+
+
+@pytest.mark.parametrize("option", ["CAN", "Modbus RTU"])
+def test_a_second_feed_from_the_far_end_would_cost_more(option):
+    """So no plan has one: a way back costs more than a thicker cable, or than a supply nearer."""
+    design = plan(ship(400), SITE, option)
+    price = {name: one.range.nominal for name, one in read_assumptions().items()}
+    rate, limits = price["labour_rate"], design.settings.supply
+    places = design.devices.set_index("device")[["x_m", "y_m", "z_m"]]
+
+    def spent(cable, metres):
+        each = price["laid_length"] * (cable.price.nominal + rate * cable.lay.nominal)
+        end = price["gland"] + rate * (price["gland_time"] + 2 * cable.termination.nominal)
+        return metres * each + 2 * end
+
+    tried = 0
+    for segment in design.segments["segment"]:
+        runs = design.cables[design.cables["segment"] == segment]
+        feeders, order = runs[runs["kind"] == "feeder"], runs["b"][runs["kind"] == "trunk"].tolist()
+        supplies = (design.supplies()["segment"] == segment).sum()
+        taken = (supplies - 1) * (price["supply"] + rate * price["part_time"])
+        taken += sum(spent(cables()[r.cable], r.length_m) for r in feeders.itertuples())
+        load = design.voltages().drop_duplicates("device").set_index("device")["load_a"][order]
+        way = np.vstack([np.zeros(3), places.loc[order].to_numpy(), np.zeros(3)])
+        metres = SITE.length(np.abs(np.diff(way, axis=0)).sum(axis=1))
+        nodes = ["supply", *order, "supply"]
+        for size in feeders_of("MI1P150"):
+            wire = Cable(size.resistance, 1e-6, 1e-10)
+            ring = Network(map(CableRun, nodes, nodes[1:], metres.tolist(), [wire] * len(metres)))
+            lowest = min(
+                ring.operating_point(
+                    "supply", 24.0, dict(load + limits.short * (load.index == shorted))
+                ).voltage[shorted]
+                for shorted in order
+            )
+            if lowest >= 18 and load.sum() + limits.short <= limits.rating:
+                tried += 1
+                assert sum(spent(size, each) for each in metres.tolist()) > taken
+                break
+    assert tried
+
+
 def test_a_load_that_no_supply_serves_is_a_reason():
     rows = [("solenoid", (30, 0, 0), 1000)] * 8
     design = plan(table(rows), SITE, "CAN", settings=Settings({"supply.rating": 3.0}))
@@ -202,6 +265,7 @@ VIOLATIONS = {
     "segment current": (lambda: priced(rating=0.2), 160.0),
     "cable current": (lambda: priced(station=10.5), 105.6),
     "spur overcurrent": (lambda: boat({"supply.solenoid": 0.6}), 0.6),
+    "trunk resistance": (lambda: boat({"can.cable": "CAN_2x2x025"}), 100 * 80 / 60),
     "backbone": (lambda: boat(places=((10, 0, 0), (110, 0, 0))), 112),
     "drop": (lambda: boat(tails=6.5), 6.5),
     "drops in all": (lambda: boat(tails=4.0, each=10), 80),
@@ -242,11 +306,41 @@ def test_each_rule_of_supply_has_a_design_that_violates_it(rule):
 
 
 def test_the_resistance_of_a_trunk_is_that_of_its_cable():
-    rule = Rule("resistance", "trunk resistance", 2.0, confirmed=True)
+    rule = Rule("resistance", "trunk resistance", 2.0, confirmed="yes")
     row = boat().check(RuleSet((rule,))).table().iloc[0]
     # 10 + 1 and 30 + 1 m at 52 ohm/km.
     assert row["value"] == pytest.approx(42 * 52e-3) and row["verdict"] == "violated"
     assert row["object"] == "CAN 1"
+
+
+@pytest.mark.parametrize(
+    ("far", "cable", "ohms", "listed"),
+    [
+        (30, "CAN_2x2x025", 80, 70),  # its 30 m and 10 m are 40 m of trunk, the last of its row
+        (30.1, "CAN_2x2x025", 80, 60),
+        (290, "CAN_2x2x034", 54, 60),
+        (590, "CAN_5_0p75", 26, 40),
+        (990, "CAN_5_0p75", 26, 26),
+    ],
+)
+def test_the_resistance_of_a_can_trunk_is_judged_by_its_length(far, cable, ohms, listed):
+    design = boat({"can.cable": "CAN_5_0p75"}, tails=0.0, places=((10, 0, 0), (10 + far, 0, 0)))
+    cables = design.cables["cable"].where(design.cables["kind"] != "trunk", cable)
+    design = replace(design, cables=design.cables.assign(cable=cables))
+    row = design.check("supply").table().set_index("rule").loc["trunk resistance"]
+    assert row["value"] == pytest.approx(100 * ohms / listed)
+    assert row["verdict"] == ("met" if ohms <= listed else "violated")
+
+
+def test_a_trunk_whose_resistance_or_length_is_not_listed_is_not_verified():
+    long = boat(tails=0.0, places=((10, 0, 0), (1000, 0, 0)))
+    row = long.cables.index[long.cables["kind"] == "trunk"][0]
+    long.cables.loc[row, "length_m"] = 11
+    unknown = boat().cables.assign(cable=boat().cables["cable"].replace("CAN_5_0p75", "N2K_MID"))
+    for design in (long, replace(boat(), cables=unknown), plan(ship(30), SITE, "Modbus RTU"),
+                   plan(ship(30), SITE, "home runs")):  # fmt: skip
+        found = design.check("supply").table().set_index("rule").loc["trunk resistance"]
+        assert found["verdict"] == "not verified" and np.isnan(found["value"])
 
 
 def test_a_design_without_feeders_has_no_supplies():

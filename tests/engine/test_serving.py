@@ -1,7 +1,5 @@
 import re
 import signal
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -28,6 +26,7 @@ from shipnet.engine.simulation import simulate
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 from shipnet.modbus.pdu import Request
+from tests.support import running
 
 POINTS = read_points()
 SENSORS = SyntheticValues(POINTS, 2024)
@@ -125,9 +124,7 @@ def test_what_cannot_be_served_is_refused():
 
 
 def test_the_program_serves_the_boxes_and_stops_upon_an_interrupt():
-    command = [sys.executable, "-m", "shipnet", "serve", "engine", "--port", "0", "--speed", "0"]
-    program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
+    with running("serve", "engine", "--port", "0", "--speed", "0") as program:
         said = program.stdout.readline()
         port = int(re.search(r"port (\d+) \(TCP\): unit ids 2 and 3, faults on 247", said)[1])
         client = ModbusTcpClient("127.0.0.1", port=port, timeout=60)
@@ -138,9 +135,6 @@ def test_the_program_serves_the_boxes_and_stops_upon_an_interrupt():
         program.send_signal(signal.SIGINT)
         out, error = program.communicate(timeout=60)
         assert (program.returncode, out, error) == (0, "stopped\n", "")
-    finally:
-        program.kill()
-        program.wait()
     sensors = SyntheticValues(POINTS, np.random.default_rng(2024))
     assert found[0] == found[1] == RegisterMap(POINTS).encode(sensors.now(0.0)).tolist()
 

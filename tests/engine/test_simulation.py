@@ -110,10 +110,10 @@ def test_the_loads_are_those_of_the_closed_forms():
     system = System()
     run = simulate(system, until=600, rng=np.random.default_rng(1))
     # 2850 worst-case bits twice a second at 125 kbit/s, with a second and a half before the start.
-    assert run.bus_loads["CAN"] == pytest.approx(2 * 2850 / 125e3, rel=0.01)
+    assert run.bus_time["CAN"] == pytest.approx(2 * 2850 / 125e3, rel=0.01)
     characters = (8 + 203) * 11 / 9600
-    assert run.bus_loads["channel 1"] == pytest.approx(characters, rel=1e-3)
-    assert run.bus_loads["channel 2"] == 0
+    assert run.bus_time["channel 1"] == pytest.approx(characters, rel=1e-3)
+    assert run.bus_time["channel 2"] == 0
 
 
 def test_the_same_generator_gives_the_same_run():

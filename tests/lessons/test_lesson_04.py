@@ -5,7 +5,7 @@ import pytest
 
 from shipnet.asi import Slave, simulate
 from shipnet.asi.faults import LostReply
-from shipnet.asi.timing import BIT_TIME, Transaction, cycle_time, response_time
+from shipnet.asi.timing import BIT_TIME, Cycle, Transaction
 from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_04 import _efficiency
 from tests.lessons.students import NAMED, right
@@ -57,7 +57,7 @@ def test_a_simulated_repetition_costs_no_more_than_the_formula_says():
     n = exercise("ex-04-4").answer(limit=4.0, repetitions=1).value
     run = simulate(line(n), until=0.4, faults=[LostReply("5", start=0.3, count=1)])
     longest = run.response_times()["longest_s"].max()
-    bound = response_time(cycle_time(n), repetitions=1).worst
+    bound = Cycle(n).response_time(repetitions=1).worst
     # Of the formula's answered exchanges, one has no answer here, nor has the repeated one.
     assert bound == pytest.approx(longest + 4 * BIT_TIME)
     assert bound <= 4e-3

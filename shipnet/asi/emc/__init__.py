@@ -3,9 +3,9 @@
 from shipnet.asi.emc.disturbances import Burst, ConductedRF, Impulses, Noise
 from shipnet.asi.emc.error_rates import (
     burst_failures,
+    count_errors,
     error_rate,
     independent_failures,
-    noise_error_rate,
 )
 from shipnet.asi.emc.immunity import immunity_margin, levels
 
@@ -15,9 +15,9 @@ __all__ = [
     "Impulses",
     "Noise",
     "burst_failures",
+    "count_errors",
     "error_rate",
     "immunity_margin",
     "independent_failures",
     "levels",
-    "noise_error_rate",
 ]

@@ -136,16 +136,20 @@ class Noise:
     Examples
     --------
     >>> from shipnet.asi.topologies import line
-    >>> from shipnet.asi.emc.error_rates import error_rate
-    >>> from shipnet.asi.receiver import Receiver
+    >>> from shipnet.asi.emc.error_rates import count_errors
+    >>> from shipnet.asi.receiver import RECEIVERS
     >>> answers = line(100, slaves=(5,)).waveform()
-    >>> error_rate(answers, Noise(), 0.7, 1000, 2024, receiver=Receiver(minimum=0.9))
+    >>> count_errors(answers, Noise(), 0.7, 1000, 2024, receiver=RECEIVERS["noise-proof"])
     <ErrorRates: 0.7 V, 6.5 % of 1000 telegrams lost, 0 undetected>
     """
 
     reference: float = number(
         1e-9, 1e-6, "s", "Spacing of the samples that have the amplitude", default=250e-9
     )
+
+    def density(self, amplitude: npt.ArrayLike) -> Floats:
+        """Return the one-sided density of a standard deviation [V per root hertz]."""
+        return np.asarray(np.multiply(amplitude, (2 * self.reference) ** 0.5))
 
     @property
     def quantity(self) -> str:

@@ -225,7 +225,7 @@ class ErrorRates:
         return f"<ErrorRates: {volts} V, {share} % of {count} telegrams lost, {missed} undetected>"
 
 
-def error_rate(
+def count_errors(
     wave: Waveform,
     disturbance: Disturbance,
     amplitudes: npt.ArrayLike,
@@ -268,7 +268,7 @@ def error_rate(
     >>> from shipnet.asi.emc.disturbances import Impulses
     >>> from shipnet.asi.topologies import line
     >>> answers = line(100, slaves=(5,)).waveform()
-    >>> error_rate(answers, Impulses(count=4), [0, 2], 2000, 2024)
+    >>> count_errors(answers, Impulses(count=4), [0, 2], 2000, 2024)
     <ErrorRates: 0, 2 V, 0, 60 % of 2000 telegrams lost, 0 undetected>
     """
     volts = np.atleast_1d(np.asarray(amplitudes))
@@ -281,10 +281,10 @@ def error_rate(
     return ErrorRates(rows, disturbance.quantity)
 
 
-def noise_error_rate(
-    wave: Waveform, amplitudes: npt.ArrayLike, *, receiver: Receiver | None = None
+def error_rate(
+    wave: Waveform, noise_density: npt.ArrayLike, *, receiver: Receiver | None = None
 ) -> Floats:
-    r"""Return the error rate in white noise that theory expects.
+    r"""Return how often white noise costs a telegram, as theory expects.
 
     .. math:: P = 1 - (1 - P_0) \int_{u_{min}}^\infty \varphi\left(\frac{r - h_1}{\sigma}\right)
               \prod_j \left(1 - p_j(r)\right) \frac{dr}{\sigma}, \qquad
@@ -297,16 +297,15 @@ def noise_error_rate(
     ----------
     wave : Waveform
         What is heard without noise, all telegrams as likely.
-    amplitudes : float or array_like of float, shape (n_amplitudes,)
-        Standard deviation of a sample of the waveform, above 0 [V]: samples :math:`\Delta t` apart
-        stand for a one-sided density of :math:`2 \sigma^2 \Delta t`, so 1 V at the usual 250 ns is
-        0.71 mV per root hertz up to 2 MHz.
+    noise_density : float or array_like of float, shape (n,)
+        One-sided density at the receiver, above 0 to 1e6 [V per root hertz]; `Noise.density` has
+        that of a standard deviation :math:`\sigma`. 0.5 mV per root hertz is 0.71 V in 2 MHz.
     receiver : Receiver, optional
         The receiver; its `window` does not count.
 
     Returns
     -------
-    ndarray of float, shape (n_amplitudes,)
+    ndarray of float, shape (n,)
         Probability that a telegram is not received as it was sent.
 
     Raises
@@ -321,28 +320,33 @@ def noise_error_rate(
     undisturbed and the disturbed height of the first pulse, and :math:`P_0` is the chance that
     the noise ahead of the telegram is taken for a first pulse. The receiver of the formula keeps
     perfect time and looks at one sample per slot. Each record loses its mean, and with it 1.6 % of
-    the noise. Behind a matched filter the formula agrees with `error_rate` within a third from
+    the noise. Behind a matched filter the formula agrees with `count_errors` within a third from
     rates of 1e-4 up, and with importance sampling within a tenth down to 1e-9. Without the filter,
-    `error_rate` loses up to a few times as many or as few telegrams.
+    `count_errors` loses up to a few times as many or as few telegrams.
 
     Examples
     --------
     >>> from shipnet.asi.topologies import line
     >>> answers = line(100, slaves=(5,)).waveform()
-    >>> noise_error_rate(answers, [0.4, 0.7], receiver=Receiver(minimum=0.9)).round(6).tolist()
-    [2.1e-05, 0.062095]
+    >>> from shipnet.asi.receiver import RECEIVERS
+    >>> proof = RECEIVERS["noise-proof"]
+    >>> error_rate(answers, [0.283e-3, 0.495e-3], receiver=proof).round(6).tolist()
+    [2.1e-05, 0.06209]
     """
     receiver = receiver or Receiver()
     threshold, minimum = receiver.threshold, receiver.minimum
-    sigma = np.atleast_1d(np.asarray(amplitudes))
-    if sigma.ndim != 1 or sigma.dtype.kind not in "iuf" or not ((sigma > 0) & (sigma <= 1e9)).all():
-        raise ArgumentError(f"amplitudes are {amplitudes!r}; they must be above 0, up to 1e9 V")
+    given = np.atleast_1d(np.asarray(noise_density))
+    if given.ndim != 1 or given.dtype.kind not in "iuf" or not ((given > 0) & (given <= 1e6)).all():
+        raise ArgumentError(
+            f"noise_density is {noise_density!r}; it must be above 0, up to 1e6 V per root hertz"
+        )
+    sigma = given / (2 * wave.dt) ** 0.5
     height, filled, ahead, samples = _slots(wave, receiver)
     highest = _HIGHEST_MINIMUM * float(height[:, 0].min())
     if receiver.matched and minimum > highest:
         raise ArgumentError(
             f"minimum is {minimum:g} V; behind a matched filter the formula holds up to "
-            f"{highest:.3g} V, {_HIGHEST_MINIMUM:g} of the first pulse; count with error_rate"
+            f"{highest:.3g} V, {_HIGHEST_MINIMUM:g} of the first pulse; count with count_errors"
         )
     kept, correlation = _kept_noise(wave.dt, receiver.matched, samples)
     rates = []

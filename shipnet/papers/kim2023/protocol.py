@@ -18,7 +18,7 @@ from shipnet.asi.rules import rule_limits
 from shipnet.asi.simulation import Standby, simulate
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import Call, Half, Request, Response, frame
-from shipnet.asi.timing import BIT_TIME, Cycle, Transaction, transfer_cycles
+from shipnet.asi.timing import BIT_TIME, Cycle, Transaction, exchanges
 from shipnet.design.costs import conductors_at_cabinet
 from shipnet.design.plant import Plant, lines_needed
 from shipnet.line.network import CableRun
@@ -384,7 +384,7 @@ def update_time(*, slaves: int) -> float:
 
     No address is left at which a new slave could be found.
     """
-    return 1e3 * float(Cycle(slaves, inclusion=0).update_time)
+    return 1e3 * float(Cycle(slaves, inclusion=0).update_time())
 
 
 # Section 3.3: messages of more than four bits, and what they are too slow for.
@@ -401,7 +401,7 @@ def least_cycles(bits: int, *, bits_per_cycle: int = 4) -> int:
 
 
 check("kim2023-009", counter={"bits": 4})(
-    lambda *, bits=5: least_cycles(bits) > 1 and transfer_cycles("S-7.3") > 1
+    lambda *, bits=5: least_cycles(bits) > 1 and exchanges("S-7.3") > 1
 )
 
 
@@ -411,5 +411,5 @@ def too_slow_for_loops(*, process: float = 1 / 60, loop: float = 10.0) -> bool:
 
     A slow process is one a minute; ten a second is what a drive's speed loop needs at least.
     """
-    fastest = 1 / (SAMPLES * float(Cycle(31).transfer_time("S-7.3")))
+    fastest = 1 / (SAMPLES * exchanges("S-7.3") * float(Cycle(31).time))
     return bool(process < fastest < loop)

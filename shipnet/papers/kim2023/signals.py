@@ -12,10 +12,10 @@ import numpy.typing as npt
 from shipnet.arrays import Floats
 from shipnet.asi.elements import DEVICE
 from shipnet.asi.emc.disturbances import Noise
-from shipnet.asi.emc.error_rates import error_rate
+from shipnet.asi.emc.error_rates import count_errors
 from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses
 from shipnet.asi.plan import Plan
-from shipnet.asi.receiver import Receiver, receive
+from shipnet.asi.receiver import RECEIVERS, receive
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES, Response, frame
 from shipnet.asi.topologies import line
@@ -197,10 +197,10 @@ def supply_decides(
     deviations: tuple[float, float] = (0.6, 0.6),
 ) -> bool:
     """Whether the voltage of the supply, below which PELV stays, changes what noise destroys."""
-    near, receiver = line(100, slaves=(5,)).waveform(), Receiver(minimum=0.9)
+    near, receiver = line(100, slaves=(5,)).waveform(), RECEIVERS["noise-proof"]
     lost = []
     for supply, deviation in zip(supplies, deviations, strict=True):
         lifted = replace(near, u=near.u + supply)
-        rates = error_rate(lifted, Noise(), deviation, 2000, 2024, receiver=receiver)
+        rates = count_errors(lifted, Noise(), deviation, 2000, 2024, receiver=receiver)
         lost.append(int(rates.table()["failed"].iloc[0]))
     return lost[0] != lost[1]
