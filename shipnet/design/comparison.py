@@ -213,6 +213,10 @@ class Comparison:
     @property
     def meeting(self) -> list[str]:
         """Designs that connect every point and violate no rule, the cheapest first."""
+        return list(self._meeting)
+
+    @cached_property
+    def _meeting(self) -> list[str]:
         table = self._table
         table = table[(table["points_left_out"] == 0) & (table["rules_violated"] == 0)]
         return [str(name) for name in table.sort_values("total_cost_eur", kind="stable").index]
