@@ -370,40 +370,33 @@ def _decode(arguments: argparse.Namespace) -> Answer:
     )
 
 
-def _answer(found: Any, numbers: Mapping[str, tuple[float, str]], **tables: pd.DataFrame) -> Answer:
-    """Return what an answer of a front says, for the terminal with its tables."""
-    blocks = [found.verdict]
-    for name, table in tables.items():
-        if len(table):
-            cells = (
-                table.head(_ROWS)
-                .round(3)
-                .to_string(index=False, na_rep="-", formatters={"arbitration_id": "0x{:X}".format})
-            )
-            more = f"\n... and {len(table) - _ROWS} more" if len(table) > _ROWS else ""
-            blocks.append(f"{name.replace('_', ' ')}:\n{cells}{more}")
-    return Answer(
-        ok=found.ok,
-        verdict=found.verdict,
-        text="\n\n".join(blocks),
-        numbers=numbers,
-        tables=tables,
-        draw=lambda ax: found.plot(ax=ax),
-    )
+def _answer(
+    found: Any, numbers: Mapping[str, tuple[float, str]], text: str = "", **tables: pd.DataFrame
+) -> Answer:
+    """Return what an answer of a front says, for the terminal with its tables that are not empty.
+
+    Findings are said in words, by `text`.
+    """
+    look: dict[str, Any] = {"index": False, "na_rep": "-", "max_rows": _ROWS}
+    blocks = [
+        f"{name.replace('_', ' ')}:\n"
+        + table.round(3).to_string(formatters={"arbitration_id": "0x{:X}".format}, **look)
+        for name, table in tables.items()
+        if len(table) and name != "findings"
+    ]
+    text = "\n\n".join([text or found.verdict, *blocks])
+    return Answer(found.ok, found.verdict, text, numbers, tables, lambda ax: found.plot(ax=ax))
 
 
 def _check(arguments: argparse.Namespace) -> Answer:
     from shipnet.asi.plan import read_plan
 
     found = read_plan(arguments.plan).check()
+    numbers = {"checks": (len(found), ""), "violated": (len(found.violated()), "")}
     columns = ["rule", "object", "value", "low", "high", "unit", "margin"]
-    rules = _answer(found, {}, rules=found.worst().reset_index()[columns])
-    return rules._replace(
-        text=rules.text.replace(found.verdict, str(found), 1),
-        numbers={"checks": (len(found), ""), "violated": (len(found.violated()), "")},
-        tables={"findings": found.table(), **rules.tables},
-        findings=found,
-    )
+    rules = found.worst().reset_index()[columns]
+    answer = _answer(found, numbers, str(found), findings=found.table(), rules=rules)
+    return answer._replace(findings=found)
 
 
 def _can(arguments: argparse.Namespace) -> Answer:
