@@ -20,7 +20,7 @@ from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import Point, PointList
 from shipnet.engine.system import RULE, System
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_choice, check_scalar
+from shipnet.fields import check_choice, check_rng, check_scalar
 from shipnet.lazy import Axes, pd
 
 _Slices = list[tuple[int, int, str]]
@@ -173,7 +173,7 @@ class SyntheticValues:
     """
 
     def __init__(self, points: Iterable[Point], rng: Any) -> None:
-        self.points, rng = PointList(points), np.random.default_rng(rng)
+        self.points, rng = PointList(points), check_rng(rng)
         low = np.array([point.low for point in self.points])
         span = np.array([point.span for point in self.points])
         n = low.size

@@ -32,7 +32,7 @@ from shipnet.engine.faults import (
 from shipnet.engine.run import NEVER, Attempts, Cpu, Frames, Rounds, Run, Views, marks
 from shipnet.engine.system import RULE, FailureBounds, System
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.lazy import pd
 
 #: Most frames that one run may send, and the AMS read: some gigabytes of memory. A poll reads all
@@ -105,7 +105,7 @@ def simulate(
     wrong = system.check_faults(faults)
     if rng is None and any(isinstance(f, LostCanFrames | LostModbusFrames) for f in wrong):
         raise ArgumentError("rng is None; frames are lost at random, so there must be one")
-    chance = None if rng is None else np.random.default_rng(rng)
+    chance = None if rng is None else check_rng(rng)
     begins = _phases(system, phases or {}, chance)
     frames = sum(horizon / period for period in system.period_ns[system.sender].tolist())
     polls = until / system.poll_spacing() * (2 if system.polled == "both" else 1)
@@ -541,7 +541,7 @@ def single_failures(
     """
     check_scalar("rule", rule, "s", 0.1, 100)
     check_whole("trials", trials, 1, 1000)
-    chance = np.random.default_rng(rng)
+    chance = check_rng(rng)
     chosen = system.single_faults() if faults is None else system.check_faults(faults)
     rows = []
     for fault in (None, *chosen):

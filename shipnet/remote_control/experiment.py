@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.intervals import share_interval
 from shipnet.lazy import Axes, pd
 from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat
@@ -77,7 +77,7 @@ def compare_checks(
     >>> found.table()[["check", "n_items", "undetected"]].values.tolist()[:2]
     [['markers', 1, 468], ['markers + CRC', 1, 0]]
     """
-    rates, chance, rows = list(rates), np.random.default_rng(rng), []
+    rates, chance, rows = list(rates), check_rng(rng), []
     for n in n_items:
         for rate in rates:
             for name, form in (formats or check_formats(n)).items():

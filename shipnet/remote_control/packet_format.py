@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from shipnet.arrays import Bools, Bytes, Integers, Words
 from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_rng, check_scalar, check_whole
 
 #: Number and value of each item, in the order of the packet.
 Items = tuple[tuple[int, int], ...]
@@ -236,7 +236,7 @@ class PacketFormat:
 
         The values are random, and bits are inverted with the probability `rate`, 0..0.5.
         """
-        outcomes = self.outcomes(n_items, rate, packets, np.random.default_rng(rng))
+        outcomes = self.outcomes(n_items, rate, packets, check_rng(rng))
         return Trial(outcomes.size, *np.bincount(outcomes, minlength=3)[1:].tolist())
 
     def outcomes(self, n_items: int, rate: float, packets: int, rng: np.random.Generator) -> Bytes:

@@ -16,7 +16,7 @@ import numpy as np
 from shipnet.arrays import Floats
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, choice, number, record, whole
+from shipnet.fields import check_rng, check_scalar, check_whole, choice, number, record, whole
 from shipnet.lazy import Axes, pd
 from shipnet.remote_control.faults import BitErrors, DeadStation, LostPacket, Stall
 from shipnet.remote_control.packet import DATA_START, MarkerFormat
@@ -300,7 +300,7 @@ def simulate(
     [[7.1, 'BCS', 'failed', 'RCS'], [7.6, 'RCS', 'failed', 'SS'], [7.6, 'BCS', 'answered', 'RCS']]
     """
     several = (changes,) if isinstance(changes, Change) else tuple(changes)
-    chance = None if rng is None else np.random.default_rng(rng)
+    chance = None if rng is None else check_rng(rng)
     known = as_faults(faults, BitErrors, DeadStation, LostPacket, Stall)
     return _Simulation(system, until, known, several, dict(phases or {}), chance).run()
 
@@ -624,7 +624,7 @@ def switch_delays(
     """
     base = System() if system is None else system
     n = check_whole("changes", changes, 1, 10_000)
-    chance, rows = np.random.default_rng(rng), []
+    chance, rows = check_rng(rng), []
     for rate in bit_rates:
         link = replace(base, bit_rate=rate)
         bound = link.response_time()
