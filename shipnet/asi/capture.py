@@ -205,6 +205,12 @@ _AT_ONCE = 1e-3
 #: A request and the one read without the cable are the same if they begin this near [s].
 _SAME = 4e-6
 
+#: Calls by which a master looks for new slaves; nobody need answer them.
+_IDENTIFICATION = [
+    call.rule.title
+    for call in (Call.READ_IO_CONFIGURATION, Call.READ_ID, Call.READ_ID1, Call.READ_ID2)
+]
+
 #: Failed tries in a row after which a master drops a slave: two in each of three cycles.
 _DROPPED = 6
 
@@ -330,7 +336,7 @@ def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
     response, request = rows["response_error"], rows["request_error"]
     heard = rows[(rows["response"] != "") & (response != CUT_OFF)].groupby("slave")
     bad_requests = ~request.isin(_FINE)
-    polled = asked["call"].isin(["data exchange", "write parameter"]) | bad_requests
+    polled = ~asked["call"].isin(_IDENTIFICATION)
     table = pd.DataFrame(
         {
             "requests": (rows["request"] != "").groupby(by).sum(),
@@ -641,14 +647,13 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
 def _counted(capture: Capture) -> pd.DataFrame:
     """Return the counters of a capture."""
     table, summary = capture.transactions, capture.summary()
-    labels = capture.asked["slave"].to_numpy()
+    slave, call = capture.asked["slave"], capture.asked["call"]
     request, response = table["request_error"], table["response_error"]
-    polled = ~np.isin(labels, [UNKNOWN, "", *summary.vacant])
-    failed = polled & ~request.isin(_FINE).to_numpy() | ~response.isin(_FINE).to_numpy()
-    dropped = 0
-    for label in set(labels[polled]):
-        runs = "".join("x" if bad else " " for bad in failed[labels == label]).split()
-        dropped += sum(len(run) >= _DROPPED for run in runs)
+    silent = (response == NO_ANSWER) & ~call.isin(_IDENTIFICATION)
+    data = (call == "data exchange") & (slave != UNKNOWN)
+    failed = (~request.isin(_FINE) | ~response.isin(_FINE))[data].groupby(slave[data])
+    runs = [run for _, tries in failed for run in "".join(map("01".__getitem__, tries)).split("0")]
+    dropped = sum(len(run) >= _DROPPED for run in runs)
     unexpected = table["text"].str.endswith("where none is expected")
     asked = int((table["request"] != "").sum())
     nan = float("nan")
@@ -657,7 +662,7 @@ def _counted(capture: Capture) -> pd.DataFrame:
         ("power fail", _power_fails(capture), f"times that the supply falls below {POWER_FAIL} V"),
         ("earth fault", nan, "not seen between the two wires; measure each against earth"),
         ("slave failure", dropped, f"slaves that failed {_DROPPED} tries in a row"),
-        ("missing slave frames", int((polled & (response == NO_ANSWER)).sum()), "no response"),
+        ("missing slave frames", int(silent.sum()), "no response"),
         ("bad slave frames", int((~response.isin([*_FINE, NO_ANSWER])).sum()), "bad responses"),
         ("protocol errors", int(unexpected.sum()), "responses that the call does not expect"),
         ("bad master frames", int((~request.isin(_FINE)).sum()), "bad requests"),
