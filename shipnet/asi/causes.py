@@ -18,7 +18,7 @@ import numpy.typing as npt
 from shipnet.arrays import Complexes, Floats, Integers
 from shipnet.asi.bursts import Sampling, find_telegrams, resample
 from shipnet.asi.elements import DEVICE, POWER_SUPPLY
-from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
+from shipnet.asi.modulation import Modulation
 from shipnet.asi.telegram import REQUEST_BITS, frame
 from shipnet.lazy import pd
 
@@ -57,15 +57,9 @@ class Impedance(NamedTuple):
 
 
 @cache
-def _steps() -> Floats:
-    """Return a fair sample of all requests, as changes of current."""
-    return Modulation([frame(f"{k:011b}") for k in range(0, 2**11, 7)]).steps.astype(float)
-
-
-def _telegram_spectrum(s: npt.NDArray[Any], steps: Floats) -> Complexes:
-    """Return the transform of the slope of telegrams' current, shape (..., n_s)."""
-    place = HALF_BIT * np.arange(steps.shape[-1])
-    return np.asarray(ramp_spectrum(s) * (steps @ np.exp(-np.outer(place, s))))
+def _requests() -> Modulation:
+    """Return a fair sample of all requests."""
+    return Modulation([frame(f"{k:011b}") for k in range(0, 2**11, 7)])
 
 
 def without_cable(u: Floats, dt: float, asked: Floats) -> tuple[Floats, float]:
@@ -78,14 +72,15 @@ def without_cable(u: Floats, dt: float, asked: Floats) -> tuple[Floats, float]:
     x -= np.median(x)
     n = 2 * round(_STRETCH / step / 2)
     if len(asked):
-        begin = ((asked - _BEFORE) / step).astype(int)
+        begin = np.clip((asked - _BEFORE) / step, 0, len(x) - n).astype(int)
         taper = (np.arange(n) * step < _WINDOW).astype(float)
     else:
         begin, taper = np.arange(0, len(x) - n, n // 2), np.hanning(n)
     stretches = np.lib.stride_tricks.sliding_window_view(x, n)[begin] * taper
     f, power = np.fft.rfftfreq(n, step), (np.abs(np.fft.rfft(stretches)) ** 2).mean(axis=0)
     inside = (f > _BAND[0]) & (f < _BAND[1])
-    meant = (np.abs(_telegram_spectrum(2j * np.pi * f[inside], _steps())) ** 2).mean(axis=0)
+    s = 2j * np.pi * f[inside]
+    meant = (np.abs(s * _requests().transform(s)) ** 2).mean(axis=0)
     found = np.maximum(power[inside], 1e-6 * power[inside].max() + 1e-30)
     gain = np.empty(f.size)
     gain[inside] = np.log(meant / found) / 2
@@ -155,8 +150,7 @@ def measured(part: Restored, dt: float) -> Impedance | None:
     voltages = np.array([_row(u, dt, start[k] - _BEFORE + t) for k in some])
     heard = voltages @ np.exp(-np.outer(t, s)) * 250e-9
     bits = np.array([[int(bit) for bit in f"{words[k]:0{REQUEST_BITS}b}"] for k in some])
-    sent = -SEND_CURRENT * np.exp(-s * _BEFORE)
-    sent = sent * _telegram_spectrum(s, Modulation(bits).steps.astype(float))
+    sent = -s * Modulation(bits).transform(s, start=_BEFORE)
     sent *= -1 if inverted else 1
     return _fitted(s, sent, heard)
 
