@@ -494,7 +494,7 @@ class Capture:
         if len(broken) or self.disturbances:
             answering = int((slaves["answers"] > 0).sum())
             found = line_causes(
-                self.restored, self.wave.dt, self.transactions, answering, self.disturbances,
+                self.restored, self.transactions, answering, self.disturbances,
                 self.supply_voltage,
             ) or sender_causes(slaves, self.disturbances)  # fmt: skip
         return ranked(found, broken, self.inverted)
