@@ -28,8 +28,10 @@ _TRANSACTION = (
     ("pauses", "slave_pause_bit", 6, 1),
     ("req V", "request_amplitude_V", 7, 2),
     ("resp V", "response_amplitude_V", 7, 2),
-    ("weakest", "weakest_pulse", 9, 2),
-    ("ringing", "ringing", 9, 2),
+    ("weakest", "request_weakest", 9, 2),
+    ("", "response_weakest", 5, 2),
+    ("ringing", "request_ringing", 9, 2),
+    ("", "response_ringing", 5, 2),
 )
 
 #: Rows of a table that the terminal shows, and the part of a record that a figure shows [s].
@@ -46,7 +48,8 @@ example:
 _DECODE = """\
 Decode an AS-i line voltage that an oscilloscope recorded: its CSV file,
 .npy, .npz, or sigrok's .sr. DC or AC coupled, either way round, 1 MS/s or more.
-A figure shows the first 400 us.
+It says which slaves suffer, what masters count, and the probable causes. A figure
+shows the first 400 us.
 
 example:
   shipnet decode scope.csv --channel CH2 -o transactions.csv -o transactions.png
@@ -319,9 +322,11 @@ def _decode(arguments: argparse.Namespace) -> Answer:
         sample_interval=arguments.sample_interval,
         threshold=arguments.threshold,
     )
-    if not capture.telegrams:
+    causes = capture.causes()
+    if not capture.telegrams and causes.empty:
         raise InputError(arguments.file, f"no AS-i telegram in channel {capture.wave.names[0]}")
     rows, summary, findings = capture.transactions, capture.summary(), capture.check()
+    counters = capture.counters()
     shown = rows.head(_ROWS).assign(start_ms=1e3 * rows["start_s"])
     titles = "".join(f"{title:>{width}}" for title, _, width, _ in _TRANSACTION)
     lines = [capture.wave.description, f"{titles}  transaction"]
@@ -333,19 +338,33 @@ def _decode(arguments: argparse.Namespace) -> Answer:
         lines.append(f"{''.join(cells)}  {row['text']}")
     if len(rows) > _ROWS:
         lines.append(f"... and {len(rows) - _ROWS} more")
-    slaves = summary.slaves.round(2).to_string(na_rep="-")
-    start = max(0.0, float(rows["start_s"].iloc[0]) - 20e-6)
+    lines += ["", str(summary), "", summary.slaves.round(2).to_string(na_rep="-"), ""]
+    for name, value, light, meaning in counters.itertuples():
+        number = f"{value:.1%}" if name == "repetitions" else f"{value:g}"
+        lines.append(f"{name:<21}{number.replace('nan', '-'):>6}  {light:<7}{meaning}")
+    lines += ["", str(findings), ""]
+    for rank, (cause, slave, _, evidence) in enumerate(causes.itertuples(), 1):
+        lines.append(f"probable cause {rank}: {cause} {slave}".rstrip() + f"; {evidence}")
+    start = 0.0 if rows.empty else max(0.0, float(rows["start_s"].min()) - 20e-6)
+    counts = {str(name).replace(" ", "_"): (n, "") for name, n in counters["value"].items()}
     return Answer(
         ok=findings.ok,
         verdict=findings.verdict,
-        text="\n".join([*lines, f"\n{summary}\n\n{slaves}\n\n{findings}"]),
+        text="\n".join(lines).rstrip(),
         numbers={
             "transactions": (len(rows), ""),
             "telegrams": (capture.telegrams, ""),
             "unanswered": (summary.unanswered, ""),
             "cycle_time": (summary.cycle_time, "s"),
+            "supply_voltage": (capture.supply_voltage, "V"),
+            **counts,
         },
-        tables={"transactions": _marked(rows), "slaves": summary.slaves.reset_index()},
+        tables={
+            "transactions": _marked(rows),
+            "slaves": summary.slaves.reset_index(),
+            "counters": counters.reset_index(),
+            "causes": causes.reset_index(),
+        },
         draw=lambda ax: capture.plot(ax, start=start, stop=start + _SHOWN),
         findings=findings,
     )
