@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from textwrap import shorten
 from typing import Any
@@ -28,8 +28,10 @@ _TRANSACTION = (
     ("pauses", "slave_pause_bit", 6, 1),
     ("req V", "request_amplitude_V", 7, 2),
     ("resp V", "response_amplitude_V", 7, 2),
-    ("weakest", "weakest_pulse", 9, 2),
-    ("ringing", "ringing", 9, 2),
+    ("weakest", "request_weakest", 9, 2),
+    ("", "response_weakest", 5, 2),
+    ("ringing", "request_ringing", 9, 2),
+    ("", "response_ringing", 5, 2),
 )
 
 #: Rows of a table that the terminal shows, and the part of a record that a figure shows [s].
@@ -46,10 +48,39 @@ example:
 _DECODE = """\
 Decode an AS-i line voltage that an oscilloscope recorded: its CSV file,
 .npy, .npz, or sigrok's .sr. DC or AC coupled, either way round, 1 MS/s or more.
-A figure shows the first 400 us.
+It says which slaves suffer, what masters count, and the probable causes. A figure
+shows the first 400 us.
 
 example:
   shipnet decode scope.csv --channel CH2 -o transactions.csv -o transactions.png
+"""
+
+_CHECK = """\
+Check the plan of an AS-i installation against every rule: lengths, addresses,
+currents, voltages, and the signal at each slave. The plan is a CSV file with one
+row per element.
+
+example:
+  shipnet check plan.csv -o findings.csv -o plan.png
+"""
+
+_CAN = """\
+Analyse the messages of a CAN bus at several bit rates: load, longest responses, what
+may be late, the lowest bit rate, and what a better order of identifiers gains. The
+messages are a list (CSV or Excel), a DBC file, or those that a log shows. With --log,
+compare them with a log instead: which are late, faster, missing or unknown.
+
+examples:
+  shipnet can messages.xlsx --rates 125k 250k 500k -o responses.png
+  shipnet can ship.dbc --period 0.1 --log trip.blf
+"""
+
+_MODBUS = """\
+Time how long a master on a serial line takes to read registers of all its slaves,
+some of them dead, also at other bit rates.
+
+example:
+  shipnet modbus --slaves 24 --registers 20 --bit-rate 19.2k --dead 2 --limit 3 -o scan.png
 """
 
 _SERVE = """\
@@ -162,6 +193,37 @@ def _parser() -> argparse.ArgumentParser:
     option("--sample-interval S", "time between two samples, such as 100n", type=number)
     option("--threshold X", "height of a pulse, over that of the first one", 0.5)
 
+    option = command(
+        _check, _CHECK, "the rules that the plan of an AS-i installation meets", *FORMS
+    )
+    option("PLAN", "the plan: .csv")
+
+    said = "load, response times and lowest bit rate of CAN messages, or a log against them"
+    option = command(_can, _CAN, said, *FORMS)
+    option("MESSAGES", "the messages: .csv, .xlsx, .dbc, or a log")
+    option("--rates RATE", "bit rates (default all usual ones)", nargs="+", type=number)
+    option("--log FILE", "compare the messages with this log: candump, ASC, BLF, TRC or CSV")
+    option("--period SECONDS", "period of messages for which the file has none", type=number)
+    option(
+        "--column TITLE=NAME", "what a title of a list means, such as Every=period_ms, or "
+        "Pin=note for one to leave out", [],
+    )  # fmt: skip
+    option("--overlook", "leave out messages of a DBC file that have faults, and list them")
+
+    said = "time of a Modbus scan, with dead slaves, at several bit rates"
+    option = command(_modbus, _MODBUS, said, *FORMS)
+    option("--slaves, --devices N", "how many slaves, 1..247", type=int, required=True)
+    option("--registers N", "how many registers of each, 1..65536", type=int, required=True)
+    option("--bit-rate, --rate N", "of the line", 9600.0)
+    option(
+        "--character, --parity C", "8E1, 8O1, 8N2 or 8N1; E, O and N mean the first three", "8E1"
+    )
+    option("--dead N", "how many of the slaves do not answer", 0)
+    option("--processing SECONDS", "how long a slave works on its answer", 0.0)
+    option("--timeout SECONDS", "how long the master waits for an answer", 1.0)
+    option("--retries N", "how many more times it asks a slave that is silent", 0)
+    option("--limit SECONDS", "longest time that the scan may take", type=number)
+
     option = command(_serve, _SERVE, "simulated devices that real Modbus clients talk to")
     option("DEVICE", "ballast: valves; engine: its junction boxes", choices=["ballast", "engine"])
     option("--valves N", "how many valves, 1..247", 64)
@@ -260,9 +322,11 @@ def _decode(arguments: argparse.Namespace) -> Answer:
         sample_interval=arguments.sample_interval,
         threshold=arguments.threshold,
     )
-    if not capture.telegrams:
+    causes = capture.causes()
+    if not capture.telegrams and causes.empty:
         raise InputError(arguments.file, f"no AS-i telegram in channel {capture.wave.names[0]}")
     rows, summary, findings = capture.transactions, capture.summary(), capture.check()
+    counters = capture.counters()
     shown = rows.head(_ROWS).assign(start_ms=1e3 * rows["start_s"])
     titles = "".join(f"{title:>{width}}" for title, _, width, _ in _TRANSACTION)
     lines = [capture.wave.description, f"{titles}  transaction"]
@@ -274,22 +338,122 @@ def _decode(arguments: argparse.Namespace) -> Answer:
         lines.append(f"{''.join(cells)}  {row['text']}")
     if len(rows) > _ROWS:
         lines.append(f"... and {len(rows) - _ROWS} more")
-    slaves = summary.slaves.round(2).to_string(na_rep="-")
-    start = max(0.0, float(rows["start_s"].iloc[0]) - 20e-6)
+    lines += ["", str(summary), "", summary.slaves.round(2).to_string(na_rep="-"), ""]
+    for name, value, light, meaning in counters.itertuples():
+        number = f"{value:.1%}" if name == "repetitions" else f"{value:g}"
+        lines.append(f"{name:<21}{number.replace('nan', '-'):>6}  {light:<7}{meaning}")
+    lines += ["", str(findings), ""]
+    for rank, (cause, slave, _, evidence) in enumerate(causes.itertuples(), 1):
+        lines.append(f"probable cause {rank}: {cause} {slave}".rstrip() + f"; {evidence}")
+    start = 0.0 if rows.empty else max(0.0, float(rows["start_s"].min()) - 20e-6)
+    counts = {str(name).replace(" ", "_"): (n, "") for name, n in counters["value"].items()}
     return Answer(
         ok=findings.ok,
         verdict=findings.verdict,
-        text="\n".join([*lines, f"\n{summary}\n\n{slaves}\n\n{findings}"]),
+        text="\n".join(lines).rstrip(),
         numbers={
             "transactions": (len(rows), ""),
             "telegrams": (capture.telegrams, ""),
             "unanswered": (summary.unanswered, ""),
             "cycle_time": (summary.cycle_time, "s"),
+            "supply_voltage": (capture.supply_voltage, "V"),
+            **counts,
         },
-        tables={"transactions": _marked(rows), "slaves": summary.slaves.reset_index()},
+        tables={
+            "transactions": _marked(rows),
+            "slaves": summary.slaves.reset_index(),
+            "counters": counters.reset_index(),
+            "causes": causes.reset_index(),
+        },
         draw=lambda ax: capture.plot(ax, start=start, stop=start + _SHOWN),
         findings=findings,
     )
+
+
+def _answer(
+    found: Any, numbers: Mapping[str, tuple[float, str]], text: str = "", **tables: pd.DataFrame
+) -> Answer:
+    """Return what an answer of a front says, for the terminal with its tables that are not empty.
+
+    Findings are said in words, by `text`.
+    """
+    look: dict[str, Any] = {"index": False, "na_rep": "-", "max_rows": _ROWS}
+    blocks = [
+        f"{name.replace('_', ' ')}:\n"
+        + table.round(3).to_string(formatters={"arbitration_id": "0x{:X}".format}, **look)
+        for name, table in tables.items()
+        if len(table) and name != "findings"
+    ]
+    text = "\n\n".join([text or found.verdict, *blocks])
+    return Answer(found.ok, found.verdict, text, numbers, tables, lambda ax: found.plot(ax=ax))
+
+
+def _check(arguments: argparse.Namespace) -> Answer:
+    from shipnet.asi.plan import read_plan
+
+    found = read_plan(arguments.plan).check()
+    numbers = {"checks": (len(found), ""), "violated": (len(found.violated()), "")}
+    columns = ["rule", "object", "value", "low", "high", "unit", "margin"]
+    rules = found.worst().reset_index()[columns]
+    answer = _answer(found, numbers, str(found), findings=found.table(), rules=rules)
+    return answer._replace(findings=found)
+
+
+def _can(arguments: argparse.Namespace) -> Answer:
+    from shipnet.can.analysis import analyse, compare, read_messages
+    from shipnet.can.messages import BIT_RATES
+
+    if arguments.log and arguments.rates:
+        raise ArgumentError("--log and --rates exclude each other")
+    for words in arguments.column:
+        if "=" not in words:
+            raise ArgumentError(f"--column is {words!r}; it must be TITLE=NAME")
+    messages = read_messages(
+        arguments.messages,
+        columns=dict(words.rsplit("=", 1) for words in arguments.column),
+        period=arguments.period,
+        strict=not arguments.overlook,
+    )
+    left_out = pd.DataFrame({"fault": messages.overlooked})
+    if arguments.log:
+        compared = compare(messages, arguments.log)
+        table = compared.table().reset_index()
+        counts = table["verdict"].value_counts().items()
+        numbers = {str(verdict): (int(count), "") for verdict, count in counts}
+        return _answer(compared, numbers, messages=table, left_out=left_out)
+    found = analyse(messages, arguments.rates or BIT_RATES)
+    rates: dict[str, tuple[float, str]] = {
+        "lowest_bit_rate": (found.lowest, "bit/s"),
+        "lowest_bit_rate_in_best_order": (found.lowest_in_best_order, "bit/s"),
+        "bit_rate_of_responses": (found.at_lowest.bit_rate, "bit/s"),
+        "bus_time": (found.at_lowest.utilisation().bus_time, "1"),
+    }
+    gains = found.lowest_in_best_order < found.lowest
+    order = found.best.messages.table().reset_index()[["name", "arbitration_id"]]
+    return _answer(
+        found,
+        rates,
+        bit_rates=found.table().reset_index(),
+        responses=found.at_lowest.table().reset_index(),
+        best_order=order if gains else order[:0],
+        left_out=left_out,
+    )
+
+
+def _modbus(arguments: argparse.Namespace) -> Answer:
+    from shipnet.modbus.polling import scan
+
+    names = ("registers", "bit_rate", "dead", "processing", "timeout", "retries", "limit")
+    character = {"E": "8E1", "O": "8O1", "N": "8N2"}.get(arguments.character, arguments.character)
+    given = {name: getattr(arguments, name) for name in names}
+    found = scan(arguments.slaves, character=character, **given)
+    numbers = {
+        "scan_time": (found.time, "s"),
+        "slave_time": (found.slave_time, "s"),
+        "dead_slave_time": (found.dead_time, "s"),
+        "bus_time": (found.bus_time, "1"),
+    }
+    return _answer(found, numbers, bit_rates=found.table().reset_index())
 
 
 def _design(arguments: argparse.Namespace) -> Answer | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -190,7 +191,7 @@ class Answer(NamedTuple):
             "ok": self.ok,
             "verdict": self.verdict,
             "numbers": {
-                name: {"value": value if value == value else None, "unit": unit}
+                name: {"value": value if isfinite(value) else None, "unit": unit}
                 for name, (value, unit) in self.numbers.items()
             },
             "findings": [] if self.findings is None else _rows(self.findings.table()),

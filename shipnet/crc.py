@@ -110,10 +110,10 @@ class Crc:
         mask = kind.type((1 << self.width) - 1)
         for column in np.ascontiguousarray(np.moveaxis(rows, -1, 0)):
             if self.reflected:
-                register = table[register.astype(np.uint8) ^ column] ^ register >> 8
+                register = table.take(register.astype(np.uint8) ^ column) ^ register >> 8
             else:
                 top = (register >> (self.width - 8)).astype(np.uint8)
-                register = table[top ^ column] ^ register << 8 & mask
+                register = table.take(top ^ column) ^ register << 8 & mask
         checks: npt.NDArray[np.unsignedinteger] = register ^ kind.type(self.xorout)
         return checks
 

@@ -74,6 +74,16 @@ def legend(ax: Axes, columns: int = 4, **options: Any) -> None:
     ax.legend(**above, ncols=columns, fontsize=8, frameon=False, **options)
 
 
+def logarithmic(axis: Any) -> None:
+    """Make an axis logarithmic, with a tick at 1, 2 and 5 of each power of ten in sight."""
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    low, high = axis.get_view_interval()
+    ticks = [step * 10.0**power for power in range(-6, 7) for step in (1, 2, 5)]
+    shown = [tick for tick in ticks if low <= tick <= high]
+    axis.set_ticks(shown, labels=[f"{tick:g}" for tick in shown])
+    axis.set_ticks([], minor=True)
+
+
 def box(ax: Axes, x: float, y: float, width: float, height: float, **look: Any) -> None:
     """Draw a rectangle by its lower left corner."""
     from matplotlib.patches import Rectangle

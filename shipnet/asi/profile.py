@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from typing import Literal
 
 from shipnet import style
@@ -78,6 +79,7 @@ class Profile:
         return "S-" + ".".join(f"{code:X}" for code in codes)
 
     @classmethod
+    @lru_cache(maxsize=256)
     def parse(cls, text: str | Profile) -> Profile:
         """Read the nameplate form; a profile is returned as it is."""
         if isinstance(text, Profile):

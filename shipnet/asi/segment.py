@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from heapq import heappop, heappush
 from math import ceil
 from typing import NamedTuple, TypeAlias
@@ -28,7 +28,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import pd
 from shipnet.line.network import CableRun, Load, Network
-from shipnet.line.waveform import F_MAX, record_of
+from shipnet.line.waveform import F_MAX, records_of
 
 #: What a plan is made of.
 Element: TypeAlias = CableRun | Master | Supply | Slave | Terminator | Repeater
@@ -60,7 +60,21 @@ def telegram_voltages(
     `f_max` [Hz] every voltage is within 5e-5 of its node's peak, on lines, stubs, stars and trees
     of up to 300 m, with a supply or without.
     """
-    steps = np.atleast_2d(Modulation(bits).steps).astype(float)
+    return _voltages(network, master, nodes, [Modulation(bits)], dt, before, after, f_max)[0]
+
+
+def _voltages(
+    network: Network,
+    master: str,
+    nodes: Sequence[str],
+    telegrams: Sequence[Modulation],
+    dt: float,
+    before: float,
+    after: float,
+    f_max: float = F_MAX,
+) -> list[Floats]:
+    """Return `telegram_voltages` of telegrams of several lengths, by one sweep of the network."""
+    many = [np.atleast_2d(code.steps).astype(float) for code in telegrams]
     before = check_scalar("before", before, "s", 0, 1.0)
     after = check_scalar("after", after, "s", 0, 1.0)
     dt = check_scalar("dt", dt, "s", 1e-9, 1e-6)
@@ -68,20 +82,28 @@ def telegram_voltages(
     if abs(slot * dt / HALF_BIT - 1) > 1e-9:
         raise ArgumentError(f"dt is {dt} s; it must be a whole fraction of {HALF_BIT} s")
     # The record is a whole number of samples; another length would stretch its time.
-    n_t = ceil(round((before + steps.shape[1] * HALF_BIT + after) / dt, 6))
+    sizes = [ceil(round((before + steps.shape[1] * HALF_BIT + after) / dt, 6)) for steps in many]
     rows = [network.index(node) for node in nodes]
 
     def change(s: Complexes) -> Complexes:
-        current = SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before)
-        return np.asarray(-network.transfer(master, s)[..., rows, :] * current)
+        return np.asarray(network.transfer(master, s)[..., rows, :] * _sent(before, s.tobytes()))
 
     # One change of current, heard from each node; a telegram is a row of such changes.
-    heard = record_of(change, n_t, dt, f_max)
-    changes = np.zeros((len(nodes), steps.shape[1], n_t))
-    for place in range(steps.shape[1]):
-        late = place * slot
-        changes[:, place, late:] = heard[:, : max(0, n_t - late)]
-    return np.asarray(steps @ changes)
+    found = []
+    for steps, n_t, heard in zip(many, sizes, records_of(change, sizes, dt, f_max), strict=True):
+        changes = np.zeros((len(nodes), steps.shape[1], n_t))
+        for place in range(steps.shape[1]):
+            late = place * slot
+            changes[:, place, late:] = heard[:, : max(0, n_t - late)]
+        found.append(np.asarray(steps @ changes))
+    return found
+
+
+@lru_cache(maxsize=16)
+def _sent(before: float, frequencies: bytes) -> Complexes:
+    """Return the spectrum of a change of the current that a sender draws, some time from 0."""
+    s = np.frombuffer(frequencies, complex)
+    return np.asarray(-SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before))
 
 
 class Quality(NamedTuple):
@@ -263,16 +285,29 @@ class Segment:
         after: float = 18.5e-6,
     ) -> Waveform:
         """Return the voltages of telegrams between `head` and nodes; t = 0 is their start."""
+        words = telegrams.bits if isinstance(telegrams, Request | Response) else telegrams
+        return self._waveforms([words], nodes, dt, before, after)[0]
+
+    def _waveforms(
+        self,
+        words: Sequence[str | Sequence[str]],
+        nodes: tuple[str, ...],
+        dt: float,
+        before: float,
+        after: float,
+    ) -> list[Waveform]:
         if self.head is None:
             raise ArgumentError(f"{self} has no head; its line needs a master")
         if not nodes:
             raise ArgumentError(f"{self} has no slave; one must send or hear")
-        words = telegrams.bits if isinstance(telegrams, Request | Response) else telegrams
-        bits = Modulation(words).bits
-        u = telegram_voltages(
-            self.network, self.head, nodes, bits, dt=dt, before=before, after=after
-        )
-        return Waveform(u if bits.ndim == 2 else u[:, 0], dt, start=-before, names=nodes, bits=bits)
+        codes = [Modulation(some) for some in words]
+        found = _voltages(self.network, self.head, nodes, codes, dt, before, after)
+        return [
+            Waveform(
+                u if c.bits.ndim == 2 else u[:, 0], dt, start=-before, names=nodes, bits=c.bits
+            )
+            for u, c in zip(found, codes, strict=True)
+        ]
 
     def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
         """Return how telegrams come over between `head` and nodes, of which some may be equal.
@@ -281,10 +316,7 @@ class Segment:
         """
         places = tuple(dict.fromkeys(nodes))
         found = quality_of(
-            *(
-                self.waveform(some, places, before=_START, after=_SILENCE - _START)
-                for some in words or (RESPONSES,)
-            )
+            *self._waveforms(words or (RESPONSES,), places, 250e-9, _START, _SILENCE - _START)
         )
         rows = [places.index(node) for node in nodes]
         return Quality._make([*(values[rows] for values in found[:5]), tuple(nodes)])

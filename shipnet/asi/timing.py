@@ -15,7 +15,7 @@ of transfer (CTT) in its own way. How many exchanges a value takes is data, from
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -438,6 +438,7 @@ def _analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
     return found
 
 
+@lru_cache(maxsize=256)
 def _sizes(profile: Profile | str, direction: str) -> dict[int, int]:
     """Return the exchanges by the size of a value; S-7.3.C counts as S-7.3 without its own rows."""
     profile = Profile.parse(profile)
@@ -446,6 +447,7 @@ def _sizes(profile: Profile | str, direction: str) -> dict[int, int]:
     return known.get((general, direction), {}) | known.get((own, direction), {})
 
 
+@lru_cache(maxsize=256)
 def transfers_values(profile: Profile | str) -> bool:
     """Return whether a profile is one for values of more than four bits."""
     return max((*_sizes(profile, "in"), *_sizes(profile, "out")), default=0) > USER_BITS

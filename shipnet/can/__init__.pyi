@@ -1,6 +1,9 @@
 from . import faults as faults
 from .analysis import Analysis as Analysis
+from .analysis import LogComparison as LogComparison
 from .analysis import analyse as analyse
+from .analysis import compare as compare
+from .analysis import read_messages as read_messages
 from .bit_timing import bit_timings as bit_timings
 from .bit_timing import longest_bus as longest_bus
 from .frame import Arbitration as Arbitration
@@ -17,7 +20,6 @@ from .messages import Message as Message
 from .messages import MessageSet as MessageSet
 from .messages import bus_load as bus_load
 from .messages import example as example
-from .messages import read_messages as read_messages
 from .offsets import spread_offsets as spread_offsets
 from .response import Assignment as Assignment
 from .response import Assumptions as Assumptions

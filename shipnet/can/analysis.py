@@ -1,20 +1,113 @@
-"""A message set at several bit rates at once: what is late, how slow the bus may be, what helps."""
+"""One message set of any file: what it needs of its bus, and whether a log shows it."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from os import PathLike
+from typing import Any
 
+import numpy as np
+
+from shipnet import style
+from shipnet.arrays import Floats
 from shipnet.can.faults import ErrorBound
-from shipnet.can.log import Log
+from shipnet.can.lengths import Octets
+from shipnet.can.log import Log, hexadecimal
 from shipnet.can.log_files import log_kind, read_log
-from shipnet.can.messages import BIT_RATES, MessageSet, bus_load, check_set, read_messages
+from shipnet.can.messages import (
+    BIT_RATES,
+    Message,
+    MessageSet,
+    bus_load,
+    check_set,
+    read_list,
+)
 from shipnet.can.response import Assignment, Assumptions, ResponseTimes, audsley, response_times
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_path, check_scalar
-from shipnet.lazy import pd
+from shipnet.lazy import Axes, pd
+
+#: Most that a clock on a CAN bus may be wrong: Bosch, CAN specification 2.0, part B, section 9.
+CLOCK_TOLERANCE = 0.0158
+
+#: Time stamps have microseconds [s].
+_STAMP = 1e-6
+
+
+def read_messages(
+    path: str | PathLike[str],
+    *,
+    columns: Mapping[str, str] | None = None,
+    period: float | None = None,
+    strict: bool = True,
+) -> MessageSet:
+    """Read a message set from a file: a list as CSV or Excel, a DBC file, or a log.
+
+    Parameters
+    ----------
+    path : path
+        A CSV file or an Excel workbook with a row of column titles and one row per message
+        (separated by commas, semicolons or tabs; UTF-8, UTF-16 with a mark, or Windows-1252), a
+        ``.dbc`` file, which needs cantools, or a log, as `read_log` takes it.
+    columns : mapping of str to str, optional
+        Names of the columns for titles of a list that are not understood: ``{"Every":
+        "period_ms"}``. Columns are ``name``, ``arbitration_id``, ``dlc``, ``period_ms`` and, if
+        wanted, ``deadline_ms``, ``jitter_ms``, ``offset_ms``, ``extended``, ``sender``, ``bits``,
+        and ``note`` for all that is to be left out. Usual titles are understood: times with their
+        unit (``Cycle time [s]``), identifiers in hexadecimal (``CAN-ID (hex)``), ``Node`` for the
+        sender. Without ``extended``, an identifier above 0xFFFF or of eight hexadecimal digits has
+        29 bits.
+    period : float, optional
+        Period of messages for which the file has none [s].
+    strict : bool, default True
+        Whether a fault of a DBC file raises. Otherwise messages are kept whose signals overlap or
+        do not fit, messages that cannot be in a set are left out (CAN FD, no cycle time, a name or
+        identifier twice), and `MessageSet.overlooked` lists each of these faults.
+
+    Returns
+    -------
+    MessageSet
+        The messages, the highest priority first.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or does not describe a message set: every fault with its row,
+        column and value, and what was expected.
+    ImportError
+        If the file needs a package that is not installed; the message says how to install it.
+
+    Notes
+    -----
+    The period of a message in a DBC file is its attribute ``GenMsgCycleTime``, in ms; 0 means
+    that none is given. Signals are checked and not kept, so a set is never written as DBC: cantools
+    decodes signals, and writes them.
+
+    The messages of a log are named by their identifiers. The period is the mean time between two
+    frames, the jitter how far their times are from even ones, waiting for the bus included, and
+    the data bytes are the most that were seen. A message with one frame has the `period`; without
+    it, it is left out, as `MessageSet.overlooked` says.
+
+    Examples
+    --------
+    >>> from shipnet import datasets
+    >>> read_messages(datasets.path("synthetic_can_lee2012.csv"))
+    MessageSet(22 messages: JB1-01, JB1-02, JB1-03, ...)
+    """
+    if period is not None:
+        check_scalar("period", period, "s", 1e-6, 1e5)
+    file = check_path("path", path)
+    try:
+        is_log = file.suffix.lower() != ".dbc" and log_kind(file) != ""
+    except (OSError, ValueError) as problem:
+        said = getattr(problem, "strerror", None) or problem
+        raise InputError(str(file), f"cannot be read: {said}") from None
+    if is_log:
+        return read_log(file).messages(period=period)
+    return read_list(file, columns, period, strict)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,15 +163,33 @@ class Analysis:
         index = pd.Index([rate / 1e3 for rate in self.responses], name="bit_rate_kbit_per_s")
         return pd.DataFrame(rows, columns=[*columns, "some_order"], index=index)
 
-    def __repr__(self) -> str:
+    @property
+    def at_lowest(self) -> ResponseTimes:
+        """Response times at `lowest`, or at the highest of the bit rates if that is infinite."""
+        return self.responses.get(self.lowest) or self.responses[max(self.responses)]
+
+    @property
+    def ok(self) -> bool:
+        """Whether all deadlines are met at one of the bit rates."""
+        return self.lowest < math.inf
+
+    @property
+    def verdict(self) -> str:
+        """The answer in one line."""
         given, best = (
             "none" if rate == math.inf else f"{rate / 1e3:g} kbit/s"
             for rate in (self.lowest, self.lowest_in_best_order)
         )
-        return (
-            f"Analysis({len(self.messages)} messages, lowest bit rate: {given}, "
-            f"in the best order: {best})"
-        )
+        return f"{len(self.messages)} messages, lowest bit rate: {given}, in the best order: {best}"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the longest response of each message against its deadline, as `at_lowest` has it."""
+        ax = self.at_lowest.plot(ax)
+        ax.set_xlabel(f"time at {self.at_lowest.bit_rate / 1e3:g} kbit/s [ms]")
+        return ax
+
+    def __repr__(self) -> str:
+        return f"Analysis({self.verdict})"
 
 
 def analyse(
@@ -132,8 +243,6 @@ def analyse(
         rates = [bit_rates] if isinstance(bit_rates, int | float) else []
     if not rates or not all(1000 <= rate <= 1e6 and rate % 1 == 0 for rate in rates):
         raise ArgumentError(f"bit_rates is {bit_rates!r}; it must be whole, 1000..1000000 bit/s")
-    if period is not None:
-        check_scalar("period", period, "s", 1e-6, 1e5)
     known = _messages(messages, period)
     responses = {
         rate: response_times(known, rate, assumptions=assumptions, faults=faults) for rate in rates
@@ -151,14 +260,184 @@ def analyse(
 
 def _messages(source: object, period: float | None) -> MessageSet:
     """Return the messages that a set, a log or a file holds."""
+    if period is not None:
+        check_scalar("period", period, "s", 1e-6, 1e5)
+    if isinstance(source, str | PathLike):
+        return read_messages(source, period=period)
     if isinstance(source, Log):
         return source.messages(period=period)
-    if not isinstance(source, str | PathLike):
-        check_set(source)
-        return source  # type: ignore[return-value]
-    path = check_path("messages", source)
-    try:
-        is_log = path.suffix.lower() != ".dbc" and log_kind(path) != ""
-    except OSError as problem:
-        raise InputError(str(path), f"cannot be read: {problem.strerror}") from None
-    return read_log(path).messages(period=period) if is_log else read_messages(path, period=period)
+    check_set(source)
+    return source  # type: ignore[return-value]
+
+
+# A plan and a log ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LogComparison:
+    """How the frames of a log differ from a plan; `compare` makes it.
+
+    Examples
+    --------
+    >>> from shipnet import can
+    >>> messages = can.example()
+    >>> log = can.simulate(messages, 125e3, until=10.0).log()
+    >>> can.compare(messages.replace("speed", period=0.02), log)
+    LogComparison(10 messages, 1 faster)
+    """
+
+    _table: pd.DataFrame
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per message, by priority, then one per identifier that the plan lacks.
+
+        Indexed by ``name``: ``arbitration_id``, how many ``frames``, the planned ``period_ms``,
+        the ``shortest_ms`` and ``mean_ms`` time between two frames, the ``longest_ms`` without one,
+        from the first frame of the log to its last, and the ``verdict``.
+        """
+        return self._table.copy()
+
+    @property
+    def ok(self) -> bool | None:
+        """Whether all is as planned; None if it may be, but the log is too short to show it."""
+        odd = set(self._table["verdict"]) - {"as planned"}
+        return None if odd == {"not seen"} else not odd
+
+    @property
+    def verdict(self) -> str:
+        """The answer in one line: how many messages, and how many of them are not as planned."""
+        said = self._table["verdict"]
+        counts = Counter(word for words in said for word in words.split(", "))
+        planned = len(said) - counts["unknown"]
+        odd = [f"{counts[word]} {word}" for word in _WORDS if counts[word]]
+        return f"{planned} messages, {', '.join(odd) or 'all as planned'}"
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the times between frames of each message, as a share of its period."""
+        ax, table = style.axes(ax), self._table
+        spans = table[["shortest_ms", "mean_ms", "longest_ms"]].div(table["period_ms"], axis=0)
+        names = []
+        for place, (name, verdict) in enumerate(table["verdict"].items()):
+            planned = verdict == "as planned"
+            colour = "C0" if planned else style.LIMIT["color"]
+            low, mean, high = spans.iloc[place]
+            if mean == mean:
+                ax.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.45)
+                ax.plot(mean, place, "o", color=colour)
+            names.append(str(name) if planned else f"{name}: {verdict}")
+        ax.axvline(1.0, color="0.5", linewidth=1, zorder=0)
+        drawn = spans[spans["mean_ms"].notna()].to_numpy()
+        left, right = drawn[drawn > 0].min(initial=0.5), drawn.max(initial=2.0)
+        ax.set(xlim=(0.8 * left, 1.2 * right), ylim=(len(table) - 0.4, -0.6))
+        style.logarithmic(ax.xaxis)
+        ax.set_yticks(range(len(table)), names)
+        ax.set_xlabel("time between frames / planned period")
+        ax.grid(visible=False, axis="y")
+        return ax
+
+    def __repr__(self) -> str:
+        return f"LogComparison({self.verdict})"
+
+
+#: What may be wrong with a message; `compare` says when.
+_WORDS = ("missing", "late", "faster", "other length", "unknown", "not seen")
+
+
+def compare(
+    messages: MessageSet | Log | str | PathLike[str],
+    log: Log | str | PathLike[str],
+    *,
+    period: float | None = None,
+) -> LogComparison:
+    r"""Return what a log shows of planned messages: missing, late, faster, unknown.
+
+    Frame :math:`k` of a message comes between :math:`k T` and :math:`k T + D` after the first
+    event, with its period :math:`T` and its deadline :math:`D`. So :math:`n + 1` frames are
+
+    .. math:: \text{late after } n T (1 + \epsilon) + D, \qquad
+              \text{faster within } n T (1 - \epsilon) - D
+
+    where :math:`\epsilon` = 1.58 % is the most that a clock on the bus may be wrong [1]_. A jitter
+    above the deadline takes its place.
+
+    Parameters
+    ----------
+    messages : MessageSet, Log or path
+        The plan: messages, or a list, a DBC file or another log, as `read_messages` takes it.
+    log : Log or path
+        The log or its file, as `read_log` takes it. Frames of all its buses count. Without time
+        stamps it shows only what is missing, unknown or of another length.
+    period : float, optional
+        Period of messages for which the file of the plan has none [s].
+
+    Returns
+    -------
+    LogComparison
+        One row per message in its table, with a verdict: ``as planned``, or one or several of
+        ``late`` (or silent for longer than :math:`T (1 + \epsilon) + D`, also at the beginning or
+        end of the log), ``faster`` and ``other length``; ``missing``; ``not seen``, if the log is
+        too short to miss it; ``unknown`` for identifiers that are not in the plan.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is not what it must be.
+    InputError
+        If a file cannot be read.
+
+    References
+    ----------
+    .. [1] Robert Bosch GmbH, "CAN Specification", version 2.0, 1991, part B, section 9.
+
+    Examples
+    --------
+    >>> from shipnet import can
+    >>> plan = can.MessageSet([m for m in can.example() if m.name != "alarm"])
+    >>> plan = can.MessageSet([*plan, can.Message("new", 0x700, 8, 0.1)])
+    >>> found = can.compare(plan, can.simulate(can.example(), 125e3, until=10.0).log())
+    >>> found
+    LogComparison(10 messages, 1 missing, 1 unknown)
+    >>> table = found.table()
+    >>> table.loc[table["verdict"] != "as planned", ["frames", "verdict"]].to_dict("index")
+    {'new': {'frames': 0, 'verdict': 'missing'}, '0x080': {'frames': 100, 'verdict': 'unknown'}}
+    """
+    plan = _messages(messages, period)
+    found = log if isinstance(log, Log) else read_log(check_path("log", log))
+    order = np.lexsort((found.time, found.keys))
+    keys, codes = found.keys[order], found.dlc[order]
+    times = found.time[order] - (found.time.min() if len(found) else 0.0)
+    end = times.max() if len(found) else math.nan
+    known = {message.arbitration_id << 1 | message.extended: message for message in plan}
+    rows: list[tuple[Any, ...]] = []
+    for key in [*known, *(key for key in np.unique(keys).tolist() if key not in known)]:
+        own = slice(*np.searchsorted(keys, [key, key + 1]))
+        gaps = np.diff(times[own])
+        silence = float(np.diff(times[own], prepend=0.0, append=end).max())
+        name, wanted, odd = hexadecimal(key), math.nan, ["unknown"]
+        if message := known.get(key):
+            name, wanted = message.name, message.period
+            odd = _differences(message, times[own], codes[own], silence)
+        usual = (gaps.min(), gaps.mean()) if len(gaps) else (math.nan, math.nan)
+        spans = (1e3 * span for span in (wanted, *usual, silence))
+        rows.append((name, key >> 1, len(times[own]), *spans, ", ".join(odd) or "as planned"))
+    columns = ["name", "arbitration_id", "frames", "period_ms", "shortest_ms", "mean_ms"]
+    table = pd.DataFrame(rows, columns=[*columns, "longest_ms", "verdict"])
+    return LogComparison(table.set_index("name").round(6))
+
+
+def _differences(message: Message, times: Floats, codes: Octets, silence: float) -> list[str]:
+    """Return in which ways the frames of a message are not as planned."""
+    slack = max(message.deadline, message.jitter) + _STAMP
+    slow, fast = (message.period * (1 + sign * CLOCK_TOLERANCE) for sign in (1, -1))
+    if not len(times):
+        return ["not seen" if silence <= slow + slack else "missing"]
+    number = np.arange(len(times))
+    late = silence > slow + slack or _rise(times - number * slow) > slack
+    faster = _rise(number * fast - times) > slack
+    odd = {"late": late, "faster": faster, "other length": (codes != message.dlc).any()}
+    return [word for word, found in odd.items() if found]
+
+
+def _rise(values: Floats) -> float:
+    """Return by how much a value exceeds any one before it."""
+    return float((values - np.minimum.accumulate(values)).max())

@@ -184,20 +184,21 @@ def _measure(
     # SRR and IDE are the bits 26 and 25 of an extended frame's head.
     long = number >> 18 << 27 | 3 << 25 | (number & 2**18 - 1) << 7
     head = np.where(extended, long, number << 7) | remote * 64 | dlc
-
-    def octets(head: Integers) -> Octets:
-        front = head.astype(">u8").view(np.uint8).reshape(-1, 8)[:, 3:]
-        return np.concatenate([front, data], axis=1)
-
-    check = CRC.of(octets(head)).astype(np.uint16)
+    # Row by row, so that each step goes along the frames.
+    octets = np.empty((5 + data.shape[1] + 2, len(data)), dtype=np.uint8)
+    octets[:5] = head.astype(">u8").view(np.uint8).reshape(-1, 8)[:, 3:].T
+    octets[5:-2] = data.T
+    check = CRC.of(octets[:-2].T).astype(np.uint16)
     # Behind the check value, a bit that ends its last run fills up the last byte.
-    tail = (check << 1 | ~check & 1).astype(">u2").view(np.uint8).reshape(-1, 2)
-    marked = octets(head | np.where(extended, 1 << 39, 1 << 19))
+    octets[-2:] = (check << 1 | ~check & 1).astype(">u2").view(np.uint8).reshape(-1, 2).T
+    # A mark before the start of frame, the bit 39 or 19 of the head, ends the zeros before it.
+    octets[0] |= extended * np.uint8(1 << 7)
+    octets[2] |= ~extended * np.uint8(1 << 3)
     table = stuffing_table()
     state = np.zeros(len(data), dtype=np.uint16)
     stuffed = np.zeros(len(data), dtype=np.uint8)
-    for column in np.ascontiguousarray(np.concatenate([marked, tail], axis=1).T):
-        index = state | column
+    for row in octets:
+        index = state | row
         stuffed += table.stuffed.take(index)
         state = table.state.take(index)
     bare = np.array(length_table("none"), dtype=np.int64)[:, data.shape[1]]

@@ -12,11 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.answers import COLUMNS, Findings
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import measure_frames
-from shipnet.can.messages import Message, MessageSet, check_set
+from shipnet.can.messages import Message, MessageSet
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_path, check_scalar
 from shipnet.lazy import Axes, pd
@@ -45,6 +44,11 @@ def impossible(
     if size >= 0 and size != (0 if remote else min(dlc, 8)):
         return f"it has {size} bytes of data, but its data length code is {dlc}"
     return "" if isfinite(time) else f"the time is {time}"
+
+
+def hexadecimal(key: int) -> str:
+    """Return the identifier of a key, as `Log.keys` has it, with 3 or 8 digits."""
+    return f"0x{key >> 1:0{8 if key & 1 else 3}X}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -120,6 +124,11 @@ class Log:
     def columns(self) -> tuple[Any, ...]:
         """The seven columns, from `time` to `data`."""
         return tuple(getattr(self, name) for name in _KINDS)
+
+    @property
+    def keys(self) -> Integers:
+        """One number per frame that says which message it is: twice the identifier, or one more."""
+        return np.asarray(self.arbitration_id << 1 | self.extended)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -202,22 +211,16 @@ class Log:
         )
 
     def messages(self, *, period: float | None = None) -> MessageSet:
-        """Return the messages that the log shows, named by their identifiers.
-
-        The period is the mean time between two frames, the jitter how far their times are from
-        even ones, waiting for the bus included, and `dlc` the most that was seen. A message with
-        one frame has the `period` [s]; without it, it is left out, as `MessageSet.overlooked` says.
-        Frames of all buses count.
-        """
+        """Return the messages that the log shows, as `read_messages` makes them of its file."""
         self._check_times("a message set")
         if period is not None:
             check_scalar("period", period, "s", 1e-6, 1e5)
-        keys = self.arbitration_id << 1 | self.extended
+        keys = self.keys
         size = np.where(self.remote, 0, np.minimum(self.dlc, 8))
         messages, overlooked = [], []
         for key in np.unique(keys).tolist():
             mine = keys == key
-            times, name = np.sort(self.time[mine]), f"0x{key >> 1:0{8 if key & 1 else 3}X}"
+            times, name = np.sort(self.time[mine]), hexadecimal(key)
             each = float(np.diff(times).mean()) if len(times) > 1 else period
             if each is None:
                 overlooked.append(f"{name}: one frame has no period; give one with period=")
@@ -230,45 +233,6 @@ class Log:
                 )
             )  # fmt: skip
         return MessageSet(messages, overlooked=overlooked)
-
-    def compare(self, messages: MessageSet) -> Findings:
-        """Return what the log says about a set of messages: missing, unknown, late, too often.
-
-        Between two frames of a message at most its period and its deadline may pass, and n frames
-        take at least n - 1 periods less a deadline. Frames of all buses count. A log without time
-        stamps is checked for its messages and their lengths only.
-        """
-        check_set(messages)
-        timed = not np.isnan(self.time).any()
-        keys = self.arbitration_id << 1 | self.extended
-        known = {m.arbitration_id << 1 | m.extended: m for m in messages}
-        rows: list[tuple[Any, ...]] = []
-
-        def add(rule: str, name: str, value: float, low: float, high: float, unit: str) -> None:
-            met = not (value < low or value > high)
-            verdict = "met" if met else "violated"
-            rows.append((rule, name, value, low, high, unit, verdict, _WHY[rule], "message set"))
-
-        for key, message in known.items():
-            times = np.sort(self.time[keys == key])
-            add("sent", message.name, len(times), 1, np.inf, "frames")
-            if len(times) > 1 and timed:
-                latest = message.period + message.deadline
-                gaps, spans = np.diff(times), times[-1] - times[0]
-                add("interval", message.name, round(float(gaps.max()), 9), 0, latest, "s")
-                least = max(0.0, (len(times) - 1) * message.period - message.deadline)
-                add("time of all frames", message.name, round(float(spans), 9), least, np.inf, "s")
-            sizes = np.unique(self.dlc[keys == key])
-            if len(sizes):
-                odd = [int(size) for size in sizes if size != message.dlc]
-                size = odd[0] if odd else message.dlc
-                add("length", message.name, size, message.dlc, message.dlc, "bytes")
-        for key in np.unique(keys):
-            if int(key) not in known:
-                digits = 8 if key & 1 else 3
-                count = int((keys == key).sum())
-                add("known", f"0x{key >> 1:0{digits}X}", count, 0, 0, "frames")
-        return Findings(pd.DataFrame(rows, columns=list(COLUMNS)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -347,13 +311,3 @@ def _sliding(time: Floats, bits: Floats, window: float) -> Floats:
     first = np.searchsorted(time, time - window + 1e-7, side="left")
     last = np.searchsorted(time, time, side="right")
     return np.asarray(summed[last] - summed[first])
-
-
-#: What each rule of a comparison means.
-_WHY = {
-    "sent": "every message is in the log",
-    "interval": "between two frames at most a period and a deadline pass",
-    "time of all frames": "n frames take at least n - 1 periods less a deadline",
-    "length": "every frame has the data bytes of its message",
-    "known": "every identifier belongs to a message",
-}

@@ -37,7 +37,6 @@ from shipnet.fields import (
     Whole,
     check_choice,
     check_path,
-    check_scalar,
     check_whole,
     declared,
     number,
@@ -159,7 +158,9 @@ _TITLES = {
     "extended": "ext extendedid 29bit ide",
     "sender": "node sendernode transmitter txnode ecu source station",
     "bits": "framelength framebits",
-    "note": "notes remark remarks comment comments description",
+    "note": "notes remark remarks comment comments description no nr item pos receiver receivers "
+    "receivingnode rx rxnode direction dir signal signals content contents system type sendtype "
+    "messagetype bus channel network priority prio pgn revision rev status",
 }  # fmt: skip
 _SYNONYMS = {other: column for column, others in _TITLES.items() for other in others.split()}
 
@@ -167,6 +168,7 @@ _SYNONYMS = {other: column for column, others in _TITLES.items() for other in ot
 _UNIT = re.compile(
     r"(.*?)[\s_]*(?:[\[(]|[\s_]|,|/|\bin\b)\s*(ms|s|us|\xb5s|hex|dec)\s*[\])]?", re.I
 )
+_LONGEST = 100  #: No title is longer; the pattern takes long for some that are.
 _POWERS = {"ms": 0, "s": 3, "us": -3, "\xb5s": -3}
 
 _WHOLE = re.compile(r"[0-9]{1,12}(\.0)?|0[xX][0-9a-fA-F]{1,8}")
@@ -515,67 +517,14 @@ def example(name: str = "engine") -> MessageSet:
     """
     if check_choice("name", name, ("engine", "lee2012")) == "engine":
         return MessageSet.parse(EXAMPLE)
-    return read_messages(datasets.path("synthetic_can_lee2012.csv"))
+    return read_list(Path(datasets.path("synthetic_can_lee2012.csv")), None, None, True)
 
 
-def read_messages(
-    path: str | PathLike[str],
-    *,
-    columns: Mapping[str, str] | None = None,
-    period: float | None = None,
-    strict: bool = True,
+def read_list(
+    path: Path, columns: Mapping[str, str] | None, period: float | None, strict: bool
 ) -> MessageSet:
-    """Read a message set from a file: CSV, Excel or DBC, by its suffix.
-
-    Parameters
-    ----------
-    path : path
-        A CSV file or an Excel workbook with a row of column titles and one row per message
-        (separated by commas, semicolons or tabs; UTF-8, UTF-16 with a mark, or Windows-1252), or
-        a ``.dbc`` file, which needs cantools.
-    columns : mapping of str to str, optional
-        Names of the columns for titles of the file that are not understood: ``{"Every":
-        "period_ms"}``. Columns are ``name``, ``arbitration_id``, ``dlc``, ``period_ms`` and, if
-        wanted, ``deadline_ms``, ``jitter_ms``, ``offset_ms``, ``extended``, ``sender``, ``bits``,
-        and ``note`` for all that is to be left out. Usual titles are understood: times with their
-        unit (``Cycle time [s]``), identifiers in hexadecimal (``CAN-ID (hex)``), ``Node`` for the
-        sender. Without ``extended``, an identifier above 0xFFFF or of eight hexadecimal digits has
-        29 bits.
-    period : float, optional
-        Period of messages for which the file names none [s].
-    strict : bool, default True
-        Whether a fault of a DBC file raises. Otherwise messages are kept whose signals overlap or
-        do not fit, messages that cannot be in a set are left out (CAN FD, no cycle time, a name or
-        identifier twice), and `MessageSet.overlooked` lists each of these faults.
-
-    Returns
-    -------
-    MessageSet
-        The messages, the highest priority first.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or does not describe a message set: every fault with its row,
-        column and value, and what was expected.
-    ImportError
-        If the file needs a package that is not installed; the message says how to install it.
-
-    Notes
-    -----
-    The period of a message in a DBC file is its attribute ``GenMsgCycleTime``, in ms; 0 means
-    that none is given. Signals are checked and not kept, so a set is never written as DBC: cantools
-    decodes signals, and writes them.
-
-    Examples
-    --------
-    >>> from shipnet import datasets
-    >>> read_messages(datasets.path("synthetic_can_lee2012.csv"))
-    MessageSet(22 messages: JB1-01, JB1-02, JB1-03, ...)
-    """
-    if period is not None:
-        check_scalar("period", period, "s", 1e-6, 1e5)
-    if check_path("path", path).suffix.lower() == ".dbc":
+    """Return the set that a CSV file, an Excel workbook or a DBC file describes."""
+    if path.suffix.lower() == ".dbc":
         return parse_dbc(text_of(read_bytes(path)), str(path), period, strict)
     sheet = read_sheet(path, is_titles=_is_titles)
     return _from_sheet(sheet, {k.strip().lower(): v for k, v in (columns or {}).items()}, period)
@@ -638,9 +587,11 @@ def said(problem: Exception) -> str:
     return (text if len(text) <= 150 else text[:147] + "...") or type(problem).__name__
 
 
-def _is_titles(cells: Sequence[str]) -> bool:
-    """Whether cells are the row of titles: above it there may be comments after #."""
-    return any(cells) and not cells[0].startswith("#")
+def _is_titles(cells: Sequence[str]) -> int:
+    """Return how well cells serve as titles: above them there may be a heading, or comments."""
+    if not any(cells) or cells[0].startswith("#"):
+        return 0
+    return 1 + sum(_Title.of(cell.lower()).column in (*COLUMNS, *TIMES) for cell in cells)
 
 
 def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) -> MessageSet:
@@ -660,7 +611,10 @@ def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) 
             unit = f"expected such as {column}_ms or {column} [s]"
             faults.append(f"column {at}: title {title!r} has no unit; {unit}")
         elif column not in (*COLUMNS, "note"):
-            faults.append(f"column {at}: title {title!r} is unknown; expected one of {legal}, note")
+            faults.append(
+                f"column {at}: title {title!r} is unknown; expected one of {legal}, or "
+                "note for a column to leave out"
+            )
     twice = sorted({title for title in columns if columns.count(title) > 1 and title != "note"})
     faults += [f"title {title!r} appears twice" for title in twice]
     faults += [f"no column {title}" for title in _NEEDED if title not in (*columns, *usual)]
@@ -698,7 +652,7 @@ class _Title(NamedTuple):
         """Return what a title in small letters means; one that is unknown means itself."""
         if title in COLUMNS:
             return cls(title)
-        match = _UNIT.fullmatch(title)
+        match = _UNIT.fullmatch(title) if len(title) < _LONGEST else None
         words, unit = (match[1], match[2]) if match else (title, "")
         plain = re.sub(r"[\W_]", "", words)
         plain = _SYNONYMS.get(plain, plain.replace("arbitrationid", "arbitration_id"))

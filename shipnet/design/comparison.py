@@ -149,6 +149,11 @@ class Comparison:
         return next(iter(self.designs.values()))
 
     @cached_property
+    def _tornados(self) -> dict[str, Tornado]:
+        """The tornados of the cheapest design that were asked for, by figure."""
+        return {}
+
+    @cached_property
     def quantities(self) -> dict[str, Quantities]:
         """Conductors, cable, hours and money of each design."""
         return {name: design.quantities() for name, design in self.designs.items()}
@@ -208,6 +213,10 @@ class Comparison:
     @property
     def meeting(self) -> list[str]:
         """Designs that connect every point and violate no rule, the cheapest first."""
+        return list(self._meeting)
+
+    @cached_property
+    def _meeting(self) -> list[str]:
         table = self._table
         table = table[(table["points_left_out"] == 0) & (table["rules_violated"] == 0)]
         return [str(name) for name in table.sort_values("total_cost_eur", kind="stable").index]
@@ -288,7 +297,9 @@ class Comparison:
         Without names, the cheapest design with all points is set against the first one.
         """
         if a is None and b is None:
-            return tornado(complete(self.designs), figure)
+            if figure not in self._tornados:
+                self._tornados[figure] = tornado(complete(self.designs), figure)
+            return self._tornados[figure]
         if a == b:
             raise ArgumentError(f"a and b are both {a!r}; they must be two designs")
         known = [name for name in (b, a) if name is not None]

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from shipnet import style
-from shipnet.arrays import Floats
+from shipnet.arrays import Bools, Floats
 from shipnet.design.catalogue import LEVELS, Level, values_at, with_spare, words
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.layout import Layout
@@ -73,18 +73,16 @@ def conductors_at_cabinet(design: Layout) -> int:
 
 def items_of(design: Layout) -> dict[str, int]:
     """Count the parts and pieces of work of a design, by the names of what they cost."""
-    points = design.points[["bus", "device"]].assign(
-        analogue=design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
-    )
+    analogue = design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
-    items = _devices(design, points) | _channels(points, design.settings.spare)
+    items = _devices(design, analogue) | _channels(design, analogue)
     items["second_interface"] = _second_interfaces(design)
     items["barrier"] = items["barrier_time"] = int(safe.sum())
     items["gland"] = items["gland_time"] = 2 * len(design.cables)
     return {name: number for name, number in items.items() if number}
 
 
-def _devices(design: Layout, points: pd.DataFrame) -> dict[str, int]:
+def _devices(design: Layout, analogue: Bools) -> dict[str, int]:
     bus_of = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     bus = [bus_of.get(segment, "") for segment in design.devices["segment"]]
     devices = design.devices
@@ -97,10 +95,9 @@ def _devices(design: Layout, points: pd.DataFrame) -> dict[str, int]:
         by_bus = _DEVICES[kind]
         for name in by_bus.get(of_bus, by_bus[""]):
             items[name] = items.get(name, 0) + number
-    modules = devices["device"][devices["kind"] == "module"]
-    analogue = int(modules.isin(points["device"][points["analogue"]]).sum())
-    if analogue:
-        items |= {"asi_analogue_module": analogue, "asi_module": items["asi_module"] - analogue}
+    modules = set(devices.loc[devices["kind"] == "module", "device"])
+    if number := len(modules.intersection(design.points["device"].to_numpy()[analogue])):
+        items |= {"asi_analogue_module": number, "asi_module": items["asi_module"] - number}
     return items
 
 
@@ -115,10 +112,10 @@ def _second_interfaces(design: Layout) -> int:
     return len(ends["A"] & ends["B"] & set(stations))
 
 
-def _channels(points: pd.DataFrame, spare: float) -> dict[str, int]:
+def _channels(design: Layout, analogue: Bools) -> dict[str, int]:
     """Count the channels of the cabinet and of the stations, with the spare ones."""
-    analogue = points["analogue"]
-    wired, station = points["bus"] == "hardwired", points["bus"].isin(["CAN", "Modbus RTU"])
+    bus, spare = design.points["bus"].to_numpy(), design.settings.spare
+    wired, station = bus == "hardwired", (bus == "CAN") | (bus == "Modbus RTU")
     used = {
         "plc_digital_channel": wired & ~analogue,
         "plc_analogue_channel": wired & analogue,

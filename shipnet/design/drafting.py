@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from math import ceil, inf
 from typing import Any, NamedTuple, TypeVar
@@ -43,10 +44,19 @@ Result = TypeVar("Result")
 
 def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
     """Return the cluster of each place, (n, 3): no more than `most`, all within `reach`."""
+    return _kept_zones(np.asarray(xyz, float).tobytes(), reach, most).copy()
+
+
+@lru_cache(maxsize=16)  # every option with boxes asks for the same zones
+def _kept_zones(places: bytes, reach: float, most: int) -> Indices:
+    return _zones(np.frombuffer(places).reshape(-1, 3), reach, most)
+
+
+def _zones(xyz: Floats, reach: float, most: int) -> Indices:
     if len(xyz) > _MOST:
         upper = _halves(xyz)
         labels = np.empty(len(xyz), dtype=np.intp)
-        low, high = (zones(xyz[side], reach=reach, most=most) for side in (~upper, upper))
+        low, high = (_zones(xyz[side], reach, most) for side in (~upper, upper))
         labels[~upper], labels[upper] = low, high + low.max() + 1
         return _renumbered(labels)
     if len(xyz) < 2:
@@ -82,10 +92,21 @@ def balanced(
         if (moved == labels).all():
             break
         labels = moved
-        for group in range(groups):
-            if (labels == group).any():
-                centres[group] = np.median(xyz[labels == group], axis=0)
+        used, centres_of = medians(xyz, labels)
+        centres[used] = centres_of
     return _renumbered(labels)
+
+
+def medians(xyz: Floats, labels: Indices) -> tuple[Indices, Floats]:
+    """Return the labels in use, and the median of the places of each, (n, 3)."""
+    used, count = np.unique(labels, return_counts=True)
+    end = np.cumsum(count)
+    low, high = end - count + (count - 1) // 2, end - count + count // 2
+    middle = np.empty((len(used), xyz.shape[1]))
+    for axis, along in enumerate(xyz.T):
+        ordered = along[np.lexsort((along, labels))]
+        middle[:, axis] = (ordered[low] + ordered[high]) / 2
+    return used, middle
 
 
 def divided(
@@ -133,8 +154,11 @@ def _first_centres(xyz: Floats, groups: int) -> Floats:
     middle = xyz - xyz.mean(axis=0)
     extent = np.linalg.svd(middle, full_matrices=False)[2][0]
     order = np.argsort(middle @ extent, kind="stable")
-    chunks = np.array_split(order, groups)
-    return np.array([np.median(xyz[c], axis=0) if len(c) else xyz[order[-1]] for c in chunks])
+    centres = np.tile(xyz[order[-1]], (groups, 1))
+    sizes = [len(chunk) for chunk in np.array_split(order, groups)]
+    used, middle = medians(xyz[order], np.repeat(np.arange(groups), sizes))
+    centres[used] = middle
+    return centres
 
 
 def _halves(xyz: Floats) -> Bools:
@@ -231,6 +255,8 @@ class Draft:
         points = self.iolist.points
         n = len(points)
         self.places: Floats = self.iolist.places
+        #: The same as tuples.
+        self.spots: list[Place] = list(map(tuple, self.places.tolist()))
         self.need: Floats = points["update_ms"].to_numpy(np.float64) / 1e3
         self.need = np.where(np.isnan(self.need), self.settings.update, self.need)
         self.need = np.minimum(self.need, self.longest)
@@ -292,7 +318,8 @@ class Draft:
             {"run": self._free(name), "cable": cable.id, "a": a, "b": b,
              "segment": segment, "kind": kind, "used": used, "conductors": cable.conductors,
              "at_cabinet": a in self._in_cabinet or b in self._in_cabinet, "line": line,
-             **laid._asdict()}
+             "start": laid.start, "end": laid.end, "length": laid.length, "share": laid.share,
+             "avoid": laid.avoid}
         )  # fmt: skip
 
     def given_lengths(self, column: str) -> Floats:
@@ -305,7 +332,7 @@ class Draft:
     def drop(self, row: int, device: str, place: Place, segment: str, length: float) -> None:
         """Put down the cable of a point to its device."""
         wires = int(self.wires[row])
-        laid = Laid(place, _place(self.places[row]), length)
+        laid = Laid(place, self.spots[row], length)
         cable = smallest(wires, spare=0)
         self.run("drop", (device, self.tags[row]), laid, cable, wires, segment)
 
@@ -422,11 +449,6 @@ class Draft:
                 list(COLUMNS["cables"])
             ],
         )
-
-
-def _place(xyz: Floats) -> Place:
-    x, y, z = (float(value) for value in xyz)
-    return x, y, z
 
 
 # Junction boxes: those that the list names, and clusters of the points that it gives none

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 from shipnet.design.layout import Layout
+from shipnet.lazy import pd
 
 #: Colours of segments, after Okabe and Ito: distinct with any common colour vision.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#56B4E9", "#444444")
@@ -143,25 +144,27 @@ def _rows(design: Layout) -> Iterator[_Row]:
     counts = _counts(design)
     hardwired = _hardwired(design, counts)
     blocks = [("hardwired", _COLOURS[-1], hardwired)] if hardwired.children else []
+    runs = design.cables[design.cables["kind"] == "trunk"]
+    devices, trunks = (
+        {name: table.iloc[rows] for name, rows in table.groupby("segment").indices.items()}
+        for table in (design.devices, runs)
+    )
     for number, segment in enumerate(design.segments.itertuples()):
         colour = _COLOURS[number % len(_COLOURS)]
-        trunk = design.cables[design.cables["segment"] == str(segment.segment)]
-        trunk = trunk[trunk["kind"] == "trunk"]
+        trunk = trunks.get(segment.segment, runs[:0])
         lines = " on each of two lines" if (trunk["line"] == "B").any() else ""
         said = (
             f"{segment.segment}: {segment.points} points, {segment.length_m:.0f} m of "
             f"{', '.join(trunk['cable'].unique())}{lines}"
         )
-        blocks.append((said, colour, _tree(design, str(segment.segment), counts)))
+        own = devices.get(segment.segment, design.devices[:0])
+        root = _tree(str(segment.segment), own, trunk[trunk["line"] != "B"], counts)
+        blocks.append((said, colour, root))
     for said, colour, root in blocks:
-        own = [
-            _Row(said, kind="title"),
-            *_laid(root, star=root is hardwired),
-            _Row("", kind="title"),
-        ]
-        for row in own:
+        title, end = _Row(said, kind="title"), _Row("", kind="title")
+        for row in (title, *_laid(root, star=root is hardwired), end):
             row.colour = colour
-        yield from own
+            yield row
 
 
 def _counts(design: Layout) -> dict[str, str]:
@@ -205,11 +208,10 @@ def _hardwired(design: Layout, counts: dict[str, str]) -> _Node:
     return root
 
 
-def _tree(design: Layout, segment: str, counts: dict[str, str]) -> _Node:
+def _tree(
+    segment: str, devices: pd.DataFrame, trunk: pd.DataFrame, counts: dict[str, str]
+) -> _Node:
     """Return the first master of a segment with all that hangs on its trunk."""
-    devices = design.devices[design.devices["segment"] == segment]
-    runs = design.cables[design.cables["segment"] == segment]
-    trunk = runs[(runs["kind"] == "trunk") & (runs["line"] != "B")]
     inside: dict[str, list[str]] = defaultdict(list)
     nodes: dict[str, _Node] = {}
     root = _Node(_Row("nothing", kind="cabinet"))

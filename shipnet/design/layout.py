@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from math import inf
 from types import MappingProxyType
 from typing import Any
 
@@ -75,14 +76,14 @@ def frame(table: str, rows: Any = ()) -> pd.DataFrame:
     missing = [column for column in types if column not in made.columns]
     if missing:
         raise ArgumentError(f"{table} has no column {' and no column '.join(missing)}")
-    more = [column for column in made.columns if column not in types]
-    made = made[[*types, *more]].reset_index(drop=True)
+    wanted = [*types, *(column for column in made.columns if column not in types)]
+    made = (made if [*made.columns] == wanted else made[wanted]).reset_index(drop=True)
     for (column, kind), found in zip(types.items(), made.dtypes, strict=False):
-        wanted = np.dtype(_DTYPES.get(kind, object))
-        if found == wanted:
+        dtype = np.dtype(_DTYPES.get(kind, object))
+        if found == dtype:
             continue
         try:
-            made[column] = made[column].astype(wanted)
+            made[column] = made[column].astype(dtype)
         except (TypeError, ValueError) as error:
             raise ArgumentError(f"column {column} of {table} is not all {kind}: {error}") from None
     return made
@@ -172,7 +173,10 @@ def _faults(design: Layout) -> Iterator[str]:
     ):
         unknown = dict.fromkeys(value for value in values if value not in known)
         yield from (f"there is no {what} {value!r}" for value in unknown)
-    for row in runs[~(np.isfinite(runs["length_m"]) & (runs["length_m"] >= 0))].itertuples():
-        yield f"length of {row.run} is {row.length_m} m; it must be 0 or more"
-    for row in runs[(runs["used"] < 0) | (runs["used"] > runs["conductors"])].itertuples():
-        yield f"{row.run} uses {row.used} of {row.conductors} conductors"
+    for run, length, used, conductors in zip(
+        runs["run"], runs["length_m"], runs["used"], runs["conductors"], strict=True
+    ):
+        if not 0 <= length < inf:
+            yield f"length of {run} is {length} m; it must be 0 or more"
+        if not 0 <= used <= conductors:
+            yield f"{run} uses {used} of {conductors} conductors"

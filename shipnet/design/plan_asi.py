@@ -35,6 +35,7 @@ from shipnet.design.drafting import (
     zones,
 )
 from shipnet.design.settings import AsiLimits, Settings
+from shipnet.design.supply import slave_voltage
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
@@ -312,12 +313,18 @@ def place_supply(
     graph = coo_array(([piece.length for piece in pieces], (near, far)), shape=(len(nodes),) * 2)
     away = shortest_path(graph.tocsr(), directed=False)
     current = np.array([draws.get(node, 0.0) for node in nodes])
-    # Axes: supply, device, device; what both ways from the supply have in common.
-    shared = (away[:, :, None] + away[:, None, :] - away[None]) / 2
-    drop = (resistance * shared @ current).max(axis=1, where=current > 0, initial=0.0)
-    least = float(rule_limits()["low"]["slave_voltage"])
-    if first in number and voltage - drop[number[first]] >= least:
-        return first
+
+    def drops(here: slice) -> Floats:
+        # Axes: supply, device, device; what both ways from the supply have in common.
+        shared = (away[here, :, None] + away[here, None, :] - away[None]) / 2
+        lost = resistance * shared @ current
+        return np.asarray(lost.max(axis=1, where=current > 0, initial=0.0))
+
+    if first in number:
+        (drop,) = drops(slice(number[first], number[first] + 1))
+        if voltage - drop >= slave_voltage():
+            return first
+    drop = drops(slice(None))
     drop[[node not in draws for node in nodes]] = np.inf
     return nodes[int(drop.argmin())]
 

@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.rules import rule_limits
-from shipnet.design.catalogue import Cable, cables
+from shipnet.design.catalogue import Cable, cables, read_assumptions
 from shipnet.design.layout import Layout
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
@@ -166,13 +166,14 @@ def forest(design: Layout) -> Forest:
     return Forest(
         np.arange(nodes, dtype=np.intp) % count, parent, run, metres[run], ohms[run], load,
         np.where(fed_24, limits.short, 0.0), spur,
-        np.where(fed_24, limits.drop * limits.voltage, settings.asi.voltage - _slave_voltage()),
+        np.where(fed_24, limits.drop * limits.voltage, settings.asi.voltage - slave_voltage()),
         root, MappingProxyType(supply), levels,
     )  # fmt: skip
 
 
 @cache
-def _slave_voltage() -> float:
+def slave_voltage() -> float:
+    """Return the least that an AS-i slave needs [V]."""
     return float(rule_limits()["low"]["slave_voltage"])
 
 
@@ -285,10 +286,11 @@ class Feeders(NamedTuple):
 
 
 def sized(design: Layout) -> Feeders:
-    """Return the thinnest feeders that meet voltage and current, with as few supplies as can be.
+    """Return the cheapest feeders that meet voltage and current: thicker cables, or more supplies.
 
-    At constant currents, the voltage lost is proportional to the resistance of the cable, so that
-    one solution sizes a tree. Where no cable is enough, supplies are put nearer to their devices.
+    Each cross-section has its least number of supplies, put nearer to their devices where the cable
+    is not enough, and the one that costs least is taken. At constant currents, the voltage lost is
+    proportional to the resistance of the cable, so that one solution then sizes each tree.
     """
     settings, trees = design.settings, forest(design)
     limits, kinds = settings.supply, design.cables["kind"].to_numpy(object)
@@ -298,8 +300,11 @@ def sized(design: Layout) -> Feeders:
     sizes = feeders_of(settings.feeder)
     tails = settings.tails
     cuts = [_cuts(trees, feeders.tolist(), cable, limits.rating, tails) for cable in sizes]
-    count = [np.bincount(trees.root[list(cut)], minlength=len(trees.root)) for cut in cuts]
-    best = np.argmin(count, axis=0)  # of as few supplies, the thinnest cable
+    spent = [
+        _spent(design, trees, feeders, cable, np.array(cut, np.intp))
+        for cable, cut in zip(sizes, cuts, strict=True)
+    ]
+    best = np.argmin(spent, axis=0)
     own = [node for size, cut in enumerate(cuts) for node in cut if best[trees.root[node]] == size]
     nearer = {int(trees.run[node]): trees.supply[int(trees.root[node])] for node in own}
     heads = feeders[trees.parent[feeders] == trees.root[feeders]]
@@ -332,6 +337,30 @@ def sized(design: Layout) -> Feeders:
         for run, size in zip(trees.run[feeders], chosen[roots], strict=True)
     }
     return Feeders(cable, nearer, set(nearer.values()) - feeding, weak)
+
+
+def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: Indices) -> Floats:
+    """Return what the feeders of each tree cost with a cable, and supplies at some nodes [EUR].
+
+    Prices are the nominal ones of the data files: a plan does not depend on what is assumed. One
+    that only moves out of the cabinet counts as one more: there it needs a housing.
+    """
+    settings, site, runs = design.settings, design.site, trees.metres
+    price = {name: one.range.nominal for name, one in read_assumptions().items()}
+    rate, mains = price["labour_rate"], cables()[settings.feeder]
+    supply = price["supply"] + rate * price["part_time"]
+    end = price["gland"] + rate * (price["gland_time"] + 2 * mains.termination.nominal)
+
+    def metre(one: Cable) -> float:
+        return price["laid_length"] * (one.price.nominal + rate * one.lay.nominal)
+
+    spent = np.zeros(len(trees.root))
+    np.add.at(spent, trees.root[feeders], metre(cable) * runs[feeders])
+    places = design.devices[["x_m", "y_m", "z_m"]].to_numpy(float)[trees.device[own]]
+    away = site.length(site.route(np.array(site.cabinet), places))
+    more = supply + metre(cable) * (settings.tails - runs[own])
+    np.add.at(spent, trees.root[own], more + settings.fed * (metre(mains) * away + 2 * end))
+    return spent
 
 
 def feeders_of(thinnest: str) -> list[Cable]:

@@ -8,7 +8,8 @@ from .pdu import Request as Request
 from .pdu import Response as Response
 from .pdu import decode as decode
 from .polling import Poll as Poll
-from .polling import scan_time as scan_time
+from .polling import Scan as Scan
+from .polling import scan as scan
 from .redundancy import DualChannel as DualChannel
 from .redundancy import Loop as Loop
 from .redundancy import Reach as Reach

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
-from struct import pack, unpack
+from struct import pack, unpack, unpack_from
 from typing import Any, ClassVar
 
 from shipnet.errors import (
@@ -301,9 +301,7 @@ class Request(_Framed):
     def parse(cls, pdu: bytes) -> Request:
         """Return the request that a PDU is, or raise the error that names the wrong field."""
         data = _opened(pdu, "request")
-        parts = _parts(data, _REQUESTS)
-        values = parts.get("values", b"")
-        address, number, *more = _numbers(parts)
+        (address, number, *more), values = _read(data, _REQUESTS)
         try:
             match data[0]:
                 case 5:
@@ -457,8 +455,7 @@ class Response(_Framed):
         if request is not None and not isinstance(request, Request):
             raise ArgumentError(f"request is {request!r}; it must be a Request")
         data = _opened(pdu, "response")
-        parts, code = _parts(data, _RESPONSES), data[0]
-        values, numbers = parts.get("values", b""), _numbers(parts)
+        (numbers, values), code = _read(data, _RESPONSES), data[0]
         try:
             if code > 0x80:
                 response = cls(code & 0x7F, exception=data[1])  # type: ignore[arg-type]
@@ -522,32 +519,24 @@ def _opened(pdu: bytes, kind: str) -> bytes:
     return bytes(pdu)
 
 
-def _parts(data: bytes, layouts: dict[int, tuple[str, ...]]) -> dict[str, bytes]:
-    """Return the bytes of each field behind the function code."""
+def _read(data: bytes, layouts: dict[int, tuple[str, ...]]) -> tuple[tuple[int, ...], bytes]:
+    """Return the numbers behind the function code, and the bytes that a byte count counts."""
     if data[0] > 0x80 and layouts is _RESPONSES:
         if len(data) != 2:
             raise LengthError(f"the exception has {len(data)} bytes; it must have 2")
-        return {"exception code": data[1:]}
+        return (), b""
     if data[0] not in layouts:
         raise UnknownCallError(f"function code is {data[0]}; it must be {_CODES}")
     names = layouts[data[0]]
     counted = names[-1] == "values"
-    end = 1 + 2 * len(names[:-2] if counted else names)
+    n = len(names) - 2 * counted
+    end = 1 + 2 * n
     if len(data) <= end if counted else len(data) != end:
         needed = f"{end + 1} or more" if counted else end
         raise LengthError(f"the PDU has {len(data)} bytes; it must have {needed}")
-    parts = {name: data[k : k + 2] for name, k in zip(names, range(1, end, 2), strict=False)}
-    if counted:
-        parts["byte count"], parts["values"] = data[end : end + 1], data[end + 1 :]
-        if data[end] != len(parts["values"]):
-            raise LengthError(f"byte count is {data[end]}, but {len(data) - end - 1} bytes follow")
-    return parts
-
-
-def _numbers(parts: dict[str, bytes]) -> list[int]:
-    """Return the fields before a byte count as numbers."""
-    words = [part for name, part in parts.items() if name not in _COUNTED]
-    return [int.from_bytes(word, "big") for word in words]
+    if counted and data[end] != len(data) - end - 1:
+        raise LengthError(f"byte count is {data[end]}, but {len(data) - end - 1} bytes follow")
+    return unpack_from(f">{n}H", data, 1), data[end + 1 :]
 
 
 def _coil(value: int) -> bool:
@@ -675,11 +664,16 @@ class Adu:
 
     def _parts(self) -> dict[str, bytes]:
         """Return the bytes behind the function code by field, all as data if they are neither."""
-        for parse, layouts in ((Request.parse, _REQUESTS), (Response.parse, _RESPONSES)):
+        parts, rest = {}, self.pdu[1:]
+        names: tuple[str, ...] = ("data",) if rest else ()
+        for parse, layouts in ((Response.parse, _RESPONSES), (Request.parse, _REQUESTS)):
             with suppress(FrameError):
                 parse(self.pdu)
-                return _parts(self.pdu, layouts)
-        return {"data": self.pdu[1:]} if self.pdu[1:] else {}
+                names = layouts.get(self.pdu[0], ("exception code",))
+        for name in names:
+            size = 1 if name == "byte count" else len(rest) if name in ("values", "data") else 2
+            parts[name], rest = rest[:size], rest[size:]
+        return parts
 
 
 def decode(data: bytes, framing: Framing = "rtu") -> Adu:

@@ -5,14 +5,22 @@ Simulated time only: what a library does on a real port comes on top.
 
 from __future__ import annotations
 
-from dataclasses import field
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from math import floor
 
+from shipnet import style
 from shipnet.answers import Utilisation
+from shipnet.errors import ArgumentError
 from shipnet.fields import check_kind, check_scalar, check_whole, number, record, whole
+from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT, RTU_BYTES
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.uart import SerialLine
+
+#: Bit rates in use [bit/s].
+BIT_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 
 
 @record(slots=True)
@@ -112,13 +120,137 @@ class Poll:
         It is 0 if the dead ones alone take longer, and never more than 247.
         """
         longest = check_scalar("period", period, "s", 0, 1e6)
-        silent = check_whole("dead", dead, 0, MAX_UNIT)
-        # A period that is a whole number of transactions may miss it by a rounding.
-        alive = floor((longest - silent * self.timeout_time) / self.time * (1 + 1e-12) + 1e-12)
-        return min(silent + alive, MAX_UNIT) if alive >= 0 else 0
+        return _most([self], longest, check_whole("dead", dead, 0, MAX_UNIT))
 
 
-def scan_time(
+def _most(polls: Sequence[Poll], period: float, dead: int) -> int:
+    """Return how many slaves get all these requests within a period, the dead ones included."""
+    alive, silent = sum(poll.time for poll in polls), sum(poll.timeout_time for poll in polls)
+    # A period that is a whole number of transactions may miss it by a rounding.
+    fit = floor((period - dead * silent) / alive * (1 + 1e-12) + 1e-12)
+    return min(dead + fit, MAX_UNIT) if fit >= 0 else 0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scan:
+    """One round of a master through all its slaves; `scan` makes it.
+
+    Attributes
+    ----------
+    polls : tuple of Poll
+        The requests that each slave gets, one after the other.
+    n_slaves, dead : int
+        Number of slaves, and how many of them do not answer.
+    limit : float or None
+        Longest time that the scan may take [s].
+
+    Examples
+    --------
+    >>> from shipnet import modbus
+    >>> found = modbus.scan(24, registers=20, bit_rate=19200, dead=2, limit=1.0)
+    >>> found
+    Scan(24 slaves, 2 dead: 2.765 s, more than 1 s)
+    >>> round(found.dead_time, 3), round(found.slave_time, 3), found.max_slaves
+    (1.005, 0.034, 0)
+    >>> found.table()["scan_s"].round(2).to_dict()[115200]
+    2.19
+    """
+
+    polls: tuple[Poll, ...]
+    n_slaves: int
+    dead: int
+    limit: float | None
+
+    @property
+    def bit_rate(self) -> float:
+        """Bit rate of the line [bit/s]."""
+        return self.polls[0].line.bit_rate
+
+    @property
+    def time(self) -> float:
+        """How long the scan takes [s]."""
+        return sum(poll.scan_time(self.n_slaves, dead=self.dead) for poll in self.polls)
+
+    @property
+    def slave_time(self) -> float:
+        """How long a slave takes that answers [s]."""
+        return sum(poll.time for poll in self.polls)
+
+    @property
+    def dead_time(self) -> float:
+        """How long a dead slave takes, all its time-outs and retries [s]."""
+        return sum(poll.timeout_time for poll in self.polls)
+
+    @property
+    def bus_time(self) -> float:
+        """Share of the time in which there are bytes on the line, 0..1."""
+        busy = (
+            poll.utilisation(self.n_slaves, 1.0, dead=self.dead).bus_time
+            * poll.scan_time(self.n_slaves, dead=self.dead)
+            for poll in self.polls
+        )
+        return sum(busy) / self.time
+
+    @property
+    def max_slaves(self) -> int | None:
+        """How many slaves fit into the limit, the dead ones included; None without a limit."""
+        return None if self.limit is None else _most(self.polls, self.limit, self.dead)
+
+    @property
+    def ok(self) -> bool | None:
+        """Whether the limit is met; None without a limit."""
+        return None if self.limit is None else self.time <= self.limit
+
+    @property
+    def verdict(self) -> str:
+        """The answer in one line."""
+        said = (
+            f"{self.n_slaves} slaves{f', {self.dead} dead' if self.dead else ''}: {self.time:.3f} s"
+        )
+        if self.limit is None:
+            return said
+        return f"{said}, {'at most' if self.ok else 'more than'} {self.limit:g} s"
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per usual bit rate and the own one, indexed by ``bit_rate``.
+
+        ``scan_s``, ``slave_ms`` and ``dead_slave_ms`` are `time`, `slave_time` and `dead_time`,
+        ``bus_time_percent`` is `bus_time`. With a limit ``max_slaves`` and ``met`` follow. A bit
+        rate at which a response would take longer than the time-out is left out.
+        """
+        rows = {}
+        for rate in sorted({*BIT_RATES, self.bit_rate}):
+            with suppress(ArgumentError):
+                line = replace(self.polls[0].line, bit_rate=rate)
+                polls = tuple(replace(poll, line=line) for poll in self.polls)
+                one = replace(self, polls=polls)
+                times = (one.time, 1e3 * one.slave_time, 1e3 * one.dead_time, 100 * one.bus_time)
+                rows[rate] = (*times, one.max_slaves, one.ok)
+        columns = ["scan_s", "slave_ms", "dead_slave_ms", "bus_time_percent", "max_slaves", "met"]
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+        return table.rename_axis("bit_rate").dropna(axis="columns")
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the scan time over the bit rate, and the limit."""
+        ax, times = style.axes(ax), self.table()["scan_s"]
+        ax.plot(times.index, times, "o-", color="C0", mfc="white", label="other bit rates")
+        ax.plot(self.bit_rate, self.time, "o", color="C0", ms=9, label="chosen")
+        if self.limit is not None:
+            colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
+            ax.axhline(self.limit, color=colour, linestyle=dashes, label=f"limit, {self.limit:g} s")
+        ax.set(xscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
+        style.logarithmic(ax.yaxis)
+        ax.set_xticks(times.index, [f"{rate:g}" for rate in times.index], fontsize="small")
+        ax.set_xticks([], minor=True)
+        ax.set_xlim(0.85 * times.index[0], 1.2 * times.index[-1])
+        ax.legend(loc="upper right")
+        return ax
+
+    def __repr__(self) -> str:
+        return f"Scan({self.verdict})"
+
+
+def scan(
     n_slaves: int,
     *,
     registers: int,
@@ -128,7 +260,8 @@ def scan_time(
     dead: int = 0,
     timeout: float = 1.0,
     retries: int = 0,
-) -> float:
+    limit: float | None = None,
+) -> Scan:
     """Return how long a master takes to read holding registers of all its slaves once.
 
     Parameters
@@ -150,11 +283,13 @@ def scan_time(
         Response time-out, not shorter than a response takes, up to 3600 [s].
     retries : int, default 0
         How many more times the master asks a slave that does not answer, 0..100.
+    limit : float, optional
+        Longest time that the scan may take, 0..1e6 [s].
 
     Returns
     -------
-    float
-        Time of a scan [s].
+    Scan
+        Its `time`, where it goes, whether the limit is met, and the same at other bit rates.
 
     Raises
     ------
@@ -163,17 +298,20 @@ def scan_time(
 
     Examples
     --------
-    >>> round(scan_time(31, registers=4, bit_rate=9600), 3)
-    0.995
-    >>> round(scan_time(24, registers=10, dead=2, timeout=0.5, retries=1), 3)
+    >>> scan(31, registers=4, bit_rate=9600)
+    Scan(31 slaves: 0.995 s)
+    >>> scan(24, registers=10, dead=2, timeout=0.5, retries=1).time
     3.045
-    >>> round(scan_time(24, registers=300, bit_rate=38400), 3)
+    >>> round(scan(24, registers=300, bit_rate=38400).time, 3)
     4.645
     """
     count = check_whole("registers", registers, 1, 1 << 16)
-    line, most, time = SerialLine(bit_rate, character), 125, 0.0
+    slaves = check_whole("n_slaves", n_slaves, 1, MAX_UNIT)
+    silent = check_whole("dead", dead, 0, slaves)
+    if limit is not None:
+        check_scalar("limit", limit, "s", 0, 1e6)
+    line, most, polls = SerialLine(bit_rate, character), 125, []
     for begin in range(0, count, most):
         request = Request.read_holding_registers(begin, min(most, count - begin))
-        poll = Poll(request, line, processing=processing, timeout=timeout, retries=retries)
-        time += poll.scan_time(n_slaves, dead=dead)
-    return time
+        polls.append(Poll(request, line, processing, timeout, retries))
+    return Scan(tuple(polls), slaves, silent, limit)

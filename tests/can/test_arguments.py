@@ -67,15 +67,16 @@ CALLS = [
     (can.faults.ErrorAt, {"time": 0.1, "bits": 23}, {}),
     (can.faults.ErrorBound, {"interval": 0.1, "burst": 1, "bits": 31}, {}),
     (LOG.load, {"bit_rate": 125e3, "window": 1.0}, {}),
-    (LOG.compare, {"messages": MESSAGES}, {}),
+    (can.compare, {"messages": MESSAGES, "log": LOG, "period": 0.1},
+     {"messages": "text path", "log": "text path", "period": "None"}),
     (LOG.messages, {"period": 1.0}, {"period": "None"}),
     (LOG.save, {"path": "none.csv"}, {}),
 ]  # fmt: skip
 
 #: Made by a function of the front, or with nothing to check.
 RESULTS = {
-    "Analysis", "Arbitration", "Assignment", "BIT_RATES", "BatchRun", "Log", "LogLoad",
-    "ResponseTime", "ResponseTimes", "Run", "Signals", "faults",
+    "Analysis", "Arbitration", "Assignment", "BIT_RATES", "BatchRun", "Log",
+    "LogComparison", "LogLoad", "ResponseTime", "ResponseTimes", "Run", "Signals", "faults",
 }  # fmt: skip
 
 

@@ -603,3 +603,13 @@ def test_a_response_without_bound_leaves_the_axes_and_says_so(ax):
 def test_a_set_without_messages_can_be_drawn(ax):
     response_times(MessageSet([]), 125_000).plot(ax)
     ax.figure.draw_without_rendering()
+
+
+def test_a_bus_is_used_by_the_frames_and_answers_after_a_period_and_a_wait():
+    messages = MessageSet([Message("A", 1, 8, 0.01), Message("B", 2, 0, 0.004)])
+    found = response_times(messages, 125e3)
+    # With all the stuff bits that fit, 135 and 55 bits of 8 us.
+    load = 135 * 8e-6 / 0.01 + 55 * 8e-6 / 0.004
+    assert found.utilisation() == pytest.approx((load, load, 0.01 + found["A"].response))
+    nothing = response_times(MessageSet([]), 125e3).utilisation()
+    assert nothing[:2] == (0, 0) and math.isnan(nothing.worst_response)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from shipnet.design.catalogue import cables
+from shipnet.design.catalogue import Range, cables, read_assumptions
 from shipnet.design.designs import Design
 from shipnet.design.planning import plan
 from shipnet.design.rules import Rule, RuleSet
@@ -159,6 +159,68 @@ def test_feeders_are_as_thin_as_the_limits_allow(option, redundant):
         lost = spur + (lost - spur) * thinner.resistance / sizes[place].resistance
         late = tree["current_a"] + limits.short > thinner.current
         assert (lost > limits.drop * limits.voltage + 1e-9).any() or late.any()
+
+
+@pytest.mark.parametrize("option", ["CAN", "Modbus RTU", "AS-i"])
+def test_thicker_feeders_and_more_supplies_are_weighed_by_price(option, monkeypatch):
+    # The costs are those of the bill, which knows nothing of how the planner weighs.
+    def planned(price):
+        known = read_assumptions()
+        given = replace(known["supply"], range=Range(price, price, price))
+        monkeypatch.setattr(
+            "shipnet.design.supply.read_assumptions", lambda: {**known, "supply": given}
+        )
+        design = plan(ship(400), SITE, option)
+        assert design.check("supply").table().set_index("rule")["verdict"]["voltage"] == "met"
+        kind = "auxiliary supply" if option == "AS-i" else "supply"
+        out = (design.devices["kind"] == kind) & (design.devices["at"] != "cabinet")
+        return design.quantities()["total_cost_eur"], out.sum()
+
+    nominal = read_assumptions()["supply"].range.nominal
+    (cost, out), (dear, fewest), (free, most) = map(planned, (nominal, 1e6, 0.0))
+    assert fewest <= out <= most and fewest < most
+    # One that only moves out of the cabinet is weighed as one more.
+    assert cost < dear and cost <= free + nominal * out
+
+
+@pytest.mark.parametrize("option", ["CAN", "Modbus RTU"])
+def test_a_second_feed_from_the_far_end_would_cost_more(option):
+    """So no plan has one: a way back costs more than a thicker cable, or than a supply nearer."""
+    design = plan(ship(400), SITE, option)
+    price = {name: one.range.nominal for name, one in read_assumptions().items()}
+    rate, limits = price["labour_rate"], design.settings.supply
+    places = design.devices.set_index("device")[["x_m", "y_m", "z_m"]]
+
+    def spent(cable, metres):
+        each = price["laid_length"] * (cable.price.nominal + rate * cable.lay.nominal)
+        end = price["gland"] + rate * (price["gland_time"] + 2 * cable.termination.nominal)
+        return metres * each + 2 * end
+
+    tried = 0
+    for segment in design.segments["segment"]:
+        runs = design.cables[design.cables["segment"] == segment]
+        feeders, order = runs[runs["kind"] == "feeder"], runs["b"][runs["kind"] == "trunk"].tolist()
+        supplies = (design.supplies()["segment"] == segment).sum()
+        taken = (supplies - 1) * (price["supply"] + rate * price["part_time"])
+        taken += sum(spent(cables()[r.cable], r.length_m) for r in feeders.itertuples())
+        load = design.voltages().drop_duplicates("device").set_index("device")["load_a"][order]
+        way = np.vstack([np.zeros(3), places.loc[order].to_numpy(), np.zeros(3)])
+        metres = SITE.length(np.abs(np.diff(way, axis=0)).sum(axis=1))
+        nodes = ["supply", *order, "supply"]
+        for size in feeders_of("MI1P150"):
+            wire = Cable(size.resistance, 1e-6, 1e-10)
+            ring = Network(map(CableRun, nodes, nodes[1:], metres.tolist(), [wire] * len(metres)))
+            lowest = min(
+                ring.operating_point(
+                    "supply", 24.0, dict(load + limits.short * (load.index == shorted))
+                ).voltage[shorted]
+                for shorted in order
+            )
+            if lowest >= 18 and load.sum() + limits.short <= limits.rating:
+                tried += 1
+                assert sum(spent(size, each) for each in metres.tolist()) > taken
+                break
+    assert tried
 
 
 def test_a_load_that_no_supply_serves_is_a_reason():

@@ -188,9 +188,17 @@ def _rules(data: bytes) -> Any:
 
 
 def _levels(data: bytes) -> Any:
-    """Decode bytes as the samples of a record of an AS-i line."""
+    """Decode bytes as the samples of a record of an AS-i line, and judge them."""
     u = np.frombuffer(data[: len(data) // 8 * 8], "f8")
-    return asi.decode(u, 0.25e-6)
+    capture = asi.decode(u, 0.25e-6)
+    capture.counters()
+    capture.causes()
+    return capture
+
+
+def _samples() -> Iterable[bytes]:
+    yield np.sin(np.arange(900) / 3.7).tobytes()
+    yield asi.line(60, slaves=2).record(1e-3, rng=1).u.tobytes()
 
 
 def _packet(kind: Any) -> Target:
@@ -212,7 +220,7 @@ TARGETS: dict[str, Target] = {
     "asi capture.csv": Target(_file(".csv", asi.decode), _saved(".csv", _capture)),
     "asi capture.npz": Target(_file(".npz", asi.decode), _saved(".npz", _capture)),
     "asi capture.sr": Target(_file(".sr", asi.decode), lambda: [_session()]),
-    "asi samples": Target(_levels, lambda: [np.sin(np.arange(900) / 3.7).tobytes()]),
+    "asi samples": Target(_levels, _samples),
     "asi plan": Target(
         _file(".csv", asi.read_plan),
         _data("synthetic_asi_plan_300m.csv", "synthetic_asi_plan_ballast.csv"),

@@ -104,7 +104,7 @@ def test_the_defended_choice_of_the_lesson_holds():
     table = both.table().loc[[short.name, boxes.name]]
     assert table["points_left_out"].tolist() == [0, 0]
     assert table["lost_by_failure"].tolist() == [40, 60]
-    assert (table["total_cost_eur"] / 1e3).round().tolist() == [52, 67]
+    assert (table["total_cost_eur"] / 1e3).round().tolist() == [50, 67]
     kept = table[["rules_met", "rules_violated", "rules_not_verified"]].iloc[0]
     assert kept.tolist() == [4, 0, 11]
     # A line is lost with its master.
@@ -123,13 +123,15 @@ def test_the_defended_choice_of_the_lesson_holds():
     assert table["labour_h"].round().tolist() == [442, 582]
 
 
-def test_one_assumption_turns_as_i_and_can_round_and_none_home_runs():
+def test_no_assumption_turns_as_i_and_can_round_but_one_comes_close():
     designs = {
         name: plan(ballast(), Site((20, -6, 14), tails=2.0), name, settings=Settings({"spare": 0}))
         for name in ("AS-i", "CAN")
     }
-    turns = tornado(designs).every["order changes"]
-    assert set(turns.index[turns]) == {"laying_time"}
+    found = tornado(designs)
+    assert not found.every["order changes"].any() and round(found.at_nominal / 1e3) == 5
+    near = found.ends.min(axis=1)
+    assert 0 < near["laying_time"] < 1000 < near.drop("laying_time").min()
     far = tornado({"AS-i": designs["AS-i"], "home runs": design("home runs")})
     assert not far.every["order changes"].any()
 
@@ -169,6 +171,6 @@ def test_the_best_design_changes_at_two_prices_of_a_point():
     assert lost == {"plain": 70, "short": 40, "runs": 1}
     best = [
         min(plans, key=lambda name: cost[name] + price * lost[name])
-        for price in (0, 355, 370, 1775, 1795, 2500)
+        for price in (0, 355, 370, 1815, 1835, 2500)
     ]
     assert best == ["plain", "plain", "short", "short", "runs", "runs"]

@@ -21,10 +21,10 @@ CALLS = [
     (modbus.Response, {"function": 3, "registers": [1]}, {}),
     (modbus.decode, {"data": READ.rtu(1), "framing": "rtu"}, {}),
     (modbus.Poll, {"request": READ, "line": LINE, "processing": 0, "timeout": 1, "retries": 0}, {}),
-    (modbus.scan_time, {
+    (modbus.scan, {
         "n_slaves": 3, "registers": 4, "bit_rate": 9600, "character": "8E1", "processing": 0,
-        "dead": 0, "timeout": 1, "retries": 0,
-    }, {}),
+        "dead": 0, "timeout": 1, "retries": 0, "limit": 2,
+    }, {"limit": "None"}),
     (modbus.Loop, {
         "n_slaves": 3, "poll": POLL, "closed": True, "isolators": False, "move": "slave",
         "failures": 1, "recheck": 60,
@@ -60,8 +60,8 @@ CALLS = [
 
 #: Made by a function of the front, or with nothing to check.
 RESULTS = {
-    "Characters", "Device", "ExceptionCode", "FunctionCode", "Reach", "Run", "Server", "faults",
-    "udp",
+    "Characters", "Device", "ExceptionCode", "FunctionCode", "Reach", "Run", "Scan", "Server",
+    "faults", "udp",
 }  # fmt: skip
 
 

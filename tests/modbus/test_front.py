@@ -82,13 +82,6 @@ def test_a_response_has_as_many_values_as_were_asked_for():
         modbus.decode(b"", "RTU")
 
 
-def test_a_scan_in_one_line_is_that_of_its_poll():
-    assert modbus.scan_time(31, registers=4, bit_rate=9600) == pytest.approx(0.995, abs=5e-4)
-    poll = modbus.Poll(STATUS, LINE, timeout=0.5, retries=1)
-    of_one_line = modbus.scan_time(24, registers=4, dead=2, timeout=0.5, retries=1)
-    assert of_one_line == poll.scan_time(24, dead=2)
-
-
 def test_runs_say_in_one_line_what_came_of_them():
     loop = modbus.Loop(6, modbus.Poll(STATUS, LINE, timeout=0.1))
     run = modbus.simulate(loop, faults=[Break(3, start=0.3), DeadSlave(1)], until=1.0)

@@ -4,7 +4,9 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 
+from shipnet import modbus
 from shipnet.errors import ArgumentError
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
@@ -119,6 +121,50 @@ def test_a_dead_slave_costs_its_timeouts_instead_of_its_transaction():
 
 
 @pytest.mark.parametrize(
+    ("n", "registers", "dead", "retries", "rate", "character"),
+    [(1, 1, 0, 0, 9600, "8E1"), (24, 20, 2, 1, 19200, "8E1"), (247, 125, 247, 0, 1200, "8N1"),
+     (5, 126, 1, 3, 115200, "8N2"), (3, 1 << 16, 0, 0, 38400, "8O1")],
+)  # fmt: skip
+def test_a_scan_in_one_line_is_that_of_its_formula(n, registers, dead, retries, rate, character):
+    found = modbus.scan(n, registers=registers, bit_rate=rate, character=character,
+                        processing=3e-3, dead=dead, timeout=3.0, retries=retries)  # fmt: skip
+    byte = (10 if character == "8N1" else 11) / rate
+    silence = 3.5 * byte if rate <= 19200 else 1.75e-3
+    parts = [125] * (registers // 125) + [registers % 125] * (registers % 125 > 0)
+    answered = sum((8 + 5 + 2 * part) * byte for part in parts)
+    asked = len(parts) * 8 * byte
+    slave = answered + len(parts) * (2 * silence + 3e-3)
+    given_up = (1 + retries) * (asked + len(parts) * 3.0)
+    time = (n - dead) * slave + dead * given_up
+    assert (found.slave_time, found.dead_time) == pytest.approx((slave, given_up))
+    assert found.time == pytest.approx(time)
+    on_line = (n - dead) * answered + dead * (1 + retries) * asked
+    assert found.bus_time == pytest.approx(on_line / time)
+    assert found.table().loc[rate].tolist() == pytest.approx(
+        [time, 1e3 * slave, 1e3 * given_up, 100 * on_line / time]
+    )
+
+
+def test_a_limit_is_met_exactly_or_not():
+    free = modbus.scan(24, registers=20, bit_rate=19200, dead=2)
+    assert (free.ok, free.max_slaves) == (None, None) and "met" not in free.table()
+    for limit, ok in ((free.time, True), (free.time * (1 - 1e-9), False), (0.5, False)):
+        found = modbus.scan(24, registers=20, bit_rate=19200, dead=2, limit=limit)
+        assert found.ok is ok and found.table().loc[19200, "met"] == ok
+        assert found.max_slaves == (24 if ok else 23 if limit > 1 else 0)
+        assert ("at most" if ok else "more than") in found.verdict
+
+
+def test_bit_rates_too_slow_for_the_time_out_are_left_out_and_an_own_one_is_added():
+    # 255 bytes of 11 bits take 2.3 s at 1200 bit/s, and 0.6 s at 4800.
+    found = modbus.scan(31, registers=125, bit_rate=10e3, timeout=0.5)
+    assert found.table().index.tolist() == [9600, 10_000, 19200, 38400, 57600, 115200]
+    ax = found.plot(Figure().subplots())
+    assert ax.lines[0].get_xdata().tolist() == found.table().index.tolist()
+    assert ax.lines[1].get_ydata() == [found.time] and len(ax.lines) == 2
+
+
+@pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: SerialLine(0), "bit_rate is 0"),
@@ -130,6 +176,11 @@ def test_a_dead_slave_costs_its_timeouts_instead_of_its_transaction():
         (lambda: Poll(STATUS, SerialLine(9600), retries=-1), "retries"),
         (lambda: Poll(STATUS, SerialLine(9600)).scan_time(248), r"n_slaves is 248.*1\.\.247"),
         (lambda: Poll(STATUS, SerialLine(9600)).scan_time(2, dead=3), r"dead is 3.*0\.\.2"),
+        (lambda: modbus.scan(2, registers=4, dead=3), r"dead is 3.*0\.\.2"),
+        (lambda: modbus.scan(0, registers=4), r"n_slaves is 0.*1\.\.247"),
+        (lambda: modbus.scan(2, registers=65537), r"registers is 65537.*1\.\.65536"),
+        (lambda: modbus.scan(2, registers=125, timeout=0.1), "timeout is 0.1 s; it must be"),
+        (lambda: modbus.scan(2, registers=4, limit=-1), "limit is -1"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):

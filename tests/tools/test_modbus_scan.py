@@ -4,7 +4,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError
-from shipnet.tools.modbus_scan import BIT_RATES, CHARACTERS, ModbusScan
+from shipnet.modbus.polling import BIT_RATES
+from shipnet.tools.modbus_scan import CHARACTERS, ModbusScan
 
 
 @pytest.mark.parametrize("character", CHARACTERS)
@@ -14,31 +15,22 @@ def test_a_scan_is_counted_in_characters(character, slaves, registers):
     inputs = ModbusScan(9600, character, slaves, registers, processing_ms=3, timeout_ms=1000)
     bits = {"8E1": 11, "8O1": 11, "8N2": 11, "8N1": 10}[character]
     characters = 8 + (5 + 2 * registers) + 2 * 3.5
-    assert isclose(inputs.scan, slaves * (characters * bits / 9600 + 3e-3))
+    assert isclose(inputs.result.time, slaves * (characters * bits / 9600 + 3e-3))
 
 
 def test_each_dead_slave_costs_its_timeouts():
     alive, dead = ModbusScan(retries=2), ModbusScan(retries=2, dead=3)
     tries = 3 * 3 * (8 * 11 / 9600 + 0.5)
-    assert isclose(dead.scan, alive.scan * 28 / 31 + tries)
+    assert isclose(dead.result.time, alive.result.time * 28 / 31 + tries)
     assert dead.numbers["scan with all alive"] == alive.numbers["scan"]
-    assert isclose(ModbusScan(dead=31).scan, 31 * 2 * (8 * 11 / 9600 + 0.5))
+    assert isclose(ModbusScan(dead=31).result.time, 31 * 2 * (8 * 11 / 9600 + 0.5))
 
 
 @pytest.mark.parametrize("dead", [0, 1])
 def test_one_slave_more_than_fit_is_too_slow(dead):
-    most = ModbusScan(dead=dead).max_slaves
+    most = ModbusScan(dead=dead).result.max_slaves
     assert ModbusScan(slaves=most, dead=dead).ok
     assert not ModbusScan(slaves=most + 1, dead=dead).ok
-
-
-def test_the_curve_holds_the_chosen_scan_and_leaves_out_what_cannot_be():
-    tool = ModbusScan()
-    assert tool.by_bit_rate[9600] == tool.scan
-    assert list(tool.by_bit_rate) == list(BIT_RATES)
-    # 255 bytes of 11 bits take 2.3 s at 1200 bit/s, and 0.6 s at 4800.
-    slow = ModbusScan(registers=125, timeout_ms=500)
-    assert list(slow.by_bit_rate) == [9600, 19200, 38400, 57600, 115200]
 
 
 @pytest.mark.parametrize(
