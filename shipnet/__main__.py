@@ -28,8 +28,10 @@ _TRANSACTION = (
     ("pauses", "slave_pause_bit", 6, 1),
     ("req V", "request_amplitude_V", 7, 2),
     ("resp V", "response_amplitude_V", 7, 2),
-    ("weakest", "weakest_pulse", 9, 2),
-    ("ringing", "ringing", 9, 2),
+    ("weakest", "request_weakest", 9, 2),
+    ("", "response_weakest", 5, 2),
+    ("ringing", "request_ringing", 9, 2),
+    ("", "response_ringing", 5, 2),
 )
 
 #: Rows of a table that the terminal shows, and the part of a record that a figure shows [s].
@@ -46,7 +48,8 @@ example:
 _DECODE = """\
 Decode an AS-i line voltage that an oscilloscope recorded: its CSV file,
 .npy, .npz, or sigrok's .sr. DC or AC coupled, either way round, 1 MS/s or more.
-A figure shows the first 400 us.
+It says which slaves suffer, what masters count, and the probable causes. A figure
+shows the first 400 us.
 
 example:
   shipnet decode scope.csv --channel CH2 -o transactions.csv -o transactions.png
@@ -319,9 +322,11 @@ def _decode(arguments: argparse.Namespace) -> Answer:
         sample_interval=arguments.sample_interval,
         threshold=arguments.threshold,
     )
-    if not capture.telegrams:
+    causes = capture.causes()
+    if not capture.telegrams and causes.empty:
         raise InputError(arguments.file, f"no AS-i telegram in channel {capture.wave.names[0]}")
     rows, summary, findings = capture.transactions, capture.summary(), capture.check()
+    counters = capture.counters()
     shown = rows.head(_ROWS).assign(start_ms=1e3 * rows["start_s"])
     titles = "".join(f"{title:>{width}}" for title, _, width, _ in _TRANSACTION)
     lines = [capture.wave.description, f"{titles}  transaction"]
@@ -333,58 +338,65 @@ def _decode(arguments: argparse.Namespace) -> Answer:
         lines.append(f"{''.join(cells)}  {row['text']}")
     if len(rows) > _ROWS:
         lines.append(f"... and {len(rows) - _ROWS} more")
-    slaves = summary.slaves.round(2).to_string(na_rep="-")
-    start = max(0.0, float(rows["start_s"].iloc[0]) - 20e-6)
+    lines += ["", str(summary), "", summary.slaves.round(2).to_string(na_rep="-"), ""]
+    for name, value, light, meaning in counters.itertuples():
+        number = f"{value:.1%}" if name == "repetitions" else f"{value:g}"
+        lines.append(f"{name:<21}{number.replace('nan', '-'):>6}  {light:<7}{meaning}")
+    lines += ["", str(findings), ""]
+    for rank, (cause, slave, _, evidence) in enumerate(causes.itertuples(), 1):
+        lines.append(f"probable cause {rank}: {cause} {slave}".rstrip() + f"; {evidence}")
+    start = 0.0 if rows.empty else max(0.0, float(rows["start_s"].min()) - 20e-6)
+    counts = {str(name).replace(" ", "_"): (n, "") for name, n in counters["value"].items()}
     return Answer(
         ok=findings.ok,
         verdict=findings.verdict,
-        text="\n".join([*lines, f"\n{summary}\n\n{slaves}\n\n{findings}"]),
+        text="\n".join(lines).rstrip(),
         numbers={
             "transactions": (len(rows), ""),
             "telegrams": (capture.telegrams, ""),
             "unanswered": (summary.unanswered, ""),
             "cycle_time": (summary.cycle_time, "s"),
+            "supply_voltage": (capture.supply_voltage, "V"),
+            **counts,
         },
-        tables={"transactions": _marked(rows), "slaves": summary.slaves.reset_index()},
+        tables={
+            "transactions": _marked(rows),
+            "slaves": summary.slaves.reset_index(),
+            "counters": counters.reset_index(),
+            "causes": causes.reset_index(),
+        },
         draw=lambda ax: capture.plot(ax, start=start, stop=start + _SHOWN),
         findings=findings,
     )
 
 
-def _answer(found: Any, numbers: Mapping[str, tuple[float, str]], **tables: pd.DataFrame) -> Answer:
-    """Return what an answer of a front says, for the terminal with its tables."""
-    blocks = [found.verdict]
-    for name, table in tables.items():
-        if len(table):
-            cells = (
-                table.head(_ROWS)
-                .round(3)
-                .to_string(index=False, na_rep="-", formatters={"arbitration_id": "0x{:X}".format})
-            )
-            more = f"\n... and {len(table) - _ROWS} more" if len(table) > _ROWS else ""
-            blocks.append(f"{name.replace('_', ' ')}:\n{cells}{more}")
-    return Answer(
-        ok=found.ok,
-        verdict=found.verdict,
-        text="\n\n".join(blocks),
-        numbers=numbers,
-        tables=tables,
-        draw=lambda ax: found.plot(ax=ax),
-    )
+def _answer(
+    found: Any, numbers: Mapping[str, tuple[float, str]], text: str = "", **tables: pd.DataFrame
+) -> Answer:
+    """Return what an answer of a front says, for the terminal with its tables that are not empty.
+
+    Findings are said in words, by `text`.
+    """
+    look: dict[str, Any] = {"index": False, "na_rep": "-", "max_rows": _ROWS}
+    blocks = [
+        f"{name.replace('_', ' ')}:\n"
+        + table.round(3).to_string(formatters={"arbitration_id": "0x{:X}".format}, **look)
+        for name, table in tables.items()
+        if len(table) and name != "findings"
+    ]
+    text = "\n\n".join([text or found.verdict, *blocks])
+    return Answer(found.ok, found.verdict, text, numbers, tables, lambda ax: found.plot(ax=ax))
 
 
 def _check(arguments: argparse.Namespace) -> Answer:
     from shipnet.asi.plan import read_plan
 
     found = read_plan(arguments.plan).check()
+    numbers = {"checks": (len(found), ""), "violated": (len(found.violated()), "")}
     columns = ["rule", "object", "value", "low", "high", "unit", "margin"]
-    rules = _answer(found, {}, rules=found.worst().reset_index()[columns])
-    return rules._replace(
-        text=rules.text.replace(found.verdict, str(found), 1),
-        numbers={"checks": (len(found), ""), "violated": (len(found.violated()), "")},
-        tables={"findings": found.table(), **rules.tables},
-        findings=found,
-    )
+    rules = found.worst().reset_index()[columns]
+    answer = _answer(found, numbers, str(found), findings=found.table(), rules=rules)
+    return answer._replace(findings=found)
 
 
 def _can(arguments: argparse.Namespace) -> Answer:

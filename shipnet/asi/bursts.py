@@ -101,7 +101,7 @@ def pieces(
     for number in range(count) if only is None else only:
         core = int(number) * length
         low, high = max(0, core - overlap), min(len(u), core + length + overlap)
-        x = _flatten(_resample(u[low:high], sampling), sampling.step)
+        x = _flatten(resample(u[low:high], sampling), sampling.step)
         yield Piece(
             x,
             _matched(x, sampling.step),
@@ -112,7 +112,7 @@ def pieces(
         )
 
 
-def _resample(u: Floats, sampling: Sampling) -> Singles:
+def resample(u: Floats, sampling: Sampling) -> Singles:
     """Return the voltage less a constant at the rate that `sampling` says."""
     # Single precision resolves 2 uV on 30 V, but only if a filter need not swallow the 30 V.
     some = u[:: max(1, len(u) // 4096)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from shipnet.answers import Findings
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.batch import NONE, Requests, parse_responses
 from shipnet.asi.bursts import Telegrams, find_telegrams
+from shipnet.asi.causes import Found, Restored, line_causes, ranked, restored, sender_causes
 from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
@@ -65,7 +66,6 @@ def transactions_of(
     titles = np.array([*(call.rule.title for call in Call), ""], dtype=object)
     texts = _texts(telegrams)
     requests, responses = _pick(texts, request, ""), _pick(texts, response, "")
-    speaker = np.where(response >= 0, response, request)
     master_pause, slave_pause = _pauses(telegrams, request, response, cut)
     return pd.DataFrame(
         {
@@ -81,8 +81,10 @@ def transactions_of(
             "slave_pause_bit": slave_pause,
             "request_amplitude_V": _pick(telegrams.amplitude, request, np.nan),
             "response_amplitude_V": _pick(telegrams.amplitude, response, np.nan),
-            "weakest_pulse": _pick(telegrams.weakest, speaker, np.nan),
-            "ringing": _pick(telegrams.ringing, speaker, np.nan),
+            "request_weakest": _pick(telegrams.weakest, request, np.nan),
+            "response_weakest": _pick(telegrams.weakest, response, np.nan),
+            "request_ringing": _pick(telegrams.ringing, request, np.nan),
+            "response_ringing": _pick(telegrams.ringing, response, np.nan),
             "request_error": request_error,
             "response_error": response_error,
             "text": np.array(
@@ -189,12 +191,36 @@ def _in_words(
     return "; ".join(parts)
 
 
-#: Smallest first pulse that is in order [V]: half of a signal of 3 V peak to peak, the least that
-#: a chip must read.
-LEVEL = 1.5
+#: Size of a first pulse that is in order [V]: half of a signal of 3 to 8 V peak to peak, what a
+#: chip must read.
+LEVEL = 1.5, 4.0
+
+#: A supply's voltage that is in order [V], and the least that is not a power fail (asi_plan_rules;
+#: Bihl+Wiedemann's tuner). Below the last one nothing was recorded but the signal.
+SUPPLY, POWER_FAIL, _COUPLED = (26.5, 31.6), 18.5, 5.0
 
 #: A master repeats a request at once [s]; later than this it is the next cycle.
 _AT_ONCE = 1e-3
+
+#: A request and the one read without the cable are the same if they begin this near [s].
+_SAME = 4e-6
+
+#: Calls by which a master looks for new slaves; nobody need answer them.
+_IDENTIFICATION = [
+    call.rule.title
+    for call in (Call.READ_IO_CONFIGURATION, Call.READ_ID, Call.READ_ID1, Call.READ_ID2)
+]
+
+#: Failed tries in a row after which a master drops a slave: two in each of three cycles.
+_DROPPED = 6
+
+#: Share of repetitions up to which a line is green, and yellow (P+F, AS-i 3.0 command interface).
+_LIGHTS = 0.01, 0.05
+
+#: Stands for the slave where a telegram has no address that can be read.
+UNKNOWN = "unknown"
+
+_FINE = ["ok", "", CUT_OFF]
 
 
 @dataclass(frozen=True)
@@ -207,6 +233,8 @@ class Summary:
     unanswered: int
     seen: list[str]
     missing: list[str]
+    #: Addresses at which the master only looked for new slaves, in vain.
+    vacant: list[str]
     errors: dict[str, int]
     cut_off: int
     slaves: pd.DataFrame
@@ -222,29 +250,32 @@ class Summary:
                 f"unanswered     {self.unanswered}",
                 f"slaves seen    {', '.join(self.seen) or 'none'}",
                 f"never answered {', '.join(self.missing) or 'none'}",
+                f"none at        {', '.join(self.vacant) or '-'} (the master looks for new slaves)",
                 f"errors         {errors or 'none'}",
             ]
         )
 
 
-def summarize(transactions: pd.DataFrame) -> Summary:
-    """Summarise a table of transactions."""
+def summarize(capture: Capture) -> Summary:
+    """Summarise a capture."""
+    transactions = capture.transactions
     states = transactions[["request_error", "response_error"]].to_numpy()
-    faults = [state for state in states.ravel() if state not in ("", "ok", CUT_OFF, NO_ANSWER)]
+    faults = [state for state in states.ravel() if state not in (*_FINE, NO_ANSWER)]
     repeated = _repeated(transactions)
-    slaves = _slaves(transactions)
-    answered = slaves["answers"] > 0
-    asked = slaves["requests"] > 0
+    slaves = _slaves(transactions, capture.asked)
+    known = slaves[slaves.index != UNKNOWN]
+    silent = known[(known["answers"] == 0) & (known["unanswered"] > 0)]
     return Summary(
         len(transactions),
-        _cycle_time(transactions[~repeated]),
+        _cycle_time(transactions[~repeated], capture.asked[~repeated]),
         int(repeated.sum()),
         int((transactions["response_error"] == NO_ANSWER).sum()),
-        list(slaves.index[answered]),
-        list(slaves.index[asked & ~answered & (slaves["unanswered"] > 0)]),
+        list(known.index[known["answers"] > 0]),
+        list(silent.index[silent["polled"]]),
+        list(silent.index[~silent["polled"]]),
         {name: faults.count(name) for name in sorted(set(faults))},
         int((states == CUT_OFF).sum()),
-        slaves.drop(columns="unanswered"),
+        slaves.drop(silent.index[~silent["polled"]]).drop(columns=["unanswered", "polled"]),
     )
 
 
@@ -265,40 +296,66 @@ def _repeated(transactions: pd.DataFrame) -> Bools:
     return repeated
 
 
-def _cycle_time(transactions: pd.DataFrame) -> float:
-    data = transactions[transactions["call"] == "data exchange"]
-    times = data.groupby("address")["start_s"].diff().dropna()
+def _cycle_time(transactions: pd.DataFrame, asked: pd.DataFrame) -> float:
+    """Return the time after which a slave is asked for data again [s]."""
+    data = (asked["call"] == "data exchange").to_numpy()
+    times = transactions["start_s"][data].groupby(asked["slave"][data]).diff().dropna()
     return float(times.median()) if len(times) else float("nan")
 
 
-def _slaves(transactions: pd.DataFrame) -> pd.DataFrame:
-    rows = transactions[
-        transactions["address"].notna() & (transactions["call"] != "broadcast reset")
-    ]
-    place = rows["address"].astype(int)
-    label = place.astype(str) + rows["half"]
-    answer = rows["response_error"] == "ok"
-    heard = rows[answer]
-    by = rows.groupby(label)
-    good = heard.groupby(label[answer])
+def _asked(capture: Capture) -> pd.DataFrame:
+    """Return which slave each transaction is with, and the call, read without the cable if bad."""
+    rows = capture.transactions
+    address = rows["address"].astype(object).fillna(NONE).to_numpy(np.int64)
+    half, calls = rows["half"].tolist(), rows["call"].tolist()
+    names = [UNKNOWN if a == NONE else f"{a}{h}" for a, h in zip(address, half, strict=True)]
+    names = ["" if c == "broadcast reset" else n for c, n in zip(calls, names, strict=True)]
+    asked = pd.DataFrame({"slave": names, "call": calls}, index=rows.index, dtype=object)
+    bad = ~rows["request_error"].isin(_FINE).to_numpy()
+    if not bad.any() or not len(capture.restored.start):
+        return asked
+    there, words = capture.restored.start, capture.restored.words
+    read = Requests.parse(words, extended=np.isin(words >> 7 & 31, capture.extended))
+    start = rows["start_s"].to_numpy()
+    near = np.minimum(np.searchsorted(there, start - _SAME), len(there) - 1)
+    near[~(np.abs(start - there[near]) < _SAME) | (read.error[near] > 0) | ~bad] = -1
+    # What was heard the same way elsewhere was meant the same way.
+    texts = rows["request"].tolist()
+    meant = {texts[row]: int(near[row]) for row in np.flatnonzero(near >= 0)}
+    for row in np.flatnonzero(bad & rows["request"].isin(meant).to_numpy()):
+        k = meant[texts[row]]
+        names[row] = f"{read.address[k]}{('A', 'B', '')[read.half[k]]}"
+        calls[row] = Call(int(read.call[k])).rule.title
+    return asked.assign(slave=names, call=calls)
+
+
+def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
+    """Return one row per address that was asked, and one for telegrams without an address."""
+    rows = transactions.assign(slave=asked["slave"])[asked["slave"] != ""]
+    by = rows["slave"]
+    response, request = rows["response_error"], rows["request_error"]
+    heard = rows[(rows["response"] != "") & (response != CUT_OFF)].groupby("slave")
+    bad_requests = ~request.isin(_FINE)
+    polled = ~asked["call"].isin(_IDENTIFICATION)
     table = pd.DataFrame(
         {
-            "requests": by.size(),
-            "answers": good.size().reindex(by.size().index, fill_value=0),
-            "unanswered": (rows["response_error"] == NO_ANSWER).groupby(label).sum(),
-            "errors": (~rows["response_error"].isin(["ok", "", NO_ANSWER, CUT_OFF]))
-            .groupby(label)
-            .sum(),
-            "amplitude_V": good["response_amplitude_V"].median(),
-            "weakest_pulse": good["weakest_pulse"].min(),
-            "ringing": good["ringing"].max(),
+            "requests": (rows["request"] != "").groupby(by).sum(),
+            "answers": (response == "ok").groupby(by).sum(),
+            "unanswered": (response == NO_ANSWER).groupby(by).sum(),
+            "polled": polled.groupby(by).any(),
+            "bad_requests": bad_requests.groupby(by).sum(),
+            "errors": (~response.isin([*_FINE, NO_ANSWER])).groupby(by).sum(),
+            "amplitude_V": heard["response_amplitude_V"].median(),
+            "weakest_pulse": heard["response_weakest"].min(),
+            "ringing": heard["response_ringing"].max(),
         }
     )
-    table["amplitude_margin"] = table["weakest_pulse"] - TOLERANCE.evenness
-    table["ringing_margin"] = TOLERANCE.ringing - table["ringing"]
-    order = pd.DataFrame({"place": place.groupby(label).first(), "name": by.size().index})
-    table = table.loc[order.sort_values(["place", "name"]).index]
-    return table.rename_axis("slave")
+    order = sorted(table.index, key=lambda name: (*_place(name), name))
+    return table.loc[order].rename_axis("slave")
+
+
+def _place(name: str) -> tuple[bool, int]:
+    return name == UNKNOWN, 0 if name == UNKNOWN else int(name.rstrip("AB"))
 
 
 #: Longest time between two samples [s]: three samples a half-bit.
@@ -325,8 +382,8 @@ class Capture:
           what they say; empty for a bad telegram;
         - ``master_pause_bit``, ``slave_pause_bit``: pauses after request and response [bit];
         - ``request_amplitude_V``, ``response_amplitude_V``: size of the first pulse;
-        - ``weakest_pulse``, ``ringing``: as in `shipnet.asi.receiver.Reception`, over the largest
-          pulse; of the response, or of the request if there is no response;
+        - ``request_weakest``, ``response_weakest``, ``request_ringing``, ``response_ringing``: as
+          in `shipnet.asi.receiver.Reception`, over the largest pulse;
         - ``request_error``, ``response_error``: ``"ok"``, a class of `shipnet.errors`,
           ``"cut off"`` at an end of the record, ``"no answer"``, or ``""`` where no telegram is
           expected;
@@ -341,6 +398,8 @@ class Capture:
         Bursts of too few pulses for a telegram.
     wave : shipnet.line.Waveform
         The record.
+    extended : tuple of int
+        Addresses that hold A/B slaves, as given.
 
     Examples
     --------
@@ -357,7 +416,7 @@ class Capture:
     minimum: float
     disturbances: int
     wave: Waveform = field(repr=False, compare=False)
-    _summary: list[Summary] = field(default_factory=list, repr=False, compare=False)
+    extended: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         return (
@@ -377,16 +436,87 @@ class Capture:
 
     @property
     def slaves(self) -> pd.DataFrame:
-        """One row per slave that was asked: answers, errors, level, evenness, ringing, margins."""
+        """One row per slave that was asked: answers, errors, level, evenness and ringing.
+
+        Requests that cannot be read, and are not those of one slave beyond doubt, are in the row
+        ``"unknown"``.
+        """
         return self.summary().slaves
+
+    @cached_property
+    def _middle(self) -> float:
+        some = self.wave.u[:: max(1, len(self.wave.u) // 100_000)]
+        some = some[~np.isnan(some)]
+        return float(np.median(some)) if len(some) else 0.0
+
+    @property
+    def supply_voltage(self) -> float:
+        """Voltage of the supply [V]; NaN if the record is AC coupled."""
+        return abs(self._middle) if abs(self._middle) > _COUPLED else float("nan")
 
     def check(self, plan: Plan | None = None) -> Findings:
         """Judge what was heard, requests and responses apart: level, evenness, ringing, errors.
 
-        Level is the size of the first pulse: half of 3 V peak to peak at least. Of a request only
-        level and errors are known. With a `plan` every slave in it must have answered.
+        Level is the size of the first pulse: half of 3 to 8 V peak to peak. Bad telegrams count in
+        the evenness and ringing. The supply is judged if the record is DC coupled. With a `plan`
+        every slave in it must have answered.
         """
         return Findings(_judged(self, plan))
+
+    def causes(self) -> pd.DataFrame:
+        """Return the probable causes of what is wrong with the line, the likeliest first.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Indexed by cause, empty on a line that is in order: `slave`, if it is about one;
+            `share` of the violated findings of `check` that it explains, 0..1; and the `evidence`.
+            The causes are a cable too long or a stub, a second supply, a supply inductance that is
+            missing or wrong, interference, a duplicate address, a weak slave and a reversed probe.
+
+        Notes
+        -----
+        The voltage of the requests over their nominal current of 60 mA is the impedance that they
+        meet: supply and cable as a resistance, an inductance and a capacitance. Two supplies halve
+        the first two; a long cable or a stub adds capacitance and echoes. A scope at a slave
+        instead of the master shows the same, less exactly. The rules were found on simulated lines
+        and are tested on others: that verifies them, but a real line may differ.
+
+        Examples
+        --------
+        >>> from shipnet.asi import line
+        >>> plan = line(60, slaves=(10, 30, 60))
+        >>> decode(plan.record(10e-3, weak={"2": 0.4}, rng=2024)).causes()["slave"].to_dict()
+        {'weak slave': '2'}
+        """
+        broken, slaves = self.check().violated(), self.slaves
+        found: list[Found] = []
+        if len(broken) or self.disturbances:
+            answering = int((slaves["answers"] > 0).sum())
+            found = line_causes(
+                self.restored, self.transactions, answering, self.disturbances,
+                self.supply_voltage,
+            ) or sender_causes(slaves, self.disturbances)  # fmt: skip
+        return ranked(found, broken, self.inverted)
+
+    def counters(self) -> pd.DataFrame:
+        """Return what masters and analysers count, computed from the record.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Indexed by counter: `value`, `light` and `meaning`. The light of the share of
+            repetitions is green up to 1 %, yellow up to 5 % and red above; that of other counters
+            is green at 0. A value is NaN, without a light, where the record cannot show it.
+
+        Examples
+        --------
+        >>> from shipnet.asi import line
+        >>> counters = decode(line(60, slaves=3).record(10e-3, rng=2024)).counters()
+        >>> counters.loc[["missing slave frames", "repetitions"], "light"].tolist()
+        ['green', 'green']
+        """
+        return _counted(self)
 
     def plot(
         self, ax: Axes | None = None, *, start: float = 0.0, stop: float | None = None
@@ -394,6 +524,7 @@ class Capture:
         """Draw the record from `start` to `stop` [s] with the telegrams that were found in it.
 
         Each is shaded, with its bits above it; one with an error has the error's name above them.
+        Two lines show the least size of a first pulse.
         """
         ax = style.axes(ax, figsize=(10, 3.2))
         u, dt = self.wave.u, self.wave.dt
@@ -406,6 +537,14 @@ class Capture:
         index = np.unique(np.arange(len(whole))[:, np.newaxis] * group + index)
         ax.plot((low + index) * dt * 1e6, u[low:high][index], color="C0", linewidth=0.8)
 
+        zero = 0.0 if np.isnan(self.supply_voltage) else self._middle
+        colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
+        for sign in (1, -1):
+            ax.axhline(zero + sign * LEVEL[0], color=colour, linestyle=dashes)
+        ax.text(
+            1.01, zero - LEVEL[0], f"{LEVEL[0]} V", transform=ax.get_yaxis_transform(),
+            color=colour, va="center", fontsize=8,
+        )  # fmt: skip
         ends = ax.get_xaxis_transform()
         for row in self.transactions.to_dict("records"):
             begin = row["start_s"]
@@ -441,36 +580,61 @@ class Capture:
         return str(self.summary())
 
     def summary(self) -> Summary:
-        """Return cycle time, repetitions, missing slaves, errors and margins."""
-        if not self._summary:
-            self._summary.append(summarize(self.transactions))
-        return self._summary[0]
+        """Return cycle time, repetitions, missing slaves and errors."""
+        return self._summary
+
+    @cached_property
+    def restored(self) -> Restored:
+        """The first 40 ms with the cable taken off, from which bad requests can be read."""
+        rows = self.transactions
+        asked = rows[(rows["request"].str.len() == REQUEST_BITS) & rows["start_s"].notna()]
+        good = rows[rows["request_error"] == "ok"]
+        words = np.array([int(bits, 2) for bits in good["request"]], np.int64)
+        starts = asked["start_s"].to_numpy(), good["start_s"].to_numpy()
+        return restored(self.wave.u, self.wave.dt, *starts, words, self.inverted)
+
+    @cached_property
+    def asked(self) -> pd.DataFrame:
+        """Which slave each transaction is with, and the call; bad requests too where possible."""
+        return _asked(self)
+
+    @cached_property
+    def _summary(self) -> Summary:
+        return summarize(self)
 
 
 def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     """Return the findings on a capture as the table that `Findings` takes."""
     rows: list[tuple[str, str, float, float, float, str, str]] = []
     nan = float("nan")
-    table = capture.transactions
-    asked = table[table["request_error"] == "ok"]
+    table, slaves = capture.transactions, capture.slaves
+    if capture.supply_voltage == capture.supply_voltage:
+        volts = capture.supply_voltage
+        rows.append(("supply voltage", "supply", volts, *SUPPLY, "V", "at the scope"))
+    rows.append(("telegrams", "line", float(capture.telegrams), 1.0, nan, "", "telegrams read"))
+    asked = table[~table["request_error"].isin(["", CUT_OFF])]
     if len(asked):
-        least = float(asked["request_amplitude_V"].min())
-        rows.append(("request level", "master", least, LEVEL, nan, "V", "the weakest request"))
-    bad = ~table["request_error"].isin(["", "ok", CUT_OFF])
-    rows.append(("request errors", "master", float(bad.sum()), nan, 0.0, "", "bad requests"))
-    for name, slave in capture.slaves.iterrows():
+        level, weakest = asked["request_amplitude_V"], float(asked["request_weakest"].min())
+        rows.append(("request level", "master", float(level.min()), LEVEL[0], nan, "V", "requests"))
+        rows.append(
+            ("request evenness", "master", weakest, TOLERANCE.evenness, nan, "", "requests")
+        )
+        ringing = float(asked["request_ringing"].max())
+        rows.append(("request ringing", "master", ringing, nan, TOLERANCE.ringing, "", "requests"))
+    bad = float((asked["request_error"] != "ok").sum())
+    rows.append(("request errors", "master", bad, nan, 0.0, "", "bad requests"))
+    for name, slave in slaves[slaves.index != UNKNOWN].iterrows():
         who = f"slave {name}"
-        if slave["answers"]:
-            for rule, column, low, high, unit in (
-                ("response level", "amplitude_V", LEVEL, nan, "V"),
-                ("response evenness", "weakest_pulse", TOLERANCE.evenness, nan, ""),
-                ("response ringing", "ringing", nan, TOLERANCE.ringing, ""),
-            ):
+        for rule, column, low, high, unit in (
+            ("response level", "amplitude_V", *LEVEL, "V"),
+            ("response evenness", "weakest_pulse", TOLERANCE.evenness, nan, ""),
+            ("response ringing", "ringing", nan, TOLERANCE.ringing, ""),
+        ):
+            if slave[column] == slave[column]:
                 rows.append((rule, who, float(slave[column]), low, high, unit, "its responses"))
         rows.append(("response errors", who, float(slave["errors"]), nan, 0.0, "", "bad responses"))
-    answers = capture.slaves["answers"]
     for one in plan.slaves if plan is not None else ():
-        heard = float(answers.get(one.label, 0))
+        heard = float(slaves["answers"].get(one.label, 0))
         rows.append(("answers", f"slave {one.label}", heard, 1.0, nan, "", "it is in the plan"))
     columns = ["rule", "object", "value", "low", "high", "unit", "why"]
     found = pd.DataFrame(rows, columns=columns)
@@ -478,6 +642,49 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     found["verdict"] = np.where(missed, "violated", "met")
     found["source"] = "IEC 62026-2 as quoted by SAP5S/SAP51, 2012, p. 29; kim2023, section 3.4"
     return found
+
+
+def _counted(capture: Capture) -> pd.DataFrame:
+    """Return the counters of a capture."""
+    table, summary = capture.transactions, capture.summary()
+    slave, call = capture.asked["slave"], capture.asked["call"]
+    request, response = table["request_error"], table["response_error"]
+    silent = (response == NO_ANSWER) & ~call.isin(_IDENTIFICATION)
+    data = (call == "data exchange") & (slave != UNKNOWN)
+    failed = (~request.isin(_FINE) | ~response.isin(_FINE))[data].groupby(slave[data])
+    runs = [run for _, tries in failed for run in "".join(map("01".__getitem__, tries)).split("0")]
+    dropped = sum(len(run) >= _DROPPED for run in runs)
+    unexpected = table["text"].str.endswith("where none is expected")
+    asked = int((table["request"] != "").sum())
+    nan = float("nan")
+    share = summary.repetitions / asked if asked else nan
+    rows = [
+        ("power fail", _power_fails(capture), f"times that the supply falls below {POWER_FAIL} V"),
+        ("earth fault", nan, "not seen between the two wires; measure each against earth"),
+        ("slave failure", dropped, f"slaves that failed {_DROPPED} tries in a row"),
+        ("missing slave frames", int(silent.sum()), "no response"),
+        ("bad slave frames", int((~response.isin([*_FINE, NO_ANSWER])).sum()), "bad responses"),
+        ("protocol errors", int(unexpected.sum()), "responses that the call does not expect"),
+        ("bad master frames", int((~request.isin(_FINE)).sum()), "bad requests"),
+        ("repetitions", share, "share of the requests"),
+    ]
+    counted = pd.DataFrame(rows, columns=["counter", "value", "meaning"]).set_index("counter")
+    counted["value"] = counted["value"].astype(float)
+    limits = np.where(counted.index == "repetitions", _LIGHTS[1], 0.0)
+    light = np.where(counted["value"] > limits, "red", "green").astype(object)
+    light[(counted.index == "repetitions") & (light == "green") & (share > _LIGHTS[0])] = "yellow"
+    light[counted["value"].isna()] = ""
+    return counted.assign(light=light)[["value", "light", "meaning"]]
+
+
+def _power_fails(capture: Capture) -> float:
+    """Return how often the supply is too low for a quarter of a millisecond; NaN if AC coupled."""
+    if np.isnan(capture.supply_voltage):
+        return float("nan")
+    length = max(1, min(len(capture.wave.u), round(250e-6 / capture.wave.dt)))
+    whole = len(capture.wave.u) // length * length
+    low = np.abs(capture.wave.u[:whole].reshape(-1, length).mean(axis=1)) < POWER_FAIL
+    return float(np.count_nonzero(np.diff(low, prepend=False) & low))
 
 
 def decode(
@@ -563,7 +770,9 @@ def decode(
             raise ArgumentError(f"extended holds {address!r}; addresses are 1..31")
     found = find_telegrams(u, dt, threshold, minimum)
     table = transactions_of(found.telegrams, found.ends, extended)
-    return Capture(table, len(u) * dt, found.inverted, found.minimum, found.disturbances, wave)
+    return Capture(
+        table, len(u) * dt, found.inverted, found.minimum, found.disturbances, wave, tuple(extended)
+    )
 
 
 def _checked(u: npt.ArrayLike, dt: float) -> Floats:

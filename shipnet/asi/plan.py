@@ -21,7 +21,8 @@ from shipnet.arrays import Bools, Floats
 from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan_file import read_elements, write_elements
-from shipnet.asi.receiver import RECEIVERS, TOLERANCE
+from shipnet.asi.receiver import RECEIVERS, TOLERANCE, Disturbance, RNGLike
+from shipnet.asi.recording import record_segment
 from shipnet.asi.rules import check_lines
 from shipnet.asi.segment import (
     PROBES,
@@ -46,6 +47,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 from shipnet.line.network import CableRun, Network
+from shipnet.line.waveform import Waveform as LineWaveform
 from shipnet.style import LIMIT
 
 if TYPE_CHECKING:
@@ -344,6 +346,63 @@ class Plan:
         wave = segment.waveform(words, nodes, dt=dt, before=before, after=after)
         return wave if node is None else replace(wave, u=wave.u[0], names=())
 
+    def record(
+        self,
+        duration: float = 20e-3,
+        *,
+        node: str | None = None,
+        dt: float = 250e-9,
+        weak: Mapping[str, float] | None = None,
+        disturbance: Disturbance | None = None,
+        amplitude: float = 0.0,
+        rng: RNGLike | None = None,
+    ) -> LineWaveform:
+        """Return what a scope records while the master polls the slaves of a plan of one segment.
+
+        The cables decide who hears whom: a slave answers what it receives, and the master repeats
+        what fails, drops slaves, and looks for new ones. All slaves are active at the start, and
+        their inputs change at random.
+
+        Parameters
+        ----------
+        duration : float, default 20e-3
+            Length of the record, 1e-3..0.2 [s].
+        node : str, optional
+            Where the scope is; at the master if omitted.
+        dt : float, default 250e-9
+            Sampling interval, 50e-9..500e-9 and a whole fraction of 3e-6 [s].
+        weak : mapping of str to float, optional
+            Send current of slaves by their label, over the nominal 60 mA, 0..10.
+        disturbance : Disturbance, optional
+            One of `shipnet.asi.emc`, heard everywhere alike.
+        amplitude : float, default 0.0
+            Its amplitude [V].
+        rng : int or numpy.random.Generator, optional
+            Source of the inputs, of the slaves' delays and of the disturbance.
+
+        Returns
+        -------
+        shipnet.line.Waveform
+            Voltage between the two wires, on that of the supply [V].
+
+        Raises
+        ------
+        ArgumentError
+            If a value is out of range, a label or node is not in the plan, or the plan has more
+            than one segment, no master or no slave.
+
+        Examples
+        --------
+        >>> from shipnet.asi import decode, line
+        >>> capture = decode(line(80, slaves=(1, 40, 80)).record(5e-3, rng=2024))
+        >>> print(capture.summary().seen, capture.causes().index.tolist())
+        ['1', '2', '3'] []
+        """
+        return record_segment(
+            self.only("record"), duration, node=node, dt=dt, weak=weak or {},
+            disturbance=disturbance, amplitude=amplitude, rng=rng,
+        )  # fmt: skip
+
     def quality(self) -> Quality:
         """Return how the 16 responses come over from each slave of a plan of one segment.
 
@@ -508,7 +567,7 @@ class Plan:
             yticks=[],
             ylim=(1.04 * top + 0.7, 0.8 - 0.04 * top),
         )
-        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=6, fontsize=8)
+        style.legend(ax, 6)
         return ax
 
 
@@ -612,10 +671,10 @@ class Comparison:
             ("ringing", "C1", "ringing"),
         ):
             ax.plot(x, 100 * table[column], color=colour, label=what + name, **line)
-        style.limit(ax, 100 * TOLERANCE.evenness, "limit of the weakest pulse")
-        style.limit(ax, 100 * TOLERANCE.ringing, "limit of ringing")
+        style.limit(ax, 100 * TOLERANCE.evenness, "weakest pulse,\nat least")
+        style.limit(ax, 100 * TOLERANCE.ringing, "ringing,\nat most")
         ax.set(ylabel="share of the largest pulse [%]", ylim=(0, 112))
-        ax.legend()
+        style.legend(ax)
         return ax
 
 

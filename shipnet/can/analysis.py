@@ -316,21 +316,21 @@ class LogComparison:
         """Draw the times between frames of each message, as a share of its period."""
         ax, table = style.axes(ax), self._table
         spans = table[["shortest_ms", "mean_ms", "longest_ms"]].div(table["period_ms"], axis=0)
-        red = style.LIMIT["color"]
-        for place, (verdict, span) in enumerate(
-            zip(table["verdict"], spans.to_numpy(), strict=True)
-        ):
-            colour = "C0" if verdict == "as planned" else red
-            ax.plot(span[[0, 2]], [place, place], color=colour, linewidth=5, alpha=0.45)
-            ax.plot(span[1], place, "o", color=colour)
+        names = []
+        for place, (name, verdict) in enumerate(table["verdict"].items()):
+            planned = verdict == "as planned"
+            colour = "C0" if planned else style.LIMIT["color"]
+            low, mean, high = spans.iloc[place]
+            if mean == mean:
+                ax.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.45)
+                ax.plot(mean, place, "o", color=colour)
+            names.append(str(name) if planned else f"{name}: {verdict}")
         ax.axvline(1.0, color="0.5", linewidth=1, zorder=0)
-        names = [
-            str(name) if verdict == "as planned" else f"{name}: {verdict}"
-            for name, verdict in table["verdict"].items()
-        ]
+        drawn = spans[spans["mean_ms"].notna()].to_numpy()
+        left, right = drawn[drawn > 0].min(initial=0.5), drawn.max(initial=2.0)
+        ax.set(xlim=(0.8 * left, 1.2 * right), ylim=(len(table) - 0.4, -0.6))
+        style.logarithmic(ax.xaxis)
         ax.set_yticks(range(len(table)), names)
-        low, high = ax.get_xlim()
-        ax.set(xlim=(min(0.5, low), max(1.5, high)), ylim=(len(table) - 0.4, -0.6))
         ax.set_xlabel("time between frames / planned period")
         ax.grid(visible=False, axis="y")
         return ax

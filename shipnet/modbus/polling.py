@@ -238,12 +238,8 @@ class Scan:
         if self.limit is not None:
             colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
             ax.axhline(self.limit, color=colour, linestyle=dashes, label=f"limit, {self.limit:g} s")
-        ax.set(xscale="log", yscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
-        ticks = [step * 10.0**power for power in range(-3, 5) for step in (1, 2, 5)]
-        low, high = ax.get_ylim()
-        shown = [tick for tick in ticks if low <= tick <= high]
-        ax.set_yticks(shown, [f"{tick:g}" for tick in shown])
-        ax.set_yticks([], minor=True)
+        ax.set(xscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
+        style.logarithmic(ax.yaxis)
         ax.set_xticks(times.index, [f"{rate:g}" for rate in times.index], fontsize="small")
         ax.set_xticks([], minor=True)
         ax.set_xlim(0.85 * times.index[0], 1.2 * times.index[-1])

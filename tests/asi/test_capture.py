@@ -86,8 +86,9 @@ def test_a_row_says_everything_about_a_transaction():
     assert capture.transactions["slave_pause_bit"][0] == pytest.approx(2, abs=0.02)
     assert np.isnan(row["slave_pause_bit"])
     assert row["request_amplitude_V"] == pytest.approx(2.36, abs=0.02)
-    assert 0.8 < row["weakest_pulse"] < 0.95
-    assert 0.1 < row["ringing"] < 0.25
+    for who in ("request", "response"):
+        assert 0.8 < row[f"{who}_weakest"] < 0.95
+        assert 0.1 < row[f"{who}_ringing"] < 0.25
     assert row["text"] == (
         "data exchange with slave 21: outputs 0101 (5); answer to data exchange: inputs 0011 (3)"
     )
@@ -170,10 +171,24 @@ def test_two_cycles_with_all_that_happens():
         np.median([180, 180, 180, 204, 204, 228]) * BIT, abs=1e-6
     )
     assert summary.slaves.loc["6", ["requests", "answers", "errors"]].tolist() == [3, 2, 0]
-    assert summary.slaves.loc["4", "amplitude_margin"] == pytest.approx(
-        table["weakest_pulse"][[3, 11]].min() - 0.65
+    assert summary.slaves.loc["4", "weakest_pulse"] == pytest.approx(
+        table["response_weakest"][[3, 11]].min()
     )
     assert "never answered 5" in str(summary)
+
+
+@pytest.mark.parametrize(("cycles", "light"), [(0, "red"), (1, "yellow"), (4, "green")])
+def test_the_light_of_repetitions(cycles, light):
+    telegrams, end = cycle((1, 2), silent=(2,))
+    again, end = cycle((2,), start=end)
+    telegrams += again
+    for _ in range(cycles):
+        more, end = cycle(range(1, 32), start=end + 10 * BIT)
+        telegrams += more
+    counters = decode(line(telegrams, end + 20e-6, 5e6), 2e-7).counters()
+    assert counters.loc["repetitions", "value"] == pytest.approx(1 / (3 + 31 * cycles))
+    assert counters.loc["repetitions", "light"] == light
+    assert counters.loc["missing slave frames", "value"] == 1
 
 
 def test_a_lost_pulse_breaks_one_telegram_only():
@@ -345,6 +360,8 @@ def test_what_is_not_as_i_has_no_good_telegram(u):
 def test_any_samples_give_a_table(u, dt):
     capture = decode(u, dt)
     assert capture.summary().transactions == len(capture.transactions)
+    assert len(capture.counters()) == 8
+    assert set(capture.causes()["slave"]) <= {"", *capture.slaves.index}
 
 
 @pytest.mark.parametrize(
@@ -372,9 +389,11 @@ def test_figure_shades_the_telegrams_with_their_bits():
     capture = decode(u, 1e-7)
     ax = Figure().subplots()
     assert capture.plot(ax, stop=180e-6) is ax
-    assert [text.get_text() for text in ax.texts] == [REQUESTS[1].bits, ANSWERS[1].bits]
+    texts = [text.get_text() for text in ax.texts]
+    assert texts == ["1.5 V", REQUESTS[1].bits, ANSWERS[1].bits]
     assert len(ax.patches) == 2
-    (drawn,) = ax.lines
+    drawn, *limits = ax.lines
+    assert [line.get_ydata()[0] for line in limits] == pytest.approx([31.5, 28.5], abs=0.2)
     assert drawn.get_ydata().min() == pytest.approx(u[:1800].min())
     assert ax.get_xlabel() == "time [us]"
     assert ax.get_ylabel() == "voltage [V]"
@@ -386,7 +405,7 @@ def test_figure_of_a_long_record_keeps_every_peak():
     u[123_456] = 9
     ax = Figure().subplots()
     decode(u, 1e-7).plot(ax)
-    (drawn,) = ax.lines
+    drawn = ax.lines[0]
     assert len(drawn.get_ydata()) < 25_000
     assert drawn.get_ydata().max() == 9
 

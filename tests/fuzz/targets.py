@@ -188,9 +188,17 @@ def _rules(data: bytes) -> Any:
 
 
 def _levels(data: bytes) -> Any:
-    """Decode bytes as the samples of a record of an AS-i line."""
+    """Decode bytes as the samples of a record of an AS-i line, and judge them."""
     u = np.frombuffer(data[: len(data) // 8 * 8], "f8")
-    return asi.decode(u, 0.25e-6)
+    capture = asi.decode(u, 0.25e-6)
+    capture.counters()
+    capture.causes()
+    return capture
+
+
+def _samples() -> Iterable[bytes]:
+    yield np.sin(np.arange(900) / 3.7).tobytes()
+    yield asi.line(60, slaves=2).record(1e-3, rng=1).u.tobytes()
 
 
 def _packet(kind: Any) -> Target:
@@ -212,7 +220,7 @@ TARGETS: dict[str, Target] = {
     "asi capture.csv": Target(_file(".csv", asi.decode), _saved(".csv", _capture)),
     "asi capture.npz": Target(_file(".npz", asi.decode), _saved(".npz", _capture)),
     "asi capture.sr": Target(_file(".sr", asi.decode), lambda: [_session()]),
-    "asi samples": Target(_levels, lambda: [np.sin(np.arange(900) / 3.7).tobytes()]),
+    "asi samples": Target(_levels, _samples),
     "asi plan": Target(
         _file(".csv", asi.read_plan),
         _data("synthetic_asi_plan_300m.csv", "synthetic_asi_plan_ballast.csv"),
@@ -233,6 +241,16 @@ TARGETS: dict[str, Target] = {
         ],
     ),
     "can messages": Target(_text(can.MessageSet.parse), _data("synthetic_can_lee2012.csv")),
+    "can messages.csv": Target(
+        _file(".csv", can.read_messages),
+        lambda: [
+            b"Engine, rev. 3\n\nNo.;Message;CAN-ID (hex);DLC;Cycle [ms]\n1;Oil;18FF0100h;8;20\n",
+            b"(1.5) can0 123#012A\n(1.6) can0 123#012A\n(2.0) can0 18FEF100#R3\n",
+        ],
+    ),
+    "can log against messages": Target(
+        _file(".log", lambda path: can.compare(can.example(), path).table()), _saved(".log", _log)
+    ),
     "can messages.dbc": Target(
         _file(".dbc", can.read_messages),
         lambda: [

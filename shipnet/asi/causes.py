@@ -1,0 +1,318 @@
+"""Why a line is faulty: what its requests meet on the cable, and the causes that explain it.
+
+A receiver looks at a telegram through the cable. Here the cable is taken off: the voltage's
+spectrum over that of an undistorted telegram is the size of the line's impedance, and a passive
+impedance has no phase but the least that its size allows, so one filter restores the pulses. The
+requests that can be read then, beside the voltage as it was recorded, give the impedance that the
+master feeds: supply and cable as one resistance, inductance and capacitance in parallel.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet.arrays import Complexes, Floats, Integers
+from shipnet.asi.bursts import Sampling, find_telegrams, resample
+from shipnet.asi.elements import DEVICE, POWER_SUPPLY
+from shipnet.asi.modulation import Modulation
+from shipnet.asi.telegram import REQUEST_BITS, frame
+from shipnet.lazy import pd
+
+#: How much of a record is looked at [s], and the shortest that says something.
+_LONGEST, _SHORTEST = 40e-3, 0.5e-3
+
+#: Stretches of which spectra are taken, and how much of the line's memory is taken off [s].
+_STRETCH, _MEMORY = 128e-6, 40e-6
+
+#: Where a telegram has its energy [Hz].
+_BAND = 25e3, 550e3
+
+#: A request and the silence around it, from so much before its start [s]; damping [nepers].
+_BEFORE, _WINDOW, _DAMPING = 5e-6, 100e-6, 3.0
+
+#: Fewest requests from which an impedance is computed, and most.
+_FEWEST, _MOST = 3, 64
+
+
+#: How much later restored telegrams seem to begin, since nothing is restored outside the band [s].
+_LATE = np.arange(0.5e-6, 1.5e-6, 50e-9)
+
+
+class Impedance(NamedTuple):
+    """What a sender's current meets: resistance, inductance and capacitance in parallel.
+
+    `misfit` is the share of the voltage that these three do not explain: echoes. `stray` is the
+    share of the power in the requests' band that follows no request: noise and interference.
+    """
+
+    resistance: float
+    inductance: float
+    capacitance: float
+    misfit: float
+    stray: float
+
+
+@cache
+def _requests() -> Modulation:
+    """Return a fair sample of all requests."""
+    return Modulation([frame(f"{k:011b}") for k in range(0, 2**11, 7)])
+
+
+def without_cable(x: Floats, step: float, asked: Floats) -> Floats:
+    """Return a record with its pulses restored.
+
+    The spectrum is that of the requests that begin at the times `asked`, or of everything.
+    """
+    n = 2 * round(_STRETCH / step / 2)
+    if len(asked):
+        begin = np.clip((asked - _BEFORE) / step, 0, len(x) - n).astype(int)
+        taper = (np.arange(n) * step < _WINDOW).astype(float)
+    else:
+        begin, taper = np.arange(0, len(x) - n, n // 2), np.hanning(n)
+    stretches = np.lib.stride_tricks.sliding_window_view(x, n)[begin] * taper
+    f, power = np.fft.rfftfreq(n, step), (np.abs(np.fft.rfft(stretches)) ** 2).mean(axis=0)
+    inside = (f > _BAND[0]) & (f < _BAND[1])
+    s = 2j * np.pi * f[inside]
+    meant = (np.abs(s * _requests().transform(s)) ** 2).mean(axis=0)
+    found = np.maximum(power[inside], 1e-6 * power[inside].max() + 1e-30)
+    gain = np.empty(f.size)
+    gain[inside] = np.log(meant / found) / 2
+    low, high = np.flatnonzero(inside)[[0, -1]]
+    gain[:low], gain[high + 1 :] = gain[low], gain[high] - 2.5
+    # The filter of least phase: fold the cepstrum, and let what rings longer fade.
+    lag = np.arange(n)
+    fold = np.where(lag == 0, 1.0, np.where(lag < n // 2, 2.0, 0.0))
+    fold *= 0.5 + 0.5 * np.cos(np.pi * np.minimum(lag * step / _MEMORY, 1))
+    taps = np.fft.irfft(np.exp(np.fft.rfft(np.fft.irfft(gain, n) * fold)), n)
+    whole = len(x) + n
+    return np.fft.irfft(np.fft.rfft(x, whole) * np.fft.rfft(taps, whole), whole)[: len(x)]
+
+
+class Restored(NamedTuple):
+    """The beginning of a record, and the requests that can be read with the cable taken off."""
+
+    #: The voltage at a lower rate, less its median [V], when it begins, and its step [s].
+    x: Floats
+    since: float
+    step: float
+    #: When each request begins, and its bits.
+    start: Floats
+    words: Integers
+    inverted: bool
+
+    @property
+    def short(self) -> bool:
+        """Whether it says nothing of the line."""
+        return len(self.x) * self.step < _SHORTEST
+
+
+def restored(
+    u: Floats, dt: float, asked: Floats, start: Floats, words: Integers, inverted: bool
+) -> Restored:
+    """Read requests in the part of a record from shortly before the first one was `asked` [s].
+
+    Those that were read as they are, with their `start` and `words`, stay if they are more.
+    """
+    low = max(0, int((asked[0] - 1e-3) / dt)) if len(asked) else 0
+    sampling = Sampling.of(dt)
+    x = resample(u[low : low + round(_LONGEST / dt)], sampling).astype(float)
+    # The first sample is the mean of as many.
+    since, step = (low + (sampling.mean - 1) / 2) * dt, sampling.step
+    best = Restored(x - np.median(x), since, step, start, words, inverted)
+    asked = asked - since
+    asked = asked[(asked > _BEFORE) & (asked < len(x) * step - _STRETCH)]
+    # Responses from afar have another spectrum than requests; if those are not found, nothing but
+    # the whole record is left.
+    for times in (asked, asked[:0]):
+        if best.short:
+            break
+        found = find_telegrams(without_cable(best.x, step, times), step, 0.5, None)
+        every = found.telegrams
+        good = every[(every.error == 0) & (every.length == REQUEST_BITS)]
+        if len(good) >= len(best.start):
+            begin = since + good.start
+            best = best._replace(start=begin, words=good.word, inverted=found.inverted)
+        if len(good) > 0.8 * len(times) > 0:
+            break
+    return best
+
+
+def measured(part: Restored) -> Impedance | None:
+    """Return the impedance that requests meet, if enough can be read."""
+    begin = part.start - part.since - _BEFORE
+    inside = np.flatnonzero((begin > 0) & (begin < len(part.x) * part.step - _WINDOW))
+    if len(inside) < _FEWEST:
+        return None
+    some = inside[np.unique(np.linspace(0, len(inside) - 1, _MOST).astype(int))]
+    s = (_DAMPING + 2j * np.pi * np.arange(3, 61)) / _WINDOW
+    t = np.arange(0, _WINDOW, part.step)
+    rows = np.interp(begin[some, np.newaxis] + t, part.step * np.arange(len(part.x)), part.x)
+    rows -= np.median(rows[:, t < 0.6 * _BEFORE], axis=1, keepdims=True)
+    heard = rows @ np.exp(-np.outer(t, s)) * part.step
+    bits = np.array([[int(bit) for bit in f"{part.words[k]:0{REQUEST_BITS}b}"] for k in some])
+    sent = -s * Modulation(bits).transform(s, start=_BEFORE)
+    return _fitted(s, -sent if part.inverted else sent, heard)
+
+
+def _fitted(s: npt.NDArray[Any], sent: Complexes, heard: Complexes) -> Impedance:
+    r"""Fit :math:`1/Z = 1/R + 1/sL + sC` to spectra of slopes of current and of voltages."""
+    from scipy.optimize import nnls
+
+    power = (np.abs(sent) ** 2).sum(0)
+    cross = (heard * sent.conj()).sum(0)
+    z = cross / power
+    stray = 1 - (np.abs(cross) ** 2 / power).sum() / (np.abs(heard) ** 2).sum()
+    weight = np.sqrt(power) * np.abs(z)
+    unit = np.array([1 / 78.0, 1 / 100e-6, 5e-9])
+    terms = weight[:, np.newaxis] * np.stack([s, s**0, s**2], axis=1) * unit
+    wanted = np.concatenate([weight, 0 * weight])
+    fits = []
+    for late in _LATE:
+        columns = (z * np.exp(-s * late))[:, np.newaxis] * terms
+        fits.append(nnls(np.concatenate([columns.real, columns.imag]), wanted))
+    values, rest = min(fits, key=lambda fit: fit[1])
+    conductance, inverse, capacitance = np.maximum(values, 1e-6) * unit
+    return Impedance(
+        float(1 / conductance), float(1 / inverse), float(capacitance),
+        float(rest / np.linalg.norm(weight)), float(stray),
+    )  # fmt: skip
+
+
+# Causes ----------------------------------------------------------------------------------------
+
+CABLE = "cable too long or a stub"
+SECOND = "second supply"
+INDUCTANCE = "supply inductance missing or wrong"
+INTERFERENCE = "interference"
+DUPLICATE = "duplicate address"
+WEAK = "weak slave"
+REVERSED = "reversed probe"
+
+#: More is not on a line that meets the rules [F]: 100 m at 80 nF/km (Lapp), 62 slaves and a master
+#: at 50 pF.
+_MOST_CAPACITANCE = 100 * 80e-12 + 63 * 50e-12
+
+#: From this share of echoes on, or of foreign power, a request meets more than its line should be.
+_ECHOES, _STRAY = 0.12, 0.1
+
+#: Levels of a slave, over that of the others, that are not those of one healthy slave.
+_WEAKER, _LOUDER = 0.65, 1.5
+
+#: Voltages that are no signal, though the supply is there [V]: 40 % of the smallest legal pulse,
+#: which noise of 0.2 V exceeds in less than a hundredth of the time.
+_NOTHING = 0.6
+
+
+class Found(NamedTuple):
+    """A cause with its evidence."""
+
+    cause: str
+    evidence: str
+    #: The slave it is about, or all objects.
+    slave: str = ""
+
+
+def ranked(found: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.DataFrame:
+    """Return causes as a table, those first that explain most of the violated findings."""
+    rows = []
+    for one in found:
+        own = broken["object"] == f"slave {one.slave}"
+        if one.cause == INTERFERENCE:
+            own = ~broken["rule"].str.contains("level|voltage")
+        elif not one.slave:
+            own = broken["rule"] != "supply voltage"
+        rows.append((one.cause, one.slave, float(own.mean()) if len(own) else 0.0, one.evidence))
+    if inverted:
+        rows.append((REVERSED, "", 0.0, "the first pulse of most telegrams is positive"))
+    table = pd.DataFrame(rows, columns=["cause", "slave", "share", "evidence"])
+    return table.sort_values("share", ascending=False, kind="stable").set_index("cause")
+
+
+def line_causes(
+    part: Restored, rows: pd.DataFrame, answering: int, bursts: int, supply: float
+) -> list[Found]:
+    """Return what is wrong with cable or supply, which every sender feels.
+
+    `rows` are all transactions, `answering` counts the slaves, `bursts` what is no telegram, and
+    `supply` is its voltage [V], NaN if unknown.
+    """
+    found = measured(part)
+    if found is None:
+        level = np.quantile(np.abs(part.x), 0.99) if len(part.x) else 0.0
+        unread = bursts + int((~rows["request_error"].isin(["ok", ""])).sum())
+        if level > _NOTHING and unread >= 2 * _FEWEST:
+            said = f"{unread} telegrams cannot be read, not even with the cable's echoes taken off"
+            return [Found(CABLE, said)]
+        silent = level < _NOTHING and not (rows["response_error"] == "ok").any()
+        if silent and supply == supply and not part.short:
+            said = (
+                f"{supply:.0f} V but no pulse above {_NOTHING} V: an ordinary supply without "
+                "decoupling short-circuits all signals (a silent master looks alike)"
+            )
+            return [Found(INDUCTANCE, said)]
+        return []
+    r, inductance, c, misfit, stray = found
+    nominal = [float(part) for part in POWER_SUPPLY.shunt[:2]]
+    own = [(answering + 1) * float(part) for part in DEVICE.shunt[:2]]
+    # How many supplies the resistance stands for, and how many the inductance.
+    damped, fed = (1 / r - own[0]) / nominal[0], (1 / inductance - own[1]) / nominal[1]
+    seen = f"requests meet {r:.0f} ohm beside {inductance * 1e6:.0f} uH"
+    usual = f"one supply has {1 / nominal[0]:.0f} ohm beside {1e6 / nominal[1]:.0f} uH"
+    if fed > 2.5 and stray < 3 * _STRAY:
+        return [Found(INDUCTANCE, f"{seen}; {usual}")]
+    if stray > _STRAY:
+        said = f"{stray:.0%} of the power during requests is foreign to them"
+        return [Found(INTERFERENCE, said)]
+    if min(damped, fed) > 1.4 and 0.6 < damped / fed < 1.6:
+        return [Found(SECOND, f"{seen}; {usual}, and half of a decoupling looks like two")]
+    if fed > 1.4:
+        return [Found(INDUCTANCE, f"{seen}; {usual}")]
+    if misfit > _ECHOES or c > _MOST_CAPACITANCE:
+        said = (
+            f"requests meet {c * 1e9:.0f} nF, where 100 m have {_MOST_CAPACITANCE * 1e9:.0f} nF at "
+            f"most; echoes are {misfit:.0%} of their voltage"
+        )
+        return [Found(CABLE, said)]
+    if damped < 0.3:
+        rings = 1 / (2 * np.pi * np.sqrt(inductance * c)) / 1e3
+        return [Found(INDUCTANCE, f"{seen}, not damped: it rings at {rings:.0f} kHz; {usual}")]
+    if max(damped, fed) < 0.65:
+        return [Found(CABLE, f"{seen}; {usual}: a long cable leads to it")]
+    if fed < 0.65:
+        tail = inductance / r * 1e6
+        return [Found(INDUCTANCE, f"{seen}, so pulses fade in {tail:.1f} us; {usual}")]
+    return []
+
+
+def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
+    """Return what is wrong with single slaves, and what comes and goes."""
+    level = slaves["amplitude_V"]
+    usual = float(level.median())
+    found = []
+    known = slaves[(slaves["errors"] + slaves["answers"] > 1) & (slaves.index != "unknown")]
+    for label, slave in known.iterrows():
+        said = f"its level is {slave['amplitude_V']:.2f} V, that of most slaves {usual:.2f} V"
+        if slave["amplitude_V"] > _LOUDER * usual:
+            said += (
+                f"; {int(slave['errors'])} of its answers are bad, as of two that answer at once"
+            )
+            found.append(Found(DUPLICATE, said, str(label)))
+        elif slave["amplitude_V"] < _WEAKER * usual:
+            found.append(Found(WEAK, said, str(label)))
+    bad = slaves["errors"] + slaves["bad_requests"]
+    bad = bad[(bad > 0) & ~bad.index.isin([one.slave for one in found])]
+    one = bad.index[0] if len(bad) == 1 else ""
+    if one and slaves["errors"][one] == bad[one] >= 3:
+        said = f"all {int(bad[one])} bad telegrams are its answers, as of two that answer at once"
+        found.append(Found(DUPLICATE, said, str(one)))
+    elif len(bad) or (bursts and not found):
+        said = (
+            f"{int(bad.sum())} bad telegrams at {len(bad)} slaves, which come and go; "
+            f"{bursts} bursts that are no telegram"
+        )
+        found.append(Found(INTERFERENCE, said))
+    return found

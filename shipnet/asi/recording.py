@@ -1,0 +1,166 @@
+"""What a scope records of a segment: running master and slaves, telegram by telegram."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from shipnet.arrays import Complexes, Floats
+from shipnet.asi.master import FAULTY, SILENT, Phase, RunningMaster
+from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
+from shipnet.asi.receiver import Disturbance, RNGLike, receive
+from shipnet.asi.slave import RunningSlave
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
+from shipnet.asi.timing import Transaction
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_scalar
+from shipnet.line.waveform import F_MAX, Waveform, record_of
+
+if TYPE_CHECKING:
+    from shipnet.asi.segment import Segment
+
+#: How long a change of current is heard [s]: longer than a line without damping rings.
+_RINGS = 250e-6
+
+#: A slave that is in step begins its answer up to this much late [s] (A2SI data sheet).
+_LATE = 0.5e-6
+
+#: Silence ahead of the first request [s], and what a receiver gets around a telegram [s].
+_AHEAD, _BEFORE, _AFTER = 50e-6, 6e-6, 9e-6
+
+_TIMES = Transaction()
+
+
+class _Recorder:
+    """A line on which everybody hears what the cables make of it."""
+
+    def __init__(
+        self, segment: Segment, node: str, size: int, dt: float, weak: Mapping[str, float]
+    ) -> None:
+        if segment.head is None or not segment.slaves:
+            raise ArgumentError(f"{segment} needs a master and a slave; one must ask, one answer")
+        self.slaves = [RunningSlave(slave) for slave in segment.slaves]
+        for slave in self.slaves:
+            slave.active = True
+            slave.pause()
+        network = segment.network
+        rows = [network.index(slave.node) for slave in segment.slaves]
+        places = [*rows, network.index(node)]
+        self.dt, self.slot, self.at = dt, round(HALF_BIT / dt), round(_AHEAD / dt)
+
+        def heard(sender: str, rows: list[int]) -> Floats:
+            def change(s: Complexes) -> Complexes:
+                z = network.transfer(sender, s)[..., rows, :]
+                return np.asarray(-z * SEND_CURRENT * ramp_spectrum(s) / s)
+
+            u = record_of(change, round(_RINGS / dt), dt, F_MAX)
+            # What is left at the end must fade, or it would be heard as a step.
+            return u * np.minimum(1, 2 * np.linspace(1, 0, u.shape[-1]))
+
+        #: One change of the master's current at each slave and the scope; by reciprocity the first
+        #: are those of the slaves at the master. Then those of the slaves at the scope.
+        self.asked = heard(segment.head, places)
+        self.scope = self.asked[:-1] if node == segment.head else heard(node, rows)
+        self.strength = np.array([weak.get(slave.label, 1.0) for slave in segment.slaves])
+        self.known: dict[str, Floats] = {}
+        #: Voltage at each slave, the scope, and the master.
+        self.u = np.zeros((len(rows) + 2, size), np.float32)
+
+    @property
+    def seconds(self) -> float:
+        """Now [s]."""
+        return self.at * self.dt
+
+    def begin(self, phase: Phase, cycle: int) -> None:
+        """Hear of a phase, as the observer of a master."""
+
+    def put(self, rows: slice, telegram: Floats, start: int) -> None:
+        """Add a telegram at some places."""
+        room = max(0, self.u.shape[1] - start)
+        self.u[rows, start : start + telegram.shape[-1]] += telegram[..., :room]
+
+    def request(self, bits: str) -> Floats:
+        """Return a request as the slaves and the scope hear it; most are sent again and again."""
+        if bits not in self.known:
+            self.known[bits] = self.telegram(self.asked, bits)
+        return self.known[bits]
+
+    def telegram(self, change: Floats, bits: str) -> Floats:
+        """Return a telegram of which one change of current is heard like this."""
+        steps = Modulation(bits).steps
+        u = np.zeros((*change.shape[:-1], change.shape[-1] + len(steps) * self.slot), np.float32)
+        for place in np.flatnonzero(steps) * self.slot:
+            u[..., place : place + change.shape[-1]] += steps[place // self.slot] * change
+        return u
+
+    def bits(self, rows: slice, start: int, count: int) -> list[str]:
+        """Return what receivers make of a telegram; nothing of a bad one."""
+        end = start + round((2 * count * HALF_BIT + _AFTER) / self.dt)
+        heard = receive(self.u[rows, start - round(_BEFORE / self.dt) : end], self.dt, count)
+        texts = ("".join(map(str, row)) for row in heard.bits.tolist())
+        return ["" if error else text for text, error in zip(texts, heard.error, strict=True)]
+
+    def transact(self, request: str, rng: np.random.Generator) -> int:
+        """Send a request, have the slaves answer as they hear it, and return the reply."""
+        start, count, bit = self.at, len(self.slaves), 2 * self.slot
+        self.put(slice(count + 1), self.request(request), start)
+        end = start + REQUEST_BITS * bit
+        self.at = end + round(_TIMES.timeout * bit)
+        first = last = 0
+        for k, text in enumerate(self.bits(slice(count), start, REQUEST_BITS)):
+            slave = self.slaves[k]
+            slave.inputs = int(rng.integers(16))
+            in_step = slave.synchronised
+            answer = slave.hear(text, start * self.dt)
+            slave.pause()
+            if answer is not None:
+                pause = _TIMES.master_pause + (0 if in_step else _TIMES.unsynchronised)
+                begin = end + round(pause * bit) + round(rng.uniform(0, _LATE) / self.dt)
+                heard = np.stack([self.scope[k], self.asked[k]]) * self.strength[k]
+                self.put(slice(count, None), self.telegram(heard, answer.bits), begin)
+                first, last = min(first or begin, begin), max(last, begin)
+        if not last:
+            return SILENT
+        self.at = last + round((RESPONSE_BITS + _TIMES.slave_pause) * bit)
+        (text,) = self.bits(slice(count + 1, None), first, RESPONSE_BITS)
+        return int(text[1:5], 2) if text else FAULTY
+
+
+def record_segment(
+    segment: Segment,
+    duration: float,
+    *,
+    node: str | None,
+    dt: float,
+    weak: Mapping[str, float],
+    disturbance: Disturbance | None,
+    amplitude: float,
+    rng: RNGLike | None,
+) -> Waveform:
+    """Return what a scope at a node records; `Plan.record` says how."""
+    duration = check_scalar("duration", duration, "s", 1e-3, 0.2)
+    dt = check_scalar("dt", dt, "s", 50e-9, 500e-9)
+    labels = [slave.label for slave in segment.slaves]
+    for label, strength in weak.items():
+        if label not in labels:
+            raise ArgumentError(f"weak holds {label!r}; the slaves are {', '.join(labels)}")
+        check_scalar(f"weak[{label!r}]", strength, "", 0, 10)
+    random = np.random.default_rng(rng)
+    size = round(duration / dt)
+    node = node or segment.head or ""
+    line = _Recorder(segment, node, size, dt, weak)
+    if disturbance is not None:
+        t = np.asarray(np.arange(size) * dt, np.float64)
+        line.u += disturbance.voltage(t, amplitude, random, 1, span=(0.0, duration))
+    profiles = {slave.label: slave.kind for slave in segment.slaves}
+    master = RunningMaster(replace(segment.masters[0], projected=profiles))
+    program = master.run(line, dict.fromkeys(profiles, 0))
+    request = next(program)
+    while line.at + round(400e-6 / dt) < size:
+        request = program.send(line.transact(request.bits, random))
+    volts = segment.voltages[node] if len(segment.supplies) == 1 else 30.0
+    u = line.u[-2].astype(np.float64) + volts
+    return Waveform(u, dt, names=("voltage",), description=f"{segment}, scope at {node}")
