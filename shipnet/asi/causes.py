@@ -202,6 +202,9 @@ _ECHOES, _STRAY = 0.12, 0.1
 #: Levels of a slave, over that of the others, that are not those of one healthy slave.
 _WEAKER, _LOUDER = 0.65, 1.5
 
+#: Least size of a first pulse that is in order [V].
+_LEAST = 1.5
+
 #: Voltages that are no signal, though the supply is there [V]: 40 % of the smallest legal pulse,
 #: which noise of 0.2 V exceeds in less than a hundredth of the time.
 _NOTHING = 0.6
@@ -267,7 +270,9 @@ def line_causes(
     if stray > _STRAY:
         said = f"{stray:.0%} of the power during requests is foreign to them"
         return [Found(INTERFERENCE, said)]
-    if min(damped, fed) > 1.4 and 0.6 < damped / fed < 1.6:
+    # A second supply far away counts less, but the levels are low.
+    low = rows["response_amplitude_V"].median() < _LEAST
+    if fed > (1.15 if low else 1.4) and 0.6 < damped / fed < 1.6:
         return [Found(SECOND, f"{seen}; {usual}, and half of a decoupling looks like two")]
     if fed > 1.4:
         return [Found(INDUCTANCE, f"{seen}; {usual}")]
@@ -296,7 +301,8 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
     known = slaves[(slaves["errors"] + slaves["answers"] > 1) & (slaves.index != "unknown")]
     for label, slave in known.iterrows():
         said = f"its level is {slave['amplitude_V']:.2f} V, that of most slaves {usual:.2f} V"
-        if slave["amplitude_V"] > _LOUDER * usual:
+        others = level.drop([label]).max()
+        if slave["amplitude_V"] > max(_LOUDER * usual, 1.35 * others):
             said += (
                 f"; {int(slave['errors'])} of its answers are bad, as of two that answer at once"
             )
