@@ -311,6 +311,10 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
             found.append(Found(WEAK, said, str(label)))
     bad = slaves["errors"] + slaves["bad_requests"]
     bad = bad[(bad > 0) & ~bad.index.isin([one.slave for one in found])]
+    silent = slaves.index[(slaves["answers"] == 0) & (slaves["requests"] > 2)]
+    if bursts and not len(bad) and not found and len(silent) == 1:
+        said = f"no answer can be read, but there are {bursts} bursts that are no telegram"
+        return [Found(WEAK, said, str(silent[0]))]
     one = bad.index[0] if len(bad) == 1 else ""
     if one and slaves["errors"][one] == bad[one] >= 3:
         said = f"all {int(bad[one])} bad telegrams are its answers, as of two that answer at once"

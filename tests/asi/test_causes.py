@@ -147,6 +147,14 @@ def test_only_answers_from_a_shared_address_are_bad():
     assert "its level is" in causes["evidence"].iloc[0]
 
 
+def test_a_slave_too_weak_to_be_read_is_named():
+    wave = asi.line(60, slaves=5).record(weak={"3": 0.18}, rng=1)
+    u = wave.u + 0.15 * np.random.default_rng(1).standard_normal(wave.u.size)
+    capture = decode(replace(wave, u=u))
+    assert capture.slaves.loc["3", "answers"] == 0
+    assert capture.causes()["slave"].to_dict() == {WEAK: "3"}
+
+
 # At 100 m the cable is a quarter of a wave long at 385 kHz, and no longer one capacitance.
 @pytest.mark.parametrize("metres", [20, 40, 60])
 def test_the_impedance_is_that_of_the_network(metres):
