@@ -149,11 +149,6 @@ class Comparison:
         return next(iter(self.designs.values()))
 
     @cached_property
-    def _tornados(self) -> dict[str, Tornado]:
-        """The tornados of the cheapest design that were asked for, by figure."""
-        return {}
-
-    @cached_property
     def quantities(self) -> dict[str, Quantities]:
         """Conductors, cable, hours and money of each design."""
         return {name: design.quantities() for name, design in self.designs.items()}
@@ -297,9 +292,7 @@ class Comparison:
         Without names, the cheapest design with all points is set against the first one.
         """
         if a is None and b is None:
-            if figure not in self._tornados:
-                self._tornados[figure] = tornado(complete(self.designs), figure)
-            return self._tornados[figure]
+            return tornado(complete(self.designs), figure)
         if a == b:
             raise ArgumentError(f"a and b are both {a!r}; they must be two designs")
         known = [name for name in (b, a) if name is not None]
