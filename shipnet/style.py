@@ -48,21 +48,30 @@ def use() -> None:
 
 
 def axes(ax: Axes | None = None, **options: Any) -> Axes:
-    """Return the axes given, or those of a new figure with options of `pyplot.subplots`."""
+    """Return the axes given, or those of a new figure with options of `pyplot.subplots`.
+
+    A new figure makes room for what is written beside its axes.
+    """
     if ax is None:
         import matplotlib.pyplot as plt
 
-        _, ax = plt.subplots(**options)
+        _, ax = plt.subplots(layout="constrained", **options)
     return ax
 
 
 def limit(ax: Axes, level: float, name: str) -> None:
-    """Draw a limit as a horizontal line with its name at its right end."""
+    """Draw a limit as a horizontal line with its name right of the axes, clear of the data."""
     ax.axhline(level, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
     ax.text(
-        0.99, level, name, transform=ax.get_yaxis_transform(), color=LIMIT["color"], ha="right",
-        va="bottom", fontsize=8,
+        1.01, level, name, transform=ax.get_yaxis_transform(), color=LIMIT["color"], va="center",
+        fontsize=8,
     )  # fmt: skip
+
+
+def legend(ax: Axes, columns: int = 4, **options: Any) -> None:
+    """Put the legend above the axes, clear of the data; `options` are those of `Axes.legend`."""
+    above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
+    ax.legend(**above, ncols=columns, fontsize=8, frameon=False, **options)
 
 
 def logarithmic(axis: Any) -> None:

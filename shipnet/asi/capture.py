@@ -205,6 +205,12 @@ _AT_ONCE = 1e-3
 #: A request and the one read without the cable are the same if they begin this near [s].
 _SAME = 4e-6
 
+#: Calls by which a master looks for new slaves; nobody need answer them.
+_IDENTIFICATION = [
+    call.rule.title
+    for call in (Call.READ_IO_CONFIGURATION, Call.READ_ID, Call.READ_ID1, Call.READ_ID2)
+]
+
 #: Failed tries in a row after which a master drops a slave: two in each of three cycles.
 _DROPPED = 6
 
@@ -330,7 +336,7 @@ def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
     response, request = rows["response_error"], rows["request_error"]
     heard = rows[(rows["response"] != "") & (response != CUT_OFF)].groupby("slave")
     bad_requests = ~request.isin(_FINE)
-    polled = asked["call"].isin(["data exchange", "write parameter"]) | bad_requests
+    polled = ~asked["call"].isin(_IDENTIFICATION)
     table = pd.DataFrame(
         {
             "requests": (rows["request"] != "").groupby(by).sum(),
@@ -488,7 +494,7 @@ class Capture:
         if len(broken) or self.disturbances:
             answering = int((slaves["answers"] > 0).sum())
             found = line_causes(
-                self.restored, self.wave.dt, self.transactions, answering, self.disturbances,
+                self.restored, self.transactions, answering, self.disturbances,
                 self.supply_voltage,
             ) or sender_causes(slaves, self.disturbances)  # fmt: skip
         return ranked(found, broken, self.inverted)
@@ -599,56 +605,52 @@ class Capture:
 
 def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     """Return the findings on a capture as the table that `Findings` takes."""
-    rows: list[tuple[str, str, float, float, float, str, str]] = []
-    nan = float("nan")
-    table, slaves = capture.transactions, capture.slaves
-    if capture.supply_voltage == capture.supply_voltage:
-        volts = capture.supply_voltage
+    nan, table, slaves = float("nan"), capture.transactions, capture.slaves
+    volts, read = capture.supply_voltage, float(capture.telegrams)
+    rows = [("telegrams", "line", read, 1.0, nan, "", "telegrams read")]
+    if volts == volts:
         rows.append(("supply voltage", "supply", volts, *SUPPLY, "V", "at the scope"))
-    rows.append(("telegrams", "line", float(capture.telegrams), 1.0, nan, "", "telegrams read"))
     asked = table[~table["request_error"].isin(["", CUT_OFF])]
-    if len(asked):
-        level, weakest = asked["request_amplitude_V"], float(asked["request_weakest"].min())
-        rows.append(("request level", "master", float(level.min()), LEVEL[0], nan, "V", "requests"))
-        rows.append(
-            ("request evenness", "master", weakest, TOLERANCE.evenness, nan, "", "requests")
-        )
-        ringing = float(asked["request_ringing"].max())
-        rows.append(("request ringing", "master", ringing, nan, TOLERANCE.ringing, "", "requests"))
+    level, weakest = asked["request_amplitude_V"].min(), asked["request_weakest"].min()
     bad = float((asked["request_error"] != "ok").sum())
-    rows.append(("request errors", "master", bad, nan, 0.0, "", "bad requests"))
-    for name, slave in slaves[slaves.index != UNKNOWN].iterrows():
-        who = f"slave {name}"
-        for rule, column, low, high, unit in (
-            ("response level", "amplitude_V", *LEVEL, "V"),
-            ("response evenness", "weakest_pulse", TOLERANCE.evenness, nan, ""),
-            ("response ringing", "ringing", nan, TOLERANCE.ringing, ""),
+    heard = [("request", "master", level, weakest, asked["request_ringing"].max(), bad)]
+    for name, *values in slaves[["amplitude_V", "weakest_pulse", "ringing", "errors"]].itertuples():
+        if name != UNKNOWN:
+            heard.append(("response", f"slave {name}", *values))
+    for kind, who, level, weakest, ringing, bad in heard:
+        # At the master's own end a request may be larger than anybody hears it.
+        most = LEVEL[1] if kind == "response" else nan
+        for what, value, low, high, unit in (
+            ("level", level, LEVEL[0], most, "V"),
+            ("evenness", weakest, TOLERANCE.evenness, nan, ""),
+            ("ringing", ringing, nan, TOLERANCE.ringing, ""),
+            ("errors", bad, nan, 0.0, ""),
         ):
-            if slave[column] == slave[column]:
-                rows.append((rule, who, float(slave[column]), low, high, unit, "its responses"))
-        rows.append(("response errors", who, float(slave["errors"]), nan, 0.0, "", "bad responses"))
+            if value == value:
+                why = f"{kind}s of {who}"
+                rows.append((f"{kind} {what}", who, float(value), low, high, unit, why))
     for one in plan.slaves if plan is not None else ():
-        heard = float(slaves["answers"].get(one.label, 0))
-        rows.append(("answers", f"slave {one.label}", heard, 1.0, nan, "", "it is in the plan"))
+        count = float(slaves["answers"].get(one.label, 0))
+        rows.append(("answers", f"slave {one.label}", count, 1.0, nan, "", "it is in the plan"))
     columns = ["rule", "object", "value", "low", "high", "unit", "why"]
     found = pd.DataFrame(rows, columns=columns)
     missed = (found["value"] < found["low"]) | (found["value"] > found["high"])
     found["verdict"] = np.where(missed, "violated", "met")
     found["source"] = "IEC 62026-2 as quoted by SAP5S/SAP51, 2012, p. 29; kim2023, section 3.4"
+    found.loc[found["rule"] == "supply voltage", "source"] = "ifm AC2904; SEW 31545580"
     return found
 
 
 def _counted(capture: Capture) -> pd.DataFrame:
     """Return the counters of a capture."""
     table, summary = capture.transactions, capture.summary()
-    labels = capture.asked["slave"].to_numpy()
+    slave, call = capture.asked["slave"], capture.asked["call"]
     request, response = table["request_error"], table["response_error"]
-    polled = ~np.isin(labels, [UNKNOWN, "", *summary.vacant])
-    failed = polled & ~request.isin(_FINE).to_numpy() | ~response.isin(_FINE).to_numpy()
-    dropped = 0
-    for label in set(labels[polled]):
-        runs = "".join("x" if bad else " " for bad in failed[labels == label]).split()
-        dropped += sum(len(run) >= _DROPPED for run in runs)
+    silent = (response == NO_ANSWER) & ~call.isin(_IDENTIFICATION)
+    data = (call == "data exchange") & (slave != UNKNOWN)
+    failed = (~request.isin(_FINE) | ~response.isin(_FINE))[data].groupby(slave[data])
+    runs = [run for _, tries in failed for run in "".join(map("01".__getitem__, tries)).split("0")]
+    dropped = sum(len(run) >= _DROPPED for run in runs)
     unexpected = table["text"].str.endswith("where none is expected")
     asked = int((table["request"] != "").sum())
     nan = float("nan")
@@ -657,7 +659,7 @@ def _counted(capture: Capture) -> pd.DataFrame:
         ("power fail", _power_fails(capture), f"times that the supply falls below {POWER_FAIL} V"),
         ("earth fault", nan, "not seen between the two wires; measure each against earth"),
         ("slave failure", dropped, f"slaves that failed {_DROPPED} tries in a row"),
-        ("missing slave frames", int((polled & (response == NO_ANSWER)).sum()), "no response"),
+        ("missing slave frames", int(silent.sum()), "no response"),
         ("bad slave frames", int((~response.isin([*_FINE, NO_ANSWER])).sum()), "bad responses"),
         ("protocol errors", int(unexpected.sum()), "responses that the call does not expect"),
         ("bad master frames", int((~request.isin(_FINE)).sum()), "bad requests"),

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from shipnet.arrays import Complexes, Floats, Integers
 from shipnet.asi.bursts import Sampling, find_telegrams, resample
 from shipnet.asi.elements import DEVICE, POWER_SUPPLY
-from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
+from shipnet.asi.modulation import Modulation
 from shipnet.asi.telegram import REQUEST_BITS, frame
 from shipnet.lazy import pd
 
@@ -57,35 +57,27 @@ class Impedance(NamedTuple):
 
 
 @cache
-def _steps() -> Floats:
-    """Return a fair sample of all requests, as changes of current."""
-    return Modulation([frame(f"{k:011b}") for k in range(0, 2**11, 7)]).steps.astype(float)
+def _requests() -> Modulation:
+    """Return a fair sample of all requests."""
+    return Modulation([frame(f"{k:011b}") for k in range(0, 2**11, 7)])
 
 
-def _telegram_spectrum(s: npt.NDArray[Any], steps: Floats) -> Complexes:
-    """Return the transform of the slope of telegrams' current, shape (..., n_s)."""
-    place = HALF_BIT * np.arange(steps.shape[-1])
-    return np.asarray(ramp_spectrum(s) * (steps @ np.exp(-np.outer(place, s))))
-
-
-def without_cable(u: Floats, dt: float, asked: Floats) -> tuple[Floats, float]:
-    """Return a record at a lower rate with its pulses restored, and its sampling interval.
+def without_cable(x: Floats, step: float, asked: Floats) -> Floats:
+    """Return a record with its pulses restored.
 
     The spectrum is that of the requests that begin at the times `asked`, or of everything.
     """
-    sampling = Sampling.of(dt)
-    x, step = resample(u, sampling).astype(float), sampling.step
-    x -= np.median(x)
     n = 2 * round(_STRETCH / step / 2)
     if len(asked):
-        begin = ((asked - _BEFORE) / step).astype(int)
+        begin = np.clip((asked - _BEFORE) / step, 0, len(x) - n).astype(int)
         taper = (np.arange(n) * step < _WINDOW).astype(float)
     else:
         begin, taper = np.arange(0, len(x) - n, n // 2), np.hanning(n)
     stretches = np.lib.stride_tricks.sliding_window_view(x, n)[begin] * taper
     f, power = np.fft.rfftfreq(n, step), (np.abs(np.fft.rfft(stretches)) ** 2).mean(axis=0)
     inside = (f > _BAND[0]) & (f < _BAND[1])
-    meant = (np.abs(_telegram_spectrum(2j * np.pi * f[inside], _steps())) ** 2).mean(axis=0)
+    s = 2j * np.pi * f[inside]
+    meant = (np.abs(s * _requests().transform(s)) ** 2).mean(axis=0)
     found = np.maximum(power[inside], 1e-6 * power[inside].max() + 1e-30)
     gain = np.empty(f.size)
     gain[inside] = np.log(meant / found) / 2
@@ -97,18 +89,25 @@ def without_cable(u: Floats, dt: float, asked: Floats) -> tuple[Floats, float]:
     fold *= 0.5 + 0.5 * np.cos(np.pi * np.minimum(lag * step / _MEMORY, 1))
     taps = np.fft.irfft(np.exp(np.fft.rfft(np.fft.irfft(gain, n) * fold)), n)
     whole = len(x) + n
-    return np.fft.irfft(np.fft.rfft(x, whole) * np.fft.rfft(taps, whole), whole)[: len(x)], step
+    return np.fft.irfft(np.fft.rfft(x, whole) * np.fft.rfft(taps, whole), whole)[: len(x)]
 
 
 class Restored(NamedTuple):
     """The beginning of a record, and the requests that can be read with the cable taken off."""
 
-    u: Floats
-    #: When it begins, and when each request does [s].
+    #: The voltage at a lower rate, less its median [V], when it begins, and its step [s].
+    x: Floats
     since: float
+    step: float
+    #: When each request begins, and its bits.
     start: Floats
     words: Integers
     inverted: bool
+
+    @property
+    def short(self) -> bool:
+        """Whether it says nothing of the line."""
+        return len(self.x) * self.step < _SHORTEST
 
 
 def restored(
@@ -119,57 +118,44 @@ def restored(
     Those that were read as they are, with their `start` and `words`, stay if they are more.
     """
     low = max(0, int((asked[0] - 1e-3) / dt)) if len(asked) else 0
-    u = u[low : low + round(_LONGEST / dt)]
-    best = Restored(u, low * dt, start, words, inverted)
-    asked = asked - low * dt
-    asked = asked[(asked > _BEFORE) & (asked < len(u) * dt - _STRETCH)]
+    sampling = Sampling.of(dt)
+    x = resample(u[low : low + round(_LONGEST / dt)], sampling).astype(float)
+    # The first sample is the mean of as many.
+    since, step = (low + (sampling.mean - 1) / 2) * dt, sampling.step
+    best = Restored(x - np.median(x), since, step, start, words, inverted)
+    asked = asked - since
+    asked = asked[(asked > _BEFORE) & (asked < len(x) * step - _STRETCH)]
     # Responses from afar have another spectrum than requests; if those are not found, nothing but
     # the whole record is left.
     for times in (asked, asked[:0]):
-        if len(u) * dt < _SHORTEST:
+        if best.short:
             break
-        y, step = without_cable(u, dt, times)
-        found = find_telegrams(y, step, 0.5, None)
+        found = find_telegrams(without_cable(best.x, step, times), step, 0.5, None)
         every = found.telegrams
         good = every[(every.error == 0) & (every.length == REQUEST_BITS)]
         if len(good) >= len(best.start):
-            # The first sample is the mean of as many.
-            begin = low * dt + good.start + (Sampling.of(dt).mean - 1) / 2 * dt
-            best = Restored(u, low * dt, begin, good.word, found.inverted)
+            begin = since + good.start
+            best = best._replace(start=begin, words=good.word, inverted=found.inverted)
         if len(good) > 0.8 * len(times) > 0:
             break
     return best
 
 
-def measured(part: Restored, dt: float) -> Impedance | None:
+def measured(part: Restored) -> Impedance | None:
     """Return the impedance that requests meet, if enough can be read."""
-    words, inverted = part.words, part.inverted
-    u, start = part.u, part.start - part.since
-    inside = (start > 2 * _BEFORE) & (start < len(u) * dt - _WINDOW)
-    start, words = start[inside], words[inside]
-    if len(start) < _FEWEST:
+    begin = part.start - part.since - _BEFORE
+    inside = np.flatnonzero((begin > 0) & (begin < len(part.x) * part.step - _WINDOW))
+    if len(inside) < _FEWEST:
         return None
-    some = np.unique(np.linspace(0, len(start) - 1, _MOST).astype(int))
+    some = inside[np.unique(np.linspace(0, len(inside) - 1, _MOST).astype(int))]
     s = (_DAMPING + 2j * np.pi * np.arange(3, 61)) / _WINDOW
-    t = np.arange(0, _WINDOW, 250e-9)
-    voltages = np.array([_row(u, dt, start[k] - _BEFORE + t) for k in some])
-    heard = voltages @ np.exp(-np.outer(t, s)) * 250e-9
-    bits = np.array([[int(bit) for bit in f"{words[k]:0{REQUEST_BITS}b}"] for k in some])
-    sent = -SEND_CURRENT * np.exp(-s * _BEFORE)
-    sent = sent * _telegram_spectrum(s, Modulation(bits).steps.astype(float))
-    sent *= -1 if inverted else 1
-    return _fitted(s, sent, heard)
-
-
-def _row(u: Floats, dt: float, t: Floats) -> Floats:
-    """Return the voltage at some times, less what it was ahead of them."""
-    sampling = Sampling.of(dt)
-    low = max(0, int(t[0] / dt) - 20 * sampling.mean * sampling.down)
-    high = int(t[-1] / dt) + 20 * sampling.mean * sampling.down
-    x = resample(u[low:high], sampling)
-    begin = low * dt + (sampling.mean - 1) / 2 * dt
-    row = np.interp(t, begin + np.arange(len(x)) * sampling.step, x)
-    return np.asarray(row - np.median(row[:12]))
+    t = np.arange(0, _WINDOW, part.step)
+    rows = np.interp(begin[some, np.newaxis] + t, part.step * np.arange(len(part.x)), part.x)
+    rows -= np.median(rows[:, t < 0.6 * _BEFORE], axis=1, keepdims=True)
+    heard = rows @ np.exp(-np.outer(t, s)) * part.step
+    bits = np.array([[int(bit) for bit in f"{part.words[k]:0{REQUEST_BITS}b}"] for k in some])
+    sent = -s * Modulation(bits).transform(s, start=_BEFORE)
+    return _fitted(s, -sent if part.inverted else sent, heard)
 
 
 def _fitted(s: npt.NDArray[Any], sent: Complexes, heard: Complexes) -> Impedance:
@@ -216,6 +202,9 @@ _ECHOES, _STRAY = 0.12, 0.1
 #: Levels of a slave, over that of the others, that are not those of one healthy slave.
 _WEAKER, _LOUDER = 0.65, 1.5
 
+#: Least size of a first pulse that is in order [V].
+_LEAST = 1.5
+
 #: Voltages that are no signal, though the supply is there [V]: 40 % of the smallest legal pulse,
 #: which noise of 0.2 V exceeds in less than a hundredth of the time.
 _NOTHING = 0.6
@@ -247,23 +236,22 @@ def ranked(found: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.DataF
 
 
 def line_causes(
-    part: Restored, dt: float, rows: pd.DataFrame, answering: int, bursts: int, supply: float
+    part: Restored, rows: pd.DataFrame, answering: int, bursts: int, supply: float
 ) -> list[Found]:
     """Return what is wrong with cable or supply, which every sender feels.
 
     `rows` are all transactions, `answering` counts the slaves, `bursts` what is no telegram, and
     `supply` is its voltage [V], NaN if unknown.
     """
-    u, found = part.u, measured(part, dt)
+    found = measured(part)
     if found is None:
-        known = u[~np.isnan(u)]
-        level = np.quantile(np.abs(known - np.median(known)), 0.99) if len(known) else 0.0
+        level = np.quantile(np.abs(part.x), 0.99) if len(part.x) else 0.0
         unread = bursts + int((~rows["request_error"].isin(["ok", ""])).sum())
         if level > _NOTHING and unread >= 2 * _FEWEST:
             said = f"{unread} telegrams cannot be read, not even with the cable's echoes taken off"
             return [Found(CABLE, said)]
         silent = level < _NOTHING and not (rows["response_error"] == "ok").any()
-        if silent and supply == supply and len(u) * dt > _SHORTEST:
+        if silent and supply == supply and not part.short:
             said = (
                 f"{supply:.0f} V but no pulse above {_NOTHING} V: an ordinary supply without "
                 "decoupling short-circuits all signals (a silent master looks alike)"
@@ -282,7 +270,9 @@ def line_causes(
     if stray > _STRAY:
         said = f"{stray:.0%} of the power during requests is foreign to them"
         return [Found(INTERFERENCE, said)]
-    if min(damped, fed) > 1.4 and 0.6 < damped / fed < 1.6:
+    # A second supply far away counts less, but the levels are low.
+    low = rows["response_amplitude_V"].median() < _LEAST
+    if fed > (1.15 if low else 1.4) and 0.6 < damped / fed < 1.6:
         return [Found(SECOND, f"{seen}; {usual}, and half of a decoupling looks like two")]
     if fed > 1.4:
         return [Found(INDUCTANCE, f"{seen}; {usual}")]
@@ -311,7 +301,8 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
     known = slaves[(slaves["errors"] + slaves["answers"] > 1) & (slaves.index != "unknown")]
     for label, slave in known.iterrows():
         said = f"its level is {slave['amplitude_V']:.2f} V, that of most slaves {usual:.2f} V"
-        if slave["amplitude_V"] > _LOUDER * usual:
+        others = level.drop([label]).max()
+        if slave["amplitude_V"] > max(_LOUDER * usual, 1.35 * others):
             said += (
                 f"; {int(slave['errors'])} of its answers are bad, as of two that answer at once"
             )
@@ -320,6 +311,10 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
             found.append(Found(WEAK, said, str(label)))
     bad = slaves["errors"] + slaves["bad_requests"]
     bad = bad[(bad > 0) & ~bad.index.isin([one.slave for one in found])]
+    silent = slaves.index[(slaves["answers"] == 0) & (slaves["requests"] > 2)]
+    if bursts and not len(bad) and not found and len(silent) == 1:
+        said = f"no answer can be read, but there are {bursts} bursts that are no telegram"
+        return [Found(WEAK, said, str(silent[0]))]
     one = bad.index[0] if len(bad) == 1 else ""
     if one and slaves["errors"][one] == bad[one] >= 3:
         said = f"all {int(bad[one])} bad telegrams are its answers, as of two that answer at once"

@@ -449,6 +449,7 @@ class Pulses:
             if slot in faults:
                 ax.axvspan(slot, slot + 1, color=colour, alpha=0.15, linewidth=0)
         ax.set(xlim=(0, self.signs.size), ylim=(-1.3, 1.3), yticks=[-1, 0, 1])
+        ax.set(xlabel="slot [half-bit]", ylabel="pulse [1]")
         return ax
 
 

@@ -567,7 +567,7 @@ class Plan:
             yticks=[],
             ylim=(1.04 * top + 0.7, 0.8 - 0.04 * top),
         )
-        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=6, fontsize=8)
+        style.legend(ax, 6)
         return ax
 
 
@@ -671,10 +671,10 @@ class Comparison:
             ("ringing", "C1", "ringing"),
         ):
             ax.plot(x, 100 * table[column], color=colour, label=what + name, **line)
-        style.limit(ax, 100 * TOLERANCE.evenness, "limit of the weakest pulse")
-        style.limit(ax, 100 * TOLERANCE.ringing, "limit of ringing")
+        style.limit(ax, 100 * TOLERANCE.evenness, "weakest pulse,\nat least")
+        style.limit(ax, 100 * TOLERANCE.ringing, "ringing,\nat most")
         ax.set(ylabel="share of the largest pulse [%]", ylim=(0, 112))
-        ax.legend()
+        style.legend(ax)
         return ax
 
 

@@ -138,12 +138,9 @@ class Reception(NamedTuple):
             ax.plot(middles[~filled][1:] * 1e6, heights[~filled][1:], "x", color="C1", label="none")
             threshold = abs(heights[1]) * receiver.threshold
             for level in (threshold, -threshold):
-                ax.axhline(level, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
-            ax.text(
-                end - 1, threshold, "threshold", color=style.LIMIT["color"], ha="right", va="bottom"
-            )
+                style.limit(ax, level, "threshold")
         ax.set(xlim=(-5, end), xlabel="time [us]", ylabel="voltage at the master [V]")
-        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
+        style.legend(ax)
         return ax
 
 
@@ -500,9 +497,10 @@ class Eye(NamedTuple):
             lines = ax.plot(t, rows.T, color=colour, alpha=0.15, linewidth=0.8)
             if lines:
                 ax.plot([], [], color=colour, label=label)
-        style.limit(ax, TOLERANCE.evenness, "limit of pulses")
+        style.limit(ax, TOLERANCE.evenness, "pulse")
         for level in (TOLERANCE.ringing, -TOLERANCE.ringing):
-            style.limit(ax, level, "limit of ringing")
+            style.limit(ax, level, "ringing")
         ax.set(xlim=(t[0], t[-1]), ylim=(-1.05, 1.05))
         ax.set(xlabel="time from the middle [us]", ylabel="voltage / largest [1]")
+        style.legend(ax)
         return ax

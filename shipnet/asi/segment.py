@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from heapq import heappop, heappush
 from math import ceil
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -289,12 +289,7 @@ class Segment:
         return self._waveforms([words], nodes, dt, before, after)[0]
 
     def _waveforms(
-        self,
-        words: Sequence[str | Sequence[str]],
-        nodes: tuple[str, ...],
-        dt: float,
-        before: float,
-        after: float,
+        self, words: Sequence[Any], nodes: tuple[str, ...], dt: float, before: float, after: float
     ) -> list[Waveform]:
         if self.head is None:
             raise ArgumentError(f"{self} has no head; its line needs a master")

@@ -173,7 +173,7 @@ class Slave:
         A box per state, an arrow from state to state with the events that lead along it, and
         after a slash what the slave does.
         """
-        ax = style.axes(ax)
+        ax = style.axes(ax, figsize=(7.5, 2.6))
         for state, x in _X.items():
             style.box(
                 ax,

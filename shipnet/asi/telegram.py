@@ -302,7 +302,9 @@ class Response:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the response as coloured bits, with its level line above; x is in bit times."""
-        return plot_telegram(self.bits, ax=ax)
+        ax = plot_telegram(self.bits, ax=style.axes(ax, figsize=(7.5, 2.2)))
+        ax.set(xlabel="time [bit]", yticks=[], ylim=(-0.75, 2.1))
+        return ax
 
     def __str__(self) -> str:
         if self.call is None:
@@ -451,7 +453,9 @@ class Request:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the request as coloured bits, with its level line above; x is in bit times."""
-        return plot_telegram(self.bits, ax=ax)
+        ax = plot_telegram(self.bits, ax=style.axes(ax, figsize=(7.5, 2.2)))
+        ax.set(xlabel="time [bit]", yticks=[], ylim=(-0.75, 2.1))
+        return ax
 
     def __str__(self) -> str:
         return self.call.rule.says.format(slave=self.slave, data=self.data, bits=self._data_bits)

@@ -268,7 +268,7 @@ class Prediction:
             ax.plot([], [], " ", label="no trend")
         if trend.logarithmic:
             ax.set_yscale("log")
-        ax.legend(fontsize=8)
+        style.legend(ax, 5)
         ax.set(xlabel="stroke", ylabel=label)
         return ax
 

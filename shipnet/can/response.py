@@ -368,7 +368,7 @@ class ResponseTimes(Named[ResponseTime]):
                 deadline, y, linestyle="none", marker="|", markersize=14, markeredgewidth=2.5,
                 color=red, label="deadline",
             )  # fmt: skip
-            ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False)
+            style.legend(ax)
         for place in y[~finite]:
             ax.text(
                 right, float(place), "no bound ",

@@ -265,7 +265,7 @@ class Signals:
             xlabel="time [us]", ylabel="voltage [V]", xlim=(0, self.t[-1] * 1e6),
             ylim=(min(-0.2, 1.1 * float(np.min(self.v[row]))), 1.2 * top),
         )  # fmt: skip
-        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8)
+        style.legend(ax)
         return ax
 
     def __repr__(self) -> str:

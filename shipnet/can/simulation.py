@@ -145,7 +145,7 @@ class Run:
         ax.set(xlabel="time [ms]", xlim=(low, high), ylim=(len(lane) - 0.4, -0.6))
         ax.set_yticks(range(len(lane)), list(lane))
         ax.grid(axis="y", visible=False)
-        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=8)
+        style.legend(ax)
         return ax
 
     def log(

@@ -32,7 +32,7 @@ from shipnet.design.costs import (
 )
 from shipnet.design.designs import Design
 from shipnet.design.failures import worst
-from shipnet.design.planning import plan
+from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.plot import plot_pareto, plot_ranges
 from shipnet.design.points import PointTable
 from shipnet.design.report import BANNER, report_html
@@ -147,11 +147,6 @@ class Comparison:
     @property
     def _first(self) -> Design:
         return next(iter(self.designs.values()))
-
-    @cached_property
-    def _tornados(self) -> dict[str, Tornado]:
-        """The tornados of the cheapest design that were asked for, by figure."""
-        return {}
 
     @cached_property
     def quantities(self) -> dict[str, Quantities]:
@@ -297,9 +292,7 @@ class Comparison:
         Without names, the cheapest design with all points is set against the first one.
         """
         if a is None and b is None:
-            if figure not in self._tornados:
-                self._tornados[figure] = tornado(complete(self.designs), figure)
-            return self._tornados[figure]
+            return tornado(complete(self.designs), figure)
         if a == b:
             raise ArgumentError(f"a and b are both {a!r}; they must be two designs")
         known = [name for name in (b, a) if name is not None]
@@ -353,6 +346,7 @@ class Comparison:
                 )
         said += _lengths(self.designs)
         said += _prices(self.quantities, self.designs)
+        said += self._safe_points
         whole = table[table["points_left_out"] == 0]
         said = [f"{self.verdict[:1].upper()}{self.verdict[1:]}.", *said]
         if whole.empty:
@@ -368,6 +362,25 @@ class Comparison:
             said.append(f"Not Pareto-optimal in {weighed}: {', '.join(others)}.")
         last = str(self.tornado())
         return [*said, f"{last[:1].upper()}{last[1:]}."]
+
+    @cached_property
+    def _safe_points(self) -> list[str]:
+        """Where intrinsically safe points are connected, and what the other choice would cost."""
+        safe = (self.iolist.points["ex"] != "").to_numpy()
+        buses = [name for name in OPTIONS[2:] if name in self.designs]
+        said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
+        if not safe.any() or not buses:
+            return [f"{said}the cabinet."] if safe.any() else []
+        name = min(buses, key=lambda bus: self.quantities[bus]["total_cost_eur"])
+        design = self.designs[name]
+        onto, values = design.settings.field_barriers, design.settings
+        values = values.replace({"field_barriers": not onto})
+        other = plan(self.iolist, self.site, name, settings=values, rules=self.rules)
+        more = self.quantities[name]["total_cost_eur"] - other.quantities()["total_cost_eur"]
+        where, other_way = "the cabinet", "field_barriers, which puts them onto the bus"
+        if onto:
+            where, other_way = "its box", "home runs to barriers in the cabinet"
+        return [f"{said}{where}; {name} {_costs(more)} with {other_way}."]
 
     def short(self) -> pd.DataFrame:
         """Return the rows that are asked for first, as text, one column per design."""
@@ -568,24 +581,18 @@ def _rules(count: int) -> str:
 
 
 def _prices(quantities: Mapping[str, Quantities], designs: Mapping[str, Design]) -> Iterator[str]:
-    """Say what limits on responses cost, and where intrinsically safe points are connected."""
+    """Say what limits on responses cost."""
     for name, design in designs.items():
         if (loose := design.without_limits) is not None:
             more = quantities[name]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
-            yield (
-                f"Within the rules' limits on responses, {name} costs {number(abs(more))} EUR "
-                f"{'less' if more < 0 else 'more'} than without them."
-            )
-    first = next(iter(designs.values()))
-    safe = (first.iolist.points["ex"] != "").to_numpy()
-    if safe.any():
-        onto = [name for name, design in designs.items()
-                if (~design.points["bus"][safe].isin(["", "hardwired"])).any()]  # fmt: skip
-        cost = number(safe.sum() * first.settings.assumptions["barrier"].nominal)
-        where = f"in the boxes of {', '.join(onto)}" if onto else "in the cabinet"
-        hint = "" if onto else "; with field_barriers, buses take these points"
-        said = f"with barriers for {cost} EUR {where}{hint}"
-        yield f"Intrinsically safe points: {safe.sum()}, {said}."
+            yield f"Within the rules' limits on responses, {name} {_costs(more)} without them."
+
+
+def _costs(more: float) -> str:
+    """Return what something costs beside something else."""
+    if not round(more):
+        return "costs as much as"
+    return f"costs {number(abs(more))} EUR {'less' if more < 0 else 'more'} than"
 
 
 def _why(design: Design) -> str:

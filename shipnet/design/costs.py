@@ -494,7 +494,7 @@ class Tornado:
         low, high = ax.get_xlim()
         if len(self.between) == 2 and low <= 0 <= high:
             ax.axvline(0, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
-        ax.legend(loc="lower right", fontsize=8)
+        style.legend(ax)
         return ax
 
     @property

@@ -44,19 +44,16 @@ Result = TypeVar("Result")
 
 def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
     """Return the cluster of each place, (n, 3): no more than `most`, all within `reach`."""
-    return _kept_zones(np.asarray(xyz, float).tobytes(), reach, most).copy()
+    return _zones(np.asarray(xyz, float).tobytes(), reach, most).copy()
 
 
-@lru_cache(maxsize=16)  # every option with boxes asks for the same zones
-def _kept_zones(places: bytes, reach: float, most: int) -> Indices:
-    return _zones(np.frombuffer(places).reshape(-1, 3), reach, most)
-
-
-def _zones(xyz: Floats, reach: float, most: int) -> Indices:
+@lru_cache(maxsize=32)  # every option with boxes asks for the same zones
+def _zones(places: bytes, reach: float, most: int) -> Indices:
+    xyz = np.frombuffer(places).reshape(-1, 3)
     if len(xyz) > _MOST:
         upper = _halves(xyz)
         labels = np.empty(len(xyz), dtype=np.intp)
-        low, high = (_zones(xyz[side], reach, most) for side in (~upper, upper))
+        low, high = (zones(xyz[side], reach=reach, most=most) for side in (~upper, upper))
         labels[~upper], labels[upper] = low, high + low.max() + 1
         return _renumbered(labels)
     if len(xyz) < 2:

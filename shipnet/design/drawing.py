@@ -145,9 +145,16 @@ def _rows(design: Layout) -> Iterator[_Row]:
     hardwired = _hardwired(design, counts)
     blocks = [("hardwired", _COLOURS[-1], hardwired)] if hardwired.children else []
     runs = design.cables[design.cables["kind"] == "trunk"]
+    feeders = design.cables[design.cables["kind"] == "feeder"]
+    fed = dict(zip(feeders["a"], feeders["b"], strict=True))
+    # A supply in no housing stands beside the device that it feeds.
+    housed = design.devices["at"].where(
+        design.devices["at"] != "", design.devices["device"].map(fed)
+    )
+    placed = design.devices.assign(at=housed.fillna(""))
     devices, trunks = (
         {name: table.iloc[rows] for name, rows in table.groupby("segment").indices.items()}
-        for table in (design.devices, runs)
+        for table in (placed, runs)
     )
     for number, segment in enumerate(design.segments.itertuples()):
         colour = _COLOURS[number % len(_COLOURS)]
@@ -157,7 +164,7 @@ def _rows(design: Layout) -> Iterator[_Row]:
             f"{segment.segment}: {segment.points} points, {segment.length_m:.0f} m of "
             f"{', '.join(trunk['cable'].unique())}{lines}"
         )
-        own = devices.get(segment.segment, design.devices[:0])
+        own = devices.get(segment.segment, placed[:0])
         root = _tree(str(segment.segment), own, trunk[trunk["line"] != "B"], counts)
         blocks.append((said, colour, root))
     for said, colour, root in blocks:

@@ -128,7 +128,7 @@ def plot_ranges(
     ax.invert_yaxis()
     ax.set(xlabel=words, xlim=(0, None))
     ax.grid(visible=False, axis="y")
-    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, fontsize=8)
+    style.legend(ax)
     return ax
 
 

@@ -150,7 +150,8 @@ class Cells:
         used = "; ".join(unused)
         if faults:
             faults = [f"row {self.sheet.top}: {fault}" for fault in faults]
-            raise InputError(self._source, *faults, *([f"not known: {used}"] * bool(used)))
+            hint = f"not known: {used}; [columns] in the settings may say what they mean"
+            raise InputError(self._source, *faults, *([hint] * bool(used)))
         if unused:
             self.remarks.append(Remark(f"not used: {used}"))
 

@@ -113,7 +113,7 @@ class Trays:
             ax.annotate(name, (x, y), (5, 5), textcoords="offset points", fontsize=8)
         ax.set(xlabel="x [m]", ylabel="y [m]")
         ax.margins(0.05)
-        ax.legend(fontsize=8)
+        style.legend(ax)
         return ax
 
     @property

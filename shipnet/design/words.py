@@ -224,6 +224,8 @@ def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | Non
         # What is not known must at least be in another script, not another word.
         foreign = all(found or not part.isascii() for part, found in zip(parts, each, strict=True))
         names = {found for found in each if found is not None}
+        if names == {Column("type"), Column("signal")}:  # a column of types may hold signals
+            names = {Column("type")}
         if len(names) == 1 and foreign and (parts[1:] or mark):
             return names.pop()
     return None

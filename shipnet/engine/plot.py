@@ -58,7 +58,7 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
         )
         for t in used
     ]  # fmt: skip
-    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, fontsize=8)
+    style.legend(ax, handles=handles)
     ax.set_yticks(range(len(names)), names)
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.set_xlim(table["start_ms"].min(), table["end_ms"].max())
@@ -91,15 +91,11 @@ def plot_ages(
             transform=ax.get_xaxis_transform(),
         )  # fmt: skip
     for name, value in (limits or {}).items():
-        ax.axhline(value, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
-        ax.text(
-            float(ages["until_s"].max()), value, name, ha="right", va="bottom", fontsize=8,
-            color=LIMIT["color"],
-        )  # fmt: skip
+        style.limit(ax, value, name)
     ax.set(xlabel="time [s]", ylabel="age [s]")
     ax.set_ylim(bottom=0)
     if label or len(bad):
-        ax.legend()
+        style.legend(ax)
     return ax
 
 
@@ -128,7 +124,7 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
         Patch(facecolor="#E69F00", edgecolor="0.3", label=f"* older than {old:g} s"),
         Patch(facecolor="0.2", edgecolor="0.3", label="marked"),
     ]
-    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8)
+    style.legend(ax, handles=handles)
     ax.set(xlim=(0, _TILES), ylim=(-(-len(table) // _TILES), 0), xticks=[], yticks=[])
     ax.set_xlabel("AMS, synthetic values")
     ax.grid(visible=False)
@@ -180,7 +176,7 @@ def plot_system(
             textcoords="offset points", color=LIMIT["color"], fontsize=8,
             ha="right" if on_cable else "center", va="center" if on_cable else "top",
         )  # fmt: skip
-    ax.legend(loc="upper right", fontsize=8)
+    style.legend(ax)
     lowest = min(-0.35, *(y for _, y in spots.values())) - 0.4
     return bare(ax, (-1.0, 2.0 * middle + 1.0), (lowest, 2.6))
 

@@ -130,7 +130,7 @@ class Waveform:
             ax.plot(self.t * 1e6, row, label=name)
         ax.set(xlabel="time [us]", ylabel="voltage [V]")
         if len(self.names) == len(rows) > 1:
-            ax.legend()
+            style.legend(ax)
         return ax
 
     def __repr__(self) -> str:

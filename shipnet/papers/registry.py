@@ -69,14 +69,14 @@ class Recomputation:
             caller = frame.f_back
             if event == "call" and caller is not None and _is_paper(caller) and _is_model(frame):
                 models.append(frame.f_code.co_name)
-                sys.setprofile(before)
+                _watch_again(before)
 
         before = sys.getprofile()
         sys.setprofile(watch)
         try:
             value = self()
         finally:
-            sys.setprofile(before)
+            _watch_again(before)
         numbers = [one for one in self.defaults.values() if isinstance(one, int | float)]
         counts = all(isinstance(number, bool) for number in numbers)
         return value, "model" if models else "count" if counts else "arithmetic"
@@ -85,6 +85,13 @@ class Recomputation:
     def evidence(self) -> str:
         """Full name of the function, or of its module if the function has no name."""
         return f"{self.function.__module__}.{self.function.__name__}".removesuffix(".<lambda>")
+
+
+def _watch_again(profiler: Any) -> None:
+    """Let the profiler of before watch; that of cProfile is an object, and not called."""
+    sys.setprofile(profiler if callable(profiler) else None)
+    if hasattr(profiler, "enable"):
+        profiler.enable()
 
 
 def _is_paper(frame: FrameType) -> bool:

@@ -91,7 +91,7 @@ def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
     ax.set_xlabel("unread bytes [byte]")
     ax.set_ylabel("get_no [index]")
     handles = [Patch(facecolor=colour, label=label) for label, colour in _CASES.values()]
-    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False)
+    style.legend(ax, 2, handles=handles)
     ax.grid(visible=False)
     return ax
 
@@ -115,7 +115,7 @@ def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
     ax.set(xlabel="bytes unread [byte]", ylabel="true and shown [byte]")
     ax.set(xlim=(0, leads.size), ylim=(0, leads.size))
     ax.grid(visible=False)
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+    style.legend(ax)
     return ax
 
 
@@ -172,9 +172,7 @@ def plot_time_chart(
     ]
     if (shown["outcome"] == "lost").any():
         handles.append(Patch(facecolor="white", edgecolor="0.3", hatch="////", label="lost"))
-    ax.legend(
-        handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, frameon=False
-    )
+    style.legend(ax, handles=handles)
     return ax
 
 
@@ -200,7 +198,7 @@ def plot_margins(table: pd.DataFrame, ax: Axes | None, limit: float) -> Axes:
     ax.minorticks_off()
     ax.set_xlabel("bit rate [bit/s]")
     ax.set_ylabel("time [s]")
-    ax.legend()
+    style.legend(ax)
     return ax
 
 
@@ -229,7 +227,7 @@ def plot_counters(
     line, name = "-" if place == 0 else "--", label or f"rule {place + 1}"
     ax.plot(times, counts, line, drawstyle="steps-post", color=f"C{place}", label=name)
     ax.set(xlabel="time since the last 0xDD [s]", ylabel="count [tick]")
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+    style.legend(ax)
     return ax
 
 
@@ -263,5 +261,5 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None, bit_error_rate: float | No
     ax.set_ylabel("share of packets taken wrong [-]")
     for marker, meaning in (("o", "counted, 95 % bounds"), ("v", "none counted, upper bound")):
         ax.plot([], [], color="0.4", marker=marker, linestyle="none", label=meaning)
-    ax.legend()
+    style.legend(ax, 3)
     return ax

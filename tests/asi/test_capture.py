@@ -177,6 +177,20 @@ def test_two_cycles_with_all_that_happens():
     assert "never answered 5" in str(summary)
 
 
+@pytest.mark.parametrize(("cycles", "light"), [(0, "red"), (1, "yellow"), (4, "green")])
+def test_the_light_of_repetitions(cycles, light):
+    telegrams, end = cycle((1, 2), silent=(2,))
+    again, end = cycle((2,), start=end)
+    telegrams += again
+    for _ in range(cycles):
+        more, end = cycle(range(1, 32), start=end + 10 * BIT)
+        telegrams += more
+    counters = decode(line(telegrams, end + 20e-6, 5e6), 2e-7).counters()
+    assert counters.loc["repetitions", "value"] == pytest.approx(1 / (3 + 31 * cycles))
+    assert counters.loc["repetitions", "light"] == light
+    assert counters.loc["missing slave frames", "value"] == 1
+
+
 def test_a_lost_pulse_breaks_one_telegram_only():
     telegrams, end = cycle((1, 2, 3))
     u = line(telegrams, end + 20e-6, 10e6)

@@ -1,8 +1,10 @@
 """Records of simulated lines with one fault each, back to the fault; and what masters count."""
 
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from shipnet import asi
@@ -18,7 +20,7 @@ CABLE, SECOND, INDUCTANCE, INTERFERENCE, DUPLICATE, WEAK, REVERSED = CAUSES = (
 NONE = "none"
 
 #: The rules were found on the trees of seeds 0 to 59, with noise of 0.02 to 0.2 V.
-SEEDS, NOISE = range(2000, 2008), (0.02, 0.1, 0.2)
+SEEDS, NOISE = range(2000, 2012), (0.02, 0.1, 0.2)
 
 
 def tree(rng, metres, *, supplies=1, load=None, duplicate=False, stub=0.0):
@@ -107,13 +109,17 @@ def named(wave, noise=0.05):
     return found[0] if len(found) else NONE
 
 
-@pytest.mark.parametrize("cause", [NONE, *CAUSES])
-def test_causes_on_trees_that_made_no_rule(cause):
-    records = [faulty(cause, seed) for seed in SEEDS]
-    found = [named(wave, noise) for wave in records for noise in NOISE]
-    row = ", ".join(f"{found.count(other)} {other}" for other in (NONE, *CAUSES) if other in found)
-    print(f"confusion of {cause}: {row}")
-    assert found.count(cause) >= 0.95 * len(found), row
+def test_causes_on_trees_that_made_no_rule():
+    pairs = [
+        (cause, named(faulty(cause, seed), noise))
+        for cause in (NONE, *CAUSES)
+        for seed, noise in zip(SEEDS, cycle(NOISE), strict=False)
+    ]
+    confusion = pd.crosstab(*zip(*pairs, strict=True), rownames=["is"], colnames=["named"])
+    print(confusion.to_string())
+    right = pd.Series({cause: confusion.at[cause, cause] for cause in confusion.index})
+    assert right.sum() >= 0.95 * len(pairs)
+    assert (right >= 0.9 * len(SEEDS)).all()
 
 
 @pytest.mark.parametrize("cause", [SECOND, WEAK, DUPLICATE])
@@ -144,6 +150,15 @@ def test_only_answers_from_a_shared_address_are_bad():
     table, causes = capture.transactions, capture.causes()
     bad = table[~table["response_error"].isin(["ok", "", "no answer", "cut off"])]
     assert set(bad["address"].astype(str)) == {causes["slave"].iloc[0]}
+    assert "its level is" in causes["evidence"].iloc[0]
+
+
+def test_a_slave_too_weak_to_be_read_is_named():
+    wave = asi.line(60, slaves=5).record(weak={"3": 0.18}, rng=1)
+    u = wave.u + 0.15 * np.random.default_rng(1).standard_normal(wave.u.size)
+    capture = decode(replace(wave, u=u))
+    assert capture.slaves.loc["3", "answers"] == 0
+    assert capture.causes()["slave"].to_dict() == {WEAK: "3"}
 
 
 # At 100 m the cable is a quarter of a wave long at 385 kHz, and no longer one capacitance.
@@ -151,7 +166,7 @@ def test_only_answers_from_a_shared_address_are_bad():
 def test_the_impedance_is_that_of_the_network(metres):
     plan = asi.line(metres, slaves=10)
     capture = decode(plan.record(10e-3, rng=1))
-    found = measured(capture.restored, 250e-9)
+    found = measured(capture.restored)
     s = 2j * np.pi * np.array([80e3, 167e3, 300e3])
     y = 1 / found.resistance + 1 / (s * found.inductance) + s * found.capacitance
     true = plan.network.transfer("0 m", s, to="0 m")
@@ -182,7 +197,8 @@ def test_a_slave_that_hears_no_request_is_dropped():
     assert capture.summary().missing == ["2"]
     counters = capture.counters()["value"]
     assert counters["slave failure"] == 1
-    assert counters["missing slave frames"] >= 6
+    # Nobody need answer where the master looks for new slaves; two tries were for its status.
+    assert counters["missing slave frames"] == len(data) + 2
     assert capture.counters().loc["repetitions", "light"] == "red"
 
 

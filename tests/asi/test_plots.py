@@ -1,4 +1,5 @@
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -100,8 +101,14 @@ def test_an_eye_draws_every_half_bit_and_the_tolerances(ax):
 
 def test_the_tolerances_of_a_comparison_are_named_on_their_lines(ax):
     compare({100: line(100, slaves=(5, 100))}).plot(ax)
-    named = {text.get_text(): text.get_position()[1] for text in ax.texts}
-    assert named == pytest.approx({"limit of the weakest pulse": 65, "limit of ringing": 30})
+    named = {text.get_text(): text.get_position() for text in ax.texts}
+    assert {name: y for name, (_, y) in named.items()} == pytest.approx(
+        {"weakest pulse,\nat least": 65, "ringing,\nat most": 30}
+    )
+    # Names and legend are outside, clear of the data.
+    assert all(x > 1 for x, _ in named.values())
+    ax.figure.draw_without_rendering()
+    assert ax.get_legend().get_window_extent().y0 >= ax.get_window_extent().y1 - 1
 
 
 def test_bits_and_pulses_share_their_time():
@@ -112,3 +119,16 @@ def test_bits_and_pulses_share_their_time():
     assert axes[1].lines[0].get_ydata().max() == pytest.approx(60)
     assert axes[2].lines[0].get_ydata() == pytest.approx(wave.u)
     assert axes[2].get_xlabel() == "time [us]"
+
+
+def test_a_telegram_on_axes_of_its_own_needs_no_tuning():
+    for telegram in (Request.data_exchange(21, 0xE), Response(6)):
+        ax = telegram.plot()
+        ax.figure.draw_without_rendering()
+        fields = [text for text in ax.texts if text.get_position()[1] < 0]
+        inside = ax.get_window_extent()
+        # The names of the fields lie above the ticks, and nothing is cut off.
+        assert all(text.get_window_extent().y0 > inside.y0 for text in fields) and fields
+        assert (ax.get_xlabel(), len(ax.get_yticks())) == ("time [bit]", 0)
+        assert ax.figure.get_layout_engine() is not None
+        plt.close(ax.figure)

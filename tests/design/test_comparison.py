@@ -259,15 +259,26 @@ def test_what_a_limit_on_responses_costs_is_the_difference_to_the_plan_without_i
     assert priced.without_limits.settings is priced.settings
 
 
-def test_barriers_are_counted_and_their_place_is_named():
+def test_the_price_of_a_barrier_in_the_cabinet_is_the_difference_to_one_in_the_box():
     iolist = IoList.parse("tag,signal,x,y,z\nA,4-20mA Ex ia,20,0,0\nB,contact,21,0,0")
-    for field, where in ((False, "in the cabinet; with field_barriers"), (True, "in the boxes of")):
-        found = iolist.compare((0, 0, 0), ["home runs", "CAN"], settings={"field_barriers": field})
-        (said,) = (one for one in found.conclusions() if one.startswith("Intrinsically safe"))
-        cost = number(found.settings.assumptions["barrier"].nominal)
-        assert said.startswith(
-            f"Intrinsically safe points: 1, with barriers for {cost} EUR {where}"
-        )
+    inside, outside = (
+        iolist.compare((0, 0, 0), ["home runs", "CAN"], settings={"field_barriers": field})
+        for field in (False, True)
+    )
+    more = number(
+        inside.quantities["CAN"]["total_cost_eur"] - outside.quantities["CAN"]["total_cost_eur"]
+    )
+    said = "Intrinsically safe points: 1, each with a barrier in"
+    assert (
+        f"{said} the cabinet; CAN costs {more} EUR more than with field_barriers, which puts them "
+        "onto the bus." in inside.conclusions()
+    )
+    assert (
+        f"{said} its box; CAN costs {more} EUR less than with home runs to barriers in the "
+        "cabinet." in outside.conclusions()
+    )
+    hardwired = iolist.compare((0, 0, 0), ["home runs"])
+    assert f"{said} the cabinet." in hardwired.conclusions()
     assert not any("safe" in one for one in ship(4).compare((0, 0, 0)).conclusions())
 
 

@@ -63,9 +63,25 @@ def test_a_drawing_has_sheets_that_fit_on_a_page():
 def test_supplies_and_terminators_stand_where_they_are():
     said = words(single_line(Design.example()))
     assert {"master", "JB1", "JB2", "45 m", "26 m"} <= set(said)
-    said = words(single_line(ship(40).plan("CAN", (20, 0, 4))))
+    small = {"supply.station": 0.1, "supply.solenoid": 0, "supply.short": 0}
+    said = words(single_line(ship(40).plan("CAN", (20, 0, 4), settings=small)))
     assert "+ terminator + supply " in said or "+ supply + terminator " in said
     assert sum(text.startswith("+ terminator") for text in said) >= 1
+
+
+@pytest.mark.parametrize("option", ["CAN", "AS-i"])
+def test_a_supply_out_of_the_cabinet_is_drawn_beside_the_device_that_it_feeds(option):
+    design = SHIP.plan(option, (20, 0, 4))
+    said = words(single_line(design))
+    devices = design.devices.set_index("device")
+    out = devices[devices["kind"].str.endswith("supply") & (devices["at"] == "")]
+    fed = design.cables[design.cables["a"].isin(out.index)]
+    assert len(fed) >= len(out) > 1
+    for supply in out.itertuples():
+        name = fed["b"][fed["a"] == supply.Index].iloc[0].removeprefix(f"{supply.segment} ")
+        title = next(n for n, text in enumerate(said) if text.startswith(f"{supply.segment}: "))
+        row = said.index(name, title)
+        assert said[row + 1].startswith("+ ") and f"+ {supply.kind} " in said[row + 1]
 
 
 @pytest.mark.parametrize("redundant", [True, False])

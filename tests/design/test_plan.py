@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from shipnet import datasets
 from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.planning import OPTIONS, plan
-from shipnet.design.rules import Rule, RuleSet
+from shipnet.design.rules import Rule, RuleSet, longest_responses
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site, Trays
 from shipnet.errors import ArgumentError
@@ -406,8 +406,14 @@ def test_a_limit_that_is_met_anyway_changes_nothing():
     assert plan(SLOW, SITE, "home runs", rules=within(1e-3)).without_limits is None
 
 
-def test_a_limit_below_the_time_of_the_host_is_left_to_the_host():
-    assert plan(SLOW, SITE, "CAN", rules=within(0.5)).without_limits is None
+def test_what_the_host_takes_is_left_of_a_limit_and_a_limit_below_it_is_left_out():
+    inputs = SLOW.points["type"].isin(["DI", "AI"]).to_numpy()
+    for limit, left in ((2.0, 1.5), (0.75, 0.25), (0.5, np.inf), (0.2, np.inf)):
+        longest = longest_responses(within(limit), SLOW.points, 0.5)
+        assert longest[inputs] == pytest.approx(left) and np.isinf(longest[~inputs]).all()
+    # A second limit that the host can keep still holds.
+    both = RuleSet((*within(0.2), *within(2.0, "outputs")))
+    assert longest_responses(both, SLOW.points, 0.5)[~inputs] == pytest.approx(1.5)
 
 
 def test_points_that_cannot_meet_a_limit_keep_the_need_of_the_list():

@@ -4,6 +4,7 @@ import csv
 from collections import Counter
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -376,3 +377,17 @@ def test_report_command_and_tables_say_how_the_list_was_read(tmp_path, capsys):
     assert "marked as deleted" in (tmp_path / "answer.json").read_text(encoding="utf-8")
     assert main([*command, "--strict"]) == 2
     assert "row 4: left out, marked as deleted or spare" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("title", ["I/O TYPE\n신호", "신호 / I/O type", "신호 I/O TYPE"])
+def test_a_title_of_types_and_signals_in_two_languages_is_one_column(title):
+    rows = pd.DataFrame({"tag": ["A", "B"], title: ["PT100 3W", "24VDC SOL"]})
+    assert IoList.from_table(rows).points["signal"].tolist() == ["rtd_3wire", "solenoid"]
+    assert IoList.from_table(rows.assign(**{title: ["DI", "AO"]})).points["type"].tolist() == [
+        "DI", "AO",
+    ]  # fmt: skip
+
+
+def test_a_list_whose_titles_are_not_known_says_where_to_name_them():
+    with pytest.raises(InputError, match=r"not known: wkz; \[columns\] in the settings may say"):
+        IoList.parse("tag,system,wkz,x,y,z\nA,b,contact,1,2,3")

@@ -72,6 +72,7 @@ def test_the_corrected_list_gives_a_schedule_to_order_from(yard, capsys):
             way = np.abs(np.subtract(places[row["from"]], places[row["to"]])).sum()
             total += DETOUR * way + TAILS
             assert float(row["length_m"]) == pytest.approx(DETOUR * way + TAILS, abs=1e-6), row
+            assert float(row["tails_m"]) == pytest.approx(TAILS, abs=1e-6), row
             cable = catalogue.loc[row["type"]]
             assert row["description"] == cable["description"]
             assert int(row["cores"]) == int(cable["conductors"]) >= int(row["cores_used"]) > 0

@@ -241,6 +241,16 @@ TARGETS: dict[str, Target] = {
         ],
     ),
     "can messages": Target(_text(can.MessageSet.parse), _data("synthetic_can_lee2012.csv")),
+    "can messages.csv": Target(
+        _file(".csv", can.read_messages),
+        lambda: [
+            b"Engine, rev. 3\n\nNo.;Message;CAN-ID (hex);DLC;Cycle [ms]\n1;Oil;18FF0100h;8;20\n",
+            b"(1.5) can0 123#012A\n(1.6) can0 123#012A\n(2.0) can0 18FEF100#R3\n",
+        ],
+    ),
+    "can log against messages": Target(
+        _file(".log", lambda path: can.compare(can.example(), path).table()), _saved(".log", _log)
+    ),
     "can messages.dbc": Target(
         _file(".dbc", can.read_messages),
         lambda: [

@@ -1,4 +1,5 @@
 import ast
+import cProfile
 import importlib
 import itertools
 import json
@@ -531,3 +532,13 @@ def test_a_changed_constant_moves_a_claim_of_each_paper_that_rests_on_it():
     program = [sys.executable, MUTANTS / "ledger.py", "SEND_CURRENT"]
     said = subprocess.check_output(program, text=True)
     assert [line.split()[-4] for line in said.splitlines()] == ["claims,", "claims,"]
+
+
+def test_a_profiler_watches_before_and_after_a_claim():
+    profiler = cProfile.Profile()
+    recomputation = REGISTRY["kim2023-001"]
+    with profiler:
+        assert Recomputation(recomputation.function, recomputation.inputs, {}).result[1] == "model"
+        len([])
+    names = {entry.code for entry in profiler.getstats()}
+    assert any("len" in str(name) for name in names)

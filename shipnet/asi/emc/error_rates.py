@@ -331,7 +331,7 @@ def error_rate(
     >>> from shipnet.asi.receiver import RECEIVERS
     >>> proof = RECEIVERS["noise-proof"]
     >>> error_rate(answers, [0.283e-3, 0.495e-3], receiver=proof).round(6).tolist()
-    [2.1e-05, 0.06209]
+    [2.1e-05, 0.062119]
     """
     receiver = receiver or Receiver()
     threshold, minimum = receiver.threshold, receiver.minimum

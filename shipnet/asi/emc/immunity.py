@@ -152,7 +152,7 @@ class Levels:
         ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         ax.minorticks_off()
         ax.set(
-            xlim=(0.8 * _NONE, 16),
+            xlim=(0.8 * _NONE, 40),
             ylim=(len(rows) - 0.5, -0.5),
             xlabel="AS-i level over marine level [1]",
         )
