@@ -1,5 +1,6 @@
-"""Hypothesis profiles, kernels that start again, and axes to draw on."""
+"""Hypothesis profiles, garbage, kernels that start again, and axes to draw on."""
 
+import gc
 import os
 from typing import Any
 
@@ -11,6 +12,14 @@ from nbval import kernel
 settings.register_profile("ci", deadline=None, derandomize=True, max_examples=20)
 settings.register_profile("random", deadline=None, max_examples=500)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+
+def pytest_collection_finish() -> None:
+    """Keep the garbage collector from what was collected: ten thousand tests stay to the end."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
+
 
 _start = kernel.start_new_kernel
 
