@@ -18,6 +18,7 @@ from shipnet.asi.batch import NONE, Requests, parse_responses
 from shipnet.asi.bursts import Telegrams, find_telegrams
 from shipnet.asi.causes import Found, Restored, line_causes, ranked, restored, sender_causes
 from shipnet.asi.receiver import TOLERANCE
+from shipnet.asi.rules import rule_limits
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
 from shipnet.errors import ArgumentError, name_of
@@ -191,13 +192,24 @@ def _in_words(
     return "; ".join(parts)
 
 
-#: Size of a first pulse that is in order [V]: half of a signal of 3 to 8 V peak to peak, what a
-#: chip must read.
-LEVEL = 1.5, 4.0
+#: Least voltage of a supply that is not a power fail [V] (Bihl+Wiedemann's tuner); below the last
+#: one nothing was recorded but the signal.
+POWER_FAIL, _COUPLED = 18.5, 5.0
 
-#: A supply's voltage that is in order [V], and the least that is not a power fail (asi_plan_rules;
-#: Bihl+Wiedemann's tuner). Below the last one nothing was recorded but the signal.
-SUPPLY, POWER_FAIL, _COUPLED = (26.5, 31.6), 18.5, 5.0
+
+@cache
+def _level() -> tuple[float, float]:
+    """Return the sizes of a first pulse that is in order [V]: half of those peak to peak."""
+    limits = rule_limits()
+    return limits["low"]["signal_level_least"] / 2, limits["high"]["signal_level_most"] / 2
+
+
+@cache
+def _supply() -> tuple[float, float]:
+    """Return the voltages of a supply that are in order at any place of a line [V]."""
+    limits = rule_limits()
+    return limits["low"]["slave_voltage"], limits["high"]["supply_voltage"]
+
 
 #: A master repeats a request at once [s]; later than this it is the next cycle.
 _AT_ONCE = 1e-3
@@ -262,12 +274,12 @@ def summarize(capture: Capture) -> Summary:
     states = transactions[["request_error", "response_error"]].to_numpy()
     faults = [state for state in states.ravel() if state not in (*_FINE, NO_ANSWER)]
     repeated = _repeated(transactions)
-    slaves = _slaves(transactions, capture.asked)
+    slaves = _slaves(transactions, capture._asked)
     known = slaves[slaves.index != UNKNOWN]
     silent = known[(known["answers"] == 0) & (known["unanswered"] > 0)]
     return Summary(
         len(transactions),
-        _cycle_time(transactions[~repeated], capture.asked[~repeated]),
+        _cycle_time(transactions[~repeated], capture._asked[~repeated]),
         int(repeated.sum()),
         int((transactions["response_error"] == NO_ANSWER).sum()),
         list(known.index[known["answers"] > 0]),
@@ -303,7 +315,7 @@ def _cycle_time(transactions: pd.DataFrame, asked: pd.DataFrame) -> float:
     return float(times.median()) if len(times) else float("nan")
 
 
-def _asked(capture: Capture) -> pd.DataFrame:
+def _who(capture: Capture) -> pd.DataFrame:
     """Return which slave each transaction is with, and the call, read without the cable if bad."""
     rows = capture.transactions
     address = rows["address"].astype(object).fillna(NONE).to_numpy(np.int64)
@@ -312,9 +324,9 @@ def _asked(capture: Capture) -> pd.DataFrame:
     names = ["" if c == "broadcast reset" else n for c, n in zip(calls, names, strict=True)]
     asked = pd.DataFrame({"slave": names, "call": calls}, index=rows.index, dtype=object)
     bad = ~rows["request_error"].isin(_FINE).to_numpy()
-    if not bad.any() or not len(capture.restored.start):
+    if not bad.any() or not len(capture._restored.start):
         return asked
-    there, words = capture.restored.start, capture.restored.words
+    there, words = capture._restored.start, capture._restored.words
     read = Requests.parse(words, extended=np.isin(words >> 7 & 31, capture.extended))
     start = rows["start_s"].to_numpy()
     near = np.minimum(np.searchsorted(there, start - _SAME), len(there) - 1)
@@ -494,7 +506,7 @@ class Capture:
         if len(broken) or self.disturbances:
             answering = int((slaves["answers"] > 0).sum())
             found = line_causes(
-                self.restored, self.transactions, answering, self.disturbances,
+                self._restored, self.transactions, answering, self.disturbances,
                 self.supply_voltage,
             ) or sender_causes(slaves, self.disturbances)  # fmt: skip
         return ranked(found, broken, self.inverted)
@@ -539,10 +551,11 @@ class Capture:
 
         zero = 0.0 if np.isnan(self.supply_voltage) else self._middle
         colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
+        least, _ = _level()
         for sign in (1, -1):
-            ax.axhline(zero + sign * LEVEL[0], color=colour, linestyle=dashes)
+            ax.axhline(zero + sign * least, color=colour, linestyle=dashes)
         ax.text(
-            1.01, zero - LEVEL[0], f"{LEVEL[0]} V", transform=ax.get_yaxis_transform(),
+            1.01, zero - least, f"{least:g} V", transform=ax.get_yaxis_transform(),
             color=colour, va="center", fontsize=8,
         )  # fmt: skip
         ends = ax.get_xaxis_transform()
@@ -584,7 +597,7 @@ class Capture:
         return self._summary
 
     @cached_property
-    def restored(self) -> Restored:
+    def _restored(self) -> Restored:
         """The first 40 ms with the cable taken off, from which bad requests can be read."""
         rows = self.transactions
         asked = rows[(rows["request"].str.len() == REQUEST_BITS) & rows["start_s"].notna()]
@@ -594,9 +607,9 @@ class Capture:
         return restored(self.wave.u, self.wave.dt, *starts, words, self.inverted)
 
     @cached_property
-    def asked(self) -> pd.DataFrame:
+    def _asked(self) -> pd.DataFrame:
         """Which slave each transaction is with, and the call; bad requests too where possible."""
-        return _asked(self)
+        return _who(self)
 
     @cached_property
     def _summary(self) -> Summary:
@@ -609,7 +622,7 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     volts, read = capture.supply_voltage, float(capture.telegrams)
     rows = [("telegrams", "line", read, 1.0, nan, "", "telegrams read")]
     if volts == volts:
-        rows.append(("supply voltage", "supply", volts, *SUPPLY, "V", "at the scope"))
+        rows.append(("supply voltage", "supply", volts, *_supply(), "V", "at the scope"))
     asked = table[~table["request_error"].isin(["", CUT_OFF])]
     level, weakest = asked["request_amplitude_V"].min(), asked["request_weakest"].min()
     bad = float((asked["request_error"] != "ok").sum())
@@ -619,9 +632,10 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
             heard.append(("response", f"slave {name}", *values))
     for kind, who, level, weakest, ringing, bad in heard:
         # At the master's own end a request may be larger than anybody hears it.
-        most = LEVEL[1] if kind == "response" else nan
+        least, most = _level()
+        most = most if kind == "response" else nan
         for what, value, low, high, unit in (
-            ("level", level, LEVEL[0], most, "V"),
+            ("level", level, least, most, "V"),
             ("evenness", weakest, TOLERANCE.evenness, nan, ""),
             ("ringing", ringing, nan, TOLERANCE.ringing, ""),
             ("errors", bad, nan, 0.0, ""),
@@ -644,7 +658,7 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
 def _counted(capture: Capture) -> pd.DataFrame:
     """Return the counters of a capture."""
     table, summary = capture.transactions, capture.summary()
-    slave, call = capture.asked["slave"], capture.asked["call"]
+    slave, call = capture._asked["slave"], capture._asked["call"]
     request, response = table["request_error"], table["response_error"]
     silent = (response == NO_ANSWER) & ~call.isin(_IDENTIFICATION)
     data = (call == "data exchange") & (slave != UNKNOWN)

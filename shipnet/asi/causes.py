@@ -205,7 +205,7 @@ _WEAKER, _LOUDER = 0.65, 1.5
 #: Least size of a first pulse that is in order [V].
 _LEAST = 1.5
 
-#: Voltages that are no signal, though the supply is there [V]: 40 % of the smallest legal pulse,
+#: Voltages too small for a signal, though the supply is on [V]: 40 % of the smallest legal pulse,
 #: which noise of 0.2 V exceeds in less than a hundredth of the time.
 _NOTHING = 0.6
 
@@ -240,8 +240,8 @@ def line_causes(
 ) -> list[Found]:
     """Return what is wrong with cable or supply, which every sender feels.
 
-    `rows` are all transactions, `answering` counts the slaves, `bursts` what is no telegram, and
-    `supply` is its voltage [V], NaN if unknown.
+    `rows` are all transactions, `answering` counts the slaves, `bursts` counts what cannot be
+    read as a telegram, and `supply` is its voltage [V], NaN if unknown.
     """
     found = measured(part)
     if found is None:
@@ -313,7 +313,9 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
     bad = bad[(bad > 0) & ~bad.index.isin([one.slave for one in found])]
     silent = slaves.index[(slaves["answers"] == 0) & (slaves["requests"] > 2)]
     if bursts and not len(bad) and not found and len(silent) == 1:
-        said = f"no answer can be read, but there are {bursts} bursts that are no telegram"
+        said = (
+            f"no answer can be read, but there are {bursts} bursts that cannot be read as telegrams"
+        )
         return [Found(WEAK, said, str(silent[0]))]
     one = bad.index[0] if len(bad) == 1 else ""
     if one and slaves["errors"][one] == bad[one] >= 3:
@@ -322,7 +324,7 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
     elif len(bad) or (bursts and not found):
         said = (
             f"{int(bad.sum())} bad telegrams at {len(bad)} slaves, which come and go; "
-            f"{bursts} bursts that are no telegram"
+            f"{bursts} bursts that cannot be read as telegrams"
         )
         found.append(Found(INTERFERENCE, said))
     return found

@@ -16,7 +16,7 @@ from shipnet.asi.slave import RunningSlave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar
+from shipnet.fields import check_rng, check_scalar
 from shipnet.line.waveform import F_MAX, Waveform, record_of
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def record_segment(
         if label not in labels:
             raise ArgumentError(f"weak holds {label!r}; the slaves are {', '.join(labels)}")
         check_scalar(f"weak[{label!r}]", strength, "", 0, 10)
-    random = np.random.default_rng(rng)
+    random = check_rng(rng)
     size = round(duration / dt)
     node = node or segment.head or ""
     line = _Recorder(segment, node, size, dt, weak)
@@ -161,6 +161,8 @@ def record_segment(
     request = next(program)
     while line.at + round(400e-6 / dt) < size:
         request = program.send(line.transact(request.bits, random))
-    volts = segment.voltages[node] if len(segment.supplies) == 1 else 30.0
+    # Of several supplies only the voltage at their own terminals is known.
+    several = len(segment.supplies) > 1
+    volts = segment.supplies[0].voltage if several else segment.voltages[node]
     u = line.u[-2].astype(np.float64) + volts
     return Waveform(u, dt, names=("voltage",), description=f"{segment}, scope at {node}")

@@ -166,7 +166,7 @@ def test_a_slave_too_weak_to_be_read_is_named():
 def test_the_impedance_is_that_of_the_network(metres):
     plan = asi.line(metres, slaves=10)
     capture = decode(plan.record(10e-3, rng=1))
-    found = measured(capture.restored)
+    found = measured(capture._restored)
     s = 2j * np.pi * np.array([80e3, 167e3, 300e3])
     y = 1 / found.resistance + 1 / (s * found.inductance) + s * found.capacitance
     true = plan.network.transfer("0 m", s, to="0 m")

@@ -216,7 +216,7 @@ def test_a_segment_with_another_number_of_supplies_has_no_voltages(count):
     table = check(plan)
     wrong = table[~table["passed"]].set_index("rule")
     assert wrong.loc["supplies", "value"] == count
-    # One row says why; there are no voltages and signals beside it.
+    # One row says why, and no row has a voltage or a signal.
     assert wrong.index.tolist() == ["supplies", "voltages_and_signals"]
     assert wrong.loc["voltages_and_signals", "why"] == f"{count} supplies in the segment"
     assert not table["value"].isna().sum() > 1

@@ -1,4 +1,4 @@
-"""What is no seed, given to every function of two fronts that draws."""
+"""A seed of a wrong type is an error that names it, in every function of two fronts that draws."""
 
 import pytest
 

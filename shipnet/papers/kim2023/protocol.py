@@ -335,9 +335,6 @@ CHIP_EDGES = tuple(
     for end in ("least", "most")
 )
 
-#: How long a master may wait before its next request [s].
-LONGEST_PAUSE = 1e-6 * float(_PUBLISHED["longest pause before the next request"])
-
 
 @numeric("kim2023-020", unit=1e-6)
 @numeric("icn2007-005", unit=1e-3)
