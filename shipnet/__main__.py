@@ -19,8 +19,6 @@ from shipnet.answers import FORMS, Answer, check_output
 from shipnet.errors import ArgumentError, InputError
 from shipnet.lazy import pd
 
-__all__ = ["main"]
-
 #: What the terminal shows of a transaction: title, column, width and digits.
 _TRANSACTION = (
     ("ms", "start_ms", 9, 3),
