@@ -106,6 +106,16 @@ examples:
   shipnet serve engine --port 1502 --fault 2:dead --fault ME-JB2-044:open
 """
 
+_FLEET = """\
+Simulate a fleet of ballast valves for months, with faults, and write what its sensors
+read as labelled Parquet files by day: a synthetic data set for research on diagnosis.
+The same command goes on where it stopped. It needs "shipnet[cluster]".
+
+examples:
+  shipnet fleet --valves 100 --days 7 --out fleet
+  shipnet fleet --valves 1000 --days 365 --out fleet --scheduler tcp://10.0.0.1:8786
+"""
+
 _DESIGN = """\
 Plan the points of an I/O list in several ways and compare what they take: cables,
 hours, money, response, the rules, and what one failure costs. The list is a CSV
@@ -240,6 +250,14 @@ def _parser() -> argparse.ArgumentParser:
         "--watchdog SECONDS", "stop a motor whose valve has had no request for this long, "
         "0.1..3600 (default never)", type=number,
     )  # fmt: skip
+
+    option = command(_fleet, _FLEET, "labelled sensor data of a fleet of valves, as Parquet files")
+    option("--valves N", "how many valves, 1..100000", 1000)
+    option("--days N", "how many days, 1..3650", 365)
+    option("--out DIR", "folder of the files", required=True)
+    option("--faults N", "mean number of faults of a valve in a year, 0..50", 2.0)
+    option("--seed N", "source of the random numbers", 2024)
+    option("--scheduler ADDRESS", "Dask scheduler whose workers do the work (default this machine)")
 
     said = "cables, cost, response and rules of an I/O list, planned in several ways"
     option = command(_design, _DESIGN, said, *FORMS, ".html")
@@ -540,6 +558,24 @@ def _serve(arguments: argparse.Namespace) -> None:
             Event().wait()
     except KeyboardInterrupt:
         print("stopped", flush=True)
+
+
+def _fleet(arguments: argparse.Namespace) -> None:
+    from shipnet.ballast.fleet import write_fleet
+
+    found = write_fleet(
+        arguments.out,
+        arguments.valves,
+        arguments.days,
+        faults_per_year=arguments.faults,
+        seed=arguments.seed,
+        client=arguments.scheduler,
+    )
+    valves, faults, samples, strokes, size = found.sum().tolist()
+    print(
+        f"{valves} valves, {arguments.days} days, {faults} faults, {samples} samples, {strokes} "
+        f"strokes: {size / 1e6:.1f} MB of synthetic data in {arguments.out}"
+    )
 
 
 def _run(arguments: argparse.Namespace) -> int:
