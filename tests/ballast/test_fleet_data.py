@@ -88,6 +88,13 @@ def test_labels_are_those_of_the_faults(fleet):
         assert ((rows["severity"] > 0) == (rows["label"] != "")).all()
 
 
+def test_a_label_is_that_of_the_valve_whose_readings_the_fault_moves(fleet):
+    strokes = pd.read_parquet(fleet[0] / "strokes")
+    whole = strokes[(strokes["severity"] == 1) & strokes["label"].isin(["P1", "P2", "V2", "S2"])]
+    assert len(whole) > 10 and (whole["top_fault"] == whole["label"].astype(str)).all()
+    assert (strokes["top_fault"][strokes["label"] == ""] == "normal").all()
+
+
 def test_a_fault_begins_grows_ends_and_may_come_next_to_midnight():
     steps = [(0.0, "", 0.0), (DAY - 0.1, "V1", 1.0), (2 * DAY, "", 0.0), (2 * DAY + 5, "P2", 0.4)]
     history = _History([], [*steps, (3 * DAY, "", 0.0)])
