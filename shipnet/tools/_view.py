@@ -101,7 +101,8 @@ def picture(plot: Callable[[Axes], object], width: float, height: float) -> byte
     plot(figure.subplots())
     file = BytesIO()
     # `savefig` draws twice, and compresses for long storage what is looked at once.
-    FigureCanvasAgg(figure).print_png(file, pil_kwargs={"compress_level": 1})
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.print_png(file, pil_kwargs={"compress_level": 1})
     return file.getvalue()
 
 
