@@ -29,11 +29,6 @@ from zipfile import ZipFile
 from shipnet.errors import InputError, listed
 from shipnet.lazy import pd
 
-__all__ = [
-    "ERRORS", "NUMBER", "Remark", "Sheet", "as_csv", "as_workbook", "frame_sheet", "in_order",
-    "no_formula", "parse_sheet", "read_bytes", "read_sheet", "read_sheets", "text_of", "titled",
-]  # fmt: skip
-
 #: A number with a decimal point, nothing before or after it.
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 

@@ -4,7 +4,19 @@ import sys
 
 import pytest
 
-HEAVY = ["matplotlib", "networkx", "numpy", "pandas", "pymodbus", "scipy", "skfuzzy"]
+HEAVY = [
+    "dask",
+    "distributed",
+    "loky",
+    "matplotlib",
+    "networkx",
+    "numpy",
+    "pandas",
+    "pyarrow",
+    "pymodbus",
+    "scipy",
+    "skfuzzy",
+]
 
 
 def loaded(statement):

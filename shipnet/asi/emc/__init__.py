@@ -8,6 +8,7 @@ from shipnet.asi.emc.error_rates import (
     independent_failures,
 )
 from shipnet.asi.emc.immunity import immunity_margin, levels
+from shipnet.asi.emc.rare_errors import rare_error_rates
 
 __all__ = [
     "Burst",
@@ -20,4 +21,5 @@ __all__ = [
     "immunity_margin",
     "independent_failures",
     "levels",
+    "rare_error_rates",
 ]

@@ -44,6 +44,16 @@ def decided_on(u: Floats, dt: float, matched: bool) -> Floats:
     return matched_filter(u, dt)[:, half:-half]
 
 
+def checked_densities(noise_density: npt.ArrayLike) -> Floats:
+    """Return densities of noise as a row, or raise if one is out of its range."""
+    given = np.atleast_1d(np.asarray(noise_density))
+    if given.ndim != 1 or given.dtype.kind not in "iuf" or not ((given > 0) & (given <= 1e6)).all():
+        raise ArgumentError(
+            f"noise_density is {noise_density!r}; it must be above 0, up to 1e6 V per root hertz"
+        )
+    return np.asarray(given, float)
+
+
 def _row(
     wave: Waveform,
     disturbance: Disturbance,
@@ -321,7 +331,7 @@ def error_rate(
     the noise ahead of the telegram is taken for a first pulse. The receiver of the formula keeps
     perfect time and looks at one sample per slot. Each record loses its mean, and with it 1.6 % of
     the noise. Behind a matched filter the formula agrees with `count_errors` within a third from
-    rates of 1e-4 up, and with importance sampling within a tenth down to 1e-9. Without the filter,
+    rates of 1e-4 up, and with `rare_error_rates` within a tenth down to 1e-10. Without the filter,
     `count_errors` loses up to a few times as many or as few telegrams.
 
     Examples
@@ -335,18 +345,13 @@ def error_rate(
     """
     receiver = receiver or Receiver()
     threshold, minimum = receiver.threshold, receiver.minimum
-    given = np.atleast_1d(np.asarray(noise_density))
-    if given.ndim != 1 or given.dtype.kind not in "iuf" or not ((given > 0) & (given <= 1e6)).all():
-        raise ArgumentError(
-            f"noise_density is {noise_density!r}; it must be above 0, up to 1e6 V per root hertz"
-        )
-    sigma = given / (2 * wave.dt) ** 0.5
+    sigma = checked_densities(noise_density) / (2 * wave.dt) ** 0.5
     height, filled, ahead, samples = _slots(wave, receiver)
     highest = _HIGHEST_MINIMUM * float(height[:, 0].min())
     if receiver.matched and minimum > highest:
         raise ArgumentError(
             f"minimum is {minimum:g} V; behind a matched filter the formula holds up to "
-            f"{highest:.3g} V, {_HIGHEST_MINIMUM:g} of the first pulse; count with count_errors"
+            f"{highest:.3g} V, {_HIGHEST_MINIMUM:g} of the first pulse; use rare_error_rates"
         )
     kept, correlation = _kept_noise(wave.dt, receiver.matched, samples)
     rates = []
