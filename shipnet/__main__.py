@@ -312,10 +312,28 @@ def _serve(arguments: argparse.Namespace) -> None:
         print("stopped", flush=True)
 
 
+def _fleet(arguments: argparse.Namespace) -> None:
+    from shipnet.ballast.fleet import write_fleet
+
+    found = write_fleet(
+        arguments.out,
+        arguments.valves,
+        arguments.days,
+        faults_per_year=arguments.faults,
+        seed=arguments.seed,
+        client=arguments.scheduler,
+    )
+    valves, faults, samples, strokes, size = found.sum().tolist()
+    print(
+        f"{valves} valves, {arguments.days} days, {faults} faults, {samples} samples, {strokes} "
+        f"strokes: {size / 1e6:.1f} MB of synthetic data in {arguments.out}"
+    )
+
+
 #: What runs each command of `commands.toml`.
 _COMMANDS = {
     "ledger": _ledger, "decode": _decode, "check": _check, "can": _can, "modbus": _modbus,
-    "serve": _serve, "design": _design,
+    "serve": _serve, "fleet": _fleet, "design": _design,
 }  # fmt: skip
 
 
