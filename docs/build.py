@@ -32,7 +32,7 @@ INPUTS = (
 )  # fmt: skip
 # Sphinx follows its sources, not the code that turns them into pages.
 MACHINERY = ("docs/_ext", "docs/_static", "docs/build.py", "docs/conf.py", "requirements.lock")
-FOLDERS = ("", "papers", "lessons", "explore")
+FOLDERS = ("", "papers", "lessons", "real", "explore")
 REFERENCE = ("ledger.md", "errata.md", "data/SOURCES.md", "api/shipnet.rst", "CHANGELOG.md")
 CLAIM_ID = re.compile(r"\b[a-z]+\d{4}-\d{3}\b")
 COLUMNS = ["id", "where", "claim", "the paper says", "we compute", "verdict"]
