@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Patch
 
 from shipnet import style
 from shipnet.errors import ArgumentError
@@ -152,12 +152,13 @@ def plot_system(
     `failed` is where something fails, a box, cable or channel, and what to write beside the cross.
     """
     ax = style.axes(ax)
+    look = {"facecolor": "white", "edgecolor": "0.2", "zorder": 2}
     spots: dict[str, tuple[float, float]] = {}
     for k, (box, count) in enumerate(counts.items()):
         spots[box] = (2.0 * k, 0.0)
-        _box(ax, spots[box], f"{box}\n{count} points")
+        style.box(ax, 2.0 * k - 0.45, -0.28, 0.9, 0.56, f"{box}\n{count} points", **look)
     middle = len(counts) - 1.0
-    _box(ax, (middle, 2.0), "AMS")
+    style.box(ax, middle - 0.45, 1.72, 0.9, 0.56, "AMS", **look)
     for segment in segments:
         ends = [spots[end][0] for end in segment.split("-")]
         straight = abs(ends[0] - ends[1]) == 2.0
@@ -187,11 +188,3 @@ def plot_system(
     style.legend(ax)
     lowest = min(-0.35, *(y for _, y in spots.values())) - 0.4
     return bare(ax, (-1.0, 2.0 * middle + 1.0), (lowest, 2.6))
-
-
-def _box(ax: Axes, place: tuple[float, float], text: str) -> None:
-    x, y = place
-    ax.add_patch(
-        Rectangle((x - 0.45, y - 0.28), 0.9, 0.56, facecolor="white", edgecolor="0.2", zorder=2)
-    )
-    ax.text(x, y, text, ha="center", va="center", fontsize=8, zorder=3)

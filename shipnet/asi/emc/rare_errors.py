@@ -223,7 +223,7 @@ def _points_of(case: _Case) -> Floats:
 # Draws -----------------------------------------------------------------------------------------
 
 
-@lru_cache(64)
+@lru_cache(8)
 def _proposal(case: _Case) -> _Proposal:
     """Return how to draw for a case; pilots find out around which points telegrams are lost.
 
