@@ -564,8 +564,11 @@ def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
         sheet = book.create_sheet(name)
 
         def text(value: str, sheet: Any = sheet, font: Font | None = None) -> Any:
-            cell = WriteOnlyCell(sheet, ILLEGAL_CHARACTERS_RE.sub("?", value))
-            cell.data_type = "s"  # openpyxl takes "=1" for a formula
+            value = ILLEGAL_CHARACTERS_RE.sub("?", value)
+            if not (font or value.startswith(("=", "#"))):
+                return value
+            cell = WriteOnlyCell(sheet, value)
+            cell.data_type = "s"  # openpyxl takes "=1" for a formula, "#N/A" for an error
             if font:
                 cell.font = font
             return cell
