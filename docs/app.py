@@ -97,7 +97,8 @@ def voila(folder: Path, data: Path, *options: str) -> tuple[list[str], dict[str,
     fixed = ("--no-browser", "--theme=light", "--template=shipnet", NOT_NEEDED, *CULL)
     if not any(option.startswith(PREHEAT) for option in options):
         fixed += (f"{PREHEAT}=True",)
-    return [sys.executable, "-m", "voila", *fixed, *options, str(folder)], environment
+    kernels = str(ROOT / "docs" / "kernels.py")
+    return [sys.executable, "-P", kernels, "voila", *fixed, *options, str(folder)], environment
 
 
 def main(argv: list[str]) -> None:

@@ -1,5 +1,7 @@
 """Kernels as forks of a process that has loaded the libraries, where a system can fork.
 
+    python docs/kernels.py PROGRAM [arguments]    run a program of Jupyter, with such kernels
+
 To load Jupyter, pandas, matplotlib and scipy takes a kernel longer than most of our notebooks do. A
 kernel that is a fork has them at once, and nothing of the package; each is a process of its own.
 """
@@ -10,6 +12,7 @@ import atexit
 import importlib
 import json
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -65,12 +68,14 @@ def _server() -> Any:
     return server
 
 
-def fork() -> None:
-    """Let every kernel that this process starts be a fork."""
+def fork(*, now: bool = False) -> None:
+    """Let the kernels that this process starts be forks; load libraries `now`, or for the first."""
     from jupyter_client.provisioning import local_provisioner
 
     if hasattr(os, "fork"):
         local_provisioner.launch_kernel = Kernel
+        if now:
+            _server()
 
 
 def _serve() -> None:
@@ -79,8 +84,9 @@ def _serve() -> None:
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     for name in LIBRARIES:
         importlib.import_module(name)
-    # The system clears away a kernel that has ended.
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    # The system clears away a kernel that has ended; Ctrl-C is for the program that starts them.
+    for number in (signal.SIGCHLD, signal.SIGINT):
+        signal.signal(number, signal.SIG_IGN)
     while line := sys.stdin.readline():
         if not os.fork():
             _run(*json.loads(line))
@@ -91,6 +97,7 @@ def _run(arguments: list[str], folder: str, environment: dict[str, str]) -> None
     from ipykernel.kernelapp import IPKernelApp
 
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     os.setsid()
     print(os.getpid(), flush=True)
     with open(os.devnull, "r+") as nothing:
@@ -100,8 +107,14 @@ def _run(arguments: list[str], folder: str, environment: dict[str, str]) -> None
     os.environ.clear()
     os.environ.update(environment)
     IPKernelApp.launch_instance(arguments, parent_handle=os.getppid())
-    sys.exit()
+    # To take the libraries apart, which the others go on using, would take half a second.
+    atexit._run_exitfuncs()
+    os._exit(0)
 
 
-if __name__ == "__main__":
+if __name__ == "__main__" and sys.argv[1:]:
+    fork(now=True)
+    del sys.argv[0]
+    runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+elif __name__ == "__main__":
     _serve()

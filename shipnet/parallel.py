@@ -18,14 +18,13 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from functools import partial
 from hashlib import sha256
-from io import BytesIO
 from itertools import product
 from math import inf
 from multiprocessing import current_process
 from pathlib import Path
 from socket import gethostname
 from time import perf_counter
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 from shipnet.errors import ArgumentError, InputError, load_extra
@@ -337,7 +336,8 @@ class _Folder:
 
 def _fingerprint(what: object) -> str:
     """Return a check sum of a study, the same in every session."""
-    pickler = pickle.Pickler(buffer := BytesIO(), protocol=5)
+    digest = sha256()
+    pickler = pickle.Pickler(SimpleNamespace(write=digest.update), protocol=5)
     # Without its memo it does not matter which equal parts are the same object.
     pickler.fast = True
     plain: dict[type, Any] = {MappingProxyType: lambda proxy: (dict, (dict(proxy),))}
@@ -348,7 +348,7 @@ def _fingerprint(what: object) -> str:
         raise ArgumentError(
             f"function and tasks must be such that pickle stores them, for a folder: {problem}"
         ) from None
-    return sha256(buffer.getvalue()).hexdigest()
+    return digest.hexdigest()
 
 
 def save_whole(path: Path, write: Callable[[Path], object]) -> None:

@@ -58,7 +58,7 @@ def test_the_interval_holds_the_rate_as_often_as_it_says():
     rng = np.random.default_rng(2024)
     held = 0
     for _ in range(150):
-        found = rare_errors._summary([rare_errors._sample(rare_errors._Part(case, 500), rng)])
+        found = rare_errors._summary([rare_errors._sample((case, 500), rng)])
         held += found["rate_low"] <= truth <= found["rate_high"]
     # 95 % of 150 are 142.5; four standard deviations are 10.7.
     assert 132 <= held
@@ -86,7 +86,7 @@ def test_a_rate_is_the_mean_of_strong_and_weak_telegrams():
 def test_a_way_that_was_forgotten_makes_the_rate_unsound(monkeypatch):
     # Above 1 V telegrams are lost where a weakened first pulse peaks a few samples off.
     assert rate_of(0.5, 100_000, DEAF)["sound"]
-    monkeypatch.setattr(rare_errors, "_slips", lambda stride: ([], []))
+    monkeypatch.setattr(rare_errors, "_SLIPS", -1)
     rare_errors._points_of.cache_clear()
     rare_errors._proposal.cache_clear()
     blind = rate_of(0.5, 100_000, DEAF)

@@ -14,8 +14,6 @@ from dataclasses import asdict
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
-from scipy import special
 
 from shipnet import style
 from shipnet.arrays import Bools, Floats
@@ -26,7 +24,7 @@ from shipnet.asi.timing import Cycle, Transaction
 from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.intervals import share_interval
-from shipnet.lazy import Axes
+from shipnet.lazy import Axes, pd
 
 #: Samples worked on at a time: an array of them is 2 MB.
 _SAMPLES = 2**18
@@ -151,10 +149,12 @@ def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
 
 def _false_start(level: float, correlation: float, samples: Floats) -> Floats:
     """Return the chance that one of some samples exceeds a level, in standard deviations."""
+    from scipy.special import ndtr
+
     x, weight = _normal(-level, level)
-    exceeds = special.ndtr((correlation * x - level) / np.sqrt(1 - correlation**2))
-    exceeds += special.ndtr((-correlation * x - level) / np.sqrt(1 - correlation**2))
-    first = min(2 * special.ndtr(-level), _ALMOST_ONE)
+    exceeds = ndtr((correlation * x - level) / np.sqrt(1 - correlation**2))
+    exceeds += ndtr((-correlation * x - level) / np.sqrt(1 - correlation**2))
+    first = min(2 * ndtr(-level), _ALMOST_ONE)
     # Of the samples that follow one within the level.
     later = min(float(exceeds @ weight) / (1 - first), _ALMOST_ONE)
     none = np.log1p(-first) + (samples - 1) * np.log1p(-later)
@@ -176,16 +176,18 @@ def _missed(
     height: Floats, filled: Bools, sigma: float, threshold: float, minimum: float
 ) -> Floats:
     """Return the chance of each word that one of its slots is decided wrongly."""
+    from scipy.special import ndtr
+
     lowest = (minimum - height[:, 0]) / sigma
     # The level stops being the minimum where half of the first pulse passes it.
     bend = (minimum / threshold - height[:, 0]) / sigma
-    missed = special.ndtr(lowest)
+    missed = ndtr(lowest)
     for low, high in ((lowest, bend), (bend, np.full_like(bend, _FAR))):
         x, weight = _normal(low, high)
         level = np.maximum(threshold * (height[:, :1] + sigma * x), minimum)[..., np.newaxis]
         other = height[:, np.newaxis, 1:]
-        below = special.ndtr((level - other) / sigma)
-        outside = special.ndtr((other - level) / sigma) + special.ndtr((-level - other) / sigma)
+        below = ndtr((level - other) / sigma)
+        outside = ndtr((other - level) / sigma) + ndtr((-level - other) / sigma)
         wrong = np.where(filled[:, np.newaxis, 1:], below, outside)
         lost = -np.expm1(np.log1p(-np.minimum(wrong, _ALMOST_ONE)).sum(axis=-1))
         missed = missed + (lost * weight).sum(axis=-1)

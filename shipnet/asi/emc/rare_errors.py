@@ -9,6 +9,7 @@ without the shift. A wrong set costs precision only; one that is missing shows i
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property, lru_cache
@@ -42,9 +43,9 @@ _WORDS = 64
 #: The inequalities look at the line every so often [s].
 _GRID = 250e-9
 
-#: By how much a weakened first pulse may seem to peak early or late, and where it must not be
-#: higher then [s].
-_SLIPS, _AROUND = 0.75e-6, 1.75e-6
+#: By how many such steps a weakened first pulse may seem to peak early or late, and how many to
+#: either side of the pulse must be lower then.
+_SLIPS, _AROUND = 3, 7
 
 #: Noise ahead of a telegram becomes its first pulse at one of these points [s].
 _AHEAD = 0.5e-6
@@ -88,13 +89,6 @@ class _Case:
     def filtered(self, u: Floats) -> Floats:
         """Return what the receiver decides on."""
         return decided_on(u, self.dt, self.receiver.matched)
-
-
-class _Part(NamedTuple):
-    """A task: some telegrams of a case."""
-
-    case: _Case
-    n: int
 
 
 class _Proposal(NamedTuple):
@@ -154,15 +148,6 @@ def _design_point(sides: list[tuple[Floats, float]]) -> Floats | None:
     return None if rest[-1] > -1e-12 else np.asarray(-rest[:-1] / rest[-1])
 
 
-def _slips(stride: int) -> tuple[list[int], list[int]]:
-    """Return where a weakened first pulse may peak, and where it is looked for, in samples."""
-    most, around = (round(span / _GRID) for span in (_SLIPS, _AROUND))
-    return (
-        [stride * d for d in range(-most, most + 1)],
-        [stride * d for d in range(-around, around + 1)],
-    )
-
-
 @lru_cache(8)
 def _points_of(case: _Case) -> Floats:
     """Return the design points of each telegram, shape (n_words, n_points, n_t) [V]."""
@@ -176,7 +161,7 @@ def _points_of(case: _Case) -> Floats:
         raise ArgumentError("telegrams must be received without an error when there is no noise")
     half, stride = HALF_BIT / dt, max(1, round(_GRID / dt))
     reach = int(receiver.window * half + 1e-9)
-    slips, around = _slips(stride)
+    slips, around = ([stride * d for d in range(-n, n + 1)] for n in (_SLIPS, _AROUND))
     words = []
     for row, start, signs in zip(y, got.start, got.slots, strict=True):
         at = np.rint((start + 1.5 * HALF_BIT) / dt + half * np.arange(2 * n_bits + 1)).astype(int)
@@ -198,22 +183,10 @@ def _points_of(case: _Case) -> Floats:
                 sets.add([sets.over(i, sign, first, s), sets.above(i, sign)])
             for slip in slips:
                 p = first + slip
-                if not 0 <= p < len(gain):
-                    continue
-                top = [
-                    sets.higher(p, first + d, s)
-                    for d in around
-                    if first + d != p and 0 <= first + d < len(gain)
-                ]
-                near = range(i + slip - reach, i + slip + reach + 1, stride)
-                sets.add(
-                    *(
-                        [*top, sets.over(k, sign, p, s), sets.above(k, sign)]
-                        for k in near
-                        if k < len(gain)
-                        for sign in (1.0, -1.0)
-                    )
-                )
+                top = [sets.higher(p, first + d, s) for d in around if d != slip]
+                near = range(i + slip - reach, min(i + slip + reach + 1, len(gain)), stride)
+                ways = itertools.product(near, (1.0, -1.0))
+                sets.add(*([*top, sets.over(k, x, p, s), sets.above(k, x)] for k, x in ways))
         words.append(sets.points)
     most = max(map(len, words))
     # What pads a shorter row lies so far away that it is never drawn.
@@ -223,7 +196,7 @@ def _points_of(case: _Case) -> Floats:
 # Draws -----------------------------------------------------------------------------------------
 
 
-@lru_cache(64)
+@lru_cache(8)
 def _proposal(case: _Case) -> _Proposal:
     """Return how to draw for a case; pilots find out around which points telegrams are lost.
 
@@ -251,9 +224,10 @@ def _proposal(case: _Case) -> _Proposal:
     return found
 
 
-def _sample(part: _Part, rng: np.random.Generator) -> dict[str, float]:
-    """Return the sums of a part."""
-    return _draw(part.case, _proposal(part.case), part.n, rng)
+def _sample(task: tuple[_Case, int], rng: np.random.Generator) -> dict[str, float]:
+    """Return the sums of some telegrams of a case."""
+    case, n = task
+    return _draw(case, _proposal(case), n, rng)
 
 
 def _draw(
@@ -312,19 +286,14 @@ def _summary(parts: list[dict[str, float]]) -> dict[str, float | bool]:
     mean = t["w"] / n
     lean = abs(mean - 1) / np.sqrt(max(t["ww"] / n - mean**2, 0.0) / n + 1e-30)
     largest = max(part["largest"] for part in parts) / t["x"]
-    sound = (
-        effective >= _EFFECTIVE
-        and largest <= _LARGEST
-        and t["far"] / t["x"] <= _FAR
-        and lean <= _LEAN
-    )
+    believed = largest <= _LARGEST and t["far"] / t["x"] <= _FAR and lean <= _LEAN
     return {
         "telegrams": int(n),
         "rate": rate,
         "rate_low": rate / factor,
         "rate_high": min(1.0, rate * factor),
         "effective": effective,
-        "sound": bool(sound),
+        "sound": bool(effective >= _EFFECTIVE and believed),
     }
 
 
@@ -411,8 +380,8 @@ def rare_error_rates(
         for density in densities:
             case = _Case(bits, u, wave.dt, receiver, density / (2 * wave.dt) ** 0.5)
             rows.append({"wave": name, "noise_density": density})
-            parts += [_Part(case, size) for size in sizes]
-    _points_of(replace(parts[0].case, sigma=1.0))  # refuses what no worker could use
+            parts += [(case, size) for size in sizes]
+    _points_of(replace(parts[0][0], sigma=1.0))  # refuses what no worker could use
     found = compute(_sample, parts, seed=seed, client=client, folder=folder, progress=progress)
     each = [found[begin : begin + len(sizes)] for begin in range(0, len(found), len(sizes))]
     return pd.DataFrame([row | _summary(mine) for row, mine in zip(rows, each, strict=True)])
