@@ -34,7 +34,7 @@ from shipnet.errors import (
 )
 from shipnet.fields import check_path
 from shipnet.lazy import Axes, pd
-from shipnet.line.scope_file import Edges, read_edges
+from shipnet.line.scope_file import Edges, bit_time, read_edges
 
 #: Bit rates that are tried when none is given: those of CANopen and NMEA 2000, and of vehicles.
 _RATES = (*BIT_RATES, 100e3 / 3, 250e3 / 3, 2e6 / 21, 100e3, 200e3, 400e3, 800e3)
@@ -251,26 +251,12 @@ class _Line:
         return rows, again
 
 
-def _bit_time(edges: Edges) -> float:
-    """Return the samples per bit: nearly half of all runs are one bit long, none is shorter."""
-    runs = np.diff(edges.places)
-    runs = runs[runs < 16 * np.quantile(runs, 0.2)]
-    bit = float(runs[runs <= 1.6 * np.quantile(runs, 0.1)].mean())
-    for _ in range(20):
-        size = np.rint(runs / bit)
-        few = (size >= 1) & (size <= RUN)
-        before, bit = bit, float(runs[few].sum() / size[few].sum())
-        if abs(bit - before) < 1e-9 * bit:
-            break
-    return bit
-
-
 def _found_rate(file: str, edges: Edges) -> float:
     """Return the bit rate at which the most frames are right: a usual one, or what fits."""
     if len(edges.places) < 4:
         raise InputError(file, "too few changes of level to find the bit rate; state it")
     part = edges._replace(places=edges.places[:_TRIED])
-    part = part._replace(samples=min(edges.samples, part.places[-1] + 20 * _bit_time(part)))
+    part = part._replace(samples=min(edges.samples, part.places[-1] + 20 * bit_time(part, RUN)))
     tried: dict[float, tuple[int, float]] = {}
 
     def right(rates: Iterable[float]) -> int:
@@ -285,7 +271,7 @@ def _found_rate(file: str, edges: Edges) -> float:
                 tried[rate] = int(fine.sum()), 1 / (fit * edges.dt)
         return max((count for count, _ in tried.values()), default=0)
 
-    guess = 1 / (_bit_time(part) * edges.dt)
+    guess = 1 / (bit_time(part, RUN) * edges.dt)
     if not right([*(rate for rate in _RATES if abs(guess / rate - 1) < 0.05), guess]):
         right(_RATES)
     if not tried:

@@ -112,6 +112,23 @@ def read_edges(
     return _read(path, channel, sample_interval, _edges)
 
 
+def bit_time(edges: Edges, longest: int) -> float:
+    """Return the samples per bit of a line; runs of up to `longest` bits count.
+
+    Nearly half of all runs are one bit long and none is shorter; the others are multiples of it.
+    """
+    runs = np.diff(edges.places)
+    runs = runs[runs < 16 * np.quantile(runs, 0.2)]
+    bit = float(runs[runs <= 1.6 * np.quantile(runs, 0.1)].mean())
+    for _ in range(20):
+        size = np.rint(runs / bit)
+        few = (size >= 1) & (size <= longest)
+        before, bit = bit, float(runs[few].sum() / size[few].sum())
+        if abs(bit - before) < 1e-9 * bit:
+            break
+    return bit
+
+
 _Read = TypeVar("_Read", Recording, Edges)
 
 

@@ -130,6 +130,19 @@ def _bus() -> bytes:
     return made.getvalue()
 
 
+def _serial() -> bytes:
+    """Return a session of sigrok that recorded a serial line."""
+    waveform = modbus.SerialLine(9600, "8N1").waveform(b"Hello, ship.", gap=0.002)
+    at = np.searchsorted(waveform.time, np.arange(0, waveform.time[-1], 1e-5), side="right") - 1
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as file:
+        file.writestr(
+            "metadata", "[device 1]\ncapturefile=logic-1\nsamplerate=100 kHz\nprobe1=TX\n"
+        )
+        file.writestr("logic-1-1", waveform.level[at].astype("u1").tobytes())
+    return made.getvalue()
+
+
 def _bus_changes() -> bytes:
     """Return the changes of a CAN bus, as a logic analyser stores them."""
     levels = _levels_of_a_bus()
@@ -297,6 +310,7 @@ TARGETS: dict[str, Target] = {
     "packet, marker and CRC": _packet(remote_control.MarkerFormat(crc=True)),
     "packet, COBS": _packet(remote_control.CobsFormat()),
     "waveform.csv": Target(_file(".csv", line.Waveform.read), _saved(".csv", _capture)),
+    "serial capture.sr": Target(_file(".sr", remote_control.read_capture), lambda: [_serial()]),
     "rules": Target(
         _rules,
         lambda: [
