@@ -8,6 +8,7 @@ from __future__ import annotations
 from difflib import get_close_matches
 from pathlib import Path
 
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError
 from shipnet.lazy import pd
 
@@ -40,6 +41,7 @@ def names() -> list[str]:
     return sorted(file.name for file in _folder().iterdir() if file.suffix in _KINDS)
 
 
+@checked
 def path(name: str) -> Path:
     """Return the path of a data file.
 
@@ -70,6 +72,7 @@ def path(name: str) -> Path:
     return _folder() / name
 
 
+@checked
 def read(name: str) -> pd.DataFrame:
     """Return a table among the data files as text, empty cells as empty strings.
 

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from importlib.resources import as_file, files
 from typing import Any
 
+from shipnet.arguments import checked
 from shipnet.lazy import Axes, pd
 
 __all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "use"]
@@ -47,6 +48,7 @@ def use() -> None:
         plt.style.use(sheet)
 
 
+@checked
 def axes(ax: Axes | None = None, **options: Any) -> Axes:
     """Return the axes given, or those of a new figure with options of `pyplot.subplots`.
 
@@ -84,6 +86,7 @@ def logarithmic(axis: Any) -> None:
     axis.set_ticks([], minor=True)
 
 
+@checked
 def box(
     ax: Axes, x: float, y: float, width: float, height: float, text: str = "", **look: Any
 ) -> None:
@@ -95,6 +98,7 @@ def box(
         ax.text(x + width / 2, y + height / 2, text, ha="center", va="center", fontsize=8, zorder=3)
 
 
+@checked
 def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
     """Show nothing of the axes but what is drawn on them, within these limits."""
     ax.set(xlim=x, ylim=y, xticks=[], yticks=[])

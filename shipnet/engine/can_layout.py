@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arguments import checked
 from shipnet.arrays import Bytes, Integers, Words
 from shipnet.can.lengths import Stuffing, frame_length
 from shipnet.can.messages import Message, MessageSet, packed
@@ -29,6 +30,7 @@ _FRAME = 8
 _ID_STEP, _HIGHEST_ID = 0x100, 0x7FF
 
 
+@checked
 @record
 class CanLayout:
     """Which CAN frame holds which point: box k sends the identifiers from 0x100 k up, k = 1..7.

@@ -24,6 +24,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers, Words
 from shipnet.engine.points import PT100, Point, PointList
 from shipnet.errors import ArgumentError
@@ -103,6 +104,7 @@ WIRE_FAULTS: dict[Literal["open", "short"], dict[str, float]] = {
 }
 
 
+@checked
 @record
 class InputCard:
     """The converters of a list of points: R/V, I/V and B/V.

@@ -12,6 +12,7 @@ from os import PathLike
 from typing import Literal, SupportsIndex, overload
 
 from shipnet import datasets
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_whole, choice, number, record
 from shipnet.lazy import pd
@@ -218,6 +219,7 @@ class PointList(tuple[Point, ...]):
         return [(places[0], len(places)) for places in first.values()]
 
 
+@checked
 def read_points(path: str | PathLike[str] | None = None) -> PointList:
     """Read the points of an engine: the 99 of lee2012, or those of a CSV or Excel file.
 

@@ -18,6 +18,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arguments import checked
 from shipnet.arrays import Floats, Words
 from shipnet.can.messages import Message
 from shipnet.engine.can_layout import CanLayout
@@ -30,6 +31,7 @@ from shipnet.modbus.pdu import Request
 # How a value becomes the content of a register -------------------------------------------------
 
 
+@checked
 @record(slots=True)
 class Coding:
     """What a register holds.
@@ -216,6 +218,7 @@ class Decoded(NamedTuple):
     ages: Floats
 
 
+@checked
 @record
 class RegisterMap:
     """Registers of a junction box: one per point, then the ages if it sends them.

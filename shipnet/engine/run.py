@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import WIRES, EngineFault, StuckSensor, outages
@@ -207,6 +208,7 @@ def reading(
     return float(values.at(place, time))
 
 
+@checked
 class Screen:
     """What the AMS shows at a time, with **synthetic** values; `Run.screen` makes one.
 
@@ -332,6 +334,7 @@ class Timeline:
         return f"Timeline({self.start:g}..{self.stop:g} s: {len(self._table)} stretches of work)"
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """A finished simulation of a `system` with some `faults`; `simulate` makes one.

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.clock import nanoseconds
 from shipnet.engine.faults import (
@@ -55,6 +56,7 @@ _WORDS: dict[str, tuple[type[EngineFault], ...]] = {
 }  # fmt: skip
 
 
+@checked
 def serve(
     system: System | None = None,
     *,
@@ -141,6 +143,7 @@ def parse_fault(system: System, words: str) -> EngineFault:
     return known[words]
 
 
+@checked
 def fault_registers(system: System | None = None) -> pd.DataFrame:
     """Return the registers that make faults in a served engine, on unit id 247.
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Integers
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import nanoseconds
@@ -47,6 +48,7 @@ _CHUNK = 200_000
 _LENGTH = 20.0
 
 
+@checked
 def simulate(
     system: System,
     *,
@@ -483,6 +485,7 @@ def _arbitrate(time: Integers, message: Integers, frame: Integers, horizon: int)
 # Faults of the system, by simulation -----------------------------------------------------------
 
 
+@checked
 def single_failures(
     system: System,
     faults: EngineFault | Iterable[EngineFault] | None = None,
@@ -540,7 +543,7 @@ def single_failures(
     [[0, 0, 'no', True, True], [18, 18, 'mark', True, False]]
     """
     check_scalar("rule", rule, "s", 0.1, 100)
-    check_whole("trials", trials, 1, 1000)
+    trials = check_whole("trials", trials, 1, 1000)
     chance = check_rng(rng)
     chosen = system.single_faults() if faults is None else system.check_faults(faults)
     rows = []

@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.arrays import Floats, Integers
 from shipnet.can.lengths import frame_length
 from shipnet.can.messages import MessageSet
@@ -35,7 +36,17 @@ from shipnet.engine.faults import (
 from shipnet.engine.points import PointList, read_points
 from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, choice, number, part, record, switch, whole
+from shipnet.fields import (
+    check_kind,
+    check_scalar,
+    check_whole,
+    choice,
+    number,
+    part,
+    record,
+    switch,
+    whole,
+)
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
@@ -150,6 +161,7 @@ class StalenessFlag(NamedTuple):
     oldest: float
 
 
+@checked
 @record
 class System:
     """An engine monitoring system; without arguments, the one of lee2012.
@@ -439,7 +451,7 @@ class System:
         The time runs from the begin of the sender's round. The corrected design adds it to the
         time since then, which the reader knows.
         """
-        check_whole("reader", reader, 0, len(self.boxes) - 1)
+        reader = check_whole("reader", reader, 0, len(self.boxes) - 1)
         sender = self.sender
         pile = self.service_ns + nanoseconds(self.firmware.receive) * sender.size
         sent = np.ceil(self.can_response * 1e9).astype(np.int64)
@@ -641,6 +653,7 @@ class System:
             healthy = min(healthy, self.age_limit)
         if fault is None:
             return FailureBounds(answer, gap, healthy)
+        check_kind("fault", fault, EngineFault)
         self.check_faults(fault)
         lasts, period = fault.stop - fault.start, int(self.period_ns.max()) / 1e9
         place = self.boxes[0] if isinstance(fault, DeadBox) else "1"

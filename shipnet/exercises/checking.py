@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from shipnet import datasets
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.exercises.answers import NotSolved, blank
 from shipnet.exercises.exercise import EXERCISES, Exercise, Student
@@ -63,6 +64,7 @@ def exercise(key: str) -> Exercise:
     return known[key]
 
 
+@checked
 def given(key: str, me: Student) -> dict[str, Any]:
     """Return the numbers of an exercise that are this student's own.
 
@@ -92,6 +94,7 @@ def given(key: str, me: Student) -> dict[str, Any]:
     return exercise(key).given(me)
 
 
+@checked
 def check(key: str, answer: object, me: Student | None = None) -> Verdict:
     """Judge an answer; whatever it is, a sentence comes back.
 

@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any, TypeAlias, TypeVar
 
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.exercises.answers import Answer
 
 T = TypeVar("T")
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class Student:
     """Who solves the exercises: a name, from which the student's own numbers follow.
@@ -43,6 +45,8 @@ class Student:
 
     def pick(self, what: str, options: Sequence[T]) -> T:
         """Return the one of some options that is this student's, for a purpose."""
+        if not len(options):
+            raise ArgumentError("options are empty; there must be one or more")
         # A hash gives the same on every computer and with every version of Python.
         digest = sha256(f"{self.name}\0{what}".encode()).digest()
         return options[int.from_bytes(digest) % len(options)]

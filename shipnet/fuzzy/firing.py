@@ -162,7 +162,7 @@ def control_system(variables: Sequence[Variable], rules: Sequence[Rule], n_point
     from skfuzzy import control
     from skfuzzy.membership import trapmf
 
-    check_whole("n_points", n_points, 2, 100_001)
+    n_points = check_whole("n_points", n_points, 2, 100_001)
     used = {name for rule in rules for name in rule.variables}
     antecedents = {}
     for variable in variables:

@@ -19,6 +19,7 @@ from math import inf
 from os import PathLike
 from typing import TypeAlias, TypeVar
 
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fuzzy.rules import CORNERS, RULE_COLUMNS, TERM_COLUMNS, RuleBase, rule_faults
 from shipnet.fuzzy.terms import Rule, Term, Variable
@@ -31,6 +32,7 @@ _Row: TypeAlias = tuple[str, Mapping[str, str]]
 _Made = TypeVar("_Made", Rule, Term, Variable)
 
 
+@checked
 def read_rules(rules: str | PathLike[str], terms: str | PathLike[str]) -> RuleBase:
     """Read a rule base from two CSV files.
 

@@ -16,8 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_rng, check_whole
 from shipnet.fuzzy.firing import (
     Ramps,
     Samples,
@@ -42,6 +44,7 @@ CORNERS = ("left_foot", "left_shoulder", "right_shoulder", "right_foot")
 TERM_COLUMNS = ("variable", "term", "unit", "low", "high", *CORNERS, "crisp", "english", "korean")
 
 
+@checked
 @dataclass(frozen=True)
 class RuleBase:
     """Rules and the variables that they use.
@@ -83,7 +86,7 @@ class RuleBase:
         object.__setattr__(self, "variables", tuple(self.variables))
         object.__setattr__(self, "rules", tuple(self.rules))
         if not self.rules or not self.variables:
-            raise ArgumentError("a rule base must have one variable and one rule, or more")
+            raise ArgumentError("variables or rules are empty; there must be one of each, or more")
         twice = sorted({name for name in self.names if self.names.count(name) > 1})
         faults = [f"variable {name} occurs twice" for name in twice]
         faults += [fault for _, fault in rule_faults(self.variables, self.rules)]
@@ -160,8 +163,8 @@ class RuleBase:
 
     def random_samples(self, n: int, rng: Any = None) -> dict[str, Floats]:
         """Return `n` samples, uniform over the universe of each variable."""
-        generator = np.random.default_rng(rng)
-        return {v.name: generator.uniform(v.low, v.high, n) for v in self.variables}
+        size, generator = check_whole("n", n, 0, 2**31), check_rng(rng)
+        return {v.name: generator.uniform(v.low, v.high, size) for v in self.variables}
 
     def fire(self, samples: Samples, method: str = "fuzzy") -> Firing:
         """Return the firing strength of every rule for every sample.
@@ -304,6 +307,7 @@ class RuleBase:
                 writer.writerows(cells)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Firing:
     """How far each rule holds for each sample, as `RuleBase.fire` returns it.
@@ -404,6 +408,7 @@ class Firing:
         return ax
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Decision:
     """What is reported for each sample, as `RuleBase.decide` returns it.
@@ -558,6 +563,7 @@ class Decision:
         return index
 
 
+@checked
 @dataclass(frozen=True)
 class Overlaps:
     """The pairs of rules that can fire together, as `RuleBase.overlaps` returns them.

@@ -7,15 +7,16 @@ from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, isfinite, isnan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
+from shipnet.fields import part, record, text, whole
 from shipnet.lazy import Axes
 
 #: What is reported when no rule fires, and when no sensor reports anything.
@@ -27,6 +28,7 @@ _COMPARISON = re.compile(
 )
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class Interval:
     """The values for which a comparison holds.
@@ -59,26 +61,14 @@ class Interval:
         point = self.low == self.high and self.low_closed and self.high_closed
         if not (self.low < self.high or point) or (self.low, self.high) == (-inf, inf):
             raise ArgumentError(
-                f"the ends are {self.low:g} and {self.high:g}; some numbers must lie between them, "
+                f"low is {self.low:g} and high {self.high:g}; some numbers must lie between them, "
                 "and some not"
             )
 
     @classmethod
     def parse(cls, text: str) -> Interval:
         """Return the values for which a comparison such as ``0 < x <= 2.5`` holds."""
-        found = _COMPARISON.fullmatch(text.strip())
-        both = found and found["low"] and found["sign"] in (">", ">=", "==")
-        if not found or both or not (found["low"] or found["sign"]):
-            raise ArgumentError(f"comparison is {text!r}; it must be like x > 120 or 0 < x <= 2.5")
-        low, high = float(found["low"] or -inf), inf
-        low_closed, high_closed = found["from"] == "<=", False
-        if found["sign"]:
-            end, closed = float(found["end"]), found["sign"] != "<" and found["sign"] != ">"
-            if found["sign"][0] in ">=":
-                low, low_closed = end, closed
-            if found["sign"][0] in "<=":
-                high, high_closed = end, closed
-        return cls(low, high, low_closed, high_closed)
+        return _interval("text", text)
 
     def __str__(self) -> str:
         low, high = number_text(self.low), number_text(self.high)
@@ -99,7 +89,34 @@ class Interval:
         return np.asarray(above & (below | ((self.high == inf) & (values == inf))))
 
 
-@dataclass(frozen=True, slots=True)
+def _interval(name: str, text: str) -> Interval:
+    """Return the values for which the comparison holds that is the argument of this name."""
+    found = _COMPARISON.fullmatch(text.strip())
+    both = found and found["low"] and found["sign"] in (">", ">=", "==")
+    if not found or both or not (found["low"] or found["sign"]):
+        raise ArgumentError(
+            f"{name} is {text!r}; it must be a comparison like x > 120 or 0 < x <= 2.5"
+        )
+    low, high = float(found["low"] or -inf), inf
+    low_closed, high_closed = found["from"] == "<=", False
+    if found["sign"]:
+        end, closed = float(found["end"]), found["sign"] != "<" and found["sign"] != ">"
+        if found["sign"][0] in ">=":
+            low, low_closed = end, closed
+        if found["sign"][0] in "<=":
+            high, high_closed = end, closed
+    return Interval(low, high, low_closed, high_closed)
+
+
+def _comparison(crisp: Any) -> Interval:
+    """Return the values for which the comparison of a term holds."""
+    if not isinstance(crisp, str):
+        raise ArgumentError(f"crisp is {crisp!r}; it must be an Interval or text")
+    return _interval("crisp", crisp)
+
+
+@checked
+@record(slots=True)
 class Term:
     """A word for some values of a variable.
 
@@ -130,7 +147,7 @@ class Term:
 
     name: str
     corners: tuple[float, float, float, float]
-    crisp: Interval
+    crisp: Interval = part(Interval, make=_comparison)
     english: str = ""
     korean: str = ""
 
@@ -146,9 +163,7 @@ class Term:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        check_word("term", self.name)
-        if isinstance(self.crisp, str):
-            object.__setattr__(self, "crisp", Interval.parse(self.crisp))
+        check_word("name of a term", self.name)
         corners = tuple(float(corner) for corner in self.corners)
         if len(corners) != 4 or any(isnan(corner) for corner in corners):
             raise ArgumentError(f"corners are {corners}; they must be four numbers")
@@ -187,6 +202,7 @@ class Term:
         return np.where(np.isnan(values), 0.0, degree)
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class Variable:
     """A measured quantity with the words for its values.
@@ -225,19 +241,19 @@ class Variable:
     korean: str = ""
 
     def __post_init__(self) -> None:
-        check_word("variable", self.name)
+        check_word("name of a variable", self.name)
         low, high = float(self.low), float(self.high)
         object.__setattr__(self, "low", low)
         object.__setattr__(self, "high", high)
         object.__setattr__(self, "terms", tuple(self.terms))
         if not (isfinite(low) and isfinite(high) and low < high):
-            raise ArgumentError(f"universe of {self.name} is {low:g}..{high:g}; it must be rising")
+            raise ArgumentError(f"low of {self.name} is {low:g}, high {high:g}; they must rise")
         names = Counter(term.name for term in self.terms)
         twice = sorted(name for name, number in names.items() if number > 1)
         if twice or not names:
             raise ArgumentError(
-                f"{self.name} has {f'term {twice[0]} twice' if twice else 'no term'}; "
-                "it must have each once, and at least one"
+                f"terms of {self.name} {f'have {twice[0]} twice' if twice else 'are none'}; "
+                "there must be one or more, each once"
             )
         for term in self.terms:
             self._check_within(term)
@@ -305,7 +321,7 @@ class Variable:
         return ax
 
 
-@dataclass(frozen=True, slots=True)
+@record(slots=True)
 class Rule:
     """If all of these terms hold, then this fault.
 
@@ -336,10 +352,10 @@ class Rule:
 
     code: str
     antecedent: tuple[tuple[str, str], ...]
-    priority: int
-    flag: str = ""
-    english: str = ""
-    korean: str = ""
+    priority: int = whole(1, 9999)
+    flag: str = text(default="")
+    english: str = text(default="")
+    korean: str = text(default="")
 
     if TYPE_CHECKING:
 
@@ -356,9 +372,13 @@ class Rule:
     def __post_init__(self) -> None:
         if check_word("code", self.code) in (NORMAL, UNKNOWN):
             raise ArgumentError(f"code is {self.code!r}, which says that no rule fires")
-        object.__setattr__(self, "priority", check_whole("priority", self.priority, 1, 9999))
         given = self.antecedent
-        pairs = _antecedent(given) if isinstance(given, str) else tuple((v, t) for v, t in given)
+        try:
+            pairs = (
+                _antecedent(given) if isinstance(given, str) else tuple((a, b) for a, b in given)
+            )
+        except (TypeError, ValueError):
+            raise ArgumentError(f"antecedent is {given!r}; it must be text or pairs") from None
         object.__setattr__(self, "antecedent", pairs)
         names = self.variables
         if not names or len(set(names)) < len(names):
@@ -397,8 +417,8 @@ def _middle(a: float, b: float) -> float:
 def _antecedent(text: str) -> tuple[tuple[str, str], ...]:
     """Return the pairs of an antecedent such as ``FP.high & OP.high``."""
     pairs = []
-    for part in text.split("&"):
-        variable, dot, term = part.strip().partition(".")
+    for one in text.split("&"):
+        variable, dot, term = one.strip().partition(".")
         if not dot:
             raise ArgumentError(f"antecedent is {text!r}; it must be like FP.high & OP.high")
         pairs.append((check_word("variable", variable), check_word("term", term)))

@@ -15,11 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
@@ -27,12 +28,13 @@ from shipnet.line.network import Network
 from shipnet.line.waveform import Waveform
 
 #: A quantity over time: a constant, its samples, or a function of the array of times.
-Signal = float | npt.ArrayLike | Callable[[Floats], npt.ArrayLike]
+Signal: TypeAlias = "npt.ArrayLike | Callable[[Floats], npt.ArrayLike]"
 
 #: Most steps that are taken from one look into the past.
 _BLOCK = 512
 
 
+@checked
 @dataclass(frozen=True)
 class Driver:
     """A sender on a network: a current that it draws, or a voltage behind a conductance.
@@ -93,7 +95,7 @@ def norton_sources(
     zero = np.zeros_like(t)
     for column, together in enumerate(columns):
         for driver in together:
-            at = network.index(driver.node), column
+            at = network.index(driver.node, "node of a driver"), column
             name = f"of the driver at node {driver.node!r}"
             if driver.current is not None:
                 into = -_samples(f"current {name}", driver.current, t, "A", -np.inf)
@@ -180,6 +182,7 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
     return _Ends(node, far, whole_steps, *np.array([row[2:] for row in rows])[order].T), leak
 
 
+@checked
 def simulate(
     network: Network,
     drivers: Driver | Sequence[Driver] | Sequence[Sequence[Driver]],
@@ -250,7 +253,7 @@ def simulate(
     columns, single = _columns(drivers)
     sources = norton_sources(network, columns, t)
     names = network.nodes if probes is None else tuple(probes)
-    shown = [network.index(name) for name in names]
+    shown = [network.index(name, "one of probes") for name in names]
     nodes = _Nodes(network, step, sources.columns, limits)
 
     own = np.arange(len(ends.node))
@@ -342,7 +345,7 @@ def _limits(network: Network, limits: Mapping[str, tuple[float, float]]) -> tupl
     low = np.full((len(network.nodes), 1), -np.inf)
     high = np.full((len(network.nodes), 1), np.inf)
     for name, (lowest, highest) in limits.items():
-        node = network.index(name)
+        node = network.index(name, "one of limits")
         low[node] = check_scalar(f"lowest voltage at node {name!r}", lowest, "V", -1e9, 0.0)
         high[node] = check_scalar(f"highest voltage at node {name!r}", highest, "V", 0.0, 1e9)
     return low, high

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import fields, style
+from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees, record
@@ -34,6 +35,7 @@ def _constant(unit: str, help: str) -> Any:
     return fields.number(LEAST, MOST, unit, help, default=None, optional=True, many=True)
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class CableRun:
     """A piece of cable between two nodes.
@@ -168,6 +170,7 @@ class Layout(NamedTuple):
         return float(np.concatenate(everything).min())
 
 
+@checked
 class Network:
     """Runs of cable between named nodes, with loads from the nodes to the reference conductor.
 
@@ -272,13 +275,13 @@ class Network:
         """Number of trees of a Monte Carlo, None for a single one."""
         return self._trees
 
-    def index(self, name: str) -> int:
-        """Return the number of a node, which is its row in every result."""
+    def index(self, name: str, what: str = "name") -> int:
+        """Return the number of a node, its row in every result; errors say `what` it is."""
         try:
             return self._index[name]
         except (KeyError, TypeError):
             known = ", ".join(map(repr, self._index)) or "none yet"
-            raise ArgumentError(f"node {name!r} is unknown; the nodes are {known}") from None
+            raise ArgumentError(f"{what} is {name!r}; the nodes are {known}") from None
 
     def shunts(self) -> Floats:
         """Return 1/r [S], 1/l [1/H] and c [F] at each node, shape (3, n_nodes, n_trees or 1)."""
@@ -295,7 +298,7 @@ class Network:
         """Return the network as a tree that grows from one of its nodes."""
         if not self.runs:
             raise ArgumentError("the network has no line; it must have at least one")
-        order, parent, above = [self.index(root)], [-1], [-1]
+        order, parent, above = [self.index(root, "root")], [-1], [-1]
         levels: list[tuple[int, int]] = []
         low, high = 0, 1
         while low < high:
@@ -338,7 +341,7 @@ class Network:
             closing = self.ring.made_of, self.ring.length
             z = closed_transfer(z, from_ends, (self.index(a), self.index(b)), closing, bins)
         z = z if self._trees else z[0]
-        return z if to is None else z[..., self.index(to), :]
+        return z if to is None else z[..., self.index(to, "to"), :]
 
     def waveforms(
         self,
@@ -372,11 +375,12 @@ class Network:
         The supply has an open-circuit `voltage` [V] and an inner `resistance` [ohm]; cables
         count with their resistance at direct current, and loads do not count.
         """
+        self.index(supply, "supply")
         tree = self.rooted(supply)
         emf = check_quantity("voltage of the supply", voltage, "V", low=-_MOST_DC, high=_MOST_DC)
         inner = check_quantity("resistance of the supply", resistance, "ohm", high=_MOST_DC)
         draws = {
-            self.index(node): check_quantity(
+            self.index(node, "one of currents"): check_quantity(
                 f"current drawn at node {node!r}", current, "A", low=-_MOST_DC, high=_MOST_DC
             )
             for node, current in currents.items()

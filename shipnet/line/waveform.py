@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Complexes, Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
@@ -33,6 +34,7 @@ F_MAX = 12e6
 _WINDOW, _DAMPING = 1.5, 10.5
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform:
     """Voltages over time, at even steps.
@@ -77,6 +79,8 @@ class Waveform:
         object.__setattr__(self, "u", u)
         if not 0 < self.dt < np.inf:
             raise ArgumentError(f"dt is {self.dt} s; it must be positive")
+        check_scalar("start", self.start, "s", -1e12, 1e12)
+        object.__setattr__(self, "names", tuple(self.names))
         rows = 1 if u.ndim == 1 else len(u)
         if self.names and len(self.names) != rows:
             raise ArgumentError(f"there are {len(self.names)} names; u has {rows} rows")
@@ -158,7 +162,7 @@ def synthesize(
     spectrum: npt.ArrayLike, n_samples: int, duration: float, damping: float = 7.0
 ) -> Floats:
     """Return the waveforms of Laplace transforms that were sampled on `laplace_grid`."""
-    check_whole("n_samples", n_samples, 1, 2**40)
+    n_samples = check_whole("n_samples", n_samples, 1, 2**40)
     length = check_scalar("duration", duration, "s", 1e-12, 1e6)
     d = check_scalar("damping", damping, "nepers", 0.1, 20.0)
     bins = np.asarray(spectrum, dtype=complex)

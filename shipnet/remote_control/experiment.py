@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.intervals import share_interval
@@ -36,6 +37,7 @@ def check_formats(n_items: int) -> dict[str, PacketFormat]:
     return dict(zip(CHECKS, formats, strict=True))
 
 
+@checked
 def compare_checks(
     n_items: Iterable[int],
     rates: Iterable[float],
@@ -102,6 +104,7 @@ def compare_checks(
     return Comparison(tuple(rows))
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Comparison:
     """What each check detects and misses, by number of items and bit error rate.
@@ -289,6 +292,7 @@ def candidates(
     return pd.DataFrame(rows, columns=[*columns, "errors_ok", "stale_ok", "alarm_ok", "meets"])
 
 
+@checked
 def recommend(
     n_items: int,
     system: System | None = None,

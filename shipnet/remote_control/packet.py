@@ -77,8 +77,8 @@ def _with_crc(rows: Bytes) -> Bytes:
 
 def _traced(taken: list[tuple[int, str]], start: int, size: int) -> pd.DataFrame:
     """Return a row per byte with its place in a ring of `size`."""
-    check_whole("size", size, 2, 65536)
-    check_whole("start", start, 0, size - 1)
+    size = check_whole("size", size, 2, 65536)
+    start = check_whole("start", start, 0, size - 1)
     rows = [((start + k) % size, f"0x{byte:02X}", what) for k, (byte, what) in enumerate(taken)]
     return pd.DataFrame(rows, columns=["place", "byte", "taken_as"])
 

@@ -13,6 +13,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Bytes, Integers, Words
 from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
 from shipnet.fields import check_rng, check_scalar, check_whole
@@ -101,6 +102,7 @@ class Decoded(NamedTuple):
         return accepted
 
 
+@checked
 class PacketFormat:
     """What the two formats share; each packs, reads and traces its packets in its own way."""
 

@@ -17,13 +17,12 @@ from collections import deque
 from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
+from shipnet.fields import check_choice, check_whole
 from shipnet.lazy import Axes, pd
 from shipnet.remote_control.packet import PACKET_START
 from shipnet.remote_control.packet_format import check_bytes
@@ -142,11 +141,7 @@ class Ring:
 
     def __init__(self, size: int = 128, rule: Rule = "printed") -> None:
         self.size = check_whole("size", size, 2, 65536)
-        if rule not in get_args(Rule):
-            raise ArgumentError(
-                f"rule is {rule!r}; it must be 'printed', 'intended' or 'corrected'"
-            )
-        self.rule = rule
+        self.rule: Any = check_choice("rule", rule, get_args(Rule))
         self.written = self.lost = self.stale = 0
         self._cells = bytearray(self.size)
         # Place and flag of the reader as one number, 0..2 * size - 1.
@@ -161,8 +156,8 @@ class Ring:
         The n-th byte stored has the value n, modulo 256.
         """
         ring = cls(size, rule)
-        check_whole("get_no", get_no, 0, size - 1)
-        check_whole("unread", unread, 0, 10**6)
+        get_no = check_whole("get_no", get_no, 0, size - 1)
+        unread = check_whole("unread", unread, 0, 10**6)
         for n in range(get_no + unread):
             ring.store(n % 256)
             if n < get_no:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
@@ -88,6 +89,7 @@ class Packet:
         return "ok" if self.received == self.items else "wrong"
 
 
+@checked
 @dataclass(repr=False, eq=False)
 class Run:
     """A finished simulation of the link.
@@ -186,7 +188,7 @@ class Run:
 
         The values are those that it set itself, or if it set none, those that it heard.
         """
-        check_whole("number", number, 0, self.system.n_items - 1)
+        number = check_whole("number", number, 0, self.system.n_items - 1)
         if station not in STATIONS:
             raise ArgumentError(f"station is {station!r}; it must be one of {STATIONS}")
 
@@ -243,6 +245,7 @@ class Run:
 # The simulation --------------------------------------------------------------------------------
 
 
+@checked
 def simulate(
     system: System,
     changes: Change | Iterable[Change] = (),
@@ -583,6 +586,7 @@ class _Simulation:
             values[change.number] = change.value
 
 
+@checked
 def switch_delays(
     system: System | None = None,
     *,

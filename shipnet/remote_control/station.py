@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import NamedTuple
 
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
 from shipnet.remote_control.packet_format import Items
@@ -14,6 +15,7 @@ from shipnet.remote_control.system import Counter, System
 from shipnet.remote_control.values import HOPS
 
 
+@checked
 def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, int]:
     """Return the values that differ from those sent last, by number.
 

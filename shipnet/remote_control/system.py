@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, choice, number, part, record, switch, whole
 from shipnet.lazy import Axes, pd
@@ -26,6 +27,7 @@ BIT_RATES = (9600, 4800, 2400, 1200, 600)
 # Supervision -----------------------------------------------------------------------------------
 
 
+@checked
 @record
 class Supervision:
     r"""Rule by which silence becomes a failure.
@@ -168,6 +170,7 @@ class Cascade(NamedTuple):
     alarm: str
 
 
+@checked
 @record
 class System:
     r"""The link of three stations: RCS asks BCS and SS in turn, over a line to each.

@@ -118,13 +118,13 @@ def test_a_variable_refuses_terms_that_mean_nothing_in_its_universe():
         Variable("OT", "degC", 0, 85, (hot,))
     with pytest.raises(ArgumentError, match=r"comparison of OT\.far"):
         Variable("OT", "degC", 0, 85, (Term("far", (0, 1, 2, 3), "x > 90"),))
-    with pytest.raises(ArgumentError, match="term hot twice"):
+    with pytest.raises(ArgumentError, match="hot twice"):
         Variable("OT", "degC", 0, 150, (hot, hot))
-    with pytest.raises(ArgumentError, match="no term"):
+    with pytest.raises(ArgumentError, match="terms of"):
         Variable("OT", "degC", 0, 150, ())
-    with pytest.raises(ArgumentError, match="universe"):
+    with pytest.raises(ArgumentError, match="low of OT is 150"):
         Variable("OT", "degC", 150, 0, (hot,))
-    with pytest.raises(ArgumentError, match="variable is 'O T'"):
+    with pytest.raises(ArgumentError, match="name of a variable is 'O T'"):
         Variable("O T", "degC", 0, 150, (hot,))
     with pytest.raises(ArgumentError, match="OT has hot"):
         Variable("OT", "degC", 0, 150, (hot,))["cold"]

@@ -1,0 +1,283 @@
+"""Arguments of functions that are checked against their annotations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import is_dataclass
+from enum import Enum
+from functools import wraps
+from importlib import import_module
+from inspect import Parameter, isfunction, signature
+from numbers import Number, Real
+from os import PathLike
+from types import ModuleType, NoneType, UnionType
+from typing import Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
+
+from shipnet.errors import ArgumentError, FrameError, InputError
+from shipnet.fields import declared
+
+__all__ = ["checked"]
+
+T = TypeVar("T")
+
+
+class _Rule(NamedTuple):
+    """What a type allows: the test before a call, in words, and the one after it failed."""
+
+    test: Callable[[Any], bool]
+    legal: str
+    after: Callable[[Any], bool] | None = None
+    of_type: bool = False
+    within: Sequence[_Rule] = ()
+
+
+def checked(made: T) -> T:
+    """Check the arguments of a function, or of a class and its public methods, by annotation.
+
+    Classes, text, switches, paths, functions and collections of them are checked before the call.
+    The function itself checks its numbers, whose ranges it knows: where it fails and names none of
+    its arguments, an error names the one of a wrong type. Declared fields check themselves.
+    """
+    if not isinstance(made, type):
+        return _checked(made, ())  # type: ignore[no-any-return] # it is called as before
+    own: Collection[str] = declared(made) if is_dataclass(made) else ()
+    for name, value in list(vars(made).items()):
+        function = getattr(value, "__func__", value)
+        if isfunction(function) and (name == "__init__" or name[0] != "_"):
+            new = _checked(function, own if name == "__init__" else ())
+            setattr(made, name, new if function is value else type(value)(new))
+    return made
+
+
+def _checked(function: Any, skipped: Collection[str]) -> Any:
+    """Return a function that checks its arguments, or itself if there is nothing to check."""
+    parameters = signature(function).parameters
+    given = {
+        name: one
+        for name, one in parameters.items()
+        if one.annotation is not one.empty
+        and name not in skipped
+        and one.kind not in (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
+    }
+    if not given:
+        return function
+    names = tuple(parameters)
+
+    known: dict[str, list[_Rule]] = {}
+    #: By name, the types that are known to pass before a call.
+    passed: dict[str, set[type]] = {}
+
+    def check(name: str, value: Any, failed: bool) -> None:
+        allowed = known.get(name)
+        if allowed and value is not given[name].default and not _met(allowed, value, failed):
+            raise ArgumentError(_fault(name, value, allowed, failed)) from None
+        if failed and getattr(value, "size", None) == 0:  # an empty array
+            raise ArgumentError(f"{name} is {value!r}; it must not be empty") from None
+        if not failed and all(rule.of_type for rule in known[name]):
+            passed[name].add(type(value))
+
+    @wraps(function)
+    def call(*args: Any, **options: Any) -> Any:
+        if not known:
+            scope = function.__globals__
+            known.update({name: _rules(one.annotation, scope) for name, one in given.items()})
+            passed.update({name: set() for name, one in known.items() if not _numbers(one)})
+        if passed:
+            for name, value in zip(names, args, strict=False):
+                if name in passed and type(value) not in passed[name]:
+                    check(name, value, False)
+            for name, value in options.items():
+                if name in passed and type(value) not in passed[name]:
+                    check(name, value, False)
+        try:
+            return function(*args, **options)
+        except (FrameError, InputError):
+            raise
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            said = str(error) if isinstance(error, ArgumentError) else ""
+            if not any(re.search(rf"\b{name}\b", said) for name in names):
+                for name, value in (*zip(names, args, strict=False), *options.items()):
+                    if name in known:
+                        check(name, value, True)
+            raise
+
+    return call
+
+
+def _met(rules: Sequence[_Rule], value: Any, failed: bool = False) -> bool:
+    """Return whether a value meets one of the rules, as far as is asked before or after a call."""
+    return any(((failed and rule.after) or rule.test)(value) for rule in rules)
+
+
+def _fault(name: str, value: Any, rules: Sequence[_Rule], failed: bool) -> str:
+    """Return what is wrong with a value, or with the first wrong one of a collection."""
+    for rule in rules:
+        if rule.within and isinstance(value, Collection) and not isinstance(value, str | bytes):
+            for part in value.values() if isinstance(value, Mapping) else value:
+                if not _met(rule.within, part, failed):
+                    of = name if name.startswith("one of ") else f"one of {name}"
+                    return _fault(of, part, rule.within, failed)
+    return f"{name} is {value!r}; it must be {_legal(rules)}"
+
+
+def _legal(rules: Sequence[_Rule]) -> str:
+    return " or ".join(dict.fromkeys(rule.legal for rule in rules))
+
+
+def _numbers(rules: list[_Rule]) -> bool:
+    """Return whether the rules let everything pass until a call failed."""
+    return not rules or any(rule.test is _anything for rule in rules)
+
+
+def _anything(value: Any) -> bool:
+    return True
+
+
+def _rules(annotation: Any, scope: dict[str, Any]) -> list[_Rule]:
+    """Return what an annotation allows; nothing if one of its parts cannot be tested."""
+    rules = [_rule(part, scope) for part in _parts(annotation, scope)]
+    return [] if None in rules else [rule for rule in rules if rule is not None]
+
+
+def _parts(annotation: Any, scope: dict[str, Any]) -> Iterator[Any]:
+    """Yield the types of a union; those that only type checkers import are Any."""
+    if isinstance(annotation, str):
+        parts, depth = [""], 0
+        for sign in annotation.strip(" '\""):
+            depth += (sign == "[") - (sign == "]")
+            if sign == "|" and not depth:
+                parts.append("")
+            else:
+                parts[-1] += sign
+        for part in map(str.strip, parts):
+            if part in _NAMED:
+                yield part
+                continue
+            try:
+                kind = eval(part, {}, _Names(scope))
+            except (AttributeError, NameError, TypeError):
+                kind = Any
+            yield from _parts(kind, scope)
+    elif get_origin(annotation) in (Union, UnionType):
+        for part in get_args(annotation):
+            yield from _parts(part, scope)
+    else:
+        yield annotation
+
+
+class _Names(dict[str, Any]):
+    """The names of a module, and those of its package's front, which it may know as types only."""
+
+    def __missing__(self, name: str) -> Any:
+        if name in dir(_front(self)):
+            return getattr(_front(self), name)
+        raise KeyError(name)
+
+
+def _front(scope: Mapping[str, Any]) -> ModuleType:
+    """Return the package that a module belongs to."""
+    return import_module(".".join(scope["__name__"].split(".")[:2]))
+
+
+def _rule(kind: Any, scope: dict[str, Any]) -> _Rule | None:
+    """Return what a type allows, None if that cannot be tested."""
+    origin, inner = get_origin(kind) or (NoneType if kind is None else kind), get_args(kind)
+    if origin is Literal:
+        legal = ", ".join(map(repr, inner))
+        return _Rule(lambda value: isinstance(value, str | int) and value in inner, legal)
+    if origin in _NAMED:
+        return _NAMED[origin]
+    if origin in (Any, object) or not isinstance(origin, type):
+        return None
+    article = "an" if origin.__name__[0] in "AEIOaeio" else "a"
+    if getattr(origin, "_is_protocol", False):
+        wanted = [name for name, one in vars(origin).items() if name[0] != "_" and callable(one)]
+        has = lambda value: all(hasattr(value, name) for name in wanted)  # noqa: E731
+        return _Rule(has, f"{article} {origin.__name__}") if wanted else None
+    if origin.__name__ == "ndarray":
+        return _NAMED["npt.ArrayLike"]
+    if issubclass(origin, Mapping):
+        return _collection(Mapping, "a mapping", _rules(inner[-1], scope) if inner else [])
+    if origin in (tuple, list, set, frozenset) or origin.__module__ == Iterable.__module__:
+        parts = [_rules(one, scope) for one in inner if one is not ...]
+        within = [] if [] in parts else [rule for rules in parts for rule in rules]
+        return _collection(Iterable, "a sequence", within)
+    if issubclass(origin, Enum):
+        return _Rule(lambda value: _is_member(origin, value), f"{article} {origin.__name__}")
+    if origin.__subclasses__() and origin.__name__ not in dir(_front(scope)):
+        return None  # the classes that a user knows are checked, and named, where they matter
+    return _Rule(_of(origin), f"{article} {origin.__name__}", of_type=True)
+
+
+def _collection(kind: type, name: str, within: list[_Rule]) -> _Rule:
+    """Return the rule of a collection; what an iterator yields cannot be seen before."""
+    plain = not within or any(rule.after for rule in within)
+
+    def test(value: Any, failed: bool = False) -> bool:
+        if not isinstance(value, kind) or isinstance(value, str | bytes):
+            return False
+        if (plain and not failed) or not isinstance(value, Collection):
+            return True
+        parts = value.values() if isinstance(value, Mapping) and kind is Mapping else value
+        return all(_met(within, part, failed) for part in parts) if within else True
+
+    legal = f"{name} with {_legal(within)} each" if within else name
+    return _Rule(test, legal, lambda value: test(value, True), within=within)
+
+
+def _is_member(kind: type[Enum], value: Any) -> bool:
+    try:
+        return kind(value) is not None
+    except ValueError:
+        return False
+
+
+def _is_whole(value: Any) -> bool:
+    return _is_number(value) and value % 1 == 0
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and value == value
+
+
+def _is_array(value: Any) -> bool:
+    """Return whether a value is an array of numbers, not NaN alone."""
+    import numpy as np  # not needed by most programs that check an argument
+
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        return False
+    return array.dtype.kind in "biufc" and not (array.size and (array != array).all())
+
+
+def _may_be_array(value: Any) -> bool:
+    """Return whether a value may become an array: what it holds is seen when it does."""
+    if isinstance(value, str | bytes):
+        return False
+    return isinstance(value, Number | Iterable) or hasattr(value, "__array__")
+
+
+def _of(*kinds: type) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, kinds)
+
+
+#: Rules by type, or by its name where the type would import what a call may not need.
+_NAMED: Mapping[Any, _Rule] = {
+    NoneType: _Rule(_of(NoneType), "None", of_type=True),
+    str: _Rule(_of(str), "text", of_type=True),
+    bytes: _Rule(_of(bytes, bytearray, memoryview), "bytes", of_type=True),
+    bool: _Rule(
+        lambda value: type(value).__name__ in ("bool", "bool_"), "True or False", of_type=True
+    ),
+    PathLike: _Rule(_of(PathLike), "a path", of_type=True),
+    Callable: _Rule(callable, "a function"),
+    float: _Rule(_anything, "a number", _is_number),
+    int: _Rule(_anything, "a whole number", _is_whole),
+    "Axes": _Rule(lambda value: hasattr(value, "add_patch"), "an Axes"),
+    "npt.ArrayLike": _Rule(_may_be_array, "numbers", _is_array, of_type=True),
+    "pd.DataFrame": _Rule(
+        lambda value: type(value).__name__ == "DataFrame", "a DataFrame", of_type=True
+    ),
+}

@@ -1,0 +1,142 @@
+"""Legal arguments for every call of the fronts, and an instance of every class.
+
+A key is the name of an argument, or ``call.argument`` where calls need different values; what has a
+default need not be here. `RESULTS` are made by calls; `HOOKS` are called by the package alone.
+"""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from shipnet import ballast, engine, exercises, fuzzy, line
+from shipnet import remote_control as rc
+
+AX = Figure().add_subplot()
+
+RESULTS = {
+    "engine": "Run Screen",
+    "exercises": "Verdict",
+    "fuzzy": "Decision Firing Overlaps",
+    "remote_control": "Comparison Run SerialCapture",
+}
+
+#: Called by simulations and servers, with what they have checked.
+HOOKS = {"apply", "device", "disturbance", "of", "run", "transit", "view", "voltage"}
+
+#: Mistakes that a call takes, which its annotation does not say.
+TAKEN = {
+    "Driver.current": "nan empty",
+    "box.x": "nan", "box.y": "nan", "box.width": "nan", "box.height": "nan",
+}  # fmt: skip
+
+
+def of_engine():
+    system = engine.System()
+    points = system.points
+    values = np.zeros(len(points), int)
+    layout, registers = engine.CanLayout(points), engine.RegisterMap(points)
+    run = engine.simulate(system, until=0.5)
+    good = {
+        "points": points, "frames": layout.encode(values), "values": values, "name": "x",
+        "step": 0.1, "error": 255, "point": points[0], "registers": registers.encode(values),
+        "n_analogue": 4, "signal": values, "code": values, "wire": "open", "tag": points[0].tag,
+        "box": "JB1", "condition": points[0].condition, "quantity": points[0].quantity,
+        "start": 0.0, "stop": 0.2, "time": 0.4, "reader": 0, "where": "JB1", "until": 0.2,
+        "system": system, "faults": (), "check.system": engine.Description.printed(),
+        "Coding.decode.registers": values, "faults.DeadPort.where": "A", "Point.signal": "",
+        "System.failure_bounds.fault": engine.faults.DeadBox("JB1"), "serve.speed": 0.0,
+        "single_failures.trials": 1, "single_failures.faults": [engine.faults.DeadBox("JB1")],
+        "faults.OpenWire.where": points[0].tag, "faults.ShortCircuit.where": points[0].tag,
+        "faults.StuckSensor.where": points[0].tag,
+    }  # fmt: skip
+    instances = {
+        "System": system, "Run": run, "Screen": run.screen(0.4), "Point": points[0],
+        "PointList": points, "CanLayout": layout, "RegisterMap": registers,
+        "InputCard": engine.InputCard(points),
+    }  # fmt: skip
+    return good, instances
+
+
+def of_exercises():
+    me = exercises.student("a")
+    good = {"name": "a", "what": "x", "options": [1, 2], "key": "ex-01-1", "answer": 1, "me": me}
+    return good | {"check.me": me, "text": "t"}, {"Student": me, "Verdict": None}
+
+
+def of_fuzzy():
+    base = ballast.rule_base()
+    first = base.variables[0]
+    samples = {variable.name: [1.0, 1.0] for variable in base.variables}
+    decision = base.decide(samples)
+    good = {
+        "time": [0.0, 1.0], "text": "x < 3", "x": 1.0, "code": base.rules[0].code, "priority": 1,
+        "antecedent": base.rules[0].antecedent, "variables": base.variables, "rules": base.rules,
+        "rule": base.rules[0], "active": decision.active, "n": 2, "samples": samples,
+        "vectors": ballast.rule_vectors(), "name": "a", "corners": (0.0, 1.0, 2.0, 3.0),
+        "crisp": fuzzy.Interval(0, 1), "unit": "", "low": first.low, "high": first.high,
+        "terms": first.terms, "method": "fuzzy", "RuleBase.overlaps.method": "crisp",
+        "RuleBase.save.rules": "a.csv", "RuleBase.save.terms": "b.csv", "read_rules.rules": "a.csv",
+        "read_rules.terms": "b.csv", "Firing.decide.n": 1, "Variable.plot.crisp": True,
+    }  # fmt: skip
+    instances = {
+        "RuleBase": base, "Decision": decision, "Firing": base.fire(samples), "Variable": first,
+        "Overlaps": base.overlaps(), "Term": first.terms[0], "Interval": fuzzy.Interval(0, 1),
+    }  # fmt: skip
+    return good, instances
+
+
+def of_line():
+    network = line.Network([line.CableRun("a", "b", 10)], {"b": line.Load(r=100)})
+    good = {
+        "r": 0.06, "l": 6e-7, "c": 6e-11, "s": [1j], "f": [1e3], "z0": 100, "delay": 5e-9,
+        "end": 100.0, "a": "a", "b": "b", "length": 10.0, "node": "a", "name": "b", "root": "a",
+        "spectrum": np.ones_like, "duration": 1e-5, "supply": "a", "voltage": 30.0,
+        "currents": {"b": 0.1}, "longest": 5, "u": np.zeros(4), "dt": 1e-8, "path": "x.csv",
+        "network": network, "until": 1e-6, "drivers": line.Driver("a", current=0.0),
+        "Driver.current": 0.0, "Driver.voltage": None,
+    }  # fmt: skip
+    wave = line.Waveform(np.zeros(4), 1e-7)
+    return good, {"Cable": line.CABLES["as-i 1.5"], "Network": network, "Waveform": wave}
+
+
+def of_remote_control():
+    system = rc.System()
+    generator = np.random.default_rng(1)
+    good = {
+        "time": 0.1, "station": "BCS", "number": 1, "value": 2, "n_items": 2, "items": {1: 2},
+        "n_bytes": 4, "numbers": [[1]], "values": [[2]], "packets": 100, "rate": 1e-4, "unread": 2,
+        "byte": 1, "data": b"a", "sending": [1], "sended": [2], "rates": [1e-3], "source": "BCS",
+        "target": "RCS", "system": system, "until": 0.2, "faults.Stall.stop": 1.0,
+        "compare_checks.n_items": [1], "compare_checks.packets": 10, "switch_delays.changes": 1,
+        "switch_delays.bit_rates": [9600], "Ring.explore.max_unread": 2, "Ring.cases.laps": 1,
+    }  # fmt: skip
+    for name, form in (("Marker", rc.MarkerFormat()), ("Cobs", rc.CobsFormat())):
+        packet, of = form.encode({1: 2}), f"{name}Format"
+        good |= {
+            f"{of}.decode.packet": packet, f"{of}.trace.stream": packet, f"{of}.stream.items": 1,
+            f"{of}.decode_batch.packets": [list(packet)], f"{of}.outcomes.rng": generator,
+            f"{of}.numbers": form.numbers,
+        }  # fmt: skip
+    run = rc.simulate(system, [rc.Change(0.05, "BCS", 1, 2)], until=0.2)
+    compared = rc.compare_checks([1], [1e-3], packets=10, rng=1)
+    return good, {
+        "Run": run,
+        "Comparison": compared,
+        "System": system,
+        "Ring": rc.Ring(8),
+        "SerialCapture": None,
+    }
+
+
+def of_datasets():
+    return {"name": "claims.csv"}, {}
+
+
+def of_style():
+    return {
+        "x": (0.0, 1.0),
+        "y": (0.0, 1.0),
+        "width": 1.0,
+        "height": 1.0,
+        "box.x": 0.0,
+        "box.y": 0.0,
+    }, {}
