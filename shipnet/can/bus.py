@@ -101,8 +101,8 @@ class _Traffic:
         return sent
 
 
-def _send_undisturbed(releases: Releases) -> Integers:
-    """Return when each frame begins on a bus without errors on which every frame is sent at last.
+def send_undisturbed(releases: Releases, horizon: int) -> Integers:
+    """Return when each frame begins on a bus without errors.
 
     Whatever the order of the frames, the bus is busy in the same periods. Each is a problem of its
     own, so those of about one size are solved side by side.
@@ -141,8 +141,9 @@ def _send_undisturbed(releases: Releases) -> Integers:
             release[picked, np.arange(busy)] = gone
     others = np.repeat(left, size)
     traffic = _Traffic(Releases(time[others], message[others], length), overwrite=False)
-    traffic.send(len(time), NEVER)
+    traffic.send(len(time), horizon)
     start[others] = traffic.start
+    start[start >= horizon] = WAITING
     return start
 
 
@@ -246,8 +247,7 @@ def send(
     nodes = Nodes(max(owner) + 1)
     failures: list[Failure] = []
     if not (faults or overwrite):
-        begun = _send_undisturbed(releases)
-        return np.where(begun < horizon, begun, WAITING), failures, nodes
+        return send_undisturbed(releases, horizon), failures, nodes
     traffic = _Traffic(releases, overwrite)
     start, waiting = traffic.start, traffic.waiting
     at_times = sorted((nanoseconds(f.time), f.bits) for f in faults if isinstance(f, ErrorAt))
