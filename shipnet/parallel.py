@@ -13,7 +13,7 @@ import pickle
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from functools import partial
@@ -40,6 +40,8 @@ _MOST_LOSSES = 5
 
 #: How long a scheduler has to answer, and a terminal shows nothing [s].
 _ANSWER, _PATIENCE = 10, 2.0
+
+_GONE = "the Dask scheduler was lost; with a folder the same call goes on where it stopped"
 
 Point = dict[str, Any]
 Progress = Callable[[int, int], object]
@@ -106,6 +108,8 @@ def compute(
         If the folder holds the results of other tasks, or cannot be written.
     ImportError
         If processes or Dask are asked for and not installed.
+    ConnectionError
+        If the scheduler is lost.
     RuntimeError
         If workers died five times in a row without a result.
 
@@ -219,8 +223,11 @@ def _executor(client: Any) -> tuple[Executor, int, type[Exception]]:
         pool = loky.get_reusable_executor(client, env={"OMP_NUM_THREADS": "1"})
         return pool, client, BrokenProcessPool
     lost = load_extra("distributed", "distributed", "cluster").KilledWorker
-    # Workers may come and go.
-    return client.get_executor(pure=False), max(1, sum(client.nthreads().values())), lost
+    try:
+        workers = sum(client.nthreads().values())  # they may come and go
+    except OSError as problem:
+        raise ConnectionError(_GONE) from problem
+    return client.get_executor(pure=False), max(1, workers), lost
 
 
 def _spread(
@@ -254,6 +261,8 @@ def _spread(
                 except lost:
                     dropped += indices
                     continue
+                except CancelledError:
+                    raise ConnectionError(_GONE) from None
                 each, losses = max(took / len(indices), 1e-6), 0
                 keep(indices, values)
             if dropped:

@@ -6,6 +6,7 @@ import os
 import pickle
 import signal
 import sys
+from concurrent.futures import Future
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -358,6 +359,41 @@ def test_an_unknown_scheduler_is_named(monkeypatch):
     for address in ("tcp://127.0.0.1:1", "nowhere://x", ""):
         with pytest.raises(ArgumentError, match=f"client is {address!r}; no scheduler answers"):
             compute(abs, [1], client=address)
+
+
+@pytest.mark.parametrize("lost_at", ["asking", "waiting"])
+def test_a_lost_scheduler_is_named_and_results_are_kept(tmp_path, lost_at):
+    cluster()
+
+    class Scheduler:
+        """Answers the first chunk, then is lost."""
+
+        def __init__(self):
+            self.chunks = 0
+
+        def get_executor(self, pure):
+            return self
+
+        def nthreads(self):
+            if self.chunks and lost_at == "asking":
+                raise OSError("closed")
+            return {"worker": 1}
+
+        def submit(self, run, *arguments):
+            self.chunks += 1
+            future = Future()
+            if self.chunks > 1:
+                future.cancel()
+                future.set_running_or_notify_cancel()
+            else:
+                future.set_result(run(*arguments))
+            return future
+
+    with pytest.raises(ConnectionError, match="scheduler was lost; with a folder"):
+        compute(abs, range(9), client=Scheduler(), folder=tmp_path)
+    seen = []
+    found = compute(abs, range(9), folder=tmp_path, progress=lambda done, _: seen.append(done))
+    assert found == list(range(9)) and seen[0] >= 1
 
 
 def test_a_folder_that_cannot_be_used_is_named(tmp_path):
