@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -244,9 +244,8 @@ class _Line:
                 break
             found = self.rows(chosen[left[todo]], ways[:, way[todo], todo])
             right = found.error == 0
-            column: npt.NDArray[Any]
-            for column, new in zip(rows, found, strict=True):
-                column[left[todo[right]]] = new[right]
+            for name in _Rows._fields:
+                getattr(rows, name)[left[todo[right]]] = getattr(found, name)[right]
             again[left[todo[right]]] = True
         return rows, again
 
