@@ -16,7 +16,7 @@ import numpy.typing as npt
 from shipnet.arrays import Bools, Floats, Indices, Integers
 from shipnet.asi.batch import NONE
 from shipnet.asi.modulation import HALF_BIT
-from shipnet.asi.receiver import receive
+from shipnet.asi.receiver import filtered, receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 
 Singles = npt.NDArray[np.float32]
@@ -118,64 +118,31 @@ def resample(u: Floats, sampling: Sampling) -> Singles:
     some = u[:: max(1, len(u) // 4096)]
     some = some[~np.isnan(some)]
     offset = float(np.median(some)) if some.size else 0.0
-    v = np.empty(len(u), np.float32)
-    np.subtract(u, offset, out=v, casting="same_kind")
+    _, mean, up, down = sampling
+    taps = _lowpass(mean, up, down)
+    front = (len(taps) // mean // 2) // up * mean
+    used = len(u) // mean * mean
+    v = np.empty(front + used + 4 * max(len(taps), 16 * mean * down), np.float32)
+    own = v[front : front + used]
+    np.subtract(u[:used], offset, out=own, casting="same_kind")
     # A sum of squares sees any sample that is not a number, and is the fastest look at them all.
-    if np.isnan(v @ v):
-        v = np.nan_to_num(v, copy=False)
-    _, _, up, down = sampling
-    if sampling.mean > 1:
-        whole = len(v) // sampling.mean * sampling.mean
-        weights = np.full(sampling.mean, 1 / sampling.mean, np.float32)
-        v = v[:whole].reshape(-1, sampling.mean) @ weights
-    if up == down == 1 or not len(v):
-        return v
-    kernel = _lowpass(up, down)
-    half = len(kernel) // 2
+    if np.isnan(own @ own):
+        np.nan_to_num(own, copy=False)
     # Beyond its ends the record goes on as it is there on average: a step would look like a pulse.
-    around = max(1, round(30e-6 / (sampling.dt * sampling.mean)))
-    room = (half // up // down + 1) * down
-    padded = np.concatenate(
-        [
-            np.full(room, np.median(v[:around]), np.float32),
-            v,
-            np.full(room, np.median(v[-around:]), np.float32),
-        ]
-    )
-    begin = (room * up + half) // down
-    return filtered(kernel, padded, up, down)[begin : begin + len(v) * up // down]
-
-
-def filtered(kernel: Singles, x: Singles, up: int, down: int) -> Singles:
-    """Return what `scipy.signal.upfirdn` does, by products of blocks with a matrix if up is 1."""
-    if up > 1:
-        from scipy.signal import upfirdn
-
-        return np.asarray(upfirdn(kernel, x, up, down), np.float32)
-    reach = len(kernel) - 1
-    count = max(16, -(-reach // down))
-    size = count * down
-    # Each row of a block is a sample, each column an output; the block before it reaches into it.
-    matrix = np.zeros((reach + size, count), np.float32)
-    for place in range(count):
-        matrix[place * down : place * down + len(kernel), place] = kernel[::-1]
-    outputs = (len(x) + reach - 1) // down + 1
-    blocks = np.zeros((-(-outputs // count) + 1, size), np.float32)
-    blocks.ravel()[size : size + len(x)] = x[: blocks.size - size]
-    whole = blocks[1:] @ matrix[reach:]
-    whole += blocks[:-1, size - reach :] @ matrix[:reach]
-    return whole.ravel()[:outputs]
+    around = max(1, round(30e-6 / (sampling.dt * mean))) * mean
+    for end, beyond in ((own[:around], v[:front]), (own[-around:], v[front + used :])):
+        beyond[:] = np.median(end.reshape(-1, mean).mean(axis=1)) if used else 0.0
+    return filtered(taps, v, used // mean * up // down, up, mean * down)
 
 
 @cache
-def _lowpass(up: int, down: int) -> Singles:
+def _lowpass(mean: int, up: int, down: int) -> Singles:
     """Return an anti-alias filter: 60 dB where something could fold into the pulses' 0.7 MHz."""
-    from scipy.signal import firwin
-
-    half = 8 * up if up > 1 else 3 * down
-    cutoff = 1.0 / max(up, down)
     # From 4 MS/s on, all above rate - 0.7 MHz may fold; below, the recorder has folded already.
-    return np.asarray(up * firwin(2 * half + 1, cutoff, window=("kaiser", 5.65)), np.float32)
+    half = 8 * up if up > 1 else 3 * down if down > 1 else 0
+    k = np.arange(-half, half + 1)
+    taps = np.sinc(k / max(up, down)) * np.kaiser(len(k), 5.65)
+    return np.repeat((up / mean * taps / taps.sum()).astype(np.float32), mean)
 
 
 def _flatten(x: Singles, step: float) -> Singles:
@@ -199,7 +166,8 @@ def _matched(x: Singles, step: float) -> Singles:
     half = int(HALF_BIT / step / 2)
     shape = np.cos(np.pi * np.arange(-half, half + 1) * step / HALF_BIT) ** 2
     kernel = (shape / (shape**2).sum()).astype(np.float32)
-    return filtered(kernel, x, 1, 1)[half : half + len(x)] if len(x) else x
+    edge = np.zeros(half, np.float32)
+    return filtered(kernel, np.concatenate([edge, x]), len(x))
 
 
 def smallest_pulses(sample: list[Piece]) -> list[float]:
