@@ -433,7 +433,12 @@ def _heard(u: npt.NDArray[np.floating], taps: Floats, room: Floats) -> tuple[Flo
 
 
 def filtered(
-    taps: npt.NDArray[Any], x: npt.NDArray[Any], size: int, up: int = 1, down: int = 1
+    taps: npt.NDArray[Any],
+    x: npt.NDArray[Any],
+    size: int,
+    up: int = 1,
+    down: int = 1,
+    out: npt.NDArray[Any] | None = None,
 ) -> npt.NDArray[Any]:
     r"""Filter a row, by products of its blocks with matrices; beyond its end are zeros.
 
@@ -445,7 +450,8 @@ def filtered(
     if len(x) < need:
         x = np.concatenate([x, np.zeros(need - len(x), x.dtype)])
     blocks = x[:need].reshape(-1, block)
-    y = np.empty((len(blocks) - 1, outputs), x.dtype)
+    whole = (len(blocks) - 1) * outputs
+    y = (np.empty(whole, x.dtype) if out is None else out[:whole]).reshape(-1, outputs)
     for k in range(0, len(y), _BLOCKS):
         part = y[k : k + _BLOCKS]
         np.matmul(blocks[k : k + len(part)], first, out=part)

@@ -98,7 +98,9 @@ class Waveform:
 
         `channel` is its title, upper or lower case, or the number of its column, 1 for the first;
         the first channel with a voltage if omitted. `sample_interval` [s] overrides what the file
-        says. The channel that is read from an archive may unpack to 2**24 numbers, or to 4 per byte
+        says. The samples of a ``.npy`` file, or of an ``.npz`` file that is not compressed, stay in
+        the file if they have more than 2**26 bytes: it must not change as long as they are in use.
+        The channel that is read from an archive may unpack to 2**24 numbers, or to 4 per byte
         of the file if that is more. Raise InputError if the file cannot be read, is empty, has a
         cell that is not a number, uneven times, fewer than 1e6 samples per second, or no such
         channel.
