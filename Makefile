@@ -9,7 +9,7 @@
 # make wheels     fill build/wheels for a room without a network; SYSTEM=windows PYTHON=3.12
 # make lab        open JupyterLab
 # make app        serve the interactive tools of notebooks/explore/ as web pages, with an index
-# make bench      ratios against peers, measured side by side
+# make bench      ratios against peers, measured side by side; how main jobs grow: build/growth.html
 # make fuzz       hostile bytes for every reader and decoder, ten minutes
 # make mutants    break the code in every small way, and see whether a test or the ledger notices; an hour
 # make lock       resolve requirements.lock anew

@@ -2,7 +2,7 @@
 
 from time import perf_counter
 
-import joblib
+import loky
 import numpy as np
 import pandas as pd
 
@@ -42,11 +42,13 @@ def main():
         print(f"{what:<32}{time:>10.3f}")
 
     # The first use of worker processes also starts them.
-    workers = joblib.cpu_count()
+    workers = loky.cpu_count()
     runs = {
-        "one by one": lambda: iolist.study(GRID, site, parallel=False, progress=False),
-        f"{workers} processes, started": lambda: iolist.study(GRID, site, progress=False),
-        f"{workers} processes": lambda: iolist.study(GRID, site, progress=False),
+        "one by one": lambda: iolist.study(GRID, site, client=1, progress=False),
+        f"{workers} processes, started": lambda: iolist.study(
+            GRID, site, client=workers, progress=False
+        ),
+        f"{workers} processes": lambda: iolist.study(GRID, site, client=workers, progress=False),
     }
     print(f"{f'a study of {N} comparisons':<32}{'seconds':>10}{'faster by':>12}")
     tables, first = [], 0.0

@@ -5,6 +5,10 @@
 The index has a card for each notebook, with its title, its first sentences and its first figure,
 which the tool's own `draw` made; storing a notebook renews its card. Nothing is loaded from
 outside: the templates in docs/voila/ leave out what Voila would fetch.
+
+A page begins with the figure of its card, until the tool itself is there. Worked examples appear
+with the outputs that the notebook stores; only cells without any are run, and the tool. Voila
+keeps a kernel ready for each tool, about 100 MB; `--preheat_kernel=False` starts kernels on demand.
 """
 
 from __future__ import annotations
@@ -23,6 +27,8 @@ ROOT = Path(__file__).resolve().parent.parent
 SOURCE = ROOT / "docs" / "voila"
 STYLE = ROOT / "shipnet" / "tools" / "page.css"
 
+# Whether a kernel of each notebook has run it before its page is asked for.
+PREHEAT = "--preheat_kernel"
 # An extension made for JupyterLab, which fails aloud here.
 NOT_NEEDED = "--VoilaConfiguration.extension_denylist=@jupyter-notebook/lab-extension"
 # Kernels whose pages are closed end after so many seconds.
@@ -89,7 +95,11 @@ def voila(folder: Path, data: Path, *options: str) -> tuple[list[str], dict[str,
     found = os.environ.get("JUPYTER_PATH")
     environment = os.environ | {"JUPYTER_PATH": os.pathsep.join(filter(None, [str(data), found]))}
     fixed = ("--no-browser", "--theme=light", "--template=shipnet", NOT_NEEDED, *CULL)
-    return [sys.executable, "-m", "voila", *fixed, *options, str(folder)], environment
+    if not any(option.startswith(PREHEAT) for option in options):
+        # The next one waits until the page is there and its first moves are made.
+        fixed += (f"{PREHEAT}=True", "--VoilaKernelManager.fill_delay=5")
+    kernels = str(ROOT / "docs" / "kernels.py")
+    return [sys.executable, "-P", kernels, "voila", *fixed, *options, str(folder)], environment
 
 
 def main(argv: list[str]) -> None:

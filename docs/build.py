@@ -32,7 +32,7 @@ INPUTS = (
 )  # fmt: skip
 # Sphinx follows its sources, not the code that turns them into pages.
 MACHINERY = ("docs/_ext", "docs/_static", "docs/build.py", "docs/conf.py", "requirements.lock")
-FOLDERS = ("", "papers", "lessons", "explore")
+FOLDERS = ("", "papers", "lessons", "real", "explore")
 REFERENCE = ("ledger.md", "errata.md", "data/SOURCES.md", "api/shipnet.rst", "CHANGELOG.md")
 CLAIM_ID = re.compile(r"\b[a-z]+\d{4}-\d{3}\b")
 COLUMNS = ["id", "where", "claim", "the paper says", "we compute", "verdict"]
@@ -80,9 +80,12 @@ def _caption(folder: str) -> str:
 def api_pages(root: Path) -> Iterator[tuple[str, str]]:
     """Yield (name, text) of a page for the package, and one for each front that it shows."""
     package = importlib.import_module("shipnet")
-    shown = sorted(dir(package))
+    public = {name: getattr(package, name) for name in sorted(dir(package))}
+    shown = [name for name, value in public.items() if isinstance(value, types.ModuleType)]
     title = "The package shipnet"
     lines = [title, "=" * len(title), "", ".. automodule:: shipnet", "   :ignore-module-all:", ""]
+    for name in public.keys() - shown:
+        lines += _entry(f"shipnet.{name}", public[name], set())
     for name in shown:
         module = importlib.import_module(f"shipnet.{name}")
         summary = (module.__doc__ or "").partition("\n\n")[0].replace("\n", " ")

@@ -24,8 +24,6 @@ from myst_nb.core.read import read_myst_markdown_notebook
 from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 import notebooks
 
 ROOT = Path(__file__).resolve().parent.parent

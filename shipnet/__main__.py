@@ -10,16 +10,15 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from importlib.resources import files
 from textwrap import shorten
 from typing import Any
 
 from shipnet.answers import FORMS, Answer, check_output
 from shipnet.errors import ArgumentError, InputError
 from shipnet.lazy import pd
-
-__all__ = ["main"]
 
 #: What the terminal shows of a transaction: title, column, width and digits.
 _TRANSACTION = (
@@ -38,242 +37,11 @@ _TRANSACTION = (
 _ROWS = 40
 _SHOWN = 400e-6
 
-_LEDGER = """\
-Show what the papers print beside what shipnet computes.
-
-example:
-  shipnet ledger kim2023 -o kim2023.csv
-"""
-
-_DECODE = """\
-Decode an AS-i line voltage that an oscilloscope recorded: its CSV file,
-.npy, .npz, or sigrok's .sr. DC or AC coupled, either way round, 1 MS/s or more.
-It says which slaves suffer, what masters count, and the probable causes. A figure
-shows the first 400 us.
-
-example:
-  shipnet decode scope.csv --channel CH2 -o transactions.csv -o transactions.png
-"""
-
-_CHECK = """\
-Check the plan of an AS-i installation against every rule: lengths, addresses,
-currents, voltages, and the signal at each slave. The plan is a CSV file with one
-row per element.
-
-example:
-  shipnet check plan.csv -o findings.csv -o plan.png
-"""
-
-_CAN = """\
-Analyse the messages of a CAN bus at several bit rates: load, longest responses, what
-may be late, the lowest bit rate, and what a better order of identifiers gains. The
-messages are a list (CSV or Excel), a DBC file, or those that a log shows. With --log,
-compare them with a log instead: which are late, faster, missing or unknown.
-
-examples:
-  shipnet can messages.xlsx --rates 125k 250k 500k -o responses.png
-  shipnet can ship.dbc --period 0.1 --log trip.blf
-"""
-
-_MODBUS = """\
-Time how long a master on a serial line takes to read registers of all its slaves,
-some of them dead, also at other bit rates.
-
-example:
-  shipnet modbus --slaves 24 --registers 20 --bit-rate 19.2k --dead 2 --limit 3 -o scan.png
-"""
-
-_SERVE = """\
-Serve simulated devices over Modbus/TCP, or its frames in datagrams, or on a
-serial port. Ctrl-C stops it.
-
-ballast: unit id n is valve n. Function code 6 writes its command to register
-0x4001, code 4 reads its status from 0x4020 to 0x4023: position in percent and
-flags, operating time, motor temperature and pump pressure, motor current and
-operating pressure.
-
-engine: unit ids 2 and 3 are junction boxes with all 99 points of an engine, whose
-values are synthetic. Function code 3 reads registers 0 to 98, temperatures in
-tenths of a degree.
-
-A pseudo-terminal (pty) in place of a serial port has no parity: it needs
---character 8N1 or 8N2. It has no bit rate either: it passes all bytes on at once,
-whatever rate the other end has set, so it shows neither a wrong rate nor the time
-that a frame takes.
-
-examples:
-  shipnet serve ballast --valves 64 --fault 3:V1 --fault 7:P2:0.5
-  shipnet serve ballast --serial /dev/ttyUSB0 --bit-rate 19.2k --speed 10
-  shipnet serve ballast --serial /dev/pts/5 --character 8N1
-  shipnet serve engine --port 1502 --fault 2:dead --fault ME-JB2-044:open
-"""
-
-_DESIGN = """\
-Plan the points of an I/O list in several ways and compare what they take: cables,
-hours, money, response, the rules, and what one failure costs. The list is a CSV
-file or an Excel workbook: tag, signal or type, and x, y, z or the length of the
-cable to the cabinet. A design aid, not class approval.
-
-examples:
-  shipnet design points.csv -o report.html
-  shipnet design points.xlsx --cabinet 26,6,14 --trays trays.csv --rules BV -o report.html
-  shipnet design points.csv --options "home runs,CAN" --mix DI=AS-i --mix AI=CAN --redundant
-  shipnet design points.csv --set detour=1.3 --set "assumptions.labour_rate=[60, 65, 70]"
-
-prices, allowances and limits of the buses can also be set in a file; to begin one from the
-defaults:
-  shipnet design --show-settings > own.toml
-  shipnet design points.csv --settings own.toml -o report.html
-"""
-
 
 def number(text: str) -> float:
     """Return a number that may end in a prefix of SI, such as 125k or 100n."""
     power = {"M": 6, "k": 3, "m": -3, "u": -6, "n": -9}.get(text[-1:])
     return float(text if power is None else f"{text[:-1]}e{power}")
-
-
-def _option(
-    parser: argparse.ArgumentParser, words: str, help: str, default: Any = None, **more: Any
-) -> None:
-    """Add an argument: ``FILE``, ``--channel NAME``, or ``--udp``, which has no value."""
-    flags, _, metavar = words.rpartition(" ")
-    if words.startswith("-") and not flags:
-        parser.add_argument(words, action="store_true", help=help)
-        return
-    if isinstance(default, list):
-        more, help = {"action": "append", **more}, f"{help}; may be repeated"
-    elif default is not None:
-        kind = number if isinstance(default, float) else type(default)
-        more, help = {"type": kind, **more}, f"{help} (default {default})"
-    names = flags.split(", ") if flags else [metavar.lower()]
-    parser.add_argument(*names, metavar=metavar, help=help, default=default, **more)
-
-
-def _parser() -> argparse.ArgumentParser:
-    from shipnet import __version__
-
-    parser = argparse.ArgumentParser(
-        prog="shipnet",
-        description="Field buses of a ship, and the papers that use them, recomputed.",
-        epilog="example: shipnet ledger kim2023",
-    )
-    parser.add_argument("--version", action="version", version=f"shipnet {__version__}")
-    commands = parser.add_subparsers(
-        title="commands", required=True, metavar="COMMAND", dest="command"
-    )
-
-    def command(
-        run: Callable[[argparse.Namespace], object], text: str, help: str, *forms: str
-    ) -> Callable[..., None]:
-        """Add a command, and return the function that adds its options."""
-        form = argparse.RawDescriptionHelpFormatter
-        name = run.__name__.strip("_")
-        made = commands.add_parser(name, help=help, description=text, formatter_class=form)
-        made.set_defaults(run=run, output=[], json=False, forms=forms)
-        if forms:
-            ends = ", ".join(forms)
-            said = f"also write a file {ends}, or a folder with all tables"
-            _option(made, "-o, --output FILE", said, default=[])
-            _option(made, "--json", "print the answer as data, for a program")
-        return partial(_option, made)
-
-    option = command(
-        _ledger, _LEDGER, "what the papers print, what we compute, and the verdict", *FORMS
-    )
-    option("PAPER", "one paper, such as kim2023 (default all)", nargs="?")
-    option("--paper KEY", "the same as PAPER", dest="key")
-    option("--summary", "print only the counts of each paper")
-
-    option = command(
-        _decode, _DECODE, "the transactions in an oscilloscope's record of an AS-i line", *FORMS
-    )
-    option("FILE", "the record")
-    option("--channel NAME", "title or column number of the channel")
-    option("--sample-interval S", "time between two samples, such as 100n", type=number)
-    option("--threshold X", "height of a pulse, over that of the first one", 0.5)
-
-    option = command(
-        _check, _CHECK, "the rules that the plan of an AS-i installation meets", *FORMS
-    )
-    option("PLAN", "the plan: .csv")
-
-    said = "load, response times and lowest bit rate of CAN messages, or a log against them"
-    option = command(_can, _CAN, said, *FORMS)
-    option("MESSAGES", "the messages: .csv, .xlsx, .dbc, or a log")
-    option("--rates RATE", "bit rates (default all usual ones)", nargs="+", type=number)
-    option("--log FILE", "compare the messages with this log: candump, ASC, BLF, TRC or CSV")
-    option("--period SECONDS", "period of messages for which the file has none", type=number)
-    option(
-        "--column TITLE=NAME", "what a title of a list means, such as Every=period_ms, or "
-        "Pin=note for one to leave out", [],
-    )  # fmt: skip
-    option("--overlook", "leave out messages of a DBC file that have faults, and list them")
-
-    said = "time of a Modbus scan, with dead slaves, at several bit rates"
-    option = command(_modbus, _MODBUS, said, *FORMS)
-    option("--slaves, --devices N", "how many slaves, 1..247", type=int, required=True)
-    option("--registers N", "how many registers of each, 1..65536", type=int, required=True)
-    option("--bit-rate, --rate N", "of the line", 9600.0)
-    option(
-        "--character, --parity C", "8E1, 8O1, 8N2 or 8N1; E, O and N mean the first three", "8E1"
-    )
-    option("--dead N", "how many of the slaves do not answer", 0)
-    option("--processing SECONDS", "how long a slave works on its answer", 0.0)
-    option("--timeout SECONDS", "how long the master waits for an answer", 1.0)
-    option("--retries N", "how many more times it asks a slave that is silent", 0)
-    option("--limit SECONDS", "longest time that the scan may take", type=number)
-
-    option = command(_serve, _SERVE, "simulated devices that real Modbus clients talk to")
-    option("DEVICE", "ballast: valves; engine: its junction boxes", choices=["ballast", "engine"])
-    option("--valves N", "how many valves, 1..247", 64)
-    option("--host ADDRESS", "address, by default of this machine only", "127.0.0.1")
-    option("--port N", "port; 0 is any free one", 5020)
-    option("--udp", "datagrams instead of TCP")
-    option("--serial DEVICE", "RTU on this serial port instead")
-    option("--bit-rate N", "of the serial port", 9600.0)
-    option("--character C", "of the serial port: 8E1, 8O1, 8N2 or 8N1", "8E1")
-    option(
-        "--fault FAULT", "a fault of valve V as V:CODE:SEVERITY, such as 3:P2:0.5, or of the "
-        "engine as WHERE:WHAT, such as 2:dead, 3:cut or ME-JB2-044:stuck (also open, short)", [],
-    )  # fmt: skip
-    option("--speed FACTOR", "model seconds per second", 1.0)
-    option(
-        "--watchdog SECONDS", "stop a motor whose valve has had no request for this long, "
-        "0.1..3600 (default never)", type=number,
-    )  # fmt: skip
-
-    said = "cables, cost, response and rules of an I/O list, planned in several ways"
-    option = command(_design, _DESIGN, said, *FORMS, ".html")
-    option("LIST", "the I/O list: .csv or .xlsx", nargs="?")
-    option("--sheet NAME", "sheet of a workbook (default the one that looks most like a list)")
-    option("--strict", "take every doubt about a row for a fault, such as one that is hidden")
-    option("--faults FILE", "write the faults of the list as CSV: row, column, fault")
-    option(
-        "--cabinet X,Y,Z", "where the cables end, in m, or the name of a cabinet in the file of "
-        "trays (default found from the lengths in the list)",
-    )  # fmt: skip
-    option("--trays FILE", "cable trays, as CSV")
-    option("--rules SET", "DNV, BV, IMO, lee2012, or a file of your own", "DNV")
-    option("--options A,B,..", "home runs, junction boxes, AS-i, CAN, Modbus RTU (default all)")
-    option(
-        "--mix WHAT=OPTION", "one more design: points of this type, signal, system, category or "
-        "tag by this option, the others by home runs", [],
-    )  # fmt: skip
-    option("--redundant", "two lines for CAN and Modbus, as --set redundant=true")
-    option(
-        "--settings FILE", "prices (low, nominal, high), detour, tails, spare, bit rates, time of "
-        "the host and all other limits, as TOML; the others keep their defaults",
-    )  # fmt: skip
-    option("--set NAME=VALUE", "one of these, as in such a file", [])
-    option("--show-settings", "print all of these as such a file, with limits, and stop")
-    option(
-        "--tables FOLDER", "what a yard builds from, as CSV and Excel files in a folder: cables, "
-        "terminals, devices, points, supplies, bill; the same as -o FOLDER", [], dest="output",
-    )  # fmt: skip
-    option("--title TEXT", "of the report")
-    option("--date TEXT", "printed on the report (default none)")
-    return parser
 
 
 def _ledger(arguments: argparse.Namespace) -> Answer:
@@ -542,6 +310,84 @@ def _serve(arguments: argparse.Namespace) -> None:
             Event().wait()
     except KeyboardInterrupt:
         print("stopped", flush=True)
+
+
+def _fleet(arguments: argparse.Namespace) -> None:
+    from shipnet.ballast.fleet import write_fleet
+
+    found = write_fleet(
+        arguments.out,
+        arguments.valves,
+        arguments.days,
+        faults_per_year=arguments.faults,
+        seed=arguments.seed,
+        client=arguments.scheduler,
+    )
+    valves, faults, samples, strokes, size = found.sum().tolist()
+    print(
+        f"{valves} valves, {arguments.days} days, {faults} faults, {samples} samples, {strokes} "
+        f"strokes: {size / 1e6:.1f} MB of synthetic data in {arguments.out}"
+    )
+
+
+#: What runs each command of `commands.toml`.
+_COMMANDS = {
+    "ledger": _ledger, "decode": _decode, "check": _check, "can": _can, "modbus": _modbus,
+    "serve": _serve, "fleet": _fleet, "design": _design,
+}  # fmt: skip
+
+
+def _parser() -> argparse.ArgumentParser:
+    from shipnet import __version__
+
+    parser = argparse.ArgumentParser(
+        prog="shipnet",
+        description="Field buses of a ship, and the papers that use them, recomputed.",
+        epilog="example: shipnet ledger kim2023",
+    )
+    parser.add_argument("--version", action="version", version=f"shipnet {__version__}")
+    commands = parser.add_subparsers(
+        title="commands", required=True, metavar="COMMAND", dest="command"
+    )
+    grammar = (files("shipnet") / "commands.toml").read_text(encoding="utf-8")
+    for name, one in tomllib.loads(grammar).items():
+        form = argparse.RawDescriptionHelpFormatter
+        made = commands.add_parser(
+            name, help=one["help"], description=one["text"], formatter_class=form
+        )
+        forms = (*FORMS, *one["forms"]) if "forms" in one else ()
+        made.set_defaults(run=_COMMANDS[name], output=[], json=False, forms=forms)
+        if forms:
+            said = f"also write a file {', '.join(forms)}, or a folder with all tables"
+            _option(made, "-o, --output FILE", said, default=[])
+            _option(made, "--json", "print the answer as data, for a program")
+        for option in one["options"]:
+            _option(made, **option)
+    return parser
+
+
+def _option(
+    parser: argparse.ArgumentParser,
+    words: str,
+    help: str,
+    default: Any = None,
+    type: str = "",
+    **more: Any,
+) -> None:
+    """Add an argument: ``FILE``, ``--channel NAME``, or ``--udp``, which has no value."""
+    flags, _, metavar = words.rpartition(" ")
+    if words.startswith("-") and not flags:
+        parser.add_argument(words, action="store_true", help=help)
+        return
+    if isinstance(default, list):
+        more, help = {"action": "append", **more}, f"{help}; may be repeated"
+    elif default is not None:
+        type, help = default.__class__.__name__, f"{help} (default {default})"
+    names = flags.split(", ") if flags else [metavar.lower()]
+    kinds: dict[str, Callable[[str], Any]] = {"int": int, "number": number, "float": number}
+    parser.add_argument(
+        *names, metavar=metavar, help=help, default=default, type=kinds.get(type, str), **more
+    )
 
 
 def _run(arguments: argparse.Namespace) -> int:

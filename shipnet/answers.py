@@ -12,8 +12,6 @@ from shipnet.errors import ArgumentError
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_workbook
 
-__all__ = ["COLUMNS", "FORMS", "VERDICTS", "Answer", "Findings", "Utilisation", "check_output"]
-
 #: Columns that all findings have, in this order; others may follow.
 COLUMNS = ("rule", "object", "value", "low", "high", "unit", "verdict", "why", "source")
 

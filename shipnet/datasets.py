@@ -15,6 +15,9 @@ __all__ = ["names", "path", "read"]
 
 _PACKAGE = Path(__file__).resolve().parent
 
+#: Tables, and recordings.
+_KINDS = (".csv", ".npz", ".sr")
+
 
 def _folder() -> Path:
     checkout = _PACKAGE.parent / "data"
@@ -34,7 +37,7 @@ def names() -> list[str]:
     >>> "claims.csv" in names()
     True
     """
-    return sorted(file.name for file in _folder().glob("*.csv"))
+    return sorted(file.name for file in _folder().iterdir() if file.suffix in _KINDS)
 
 
 def path(name: str) -> Path:
@@ -68,7 +71,7 @@ def path(name: str) -> Path:
 
 
 def read(name: str) -> pd.DataFrame:
-    """Return a data file as a table of text, empty cells as empty strings.
+    """Return a table among the data files as text, empty cells as empty strings.
 
     The files transcribe what papers print, and print differs from value: ``0.40`` is not
     ``0.4``, and ``03`` is not 3. So nothing is converted here; `pandas.to_numeric` does that
@@ -89,7 +92,7 @@ def read(name: str) -> pd.DataFrame:
     ArgumentError
         If there is no such file.
     InputError
-        If the file is empty, or a row has more cells than the titles.
+        If the file is a recording or empty, or a row has more cells than the titles.
 
     Examples
     --------
@@ -98,5 +101,5 @@ def read(name: str) -> pd.DataFrame:
     """
     try:
         return pd.read_csv(path(name), dtype=str, keep_default_na=False)
-    except (pd.errors.EmptyDataError, pd.errors.ParserError) as error:
+    except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeDecodeError) as error:
         raise InputError(name, str(error).strip()) from None

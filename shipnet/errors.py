@@ -271,7 +271,7 @@ def name_of(code: int) -> str:
     return _NAMES[code]
 
 
-def load_extra(module: str, package: str) -> Any:
+def load_extra(module: str, package: str, extra: str = "bus") -> Any:
     """Return an optional module, or say which package to install for it."""
     try:
         return import_module(module)
@@ -279,5 +279,6 @@ def load_extra(module: str, package: str) -> Any:
         if problem.name != module:
             raise
         raise ImportError(
-            f'{package} is not installed; this installs it: python -m pip install "shipnet[bus]"'
+            f"{package} is not installed; this installs it: python -m pip install "
+            f'"shipnet[{extra}]"'
         ) from None

@@ -23,36 +23,6 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-__all__ = [
-    "Choice",
-    "Kind",
-    "Number",
-    "Part",
-    "Quantity",
-    "Series",
-    "Switch",
-    "Text",
-    "Whole",
-    "check",
-    "check_choice",
-    "check_kind",
-    "check_path",
-    "check_quantity",
-    "check_rng",
-    "check_scalar",
-    "check_trees",
-    "check_whole",
-    "choice",
-    "declared",
-    "number",
-    "part",
-    "record",
-    "series",
-    "switch",
-    "text",
-    "whole",
-]
-
 T = TypeVar("T")
 
 #: One value, or one for each tree of a Monte Carlo.
@@ -200,7 +170,10 @@ class Kind:
 
 @dataclass(frozen=True, kw_only=True)
 class Number(Kind):
-    """A number; `shown` is the range of its slider, `missing` makes NaN legal, `many` an array."""
+    """A number; `shown` is the range of its slider.
+
+    `missing` makes NaN legal, and `many` an array with one value per tree of a Monte Carlo.
+    """
 
     low: float
     high: float
@@ -240,7 +213,7 @@ class Number(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Whole(Kind):
-    """A whole number; `at_most` names an earlier field that it must not exceed."""
+    """A whole number; `at_most` names an earlier field that limits it, `typed` has no slider."""
 
     low: int
     high: int
@@ -368,8 +341,20 @@ class Part(Kind):
 # Declarations ----------------------------------------------------------------------------------
 
 
-def _declare(kind: Kind, default: Any, kw_only: bool) -> Any:
-    return field(default=default, metadata={"kind": kind}, kw_only=kw_only)
+def _declare(
+    of: type[Kind],
+    /,
+    *,
+    default: Any = MISSING,
+    default_factory: Any = MISSING,
+    kw_only: bool = False,
+    **declares: Any,
+) -> Any:
+    """Return a dataclass field with its kind, of which these are the fields."""
+    metadata = {"kind": of(**declares)}
+    return field(
+        default=default, default_factory=default_factory, kw_only=kw_only, metadata=metadata
+    )
 
 
 def _shown(name: str, legal: tuple[Any, Any], slider: tuple[Any, Any] | None) -> tuple[Any, Any]:
@@ -379,31 +364,22 @@ def _shown(name: str, legal: tuple[Any, Any], slider: tuple[Any, Any] | None) ->
     return shown
 
 
+# Each takes the fields of its kind by name, and those of `dataclasses.field` that `_declare` has;
+# what has no default must be given.
+
+
 def number(
     low: float,
     high: float,
     unit: str = "",
     help: str = "",
     *,
-    default: Any = MISSING,
-    label: str = "",
-    step: float = 1.0,
     slider: tuple[float, float] | None = None,
-    missing: bool = False,
-    optional: bool = False,
-    many: bool = False,
-    kw_only: bool = False,
+    **options: Any,
 ) -> Any:
-    """Declare a number of `low` to `high`; without a `default` it must be given.
-
-    `missing` makes NaN legal, `optional` None, and `many` an array with one value per tree of a
-    Monte Carlo. `label`, `step` and `slider` are for its control.
-    """
-    kind = Number(
-        help=help, label=label, unit=unit, optional=optional, low=low, high=high, step=step,
-        shown=_shown(label or help, (low, high), slider), missing=missing, many=many,
-    )  # fmt: skip
-    return _declare(kind, default, kw_only)
+    """Declare a `Number` of `low` to `high`; `slider` is the part of it that its control shows."""
+    shown = _shown(options.get("label") or help, (low, high), slider)
+    return _declare(Number, low=low, high=high, unit=unit, help=help, shown=shown, **options)
 
 
 def whole(
@@ -412,95 +388,39 @@ def whole(
     unit: str = "",
     help: str = "",
     *,
-    default: Any = MISSING,
-    label: str = "",
     slider: tuple[int, int] | None = None,
-    at_most: str = "",
-    typed: bool = False,
-    optional: bool = False,
-    kw_only: bool = False,
+    **options: Any,
 ) -> Any:
-    """Declare a whole number of `low` to `high`; without a `default` it must be given.
-
-    `at_most` names an earlier field that limits it; a number that is `typed` has no slider.
-    """
-    kind = Whole(
-        help=help, label=label, unit=unit, optional=optional, low=low, high=high,
-        shown=_shown(label or help, (low, high), slider), at_most=at_most, typed=typed,
-    )  # fmt: skip
-    return _declare(kind, default, kw_only)
+    """Declare a `Whole` number of `low` to `high`; `slider` is what its control shows."""
+    shown = _shown(options.get("label") or help, (low, high), slider)
+    return _declare(Whole, low=low, high=high, unit=unit, help=help, shown=shown, **options)
 
 
-def choice(
-    options: Mapping[Any, str] | Iterable[Any],
-    help: str = "",
-    *,
-    default: Any = MISSING,
-    label: str = "",
-    unit: str = "",
-    slider: bool = False,
-    optional: bool = False,
-    kw_only: bool = False,
-) -> Any:
-    """Declare one of several values; a mapping gives what is shown for each."""
+def choice(options: Mapping[Any, str] | Iterable[Any], help: str = "", **others: Any) -> Any:
+    """Declare a `Choice` of several values; a mapping gives what is shown for each."""
     if not isinstance(options, Mapping):
         options = {value: str(value) for value in options}
-    kind = Choice(
-        help=help, label=label, unit=unit, optional=optional, options=options, slider=slider
-    )
-    return _declare(kind, default, kw_only)
+    return _declare(Choice, options=options, help=help, **others)
 
 
-def switch(
-    help: str = "",
-    *,
-    default: Any = MISSING,
-    label: str = "",
-    optional: bool = False,
-    kw_only: bool = False,
-) -> Any:
+def switch(help: str = "", **options: Any) -> Any:
     """Declare a field that is True or False."""
-    return _declare(Switch(help=help, label=label, optional=optional), default, kw_only)
+    return _declare(Switch, help=help, **options)
 
 
-def text(
-    help: str = "",
-    *,
-    default: Any = MISSING,
-    label: str = "",
-    most: int = 200,
-    rows: int = 1,
-    hint: str = "",
-    optional: bool = False,
-    kw_only: bool = False,
-) -> Any:
-    """Declare text of up to `most` characters."""
-    kind = Text(help=help, label=label, optional=optional, most=most, rows=rows, hint=hint)
-    return _declare(kind, default, kw_only)
+def text(help: str = "", **options: Any) -> Any:
+    """Declare `Text`."""
+    return _declare(Text, help=help, **options)
 
 
-def series(
-    known: Iterable[str], *, default: Any = MISSING, most: int, label: str = "", help: str = ""
-) -> Any:
-    """Declare a row of strings that buttons lengthen."""
-    return _declare(Series(label=label, help=help, known=tuple(known), most=most), default, False)
+def series(known: Iterable[str], **options: Any) -> Any:
+    """Declare a `Series` of strings that buttons lengthen."""
+    return _declare(Series, known=tuple(known), **options)
 
 
-def part(
-    of: type,
-    help: str = "",
-    *,
-    default: Any = MISSING,
-    default_factory: Any = MISSING,
-    make: Callable[[Any], Any] | None = None,
-    optional: bool = False,
-    kw_only: bool = False,
-) -> Any:
-    """Declare an object of the class `of`; `make` makes it of what else may be given."""
-    kind = Part(help=help, of=of, make=make, optional=optional)
-    if default_factory is not MISSING:
-        return field(default_factory=default_factory, metadata={"kind": kind}, kw_only=kw_only)
-    return _declare(kind, default, kw_only)
+def part(of: type, help: str = "", **options: Any) -> Any:
+    """Declare an object of the class `of`, a `Part`."""
+    return _declare(Part, of=of, help=help, **options)
 
 
 # Records ---------------------------------------------------------------------------------------

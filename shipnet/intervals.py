@@ -12,8 +12,6 @@ import numpy.typing as npt
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 
-__all__ = ["event_interval", "share_interval"]
-
 
 def share_interval(
     hits: npt.ArrayLike, trials: npt.ArrayLike, *, confidence: float = 0.95

@@ -1,29 +1,51 @@
-"""A function over a grid of its arguments: one by one when that is short, else on all cores."""
+"""Many independent tasks: one by one while that is short, else in processes or on a Dask cluster.
+
+The random numbers of a task depend on its place alone, and results come in the order of the tasks.
+So neither workers nor chunks, losses or a restart can move a bit of them.
+"""
 
 from __future__ import annotations
 
+import copyreg
+import json
+import os
+import pickle
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
 from functools import partial
+from hashlib import sha256
 from itertools import product
 from math import inf
+from multiprocessing import current_process
+from pathlib import Path
+from socket import gethostname
 from time import perf_counter
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
-from shipnet.errors import ArgumentError
-from shipnet.lazy import pd
+from shipnet.errors import ArgumentError, InputError, load_extra
+from shipnet.fields import check_path, check_whole
 
-__all__ = ["points_of", "sweep", "teller"]
+__all__ = ["compute", "points_of", "save_whole", "teller"]
 
-#: What the start of worker processes costs [s]: below twice that, they do not pay.
-_SHORT = 2.0
+#: Processes are started once they save so much [s]; a chunk of tasks takes so long [s].
+_WORTHWHILE, _CHUNK = 4.0, 1.0
 
-#: How long a terminal shows nothing [s].
-_PATIENCE = 2.0
+#: Losses of workers in a row, without a result between them, after which we give up.
+_MOST_LOSSES = 5
+
+#: How long a scheduler has to answer, and a terminal shows nothing [s].
+_ANSWER, _PATIENCE = 10, 2.0
+
+_GONE = "the Dask scheduler was lost; with a folder the same call goes on where it stopped"
 
 Point = dict[str, Any]
 Progress = Callable[[int, int], object]
+Run = Callable[[Sequence[int], Sequence[Any]], tuple[list[Any], float]]
 
 
 def points_of(grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]]) -> list[Point]:
@@ -40,71 +62,312 @@ def points_of(grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]]) -
     return points
 
 
-def sweep(
+def compute(
     function: Callable[..., Any],
-    grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]],
+    tasks: Iterable[Any],
     *,
-    parallel: bool | AbstractContextManager[Any] | None = None,
+    seed: int | None = None,
+    client: Any = None,
+    folder: str | os.PathLike[str] | None = None,
     progress: bool | Progress | None = None,
-) -> pd.DataFrame:
-    """Call a function at every point of a grid and return arguments and results as a table."""
-    points = points_of(grid)
-    tell = teller(progress)
-    results = []
-    for result in _run(partial(_call, function), points, parallel):
-        results.append(result)
-        tell(len(results), len(points))
-    clash = sorted({name for result in results for name in result} & points[0].keys())
-    if clash:
-        raise ArgumentError(f"result and argument are both called {', '.join(clash)}")
-    return pd.DataFrame([point | result for point, result in zip(points, results, strict=True)])
+) -> list[Any]:
+    """Call a function for every task, here, in processes or on a Dask cluster, with the same bits.
 
+    Parameters
+    ----------
+    function : callable
+        Called as ``function(task)``, or as ``function(task, rng)`` if there is a seed. For a
+        `folder` it must be importable, not a lambda.
+    tasks : iterable
+        What it is called with; no task may depend on another.
+    seed : int, optional
+        0..2^63 - 1; gives each task a random generator of its own, which depends on the seed and
+        the place of the task.
+    client : None, int, str or distributed.Client, optional
+        Where the tasks run. None stays here, and starts a process per core once that saves more
+        than 4 s; 1 stays here; n is so many processes, 2..1024; a text is the address of a Dask
+        scheduler. Processes and Dask need ``pip install "shipnet[cluster]"``.
+    folder : path, optional
+        Where results are kept, as JSON; the same call goes on there after a stop. Results must
+        then be numbers, text, lists or dicts; a tuple comes back as a list.
+    progress : bool or callable, optional
+        ``progress(done, total)`` is called as results arrive. True shows a bar, False none; by
+        default a terminal shows one after 2 s.
 
-def _call(function: Callable[..., Any], point: Point) -> Point:
+    Returns
+    -------
+    list
+        The results, in the order of the tasks.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range, no scheduler answers, or a result is not fit for the
+        folder. What the function raises passes through, with a note that names the task.
+    InputError
+        If the folder holds the results of other tasks, or cannot be written.
+    ImportError
+        If processes or Dask are asked for and not installed.
+    ConnectionError
+        If the scheduler is lost.
+    RuntimeError
+        If workers died five times in a row without a result.
+
+    Notes
+    -----
+    What a lost worker was doing is given to another. Bits are the same for the same version of
+    numpy on processors of the same kind. Each worker should use one thread for linear algebra:
+    processes started here, and Dask's own workers, have ``OMP_NUM_THREADS=1``.
+
+    Examples
+    --------
+    >>> compute(round, [1.4, 2.6])
+    [1, 3]
+    >>> def mean(size, rng):
+    ...     return round(float(rng.random(size).mean()), 3)
+    >>> compute(mean, [10, 1000], seed=2024)
+    [0.423, 0.507]
+    """
+    if not callable(function):
+        raise ArgumentError(f"function is {function!r}; it must be callable")
     try:
-        result = function(**point)
-    except Exception as error:
-        error.add_note(f"at {', '.join(f'{name}={value!r}' for name, value in point.items())}")
-        raise
-    return dict(result) if isinstance(result, Mapping) else {"result": result}
+        jobs = list(tasks)
+    except TypeError:
+        raise ArgumentError(f"tasks is {tasks!r}; it must be iterable") from None
+    if seed is not None:
+        seed = check_whole("seed", seed, 0, 2**63 - 1)
+    run, tell = partial(_run, function, seed), teller(progress)
+    with ExitStack() as stack:
+        client = _checked(client, stack)
+        kept = (
+            None if folder is None else _Folder(check_path("folder", folder), function, jobs, seed)
+        )
+        results: dict[int, Any] = {} if kept is None else kept.results
+
+        def keep(indices: Sequence[int], values: Sequence[Any]) -> None:
+            new = dict(zip(indices, values, strict=True))
+            results.update(new if kept is None else kept.add(new))
+            tell(len(results), len(jobs))
+
+        if kept is not None:
+            stack.callback(kept.save)
+        if results:
+            tell(len(results), len(jobs))
+        todo = deque(index for index in range(len(jobs)) if index not in results)
+        spent = count = 0.0
+        while todo and client in (None, 1):
+            index = todo.popleft()
+            values, took = run([index], [jobs[index]])
+            keep([index], values)
+            spent, count = spent + took, count + 1
+            if client is None:
+                client = _processes_for(spent / count * len(todo), function)
+        if todo:
+            _spread(run, jobs, todo, client, keep, spent / count if count else None)
+    return [results[index] for index in range(len(jobs))]
 
 
 def _run(
-    call: Callable[[Point], Point],
-    points: list[Point],
-    parallel: bool | AbstractContextManager[Any] | None,
-) -> Iterator[Point]:
-    if parallel is False:
-        yield from map(call, points)
-        return
-    if parallel is None:
-        start = perf_counter()
-        yield call(points[0])
-        points = points[1:]
-        short = (perf_counter() - start) * len(points) < _SHORT
-        if short or not _has_joblib():
-            yield from map(call, points)
-            return
-    elif not _has_joblib():
+    function: Callable[..., Any], seed: int | None, indices: Sequence[int], jobs: Sequence[Any]
+) -> tuple[list[Any], float]:
+    """Return the results of a chunk of tasks and the time it took; this runs in the worker."""
+    import numpy as np
+
+    begin, results = perf_counter(), []
+    for index, job in zip(indices, jobs, strict=True):
+        # What SeedSequence(seed).spawn() would give this place, without making the others.
+        own = () if seed is None else (np.random.SeedSequence(seed, spawn_key=(index,)),)
+        try:
+            results.append(function(job, *map(np.random.default_rng, own)))
+        except Exception as error:
+            error.add_note(f"in task {index}: {job!r:.200}")
+            raise
+    return results, perf_counter() - begin
+
+
+def _checked(client: Any, stack: ExitStack) -> Any:
+    """Return where to run: None, a number of processes, or a client of Dask."""
+    if client is None or hasattr(client, "get_executor"):
+        return client
+    if isinstance(client, str):
+        distributed = load_extra("distributed", "distributed", "cluster")
+        try:
+            return stack.enter_context(distributed.Client(client, timeout=_ANSWER))
+        except (OSError, ValueError, TypeError) as problem:
+            raise ArgumentError(f"client is {client!r}; no scheduler answers there") from problem
+    try:
+        return check_whole("client", client, 1, 1024)
+    except ArgumentError:
         raise ArgumentError(
-            f"parallel is {parallel!r}, but joblib is not installed: pip install shipnet[cluster]"
+            f"client is {client!r}; it must be a number of processes 1..1024, the address of a "
+            "scheduler, or a distributed.Client"
+        ) from None
+
+
+def _processes_for(left: float, function: Callable[..., Any]) -> int | None:
+    """Return how many processes to start for work that would take so long here [s], or None."""
+    if left < _WORTHWHILE or current_process().daemon:
+        return None
+    try:
+        loky = load_extra("loky", "loky", "cluster")
+    except ImportError:
+        return None
+    cores = int(loky.cpu_count())
+    return cores if left * (1 - 1 / cores) > _WORTHWHILE else None
+
+
+def _executor(client: Any) -> tuple[Executor, int, type[Exception]]:
+    """Return what runs the chunks, how many at once, and the error that means a lost worker."""
+    if isinstance(client, int):
+        loky = load_extra("loky", "loky", "cluster")
+        pool = loky.get_reusable_executor(client, env={"OMP_NUM_THREADS": "1"})
+        return pool, client, BrokenProcessPool
+    lost = load_extra("distributed", "distributed", "cluster").KilledWorker
+    try:
+        workers = sum(client.nthreads().values())  # they may come and go
+    except OSError as problem:
+        raise ConnectionError(_GONE) from problem
+    return client.get_executor(pure=False), max(1, workers), lost
+
+
+def _spread(
+    run: Run,
+    jobs: Sequence[Any],
+    todo: deque[int],
+    client: Any,
+    keep: Callable[[Sequence[int], Sequence[Any]], None],
+    each: float | None,
+) -> None:
+    """Give the tasks to workers chunk by chunk, and those of lost workers to others."""
+    pending: dict[Future[Any], list[int]] = {}
+    losses = 0
+    try:
+        while todo or pending:
+            pool, workers, lost = _executor(client)
+            # One chunk in work and one in wait for each worker, shorter ones near the end.
+            while todo and len(pending) < 2 * workers:
+                size = 1 if each is None else min(_CHUNK / each, len(todo) / (4 * workers))
+                indices = [todo.popleft() for _ in range(min(max(1, int(size)), len(todo)))]
+                try:
+                    pending[pool.submit(run, indices, [jobs[i] for i in indices])] = indices
+                except BrokenProcessPool:
+                    todo.extendleft(reversed(indices))
+                    break
+            dropped: list[int] = []
+            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                indices = pending.pop(future)
+                try:
+                    values, took = future.result()
+                except lost:
+                    dropped += indices
+                    continue
+                except CancelledError:
+                    raise ConnectionError(_GONE) from None
+                each, losses = max(took / len(indices), 1e-6), 0
+                keep(indices, values)
+            if dropped:
+                losses += 1
+                if isinstance(client, int):  # processes that lose one are all stopped
+                    dropped += [index for indices in pending.values() for index in indices]
+                    pending.clear()
+                dropped.sort()
+                if losses >= _MOST_LOSSES:
+                    raise RuntimeError(
+                        f"workers died {losses} times in a row, in one of tasks {dropped[:10]}"
+                    )
+                todo.extendleft(reversed(dropped))
+    finally:
+        for future in pending:
+            future.cancel()
+        if pending and isinstance(client, int):
+            pool.shutdown(wait=False, kill_workers=True)  # type: ignore[call-arg]
+
+
+class _Folder:
+    """Results in a folder: files that appear whole or not at all, each marked with its study."""
+
+    def __init__(
+        self, folder: Path, function: Callable[..., Any], jobs: list[Any], seed: int | None
+    ) -> None:
+        from shipnet import __version__
+
+        self._folder = folder
+        self._mark = _fingerprint((__version__, function, jobs, seed))
+        self._new: dict[int, Any] = {}
+        self._saved = perf_counter()
+        self.results: dict[int, Any] = {}
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            for file in sorted(folder.glob("results-*.json")):
+                try:
+                    held = json.loads(file.read_bytes())
+                    mark, values = held["study"], {int(i): x for i, x in held["results"].items()}
+                except (ValueError, KeyError, TypeError, AttributeError):
+                    continue  # torn by a crash of the machine: its tasks are computed again
+                if mark != self._mark:
+                    raise InputError(
+                        str(folder),
+                        "holds results of another function, other tasks, another seed or another "
+                        "version of shipnet; give an empty folder",
+                    )
+                self.results |= {i: x for i, x in values.items() if 0 <= i < len(jobs)}
+            self.save(check=True)
+        except OSError as problem:
+            raise InputError(str(folder), f"cannot be used: {problem.strerror}") from problem
+
+    def add(self, new: dict[int, Any]) -> dict[int, Any]:
+        """Keep results, write them every second, and return them as a restart would read them."""
+        try:
+            text = json.dumps({str(index): value for index, value in new.items()})
+        except (TypeError, ValueError) as problem:
+            raise ArgumentError(
+                f"a result of tasks {list(new)[:10]} is not fit for the folder: {problem}; it must "
+                "consist of numbers, text, lists and dicts"
+            ) from None
+        read = {int(index): value for index, value in json.loads(text).items()}
+        self._new |= read
+        if perf_counter() - self._saved > _CHUNK:
+            self.save()
+        return read
+
+    def save(self, check: bool = False) -> None:
+        """Write what is new; `check` writes nothing, but finds out whether that is possible."""
+        if not self._new and not check:
+            return
+        text = json.dumps({"study": self._mark, "results": self._new})
+        place = f"{min(self._new):08d}" if self._new else "none"
+        save_whole(
+            self._folder / f"results-{place}.json",
+            lambda path: path.write_text(text, encoding="utf-8"),
         )
-    if isinstance(parallel, AbstractContextManager):
-        context, workers = parallel, {}
-    elif parallel in (None, True):
-        context, workers = nullcontext(), {"n_jobs": -1}
-    else:
-        raise ArgumentError(f"parallel is {parallel!r}; it must be a bool or a joblib context")
-    from joblib import Parallel, delayed
-
-    with context:
-        yield from Parallel(return_as="generator", **workers)(delayed(call)(p) for p in points)
+        self._new, self._saved = {}, perf_counter()
 
 
-def _has_joblib() -> bool:
-    from importlib.util import find_spec
+def _fingerprint(what: object) -> str:
+    """Return a check sum of a study, the same in every session."""
+    digest = sha256()
+    pickler = pickle.Pickler(SimpleNamespace(write=digest.update), protocol=5)
+    # Without its memo it does not matter which equal parts are the same object.
+    pickler.fast = True
+    plain: dict[type, Any] = {MappingProxyType: lambda proxy: (dict, (dict(proxy),))}
+    pickler.dispatch_table = {**copyreg.dispatch_table, **plain}
+    try:
+        pickler.dump(what)
+    except Exception as problem:
+        raise ArgumentError(
+            f"function and tasks must be such that pickle stores them, for a folder: {problem}"
+        ) from None
+    return digest.hexdigest()
 
-    return find_spec("joblib") is not None
+
+def save_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` write a file under a name of its own, then rename it: no reader sees half."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    own = path.with_name(f".{path.name}.{gethostname()}.{os.getpid()}")
+    write(own)
+    with own.open("rb+") as file:
+        os.fsync(file.fileno())
+    own.replace(path)
 
 
 def teller(progress: bool | Progress | None) -> Progress:

@@ -84,11 +84,15 @@ def logarithmic(axis: Any) -> None:
     axis.set_ticks([], minor=True)
 
 
-def box(ax: Axes, x: float, y: float, width: float, height: float, **look: Any) -> None:
-    """Draw a rectangle by its lower left corner."""
+def box(
+    ax: Axes, x: float, y: float, width: float, height: float, text: str = "", **look: Any
+) -> None:
+    """Draw a rectangle by its lower left corner, with a text in its middle."""
     from matplotlib.patches import Rectangle
 
     ax.add_patch(Rectangle((x, y), width, height, **look))
+    if text:
+        ax.text(x + width / 2, y + height / 2, text, ha="center", va="center", fontsize=8, zorder=3)
 
 
 def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:

@@ -29,11 +29,6 @@ from zipfile import ZipFile
 from shipnet.errors import InputError, listed
 from shipnet.lazy import pd
 
-__all__ = [
-    "ERRORS", "NUMBER", "Remark", "Sheet", "as_csv", "as_workbook", "frame_sheet", "in_order",
-    "no_formula", "parse_sheet", "read_bytes", "read_sheet", "read_sheets", "text_of", "titled",
-]  # fmt: skip
-
 #: A number with a decimal point, nothing before or after it.
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 
@@ -569,8 +564,11 @@ def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
         sheet = book.create_sheet(name)
 
         def text(value: str, sheet: Any = sheet, font: Font | None = None) -> Any:
-            cell = WriteOnlyCell(sheet, ILLEGAL_CHARACTERS_RE.sub("?", value))
-            cell.data_type = "s"  # openpyxl takes "=1" for a formula
+            value = ILLEGAL_CHARACTERS_RE.sub("?", value)
+            if not (font or value.startswith(("=", "#"))):
+                return value
+            cell = WriteOnlyCell(sheet, value)
+            cell.data_type = "s"  # openpyxl takes "=1" for a formula, "#N/A" for an error
             if font:
                 cell.font = font
             return cell

@@ -1,9 +1,10 @@
-"""Hypothesis profiles, garbage, kernels that start again, and axes to draw on."""
+"""Hypothesis profiles, garbage, kernels that are forks and start again, and axes to draw on."""
 
 import gc
 import os
 from typing import Any
 
+import kernels
 import pytest
 from hypothesis import settings
 from nbval import kernel
@@ -14,13 +15,19 @@ settings.register_profile("random", deadline=None, max_examples=500)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
 
+# Ten thousand tests are collected, and stay to the end: none of them is garbage.
+gc.disable()
+
+
 def pytest_collection_finish() -> None:
-    """Keep the garbage collector from what was collected: ten thousand tests stay to the end."""
+    """Keep the garbage collector from what was collected."""
     gc.collect()
     gc.freeze()
+    gc.enable()
     gc.set_threshold(50_000, 20, 20)
 
 
+kernels.fork()
 _start = kernel.start_new_kernel
 
 

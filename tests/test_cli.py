@@ -17,7 +17,7 @@ from shipnet.__main__ import main
 from shipnet.papers import ledger
 
 POINTS = "tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3\n"
-COMMANDS = ("ledger", "decode", "check", "can", "modbus", "design", "serve")
+COMMANDS = ("ledger", "decode", "check", "can", "modbus", "design", "serve", "fleet")
 PLAN = """kind,node,to,length_m,address,profile,current_ma
 master,room,,,,,
 supply,room,,,,,
@@ -95,7 +95,7 @@ def test_a_csv_file_holds_all_columns(tmp_path, capsys):
     assert f"\nwritten: {file}\n" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "serve"])
+@pytest.mark.parametrize("name", COMMANDS[:-2])
 def test_the_suffix_of_a_file_decides_its_form(name, words, tmp_path, capsys):
     files = [tmp_path / f"out{suffix}" for suffix in (".csv", ".xlsx", ".json", ".png", ".svg", "")]
     asked = [word for file in files for word in ("-o", str(file))]
@@ -110,7 +110,7 @@ def test_the_suffix_of_a_file_decides_its_form(name, words, tmp_path, capsys):
     assert {f"{title}.csv" for title in tables} <= {file.name for file in folder.iterdir()}
 
 
-@pytest.mark.parametrize("name", [name for name in COMMANDS if name != "serve"])
+@pytest.mark.parametrize("name", COMMANDS[:-2])
 def test_json_is_the_answer_as_data(name, words, capsys):
     assert main([*words[name], "--json"]) == 0
     streams = capsys.readouterr()

@@ -18,7 +18,20 @@ ROOT = Path(__file__).resolve().parents[1] / "shipnet"
 #: Packages with a front; the others are still to get one.
 FRONTS = sorted(path.parent.name for path in ROOT.glob("*/__init__.pyi"))
 #: Modules that an engineer does not want to wait for.
-HEAVY = ["ipywidgets", "matplotlib", "networkx", "numpy", "pandas", "pymodbus", "scipy", "skfuzzy"]
+HEAVY = [
+    "dask",
+    "distributed",
+    "ipywidgets",
+    "loky",
+    "matplotlib",
+    "networkx",
+    "numpy",
+    "pandas",
+    "pyarrow",
+    "pymodbus",
+    "scipy",
+    "skfuzzy",
+]
 
 
 def stub(package):

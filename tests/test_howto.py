@@ -5,12 +5,14 @@ import doctest
 import io
 import re
 import shlex
+from importlib.util import find_spec
 from os.path import normpath
 from pathlib import Path
 
 import pytest
 
 from shipnet.__main__ import main
+from tests.support import require
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "docs" / "howto").glob("*.md"))
@@ -41,6 +43,8 @@ def blocks(page):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_what_a_page_shows_is_what_happens(page, tmp_path, monkeypatch):
+    if page.stem == "run_on_a_cluster":
+        require("cluster", find_spec("pyarrow") is not None, "pyarrow is missing")
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "__main__"}
     found = blocks(page)
@@ -62,6 +66,7 @@ def test_a_title_begins_with_a_verb_and_links_lead_somewhere(page):
         "Decode",
         "Hand",
         "Read",
+        "Run",
         "Serve",
         "Simulate",
     }

@@ -4,7 +4,25 @@ import sys
 
 import pytest
 
-HEAVY = ["matplotlib", "networkx", "numpy", "pandas", "pymodbus", "scipy", "skfuzzy"]
+from shipnet import tools
+
+HEAVY = [
+    "dask",
+    "distributed",
+    "ipywidgets",
+    "loky",
+    "matplotlib",
+    "networkx",
+    "numpy",
+    "pandas",
+    "pyarrow",
+    "pymodbus",
+    "scipy",
+    "scipy.optimize",
+    "skfuzzy",
+]
+#: What every page draws and moves with.
+PAGE = ["ipywidgets", "matplotlib", "numpy"]
 
 
 def loaded(statement):
@@ -51,3 +69,29 @@ def loaded(statement):
 )
 def test_an_entry_point_loads_no_more_than_it_needs(statement, modules):
     assert loaded(statement) == modules
+
+
+@pytest.mark.parametrize(
+    ("tool", "more"),
+    [
+        ("AsiLine", []),
+        ("AsiNetwork", ["pandas"]),
+        ("CanLoad", ["pandas"]),
+        ("EngineFaults", ["pandas"]),
+        ("ModbusScan", ["pandas"]),
+        ("ReceiveRing", []),
+        ("ShipDesign", ["pandas", "scipy", "scipy.optimize"]),
+        ("ValveClient", ["pandas"]),
+        ("ValveDiagnosis", []),
+    ],
+)
+def test_the_first_picture_of_a_tool_loads_no_more_than_it_needs(tool, more):
+    page = f"from shipnet import tools; tools.{tool}().explore().close()"
+    # pandas takes pyarrow along where it is installed.
+    assert [name for name in loaded(page) if name != "pyarrow"] == PAGE + more
+
+
+def test_every_tool_is_listed():
+    (mark,) = test_the_first_picture_of_a_tool_loads_no_more_than_it_needs.pytestmark
+    listed = [tool for tool, _ in mark.args[1]]
+    assert listed == [name for name in dir(tools) if isinstance(getattr(tools, name), type)]

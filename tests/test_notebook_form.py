@@ -25,6 +25,7 @@ HEADINGS = {
         "References",
     ],
     "lessons": ["The problem on the ship", "What we learned", "References"],
+    "real": ["The problem on the ship", "What we learned", "References"],
     "course": [
         "The problem on the ship",
         "Explore",

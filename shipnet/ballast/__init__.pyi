@@ -2,6 +2,7 @@ from .actuator import Actuator as Actuator
 from .diagnosis import Diagnosis as Diagnosis
 from .diagnosis import Run as Run
 from .diagnosis import diagnose as diagnose
+from .fleet import write_fleet as write_fleet
 from .live import Client as Client
 from .live import ModelValves as ModelValves
 from .live import TestBed as TestBed

@@ -44,7 +44,7 @@ def blocks(
         command.mask(plant.n_valves)
     events = {*plant.changes, *(plant.ticks(command.time) for command in orders)}
     pause = max(round(idle / plant.step), 1)
-    return _record(plant, orders, sorted(events), last, pause, most)
+    return record(plant, orders, sorted(events), last, pause, most)
 
 
 def simulate(
@@ -122,7 +122,7 @@ def simulate_valves(
     return Run(**columns, movements=tuple(moved for piece in pieces for moved in piece.movements))
 
 
-def _record(
+def record(
     plant: Plant, orders: list[Command], events: list[int], last: int, pause: int, size: int
 ) -> Iterator[Run]:
     """Step the plant until its last tick, and yield what it read."""

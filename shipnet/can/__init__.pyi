@@ -6,6 +6,8 @@ from .analysis import compare as compare
 from .analysis import read_messages as read_messages
 from .bit_timing import bit_timings as bit_timings
 from .bit_timing import longest_bus as longest_bus
+from .capture import Capture as Capture
+from .capture import read_capture as read_capture
 from .frame import Arbitration as Arbitration
 from .frame import Frame as Frame
 from .frame import arbitrate as arbitrate

@@ -37,7 +37,7 @@ from shipnet.design.plot import plot_pareto, plot_ranges
 from shipnet.design.points import PointTable
 from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
-from shipnet.design.settings import Settings, meaning, names, shown, unit
+from shipnet.design.settings import Settings, kind_of, names, shown
 from shipnet.design.site import Site, Trays
 from shipnet.design.tables import file_name, save_files
 from shipnet.errors import ArgumentError
@@ -271,7 +271,8 @@ class Comparison:
             for own in having.values():
                 value = self.designs[own[0]].settings[name]
                 which = "all" if len(own) == len(self.designs) else ", ".join(own)
-                rows.append((name, value, default[name], unit(name), meaning(name), which))
+                kind = kind_of(name)
+                rows.append((name, value, default[name], kind.unit, kind.help, which))
         columns = ["name", "value", "default", "unit", "meaning", "designs"]
         return pd.DataFrame(rows, columns=columns)
 
@@ -407,22 +408,8 @@ class Comparison:
 
     def html(self, *, title: str | None = None, date: str | None = None) -> str:
         """Return the report as one self-contained HTML page."""
-        return report_html(
-            title or f"Connecting the points of {Path(self.iolist.source).name}",
-            date or "",
-            designs=self.designs,
-            table=self._table,
-            quantities=self.quantities,
-            likely=self._likely,
-            findings=self.findings().table(),
-            reasons=self.reasons(),
-            changes=self.changes(),
-            tornado=self.tornado(),
-            pareto=self.pareto(),
-            criteria=self.criteria,
-            remarks=self.remarks,
-            conclusions=self.conclusions(),
-        )
+        name = title or f"Connecting the points of {Path(self.iolist.source).name}"
+        return report_html(self, name, date or "")
 
     def report(
         self, path: str | PathLike[str], *, title: str | None = None, date: str | None = None

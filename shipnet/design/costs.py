@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import floor, isinf, isnan, log10
 from types import MappingProxyType
 from typing import Any, TypeAlias
@@ -556,16 +556,11 @@ def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> To
         index=pd.Index(names, name="assumption"),
         dtype=float,
     )
-    of = pair[0]
+    found = Tornado(figure, pair, {option: nominal[option] for option in pair}, table)
     if len(pair) == 2:
-        of = "difference"
         for level in ("low", "high"):
-            table[f"{of} at {level}"] = (
-                table[f"{pair[0]} at {level}"] - table[f"{pair[1]} at {level}"]
-            )
-        ends = table[[f"{of} at low", f"{of} at high"]]
-        base = nominal[pair[0]] - nominal[pair[1]]
-        table["order changes"] = (ends * base < 0).any(axis=1)
-    table["swing"] = (table[f"{of} at high"] - table[f"{of} at low"]).abs()
-    table = table.sort_values("swing", ascending=False, kind="stable")
-    return Tornado(figure, pair, {option: nominal[option] for option in pair}, table)
+            a, b = (table[f"{option} at {level}"] for option in pair)
+            table[f"difference at {level}"] = a - b
+        table["order changes"] = (found.ends * found.at_nominal < 0).any(axis=1)
+    table["swing"] = (found.ends["high"] - found.ends["low"]).abs()
+    return replace(found, every=table.sort_values("swing", ascending=False, kind="stable"))

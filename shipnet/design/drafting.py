@@ -519,12 +519,7 @@ def too_far(draft: Draft, box: Box, away: float, longest: float, most: str) -> N
         draft.reason(tag, "length", away, longest, "m", text)
 
 
-def _box(
-    name: str,
-    places: Floats,
-    rows: Indices,
-    lengths: Floats,
-) -> Box:
+def _box(name: str, places: Floats, rows: Indices, lengths: Floats) -> Box:
     x, y, z = (float(value) for value in np.median(places, axis=0))
     return Box(name, (x, y, z), rows, lengths)
 
@@ -574,57 +569,27 @@ def lay(
     """Put down masters, stations, trunk cables, feeders, terminators and repeaters of a segment."""
     names = [draft.device(f"{bus} {box.name}", "station", segment, box.place) for box in stations]
     places = [draft.middle, *(box.place for box in stations)]
+    hops, feeder = list(pairwise(places)), cables()[draft.settings.feeder]
     for line in ("A", "B") if draft.settings.redundant else ("",):
-        of_line = f" {line}" if line else ""
+        of = f" {line}" if line else ""
         avoid = trunk.avoid if line == "B" else frozenset[str]()
-        housing = draft.cabinet
-        master = draft.device(
-            f"{segment} master{of_line}", "master", segment, draft.middle, housing
-        )
-        ends = [master, *names]
+        master = draft.device(f"{segment} master{of}", "master", segment, places[0], draft.cabinet)
         # A cable leaves a station through its repeater if it has one.
-        leaving = {
-            place + 1: draft.device(
-                f"{names[place]} repeater{of_line}",
-                "repeater",
-                segment,
-                places[place + 1],
-                names[place],
+        leaving = [master, *names]
+        for place in repeaters:
+            name, here = names[place], places[place + 1]
+            leaving[place + 1] = draft.device(
+                f"{name} repeater{of}", "repeater", segment, here, name
             )
-            for place in repeaters
-        }
-        for hop, (near, far) in enumerate(pairwise(places)):
+        for (near, far), run in zip(hops, zip(leaving, names, strict=False), strict=True):
             laid = Laid(near, far, avoid=avoid)
-            run = leaving.get(hop, ends[hop]), ends[hop + 1]
             draft.run("trunk", run, laid, cables()[cable], PAIR, segment, line)
-        _end(draft, segment, of_line, master, names[-1], places)
+        for number, (at, here) in enumerate([(master, places[0]), (names[-1], places[-1])], 1):
+            draft.device(f"{segment} terminator {number}{of}", "terminator", segment, here, at)
         if draft.settings.fed:
-            _feed(draft, segment, line, names, places, avoid)
+            name = f"{segment} supply{of}"
+            supply = draft.device(name, "supply", segment, places[0], draft.cabinet)
+            for (near, far), run in zip(hops, pairwise([supply, *names]), strict=True):
+                laid = Laid(near, far, avoid=avoid)
+                draft.run("feeder", run, laid, feeder, PAIR, segment, line)
     return names
-
-
-def _end(
-    draft: Draft,
-    segment: str,
-    of_line: str,
-    master: str,
-    last: str,
-    places: Sequence[tuple[float, float, float]],
-) -> None:
-    for number, (at, place) in enumerate([(master, places[0]), (last, places[-1])], 1):
-        draft.device(f"{segment} terminator {number}{of_line}", "terminator", segment, place, at)
-
-
-def _feed(
-    draft: Draft,
-    segment: str,
-    line: str,
-    names: Sequence[str],
-    places: Sequence[tuple[float, float, float]],
-    avoid: frozenset[str],
-) -> None:
-    of_line = f" {line}" if line else ""
-    supply = draft.device(f"{segment} supply{of_line}", "supply", segment, places[0], draft.cabinet)
-    feeder = cables()[draft.settings.feeder]
-    for (near, far), run in zip(pairwise(places), pairwise([supply, *names]), strict=True):
-        draft.run("feeder", run, Laid(near, far, avoid=avoid), feeder, PAIR, segment, line)

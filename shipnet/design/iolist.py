@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -153,19 +152,20 @@ class IoList(PointTable):
         trays: Trays | str | PathLike[str] | None = None,
         settings: Given = None,
         rules: RuleSet | str | PathLike[str] = "DNV",
-        parallel: bool | AbstractContextManager[Any] | None = None,
+        client: Any = None,
+        folder: str | PathLike[str] | None = None,
         progress: bool | Callable[[int, int], object] | None = None,
     ) -> pd.DataFrame:
         """Compare the options anew at every point of a grid of settings.
 
         The grid is values by name of a setting, or points of it one by one. Each point gives one
-        row per option, with the columns of `Comparison.table`. Long studies run on all cores, or
-        where a joblib context says (`parallel`); `progress` is called after each point.
+        row per option, with the columns of `Comparison.table`. Long studies run on all cores;
+        `client`, `folder` and `progress` are those of `shipnet.compute`.
         """
         from shipnet.design.rules import RuleSet
         from shipnet.design.settings import Settings
         from shipnet.design.site import site_of
-        from shipnet.parallel import points_of, sweep
+        from shipnet.parallel import compute, points_of
 
         points, start = points_of(grid), Settings.of(settings)
         site, _ = site_of(self, cabinet, trays, start)
@@ -173,9 +173,9 @@ class IoList(PointTable):
         if faults := {fault for point in points for fault in start.tried(point)[1]}:
             raise ArgumentError("; ".join(sorted(faults)))
         case = _Case(self, site, options, start, RuleSet.of(rules))
-        found = sweep(case, points, parallel=parallel, progress=progress)
+        found = compute(case, points, client=client, folder=folder, progress=progress)
         tables = []
-        for point, table in zip(points, found[_TABLE], strict=True):
+        for point, table in zip(points, map(pd.DataFrame, found), strict=True):
             # A value may be a range or several bit rates: every row holds it whole.
             given = {name: [value] * len(table) for name, value in point.items()}
             tables.append(table.assign(**given)[[*point, *table.columns]])
@@ -199,9 +199,6 @@ class IoList(PointTable):
             table.to_csv(stream, index=False, lineterminator="\n")
 
 
-_TABLE = "comparison"
-
-
 @dataclass(frozen=True)
 class _Case:
     """A comparison at given values; it travels to other processes, so it is not a closure."""
@@ -212,13 +209,13 @@ class _Case:
     settings: Settings
     rules: RuleSet
 
-    def __call__(self, **values: Any) -> dict[str, pd.DataFrame]:
-        settings = self.settings.replace(values)
+    def __call__(self, point: Mapping[str, Any]) -> dict[Any, list[Any]]:
+        settings = self.settings.replace(point)
         site = replace(self.site, detour=settings.detour, tails=settings.tails)
         found = self.iolist.compare(
             site, self.options, settings=settings, rules=self.rules, progress=False
         )
-        return {_TABLE: found.table().reset_index()}
+        return found.table().reset_index().to_dict("list")
 
 
 def read_iolist(

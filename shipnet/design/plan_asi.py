@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import shortest_path
 
-from shipnet.arrays import Floats, Indices
+from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.elements import Repeater, Supply
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
@@ -91,20 +91,32 @@ class Module(NamedTuple):
 
 def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
     """Return the modules of some points."""
-    limits = draft.settings.asi
+    limits, spare = draft.settings.asi, draft.settings.spare
     kinds = np.array([draft.types[row] for row in rows], dtype=object)
     channels = _channels(draft, rows, kinds)
-    found = []
-    digital = np.flatnonzero(np.isin(kinds, ["DI", "DO"]) & (channels > 0))
-    ports = limits.inputs, limits.outputs
-    found += _grouped(digital, rows, places, kinds, ("DI", "DO"), ports, ports, draft.settings)
-    for kind in ("AI", "AO"):
+    # Which points share modules, their kinds, how many of each may, and the ports that there are:
+    # with fewer values than it has ports, a module is fast enough for them.
+    digital = limits.inputs, limits.outputs
+    sharing: list[tuple[Bools, tuple[str, ...], tuple[int, ...], tuple[int, ...]]] = [
+        (np.isin(kinds, ["DI", "DO"]) & (channels > 0), ("DI", "DO"), digital, digital)
+    ]
+    for name in ("AI", "AO"):
         for number in range(limits.channels, 0, -1):
-            values = np.flatnonzero((kinds == kind) & (channels == number))
-            # With fewer values than it has ports, a module is fast enough for them.
-            found += _grouped(
-                values, rows, places, kinds, (kind,), (number,), (limits.channels,), draft.settings
-            )
+            chosen = (kinds == name) & (channels == number)
+            sharing.append((chosen, (name,), (number,), (limits.channels,)))
+    found = []
+    for chosen, names, room, ports in sharing:
+        mine = np.flatnonzero(chosen)
+        labels = zones(places[mine], reach=limits.reach, most=_MOST)
+        kind = np.array([names.index(str(name)) for name in kinds[mine]], dtype=np.intp)
+        for zone, most in enumerate(_room(labels, kind, room, ports, spare).tolist()):
+            inside, of_kind = mine[labels == zone], kind[labels == zone]
+            counts = np.bincount(of_kind, minlength=len(names))
+            needed = max(ceil(count / each) for count, each in zip(counts, most, strict=True))
+            groups = balanced(places[inside], needed, kinds=of_kind, most=most)
+            for group in range(groups.max() + 1):
+                own = inside[groups == group]
+                found.append(_module(rows[own], places[own], kinds[own], draft.settings))
     return found
 
 
@@ -156,30 +168,6 @@ def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> In
     return channels
 
 
-def _grouped(
-    mine: Indices,
-    rows: Indices,
-    places: Floats,
-    kinds: npt.NDArray[np.object_],
-    names: tuple[str, ...],
-    room: tuple[int, ...],
-    ports: tuple[int, ...],
-    settings: Settings,
-) -> list[Module]:
-    found = []
-    labels = zones(places[mine], reach=settings.asi.reach, most=_MOST)
-    kind = np.array([names.index(str(name)) for name in kinds[mine]], dtype=np.intp)
-    for zone, most in enumerate(_room(labels, kind, room, ports, settings.spare).tolist()):
-        inside, of_kind = mine[labels == zone], kind[labels == zone]
-        counts = np.bincount(of_kind, minlength=len(names))
-        number = max(ceil(count / each) for count, each in zip(counts, most, strict=True))
-        groups = balanced(places[inside], number, kinds=of_kind, most=most)
-        for group in range(groups.max() + 1):
-            own = inside[groups == group]
-            found.append(_module(rows[own], places[own], kinds[own], settings))
-    return found
-
-
 def _room(
     zone: Indices, kind: Indices, room: Sequence[int], ports: Sequence[int], spare: float
 ) -> Indices:
@@ -201,10 +189,7 @@ def _room(
 
 
 def _module(
-    rows: Indices,
-    places: Floats,
-    kinds: npt.NDArray[np.object_],
-    settings: Settings,
+    rows: Indices, places: Floats, kinds: npt.NDArray[np.object_], settings: Settings
 ) -> Module:
     letters = {"DI": "I", "DO": "Q", "AI": "AI", "AO": "AQ"}
     seen: dict[str, int] = {}
@@ -494,7 +479,7 @@ def plan_asi(draft: Draft, rows: Indices) -> None:
         assert line is not None
         if line.broken is None:
             number += 1
-            _lay(draft, f"AS-i {number}", line)
+            _Laying(draft, f"AS-i {number}", line).lay()
         else:
             _refuse(draft, line)
 
@@ -512,115 +497,109 @@ def _refuse(draft: Draft, line: Line) -> None:
         draft.reason(tag, limit, value, bound, unit, text.replace(" ,", ","))
 
 
-def _lay(draft: Draft, segment: str, line: Line) -> None:
-    assert line.plan is not None
-    limits, plan = draft.settings.asi, line.plan
-    cabinet = draft.device(f"{segment} master", "master", segment, draft.middle, draft.cabinet)
-    spots: list[Place] = [draft.middle, *(module.place for module in line.modules)]
-    names = {"0": cabinet}
-    where: dict[str, Place] = {str(place): spot for place, spot in enumerate(spots)}
-    for slave, module in zip(line.slaves, line.modules, strict=True):
-        name = f"{segment} slave {slave.label}"
-        names[slave.node] = draft.device(name, "module", segment, module.place)
-    _lay_repeaters(draft, segment, line, names, where, spots)
-    for supply in plan.supplies:
-        at = draft.cabinet if supply.node == "0" else names[supply.node]
-        name = draft.device(f"{segment} supply", "supply", segment, where[supply.node], at)
-        if at != draft.cabinet and draft.settings.fed:
-            laid, feeder = Laid(draft.middle, where[supply.node]), cables()[draft.settings.feeder]
-            draft.run("feeder", (draft.cabinet, name), laid, feeder, _PAIR, segment)
-    for piece in line.drawn.pieces:
-        near, far = piece.edge
-        laid = Laid(spots[near], spots[far], share=piece.share)
-        ends = names[piece.near], names[piece.far]
-        draft.run("trunk", ends, laid, cables()[limits.cable], _PAIR, segment)
-    if limits.auxiliary and (powered := _powered(line)):
-        _lay_auxiliary(draft, segment, line, names, spots, powered)
-    _connect(draft, segment, line, names)
+class _Laying:
+    """A line that goes into a draft, with the names and places of its nodes."""
 
+    def __init__(self, draft: Draft, segment: str, line: Line) -> None:
+        assert line.plan is not None
+        self.draft, self.segment, self.line, self.plan = draft, segment, line, line.plan
+        self.spots: list[Place] = [draft.middle, *(module.place for module in line.modules)]
+        self.names: dict[str, str] = {}
+        self.where = {str(place): spot for place, spot in enumerate(self.spots)}
 
-def _lay_auxiliary(
-    draft: Draft,
-    segment: str,
-    line: Line,
-    names: dict[str, str],
-    spots: Sequence[Place],
-    powered: set[int],
-) -> None:
-    """Put a supply into the cabinet, and its pair along the line as far as outputs need it."""
-    name = f"{segment} auxiliary supply"
-    supply = draft.device(name, "auxiliary supply", segment, draft.middle, draft.cabinet)
-    feeder = cables()[draft.settings.feeder]
-    for near, far in dict.fromkeys(piece.edge for piece in line.drawn.pieces):
-        if far in powered:
-            laid = Laid(spots[near], spots[far])
-            ends = supply if near == 0 else names[str(near)], names[str(far)]
-            draft.run("feeder", ends, laid, feeder, _PAIR, segment)
+    def lay(self) -> None:
+        """Put the devices and cables of the line into the draft, and connect its points."""
+        draft, segment, names = self.draft, self.segment, self.names
+        limits = draft.settings.asi
+        names["0"] = self.device("master", draft.middle, draft.cabinet)
+        for slave, module in zip(self.line.slaves, self.line.modules, strict=True):
+            name = f"{segment} slave {slave.label}"
+            names[slave.node] = draft.device(name, "module", segment, module.place)
+        self.lay_repeaters()
+        for supply in self.plan.supplies:
+            place = self.where[supply.node]
+            at = draft.cabinet if supply.node == "0" else names[supply.node]
+            name = self.device("supply", place, at)
+            if at != draft.cabinet and draft.settings.fed:
+                self.feed(draft.cabinet, name, Laid(draft.middle, place))
+        for piece in self.line.drawn.pieces:
+            near, far = piece.edge
+            laid = Laid(self.spots[near], self.spots[far], share=piece.share)
+            ends = names[piece.near], names[piece.far]
+            draft.run("trunk", ends, laid, cables()[limits.cable], _PAIR, segment)
+        if limits.auxiliary and (powered := self.powered()):
+            # From the cabinet along the line, as far as outputs need it.
+            source = self.device("auxiliary supply", draft.middle, draft.cabinet)
+            for near, far in dict.fromkeys(piece.edge for piece in self.line.drawn.pieces):
+                if far in powered:
+                    begin = source if near == 0 else names[str(near)]
+                    self.feed(begin, names[str(far)], Laid(self.spots[near], self.spots[far]))
+        self.connect()
 
+    def device(self, kind: str, place: Place, at: str) -> str:
+        """Put a device in; return its name."""
+        return self.draft.device(f"{self.segment} {kind}", kind, self.segment, place, at)
 
-def _lay_repeaters(
-    draft: Draft,
-    segment: str,
-    line: Line,
-    names: dict[str, str],
-    where: dict[str, Place],
-    spots: Sequence[Place],
-) -> None:
-    """Put repeaters beside the master or a module, or on the way where a cable is too long."""
-    done = dict.fromkeys({piece.edge for piece in line.drawn.pieces}, 0.0)
-    ends: dict[str, Place] = {}
-    for piece in line.drawn.pieces:
-        done[piece.edge] += piece.share
-        near, far = (np.array(spots[place]) for place in piece.edge)
-        x, y, z = (near + done[piece.edge] * (far - near)).tolist()
-        ends[piece.far] = (x, y, z)
-    for into, out in line.drawn.repeaters:
-        beside = into in names
-        place = where[into] if beside else ends[into]
-        at = "" if not beside else draft.cabinet if into == "0" else names[into]
-        name = draft.device(f"{segment} repeater", "repeater", segment, place, at)
-        names[out] = name
-        where[out] = place
-        if not beside:
-            names[into], where[into] = name, place
+    def feed(self, begin: str, end: str, laid: Laid) -> None:
+        """Put a feeder in."""
+        feeder = cables()[self.draft.settings.feeder]
+        self.draft.run("feeder", (begin, end), laid, feeder, _PAIR, self.segment)
 
+    def lay_repeaters(self) -> None:
+        """Put repeaters beside the master or a module, or on the way where a cable is too long."""
+        names, where, drawn = self.names, self.where, self.line.drawn
+        done = dict.fromkeys({piece.edge for piece in drawn.pieces}, 0.0)
+        ends: dict[str, Place] = {}
+        for piece in drawn.pieces:
+            done[piece.edge] += piece.share
+            near, far = (np.array(self.spots[place]) for place in piece.edge)
+            x, y, z = (near + done[piece.edge] * (far - near)).tolist()
+            ends[piece.far] = (x, y, z)
+        for into, out in drawn.repeaters:
+            beside = into in names
+            place = where[into] if beside else ends[into]
+            at = "" if not beside else self.draft.cabinet if into == "0" else names[into]
+            names[out], where[out] = self.device("repeater", place, at), place
+            if not beside:
+                names[into], where[into] = names[out], place
 
-def _powered(line: Line) -> set[int]:
-    """Return the places that lie on the way to a module with outputs, that module included."""
-    before = {far: near for near, far in (piece.edge for piece in line.drawn.pieces)}
-    powered: set[int] = set()
-    for place, module in enumerate(line.modules, 1):
-        while module.outputs and place != 0 and place not in powered:
-            powered.add(place)
-            place = before[place]
-    return powered
+    def powered(self) -> set[int]:
+        """Return the places on the way to a module with outputs, that module included."""
+        before = {far: near for near, far in (piece.edge for piece in self.line.drawn.pieces)}
+        powered: set[int] = set()
+        for place, module in enumerate(self.line.modules, 1):
+            while module.outputs and place != 0 and place not in powered:
+                powered.add(place)
+                place = before[place]
+        return powered
 
-
-def _connect(draft: Draft, segment: str, line: Line, names: dict[str, str]) -> None:
-    assert line.plan is not None
-    for module, slave, response in zip(line.modules, line.slaves, line.responses, strict=True):
-        device = names[slave.node]
-        for row, port, late in zip(module.rows, module.ports, response, strict=True):
-            address = f"{slave.label} {port}"
-            draft.connect(int(row), "AS-i", segment, device, address, float(late))
-            draft.drop(int(row), device, module.place, segment, np.nan)
-    rows = np.concatenate([module.rows for module in line.modules])
-    shared = {slave.address for slave in line.slaves if slave.half == "B"}
-    shares = [
-        line.cycle.update_time(
-            module.profile, channels=module.channels, paired=slave.address in shared,
-            direction="out" if module.outputs else "in",
-        ) / draft.need[module.rows].min()
-        for module, slave in zip(line.modules, line.slaves, strict=True)
-    ]  # fmt: skip
-    parts = line.plan.segments
-    used = len({slave.address for slave in line.slaves})
-    draft.segment(
-        rows, segment=segment, bus="AS-i",
-        devices=len(line.slaves) + 1 + len(line.drawn.repeaters), length_m=line.drawn.length,
-        bus_time=line.cycle.bus_time, capacity_used=max(used / ADDRESSES, *shares), masters=1,
-        slaves=len(line.slaves), addresses=used, cycle_ms=1e3 * float(line.cycle.time),
-        repeaters=len(line.drawn.repeaters),
-        supply_current_a=max(part.current for part in parts),
-        lowest_v=min(min(part.voltages[node] for node, _ in part.draws) for part in parts),
-    )  # fmt: skip
+    def connect(self) -> None:
+        """Connect the points, and put the segment in."""
+        draft, segment, line = self.draft, self.segment, self.line
+        for module, slave, response in zip(line.modules, line.slaves, line.responses, strict=True):
+            device = self.names[slave.node]
+            for row, port, late in zip(module.rows, module.ports, response, strict=True):
+                address = f"{slave.label} {port}"
+                draft.connect(int(row), "AS-i", segment, device, address, float(late))
+                draft.drop(int(row), device, module.place, segment, np.nan)
+        rows = np.concatenate([module.rows for module in line.modules])
+        shared = {slave.address for slave in line.slaves if slave.half == "B"}
+        shares = [
+            line.cycle.update_time(
+                module.profile, channels=module.channels, paired=slave.address in shared,
+                direction="out" if module.outputs else "in",
+            ) / draft.need[module.rows].min()
+            for module, slave in zip(line.modules, line.slaves, strict=True)
+        ]  # fmt: skip
+        parts = self.plan.segments
+        used = len({slave.address for slave in line.slaves})
+        draft.segment(
+            rows, segment=segment, bus="AS-i",
+            devices=len(line.slaves) + 1 + len(line.drawn.repeaters),
+            length_m=line.drawn.length, bus_time=line.cycle.bus_time,
+            capacity_used=max(used / ADDRESSES, *shares), masters=1,
+            slaves=len(line.slaves), addresses=used, cycle_ms=1e3 * float(line.cycle.time),
+            repeaters=len(line.drawn.repeaters),
+            supply_current_a=max(part.current for part in parts),
+            lowest_v=min(min(part.voltages[node] for node, _ in part.draws) for part in parts),
+        )  # fmt: skip

@@ -348,7 +348,7 @@ def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, _Floats]:
     if mark == ",":
         cells.remarks.append(Remark("numbers have a decimal comma", detail=True))
     numbers = {name: _numbers(cells, name, mark) for name in RANGES}
-    _check_positions(cells)
+    _check_partly(cells, _POSITION)
     _place_by_frames(cells, numbers)
     _check_boxes(cells, boxes, numbers)
     return numbers
@@ -396,24 +396,21 @@ def _place_by_frames(cells: Cells, numbers: dict[str, _Floats]) -> None:
     cells.remarks.append(Remark("x, y, z computed from frame, deck and side", detail=True))
 
 
-def _check_positions(cells: Cells) -> None:
-    have = np.column_stack([cells.given(name) for name in _POSITION])
-    _check_partly(cells, _POSITION, have)
-
-
-def _check_partly(cells: Cells, names: Sequence[str], have: NDArray[np.bool_]) -> None:
+def _check_partly(cells: Cells, names: Sequence[str]) -> NDArray[np.bool_]:
+    """Check that each point has all coordinates of a place or none; return which it has."""
+    have = np.column_stack([cells.given(name) for name in names])
     for row in np.flatnonzero(have.any(axis=1) & ~have.all(axis=1)).tolist():
         missing = [name for name, one in zip(names, have[row], strict=True) if not one]
         titles = " and ".join(map(cells.title, missing))
         wanted = ", ".join(map(cells.title, names))
         cells.fault(row, missing[0], f", column {titles}: is empty; expected {wanted}, or none")
+    return have
 
 
 def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, _Floats]) -> None:
     """Check the boxes; all points of a box get the position that one of them names."""
-    have = np.column_stack([cells.given(name) for name in _BOX])
+    have = _check_partly(cells, _BOX)
     named = np.array([box != "" for box in boxes], dtype=bool)
-    _check_partly(cells, _BOX, have)
     alone = (have.any(axis=1) | cells.given("to_box_m")) & ~named
     cells.wrong(np.flatnonzero(alone).tolist(), "box", "a name, as the list says where it is")
     places = np.column_stack([numbers[name] for name in _BOX])

@@ -473,8 +473,8 @@ class Settings(_Plain):
         """Return one row per name: value, default, unit, legal values and meaning."""
         default = _default()
         rows = [
-            (name, self[name], default[name], unit(name), legal(name), meaning(name))
-            for name in names()
+            (name, self[name], default[name], kind.unit, legal(name), kind.help)
+            for name, kind in _kinds().items()
         ]
         columns = ["name", "value", "default", "unit", "legal", "meaning"]
         return pd.DataFrame(rows, columns=columns).set_index("name")
@@ -524,7 +524,7 @@ class Settings(_Plain):
         default = _default()
         lines = [_HEAD]
         table = ""
-        for name in names():
+        for name, kind in _kinds().items():
             part, _, own = name.rpartition(".")
             assumed = part == "assumptions"
             if part != table:
@@ -535,9 +535,9 @@ class Settings(_Plain):
                 lines.append("")
             was = f" Default {shown(default[name])}." if self[name] != default[name] else ""
             if assumed:
-                lines.append(f"{own} = {shown(self[name])}  # {meaning(name)}.{was}")
+                lines.append(f"{own} = {shown(self[name])}  # {kind.help}.{was}")
             else:
-                lines += [f"# {line}" for line in wrap(f"{meaning(name)}.", _WIDTH)]
+                lines += [f"# {line}" for line in wrap(f"{kind.help}.", _WIDTH)]
                 lines += [f"# {line}" for line in wrap(f"It must be {legal(name)}.{was}", _WIDTH)]
                 lines += [f"{own} = {shown(self[name])}", ""]
         for words, pairs in zip(Reading._fields, self.reading, strict=True):
@@ -596,16 +596,6 @@ def legal(name: str) -> str:
     said = words.get(type(kind), "") + kind.legal
     unit = "" if isinstance(kind, _Ends | _BitRates) else kind.unit
     return f"{said} {unit}".rstrip()
-
-
-def meaning(name: str) -> str:
-    """Return what a value is."""
-    return kind_of(name).help
-
-
-def unit(name: str) -> str:
-    """Return the unit of a value."""
-    return kind_of(name).unit
 
 
 def shown(value: object) -> str:

@@ -256,13 +256,12 @@ class _Join(NamedTuple):
 class TrayRoutes:
     """The shortest ways between all places of a ship, for one choice of trays to avoid."""
 
-    def __init__(self, trays: Trays, avoid: Collection[str] = ()) -> None:
-        names = {avoid} if isinstance(avoid, str) else set(avoid)
-        if names - set(trays.names):
-            unknown = ", ".join(map(repr, sorted(names - set(trays.names))))
+    def __init__(self, trays: Trays, avoid: frozenset[str]) -> None:
+        if wrong := avoid.difference(trays.names):
+            unknown = ", ".join(map(repr, sorted(wrong)))
             raise ArgumentError(f"avoid names {unknown}; the trays are {', '.join(trays.names)}")
         self.trays = trays
-        self._weight = np.where(np.isin(trays.names, list(names)), _AVOIDED, 1.0)
+        self._weight = np.where(np.isin(trays.names, list(avoid)), _AVOIDED, 1.0)
         size = len(trays.nodes)
         cost, metres = np.full((2, size, size), np.inf)
         self._tray = np.full((size, size), -1, dtype=np.intp)
@@ -397,41 +396,37 @@ class Site:
 
     def route(self, a: ArrayLike, b: ArrayLike, *, avoid: Collection[str] = ()) -> _Floats:
         """Return the length of the way between places."""
-        a, b = _places("a", a), _places("b", b)
-        _fit(a, b)
-        routes = self._routes(avoid)
+        a, b, routes = self._between(a, b, avoid)
         return np.asarray(np.abs(a - b).sum(axis=-1)) if routes is None else routes.lengths(a, b)
 
     def ways(
         self, a: ArrayLike, b: ArrayLike, *, avoid: Collection[str] = ()
     ) -> list[tuple[str, ...]]:
         """Return the trays between each of two rows of places."""
-        a, b = _places("a", a), _places("b", b)
-        shape = _fit(a, b)
-        routes = self._routes(avoid)
-        return [()] * prod(shape) if routes is None else routes.names(a, b)
+        a, b, routes = self._between(a, b, avoid)
+        if routes is None:
+            return [()] * prod(np.broadcast_shapes(a.shape, b.shape)[:-1])
+        return routes.names(a, b)
 
-    def _routes(self, avoid: Collection[str]) -> TrayRoutes | None:
-        if self.trays is None:
-            if avoid:
-                raise ArgumentError(f"avoid names {avoid!r}; the site has no trays")
-            return None
+    def _between(
+        self, a: ArrayLike, b: ArrayLike, avoid: Collection[str]
+    ) -> tuple[_Floats, _Floats, TrayRoutes | None]:
+        """Return both ends as arrays that fit, and the ways of the trays, if there are any."""
+        a, b = _places("a", a), _places("b", b)
+        try:
+            np.broadcast_shapes(a.shape, b.shape)
+        except ValueError:
+            raise ArgumentError(f"a has shape {a.shape} and b {b.shape}; they must fit") from None
+        if self.trays is None and avoid:
+            raise ArgumentError(f"avoid names {avoid!r}; the site has no trays")
         names = frozenset([avoid] if isinstance(avoid, str) else avoid)
-        if names not in self._known:
+        if self.trays is not None and names not in self._known:
             self._known[names] = TrayRoutes(self.trays, names)
-        return self._known[names]
+        return a, b, self._known.get(names)
 
     @cached_property
     def _known(self) -> dict[frozenset[str], TrayRoutes]:
         return {}
-
-
-def _fit(a: _Floats, b: _Floats) -> tuple[int, ...]:
-    """Return the shape of what two arrays of places are together."""
-    try:
-        return np.broadcast_shapes(a.shape, b.shape)[:-1]
-    except ValueError:
-        raise ArgumentError(f"a has shape {a.shape} and b {b.shape}; they must fit") from None
 
 
 def _places(name: str, given: ArrayLike) -> _Floats:

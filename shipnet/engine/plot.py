@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.collections import PolyCollection
+from matplotlib.patches import Patch
 
 from shipnet import style
 from shipnet.errors import ArgumentError
@@ -103,6 +105,9 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
     """Draw the screen of the AMS as tiles, one per point, with its value or its mark."""
     ax = style.axes(ax)
     table = table.reset_index()
+    # Clipped to the axes, they take no part in its layout; hundreds of them would take long.
+    inside: Any = {"ha": "center", "va": "center", "fontsize": 6.5, "clip_on": True}
+    tiles: dict[str, list[tuple[int, int, str]]] = {"": [], "//": []}
     columns = [table[name].tolist() for name in ("tag", "value", "unit", "age_s", "mark")]
     for place, (tag, value, unit, age, mark) in enumerate(zip(*columns, strict=True)):
         y, x = divmod(place, _TILES)
@@ -111,14 +116,17 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
             colour, text, ink = "0.2", mark, "1.0"
         elif age > old:
             colour, text = "#E69F00", f"{text}*"
-        ax.add_patch(
-            Rectangle(
-                (x, y), 0.94, 0.9, facecolor=colour, edgecolor="0.3", linewidth=0.5,
-                hatch="//" if mark == "0xFF?" else "",
+        tiles["//" if mark == "0xFF?" else ""].append((x, y, colour))
+        ax.text(x + 0.47, y + 0.63, text, color=ink, **inside)
+        ax.text(x + 0.47, y + 0.27, tag[-7:], color=ink, **inside)
+    for hatch, some in tiles.items():
+        corners = [[(x, y), (x + 0.94, y), (x + 0.94, y + 0.9), (x, y + 0.9)] for x, y, _ in some]
+        colours = [colour for *_, colour in some]
+        ax.add_collection(
+            PolyCollection(
+                corners, facecolors=colours, edgecolors="0.3", linewidths=0.5, hatch=hatch
             )
         )  # fmt: skip
-        ax.text(x + 0.47, y + 0.63, text, ha="center", va="center", color=ink, fontsize=6.5)
-        ax.text(x + 0.47, y + 0.27, tag[-7:], ha="center", va="center", color=ink, fontsize=6.5)
     handles = [
         Patch(facecolor="#d6eaf8", edgecolor="0.3", label="good"),
         Patch(facecolor="#E69F00", edgecolor="0.3", label=f"* older than {old:g} s"),
@@ -144,12 +152,13 @@ def plot_system(
     `failed` is where something fails, a box, cable or channel, and what to write beside the cross.
     """
     ax = style.axes(ax)
+    look = {"facecolor": "white", "edgecolor": "0.2", "zorder": 2}
     spots: dict[str, tuple[float, float]] = {}
     for k, (box, count) in enumerate(counts.items()):
         spots[box] = (2.0 * k, 0.0)
-        _box(ax, spots[box], f"{box}\n{count} points")
+        style.box(ax, 2.0 * k - 0.45, -0.28, 0.9, 0.56, f"{box}\n{count} points", **look)
     middle = len(counts) - 1.0
-    _box(ax, (middle, 2.0), "AMS")
+    style.box(ax, middle - 0.45, 1.72, 0.9, 0.56, "AMS", **look)
     for segment in segments:
         ends = [spots[end][0] for end in segment.split("-")]
         straight = abs(ends[0] - ends[1]) == 2.0
@@ -179,11 +188,3 @@ def plot_system(
     style.legend(ax)
     lowest = min(-0.35, *(y for _, y in spots.values())) - 0.4
     return bare(ax, (-1.0, 2.0 * middle + 1.0), (lowest, 2.6))
-
-
-def _box(ax: Axes, place: tuple[float, float], text: str) -> None:
-    x, y = place
-    ax.add_patch(
-        Rectangle((x - 0.45, y - 0.28), 0.9, 0.56, facecolor="white", edgecolor="0.2", zorder=2)
-    )
-    ax.text(x, y, text, ha="center", va="center", fontsize=8, zorder=3)

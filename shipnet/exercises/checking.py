@@ -11,7 +11,7 @@ from typing import Any
 from shipnet import datasets
 from shipnet.errors import ArgumentError
 from shipnet.exercises.answers import NotSolved, blank
-from shipnet.exercises.exercise import Exercise, Student
+from shipnet.exercises.exercise import EXERCISES, Exercise, Student
 from shipnet.lazy import pd
 
 #: Who has no name yet.
@@ -50,8 +50,8 @@ def exercises(lesson: int) -> tuple[Exercise, ...]:
     name = f"shipnet.exercises.lesson_{lesson:02}"
     if find_spec(name) is None:
         raise ArgumentError(f"lesson is {lesson}; there is no such lesson")
-    found: tuple[Exercise, ...] = import_module(name).EXERCISES
-    return found
+    import_module(name)
+    return tuple(one for key, one in EXERCISES.items() if key.startswith(f"ex-{lesson:02}-"))
 
 
 def exercise(key: str) -> Exercise:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from hashlib import sha256
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from shipnet.errors import ArgumentError
 from shipnet.exercises.answers import Answer
@@ -74,14 +74,17 @@ def student(name: str) -> Student:
     return Student(name)
 
 
+#: What is right for a student's numbers, and by hint the wrong answers that the hint is for.
+Solution: TypeAlias = tuple[Answer, dict[str, object]]
+
+
 @dataclass(frozen=True)
 class Exercise:
-    """One exercise of a lesson; `traps` maps hints to the wrong answers that they are for."""
+    """One exercise of a lesson: what it draws, and its solution for what was drawn."""
 
     key: str
-    answer: Callable[..., Answer]
-    draws: Mapping[str, Sequence[Any]] = field(default_factory=dict)
-    traps: Mapping[str, Callable[..., object]] = field(default_factory=dict)
+    draws: Mapping[str, Sequence[Any]]
+    solve: Callable[..., Solution]
 
     def given(self, me: Student) -> dict[str, Any]:
         """Return the numbers of a student by their names."""
@@ -91,14 +94,27 @@ class Exercise:
 
     def fault(self, answered: object, me: Student) -> str | None:
         """Say what is wrong with an answer."""
-        numbers = self.given(me)
-        right = self.answer(**numbers)
+        right, traps = self.solve(**self.given(me))
         fault = right.fault(answered)
         if fault is None:
             return None
-        for hint, wrong in self.traps.items():
+        for hint, wrong in traps.items():
             # The same kind of answer, with the trap as what is right.
-            trapped: Answer = replace(right, value=wrong(**numbers))  # type: ignore[type-var]
+            trapped: Answer = replace(right, value=wrong)  # type: ignore[type-var]
             if trapped.fault(answered) is None:
                 return hint
         return fault
+
+
+#: The exercises by their keys; filled as the modules of the lessons are imported.
+EXERCISES: dict[str, Exercise] = {}
+
+
+def solution(key: str, **draws: Sequence[Any]) -> Callable[[T], T]:
+    """Register a function of the numbers that are drawn as the solution of an exercise."""
+
+    def decorate(solve: T) -> T:
+        EXERCISES[key] = Exercise(key, draws, solve)  # type: ignore[arg-type]
+        return solve
+
+    return decorate

@@ -8,7 +8,7 @@ from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.segment import Quality
 from shipnet.asi.topologies import line
 from shipnet.exercises.answers import Choice, Function, Number, Whole
-from shipnet.exercises.exercise import Exercise
+from shipnet.exercises.exercise import Solution, solution
 from shipnet.line.cable import CABLES, Cable
 
 #: What may be at the end of a cable of 100 ohm: name -> resistor [ohm].
@@ -24,13 +24,49 @@ _ECHOES = {
 }
 _MIRRORED = dict(zip(_ENDS, reversed(_ENDS), strict=True))
 
-#: Length from which the design goes up, and by how much [m].
-_START, _STEP = 50, 10
+
+@solution("ex-02-1", echo=tuple(echo for echo in _ECHOES if echo))
+def cable_end(echo: float) -> Solution:
+    """What end of the cable makes an echo."""
+    end = _ECHOES[echo]
+    return Choice(end, tuple(_ENDS)), {
+        "think of the sign: which end adds to the voltage, which one takes it away?": (
+            _MIRRORED[end]
+        ),
+        "from an end with the wave impedance nothing comes back": "100 ohm",
+    }
+
+
+@solution("ex-02-2", length=range(60, 321, 20), delay=(5.0, 5.5, 6.0, 6.5, 7.0))
+def echo_time(length: int, delay: float) -> Solution:
+    """When an echo comes back, for a delay in ns/m."""
+    return Number(2 * length * delay * 1e-3, "us"), {
+        "the delay is the time for one metre: how long for all?": 2 * length / delay,
+        "is that there and back, or one way?": length * delay * 1e-3,
+    }
 
 
 def _echo(volts: float, resistor: float, z0: float) -> float:
     """Return the height of the wave that comes back [V]."""
     return volts * Cable.lossless(z0, 5e-9).reflection(resistor)
+
+
+_WAVES = [(1.0, 300.0, 100.0), (2.0, 25.0, 100.0), (3.0, 120.0, 120.0), (5.0, 1e6, 60.0)]
+
+
+@solution("ex-02-3")
+def echo_height() -> Solution:
+    """How high the wave is that comes back."""
+    return Function(_echo, _WAVES, lambda right: Number(right, "V")), {
+        "that is the voltage at the end, both waves together; only one comes back": (
+            lambda volts, r, z0: volts * 2 * r / (r + z0)
+        ),
+        "that is the factor: the wave has its volts, too": lambda volts, r, z0: _echo(1, r, z0),
+    }
+
+
+#: Length from which the design goes up, and by how much [m].
+_START, _STEP = 50, 10
 
 
 @cache
@@ -45,74 +81,16 @@ def _in_tolerance(length: int, delay: float) -> bool:
     return bool(even and quality.ringing.max() <= TOLERANCE.ringing)
 
 
-def _longest(delay: float) -> int:
-    """Return the last length before the first one that is out of tolerance [m]."""
-    length = _START
-    while _in_tolerance(length + _STEP, delay):
-        length += _STEP
-    return length
-
-
-def _longest_read(delay: float) -> int:
-    length = _START
-    while _quality(length + _STEP, delay).received.min() == 1:
-        length += _STEP
-    return length
-
-
-EXERCISES = (
-    Exercise(
-        "ex-02-1",
-        draws={"echo": tuple(echo for echo in _ECHOES if echo)},
-        answer=lambda echo: Choice(_ECHOES[echo], tuple(_ENDS)),
-        traps={
-            "think of the sign: which end adds to the voltage, which one takes it away?": (
-                lambda echo: _MIRRORED[_ECHOES[echo]]
-            ),
-            "from an end with the wave impedance nothing comes back": lambda echo: "100 ohm",
-        },
-    ),
-    Exercise(
-        "ex-02-2",
-        draws={"length": range(60, 321, 20), "delay": (5.0, 5.5, 6.0, 6.5, 7.0)},
-        answer=lambda length, delay: Number(2 * length * delay * 1e-3, "us"),
-        traps={
-            "the delay is the time for one metre: how long for all?": lambda length, delay: (
-                2 * length / delay
-            ),
-            "is that there and back, or one way?": lambda length, delay: length * delay * 1e-3,
-        },
-    ),
-    Exercise(
-        "ex-02-3",
-        answer=lambda: Function(
-            _echo,
-            [(1.0, 300.0, 100.0), (2.0, 25.0, 100.0), (3.0, 120.0, 120.0), (5.0, 1e6, 60.0)],
-            lambda right: Number(right, "V"),
-        ),
-        traps={
-            "that is the voltage at the end, both waves together; only one comes back": (
-                lambda: lambda volts, r, z0: volts * 2 * r / (r + z0)
-            ),
-            "that is the factor: the wave has its volts, too": (
-                lambda: lambda volts, r, z0: _echo(1, r, z0)
-            ),
-        },
-    ),
-    Exercise(
-        "ex-02-4",
-        draws={"delay": (4.5, 5.0, 5.5, 6.0, 7.0, 7.5, 8.0)},
-        answer=lambda delay: Whole(_longest(delay), "m"),
-        traps={
-            "every answer is still read there, but is the ringing within its tolerance?": (
-                _longest_read
-            ),
-            "a longer cable keeps both tolerances, too: go on until one is broken": lambda delay: (
-                _longest(delay) - _STEP
-            ),
-            "that is half of it: the echo goes there and back, the cable is laid once": (
-                lambda delay: _longest(delay) // 2
-            ),
-        },
-    ),
-)
+@solution("ex-02-4", delay=(4.5, 5.0, 5.5, 6.0, 7.0, 7.5, 8.0))
+def longest_cable(delay: float) -> Solution:
+    """Last length before the first one that is out of tolerance."""
+    longest = readable = _START
+    while _in_tolerance(longest + _STEP, delay):
+        longest += _STEP
+    while _quality(readable + _STEP, delay).received.min() == 1:
+        readable += _STEP
+    return Whole(longest, "m"), {
+        "every answer is still read there, but is the ringing within its tolerance?": readable,
+        "a longer cable keeps both tolerances, too: go on until one is broken": longest - _STEP,
+        "that is half of it: the echo goes there and back, the cable is laid once": longest // 2,
+    }

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import combinations, pairwise
 from math import ceil, log2
 
 from shipnet.asi.telegram import frame
 from shipnet.exercises.answers import Bits, Function, Whole
-from shipnet.exercises.exercise import Exercise
+from shipnet.exercises.exercise import Solution, solution
+
+
+# None is the same backwards: the wrong order gives another telegram.
+@solution("ex-03-1", bits=tuple(f"{data:04b}" for data in range(1, 15) if data not in (6, 9)))
+def telegram(bits: str) -> Solution:
+    """The telegram that frames some bits."""
+    right = frame(bits)
+    return Bits(right), {
+        "count the ones again: without the end bit, their number must be even": (
+            right[:-2] + "10"[int(right[-2])] + right[-1]
+        ),
+        "in which order do the data stand? As they are given": frame(bits[::-1]),
+    }
+
 
 #: The generator of exercise 2, and zeros for the check bits that it makes.
 _GENERATOR, _ROOM = "1011", "000"
@@ -20,19 +34,22 @@ _MESSAGES = (
 )
 
 
-def _parity_flipped(bits: str) -> str:
-    telegram = frame(bits)
-    return telegram[:-2] + "10"[int(telegram[-2])] + telegram[-1]
-
-
-def _remainder(row: str, generator: str = _GENERATOR) -> str:
+def _remainder(row: str) -> str:
     """Return what a division without carries leaves, one bit less than the generator has."""
-    width = len(generator) - 1
+    width = len(_GENERATOR) - 1
     left = int(row, 2)
     for place in reversed(range(len(row) - width)):
         if left >> (place + width) & 1:
-            left ^= int(generator, 2) << place
+            left ^= int(_GENERATOR, 2) << place
     return f"{left:0{width}b}"
+
+
+@solution("ex-03-2", bits=_MESSAGES)
+def check_bits(bits: str) -> Solution:
+    """Check bits of a CRC."""
+    return Bits(_remainder(bits + _ROOM)), {
+        "make room first: three zeros behind the bits, then divide": _remainder(bits),
+    }
 
 
 def _differences(one: str, other: str) -> int:
@@ -44,18 +61,6 @@ def _distance(words: Sequence[str]) -> int:
     return min(_differences(one, other) for one, other in combinations(words, 2))
 
 
-def _neighbours(words: Sequence[str]) -> int:
-    return min(_differences(one, other) for one, other in pairwise(words))
-
-
-def _with_itself(words: Sequence[str]) -> int:
-    return min(_differences(one, other) for one in words for other in words)
-
-
-def _function(distance: Callable[[Sequence[str]], int]) -> Callable[[], Callable[..., int]]:
-    return lambda: distance
-
-
 #: Sets of words to try: two words, no neighbours the nearest, answers of a slave, opposites.
 _TRIED = [
     (["000", "111"],),
@@ -65,56 +70,29 @@ _TRIED = [
 ]
 
 
-def _width(hits: int, years: int) -> int:
-    """Return the fewest bits of a CRC with which fewer than one hit message passes."""
-    return ceil(log2(hits * 365 * years))
+@solution("ex-03-3")
+def distance() -> Solution:
+    """Hamming distance of some words."""
+    return Function(_distance, _TRIED, lambda right: Whole(right, "places")), {
+        "a word differs from itself nowhere: compare different words only": (
+            lambda words: min(_differences(one, other) for one in words for other in words)
+        ),
+        "neighbours in the list are not all pairs": (
+            lambda words: min(_differences(one, other) for one, other in pairwise(words))
+        ),
+    }
 
 
-EXERCISES = (
-    Exercise(
-        "ex-03-1",
-        # None is the same backwards: the wrong order gives another telegram.
-        draws={"bits": tuple(f"{data:04b}" for data in range(1, 15) if data not in (6, 9))},
-        answer=lambda bits: Bits(frame(bits)),
-        traps={
-            "count the ones again: without the end bit, their number must be even": _parity_flipped,
-            "in which order do the data stand? As they are given": lambda bits: frame(bits[::-1]),
-        },
-    ),
-    Exercise(
-        "ex-03-2",
-        draws={"bits": _MESSAGES},
-        answer=lambda bits: Bits(_remainder(bits + _ROOM)),
-        traps={
-            "make room first: three zeros behind the bits, then divide": lambda bits: _remainder(
-                bits
-            ),
-        },
-    ),
-    Exercise(
-        "ex-03-3",
-        answer=lambda: Function(_distance, _TRIED, lambda right: Whole(right, "places")),
-        traps={
-            "a word differs from itself nowhere: compare different words only": _function(
-                _with_itself
-            ),
-            "neighbours in the list are not all pairs": _function(_neighbours),
-        },
-    ),
-    Exercise(
-        "ex-03-4",
-        draws={"hits": (5, 8, 10, 20, 30, 40), "years": (5, 10, 20, 25)},
-        answer=lambda hits, years: Whole(_width(hits, years), "bits"),
-        traps={
-            "with so few bits more than one passes: round up": lambda hits, years: (
-                _width(hits, years) - 1
-            ),
-            "the hits are counted in a day: how many are they in all the years?": (
-                lambda hits, years: ceil(log2(hits * years))
-            ),
-            "so many messages are hit; with how many check bits does one in so many pass?": (
-                lambda hits, years: hits * 365 * years
-            ),
-        },
-    ),
-)
+@solution("ex-03-4", hits=(5, 8, 10, 20, 30, 40), years=(5, 10, 20, 25))
+def crc_width(hits: int, years: int) -> Solution:
+    """Fewest bits of a CRC with which fewer than one of the messages hit each day passes."""
+    width = ceil(log2(hits * 365 * years))
+    return Whole(width, "bits"), {
+        "with so few bits more than one passes: round up": width - 1,
+        "the hits are counted in a day: how many are they in all the years?": (
+            ceil(log2(hits * years))
+        ),
+        "so many messages are hit; with how many check bits does one in so many pass?": (
+            hits * 365 * years
+        ),
+    }

@@ -9,19 +9,30 @@ from shipnet.can.lengths import frame_length
 from shipnet.can.messages import Message, MessageSet
 from shipnet.can.response import audsley, response_times
 from shipnet.exercises.answers import Bits, Choice, Function, Number, Whole
-from shipnet.exercises.exercise import Exercise
+from shipnet.exercises.exercise import Solution, solution
 
 _RATE = 125_000
 
+#: Neither has five equal bits in a row before they differ, and both have a 1 before it.
+_PAIRS = (
+    *(("0x0AD", "0x0B4"), ("0x1B2", "0x1A1"), ("0x324", "0x335"), ("0x1DB", "0x1D5")),
+    *(("0x54D", "0x543"), ("0x267", "0x26B"), ("0x216", "0x213"), ("0x342", "0x347")),
+)
 
-def _stops_at(ids: tuple[str, str]) -> int:
-    """Return the bit of the id at which the loser stops; no stuff bit stands before it."""
-    stopped = arbitrate([Frame(int(number, 16)) for number in ids]).stopped
-    return max(bit for bit in stopped if bit is not None)
 
-
-def _first_one(ids: tuple[str, str]) -> int:
-    return 11 - max(int(number, 16) for number in ids).bit_length() + 1
+@solution("ex-05-1", ids=_PAIRS)
+def stops_at(ids: tuple[str, str]) -> Solution:
+    """Bit of the id at which the loser stops; no stuff bit stands before it."""
+    numbers = [int(number, 16) for number in ids]
+    right = max(bit for bit in arbitrate(list(map(Frame, numbers))).stopped if bit is not None)
+    return Whole(right), {
+        "that counts from the other end: the highest bit of the id is sent first": 12 - right,
+        "the first bit of the id is number 1, not 0": right - 1,
+        "the start of frame, SOF, is no bit of the id": right + 1,
+        "there the loser sends its first 1; does the other one send a 0 there?": (
+            12 - max(numbers).bit_length()
+        ),
+    }
 
 
 def _stuffed_as_if_reset(bits: str) -> str:
@@ -39,8 +50,18 @@ def _stuffed_as_if_reset(bits: str) -> str:
 _TRIED = [("0110",), ("11111",), ("000001111",), ("0000000000",), ("0111110000011111",)]
 
 
-def _mine(stop_ms: float, n_bytes: int) -> MessageSet:
-    return MessageSet(
+@solution("ex-05-2")
+def stuffed() -> Solution:
+    """Bits with their stuff bits."""
+    return Function(stuff, _TRIED, Bits), {
+        "a stuff bit is itself the first of the next run of five": _stuffed_as_if_reset,
+    }
+
+
+@solution("ex-05-3", stop_ms=(1.75, 2.0, 2.25), n_bytes=(5, 6, 7, 8))
+def response(stop_ms: float, n_bytes: int) -> Solution:
+    """Longest response of a message that waits for two others and is blocked by a third."""
+    messages = MessageSet(
         [
             Message("stop", 1, 1, stop_ms / 1e3),
             Message("speed", 2, 4, 0.01),
@@ -48,21 +69,23 @@ def _mine(stop_ms: float, n_bytes: int) -> MessageSet:
             Message("log", 4, 8, 1.0),
         ]
     )
-
-
-def _response_ms(stop_ms: float, n_bytes: int) -> float:
-    return 1e3 * response_times(_mine(stop_ms, n_bytes), _RATE)["yours"].response
-
-
-def _frame_ms(n_bytes: int) -> float:
-    return 1e3 * frame_length(n_bytes) / _RATE
-
-
-def _without_stuff_bits(stop_ms: float, n_bytes: int) -> float:
+    right = 1e3 * response_times(messages, _RATE)["yours"].response
+    stop, speed, yours, log = 1e3 * frame_length([1, 4, n_bytes, 8]) / _RATE
+    bare = 1e3 * frame_length([1, 4, n_bytes, 8], stuffing="none") / _RATE
     # Every frame counted without stuff bits; stop still comes twice, or once.
-    lengths = [1e3 * frame_length(size, stuffing="none") / _RATE for size in (1, 4, n_bytes, 8)]
-    once = lengths[3] + lengths[0] + lengths[1]
-    return once + (lengths[0] if once > stop_ms else 0.0) + lengths[2]
+    once = bare[3] + bare[0] + bare[1]
+    return Number(right, "ms"), {
+        "a less urgent frame may just have begun: who blocks, and for how long?": (
+            stop + speed + yours
+        ),
+        "while you wait, time passes: does a more urgent message come again?": (
+            log + stop + speed + yours
+        ),
+        "that is the wait; your own frame has to be sent too": right - yours,
+        "frames without stuff bits; for the worst case count 55 + 10 n bits": (
+            once + (bare[0] if once > stop_ms else 0.0) + bare[2]
+        ),
+    }
 
 
 def _table(*rows: str) -> str:
@@ -82,76 +105,16 @@ _SETS = (
 _ORDERS = tuple(" ".join(names) for names in permutations(("pitch", "pump", "rudder")))
 
 
-def _order(messages: str) -> str:
-    found = audsley(MessageSet.parse(messages), _RATE).messages
-    return " ".join(found.names)
-
-
-def _by_deadline(messages: str) -> str:
-    return " ".join(MessageSet.parse(messages).deadline_monotonic().names)
-
-
-EXERCISES = (
-    Exercise(
-        "ex-05-1",
-        # Neither has five equal bits in a row before they differ, and both have a 1 before it.
-        draws={
-            "ids": (
-                ("0x0AD", "0x0B4"),
-                ("0x1B2", "0x1A1"),
-                ("0x324", "0x335"),
-                ("0x1DB", "0x1D5"),
-                ("0x54D", "0x543"),
-                ("0x267", "0x26B"),
-                ("0x216", "0x213"),
-                ("0x342", "0x347"),
-            )
-        },
-        answer=lambda ids: Whole(_stops_at(ids)),
-        traps={
-            "that counts from the other end: the highest bit of the id is sent first": lambda ids: (
-                12 - _stops_at(ids)
-            ),
-            "the first bit of the id is number 1, not 0": lambda ids: _stops_at(ids) - 1,
-            "the start of frame, SOF, is no bit of the id": lambda ids: _stops_at(ids) + 1,
-            "there the loser sends its first 1; does the other one send a 0 there?": _first_one,
-        },
-    ),
-    Exercise(
-        "ex-05-2",
-        answer=lambda: Function(stuff, _TRIED, Bits),
-        traps={
-            "a stuff bit is itself the first of the next run of five": lambda: _stuffed_as_if_reset,
-        },
-    ),
-    Exercise(
-        "ex-05-3",
-        draws={"stop_ms": (1.75, 2.0, 2.25), "n_bytes": (5, 6, 7, 8)},
-        answer=lambda stop_ms, n_bytes: Number(_response_ms(stop_ms, n_bytes), "ms"),
-        traps={
-            "a less urgent frame may just have begun: who blocks, and for how long?": (
-                lambda stop_ms, n_bytes: sum(map(_frame_ms, (1, 4, n_bytes)))
-            ),
-            "while you wait, time passes: does a more urgent message come again?": (
-                lambda stop_ms, n_bytes: sum(map(_frame_ms, (8, 1, 4, n_bytes)))
-            ),
-            "that is the wait; your own frame has to be sent too": lambda stop_ms, n_bytes: (
-                _response_ms(stop_ms, n_bytes) - _frame_ms(n_bytes)
-            ),
-            "frames without stuff bits; for the worst case count 55 + 10 n bits": (
-                _without_stuff_bits
-            ),
-        },
-    ),
-    Exercise(
-        "ex-05-4",
-        draws={"messages": _SETS},
-        answer=lambda messages: Choice(_order(messages), _ORDERS),
-        traps={
-            "that is the order by deadline; look at the response of the last one": _by_deadline,
-            "the most urgent is not first: compare its deadline with a wait for two long frames": (
-                lambda messages: " ".join(reversed(_by_deadline(messages).split()))
-            ),
-        },
-    ),
-)
+@solution("ex-05-4", messages=_SETS)
+def order(messages: str) -> Solution:
+    """Order of messages, the most urgent first, in which all are in time."""
+    known = MessageSet.parse(messages)
+    by_deadline = known.deadline_monotonic().names
+    return Choice(" ".join(audsley(known, _RATE).messages.names), _ORDERS), {
+        "that is the order by deadline; look at the response of the last one": (
+            " ".join(by_deadline)
+        ),
+        "the most urgent is not first: compare its deadline with a wait for two long frames": (
+            " ".join(reversed(by_deadline))
+        ),
+    }

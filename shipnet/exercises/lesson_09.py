@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from functools import cache, partial
-from typing import Any
+from functools import cache
 
 import numpy as np
 
 from shipnet.ballast.rule_table import rule_base
 from shipnet.exercises.answers import Bits, Choices, Function, Number, Table
-from shipnet.exercises.exercise import Exercise
+from shipnet.exercises.exercise import Solution, solution
 
 _BASE = rule_base()
 
@@ -24,18 +23,26 @@ _STATES = (
     (60, 3.1, 1.2, 93, -3, 2),
 )
 
-#: Windows of the design.
-_WINDOWS = (5, 10, 20)
+
+@solution("ex-09-1", readings=tuple(dict(zip(_BASE.names, x, strict=True)) for x in _STATES))
+def codes(readings: dict[str, float]) -> Solution:
+    """Rules that hold for some readings."""
+    found = _BASE.decide(readings, method="crisp").codes()
+    return Choices(frozenset(found), _BASE.codes), {
+        "that is the first in rank only; asked for is every rule that holds": frozenset(found[:1]),
+    }
 
 
-def _codes(readings: dict[str, float]) -> tuple[str, ...]:
-    return _BASE.decide(readings, method="crisp").codes()
-
-
-def _degrees(FP: float, OP: float) -> tuple[float, float]:
-    high = (_BASE[name]["high"].membership(x) for name, x in (("FP", FP), ("OP", OP)))
-    one, other = map(float, high)
-    return one, other
+# No two memberships are equal, so that each mistake gives another number.
+@solution("ex-09-2", FP=(116, 118, 122, 124), OP=(2.25, 2.45, 2.65, 2.85))
+def strength(FP: float, OP: float) -> Solution:
+    """Firing strength of a rule with two terms."""
+    terms = [float(_BASE[name]["high"].membership(x)) for name, x in (("FP", FP), ("OP", OP))]
+    return Number(min(terms)), {
+        "that is the product; a chain is as strong as its weakest link": float(np.prod(terms)),
+        "that is the mean; a strong term does not make up for a weak one": float(np.mean(terms)),
+        "that is the stronger term; both must hold": max(terms),
+    }
 
 
 @cache
@@ -78,79 +85,34 @@ _TRIED = [
 ]
 
 
-def _least(burst: int, period: int, n: int) -> int:
-    """Return the least k of n that is not active while bursts go on for ever."""
+@solution("ex-09-3")
+def persistence() -> Solution:
+    """When a code is active that fires now and then."""
+    return Function(_persistent, _TRIED, Bits), {
+        "k readings are enough: k or more, not more than k": _more_than,
+        "the k readings need not stand in a row": _in_a_row,
+        "the reading itself is the last of the n": _before,
+        "the window ends with this reading; it does not begin with it": _ahead,
+        "that is what fires now; count over the last n readings": lambda fires, k, n: fires,
+    }
+
+
+@solution("ex-09-4", burst=(2, 3), period=(6, 7, 8), step=(50, 100, 200))
+def windows(burst: int, period: int, step: int) -> Solution:
+    """Least k of each window that bursts do not make active, and the delay that it costs."""
     bursts = ("1" * burst + "0" * (period - burst)) * 20
-    return next(k for k in range(1, n + 1) if "1" not in _persistent(bursts, k, n))
-
-
-def _rows(burst: int, period: int, step: int, *, late: int = 0) -> list[dict[str, Any]]:
     rows = []
-    for n in _WINDOWS:
-        k = _least(burst, period, n)
-        first = _persistent("1" * n, k, n).index("1")
-        rows.append({"n": n, "k": k, "delay": (first + late) * step})
-    return rows
-
-
-def _one_burst(burst: int, period: int, step: int) -> list[dict[str, Any]]:
-    return [{"n": n, "k": burst + 1, "delay": burst * step} for n in _WINDOWS]
-
-
-def _one_less(burst: int, period: int, step: int) -> list[dict[str, Any]]:
-    rows = _rows(burst, period, step, late=-1)
-    return [{**row, "k": row["k"] - 1} for row in rows]
-
-
-EXERCISES = (
-    Exercise(
-        "ex-09-1",
-        draws={"readings": tuple(dict(zip(_BASE.names, x, strict=True)) for x in _STATES)},
-        answer=lambda readings: Choices(frozenset(_codes(readings)), _BASE.codes),
-        traps={
-            "that is the first in rank only; asked for is every rule that holds": lambda readings: (
-                frozenset(_codes(readings)[:1])
-            ),
-        },
-    ),
-    Exercise(
-        "ex-09-2",
-        # No two memberships are equal, so that each mistake gives another number.
-        draws={"FP": (116, 118, 122, 124), "OP": (2.25, 2.45, 2.65, 2.85)},
-        answer=lambda FP, OP: Number(min(_degrees(FP, OP))),
-        traps={
-            "that is the product; a chain is as strong as its weakest link": lambda FP, OP: float(
-                np.prod(_degrees(FP, OP))
-            ),
-            "that is the mean; a strong term does not make up for a weak one": lambda FP, OP: float(
-                np.mean(_degrees(FP, OP))
-            ),
-            "that is the stronger term; both must hold": lambda FP, OP: max(_degrees(FP, OP)),
-        },
-    ),
-    Exercise(
-        "ex-09-3",
-        answer=lambda: Function(_persistent, _TRIED, Bits),
-        traps={
-            "k readings are enough: k or more, not more than k": lambda: _more_than,
-            "the k readings need not stand in a row": lambda: _in_a_row,
-            "the reading itself is the last of the n": lambda: _before,
-            "the window ends with this reading; it does not begin with it": lambda: _ahead,
-            "that is what fires now; count over the last n readings": lambda: (
-                lambda fires, k, n: fires
-            ),
-        },
-    ),
-    Exercise(
-        "ex-09-4",
-        draws={"burst": (2, 3), "period": (6, 7, 8), "step": (50, 100, 200)},
-        answer=lambda burst, period, step: Table(_rows(burst, period, step), {"delay": "ms"}),
-        traps={
-            "a long window holds more than one burst: count again in the longer ones": _one_burst,
-            "with this k the bursts themselves are an alarm: one more is needed": _one_less,
-            "the first reading that fires already counts: how long from it to the last of the k?": (
-                partial(_rows, late=1)
-            ),
-        },
-    ),
-)
+    for n in (5, 10, 20):
+        k = next(k for k in range(1, n + 1) if "1" not in _persistent(bursts, k, n))
+        rows.append({"n": n, "k": k, "delay": _persistent("1" * n, k, n).index("1") * step})
+    return Table(rows, {"delay": "ms"}), {
+        "a long window holds more than one burst: count again in the longer ones": [
+            {**row, "k": burst + 1, "delay": burst * step} for row in rows
+        ],
+        "with this k the bursts themselves are an alarm: one more is needed": [
+            {**row, "k": row["k"] - 1, "delay": row["delay"] - step} for row in rows
+        ],
+        "the first reading that fires already counts: how long from it to the last of the k?": [
+            {**row, "delay": row["delay"] + step} for row in rows
+        ],
+    }

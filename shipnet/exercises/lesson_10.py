@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cache, partial
+from functools import cache
 
 from shipnet import datasets
 from shipnet.design.costs import Quantities, conductors_at_cabinet
 from shipnet.design.iolist import read_iolist
 from shipnet.design.plant import Plant
 from shipnet.exercises.answers import Choice, Function, Number
-from shipnet.exercises.exercise import Exercise
+from shipnet.exercises.exercise import Solution, solution
 
 #: Total cost [EUR], points lost by one failure, and faults, by option.
 _Options = Mapping[str, tuple[int, int, int]]
@@ -22,55 +22,58 @@ _POOR = "AS-i without repeaters"
 _NEAR, _FAR = 10, 30
 
 
+@solution("ex-10-1", contacts=range(120, 401, 20), lines=range(3, 9))
+def conductors_left(contacts: int, lines: int) -> Solution:
+    """Conductors at the cabinet that AS-i leaves of those of home runs."""
+    plant = Plant(contacts, contacts=1, lines=lines)
+    wired, bus = map(conductors_at_cabinet, (plant.hardwired, plant.on_asi))
+    left = 100 * bus / wired
+    return Number(left, "%"), {
+        "that is what is saved; asked for is what is left": 100 - left,
+        "that is how many times fewer; asked for is what is left": contacts / lines,
+        "that is one line; how many are there?": left / lines,
+    }
+
+
 @cache
-def _conductors(contacts: int, lines: int) -> int:
-    """Return the conductors at the cabinet on AS-i, or of home runs if AS-i needs no line."""
-    plant = Plant(contacts, contacts=1, lines=lines or 1)
-    return conductors_at_cabinet(plant.on_asi if lines else plant.hardwired)
-
-
-def _left(contacts: int, lines: int) -> float:
-    return 100 * _conductors(contacts, lines) / _conductors(contacts, 0)
-
-
-@cache
-def _quantities(bus: bool, modules: int, distance: float, spacing: float) -> Quantities:
+def _quantities(modules: int, distance: float, spacing: float) -> tuple[Quantities, Quantities]:
+    """Return what a plant takes with home runs, and on AS-i."""
     plant = Plant(modules=modules, contacts=2, distance=distance, spacing=spacing)
-    return (plant.on_asi if bus else plant.hardwired).quantities()
+    return plant.hardwired.quantities(), plant.on_asi.quantities()
 
 
-def _cost(bus: bool, figure: str, modules: int, distance: float, spacing: float) -> float:
-    return _quantities(bus, modules, distance, spacing)[figure]
+@solution("ex-10-2", modules=(12, 14, 16, 20, 24), distance=(30, 40, 60, 80))
+def saved(modules: int, distance: float) -> Solution:
+    """Share of the cost that AS-i saves."""
+    wired, bus = _quantities(modules, distance, 4)
+
+    def of(figure: str) -> float:
+        return 100 * (1 - bus[figure] / wired[figure])
+
+    right = of("total_cost_eur")
+    return Number(right, "%"), {
+        "that is the cable alone; work and hardware cost too": of("cable_cost_eur"),
+        "a saving is a share of what it would have cost without the bus": (
+            100 * (wired["total_cost_eur"] / bus["total_cost_eur"] - 1)
+        ),
+        "that is the conductors; asked for is the cost": of("conductors_at_cabinet"),
+        "that is what is left; asked for is what is saved": 100 - right,
+    }
 
 
-def _costs(modules: int, distance: float, figure: str = "total_cost_eur") -> tuple[float, float]:
-    wired, bus = (_cost(bus, figure, modules, distance, 4) for bus in (False, True))
-    return wired, bus
-
-
-def _saved(modules: int, distance: float, figure: str = "total_cost_eur") -> float:
-    wired, bus = _costs(modules, distance, figure)
-    return 100 * (1 - bus / wired)
-
-
-def _crossing(modules: int, spacing: int) -> tuple[float, float, float]:
-    """Return how much dearer AS-i is at the near place, and cost per metre of both."""
-    (wired, wired_far), (bus, bus_far) = (
-        [_cost(kind, "total_cost_eur", modules, place, spacing) for place in (_NEAR, _FAR)]
-        for kind in (False, True)
+@solution("ex-10-3", modules=range(4, 9), spacing=(1, 2))
+def break_even(modules: int, spacing: int) -> Solution:
+    """Distance from which AS-i costs less than home runs."""
+    (wired, bus), (wired_far, bus_far) = (
+        [one["total_cost_eur"] for one in _quantities(modules, place, spacing)]
+        for place in (_NEAR, _FAR)
     )
-    way = _FAR - _NEAR
-    return bus - wired, (wired_far - wired) / way, (bus_far - bus) / way
-
-
-def _break_even(modules: int, spacing: int) -> float:
-    dearer, wired, bus = _crossing(modules, spacing)
-    return _NEAR + dearer / (wired - bus)
-
-
-def _without_growth(modules: int, spacing: int) -> float:
-    dearer, wired, _ = _crossing(modules, spacing)
-    return _NEAR + dearer / wired
+    wired_per_m, bus_per_m = (wired_far - wired) / (_FAR - _NEAR), (bus_far - bus) / (_FAR - _NEAR)
+    beyond = (bus - wired) / (wired_per_m - bus_per_m)
+    return Number(_NEAR + beyond, "m"), {
+        "both lines are known from 10 m on: have you counted from there?": beyond,
+        "AS-i grows with the distance too, only more slowly": _NEAR + (bus - wired) / wired_per_m,
+    }
 
 
 @cache
@@ -117,76 +120,24 @@ def _cases() -> list[tuple[_Options, int]]:
     return [(long, 1), (long, most), (long, most - 1), (long, 0), (short, short["CAN"][1])]
 
 
-EXERCISES = (
-    Exercise(
-        "ex-10-1",
-        draws={"contacts": range(120, 401, 20), "lines": range(3, 9)},
-        answer=lambda contacts, lines: Number(_left(contacts, lines), "%"),
-        traps={
-            "that is what is saved; asked for is what is left": lambda contacts, lines: (
-                100 - _left(contacts, lines)
-            ),
-            "that is how many times fewer; asked for is what is left": lambda contacts, lines: (
-                contacts / lines
-            ),
-            "that is one line; how many are there?": lambda contacts, lines: _left(contacts, 1),
-        },
-    ),
-    Exercise(
-        "ex-10-2",
-        draws={"modules": (12, 14, 16, 20, 24), "distance": (30, 40, 60, 80)},
-        answer=lambda modules, distance: Number(_saved(modules, distance), "%"),
-        traps={
-            "that is the cable alone; work and hardware cost too": partial(
-                _saved, figure="cable_cost_eur"
-            ),
-            "a saving is a share of what it would have cost without the bus": (
-                lambda modules, distance: (
-                    100 * (_costs(modules, distance)[0] / _costs(modules, distance)[1] - 1)
-                )
-            ),
-            "that is the conductors; asked for is the cost": partial(
-                _saved, figure="conductors_at_cabinet"
-            ),
-            "that is what is left; asked for is what is saved": lambda modules, distance: (
-                100 - _saved(modules, distance)
-            ),
-        },
-    ),
-    Exercise(
-        "ex-10-3",
-        draws={"modules": range(4, 9), "spacing": (1, 2)},
-        answer=lambda modules, spacing: Number(_break_even(modules, spacing), "m"),
-        traps={
-            "both lines are known from 10 m on: have you counted from there?": (
-                lambda modules, spacing: _break_even(modules, spacing) - _NEAR
-            ),
-            "AS-i grows with the distance too, only more slowly": _without_growth,
-        },
-    ),
-    Exercise(
-        "ex-10-4",
-        answer=lambda: Function(
-            _choose,
-            _cases(),
-            lambda right: Choice(right, (*dict.fromkeys((*_reviews()[0], *_reviews()[1])), "none")),
+@solution("ex-10-4")
+def choice() -> Solution:
+    """The cheapest option that loses few points and has no faults."""
+    options = (*dict.fromkeys((*_reviews()[0], *_reviews()[1])), "none")
+    return Function(_choose, _cases(), lambda right: Choice(right, options)), {
+        "this one is cheap, but does it lose more points than the limit?": (
+            lambda options, limit: _cheapest(options, lambda cost, lost, faults: not faults)
         ),
-        traps={
-            "this one is cheap, but does it lose more points than the limit?": lambda: (
-                lambda options, limit: _cheapest(options, lambda cost, lost, faults: not faults)
-            ),
-            "an option with faults is none: what is left out costs nothing": lambda: (
-                lambda options, limit: _cheapest(options, lambda cost, lost, faults: lost <= limit)
-            ),
-            "the limit itself is allowed: at most, not less": lambda: (
-                lambda options, limit: _cheapest(
-                    options, lambda cost, lost, faults: lost < limit and not faults
-                )
-            ),
-            "two things come before the cost: the faults, and the limit": lambda: (
-                lambda options, limit: _cheapest(options, lambda cost, lost, faults: True)
-            ),
-            "of all that keep the limit, which one is the cheapest?": lambda: _safest,
-        },
-    ),
-)
+        "an option with faults is none: what is left out costs nothing": (
+            lambda options, limit: _cheapest(options, lambda cost, lost, faults: lost <= limit)
+        ),
+        "the limit itself is allowed: at most, not less": (
+            lambda options, limit: _cheapest(
+                options, lambda cost, lost, faults: lost < limit and not faults
+            )
+        ),
+        "two things come before the cost: the faults, and the limit": (
+            lambda options, limit: _cheapest(options, lambda cost, lost, faults: True)
+        ),
+        "of all that keep the limit, which one is the cheapest?": _safest,
+    }

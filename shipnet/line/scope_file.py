@@ -19,7 +19,7 @@ from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 from struct import unpack
-from typing import IO, Any, Literal, NamedTuple
+from typing import IO, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +37,16 @@ MOST_NUMBERS, MOST_PER_BYTE = 2**24, 4
 
 #: Size from which the numbers of a numpy file are not read at once [byte].
 MAPPED = 2**26
+
+#: Samples of logic that a session may unpack to per byte of the file (deflate reaches 1032), and
+#: changes of level that are kept of them.
+MOST_LOGIC_PER_BYTE, MOST_EDGES = 1100, 2**24
+
+#: Samples of logic that are looked at at a time.
+_BLOCK = 2**22
+
+#: Uncertainty of an edge of a sampled voltage, which is interpolated [sample].
+_INTERPOLATED = 0.3
 
 #: Largest description of a sigrok session [byte].
 _LARGEST_METADATA = 2**20
@@ -84,15 +94,68 @@ def read_scope_file(
     sample_interval: float | None = None,
 ) -> Recording:
     """Read one channel of a recorded waveform."""
+    return _read(path, channel, sample_interval, _recording)
+
+
+class Edges(NamedTuple):
+    """Where one channel of a record changes between two levels."""
+
+    places: npt.NDArray[
+        np.floating[Any]
+    ]  # samples since the first one; the middle of where each change can be
+    width: float  # how much of a sample that is: all of it for logic
+    first: int  # level before the first change, 0 or 1
+    samples: float  # length of the record
+    dt: float  # time between two samples [s]
+    channel: str
+
+
+def read_edges(
+    path: str | PathLike[str], *, channel: str | None = None, sample_interval: float | None = None
+) -> Edges:
+    """Read the changes of one channel, the busiest if none is named, of levels or voltages."""
+    return _read(path, channel, sample_interval, _edges)
+
+
+def bit_time(edges: Edges, longest: int) -> float:
+    """Return the samples per bit of a line; runs of up to `longest` bits count.
+
+    Nearly half of all runs are one bit long and none is shorter; the others are multiples of it.
+    """
+    runs = np.diff(edges.places)
+    runs = runs[runs < 16 * np.quantile(runs, 0.2)]
+    bit = float(runs[runs <= 1.6 * np.quantile(runs, 0.1)].mean())
+    for _ in range(20):
+        size = np.rint(runs / bit)
+        few = (size >= 1) & (size <= longest)
+        before, bit = bit, float(runs[few].sum() / size[few].sum())
+        if abs(bit - before) < 1e-9 * bit:
+            break
+    return bit
+
+
+_Read = TypeVar("_Read", Recording, Edges)
+
+
+def _read(
+    path: str | PathLike[str],
+    channel: str | None,
+    sample_interval: float | None,
+    choose: Callable[[str, _Channels, str | None, float | None], _Read],
+) -> _Read:
+    """Read a file by its suffix, and choose what is wanted of it."""
     if sample_interval is not None and not 0 < sample_interval < np.inf:
         raise ArgumentError(f"sample_interval is {sample_interval} s; it must be positive")
     file = str(path)
     kind = Path(file).suffix.lower()
     if kind in (".npy", ".npz", ".sr"):
         try:
-            reader = {".npy": _read_npy, ".npz": _read_npz, ".sr": _read_sr}[kind]
             with _opened(file) as stream:
-                return _choose(file, reader(file, stream), channel, sample_interval)
+                if kind == ".sr":
+                    read = _read_sr(file, stream, logic=choose is _edges, channel=channel)
+                else:
+                    read = {".npy": _read_npy, ".npz": _read_npz}[kind](file, stream)
+                return choose(file, read, channel, sample_interval)
         except InputError:
             raise
         except Exception as fault:
@@ -105,7 +168,7 @@ def read_scope_file(
         data = stream.read()
     if not data.strip():
         raise InputError(file, "the file is empty")
-    return _choose(file, _read_text(file, data), channel, sample_interval)
+    return choose(file, _read_text(file, data), channel, sample_interval)
 
 
 class _Channels(NamedTuple):
@@ -115,6 +178,16 @@ class _Channels(NamedTuple):
     columns: list[Column]
     interval: float | None
     quantum: float | None  # step to which times are rounded; None: as the digits printed say
+    logic: _Logic | None = None  # what a session holds in place of numbers
+
+
+class _Logic(NamedTuple):
+    """Changes of a session's logic channels: the sample of each, and all levels from there on."""
+
+    places: npt.NDArray[np.int64]
+    words: npt.NDArray[np.uint64]  # one more: the first are the levels at the beginning
+    samples: int
+    interval: float | None
 
 
 def _columns_of(values: Floats) -> Callable[[int], Floats]:
@@ -166,12 +239,13 @@ def _member(archive: zipfile.ZipFile, stream: IO[bytes], name: str) -> npt.NDArr
 
 
 def _check_real(file: str, what: str, array: npt.NDArray[Any]) -> Floats:
-    if array.dtype.kind not in "iuf" or not array.size:
+    if array.dtype.kind not in "biuf" or not array.size:
         raise InputError(
             file,
             f"{what} has the shape {array.shape} and the type {array.dtype}; expected real numbers",
         )
-    return array if isinstance(array, np.memmap) else array.astype(float)
+    mapped = isinstance(array, np.memmap) and array.dtype.kind != "b"
+    return array if mapped else array.astype(float)
 
 
 def _rounding(times: npt.NDArray[Any]) -> float:
@@ -248,7 +322,10 @@ def _check_size(file: str, stream: IO[bytes], numbers: float) -> None:
         )
 
 
-def _read_sr(file: str, stream: IO[bytes]) -> _Channels:
+def _read_sr(
+    file: str, stream: IO[bytes], logic: bool = False, channel: str | None = None
+) -> _Channels:
+    """Read a sigrok session: its voltages, or its logic levels if wanted and there."""
     with zipfile.ZipFile(stream) as archive:
         names = set(archive.namelist())
         if "metadata" not in names:
@@ -256,11 +333,18 @@ def _read_sr(file: str, stream: IO[bytes]) -> _Channels:
         if archive.getinfo("metadata").file_size > _LARGEST_METADATA:
             raise InputError(file, f"its metadata has more than {_LARGEST_METADATA} bytes")
         settings = configparser.RawConfigParser(strict=False)
-        settings.read_string(archive.read("metadata").decode())
+        # Some writers indent a key, which would continue the value above it.
+        settings.read_string(re.sub(r"(?m)^[ \t]+", "", archive.read("metadata").decode()))
         device = next((settings[name] for name in settings.sections() if "device" in name), None)
+        about: dict[str, str] = dict(device or {})
+        rate = re.fullmatch(r"([0-9.]+)\s*([kMG]?)(?:Hz)?", about.get("samplerate", "").strip())
+        interval = None
+        if rate:
+            hertz = float(rate[1]) * {"": 1, "k": 1e3, "M": 1e6, "G": 1e9}[rate[2]]
+            interval = 1 / hertz if hertz > 0 else None
         titles = {
             int(key[6:]): title
-            for key, title in (device or {}).items()
+            for key, title in about.items()
             if re.fullmatch("analog[0-9]{1,4}", key)
         }
         parts: dict[int, list[tuple[int, str]]] = {}
@@ -269,7 +353,10 @@ def _read_sr(file: str, stream: IO[bytes]) -> _Channels:
             if found and int(found[1]) in titles:
                 parts.setdefault(int(found[1]), []).append((int(found[2]), name))
         numbers = [number for number in titles if number in parts]
-        if not numbers or device is None:
+        wanted = (channel or "").strip().lower()
+        if logic and "capturefile" in about and wanted not in map(str.lower, titles.values()):
+            return _logic_of(file, stream, archive, about, interval)
+        if not numbers:
             raise InputError(file, "no analog channel in it; expected a voltage, not logic levels")
         lengths = set()
         for number in numbers:
@@ -281,7 +368,7 @@ def _read_sr(file: str, stream: IO[bytes]) -> _Channels:
         raise InputError(file, "its analog channels differ in length")
     (length,) = lengths
 
-    def channel(k: int) -> Floats:
+    def samples(k: int) -> Floats:
         _check_size(file, stream, length)
         signal, filled = np.empty(length), 0
         with zipfile.ZipFile(stream) as archive:
@@ -291,35 +378,194 @@ def _read_sr(file: str, stream: IO[bytes]) -> _Channels:
                 filled += piece.size
         return signal
 
-    rate = re.fullmatch(r"([0-9.]+)\s*([kMG]?)(?:Hz)?", device.get("samplerate", "").strip())
-    interval = None
-    if rate:
-        hertz = float(rate[1]) * {"": 1, "k": 1e3, "M": 1e6, "G": 1e9}[rate[2]]
-        interval = 1 / hertz if hertz > 0 else None
     columns = [Column(number, titles[number], "V", 1.0, 0) for number in numbers]
-    return _Channels(channel, columns, interval, None)
+    return _Channels(samples, columns, interval, None)
 
 
-def _choose(
-    file: str, table: _Channels, channel: str | None, sample_interval: float | None
-) -> Recording:
-    """Pick the columns of time and voltage, and check both."""
+def _logic_of(
+    file: str,
+    stream: IO[bytes],
+    archive: zipfile.ZipFile,
+    about: dict[str, str],
+    interval: float | None,
+) -> _Channels:
+    """Read the logic levels of a session block by block: of a bus that is mostly idle, edges."""
+    stem, size = about["capturefile"].strip(), about.get("unitsize", "1").strip()
+    if size not in ("1", "2", "4", "8"):
+        raise InputError(file, f"its unitsize is {size[:20]}; expected 1, 2, 4 or 8")
+    names = {
+        name
+        for name in archive.namelist()
+        if re.fullmatch(f"{re.escape(stem)}(-[0-9]{{1,9}})?", name)
+    }
+    parts = [stem] if stem in names else [f"{stem}-{k}" for k in range(1, len(names) + 1)]
+    if not names or names != set(parts):
+        raise InputError(file, f"a part of {stem[:40]} is missing")
+    total = sum(archive.getinfo(name).file_size for name in parts)
+    most = max(MOST_NUMBERS, MOST_LOGIC_PER_BYTE * _size(stream))
+    if total > most:
+        raise InputError(file, f"it unpacks to {total} bytes of logic; at most {most} are read")
+    unit, count, at = int(size), 0, 0
+    places, words = [], []
+    last = np.zeros(0, dtype=f"<u{unit}")
+    for name in parts:
+        with archive.open(name) as stream:
+            while block := stream.read(_BLOCK * unit):
+                # Of a sample that was cut off, nothing is known.
+                new = np.frombuffer(block[: len(block) // unit * unit], dtype=f"<u{unit}")
+                seen = np.concatenate([last, new])
+                changed = np.flatnonzero(seen[1:] != seen[:-1]) + 1
+                if not last.size:
+                    words.append(seen[:1])
+                places.append(changed + (at - last.size))
+                words.append(seen[changed])
+                last, at, count = seen[-1:], at + new.size, count + changed.size
+                if count > MOST_EDGES:
+                    raise InputError(
+                        file, f"more than {MOST_EDGES} changes of level; save a part of the record"
+                    )
+    if at < 2:
+        raise InputError(file, f"it holds {at} sample; expected a record")
+    titles = {
+        int(key[5:]): title
+        for key, title in about.items()
+        if re.fullmatch("probe[0-9]{1,2}", key) and 0 < int(key[5:]) <= 8 * unit
+    } or {k: f"D{k - 1}" for k in range(1, 8 * unit + 1)}
+    columns = [Column(number, title, "", 1.0, 0) for number, title in sorted(titles.items())]
+    held = _Logic(
+        np.concatenate(places).astype(np.int64),
+        np.concatenate(words).astype(np.uint64),
+        at,
+        interval,
+    )
+    return _Channels(lambda k: np.zeros(0), columns, interval, None, held)
+
+
+def _pick(file: str, table: _Channels, channel: str | None) -> tuple[list[int], int | None]:
+    """Return the columns of voltage or levels that are wanted, and that of the time."""
     columns = table.columns
-    time = _time_column(table)
+    time = None if table.logic else _time_column(table)
     usable = [
         k
         for k, column in enumerate(columns)
-        if k != time and column.unit in ("", "V") and not _is_counter(table, k)
+        if k != time
+        and column.unit in ("", "V")
+        and not (table.logic is None and _is_counter(table, k))
     ]
-    known = ", ".join(columns[k].title or f"column {columns[k].number}" for k in usable)
     if not usable:
         raise InputError(file, "no voltage column; expected a channel in volts beside the time")
-    wanted = usable
-    if channel is not None:
-        name = channel.strip().lower()
-        wanted = [k for k in usable if name in (columns[k].title.lower(), str(columns[k].number))]
-        if not wanted:
-            raise InputError(file, f"no channel {channel!r}; its channels are {known}")
+    if channel is None:
+        return usable, time
+    name = channel.strip().lower()
+    wanted = [k for k in usable if name in (columns[k].title.lower(), str(columns[k].number))]
+    if not wanted:
+        known = _titles(table, usable)
+        raise InputError(file, f"no channel {channel!r}; its channels are {known}")
+    return wanted[:1], time
+
+
+def _titles(table: _Channels, places: list[int]) -> str:
+    named = [table.columns[k] for k in places]
+    return ", ".join(column.title or f"column {column.number}" for column in named)
+
+
+def _no_times(file: str) -> InputError:
+    return InputError(
+        file, "it gives no times; state the time between two samples (--sample-interval)"
+    )
+
+
+def _edges(
+    file: str, table: _Channels, channel: str | None, sample_interval: float | None
+) -> Edges:
+    """Return where the wanted channel changes, or the one that changes most often."""
+    wanted, time = _pick(file, table, channel)
+    if table.logic:
+        held = table.logic
+        flips = held.words[1:] ^ held.words[:-1]
+        masks = [np.uint64(1 << (table.columns[k].number - 1)) for k in wanted]
+        busiest = int(np.argmax([np.count_nonzero(flips & mask) for mask in masks]))
+        own = (flips & masks[busiest]) > 0
+        first = int((held.words[0] & masks[busiest]) > 0)
+        dt = sample_interval or held.interval
+        if dt is None:
+            raise _no_times(file)
+        title = table.columns[wanted[busiest]].title
+        return Edges(held.places[own] - 0.5, 1.0, first, held.samples, dt, title)
+    found = [_edges_of(file, table, k, time, sample_interval or table.interval) for k in wanted]
+    return max(found, key=lambda one: len(one.places))
+
+
+def _edges_of(
+    file: str, table: _Channels, k: int, time: int | None, interval: float | None
+) -> Edges:
+    """Return the changes of one column of numbers."""
+    u, title = _checked(file, table, k), table.columns[k].title
+    if len(u) < 2:
+        raise InputError(file, f"it holds {len(u)} sample; expected a record")
+    two = np.unique(u[~np.isnan(u)])
+    if interval is None and time is not None and set(two.tolist()) <= {0.0, 1.0}:
+        # Many programs store changes of logic only, each with its time.
+        t = _checked(file, table, time) * table.columns[time].scale
+        steps = np.diff(t)
+        if not (steps >= 0).all():
+            raise InputError(file, "its times do not rise")
+        if steps.max() > 1.5 * steps.min():
+            dt = float(steps[steps > 0].min()) / 100
+            changed = np.flatnonzero(np.diff(u)) + 1
+            return Edges((t[changed] - t[0]) / dt, 1.0, int(u[0]), (t[-1] - t[0]) / dt, dt, title)
+    if interval is None:
+        if time is None:
+            raise _no_times(file)
+        interval, u = _even(file, table, time, u)
+    if len(two) <= 2:
+        high = u == two[-1] if len(two) else np.zeros(len(u), dtype=bool)
+        places = np.flatnonzero(high[1:] != high[:-1]) + 0.5
+        return Edges(places, 1.0, int(high[0] and len(two) == 2), len(u), interval, title)
+    first, places = _crossings(u)
+    return Edges(places, _INTERPOLATED, first, len(u), interval, title)
+
+
+def _crossings(u: Floats) -> tuple[int, Floats]:
+    """Return the first level, and where a voltage crosses the middle between its two levels.
+
+    The threshold lies between the means of what is above and below it. A change counts when it has
+    left a band around the threshold, four times the noise within the levels if they leave room.
+    """
+    known = u[~np.isnan(u)]
+    middle = (known.min() + known.max()) / 2
+    for _ in range(20):
+        above = known > middle
+        low, high = known[~above].mean(), known[above].mean()
+        middle, before = (low + high) / 2, middle
+        if abs(middle - before) < 1e-6 * (high - low):
+            break
+    noise = 1.4826 * np.median(np.abs(known - np.where(known > middle, high, low)))
+    band = np.clip(4 * noise, 0.1 * (high - low), 0.3 * (high - low))
+    state = np.where(u > middle + band, 1, np.where(u < middle - band, 0, -1))
+    sure = np.flatnonzero(state >= 0)
+    flips = np.flatnonzero(np.diff(state[sure]))
+    beyond = u > middle
+    # The last crossing before the band is left; where voltages are missing, halfway.
+    crossed = np.flatnonzero(beyond[1:] != beyond[:-1])
+    last = (
+        crossed[np.maximum(np.searchsorted(crossed, sure[flips + 1]) - 1, 0)]
+        if len(flips)
+        else flips
+    )
+    before, after = u[last] - middle, u[last + 1] - middle
+    with np.errstate(invalid="ignore"):
+        part = np.nan_to_num(before / (before - after), nan=0.5)
+    return int(state[sure[0]]), last + part
+
+
+def _recording(
+    file: str, table: _Channels, channel: str | None, sample_interval: float | None
+) -> Recording:
+    """Return the voltages of the wanted channel or the first, at even steps."""
+    wanted, time = _pick(file, table, channel)
+    columns = table.columns
+    usable, _ = _pick(file, table, None)
     chosen = columns[wanted[0]]
     u = _checked(file, table, wanted[0])
     if len(u) < 2:
@@ -332,9 +578,7 @@ def _choose(
         elif table.interval is not None:
             sample_interval = table.interval
         else:
-            raise InputError(
-                file, "it gives no times; state the time between two samples (--sample-interval)"
-            )
+            raise _no_times(file)
     # A rate of exactly 1 MS/s, computed from rounded times, is fast enough.
     if sample_interval > 1.001 / SLOWEST_RATE:
         raise InputError(
@@ -343,7 +587,7 @@ def _choose(
             "or more",
         )
     title = chosen.title or f"column {chosen.number}"
-    among = f" of {known}" if len(usable) > 1 else ""
+    among = f" of {_titles(table, usable)}" if len(usable) > 1 else ""
     description = (
         f"{Path(file).name}: channel {title}{among}; {len(u)} samples at "
         f"{1e-6 / sample_interval:.6g} MS/s, {len(u) * sample_interval * 1e3:.6g} ms"
@@ -666,7 +910,7 @@ def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
     for row, cells in enumerate(header):
         below = header[row + 1] if row + 1 < len(header) else []
         for place, cell in enumerate(cells):
-            key = cell.lower().lstrip("# ").replace("_", " ")
+            key = cell.lower().lstrip("#; ").replace("_", " ")
             kind = _INTERVAL.match(key) or _RATE.match(key)
             # The value is in the same cell, in the next one, or in the one below.
             around = [re.sub("^[^:=]*", "", cell), *cells[place + 1 : place + 2], *below[place:]]

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import FancyArrowPatch, Rectangle
+from matplotlib.patches import FancyArrowPatch
 
 from shipnet import datasets, style
 from shipnet.papers.registry import figure
@@ -94,9 +94,10 @@ def box(
     linestyle: str = "-",
 ) -> None:
     """Draw a filled box with a text in its middle."""
-    (x, y), look = corner, {"facecolor": colour, "edgecolor": edge, "linestyle": linestyle}
-    ax.add_patch(Rectangle(corner, width, height, zorder=2, **look))  # type: ignore[arg-type]
-    ax.text(x + width / 2, y + height / 2, text, ha="center", va="center", fontsize=8, zorder=3)
+    style.box(
+        ax, *corner, width, height, text,
+        facecolor=colour, edgecolor=edge, linestyle=linestyle, zorder=2,
+    )  # fmt: skip
 
 
 def arrow(ax: Axes, tail: Sequence[float], head: Sequence[float], arrowstyle: str = "->") -> None:

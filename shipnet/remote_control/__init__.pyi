@@ -5,6 +5,8 @@ from .experiment import recommend as recommend
 from .packet import CobsFormat as CobsFormat
 from .packet import MarkerFormat as MarkerFormat
 from .ring_buffer import Ring as Ring
+from .serial_capture import SerialCapture as SerialCapture
+from .serial_capture import read_capture as read_capture
 from .simulation import Change as Change
 from .simulation import Run as Run
 from .simulation import simulate as simulate

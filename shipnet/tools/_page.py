@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
@@ -26,9 +25,6 @@ from shipnet.tools._view import (
     read_state,
     write_state,
 )
-
-#: Changes that follow each other within this time are computed once [s].
-PAUSE = 0.05
 
 #: Faults of a file that are listed.
 _FAULTS = 50
@@ -62,15 +58,13 @@ class Page(widgets.VBox):  # type: ignore[misc]
         self._kind = type(start)
         self.tool = self._kind.__module__.rpartition(".")[2]
         self._see = self._kind._view if see is None else see
-        self._due: asyncio.TimerHandle | None = None
-        self._due_call: Callable[[], None] | None = None
         self._controls, self._preset = Controls(start), preset
-        self._controls.observe(lambda: self._later(self._due_call or self.refresh))
+        self._controls.observe(self._moved)
         self.controls, self.presets = self._controls.widgets, {}
         panel = [self._controls.box]
         if preset is not None:
             self._setters = Controls(preset.start)
-            self._setters.observe(lambda: self._later(self._make))
+            self._setters.observe(self._make)
             self.presets = self._setters.widgets
             panel.insert(0, self._setters.box)
         self.buttons = {one.label: self._button(one) for one in buttons}
@@ -121,22 +115,10 @@ class Page(widgets.VBox):  # type: ignore[misc]
             links = (download_link(f"download {name}", name, f) for name, f in view.files.items())
             self.links.value = " ".join([save, *links])
 
-    def _later(self, call: Callable[[], None]) -> None:
-        """Call after a pause, in which more changes may arrive; at once where no loop runs."""
+    def _moved(self) -> None:
+        # Computed at once: a browser sends the next value only when this one is done with.
         self._say("")
-        try:
-            loop = asyncio.get_running_loop()
-        except RuntimeError:
-            call()
-            return
-        self._due_call = call
-        if self._due is None:
-            self._due = loop.call_later(PAUSE, self._on_time)
-
-    def _on_time(self) -> None:
-        call, self._due, self._due_call = self._due_call, None, None
-        if call is not None:
-            call()
+        self.refresh()
 
     def _make(self) -> None:
         assert self._preset is not None

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from shipnet.errors import ArgumentError, InputError
@@ -96,10 +97,12 @@ class View:
 
 def picture(plot: Callable[[Axes], object], width: float, height: float) -> bytes:
     """Return what `plot` draws on axes as a PNG of a size in inches."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained", dpi=_DPI)
     plot(figure.subplots())
     file = BytesIO()
-    figure.savefig(file, format="png", dpi=_DPI)
+    # `savefig` draws twice, and compresses for long storage what is looked at once.
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.print_png(file, pil_kwargs={"compress_level": 1})
     return file.getvalue()
 
 

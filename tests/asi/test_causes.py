@@ -6,6 +6,7 @@ from itertools import cycle
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import settings
 
 from shipnet import asi
 from shipnet.asi import CableRun, Master, Plan, Request, Slave, Supply, decode, emc
@@ -19,8 +20,10 @@ CABLE, SECOND, INDUCTANCE, INTERFERENCE, DUPLICATE, WEAK, REVERSED = CAUSES = (
 )  # fmt: skip
 NONE = "none"
 
-#: The rules were found on the trees of seeds 0 to 59, with noise of 0.02 to 0.2 V.
-SEEDS, NOISE = range(2000, 2012), (0.02, 0.1, 0.2)
+#: The rules were found on the trees of seeds 0 to 59, with noise of 0.02 to 0.2 V. Of five trees no
+#: cause may be misnamed, of the twelve of the weekly run one: five catch nearly as much.
+SEEDS = range(2000, 2012 if settings.default.max_examples > 20 else 2005)
+NOISE = 0.02, 0.1, 0.2
 
 
 def tree(rng, metres, *, supplies=1, load=None, duplicate=False, stub=0.0):

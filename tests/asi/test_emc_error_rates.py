@@ -139,12 +139,6 @@ def test_the_filtered_receiver_comes_near_to_theory(minimum):
     assert (np.abs(rates / theory - 1) < 1 / 3).all()
 
 
-def test_theory_agrees_with_importance_sampling_down_to_1e_9():
-    # Importance sampling with the receiver itself: 95 % intervals 1.52..1.55e-3, 2.10..2.18e-9.
-    theory = theory_of(NEAR, [0.5, 0.3], minimum=0.9)
-    assert theory == pytest.approx([1.53e-3, 2.14e-9], rel=0.1)
-
-
 def test_theory_is_refused_where_a_weakened_first_pulse_slips():
     # Counted at 0.55 V: 43 of 400 000, twice as many as the formula says.
     with pytest.raises(ArgumentError, match=r"minimum is 1\.2 V; .* up to 0\.9"):

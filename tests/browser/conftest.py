@@ -1,15 +1,22 @@
 """A browser, the built book, and a page that nothing outside this machine may serve."""
 
 import shutil
+import socket
+import subprocess
 import sys
 import threading
+import time
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
 
+from docs import app
 from tests.support import require
 
 SITE = Path(__file__).resolve().parents[2] / "build" / "site"
@@ -25,6 +32,36 @@ ARGUMENTS = [
     "--disable-sync",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 ]
+
+
+@contextmanager
+def served(folder: Path, root: Path, *options: str) -> Iterator[str]:
+    """Serve the tools of a folder, with template and log in `root`; yield their address."""
+    app.build(folder, root)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    address = f"http://127.0.0.1:{port}"
+    command, environment = app.voila(folder, root, f"--port={port}", *options)
+    log = root / "log"
+    with (
+        log.open("wb") as out,
+        subprocess.Popen(command, env=environment, stdout=out, stderr=out) as server,
+    ):
+        try:
+            for _ in range(240):
+                assert server.poll() is None, log.read_text()
+                try:
+                    urllib.request.urlopen(address, timeout=5).close()
+                    break
+                except (urllib.error.URLError, ConnectionError):
+                    time.sleep(0.25)
+            else:
+                pytest.fail(f"Voila does not answer: {log.read_text()}")
+            yield address
+        finally:
+            server.terminate()
+            print(log.read_text())
 
 
 @pytest.fixture(scope="session")

@@ -3,19 +3,17 @@
 import json
 import re
 import shutil
-import socket
-import subprocess
-import time
-import urllib.error
-import urllib.request
+from base64 import b64encode
 from pathlib import Path
 
 import nbformat
 import pytest
-from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 from playwright.sync_api import expect
 
 from docs import app as launcher
+from shipnet.tools._view import picture
+from tests.browser.conftest import served
 
 EXPLORE = launcher.ROOT / "notebooks" / "explore"
 TOOLS = sorted(path.stem for path in EXPLORE.glob("*.ipynb"))
@@ -56,34 +54,16 @@ Page(Inputs(), see)
 def app(tmp_path_factory):
     root = tmp_path_factory.mktemp("app")
     folder = shutil.copytree(EXPLORE, root / "explore")
-    slow = new_notebook(cells=[new_markdown_cell("# Slow"), new_code_cell(SLOW)])
-    slow.cells[1].metadata["tags"] = ["widget"]
-    nbformat.write(slow, folder / "slow.ipynb")
-    launcher.build(folder, root)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    address = f"http://127.0.0.1:{port}"
-    command, environment = launcher.voila(folder, root, f"--port={port}")
-    log = root / "log"
-    with (
-        log.open("wb") as out,
-        subprocess.Popen(command, env=environment, stdout=out, stderr=out) as server,
-    ):
-        try:
-            for _ in range(240):
-                assert server.poll() is None, log.read_text()
-                try:
-                    urllib.request.urlopen(address, timeout=5).close()
-                    break
-                except (urllib.error.URLError, ConnectionError):
-                    time.sleep(0.25)
-            else:
-                pytest.fail(f"Voila does not answer: {log.read_text()}")
-            yield address
-        finally:
-            server.terminate()
-            print(log.read_text())
+    write(folder / "slow.ipynb", SLOW)
+    # A kernel for each tool, of which a worker opens a few, would keep the others waiting.
+    with served(folder, root, f"{launcher.PREHEAT}=False") as address:
+        yield address
+
+
+def write(path, tool, *examples):
+    cells = [new_markdown_cell("# Slow\n\nIt waits."), *examples, new_code_cell(tool)]
+    cells[-1].metadata["tags"] = ["widget"]
+    nbformat.write(new_notebook(cells=cells), path)
 
 
 class Tool:
@@ -96,7 +76,9 @@ class Tool:
 
     @classmethod
     def opened(cls, page, app, name):
-        page.goto(f"{app}/voila/render/{name}.ipynb", timeout=LONG)
+        # Only the index gives what a page needs to end its kernel when it is left.
+        page.goto(app, timeout=LONG)
+        page.locator(f"a[href$='/{name}.ipynb']").click(timeout=LONG)
         tool = cls(page)
         tool.verdict.wait_for(timeout=LONG)
         # Not a line of code is shown, and no error of Python's.
@@ -376,6 +358,30 @@ def test_what_is_slow_shows_that_it_computes_and_what_fails_says_so(page, app):
     tool.says("Please report it")
     tool.press("wait [s]", 1)
     tool.says("waited 10")
+
+
+def test_a_tool_is_ready_and_examples_are_shown_as_stored_not_run(page, browser, tmp_path):
+    (folder := tmp_path / "tools").mkdir()
+    png = b64encode(picture(lambda ax: ax.plot([1, 2]), 2, 2)).decode()
+    stored = [new_output("stream", text="kept"), new_output("display_data", {"image/png": png})]
+    write(folder / "slow.ipynb", SLOW, new_code_cell("1 / 0", outputs=stored))
+    with served(folder, tmp_path) as address:
+        for _ in range(2):
+            tool = Tool.opened(page, address, "slow")
+            tool.says("waited 10")
+            expect(page.locator(".shipnet-example")).to_contain_text("kept")
+            expect(page.locator(".shipnet-example img")).to_be_visible()
+            expect(page.locator(".shipnet-stored")).to_be_hidden()
+            tool.press("wait [s]", 1)
+            tool.says("waited 5")
+        page.goto("about:blank")
+        # Until programs run in it, a page shows its title, its lead and its first figure.
+        with browser.new_context(java_script_enabled=False) as still:
+            early = still.new_page()
+            early.goto(f"{address}/voila/render/slow.ipynb", timeout=LONG)
+            expect(early.locator(".shipnet-title")).to_contain_text("It waits.")
+            expect(early.locator(".shipnet-stored img")).to_be_visible()
+            expect(early.get_by_role("status")).to_contain_text("is starting")
 
 
 def test_every_tool_is_opened_here():

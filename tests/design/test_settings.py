@@ -1,5 +1,6 @@
 """What a comparison rests on, by name: read from a file, told where it is not the default."""
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from shipnet.__main__ import main
 from shipnet.design.catalogue import Assumptions, Range
 from shipnet.design.iolist import IoList
-from shipnet.design.settings import Settings, legal, meaning, names, shown
+from shipnet.design.settings import Settings, kind_of, legal, names, shown
 from shipnet.errors import ArgumentError, InputError
 
 LIST = "tag,signal,x,y,z\n" + "".join(f"LS-{n},contact,{10 + 3 * n},{n % 3},1\n" for n in range(6))
@@ -35,7 +36,7 @@ def test_every_value_has_a_name_and_only_those():
 
 @pytest.mark.parametrize("name", names())
 def test_every_value_says_what_it_is_and_what_it_may_be(name):
-    assert len(meaning(name)) > 5 and "`" not in meaning(name) and "]_" not in meaning(name)
+    assert len(kind_of(name).help) > 5 and not re.search("`|]_", kind_of(name).help)
     assert len(legal(name)) > 3
     # What is not legal is refused in the same words.
     _, faults = Settings().tried({name: "no such thing"})
@@ -227,7 +228,7 @@ def test_wrong_parts_of_a_basis_are_named():
         (lambda: Settings({"detour": 0.9}), "detour is 0.9; it must be 1..10"),
         (lambda: Settings({"host_time": -1}), "host_time is -1; it must be 0..60 s"),
         (lambda: Settings()["x"], "there is no 'x'"),
-        (lambda: meaning("x"), "there is no 'x'"),
+        (lambda: kind_of("x"), "there is no 'x'"),
         (lambda: legal("x"), "there is no 'x'"),
         (lambda: Settings({"x": 1, "spare": 99}), "there is no 'x'.*; spare is 99"),
     ):

@@ -20,7 +20,7 @@ WAYS = ["home runs", "junction boxes", "AS-i"]
 
 
 def test_each_row_is_that_of_a_comparison_of_its_own():
-    table = LIST.study(GRID, SITE, WAYS, rules="IMO", parallel=False)
+    table = LIST.study(GRID, SITE, WAYS, rules="IMO", client=1)
     assert list(table.columns[:3]) == ["detour", "boxes.points", "design"]
     assert len(table) == 12
     for detour in (1.0, 1.6):
@@ -73,18 +73,18 @@ def test_wrong_values_are_all_told_before_anything_is_planned(monkeypatch):
 def test_a_mistake_of_a_comparison_says_at_which_point():
     with pytest.raises(ArgumentError, match="option is 'DALI'") as error:
         LIST.study({"detour": [1.0]}, SITE, ["DALI"])
-    assert error.value.__notes__ == ["at detour=1.0"]
+    assert error.value.__notes__ == ["in task 0: {'detour': 1.0}"]
 
 
 def test_a_short_study_starts_no_process(monkeypatch):
-    monkeypatch.setitem(sys.modules, "joblib", None)
+    monkeypatch.setitem(sys.modules, "loky", None)
     assert len(LIST.study({"detour": [1.0, 1.2]}, SITE, ["home runs"])) == 2
 
 
 def test_progress_is_told_a_comparison_at_a_time():
     told = []
     LIST.study(
-        {"spare": [0.1, 0.2, 0.3]}, SITE, ["home runs"], parallel=False,
+        {"spare": [0.1, 0.2, 0.3]}, SITE, ["home runs"], client=1,
         progress=lambda *state: told.append(state),
     )  # fmt: skip
     assert told == [(1, 3), (2, 3), (3, 3)]

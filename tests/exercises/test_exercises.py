@@ -163,8 +163,7 @@ def draws(one, most=300):
 def test_mistakes_are_told_apart_whatever_the_numbers(key):
     one = exercise(key)
     for numbers in draws(one):
-        right = one.answer(**numbers)
-        trapped = {hint: wrong(**numbers) for hint, wrong in one.traps.items()}
+        right, trapped = one.solve(**numbers)
         mistakes = trapped | dict([slip(right)])
         for hint, answered in mistakes.items():
             said = one.fault(answered, Drawn(numbers))
@@ -222,7 +221,7 @@ PLAYED = [
 
 
 def right_of(key, numbers):
-    return exercise(key).answer(**numbers).value
+    return exercise(key).solve(**numbers)[0].value
 
 
 def request(unit, function, first, quantity):
@@ -320,7 +319,7 @@ def test_the_glossary_is_in_order():
 def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
     for name in NAMES:
         numbers = given("ex-01-4", student(name))
-        rate = exercise("ex-01-4").answer(**numbers).value * 1e3
+        rate = exercise("ex-01-4").solve(**numbers)[0].value * 1e3
         at_zero = abs(ramp_spectrum(2j * np.pi * numbers["limit"] * 1e3, half_bit=1 / (2 * rate)))
         assert at_zero < 1e-9
 

@@ -115,6 +115,41 @@ def _session() -> bytes:
     return made.getvalue()
 
 
+def _levels_of_a_bus() -> np.ndarray:
+    frames = [can.Frame(0x123, b"\x01\x02"), can.Frame(0x1ABCDEF, bytes(8), extended=True)]
+    bits = "1" * 15 + ("1" * 11).join(frame.bits for frame in frames) + "1" * 15
+    return np.repeat([int(bit) for bit in bits], 4).astype(np.uint8)
+
+
+def _bus() -> bytes:
+    """Return a session of sigrok that recorded a CAN bus."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as file:
+        file.writestr("metadata", "[device 1]\ncapturefile=logic-1\nsamplerate=1 MHz\nprobe1=RX\n")
+        file.writestr("logic-1-1", _levels_of_a_bus().tobytes())
+    return made.getvalue()
+
+
+def _serial() -> bytes:
+    """Return a session of sigrok that recorded a serial line."""
+    waveform = modbus.SerialLine(9600, "8N1").waveform(b"Hello, ship.", gap=0.002)
+    at = np.searchsorted(waveform.time, np.arange(0, waveform.time[-1], 1e-5), side="right") - 1
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as file:
+        file.writestr(
+            "metadata", "[device 1]\ncapturefile=logic-1\nsamplerate=100 kHz\nprobe1=TX\n"
+        )
+        file.writestr("logic-1-1", waveform.level[at].astype("u1").tobytes())
+    return made.getvalue()
+
+
+def _bus_changes() -> bytes:
+    """Return the changes of a CAN bus, as a logic analyser stores them."""
+    levels = _levels_of_a_bus()
+    rows = [0, *(np.flatnonzero(np.diff(levels.astype(int))) + 1), len(levels) - 1]
+    return b"Time [s],Channel 0\n" + b"".join(b"%.7f,%d\n" % (k * 1e-6, levels[k]) for k in rows)
+
+
 def _sheet(data: bytes) -> bytes:
     """Return a workbook whose only sheet has these bytes."""
     made = io.BytesIO()
@@ -226,6 +261,12 @@ TARGETS: dict[str, Target] = {
         _data("synthetic_asi_plan_300m.csv", "synthetic_asi_plan_ballast.csv"),
     ),
     "can frame": Target(_bits(can.decode), _can_bits),
+    "can capture.sr": Target(
+        _file(".sr", lambda path: can.read_capture(path).loads()), lambda: [_bus()]
+    ),
+    "can capture.csv": Target(
+        _file(".csv", lambda path: can.read_capture(path, 250e3).loads()), lambda: [_bus_changes()]
+    ),
     "can log.log": Target(_file(".log", can.read_log), _saved(".log", _log)),
     "can log.asc": Target(_file(".asc", can.read_log), _saved(".asc", _foreign_log)),
     "can log.blf": Target(_file(".blf", can.read_log), _saved(".blf", _foreign_log)),
@@ -269,6 +310,7 @@ TARGETS: dict[str, Target] = {
     "packet, marker and CRC": _packet(remote_control.MarkerFormat(crc=True)),
     "packet, COBS": _packet(remote_control.CobsFormat()),
     "waveform.csv": Target(_file(".csv", line.Waveform.read), _saved(".csv", _capture)),
+    "serial capture.sr": Target(_file(".sr", remote_control.read_capture), lambda: [_serial()]),
     "rules": Target(
         _rules,
         lambda: [

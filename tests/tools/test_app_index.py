@@ -58,3 +58,10 @@ def test_the_template_names_nothing_outside(tmp_path):
     for path in template.iterdir():
         loads = re.findall(r"""(?:src|href)=["']?(?:https?:)?//|url\(|@import""", path.read_text())
         assert loads == [], path.name
+
+
+def test_voila_keeps_kernels_ready_unless_it_is_asked_not_to(tmp_path):
+    ready, late = f"{app.PREHEAT}=True", f"{app.PREHEAT}=False"
+    assert ready in app.voila(EXPLORE, tmp_path)[0]
+    command, _ = app.voila(EXPLORE, tmp_path, late)
+    assert late in command and ready not in command

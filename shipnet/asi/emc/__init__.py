@@ -1,23 +1,5 @@
 """Electromagnetic disturbances: their waveforms, the telegrams that they cost, what rules ask."""
 
-from shipnet.asi.emc.disturbances import Burst, ConductedRF, Impulses, Noise
-from shipnet.asi.emc.error_rates import (
-    burst_failures,
-    count_errors,
-    error_rate,
-    independent_failures,
-)
-from shipnet.asi.emc.immunity import immunity_margin, levels
+import lazy_loader
 
-__all__ = [
-    "Burst",
-    "ConductedRF",
-    "Impulses",
-    "Noise",
-    "burst_failures",
-    "count_errors",
-    "error_rate",
-    "immunity_margin",
-    "independent_failures",
-    "levels",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -14,8 +14,6 @@ from dataclasses import asdict
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
-from scipy import special
 
 from shipnet import style
 from shipnet.arrays import Bools, Floats
@@ -26,7 +24,7 @@ from shipnet.asi.timing import Cycle, Transaction
 from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.intervals import share_interval
-from shipnet.lazy import Axes
+from shipnet.lazy import Axes, pd
 
 #: Samples worked on at a time: an array of them is 2 MB.
 _SAMPLES = 2**18
@@ -42,6 +40,16 @@ def decided_on(u: Floats, dt: float, matched: bool) -> Floats:
         return u
     half = int(HALF_BIT / dt / 2)
     return matched_filter(u, dt)[:, half:-half]
+
+
+def checked_densities(noise_density: npt.ArrayLike) -> Floats:
+    """Return densities of noise as a row, or raise if one is out of its range."""
+    given = np.atleast_1d(np.asarray(noise_density))
+    if given.ndim != 1 or given.dtype.kind not in "iuf" or not ((given > 0) & (given <= 1e6)).all():
+        raise ArgumentError(
+            f"noise_density is {noise_density!r}; it must be above 0, up to 1e6 V per root hertz"
+        )
+    return np.asarray(given, float)
 
 
 def _row(
@@ -141,10 +149,12 @@ def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
 
 def _false_start(level: float, correlation: float, samples: Floats) -> Floats:
     """Return the chance that one of some samples exceeds a level, in standard deviations."""
+    from scipy.special import ndtr
+
     x, weight = _normal(-level, level)
-    exceeds = special.ndtr((correlation * x - level) / np.sqrt(1 - correlation**2))
-    exceeds += special.ndtr((-correlation * x - level) / np.sqrt(1 - correlation**2))
-    first = min(2 * special.ndtr(-level), _ALMOST_ONE)
+    exceeds = ndtr((correlation * x - level) / np.sqrt(1 - correlation**2))
+    exceeds += ndtr((-correlation * x - level) / np.sqrt(1 - correlation**2))
+    first = min(2 * ndtr(-level), _ALMOST_ONE)
     # Of the samples that follow one within the level.
     later = min(float(exceeds @ weight) / (1 - first), _ALMOST_ONE)
     none = np.log1p(-first) + (samples - 1) * np.log1p(-later)
@@ -166,16 +176,18 @@ def _missed(
     height: Floats, filled: Bools, sigma: float, threshold: float, minimum: float
 ) -> Floats:
     """Return the chance of each word that one of its slots is decided wrongly."""
+    from scipy.special import ndtr
+
     lowest = (minimum - height[:, 0]) / sigma
     # The level stops being the minimum where half of the first pulse passes it.
     bend = (minimum / threshold - height[:, 0]) / sigma
-    missed = special.ndtr(lowest)
+    missed = ndtr(lowest)
     for low, high in ((lowest, bend), (bend, np.full_like(bend, _FAR))):
         x, weight = _normal(low, high)
         level = np.maximum(threshold * (height[:, :1] + sigma * x), minimum)[..., np.newaxis]
         other = height[:, np.newaxis, 1:]
-        below = special.ndtr((level - other) / sigma)
-        outside = special.ndtr((other - level) / sigma) + special.ndtr((-level - other) / sigma)
+        below = ndtr((level - other) / sigma)
+        outside = ndtr((other - level) / sigma) + ndtr((-level - other) / sigma)
         wrong = np.where(filled[:, np.newaxis, 1:], below, outside)
         lost = -np.expm1(np.log1p(-np.minimum(wrong, _ALMOST_ONE)).sum(axis=-1))
         missed = missed + (lost * weight).sum(axis=-1)
@@ -321,7 +333,7 @@ def error_rate(
     the noise ahead of the telegram is taken for a first pulse. The receiver of the formula keeps
     perfect time and looks at one sample per slot. Each record loses its mean, and with it 1.6 % of
     the noise. Behind a matched filter the formula agrees with `count_errors` within a third from
-    rates of 1e-4 up, and with importance sampling within a tenth down to 1e-9. Without the filter,
+    rates of 1e-4 up, and with `rare_error_rates` within a tenth down to 1e-10. Without the filter,
     `count_errors` loses up to a few times as many or as few telegrams.
 
     Examples
@@ -335,18 +347,13 @@ def error_rate(
     """
     receiver = receiver or Receiver()
     threshold, minimum = receiver.threshold, receiver.minimum
-    given = np.atleast_1d(np.asarray(noise_density))
-    if given.ndim != 1 or given.dtype.kind not in "iuf" or not ((given > 0) & (given <= 1e6)).all():
-        raise ArgumentError(
-            f"noise_density is {noise_density!r}; it must be above 0, up to 1e6 V per root hertz"
-        )
-    sigma = given / (2 * wave.dt) ** 0.5
+    sigma = checked_densities(noise_density) / (2 * wave.dt) ** 0.5
     height, filled, ahead, samples = _slots(wave, receiver)
     highest = _HIGHEST_MINIMUM * float(height[:, 0].min())
     if receiver.matched and minimum > highest:
         raise ArgumentError(
             f"minimum is {minimum:g} V; behind a matched filter the formula holds up to "
-            f"{highest:.3g} V, {_HIGHEST_MINIMUM:g} of the first pulse; count with count_errors"
+            f"{highest:.3g} V, {_HIGHEST_MINIMUM:g} of the first pulse; use rare_error_rates"
         )
     kept, correlation = _kept_noise(wave.dt, receiver.matched, samples)
     rates = []

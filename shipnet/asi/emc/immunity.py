@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from shipnet import datasets, style
 from shipnet.errors import ArgumentError
-from shipnet.lazy import Axes
+from shipnet.lazy import Axes, pd
 
 #: Titles of the standards that `levels` names, and of one on emission, to tell it from immunity.
 STANDARDS: dict[str, str] = {

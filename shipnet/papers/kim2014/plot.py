@@ -19,7 +19,7 @@ from shipnet.fuzzy.rules import RuleBase
 from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.faults import Picture
-from shipnet.papers.plot import FILL, HALF, arrow, box, diagram, diagrams, fields, outline
+from shipnet.papers.plot import FILL, HALF, arrow, box, diagram, diagrams, fields
 from shipnet.papers.registry import figure
 
 __all__ = ["plot_ages", "plot_control_system", "plot_seen_strokes"]
@@ -58,13 +58,7 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     ax.plot([own[0] + 0.1, own[-1] + 0.1], [1.65, 1.65], color="C1", lw=1.2)
     ax.plot([middle, middle], [1.65, 1.82], color="C1", lw=1.2)
     ax.text(left + 0.08, 2.55, "closed loop\nof Modbus", fontsize=8, color="C0")
-    blocks = {
-        "console": ("console", "blue", 1, 3),
-        "station": ("pump, tank and\nsolenoid valves", "amber", 1, 2),
-        "master": ("master with\ntouch screen", "blue", middle, 3),
-        "power": ("power", "", middle, 2.15),
-    }
-    outline(ax, blocks, [("console", "station", "")])
+    diagram("kim2014", "Fig 1", ax=ax)
     ax.text(-1.4, 3.6, "central: pipes to every valve")
     ax.text(left, 3.6, "distributed: a pump in every valve")
     return style.bare(ax, (-1.4, 3.5 + aside), (-0.25, 3.8))

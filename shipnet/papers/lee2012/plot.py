@@ -14,29 +14,12 @@ from matplotlib.axes import Axes
 from shipnet import style
 from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import read_points
-from shipnet.papers.plot import FILL, arrow, box, diagrams, outline
+from shipnet.papers.plot import FILL, arrow, box, diagram, diagrams
 from shipnet.papers.registry import figure
 
 __all__ = ["plot_channels", "plot_inputs"]
 
 diagrams("lee2012", "Fig 7", arrowstyle="-")
-
-#: Figure 6: the main loop and the three interrupts, step by step.
-_FLOWS: Mapping[str, Sequence[str]] = {
-    "main loop": (
-        "read the mode switch:\nJB1, JB2 or JB3",
-        "convert the inputs\nof this mode",
-        "send the values\non CAN",
-        "begin again",
-    ),
-    "(a) Modbus interrupt": ("request received", "copy all values\ninto the response", "send it"),
-    "(b) timer interrupt": ("a box not heard\nfor 4 s?", "set its values\nto 0xFF"),
-    "(c) CAN interrupt": (
-        "frame received",
-        "store the values\nof its sender",
-        "reset the timer\nof its sender",
-    ),
-}
 
 
 @figure("lee2012", "Fig 2")
@@ -60,11 +43,10 @@ def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
 @figure("lee2012", "Fig 6")
 def _flow(*, ax: Axes) -> Axes:
     """Draw the main loop of a junction box and its three interrupts."""
-    for column, (title, steps) in enumerate(_FLOWS.items()):
-        x, fill = 2.2 * column, "" if column else "amber"
-        ax.text(x, 4.0, title, ha="center", va="center", fontsize=9, weight="bold")
-        blocks = {f"{k}": (step, fill, x, 3.3 - k) for k, step in enumerate(steps)}
-        outline(ax, blocks, [(f"{k}", f"{k + 1}", "") for k in range(len(steps) - 1)])
+    titles = "main loop", "(a) Modbus interrupt", "(b) timer interrupt", "(c) CAN interrupt"
+    for column, title in enumerate(titles):
+        ax.text(2.2 * column, 4.0, title, ha="center", va="center", fontsize=9, weight="bold")
+    diagram("lee2012", "Fig 6", ax=ax)
     # The loop goes back to the conversion: the mode is read once.
     ax.plot([-0.82, -1.05, -1.05], [0.3, 0.3, 2.3], color="0.3", lw=1)
     arrow(ax, (-1.05, 2.3), (-0.82, 2.3))

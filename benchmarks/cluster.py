@@ -1,0 +1,74 @@
+"""Two workers of a Dask cluster against one: rare errors, and a fleet as Parquet files.
+
+Wall seconds mean something on an idle machine only. Processor seconds of one worker over those of
+the busier of two say how evenly the work is shared on any. Turns alternate, and workers are warm.
+"""
+
+import os
+import tempfile
+from functools import partial
+from time import perf_counter, process_time, sleep
+
+from distributed import Client, LocalCluster
+
+from shipnet import asi
+from shipnet.asi.emc.rare_errors import rare_error_rates
+from shipnet.ballast.fleet import write_fleet
+
+TURNS = 1
+
+
+def rates(client, folder, n=250_000):
+    waves = {"line": asi.line(100, slaves=(5,)).waveform()}
+    density = asi.emc.Noise().density([0.3, 0.4])
+    proof = asi.RECEIVERS["noise-proof"]
+    return rare_error_rates(waves, density, n, receiver=proof, client=client, progress=False)
+
+
+def fleet(client, folder, valves=400, days=10):
+    return write_fleet(folder, valves, days, client=client, progress=False)
+
+
+def busy(client):
+    """Return the processor seconds of each worker so far."""
+    return client.run(process_time)
+
+
+def main():
+    jobs = {
+        "rare errors": (rates, partial(rates, n=20_000)),
+        "fleet": (fleet, partial(fleet, valves=100, days=1)),
+    }
+    print(f"load of the machine before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+    with (
+        LocalCluster(
+            n_workers=1, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        ) as workers,
+        Client(workers) as client,
+        tempfile.TemporaryDirectory() as folder,
+    ):
+        for turn in range(TURNS):
+            for name, (job, warm) in jobs.items():
+                wall, cpu, results = {}, {}, []
+                for n in (1, 2):
+                    workers.scale(n)
+                    client.wait_for_workers(n)
+                    while len(client.nthreads()) != n:
+                        sleep(0.1)
+                    for _ in range(n):
+                        warm(client, tempfile.mkdtemp(dir=folder))
+                    before, begin = busy(client), perf_counter()
+                    results.append(job(client, tempfile.mkdtemp(dir=folder)))
+                    wall[n], after = perf_counter() - begin, busy(client)
+                    cpu[n] = max(after[worker] - before[worker] for worker in after)
+                assert results[0].equals(results[1])
+                print(
+                    f"turn {turn + 1}, {name}: one worker {wall[1]:.1f} s, {cpu[1]:.1f} s of CPU; "
+                    f"two {wall[2]:.1f} s, the busier {cpu[2]:.1f} s; "
+                    f"{wall[1] / wall[2]:.2f}x wall, {cpu[1] / cpu[2]:.2f}x CPU",
+                    flush=True,
+                )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,119 @@
+"""How long the page of a tool takes in a browser: to its first picture, and to the next one.
+
+The click on a card is followed by the picture that the notebook stores, then by the tool's own;
+once with a kernel that was started before the click, once without. A key on the first slider, or
+on the first button where there is none, is followed by a new picture. Beside the wall time stands
+the processor time of browser, server and kernel, which a busy machine changes little.
+"""
+
+import shutil
+import sys
+import tempfile
+import time
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+from statistics import median
+
+import psutil
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from docs import app
+from tests.browser.conftest import ARGUMENTS, BROWSERS, served
+
+EXPLORE = app.ROOT / "notebooks" / "explore"
+TOOLS = sorted(path.stem for path in EXPLORE.glob("*.ipynb"))
+STORED, LIVE = ".shipnet-stored img", "img.shipnet-picture"
+# What Voila says of a kernel that it keeps ready.
+FILLED = "is filled with"
+CHANGES = 9
+LONG = 120_000
+
+# When a key went down, and when a new picture was ready to be painted.
+WATCH = """() => {
+  window.ready = [];
+  addEventListener("keydown", () => { window.pressed = performance.now(); }, true);
+  new MutationObserver(async () => {
+    await document.querySelector("img.shipnet-picture").decode();
+    window.ready.push(performance.now() - window.pressed);
+  }).observe(document.querySelector(".shipnet-figure"), {childList: true, subtree: true});
+}"""
+
+
+def processor():
+    """Return the processor time of this process and all that it started [s]."""
+    total = 0.0
+    for process in [me := psutil.Process(), *me.children(recursive=True)]:
+        try:
+            total += sum(process.cpu_times()[:2])
+        except psutil.NoSuchProcess:
+            continue
+    return total
+
+
+def opened(page, address, tool):
+    """Click on a card; return the time to the stored and to the live picture, and processor [s]."""
+    page.goto(address)
+    before, clicked = processor(), time.perf_counter()
+    page.locator(f"a[href$='/{tool}.ipynb']").click(no_wait_after=True)
+    page.locator(f"{STORED}, {LIVE}").first.wait_for(timeout=LONG)
+    first = time.perf_counter() - clicked
+    page.locator(LIVE).wait_for(timeout=LONG)
+    return first, time.perf_counter() - clicked, processor() - before
+
+
+def changed(page):
+    """Press keys; return the median time from key to picture, and of the processor [ms]."""
+    page.evaluate(WATCH)
+    sliders = page.locator(".shipnet-controls").last.get_by_role("slider")
+    slider = sliders.count() > 0
+    (sliders if slider else page.locator(".shipnet-buttons button")).first.focus()
+    keys = ["PageUp", "PageDown"] if slider else ["Enter"]
+    time.sleep(2)
+    times, begin = [], processor()
+    for k in range(CHANGES):
+        page.evaluate("window.ready = []")
+        page.keyboard.press(keys[k % len(keys)])
+        page.wait_for_function("window.ready.length", timeout=LONG)
+        time.sleep(0.3)
+        times.append(page.evaluate("window.ready.at(-1)"))
+    return median(times), 1e3 * (processor() - begin) / CHANGES
+
+
+def main():
+    program = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if program is None:
+        print("Chromium is not installed: the pages of the tools are not measured")
+        return
+    from playwright.sync_api import sync_playwright
+
+    tools = sys.argv[1:] or TOOLS
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=ARGUMENTS)
+        for kernel, options in [("ready", ()), ("started by the click", (f"{app.PREHEAT}=False",))]:
+            print(f"\nkernel {kernel:<14} stored picture   tool's picture     key to new picture")
+            with (
+                tempfile.TemporaryDirectory() as root,
+                redirect_stdout(StringIO()),
+                served(EXPLORE, Path(root), *options) as address,
+                redirect_stdout(sys.__stdout__),
+            ):
+                while not options and (Path(root) / "log").read_text().count(FILLED) < len(TOOLS):
+                    time.sleep(0.5)
+                time.sleep(5)
+                for tool in tools:
+                    page = browser.new_page(viewport={"width": 1280, "height": 1000})
+                    first, live, used = opened(page, address, tool)
+                    said = f"{tool:<20} {first:12.2f} s {live:8.2f} s (cpu {used:4.1f} s)"
+                    # Where kernels are kept ready, another is started now.
+                    if options:
+                        said += " {:6.0f} ms (cpu {:4.0f} ms)".format(*changed(page))
+                    page.close()
+                    print(said, flush=True)
+                    time.sleep(0 if options else 8)
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,281 @@
+"""A fleet for months as labelled Parquet files: a data set for research on diagnosis.
+
+It is synthetic: faults and sensors are those of our own simulator. A task is a block of valves for
+all days; its valves are commanded together, so that one step of numpy serves all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from shipnet.ballast.diagnosis import Diagnosis, Run, diagnose_run
+from shipnet.ballast.plant import FAULTS, Command, Fault, Plant
+from shipnet.ballast.sensors import CHANNELS
+from shipnet.ballast.simulation import record
+from shipnet.ballast.trials import BASIS, spread_valves
+from shipnet.errors import load_extra
+from shipnet.fields import check_path, check_scalar, check_whole
+from shipnet.lazy import pd
+from shipnet.parallel import Progress, compute, save_whole
+
+#: Valves of a block; part of the data, for it decides which valves are commanded together.
+BLOCK = 50
+
+_DAY = 86400.0
+
+#: Midnight before the first day.
+_EPOCH = np.datetime64("2026-01-01", "ms")
+
+#: Commands come before this time of the day, a minute apart at least, so that no motor runs at
+#: midnight; so many of the valves take part in each [s].
+_LAST, _APART, _SHARE = 82_800.0, 60.0, 0.9
+
+#: A fault is there at once, or grows for so many days in so many steps; it is repaired so many days
+#: after it is complete. Our assumptions.
+_GROWS, _STEPS, _REPAIR = (5.0, 60.0), 5, (1.0, 10.0)
+
+#: How far the valves differ, as for `fault_trials`.
+_VARIETY = 0.02
+
+
+class _Block(NamedTuple):
+    """A task: some valves for all days."""
+
+    folder: str
+    number: int
+    valves: int
+    days: int
+    faults_per_year: float
+    strokes: int
+    idle_step: float
+    seed: int
+
+
+class _History(NamedTuple):
+    """The faults of a valve, one after the other, and each step of them."""
+
+    rows: list[tuple[str, float, float, float]]
+    steps: list[tuple[float, str, float]]
+
+    @classmethod
+    def drawn(cls, days: int, rate: float, rng: np.random.Generator) -> _History:
+        rows, steps, now = [], [(0.0, "", 0.0)], 0.0
+        while (now := now + rng.exponential(365.25 / rate) if rate else np.inf) < days:
+            code, slow = str(rng.choice(list(FAULTS))), bool(rng.integers(2))
+            grows = float(rng.uniform(*_GROWS)) if slow else 0.0
+            over = now + grows + float(rng.uniform(*_REPAIR))
+            rows.append((code, round(now * _DAY, 1), grows, round(over * _DAY, 1)))
+            for step in range(_STEPS) if slow else [_STEPS - 1]:
+                begin = now + grows * step / (_STEPS - 1) if slow else now
+                steps.append((round(begin * _DAY, 1), code, (step + 1) / _STEPS))
+            steps.append((round(over * _DAY, 1), "", 0.0))
+            now = over
+        return cls(rows, steps)
+
+    def faults(self, valve: int) -> Iterator[Fault]:
+        for (start, code, severity), (stop, *_) in zip(self.steps, self.steps[1:], strict=False):
+            if code:
+                yield Fault(code, severity, valve, start=start, stop=stop)
+
+    def at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the fault's place in `FAULTS`, -1 if there is none, and its severity."""
+        starts, codes, severities = zip(*self.steps, strict=True)
+        known = list(FAULTS)
+        places = np.array([known.index(code) if code else -1 for code in codes])
+        now = np.searchsorted(starts, time + 1e-6, side="right") - 1
+        return places[now], np.array(severities)[now]
+
+
+def _orders(block: _Block, day: int, rng: np.random.Generator) -> list[Command]:
+    spread = np.sort(rng.uniform(0, _LAST - _APART * block.strokes, block.strokes))
+    times = day * _DAY + np.round(spread + _APART * np.arange(block.strokes), 1)
+    orders = []
+    for turn, time in enumerate(times, day * block.strokes):
+        meant = np.flatnonzero(rng.random(block.valves) < _SHARE) + 1
+        orders.append(Command(("open", "close")[turn % 2], float(time), meant.tolist()))
+    return orders
+
+
+def _days(
+    block: _Block, plant: Plant, rng: np.random.Generator
+) -> Iterator[tuple[int, Run, Diagnosis]]:
+    """Simulate and diagnose day by day, each from midnight to the last reading before the next."""
+    earlier = None
+    pause = max(round(block.idle_step / plant.step), 1)
+    size = 2 * round(_DAY / plant.step / pause) + 1000 * (block.strokes + 1)
+    for day in range(block.days):
+        orders, midnight = _orders(block, day, rng), plant.ticks((day + 1) * _DAY)
+        last = midnight - 10
+        events = {*plant.changes, *(plant.ticks(order.time) for order in orders)}
+        due = sorted(event for event in events if plant.tick < event < last)
+        (run,) = record(plant, orders, due, last, pause, size)
+        while plant.tick < midnight:
+            plant.advance()
+        diagnosis = diagnose_run(run, earlier=earlier)
+        earlier = diagnosis.tail
+        yield day, run, diagnosis
+
+
+def _written(block: _Block, rng: np.random.Generator) -> dict[str, int]:
+    """Write the files of a block and return how much it was; this is the task."""
+    history = [_History.drawn(block.days, block.faults_per_year, rng) for _ in range(block.valves)]
+    faults = [fault for valve, mine in enumerate(history, 1) for fault in mine.faults(valve)]
+    system = spread_valves(block.valves, _VARIETY, None, rng)
+    save = _Writer(block)
+    first = BLOCK * block.number + 1
+    rows = [(first + k, *row) for k, mine in enumerate(history) for row in mine.rows]
+    truth = pd.DataFrame(rows, columns=["valve", "code", "start_s", "grows_days", "stop_s"])
+    save(truth.astype({"valve": "int32", "code": "object"}), "faults")
+    n_valves, categories = block.valves, ["", *FAULTS]
+
+    def labelled(valve: np.ndarray, time: np.ndarray, columns: dict[str, Any]) -> pd.DataFrame:
+        code, severity = np.empty(valve.size, int), np.empty(valve.size, np.float32)
+        for k in range(n_valves):
+            mine = valve == k
+            code[mine], severity[mine] = history[k].at(time[mine])
+        stamp = _EPOCH + np.rint(1000 * time).astype("m8[ms]")
+        head = {"valve": (first + valve).astype(np.int32), "time": stamp}
+        label = pd.Categorical.from_codes(code + 1, dtype=pd.CategoricalDtype(categories))
+        return pd.DataFrame({**head, **columns, "label": label, "severity": severity})
+
+    samples = strokes = 0
+    for day, run, found in _days(block, Plant(system, faults, rng), rng):
+        folder = f"day={_EPOCH.astype('M8[D]') + day}"
+        values = {
+            channel.column: run.readings[:, k].T.ravel().astype(np.float32)
+            for k, channel in enumerate(CHANNELS)
+        }
+        flags = {"running": run.running.T.ravel(), "active": run.active.T.ravel()}
+        valve = np.repeat(np.arange(n_valves), run.time.size)
+        table = labelled(valve, np.tile(run.time, n_valves), {**values, **flags})
+        save(table, "samples", folder)
+        moved = found.commands().sort_values(["valve", "start_s"])
+        seconds = {
+            "duration_s": moved["end_s"] - moved["start_s"], "delay_s": moved["delay_s"],
+        }  # fmt: skip
+        words = {name: moved[name] for name in ("action", "outcome", "active", "top_fault")}
+        columns = {name: column.to_numpy() for name, column in {**words, **seconds}.items()}
+        place, start = moved["valve"].to_numpy(int) - 1, moved["start_s"].to_numpy(float)
+        save(labelled(place, start, columns), "strokes", folder)
+        samples, strokes = samples + len(table), strokes + len(moved)
+    return {
+        "block": block.number, "valves": n_valves, "faults": len(truth), "samples": samples,
+        "strokes": strokes, "bytes": save.size,
+    }  # fmt: skip
+
+
+class _Writer:
+    """Writes tables of a block as files that appear whole, marked as synthetic."""
+
+    def __init__(self, block: _Block) -> None:
+        from shipnet import __version__
+
+        self._arrow = load_extra("pyarrow", "pyarrow", "cluster")
+        self._parquet = load_extra("pyarrow.parquet", "pyarrow", "cluster")
+        self._block, self.size = block, 0
+        settings = {k: v for k, v in block._asdict().items() if k not in ("folder", "number")}
+        self._about = {"synthetic": BASIS, "made_by": f"shipnet {__version__}", **settings}
+
+    def __call__(self, table: pd.DataFrame, *folders: str) -> None:
+        made = self._arrow.Table.from_pandas(table, preserve_index=False)
+        about = {name: str(value) for name, value in self._about.items()}
+        made = made.replace_schema_metadata({**made.schema.metadata, **about})
+        path = Path(self._block.folder, *folders, f"block-{self._block.number:04d}.parquet")
+        # The times of a valve rise in even steps; all else has few values.
+        others = [name for name in made.column_names if name != "time"]
+        steps = {"time": "DELTA_BINARY_PACKED"} if "time" in made.column_names else None
+        write = partial(self._parquet.write_table, made, compression="zstd")
+        save_whole(path, partial(write, use_dictionary=others, column_encoding=steps))
+        self.size += path.stat().st_size
+
+
+def write_fleet(
+    folder: str | PathLike[str],
+    valves: int = 1000,
+    days: int = 365,
+    *,
+    faults_per_year: float = 2.0,
+    strokes: int = 6,
+    idle_step: float = 60.0,
+    seed: int = 2024,
+    client: Any = None,
+    progress: bool | Progress | None = None,
+) -> pd.DataFrame:
+    """Simulate a fleet for months, with faults, and write it as labelled Parquet files by day.
+
+    Parameters
+    ----------
+    folder : path
+        Where the files go. The same call goes on there after a stop; another one is refused.
+    valves : int, default 1000
+        How many, 1..100000; 50 make a block, which one worker simulates.
+    days : int, default 365
+        For how long, 1..3650.
+    faults_per_year : float, default 2
+        Mean number of faults of a valve in a year of health, 0..50; each is one of `FAULTS`.
+    strokes : int, default 6
+        Commands per day, which open and close the valves of a block in turn, 0..100.
+    idle_step : float, default 60
+        Time between two readings while no motor of the block runs, 1..3600 [s]; else it is 0.1 s.
+    seed : int, default 2024
+        Source of the random numbers, 0..2^63 - 1.
+    client, progress
+        Where the work is done, and who is told, block by block: see `shipnet.compute`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per block: ``valves``, ``faults``, ``samples``, ``strokes``, and its ``bytes``.
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+    InputError
+        If the folder cannot be written, or holds another fleet.
+    ImportError
+        If pyarrow is not installed: ``pip install "shipnet[cluster]"``.
+
+    Notes
+    -----
+    ``samples/day=2026-01-01/block-0000.parquet`` has one row per valve and reading: ``valve``,
+    ``time`` in UTC, the channels with their units, whether its motor is ``running`` and a command
+    is ``active``, and as truth the ``label``, the code of the fault that is there or empty, and its
+    ``severity``, 0..1. ``strokes/`` has one row per run of a motor and what the rule table says of
+    it, ``faults/`` one per fault: when it starts, how long it grows, in five steps, and when it is
+    repaired. Every file says in its metadata that it is synthetic: a method that finds these faults
+    is verified, not validated.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:  # doctest: +SKIP
+    ...     write_fleet(folder, valves=60, days=2)[["valves", "strokes"]]
+       valves  strokes
+    0      50      544
+    1      10      106
+    """
+    load_extra("pyarrow", "pyarrow", "cluster")
+    where = check_path("folder", folder).absolute()
+    count = check_whole("valves", valves, 1, 100_000)
+    lasts = check_whole("days", days, 1, 3650)
+    rate = check_scalar("faults_per_year", faults_per_year, "", 0, 50)
+    times = check_whole("strokes", strokes, 0, 100)
+    idle = check_scalar("idle_step", idle_step, "s", 1, 3600)
+    source = check_whole("seed", seed, 0, 2**63 - 1)
+    blocks = [
+        _Block(str(where), k, min(BLOCK, count - first), lasts, rate, times, idle, source)
+        for k, first in enumerate(range(0, count, BLOCK))
+    ]
+    found = compute(
+        _written, blocks, seed=source, client=client, folder=where / "done", progress=progress
+    )
+    for torn in where.glob("*/**/.block-*"):
+        torn.unlink()  # of writers that were killed
+    return pd.DataFrame(found).set_index("block")

@@ -1,0 +1,312 @@
+"""Recorded serial lines: rate, form and characters of a UART, from levels or voltages.
+
+Only the edges are looked at. The clock is the slope of a straight line through all edges over their
+bit numbers; a form is right if neither its parity nor its stop bit ever fails.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from os import PathLike
+from typing import NamedTuple
+
+import numpy as np
+
+from shipnet.arrays import Bools, Floats, Integers
+from shipnet.errors import ArgumentError, FormError, InputError, ParityError, name_of
+from shipnet.fields import check_path, check_scalar
+from shipnet.lazy import pd
+from shipnet.line.scope_file import Edges, bit_time, read_edges
+from shipnet.modbus.uart import SerialLine, Waveform
+
+#: Forms that are tried: data bits and parity.
+_FORMS = tuple((data, parity) for data in (8, 7) for parity in "NEO")
+
+#: Edges by which guesses are compared, and the pulses that are glitches [bit].
+_HEAD, _GLITCH = 600, 1 / 3
+
+#: Fewest samples per bit.
+_FEWEST = 2.0
+
+
+class _Reading(NamedTuple):
+    """Characters read with one clock and one form; times in samples."""
+
+    starts: Floats
+    bits: Integers  # (characters, bits): start, data, parity if any, first stop bit
+    false: int  # starts that were over before the middle of the start bit
+
+
+def _read(places: Floats, first: int, bit: float, size: int) -> _Reading:
+    """Sample characters of `size` bits between start and stop bit, each from its own start on."""
+    falls = places[first ^ 1 :: 2]
+
+    def level(times: Floats) -> Integers:
+        return np.asarray((np.searchsorted(places, times, side="right") + first) & 1)
+
+    begun = level(falls + bit / 2) == 0
+    resume = falls + np.where(begun, size + 1.5, 0.5) * bit
+    follow = np.maximum(np.searchsorted(falls, resume), np.arange(len(falls)) + 1).tolist()
+    taken, at = [], 0
+    while at < len(falls):
+        taken.append(at)
+        at = follow[at]
+    chosen = np.array(taken, dtype=int)
+    starts = falls[chosen[begun[chosen]]]
+    bits = level(starts[:, np.newaxis] + (np.arange(size + 2) + 0.5) * bit)
+    return _Reading(starts, bits, len(chosen) - len(starts))
+
+
+def _fit(places: Floats, reading: _Reading, bit: float) -> tuple[float, float]:
+    """Return the bit time that fits the edges within characters, and their distance from it."""
+    if not len(reading.starts):
+        return bit, 0.5
+    own = np.searchsorted(reading.starts, places, side="right") - 1
+    since = places - reading.starts[np.maximum(own, 0)]
+    number = np.rint(since / bit)
+    inside = (own >= 0) & (number >= 1) & (number < reading.bits.shape[1])
+    near = inside & (np.abs(since - number * bit) < 0.3 * bit)
+    if not near.any():
+        return bit, 0.5
+    fitted = float((since[near] * number[near]).sum() / (number[near] ** 2).sum())
+    return fitted, float(np.sqrt(np.mean((since[inside] / fitted - number[inside]) ** 2)))
+
+
+def _tuned(places: Floats, first: int, bit: float, size: int) -> float:
+    """Return the bit time after a few rounds of reading and fitting."""
+    begin = bit
+    for _ in range(6):
+        fitted, _ = _fit(places, _read(places, first, bit, size), bit)
+        if not 0.9 < fitted / begin < 1.1 or abs(fitted / bit - 1) < 1e-7:
+            break
+        bit = fitted
+    return bit
+
+
+def _without_glitches(places: Floats, bit: float) -> Floats:
+    """Return the edges without pairs that are closer than a glitch."""
+    if not (np.diff(places) < _GLITCH * bit).any():
+        return places
+    kept: list[float] = []
+    for place in places.tolist():
+        if kept and place - kept[-1] < _GLITCH * bit:
+            kept.pop()
+        else:
+            kept.append(place)
+    return np.array(kept)
+
+
+def _faults(reading: _Reading, parity: str) -> tuple[Bools, Bools]:
+    """Return which characters have a framing error, and which a parity error."""
+    framing = reading.bits[:, -1] == 0
+    if parity == "N":
+        return framing, np.zeros(len(framing), dtype=bool)
+    odd = reading.bits[:, 1:-1].sum(axis=1) & 1
+    return framing, ~framing & (odd != (parity == "O"))
+
+
+def _found(
+    edges: Edges, first: int, bit: float | None, form: tuple[int, str] | None
+) -> tuple[float, tuple[int, str]]:
+    """Return the bit time and the form with the fewest faults; of equals, the longest bit."""
+    head = np.asarray(edges.places[:_HEAD], dtype=float)
+    runs = np.diff(head)
+    guesses = {bit} if bit else {
+        float(np.quantile(runs, q)) / part for q in (0.1, 0.3, 0.5, 0.6) for part in (1, 2, 3)
+    } | {bit_time(edges._replace(places=head), 9)}  # fmt: skip
+    best = (np.inf, bit or max(guesses), form or _FORMS[0])
+    for guess in sorted(guesses):
+        if guess < _FEWEST:
+            continue
+        clean = _without_glitches(head, guess)
+        for data, parity in [form] if form else _FORMS:
+            size = data + (parity != "N")
+            own = bit or _tuned(clean, first, guess, size)
+            reading = _read(clean, first, own, size)
+            if not len(reading.starts):
+                continue
+            off = _fit(clean, reading, own)[1]
+            wrong = np.logical_or(*_faults(reading, parity)).mean()
+            gone = (len(head) - len(clean)) / len(head)
+            score = wrong + gone + 2 * max(0.0, off - 0.5 * edges.width / own - 0.02)
+            # A bit of half the length fits as well; without parity nothing but stop bits can fail.
+            score += -0.5 * np.log2(own / runs.max()) + 0.02 * (parity == "N") - 0.01 * data
+            best = min(best, (score, own, (data, parity)))
+    return best[1:]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SerialCapture:
+    """Characters of a recorded serial line; `read_capture` makes it.
+
+    Attributes
+    ----------
+    bit_rate : float
+        Bit rate with which the line was read, given or found [bit/s].
+    measured_rate : float
+        Bit rate of the sender by all edges of all characters [bit/s].
+    character : str
+        Data bits, parity and stop bits, as ``"8N1"``.
+    waveform : shipnet.modbus.Waveform
+        Levels with glitches, 1 while the line rests; `Waveform.decode` shows what a receiver with
+        other settings takes from it. None for characters that are not of 8 bits.
+    duration : float
+        Length of the record [s].
+    channel : str
+        Channel of the file.
+    glitches : int
+        Pulses shorter than a third of a bit, which were removed, and false starts.
+
+    Examples
+    --------
+    >>> from shipnet import datasets, remote_control
+    >>> file = datasets.path("sigrok_uart_gps.sr")
+    >>> remote_control.read_capture(file).data[30:38]
+    b'$GPGSV,4'
+    """
+
+    bit_rate: float
+    measured_rate: float
+    character: str
+    waveform: Waveform | None
+    duration: float
+    channel: str
+    glitches: int
+    _table: pd.DataFrame
+
+    @property
+    def data(self) -> bytes:
+        """All characters, wrong ones included; of 9 bits, the lowest 8."""
+        return (self._table["value"].to_numpy(dtype=np.int64) & 255).astype(np.uint8).tobytes()
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per character: ``start_s``, ``value``, ``error``.
+
+        The error is ok, FormError (the stop bit is 0: a framing error, which hides a wrong parity)
+        or ParityError.
+        """
+        return self._table.copy()
+
+    def __repr__(self) -> str:
+        errors = self._table["error"]
+        counts = [((errors == "FormError").sum(), "framing error")]
+        counts += [((errors == "ParityError").sum(), "parity error"), (self.glitches, "glitch")]
+        said = [
+            f"{n} {what}{'' if n == 1 else 'es' if what == 'glitch' else 's'}"
+            for n, what in counts if n
+        ]  # fmt: skip
+        read = f"{len(errors)} characters {self.character} at {self.bit_rate:.6g} bit/s"
+        return f"SerialCapture({read}, {', '.join(said) or 'all right'})"
+
+
+def read_capture(
+    path: str | PathLike[str],
+    bit_rate: float | None = None,
+    character: str | None = None,
+    *,
+    channel: str | None = None,
+    sample_interval: float | None = None,
+) -> SerialCapture:
+    """Read the characters of a recorded serial line: logic levels, or sampled voltages.
+
+    Parameters
+    ----------
+    path : path
+        A file as `shipnet.can.read_capture` takes it. The level at which the line rests is 1.
+    bit_rate : float, optional
+        Bit rate of the receiver, 50..10e6 [bit/s]; that of the sender, as found, if omitted.
+    character : str, optional
+        Data bits (5..9), parity (N, E, O) and stop bits (1, 2), as ``"8N1"``; found if omitted,
+        with 7 or 8 data bits.
+    channel : str, optional
+        Title or number of the channel; the one that changes most often if omitted.
+    sample_interval : float, optional
+        Time between two samples [s]; it overrides what the file says.
+
+    Returns
+    -------
+    SerialCapture
+        Every character that begins in the record.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or gives no times, it has fewer than 2 samples per bit, or
+        the bit rate is not given and there are too few edges to find it.
+    ArgumentError
+        If an argument is out of its range.
+
+    Notes
+    -----
+    A start bit begins where the level falls, and counts if the line is still 0 half a bit later.
+    All bits are sampled in their middle, and the next character begins at the first fall after the
+    middle of the first stop bit. Pulses shorter than a third of a bit are removed before.
+
+    Rate and form are those with the fewest faults. With fewer than about ten characters several
+    forms have none, and what is found is a guess: state them.
+
+    Examples
+    --------
+    >>> from shipnet import datasets
+    >>> read_capture(datasets.path("sigrok_uart_gps.sr"))
+    SerialCapture(1351 characters 8N1 at 9605.41 bit/s, all right)
+    """
+    file = check_path("path", path)
+    rate = None if bit_rate is None else check_scalar("bit_rate", bit_rate, "bit/s", 50, 10e6)
+    form = None
+    if character is not None:
+        if not isinstance(character, str) or not re.fullmatch("[5-9][NEO][12]", character):
+            raise ArgumentError(f"character is {character!r}; it must be 5..9, N, E or O, 1 or 2")
+        form = int(character[0]), character[1]
+    edges = read_edges(file, channel=channel, sample_interval=sample_interval)
+    bit = None if rate is None else 1 / (rate * edges.dt)
+    if bit is not None and bit < _FEWEST:
+        raise InputError(
+            str(file), f"it has {bit:.2g} samples per bit at {rate:g} bit/s; 2 are needed"
+        )
+    if len(edges.places) < 4 and bit is None:
+        raise InputError(str(file), "too few changes of level to find the bit rate; state it")
+    # Only a line at rest is quiet for longer than a character.
+    runs = np.diff(edges.places, prepend=0, append=edges.samples)
+    level = (np.arange(len(runs)) + edges.first) & 1
+    long = level[runs > 13 * (bit or bit_time(edges, 9))]
+    rests = int(2 * np.count_nonzero(long) >= len(long))
+    first = edges.first if rests else edges.first ^ 1
+    places = np.asarray(edges.places, dtype=float)
+    if len(places) >= 2:
+        bit, form = _found(edges, first, bit, form)
+    data, parity = form or _FORMS[0]
+    if bit is None or bit < _FEWEST:
+        raise InputError(str(file), "fewer than 2 samples per bit")
+    # The sender's own clock does not depend on that of the receiver.
+    own = _found(edges, first, None, (data, parity))[0] if len(places) >= 4 else bit
+    size = data + (parity != "N")
+    own = _tuned(_without_glitches(places, own), first, own, size)
+    bit = bit if rate else own
+    clean = _without_glitches(places, bit)
+    reading = _read(clean, first, bit, size)
+    framing, wrong = _faults(reading, parity)
+    code = np.where(framing, FormError.code, np.where(wrong, ParityError.code, 0))
+    name = {int(one): name_of(int(one)) for one in np.unique(code)}
+    rest = np.diff(reading.starts) / bit - (size + 1)
+    stops = 2 if len(rest) > 4 and np.quantile(rest, 0.05) > 1.75 else 1
+    found = character or f"{data}{parity}{stops}"
+    rate = rate or 1 / (bit * edges.dt)
+    waveform = None
+    if data == 8:
+        times = np.concatenate([[0.0], places]) * edges.dt
+        levels = ((np.arange(len(times)) + first) & 1).astype(np.float64)
+        waveform = Waveform(times, levels, SerialLine(rate, found))
+    table = pd.DataFrame(
+        {
+            "start_s": reading.starts * edges.dt,
+            "value": reading.bits[:, 1 : data + 1] @ (1 << np.arange(data)),
+            "error": [name[int(one)] for one in code],
+        }
+    )
+    glitches = (len(places) - len(clean)) // 2 + reading.false
+    return SerialCapture(
+        rate, 1 / (own * edges.dt), found, waveform, edges.samples * edges.dt, edges.channel,
+        glitches, table,
+    )  # fmt: skip

@@ -1,0 +1,174 @@
+"""Rare errors: against counting where that reaches, theory where it holds, and repetition."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from shipnet import asi
+from shipnet.asi.emc import rare_errors
+from shipnet.asi.emc.disturbances import Noise
+from shipnet.asi.emc.error_rates import count_errors, error_rate
+from shipnet.asi.emc.rare_errors import rare_error_rates
+from shipnet.asi.receiver import RECEIVERS, Receiver
+from shipnet.errors import ArgumentError, InputError
+from tests.support import tolerance
+
+rare_error_rates = partial(rare_error_rates, client=1)
+
+NEAR = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
+PROOF, DEAF = RECEIVERS["noise-proof"], Receiver(minimum=1.3)
+DENSITY = Noise().density
+
+
+def rate_of(deviation, n, receiver=PROOF, wave=NEAR, **options):
+    return rare_error_rates(wave, DENSITY(deviation), n, receiver=receiver, **options).iloc[0]
+
+
+def within(row, low, high):
+    """Return whether two intervals overlap."""
+    return row["rate_low"] <= high and low <= row["rate_high"]
+
+
+@pytest.mark.parametrize(
+    ("deviation", "receiver", "n"),
+    [(0.6, PROOF, 40_000), (0.5, PROOF, 150_000), (0.7, DEAF, 100_000)],
+)
+def test_counting_gives_the_same_rate(deviation, receiver, n):
+    counted = count_errors(NEAR, Noise(), deviation, n, 1, receiver=receiver).table().iloc[0]
+    sampled = rate_of(deviation, 20_000, receiver)
+    assert within(sampled, counted["rate_low"], counted["rate_high"]) and sampled["sound"]
+    # And it knows the rate better.
+    width = sampled["rate_high"] - sampled["rate_low"]
+    assert width < counted["rate_high"] - counted["rate_low"]
+
+
+def test_theory_gives_the_same_rate_down_to_1e_10():
+    table = rare_error_rates(NEAR, DENSITY([0.5, 0.4, 0.3, 0.28]), 30_000, receiver=PROOF)
+    theory = error_rate(NEAR, table["noise_density"], receiver=PROOF)
+    assert table["sound"].all()
+    assert theory[0] > 1e-3 and theory[-1] < 2e-10
+    assert table["rate"].to_numpy() == pytest.approx(theory, rel=tolerance("asi.rare"))
+
+
+def test_the_interval_holds_the_rate_as_often_as_it_says():
+    truth = rate_of(0.4, 100_000, seed=1)["rate"]
+    case = rare_errors._Case(*map(np.ascontiguousarray, NEAR.records), NEAR.dt, PROOF, 0.4)
+    rng = np.random.default_rng(2024)
+    held = 0
+    for _ in range(150):
+        found = rare_errors._summary([rare_errors._sample((case, 500), rng)])
+        held += found["rate_low"] <= truth <= found["rate_high"]
+    # 95 % of 150 are 142.5; four standard deviations are 10.7.
+    assert 132 <= held
+
+
+def test_other_seeds_and_parts_agree():
+    first, second = (rate_of(0.3, 20_000, seed=seed) for seed in (5, 6))
+    assert first["rate"] != second["rate"]
+    assert within(first, second["rate_low"], second["rate_high"])
+
+
+def test_a_rate_is_the_mean_of_strong_and_weak_telegrams():
+    strong = replace(NEAR, u=NEAR.u[:1], bits=NEAR.bits[:1])
+    weak = replace(strong, u=0.55 * strong.u)
+    both = replace(NEAR, u=np.vstack([strong.u, weak.u]), bits=NEAR.bits[[0, 0]])
+    table = rare_error_rates(
+        {"strong": strong, "weak": weak, "both": both}, DENSITY(0.4), 40_000, receiver=PROOF
+    )
+    rates = dict(zip(table["wave"], table["rate"], strict=True))
+    assert rates["weak"] > 100 * rates["strong"]
+    # Both intervals are up to 7 % wide to either side.
+    assert rates["both"] == pytest.approx((rates["strong"] + rates["weak"]) / 2, rel=0.15)
+
+
+def test_a_way_that_was_forgotten_makes_the_rate_unsound(monkeypatch):
+    # Above 1 V telegrams are lost where a weakened first pulse peaks a few samples off.
+    assert rate_of(0.5, 100_000, DEAF)["sound"]
+    monkeypatch.setattr(rare_errors, "_SLIPS", -1)
+    rare_errors._points_of.cache_clear()
+    rare_errors._proposal.cache_clear()
+    blind = rate_of(0.5, 100_000, DEAF)
+    rare_errors._points_of.cache_clear()
+    rare_errors._proposal.cache_clear()
+    assert not blind["sound"]
+
+
+def test_each_design_point_satisfies_its_inequalities_and_none_nearer_does():
+    rng = np.random.default_rng(3)
+    for size in (1, 2, 5):
+        sides = [(rng.standard_normal(8), float(rng.uniform(0.5, 2))) for _ in range(size)]
+        point = rare_errors._design_point(sides)
+        a, b = np.array([one for one, _ in sides]), np.array([other for _, other in sides])
+        assert (a @ point >= b - 1e-9).all()
+        # The nearest point is the one at which any feasible direction leads away.
+        for other in point + 0.3 * rng.standard_normal((2000, 8)):
+            assert (a @ other < b).any() or other @ other >= point @ point - 1e-9
+    opposite = [(np.array([1.0, 0.0]), 1.0), (np.array([-1.0, 0.0]), 1.0)]
+    assert rare_errors._design_point(opposite) is None
+
+
+def test_cables_and_topologies_have_a_row_each_and_a_stop_costs_nothing(tmp_path):
+    waves = {
+        "line": asi.line(100, slaves=(5,)).waveform(),
+        "star": asi.star(60, [10, 20]).waveform(node="leg 2"),
+    }
+    whole = rare_error_rates(waves, DENSITY([0.4, 0.3]), 6000, receiver=PROOF)
+    assert whole[["wave", "telegrams"]].to_numpy().tolist() == [
+        ["line", 6000], ["line", 6000], ["star", 6000], ["star", 6000],
+    ]  # fmt: skip
+    assert whole["noise_density"].tolist() == [*DENSITY([0.4, 0.3])] * 2
+
+    class Stop(Exception):
+        pass
+
+    def stop(done, total):
+        assert total == 8
+        if done == 3:
+            raise Stop
+
+    options = {"receiver": PROOF, "folder": tmp_path}
+    with pytest.raises(Stop):
+        rare_error_rates(waves, DENSITY([0.4, 0.3]), 6000, progress=stop, **options)
+    seen = []
+    again = rare_error_rates(
+        waves, DENSITY([0.4, 0.3]), 6000, progress=lambda done, _: seen.append(done), **options
+    )
+    assert seen == [3, 4, 5, 6, 7, 8] and again.equals(whole)
+    with pytest.raises(InputError, match="another seed"):
+        rare_error_rates(waves, DENSITY([0.4, 0.3]), 6000, seed=1, **options)
+
+
+def test_where_nothing_is_lost_the_rate_has_a_bound_and_is_not_sound():
+    part = dict.fromkeys(("n", "w", "ww", "x", "xx", "lost", "far", "largest"), 0.0) | {"n": 1000.0}
+    found = rare_errors._summary([part])
+    assert found["rate"] == found["rate_low"] == 0 and not found["sound"]
+    # The rule of three, for the hundred that were drawn without a shift.
+    assert found["rate_high"] == pytest.approx(3.69 / 100, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"waves": {}}, "waves is empty"),
+        ({"waves": 3}, "waves is 3; it must be a Waveform"),
+        ({"waves": {"a": None}}, "waves is None"),
+        ({"noise_density": 0.0}, r"noise_density is 0\.0"),
+        ({"noise_density": [np.nan]}, "noise_density is"),
+        ({"n_telegrams": 999}, "n_telegrams is 999"),
+        ({"n_telegrams": 2000.0}, r"n_telegrams is 2000\.0"),
+        ({"seed": None}, "seed is None"),
+        ({"seed": -1}, "seed is -1"),
+        ({"receiver": Receiver(minimum=5.0)}, "received without an error"),
+        ({"waves": replace(NEAR, u=0.1 * NEAR.u)}, "received without an error"),
+        (
+            {"waves": replace(NEAR, u=np.tile(NEAR.u, (5, 1)), bits=np.tile(NEAR.bits, (5, 1)))},
+            "a wave has 80 telegrams; it must have 64 at most",
+        ),
+    ],
+)
+def test_bad_arguments_are_named(change, message):
+    good = {"waves": NEAR, "noise_density": 1e-3, "n_telegrams": 1000}
+    with pytest.raises(ArgumentError, match=message):
+        rare_error_rates(**good | change)
