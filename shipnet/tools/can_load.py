@@ -108,7 +108,6 @@ class CanLoad(Tool):
         return self.result.plot(ax)
 
     def _view(self) -> View:
-        """Return what the page shows."""
         late, n = self.result.late, len(self.result)
         load = {f"load, {name}": f"{share:.1%}" for name, share in self.load.items()}
         rate = "none" if self.lowest == inf else f"{self.lowest / 1e3:g} kbit/s"
@@ -125,8 +124,6 @@ class CanLoad(Tool):
         )
 
     def _options(self) -> dict[str, Any]:
-        """Return what the page has beside controls and figure."""
-
         def take(inputs: CanLoad, name: str, content: bytes) -> CanLoad:
             given = text_of(content)
             if "\0" in given:
