@@ -100,10 +100,9 @@ def read_scope_file(
 class Edges(NamedTuple):
     """Where one channel of a record changes between two levels."""
 
-    places: npt.NDArray[
-        np.floating[Any]
-    ]  # samples since the first one; the middle of where each change can be
-    width: float  # how much of a sample that is: all of it for logic
+    #: Samples since the first one: the middle of where each change can be.
+    places: npt.NDArray[np.floating[Any]]
+    width: float  # how much of a sample that middle leaves open: all of it for logic
     first: int  # level before the first change, 0 or 1
     samples: float  # length of the record
     dt: float  # time between two samples [s]
@@ -504,7 +503,8 @@ def _edges_of(
     if len(u) < 2:
         raise InputError(file, f"it holds {len(u)} sample; expected a record")
     two = np.unique(u[~np.isnan(u)])
-    if interval is None and time is not None and set(two.tolist()) <= {0.0, 1.0}:
+    logic = set(two.tolist()) <= {0.0, 1.0} and not np.isnan(u).any()
+    if interval is None and time is not None and logic:
         # Many programs store changes of logic only, each with its time.
         t = _checked(file, table, time) * table.columns[time].scale
         steps = np.diff(t)
