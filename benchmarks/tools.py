@@ -1,20 +1,16 @@
-"""How long a tool takes to open, and to answer a slider: first picture 5 s, update 100 ms.
+"""How long a tool takes to open, and to answer a slider: first picture 1 s, update 100 ms.
 
 The first picture is that of a fresh process: interpreter, imports, page; neither Voila nor a
-browser is in it. As a web page a kernel and the worked examples come on top: the last column
-executes the notebook as Voila does, and what the browser adds is not measured here. `update`
-and the picture are those of the slowest of the limits of every slider, cached results left out.
+browser is in it, see tools_latency.py. `update` and the picture are those of the slowest of the
+limits of every slider, cached results left out.
 """
 
 import subprocess
 import sys
-import time
 from pathlib import Path
 from timeit import repeat
 
-import nbformat
 from _timing import seconds
-from nbclient import NotebookClient
 
 from shipnet import tools
 from shipnet.fields import Number, Whole, declared
@@ -36,18 +32,6 @@ def first_picture(tool):
         f"from shipnet import tools; p = tools.{name}().explore(); assert 'png' in p.figure.value"
     )
     subprocess.run([sys.executable, "-c", f"{program}; p.close()"], check=True)
-
-
-def as_a_page(path):
-    """Execute a notebook with a kernel of its own."""
-    client = NotebookClient(
-        nbformat.read(path, as_version=4),
-        kernel_name="python3",
-        timeout=120,
-        resources={"metadata": {"path": str(path.parent)}},
-        extra_arguments=["--log-level=ERROR"],
-    )
-    client.execute()
 
 
 def cases(inputs):
@@ -82,17 +66,12 @@ def measure(tool):
 
 
 def main():
-    print("without Voila and browser, which come on top of a web page's first picture")
-    print(f"{'tool':<16} {'update':>9} {'figure':>9} {'first picture':>14} {'notebook':>9}")
+    print(f"{'tool':<16} {'update':>9} {'figure':>9} {'first picture':>14}")
     for path in EXPLORE:
         update, figure = measure(path.stem)
         opened = seconds(lambda tool=path.stem: first_picture(tool), 2)
-        begin = time.perf_counter()
-        as_a_page(path)
-        page = time.perf_counter() - begin
         print(
-            f"{path.stem:<16} {1e3 * update:6.1f} ms {1e3 * figure:6.0f} ms "
-            f"{opened:12.1f} s {page:7.1f} s",
+            f"{path.stem:<16} {1e3 * update:6.1f} ms {1e3 * figure:6.0f} ms {opened:12.1f} s",
             flush=True,
         )
 

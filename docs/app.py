@@ -96,7 +96,8 @@ def voila(folder: Path, data: Path, *options: str) -> tuple[list[str], dict[str,
     environment = os.environ | {"JUPYTER_PATH": os.pathsep.join(filter(None, [str(data), found]))}
     fixed = ("--no-browser", "--theme=light", "--template=shipnet", NOT_NEEDED, *CULL)
     if not any(option.startswith(PREHEAT) for option in options):
-        fixed += (f"{PREHEAT}=True",)
+        # The next one waits until the page is there and its first moves are made.
+        fixed += (f"{PREHEAT}=True", "--VoilaKernelManager.fill_delay=5")
     kernels = str(ROOT / "docs" / "kernels.py")
     return [sys.executable, "-P", kernels, "voila", *fixed, *options, str(folder)], environment
 
