@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from shipnet.errors import ArgumentError
 
@@ -25,6 +26,11 @@ with (Path(__file__).parent / "reference" / "tolerances.csv").open(encoding="utf
 def tolerance(key: str) -> float:
     """Return how far a result may be from what it is compared with."""
     return float(TOLERANCES[key]["tolerance"])
+
+
+def several(few: int, many: int) -> int:
+    """Return how many cases to take: `few`, or `many` in the weekly run, which draws many."""
+    return many if settings.default.max_examples > 20 else few
 
 
 def require(part: str, available: bool, hint: str) -> None:
@@ -48,6 +54,24 @@ def running(*arguments: str) -> Iterator[subprocess.Popen]:
             yield program
         finally:
             program.kill()
+
+
+@contextmanager
+def two_workers() -> Iterator[object]:
+    """Yield the client of a Dask cluster of two processes, on ports that are free."""
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
+            silence_logs=50,
+        ) as workers,
+        Client(workers) as client,
+    ):  # fmt: skip
+        client.wait_for_workers(2, timeout=60)
+        yield client
+        # One that was killed comes back before the cluster closes.
+        client.wait_for_workers(2, timeout=60)
 
 
 def load(upload: object, content: bytes, name: str = "a.csv") -> None:
