@@ -105,7 +105,8 @@ def of_remote_control():
         "time": 0.1, "station": "BCS", "number": 1, "value": 2, "n_items": 2, "items": {1: 2},
         "n_bytes": 4, "numbers": [[1]], "values": [[2]], "packets": 100, "rate": 1e-4, "unread": 2,
         "byte": 1, "data": b"a", "sending": [1], "sended": [2], "rates": [1e-3], "source": "BCS",
-        "target": "RCS", "system": system, "until": 0.2, "faults.Stall.stop": 1.0,
+        "target": "RCS", "path": "none.csv", "system": system, "until": 0.2,
+        "faults.Stall.stop": 1.0,
         "compare_checks.n_items": [1], "compare_checks.packets": 10, "switch_delays.changes": 1,
         "switch_delays.bit_rates": [9600], "Ring.explore.max_unread": 2, "Ring.cases.laps": 1,
     }  # fmt: skip

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.errors import ArgumentError, FormError, InputError, ParityError, name_of
 from shipnet.fields import check_path, check_scalar
@@ -200,6 +201,7 @@ class SerialCapture:
         return f"SerialCapture({read}, {', '.join(said) or 'all right'})"
 
 
+@checked
 def read_capture(
     path: str | PathLike[str],
     bit_rate: float | None = None,

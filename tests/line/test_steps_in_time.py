@@ -286,7 +286,7 @@ def quiet(**changed):
         (quiet(drivers=[[]]), "drivers are empty"),
         (lambda: Driver("far"), "driver at node 'far' must have a current, or a voltage and"),
         (lambda: Driver("far", voltage=1.0), "must have a current"),
-        (quiet(drivers=[[3]]), r"one of drivers is \[3\]"),
+        (quiet(drivers=[[3]]), "one of drivers is 3"),
         (quiet(drivers=[3]), "one of drivers is 3"),
         (quiet(drivers=[Driver("x", 0.0)]), "node of a driver is 'x'"),
         (quiet(drivers=[Driver("far", math.nan)]), "current of the driver at node 'far'"),

@@ -362,7 +362,7 @@ def test_a_ring_begins_empty_with_128_cells():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Ring(8, "x"), "rule is 'x'; it must be 'printed', 'intended', 'corrected'"),
+        (lambda: Ring(8, "x"), "rule is 'x'; it must be one of 'printed', 'intended', 'corrected'"),
         (lambda: Ring.filled(-1), "unread is -1; it must be a whole number 0..1000000"),
         (lambda: Ring(1025).cases(), "size is 1025; it must be a whole number 2..1024"),
         (lambda: Ring(8).cases(0), "laps is 0; it must be a whole number 1..16"),
