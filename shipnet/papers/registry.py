@@ -67,7 +67,7 @@ class Recomputation:
 
         def watch(frame: FrameType, event: str, _: object) -> None:
             caller = frame.f_back
-            while caller is not None and caller.f_globals["__name__"] == "shipnet.arguments":
+            while caller is not None and caller.f_globals.get("__name__") == "shipnet.arguments":
                 caller = caller.f_back
             if event == "call" and caller is not None and _is_paper(caller) and _is_model(frame):
                 models.append(frame.f_code.co_name)
