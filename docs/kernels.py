@@ -9,6 +9,7 @@ kernel that is a fork has them at once, and nothing of the package; each is a pr
 from __future__ import annotations
 
 import atexit
+import gc
 import importlib
 import json
 import os
@@ -84,6 +85,8 @@ def _serve() -> None:
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     for name in LIBRARIES:
         importlib.import_module(name)
+    # No kernel looks for garbage in what is loaded, nor copies it by that.
+    gc.freeze()
     # The system clears away a kernel that has ended; Ctrl-C is for the program that starts them.
     for number in (signal.SIGCHLD, signal.SIGINT):
         signal.signal(number, signal.SIG_IGN)
