@@ -2,8 +2,8 @@
 
 The click on a card is followed by the picture that the notebook stores, then by the tool's own;
 once with a kernel that was started before the click, once without. A key on the first slider
-that moves the picture, or on the first button, is followed by a new one. Beside the wall time stands
-the processor time of browser, server and kernel, which a busy machine changes little.
+that moves the picture, or on the first button, is followed by a new one. Beside the wall time
+stands the processor time of browser, server and kernel, which a busy machine changes little.
 """
 
 import shutil
