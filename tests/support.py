@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from shipnet.errors import ArgumentError
 
@@ -25,6 +26,11 @@ with (Path(__file__).parent / "reference" / "tolerances.csv").open(encoding="utf
 def tolerance(key: str) -> float:
     """Return how far a result may be from what it is compared with."""
     return float(TOLERANCES[key]["tolerance"])
+
+
+def several(few: int, many: int) -> int:
+    """Return how many cases to take: `few`, or `many` in the weekly run, which draws many."""
+    return many if settings.default.max_examples > 20 else few
 
 
 def require(part: str, available: bool, hint: str) -> None:

@@ -6,7 +6,7 @@ All releases of an instant are gathered before the arbitration, because all node
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from heapq import heappop, heappush
 from typing import NamedTuple
 
@@ -32,68 +32,118 @@ SUSPEND_BITS = 8
 
 
 class Releases(NamedTuple):
-    """Frames that ask for the bus, in the order of their release."""
+    """Frames that ask for the bus, in the order of their release, and lengths by message."""
 
     time: Integers
     message: Integers
-    duration: Integers
+    length: Integers
 
 
-class Unpacked(NamedTuple):
-    """Releases as lists, which a loop reads faster than arrays."""
-
-    due: list[int]
-    """times of release, then `NEVER` [ns]"""
-    rank: list[int]
-    duration: list[int]
-    item: list[int]
-    """priority and place in one number: the smallest is the next to be sent"""
-    mask: int
-    """which bits of an item are its place"""
+#: Busy periods of a size that are rather worked on frame by frame than side by side.
+_FEW = 30
 
 
-def unpacked(releases: Releases) -> Unpacked:
-    """Return releases in the form in which the bus works on them."""
-    number = len(releases.time)
-    shift = number.bit_length()
-    return Unpacked(
-        [*releases.time.tolist(), NEVER],
-        releases.message.tolist(),
-        releases.duration.tolist(),
-        (releases.message << shift | np.arange(number)).tolist(),
-        (1 << shift) - 1,
-    )
+class _Traffic:
+    """Frames in the order of their release, and how far a bus has come with them."""
 
+    def __init__(self, releases: Releases, overwrite: bool) -> None:
+        number = len(releases.time)
+        self.shift = number.bit_length()
+        self.mask = (1 << self.shift) - 1
+        # Lists, as a loop reads them faster than arrays.
+        self.due = [*releases.time.tolist(), NEVER]
+        #: Priority and place in one number: the smallest is the next to be sent.
+        self.item = (releases.message << self.shift | np.arange(number)).tolist()
+        self.length = releases.length.tolist()
+        self.overwrite = overwrite
+        self.newest = [-1] * len(self.length)
+        self.start = [WAITING] * number
+        self.waiting: list[int] = []
+        self.at = self.now = 0
 
-def send_all(releases: Releases, horizon: int, *, overwrite: bool) -> list[int]:
-    """Return when each frame begins on a bus without errors."""
-    due, ranks, durations, items, mask = unpacked(releases)
-    newest = [-1] * (int(releases.message.max(initial=0)) + 1)
-    start = [WAITING] * len(ranks)
-    waiting: list[int] = []
-    at, upcoming, now = 0, due[0], 0
-    while now < horizon:
-        while upcoming <= now:
-            if overwrite:
-                rank = ranks[at]
-                if newest[rank] >= 0:
-                    start[newest[rank]] = OVERWRITTEN
-                newest[rank] = at
-            heappush(waiting, items[at])
-            at += 1
-            upcoming = due[at]
-        if not waiting:
-            if upcoming == NEVER:
+    def send(self, most: int, until: int) -> list[int]:
+        """Send so many frames, without errors, of those that begin before a time.
+
+        Return their messages. Even if `most` is 0, what was released is put to what waits.
+        """
+        due, items, length, waiting = self.due, self.item, self.length, self.waiting
+        start, shift, mask = self.start, self.shift, self.mask
+        newest, overwrite = self.newest, self.overwrite
+        at, now, sent = self.at, self.now, []
+        upcoming = due[at]
+        while now < until:
+            while upcoming <= now:
+                item = items[at]
+                if overwrite:
+                    rank = item >> shift
+                    if newest[rank] >= 0:
+                        start[newest[rank]] = OVERWRITTEN
+                    newest[rank] = at
+                heappush(waiting, item)
+                at += 1
+                upcoming = due[at]
+            if not most:
                 break
-            now = upcoming
-            continue
-        picked = heappop(waiting) & mask
-        if overwrite:
-            if start[picked] == OVERWRITTEN:
+            if not waiting:
+                now = upcoming
                 continue
-            newest[ranks[picked]] = -1
-        start[picked] = now
-        now += durations[picked]
+            item = heappop(waiting)
+            rank = item >> shift
+            if overwrite:
+                if start[item & mask] == OVERWRITTEN:
+                    continue
+                newest[rank] = -1
+            start[item & mask] = now
+            sent.append(rank)
+            now += length[rank]
+            most -= 1
+        self.at, self.now = at, now
+        return sent
+
+
+def send_undisturbed(releases: Releases, horizon: int) -> Integers:
+    """Return when each frame begins on a bus without errors.
+
+    Whatever the order of the frames, the bus is busy in the same periods. Each is a problem of its
+    own, so those of about one size are solved side by side.
+    """
+    time, message, length = releases
+    duration = length[message]
+    done = np.cumsum(duration)
+    end = np.maximum.accumulate(time - done + duration) + done
+    first = np.flatnonzero(np.r_[True, time[1:] >= end[:-1]][: len(time)])
+    size = np.diff(first, append=len(time))
+    start, left = time.copy(), size > 1
+    for most in (4, 8, 16, 32, 64):
+        periods = np.flatnonzero(left & (size <= most))
+        if len(periods) < _FEW:
+            continue
+        left[periods] = False
+        # The longest first, so that those which still go on are the first ones.
+        periods = periods[np.argsort(-size[periods], kind="stable")]
+        begin, number, row = first[periods], size[periods], np.arange(most)[:, np.newaxis]
+        frame = np.minimum(begin + row, len(time) - 1)
+        # Time, priority and place in one number: of all frames, the least is sent.
+        rank = message[frame] * most + row
+        shift = int(rank.max()).bit_length()
+        gone = most * int(length.max()) + 1 << shift
+        release = np.where(row < number, time[frame] - time[begin] << shift, gone)
+        now = np.zeros_like(begin)
+        for busy in np.searchsorted(-number, -np.arange(number[0])).tolist():
+            key = np.maximum(release[:, :busy], now[:busy])
+            key += rank[:, :busy]
+            least = np.minimum.reduce(key, axis=0)
+            picked = least & most - 1
+            sent = begin[:busy] + picked
+            waited = least >> shift
+            start[sent] = time[begin[:busy]] + waited
+            now = waited + duration[sent] << shift
+            release[picked, np.arange(busy)] = gone
+    others = np.repeat(left, size)
+    traffic = _Traffic(Releases(time[others], message[others], length), overwrite=False)
+    traffic.send(len(time), horizon)
+    start[others] = traffic.start
+    start[start >= horizon] = WAITING
     return start
 
 
@@ -129,8 +179,11 @@ class Nodes:
 
     def settle(self) -> None:
         """Count the good frames."""
+        total = sum(self.good)
+        if not total:
+            return
         for node, own in enumerate(self.good):
-            others = sum(self.good) - own
+            others = total - own
             if others and node not in self.missing:
                 self.rec[node] = max(min(self.rec[node], PASSIVE) - others, 0)
             self.tec[node] = max(self.tec[node] - own, 0)
@@ -178,45 +231,41 @@ class Failure(NamedTuple):
     state: str
 
 
-def send_disturbed(
+def send(
     releases: Releases,
     horizon: int,
     sender: Integers,
-    faults: Iterable[Simulated],
+    faults: tuple[Simulated, ...],
     bit: int,
     rng: np.random.Generator,
     recover: bool,
     *,
     overwrite: bool,
-) -> tuple[list[int], list[Failure], Nodes]:
-    """Return when each frame begins on a bus with errors, its failures and the nodes at the end."""
-    due, ranks, durations, items, mask = unpacked(releases)
+) -> tuple[Integers, list[Failure], Nodes]:
+    """Return when each frame begins, which failed, and the nodes at the end."""
     owner = sender.tolist()
     nodes = Nodes(max(owner) + 1)
-    newest = [-1] * len(owner)
-    start = [WAITING] * len(ranks)
     failures: list[Failure] = []
+    if not (faults or overwrite):
+        return send_undisturbed(releases, horizon), failures, nodes
+    traffic = _Traffic(releases, overwrite)
+    start, waiting = traffic.start, traffic.waiting
     at_times = sorted((nanoseconds(f.time), f.bits) for f in faults if isinstance(f, ErrorAt))
     strikes = iter([*at_times, (NEVER, 0)])
     struck, struck_bits = next(strikes)
-    random = [
-        (*f.span, f.bits, _gaps(f.rate, rng)) for f in faults if isinstance(f, BitErrors) and f.rate
-    ]
-    waiting: list[int] = []
+    longest = max(traffic.length)
+    random = [f for f in faults if isinstance(f, BitErrors) and f.rate]
+    chances = _chances([f.rate for f in random], longest // bit - INTERMISSION, rng)
+    clear = 0
+    gaps: list[int] = []
     #: Waiting frames of nodes that rest.
     held: dict[int, list[int]] = {}
     rest_until = nodes.rest_until
-    at, now, counted = 0, 0, 0
+    counted = 0
     sequence = SEQUENCE_BITS * bit
-    while now < horizon:
-        while due[at] <= now:
-            if overwrite:
-                rank = ranks[at]
-                if newest[rank] >= 0:
-                    start[newest[rank]] = OVERWRITTEN
-                newest[rank] = at
-            heappush(waiting, items[at])
-            at += 1
+    while traffic.now < horizon:
+        traffic.send(0, horizon)
+        now = traffic.now
         if nodes.missing and recover:
             rested = (now - counted) // sequence
             counted += rested * sequence
@@ -226,61 +275,87 @@ def send_disturbed(
                 for item in held.pop(node):
                     heappush(waiting, item)
         if not waiting:
-            nexts = [due[at], *(rest for rest in rest_until if now < rest)]
+            nexts = [traffic.due[traffic.at], *(rest for rest in rest_until if now < rest)]
             if recover:
                 nexts += [counted + number * sequence for number in nodes.missing.values()]
             if min(nexts) == NEVER:
                 break
-            now = min(nexts)
+            traffic.now = min(nexts)
+            continue
+        while struck < now:
+            struck, struck_bits = next(strikes)
+        if not (clear or gaps):
+            clear, gaps = next(chances)
+        if nodes.calm and clear and now < min(horizon, struck - longest):
+            sent = traffic.send(clear, min(horizon, struck - longest))
+            clear -= len(sent)
+            if failures:  # else all counters are 0 and stay so
+                for rank in sent:
+                    nodes.good[owner[rank]] += 1
             continue
         item = heappop(waiting)
-        picked = item & mask
-        node = owner[ranks[picked]]
+        picked, rank = item & traffic.mask, item >> traffic.shift
+        node = owner[rank]
         if start[picked] == OVERWRITTEN:
             continue
         if rest_until[node] > now:
             held.setdefault(node, []).append(item)
             continue
-        open_bits = durations[picked] // bit - INTERMISSION
-        while struck < now:
-            struck, struck_bits = next(strikes)
+        open_bits = traffic.length[rank] // bit - INTERMISSION
         broken, error_bits = open_bits, 0
         if struck < now + open_bits * bit:
             broken, error_bits = (struck - now) // bit, struck_bits
-        for begin, end, length, gaps in random:
-            # How many bits of the frame pass before the first that is disturbed.
-            hit = next(gaps) - 1
-            if begin > now:
-                hit += -(-(begin - now) // bit)
-            if hit < broken and now + hit * bit < end:
-                broken, error_bits = hit, length
+        if clear:
+            clear -= 1
+        else:
+            for fault, gap in zip(random, gaps, strict=True):
+                begin, end = fault.span
+                # How many bits of the frame pass before the first that is disturbed.
+                hit = gap - 1 + max(-((now - begin) // bit), 0)
+                if hit < broken and now + hit * bit < end:
+                    broken, error_bits = hit, fault.bits
+            clear, gaps = next(chances)
         good = broken == open_bits
-        began = now
-        now += durations[picked] if good else (broken + 1 + error_bits) * bit
+        traffic.now = now + (traffic.length[rank] if good else (broken + 1 + error_bits) * bit)
         # Delimiter, end of frame and intermission are one sequence of 11 recessive bits.
-        counted = now
+        counted = traffic.now
         if nodes.missing and recover:
-            nodes.come_back(1, now)
+            nodes.come_back(1, counted)
         if good:
-            start[picked] = began
-            if overwrite:
-                newest[ranks[picked]] = -1
+            start[picked] = now
+            traffic.newest[rank] = -1
             nodes.good[node] += 1
         else:
             heappush(waiting, item)
             nodes.failed(node)
             tec, state = nodes.tec[node], nodes.state(node)
-            failures.append(Failure(picked, began, now, broken, tec, state))
+            failures.append(Failure(picked, now, counted, broken, tec, state))
         if not (good and nodes.calm):
-            nodes.sent(node, now, now + SUSPEND_BITS * bit)
+            nodes.sent(node, counted, counted + SUSPEND_BITS * bit)
     nodes.settle()
-    return start, failures, nodes
+    return np.array(start, dtype=np.int64), failures, nodes
 
 
-def _gaps(rate: float, rng: np.random.Generator) -> Iterator[int]:
-    """Yield again and again after how many bits, itself included, one is disturbed."""
+#: Chances that are drawn at a time.
+_BLOCK = 4096
+
+
+def _chances(
+    rates: list[float], bits: int, rng: np.random.Generator
+) -> Iterator[tuple[int, list[int]]]:
+    """Yield how many attempts go well, and after how many bits each fault hits the next one.
+
+    Only frames of so many bits are looked at. At the end of a block that is not known yet.
+    """
+    if not rates:
+        yield NEVER, []
     while True:
-        yield from rng.geometric(rate, 4096).tolist()
+        block = np.array([rng.geometric(rate, _BLOCK) for rate in rates])
+        tried = 0
+        for attempt in np.flatnonzero((block <= bits).any(axis=0)).tolist():
+            yield attempt - tried, block[:, attempt].tolist()
+            tried = attempt + 1
+        yield _BLOCK - tried, []
 
 
 # Many sets of offsets --------------------------------------------------------------------------

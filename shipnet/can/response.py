@@ -16,6 +16,7 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Utilisation
+from shipnet.arrays import Integers
 from shipnet.can.faults import ErrorBound, bound
 from shipnet.can.frame import INTERMISSION, check_bit_rate
 from shipnet.can.messages import Message, MessageSet, Named, check_set
@@ -99,6 +100,12 @@ class Bus(NamedTuple):
         bits = self.assumptions.foreign_bits
         return max(0, bits - INTERMISSION) if self.assumptions.intermission == "nowhere" else bits
 
+    def reported(self, message: int) -> int:
+        """How much longer the response of a message is than its delay."""
+        _, frame, jitter = self.streams[message]
+        spared = INTERMISSION * self.bit if self.assumptions.intermission == "between" else 0
+        return frame - spared + (jitter if self.assumptions.own_jitter else 0)
+
 
 def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions | None) -> Bus:
     """Return a message set in ticks of the bus."""
@@ -148,12 +155,7 @@ class Level:
         if own_blocking:
             self.blocking = max(self.blocking, self.frame)
 
-        self._reported = self.frame
-        if assumptions.own_jitter:
-            self._reported += self.jitter
-        if assumptions.intermission == "between":
-            self._reported -= INTERMISSION * bus.bit
-
+        self._reported = bus.reported(message)
         self._tau = assumptions.arbitration_bits * bus.bit
         self._higher = [streams[k] for k in higher]
         self._equal = [*self._higher, streams[message]]
@@ -224,6 +226,74 @@ def _settle(constant: int, streams: Sequence[_Stream], start: float, tau: int) -
             return later
         t = later
     return math.inf
+
+
+#: Releases times messages, or instances of them, that are looked at together, and how many
+#: messages make that worth while.
+_MOST_CELLS, _FEW = 2_000_000, 20
+
+
+#: Blocking, busy period, and response of each instance of a message.
+_Solved = tuple[int, float, Sequence[float]]
+
+
+def _solve_together(bus: Bus) -> list[_Solved] | None:
+    """Return what `Level` finds of each message without errors, or None if that is too much."""
+    number, load = len(bus.streams), sum(frame / period for period, frame, _ in bus.streams)
+    if number < _FEW or load > 0.999 or max(map(max, bus.streams)) > 2**60:
+        return None
+    period, frame, jitter = streams = np.array(bus.streams).T
+    place, tau = np.arange(number), bus.assumptions.arbitration_bits * bus.bit
+    blocking = np.r_[np.maximum.accumulate(frame[:0:-1])[::-1], 0]
+    blocking = np.maximum(blocking, bus.foreign_bits * bus.bit)
+    # A guess, doubled as long as a busy period is longer.
+    span = int((frame.sum() + blocking[0]) * max(1.2, 0.7 / (1 - load)))
+    while (events := int(-(-(span + jitter + tau) // period).sum())) * number < _MOST_CELLS:
+        busy = _first_gaps(streams, jitter, span, blocking, place + 1)
+        if busy is None:
+            span *= 2
+            continue
+        count = -(-(busy + jitter) // period)
+        if events * count.sum() > _MOST_CELLS:
+            break
+        level = np.repeat(place, count)
+        q = np.arange(len(level)) - np.repeat(np.cumsum(count) - count, count)
+        delay = _first_gaps(streams, jitter + tau, span, blocking[level] + q * frame[level], level)
+        later = np.array([bus.reported(m) for m in range(number)])[level] - q * period[level]
+        responses = (delay + later).tolist()
+        ends = np.cumsum(count)
+        parts = (responses[end - many : end] for end, many in zip(ends, count, strict=True))
+        return list(zip(blocking.tolist(), busy.tolist(), parts, strict=True))
+    return None
+
+
+def _first_gaps(
+    streams: Integers, ahead: Integers, span: int, constant: Integers, below: Integers
+) -> Integers | None:
+    """Return each least t = constant + sum of ceil((t + ahead) / period) * frame of some streams.
+
+    A ceiling grows as a frame is released, so with all releases sorted t is the work before the
+    first of them that comes no earlier. The streams are those of a place below `below`; None if
+    a t is longer than the span.
+    """
+    period, frame, _ = streams
+    # What is there at the beginning counts even without tau.
+    once = ahead // period + 1
+    count = -(-(span + ahead) // period) - once
+    which = np.repeat(np.arange(len(period)), count)
+    number = np.arange(len(which)) - np.repeat(np.cumsum(count) - count - once, count)
+    release = number * period[which] - ahead[which]
+    order = np.argsort(release, kind="stable")
+    which, release = which[order], np.r_[release[order], span]
+    work = np.empty((len(constant), len(release)), dtype=np.int64)
+    work[:, 0] = constant + np.r_[0, np.cumsum(once * frame)][below]
+    np.multiply(which < below[:, np.newaxis], frame[which], out=work[:, 1:])
+    np.cumsum(work, axis=1, out=work)
+    gap = work <= release
+    if not gap[:, -1].all():
+        return None
+    first: Integers = work[np.arange(len(work)), gap.argmax(axis=1)]
+    return first
 
 
 # Response times --------------------------------------------------------------------------------
@@ -478,7 +548,23 @@ def response_times(
                 )
     errors = bound(faults)
     bus = on_bus(messages, bit_rate, assumptions)
-    found = [_response(bus, place, one, method, errors) for place, one in enumerate(messages)]
+    solved = None if method != "exact" or errors.burst else _solve_together(bus)
+    if solved is None:
+        solved = [_solve(bus, place, method, errors) for place in range(len(messages))]
+    found = [
+        ResponseTime(
+            message,
+            stream[1] / bus.second,
+            blocking / bus.second,
+            busy / bus.second,
+            tuple([ticks / bus.second for ticks in responses]),
+            max(responses) / bus.second,
+            max(responses) <= deadline,
+        )
+        for message, stream, deadline, (blocking, busy, responses) in zip(
+            messages, bus.streams, bus.deadline, solved, strict=True
+        )
+    ]
     if check_kind("offsets", offsets, bool):
         if method != "exact" or errors.burst or not bus.assumptions.own_jitter:
             raise ArgumentError(
@@ -520,23 +606,12 @@ def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> 
     ]
 
 
-def _response(
-    bus: Bus, place: int, message: Message, method: Method, errors: ErrorBound
-) -> ResponseTime:
+def _solve(bus: Bus, place: int, method: Method, errors: ErrorBound) -> _Solved:
     higher, lower = range(place), range(place + 1, len(bus.streams))
     level = Level(bus, place, higher, lower, errors, own_blocking=method == "sufficient")
     exact = method == "exact"
-    ticks = list(level.responses(every=exact))
-    busy, longest = level.busy_period if exact else math.nan, max(ticks)
-    return ResponseTime(
-        message,
-        level.frame / bus.second,
-        level.blocking / bus.second,
-        busy / bus.second,
-        tuple(response / bus.second for response in ticks),
-        longest / bus.second,
-        longest <= bus.deadline[place],
-    )
+    busy = level.busy_period if exact else math.nan
+    return level.blocking, busy, list(level.responses(every=exact))
 
 
 # Priorities ------------------------------------------------------------------------------------

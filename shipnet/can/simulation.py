@@ -12,16 +12,7 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.answers import Utilisation
 from shipnet.arrays import Bools, Floats, Integers
-from shipnet.can.bus import (
-    OVERWRITTEN,
-    WAITING,
-    Failure,
-    Nodes,
-    Releases,
-    send_all,
-    send_batch,
-    send_disturbed,
-)  # fmt: skip
+from shipnet.can.bus import OVERWRITTEN, WAITING, Failure, Nodes, Releases, send, send_batch
 from shipnet.can.faults import Simulated, simulated
 from shipnet.can.frame import check_bit_rate
 from shipnet.can.log import Log
@@ -264,18 +255,14 @@ def simulate(
     several = simulated(faults)
     generator = check_rng(rng)
     arrival, releases = _releases(columns, horizon, bit, generator)
-    overwrite = queue == "overwrite"
-    if several:
-        begun, failures, at_end = send_disturbed(
-            releases, horizon, columns.owner, several, bit, generator, recover, overwrite=overwrite
-        )
-    else:
-        begun, failures = send_all(releases, horizon, overwrite=overwrite), []
-        at_end = Nodes(len(columns.senders))
-    start = np.array(begun, dtype=np.int64)
+    start, failures, at_end = send(
+        releases, horizon, columns.owner, several, bit, generator, recover,
+        overwrite=queue == "overwrite",
+    )  # fmt: skip
     failed = np.array([failure.release for failure in failures], dtype=int)
     retries = np.bincount(failed, minlength=len(start))
-    end = start + releases.duration
+    duration = releases.length[releases.message]
+    end = start + duration
     sent = start >= 0
     response = np.where(sent, end - arrival, 0)
     events = pd.DataFrame(
@@ -296,7 +283,7 @@ def simulate(
     waited = np.where(sent, response, np.where(start == OVERWRITTEN, -1, horizon - arrival))
     table = _statistics(messages, events, waited > columns.deadline[releases.message])
     errors, nodes = _error_tables(messages, columns, releases, failures, at_end)
-    busy = int(releases.duration[sent].sum()) + sum(f.free - f.start for f in failures)
+    busy = int(duration[sent].sum()) + sum(f.free - f.start for f in failures)
     # The last frame may reach beyond the horizon.
     span = max(horizon, int(end.max(initial=0, where=sent)))
     return Run(
@@ -474,7 +461,7 @@ def _releases(
             np.maximum.accumulate(block, out=block)
     order = np.argsort(time, kind="stable")
     message = message[order]
-    releases = Releases(time[order], message, columns.bits[message] * bit)
+    releases = Releases(time[order], message, columns.bits * bit)
     return arrival[order], releases
 
 
@@ -506,17 +493,17 @@ def _error_tables(
     failures: list[Failure],
     nodes: Nodes,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    failed = pd.DataFrame(failures, columns=list(Failure._fields))
-    ranks = releases.message[failed.pop("release").to_numpy(dtype=int)].tolist()
+    release, start, free, bit, tec, state = zip(*failures, strict=True) if failures else 6 * [()]
+    ranks = releases.message[np.array(release, dtype=int)].tolist()
     errors = pd.DataFrame(
         {
             "message": [messages.names[rank] for rank in ranks],
             "sender": [columns.senders[columns.owner[rank]] for rank in ranks],
-            "start_ms": failed["start"].astype(float) / 1e6,
-            "free_ms": failed["free"].astype(float) / 1e6,
-            "bit": failed["bit"].astype(int),
-            "tec": failed["tec"].astype(int),
-            "state": failed["state"],
+            "start_ms": np.array(start, dtype=float) / 1e6,
+            "free_ms": np.array(free, dtype=float) / 1e6,
+            "bit": np.array(bit, dtype=int),
+            "tec": np.array(tec, dtype=int),
+            "state": np.array(state, dtype=object),
         }
     )
     table = pd.DataFrame(

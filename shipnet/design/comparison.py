@@ -408,8 +408,22 @@ class Comparison:
 
     def html(self, *, title: str | None = None, date: str | None = None) -> str:
         """Return the report as one self-contained HTML page."""
-        name = title or f"Connecting the points of {Path(self.iolist.source).name}"
-        return report_html(self, name, date or "")
+        return report_html(
+            title or f"Connecting the points of {Path(self.iolist.source).name}",
+            date or "",
+            designs=self.designs,
+            table=self._table,
+            quantities=self.quantities,
+            likely=self._likely,
+            findings=self.findings().table(),
+            reasons=self.reasons(),
+            changes=self.changes(),
+            tornado=self.tornado(),
+            pareto=self.pareto(),
+            criteria=self.criteria,
+            remarks=self.remarks,
+            conclusions=self.conclusions(),
+        )
 
     def report(
         self, path: str | PathLike[str], *, title: str | None = None, date: str | None = None

@@ -7,23 +7,28 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from shipnet import __version__
 from shipnet.design.catalogue import LEVELS
-from shipnet.design.costs import EXCLUDED, Quantities, counted, label, number, ranges_of
+from shipnet.design.costs import (
+    EXCLUDED,
+    Quantities,
+    Tornado,
+    counted,
+    label,
+    number,
+    ranges_of,
+)
 from shipnet.design.designs import Design
 from shipnet.design.drawing import sheets
 from shipnet.design.failures import FAILURES
 from shipnet.design.plot import plot_pareto, plot_ranges, svg
 from shipnet.design.settings import shown
 from shipnet.errors import listed
-
-if TYPE_CHECKING:
-    from shipnet.design.comparison import Comparison
 
 #: What the first page of a report and the end of a text say.
 BANNER = "A design aid, not class approval."
@@ -263,26 +268,41 @@ _BANNER_MORE = (
 )
 
 
-def report_html(found: Comparison, title: str, date: str) -> str:
-    """Return the report of a comparison."""
-    designs = found.designs
+def report_html(
+    title: str,
+    date: str,
+    *,
+    designs: Mapping[str, Design],
+    table: pd.DataFrame,
+    quantities: Mapping[str, Quantities],
+    likely: pd.DataFrame,
+    findings: pd.DataFrame,
+    reasons: pd.DataFrame,
+    changes: pd.DataFrame,
+    tornado: Tornado,
+    pareto: Sequence[str],
+    criteria: Sequence[str],
+    remarks: Sequence[str],
+    conclusions: Sequence[str],
+) -> str:
+    """Return the report of a comparison, from what `Comparison` computes."""
     return document(
         title,
         text(title, tag="h1"),
         text(f"{date + ', ' if date else ''}shipnet {__version__}", "lead"),
         f'<p class="banner">{BANNER} <span>{_BANNER_MORE}</span></p>',
-        bullets(found.conclusions()),
-        _side_by_side(found.table(), found.criteria),
-        _pictures(found),
+        bullets(conclusions),
+        _side_by_side(table, criteria),
+        _pictures(table, quantities, likely, tornado, pareto),
         *_numbered(
             [
-                _what(found),
-                _rules(found.findings().table(), list(designs)),
+                _what(next(iter(designs.values())), remarks, changes),
+                _rules(findings, list(designs)),
                 _failures(designs),
-                _reasons(found.reasons()),
+                _reasons(reasons),
                 _segments(designs),
-                _figures(found.quantities, found.likely()),
-                _assumptions(found.quantities),
+                _figures(quantities, likely),
+                _assumptions(quantities),
                 _points(designs),
                 _drawings(designs),
             ]
@@ -327,8 +347,8 @@ def _side_by_side(compared: pd.DataFrame, criteria: Sequence[str]) -> str:
     )  # fmt: skip
 
 
-def _what(found: Comparison) -> str:
-    iolist, site, changes = found.iolist, found.site, found.changes()
+def _what(design: Design, remarks: Sequence[str], changes: pd.DataFrame) -> str:
+    iolist, site = design.iolist, design.site
     counts = iolist.points["type"].value_counts()
     systems = iolist.points["system"].replace("", None).nunique()
     of_systems = f"of {systems} system{'s' if systems > 1 else ''}" if systems else "of no system"
@@ -346,9 +366,9 @@ def _what(found: Comparison) -> str:
         f"I/O list {Path(iolist.source).name}: {len(iolist)} points ("
         + ", ".join(f"{n} {kind}" for kind, n in counts.items())
         + f") {of_systems}.",
-        *(f"{said[:1].upper()}{said[1:]}." for said in found.remarks),
+        *(f"{said[:1].upper()}{said[1:]}." for said in remarks),
         where,
-        f"The host adds {found.settings.host_time:g} s to a response where a rule counts it"
+        f"The host adds {design.settings.host_time:g} s to a response where a rule counts it"
         f"{_assumed(changes, 'host_time')}.",
     ]
     read = [
@@ -384,23 +404,32 @@ def _changes(changes: pd.DataFrame) -> str:
     )  # fmt: skip
 
 
-def _pictures(found: Comparison) -> str:
-    compared, wires, height = found.table(), "conductors_at_cabinet", 1.2 + 0.4 * len(found.designs)
-    named, tornado = counted(compared), found.tornado()
+def _pictures(
+    compared: pd.DataFrame,
+    quantities: Mapping[str, Quantities],
+    likely: pd.DataFrame,
+    tornado: Tornado,
+    pareto: Sequence[str],
+) -> str:
+    named = counted(compared)
     axes = ["total_cost_eur", "lost_by_failure"]
     dots = compared[axes].rename(index=named).set_axis(list(map(label, axes)), axis=1)
-    best = [named[name] for name in found.pareto()]
-    ends = ranges_of(found.quantities, wires).rename(index=named)
+    best = [named[name] for name in pareto]
+
+    def ranges(figure: str, drawn: pd.DataFrame | None = None) -> str:
+        ends = ranges_of(quantities, figure).rename(index=named)
+        return svg(
+            lambda ax: plot_ranges(ends, label(figure), likely=drawn, ax=ax),
+            height=1.2 + 0.4 * len(ends),
+        )
+
     figures = [
         picture(
-            svg(lambda ax: found.plot(axes[0], ax=ax), height=height),
+            ranges(axes[0], pd.DataFrame(likely.xs(axes[0], level="figure")).rename(index=named)),
             "Total cost of each design: nominal, with all assumptions at low and at high, and in 9 "
             "of 10 draws of them.",
         ),
-        picture(
-            svg(lambda ax: plot_ranges(ends, label(wires), ax=ax), height=height),
-            "Conductors in use that enter the cabinet.",
-        ),
+        picture(ranges("conductors_at_cabinet"), "Conductors in use that enter the cabinet."),
         picture(
             svg(lambda ax: plot_pareto(dots, best, ax=ax)),
             "Cost against the points that the worst failure takes along; filled: Pareto-optimal.",

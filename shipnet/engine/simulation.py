@@ -39,9 +39,6 @@ from shipnet.lazy import pd
 #: of them.
 _MOST_FRAMES = 20_000_000
 
-#: Frames that the bus simulator gets at a time.
-_CHUNK = 200_000
-
 #: From a fault that lasts to the end of its run [s]: the same for all designs, unless marks take
 #: longer in one.
 _LENGTH = 20.0
@@ -432,6 +429,8 @@ def send(
     When a cable, a box or a controller fails or returns, all that is queued or on the bus is lost;
     the next round replaces it. Every frame is as long as its worst stuffing makes it.
     """
+    from shipnet.can.bus import Releases, send_undisturbed
+
     message = np.repeat(
         np.arange(system.sender.size), [loops[b].queued.size for b in system.sender]
     )
@@ -448,7 +447,8 @@ def send(
             due = (queued >= begin) & (queued < end) & np.isin(system.sender[message], members)
             rows = np.flatnonzero(due)
             rows = rows[np.lexsort((message[rows], queued[rows]))]
-            start = _arbitrate(queued[rows] - begin, message[rows], system.frame_ns, end - begin)
+            releases = Releases(queued[rows] - begin, message[rows], system.frame_ns)
+            start = send_undisturbed(releases, end - begin)
             gap = round(INTERMISSION * 1e9 / system.can_bit_rate)
             arrival = begin + start + system.frame_ns[message[rows]] - gap
             keep = (start >= 0) & (arrival <= end)
@@ -458,26 +458,6 @@ def send(
     if not parts:
         return Frames(*(np.zeros(0, dtype=np.int64) for _ in range(5)))
     return Frames(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def _arbitrate(time: Integers, message: Integers, frame: Integers, horizon: int) -> Integers:
-    """Return when each frame begins, -1 if never; a busy bus is never cut in two."""
-    from shipnet.can.bus import Releases, send_all
-
-    length = frame[message]
-    before = np.cumsum(length) - length
-    ends = np.maximum.accumulate(time - before) + before + length
-    idle = np.flatnonzero(np.append(ends[:-1] <= time[1:], True)) + 1
-    cuts = [0]
-    for place in idle.tolist():
-        if place - cuts[-1] >= _CHUNK or place == time.size:
-            cuts.append(place)
-    start = [
-        np.array(send_all(Releases(time[a:b], message[a:b], length[a:b]), horizon, overwrite=False))
-        for a, b in pairwise(cuts)
-        if a < b
-    ]
-    return np.concatenate(start).astype(np.int64) if start else np.zeros(0, dtype=np.int64)
 
 
 # Faults of the system, by simulation -----------------------------------------------------------

@@ -6,6 +6,7 @@ import math
 from collections import deque
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import matplotlib as mpl
 import numpy as np
@@ -139,11 +140,13 @@ def play(frames, releases, *, foreign=None, faults=(), error_bits=31):
     return finish
 
 
-@given(small_sets(), st.integers(0, 160))
-def test_the_worst_release_attains_the_response_of_every_instance(drawn, foreign):
+@given(small_sets(), st.integers(0, 160), st.sampled_from([2, 20]))
+def test_the_worst_release_attains_the_response_of_every_instance(drawn, foreign, few):
     frames, periods, jitters = drawn
     assumptions = Assumptions(foreign_bits=foreign)
-    responses = response_times(message_set(*drawn), FAST, assumptions=assumptions)
+    # Messages are solved together, or one by one if they are fewer than that.
+    with patch("shipnet.can.response._FEW", few):
+        responses = response_times(message_set(*drawn), FAST, assumptions=assumptions)
     for m, found in enumerate(responses):
         blocking = max([*frames[m + 1 :], foreign])
         assert found.blocking == pytest.approx(blocking * US, rel=1e-15)
@@ -160,6 +163,47 @@ def test_the_worst_release_attains_the_response_of_every_instance(drawn, foreign
         instances = [round(response / US) for response in found.instances]
         assert instances == expected[: len(instances)]
         assert len(instances) == -(-(busy + jitters[m]) // periods[m])
+
+
+@pytest.mark.parametrize("case", range(24))
+def test_messages_solved_together_respond_as_those_solved_one_by_one(case):
+    rng = np.random.default_rng(case)
+    rate, number = (125_000, 250_000, 83_333, FAST)[case % 4], int(rng.integers(20, 60))
+    sizes, ranks = rng.integers(0, 9, number), rng.permutation(number)
+    periods = rng.choice([5, 10, 12.5, 20, 33.3, 100, 1000], number)
+    periods *= ((55 + 10 * sizes) / rate * 1e3 / periods).sum() / rng.choice([0.1, 0.6, 0.9])
+    messages = MessageSet(
+        Message(f"m{k}", int(rank), int(size), period / 1e3, jitter=jitter * period / 1e3)
+        for k, (rank, size, period, jitter) in enumerate(
+            zip(ranks, sizes, periods.round(3), rng.choice([0, 0.1, 2], number), strict=True)
+        )
+    )
+    some = Assumptions(
+        intermission=("everywhere", "between", "nowhere")[case % 3],
+        own_jitter=case % 2 == 0,
+        arbitration_bits=(0, 1, 11)[case // 3 % 3],
+        foreign_bits=(0, 150)[case // 2 % 2],
+    )
+    with patch("shipnet.can.response._solve", side_effect=AssertionError):
+        together = response_times(messages, rate, assumptions=some)
+    with patch("shipnet.can.response._FEW", 100):
+        assert list(response_times(messages, rate, assumptions=some)) == list(together)
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        {"period": 7e-3, "jitter": 1e5},  # 10 ** 7 instances are late at once
+        {"period": 1e5},  # 10 ** 20 ticks of 1 fs
+        {"period": 0.13e-3},  # the bus is overloaded
+    ],
+)
+def test_what_cannot_be_solved_together_is_solved_one_by_one(odd):
+    messages = [Message(f"m{k}", k, 8, 0.1) for k in range(20)]
+    found = response_times(MessageSet([*messages, Message("odd", 99, 8, **odd)]), 999_983)
+    alone = response_times(MessageSet([*messages, Message("odd", 99, 8, 0.1)]), 999_983)
+    assert [one[1:] for one in found[:-1]] == [one[1:] for one in alone[:-1]]
+    assert (found["odd"].response > 1) == ("period" not in odd or odd["period"] < 0.01)
 
 
 @given(small_sets(most_jitter=1.0), st.integers(0, 2**32 - 1))

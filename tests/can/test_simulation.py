@@ -1,3 +1,5 @@
+from unittest.mock import patch
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -84,9 +86,11 @@ def bit_by_bit(messages, bits, queue):
     return {f"{row['arbitration_id']:#05x}": log for row, log in zip(rows, seen, strict=True)}
 
 
-@given(message_sets(), st.sampled_from(["fifo", "overwrite"]))
-def test_a_look_at_every_bit_finds_the_same_transmissions(messages, queue):
-    frames = run_of(messages, 2000 * BIT_MS / 1e3, queue=queue).events()
+@given(message_sets(), st.sampled_from(["fifo", "overwrite"]), st.sampled_from([1, 30]))
+def test_a_look_at_every_bit_finds_the_same_transmissions(messages, queue, few):
+    # Busy periods of a size are solved side by side if they are not too few.
+    with patch("shipnet.can.bus._FEW", few):
+        frames = run_of(messages, 2000 * BIT_MS / 1e3, queue=queue).events()
     slow = bit_by_bit(messages, 2000, queue)
     for name, expected in slow.items():
         mine = frames[frames["message"] == name]
@@ -99,7 +103,7 @@ def test_a_look_at_every_bit_finds_the_same_transmissions(messages, queue):
 def test_the_bus_with_errors_equals_the_one_without_when_none_strikes(messages, queue):
     # The instant lies far behind the end, so only the other loop runs.
     plain, other = (
-        run_of(messages, 0.02, queue=queue, faults=faults) for faults in ((), ErrorAt(1e5))
+        run_of(messages, 0.2, queue=queue, faults=faults) for faults in ((), ErrorAt(1e5))
     )
     pd.testing.assert_frame_equal(plain.events(), other.events())
     assert plain.load == other.load
@@ -444,3 +448,38 @@ def test_the_gantt_chart_shows_frames_waits_errors_and_losses():
     ))  # fmt: skip
     with pytest.raises(ArgumentError, match=r"start is 1 s; it must be before stop, 0\.5 s"):
         run.plot(1, 0.5, Figure().subplots())
+
+
+@pytest.mark.parametrize("faults", [(), BitErrors(1e-5), [BitErrors(1e-3), BitErrors(1e-4)]])
+def test_a_run_leaves_the_random_numbers_where_attempts_one_by_one_would(faults):
+    # Chances are drawn 4096 attempts at a time, fault by fault, when the first of them is made.
+    run = run_of(table(period_ms=5), 20.0, faults, rng=(used := np.random.default_rng(3)))
+    attempts, expected = run.table()["sent"].sum() + len(run.errors()), np.random.default_rng(3)
+    for _ in range(-(-int(attempts) // 4096)):
+        for fault in np.atleast_1d(faults):
+            expected.geometric(fault.rate, 4096)
+    assert used.bit_generator.state == expected.bit_generator.state
+
+
+def test_the_counters_are_those_of_one_attempt_after_the_other():
+    run = run_of(table(period_ms=[2.9, 5, 5], sender=["a", "b", "a"]), 20.0, BitErrors(3e-4), rng=9)
+    good, bad = run.events().dropna(), run.errors()
+    sender = dict(zip(["0x001", "0x002", "0x003"], "aba", strict=True))
+    attempts = sorted(
+        [
+            (start, sender[name], False)
+            for start, name in zip(good.start_ms, good.message, strict=True)
+        ]
+        + [(start, name, True) for start, name in zip(bad.start_ms, bad.sender, strict=True)]
+    )
+    tec, rec, seen = {"a": 0, "b": 0}, {"a": 0, "b": 0}, []
+    for _, own, failed in attempts:
+        other = "b" if own == "a" else "a"
+        tec[own] = tec[own] + 8 if failed else max(tec[own] - 1, 0)
+        rec[other] = rec[other] + 1 if failed else max(rec[other] - 1, 0)
+        if failed:
+            seen.append(tec[own])
+    assert len(seen) > 200
+    assert max(seen) < 128
+    assert bad["tec"].tolist() == seen
+    assert run.nodes()[["tec", "rec"]].to_numpy().T.tolist() == [[*tec.values()], [*rec.values()]]

@@ -8,6 +8,7 @@ import pytest
 from shipnet import datasets
 from shipnet.__main__ import main
 from tests.design import messy
+from tests.support import several
 
 CABINET, DETOUR, TAILS = (20.0, 0.0, 10.0), 1.15, 5.0
 
@@ -48,7 +49,7 @@ def test_every_bad_row_is_named_with_its_place_and_no_sound_one(yard, form, caps
 
 def test_the_corrected_list_gives_a_schedule_to_order_from(yard, capsys):
     folder, command = yard
-    sheet, expected, _ = messy.rows(faulty=False)
+    sheet, expected, _ = messy.rows(several(300, 1000), faulty=False)
     (folder / "list.csv").write_bytes(messy.as_csv(sheet))
     messy.as_workbook(sheet, folder / "list.xlsx")
     cabinet = ",".join(map(str, CABINET))
