@@ -1,6 +1,13 @@
-"""How fast a recorded line voltage is decoded: against real time, and beside a plain loop."""
+"""How fast a recorded line voltage is decoded: against real time, and beside a plain loop.
 
+The memory is that of a process that decodes a file of 1 GB.
+"""
+
+import subprocess
+import sys
+import tempfile
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from _timing import seconds
@@ -62,6 +69,33 @@ def plain_decode(u, dt):
     return telegrams
 
 
+DECODE = r"""
+import re, sys
+from pathlib import Path
+from shipnet import asi
+capture = asi.decode(sys.argv[1], sample_interval=float(sys.argv[2]))
+# getrusage would give the memory of the process that started this one, if that had more.
+status = Path("/proc/self/status").read_text()
+print(capture.telegrams, int(re.search(r"VmHWM:\s*(\d+)", status)[1]) / 1024)
+"""
+
+
+def memory(kind, rate):
+    """Return how many telegrams a file of 1 GB holds, and the MiB that decoding it takes."""
+    u = (1000 * record(0.31, rate)[0]).astype(kind)
+    length = 10**9 // u.itemsize
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "record.npy"
+        with path.open("wb") as file:
+            header = {"descr": u.dtype.str, "fortran_order": False, "shape": (length,)}
+            np.lib.format.write_array_header_1_0(file, header)
+            for left in range(length, 0, -len(u)):
+                u[:left].tofile(file)
+        command = [sys.executable, "-c", DECODE, str(path), repr(1 / rate)]
+        said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    return map(float, said.split())
+
+
 def main():
     u, words = record(1.0, RATE)
     capture = decode(u, 1 / RATE)
@@ -83,6 +117,10 @@ def main():
         u, _ = record(0.5, rate)
         times = 0.5 / seconds(partial(decode, u, 1 / rate))
         print(f"decode at {rate / 1e6:g} MS/s: {times:.2f}x of real time")
+    for kind, rate in (("float64", 10e6), ("float32", 100e6), ("int16", 10e6)):
+        telegrams, peak = memory(kind, rate)
+        what = f"1 GB of {kind} at {rate / 1e6:g} MS/s, {telegrams:.0f} telegrams"
+        print(f"{what}: {peak:.0f} MiB at most")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PICTURE = ROOT / "docs" / "_static" / "floors.svg"
 #: Places from left to right where even spacing would draw an arrow through a box.
 PLACES = {"design": 0.43, "engine": 0.15, "ballast": 0.73, "remote_control": 0.9, "modbus": 0.8,
-          "fuzzy": 0.66}  # fmt: skip
+          "can": 0.43, "fuzzy": 0.66}  # fmt: skip
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555")
 
 

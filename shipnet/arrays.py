@@ -1,11 +1,25 @@
-"""Names of kinds of arrays."""
+"""Names of kinds of arrays, and how to read the long ones."""
 
+from __future__ import annotations
+
+import mmap
+from collections.abc import Iterator
 from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Bools", "Bytes", "Complexes", "Floats", "Indices", "Integers", "Words"]
+__all__ = [
+    "Bools",
+    "Bytes",
+    "Complexes",
+    "Floats",
+    "Indices",
+    "Integers",
+    "Words",
+    "parts_of",
+    "release",
+]
 
 Bools: TypeAlias = npt.NDArray[np.bool_]
 Complexes: TypeAlias = npt.NDArray[np.complex128]
@@ -15,3 +29,19 @@ Integers: TypeAlias = npt.NDArray[np.int64]
 #: Octets, and registers of 16 bits.
 Bytes: TypeAlias = npt.NDArray[np.uint8]
 Words: TypeAlias = npt.NDArray[np.uint16]
+
+
+def parts_of(u: Floats, length: int = 2**20) -> Iterator[tuple[int, Floats]]:
+    """Yield parts of samples with their beginnings; of a mapped file one is in memory at a time."""
+    for low in range(0, len(u), length):
+        yield low, u[low : low + length]
+        release(u)
+
+
+def release(u: npt.NDArray[np.generic]) -> None:
+    """Give back the memory of what was read of a mapped file; other arrays stay as they are."""
+    base: object = u
+    while isinstance(base, np.ndarray):
+        base = base.base
+    if isinstance(base, mmap.mmap) and hasattr(base, "madvise"):
+        base.madvise(mmap.MADV_DONTNEED)

@@ -13,11 +13,12 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Bools, Floats, Indices, Integers
+from shipnet.arrays import Bools, Floats, Indices, Integers, parts_of, release
 from shipnet.asi.batch import NONE
-from shipnet.asi.modulation import HALF_BIT
-from shipnet.asi.receiver import receive
+from shipnet.asi.modulation import HALF_BIT, Pulses
+from shipnet.asi.receiver import Reception, filtered, receive
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
+from shipnet.errors import ArgumentError
 
 Singles = npt.NDArray[np.float32]
 
@@ -32,6 +33,9 @@ _RATE = 4e6
 #: Length of the pieces in which a record is worked through [samples], of what overlaps, and of a
 #: stretch whose mean is its baseline [s]: the pulses of a telegram add up to 0.
 _PIECE, _OVERLAP, _STRETCH = 2**20, 240e-6, 250e-6
+
+#: Zeros around a piece, for telegrams that it cuts off [s].
+_MARGIN = 110e-6
 
 #: Pulses smaller than this part of their neighbours are ringing. The largest signal allowed is 2.7
 #: times the smallest, so no telegram is that small beside another one.
@@ -66,12 +70,19 @@ class Sampling(NamedTuple):
 class Piece(NamedTuple):
     """A stretch of the record, resampled, its baseline at 0."""
 
-    x: Singles
+    #: The voltage with `margin` zeros on both sides, and the voltage filtered.
+    around: Singles
     y: Singles
+    margin: int
     start: float
     step: float
     begin: float
     end: float
+
+    @property
+    def x(self) -> Singles:
+        """The voltage."""
+        return self.around[self.margin : self.margin + len(self.y)]
 
 
 class Bursts(NamedTuple):
@@ -97,124 +108,113 @@ def pieces(
     group = sampling.mean * sampling.down
     length = -(-length // group) * group
     overlap = -(-int(_OVERLAP / dt) // group) * group
-    count = -(-len(u) // length)
-    for number in range(count) if only is None else only:
+    step, margin = sampling.step, round(_MARGIN / sampling.step)
+    numbers = range(-(-len(u) // length)) if only is None else only
+    most = min(len(u), length + 2 * overlap)
+    for place, number in enumerate(numbers):
+        # Memory that is used again costs nothing; that of chosen pieces stays theirs.
+        if place == 0 or only is not None:
+            v = np.empty(most + _spare(sampling), np.float32)
+            whole = np.zeros((2, most * sampling.up // group + 2 * margin), np.float32)
         core = int(number) * length
         low, high = max(0, core - overlap), min(len(u), core + length + overlap)
-        x = _flatten(resample(u[low:high], sampling), sampling.step)
-        yield Piece(
-            x,
-            _matched(x, sampling.step),
-            low * dt + (sampling.mean - 1) / 2 * dt,
-            sampling.step,
-            core * dt,
-            (core + length) * dt,
-        )
+        x = resample(u[low:high], sampling, v, whole[0, margin:])
+        release(u)
+        _flatten(x, step)
+        around = whole[0, : len(x) + 2 * margin]
+        around[margin + len(x) :] = 0
+        taps = _pulse(step)
+        y = filtered(taps, around[margin - len(taps) // 2 :], len(x), out=whole[1])
+        start = (low + (sampling.mean - 1) / 2) * dt
+        yield Piece(around, y, margin, start, step, core * dt, (core + length) * dt)
 
 
-def resample(u: Floats, sampling: Sampling) -> Singles:
-    """Return the voltage less a constant at the rate that `sampling` says."""
+def _spare(sampling: Sampling) -> int:
+    """Return how many samples more than a record has `resample` needs."""
+    _, mean, up, down = sampling
+    return 5 * max(len(_lowpass(mean, up, down)), 16 * mean * down)
+
+
+def resample(
+    u: Floats, sampling: Sampling, room: Singles | None = None, out: Singles | None = None
+) -> Singles:
+    """Return the voltage less a constant at the rate that `sampling` says; work in `room`."""
     # Single precision resolves 2 uV on 30 V, but only if a filter need not swallow the 30 V.
-    some = u[:: max(1, len(u) // 4096)]
-    some = some[~np.isnan(some)]
-    offset = float(np.median(some)) if some.size else 0.0
-    v = np.empty(len(u), np.float32)
-    np.subtract(u, offset, out=v, casting="same_kind")
+    offset = _middle(u, 512)
+    _, mean, up, down = sampling
+    taps = _lowpass(mean, up, down)
+    front = (len(taps) // mean // 2) // up * mean
+    used = len(u) // mean * mean
+    whole = len(u) + _spare(sampling)
+    v = np.empty(whole, np.float32) if room is None else room[:whole]
+    own = v[front : front + used]
+    np.subtract(u[:used], offset, out=own, casting="same_kind")
     # A sum of squares sees any sample that is not a number, and is the fastest look at them all.
-    if np.isnan(v @ v):
-        v = np.nan_to_num(v, copy=False)
-    _, _, up, down = sampling
-    if sampling.mean > 1:
-        whole = len(v) // sampling.mean * sampling.mean
-        weights = np.full(sampling.mean, 1 / sampling.mean, np.float32)
-        v = v[:whole].reshape(-1, sampling.mean) @ weights
-    if up == down == 1 or not len(v):
-        return v
-    kernel = _lowpass(up, down)
-    half = len(kernel) // 2
+    if np.isnan(own @ own):
+        np.nan_to_num(own, copy=False, nan=_middle(u, 4096) - offset)
     # Beyond its ends the record goes on as it is there on average: a step would look like a pulse.
-    around = max(1, round(30e-6 / (sampling.dt * sampling.mean)))
-    room = (half // up // down + 1) * down
-    padded = np.concatenate(
-        [
-            np.full(room, np.median(v[:around]), np.float32),
-            v,
-            np.full(room, np.median(v[-around:]), np.float32),
-        ]
-    )
-    begin = (room * up + half) // down
-    return filtered(kernel, padded, up, down)[begin : begin + len(v) * up // down]
+    around = max(1, round(30e-6 / (sampling.dt * mean))) * mean
+    for end, beyond in ((own[:around], v[:front]), (own[-around:], v[front + used :])):
+        beyond[:] = np.median(end.reshape(-1, mean).mean(axis=1)) if used else 0.0
+    return filtered(taps, v, used // mean * up // down, up, mean * down, out)
 
 
-def filtered(kernel: Singles, x: Singles, up: int, down: int) -> Singles:
-    """Return what `scipy.signal.upfirdn` does, by products of blocks with a matrix if up is 1."""
-    if up > 1:
-        from scipy.signal import upfirdn
-
-        return np.asarray(upfirdn(kernel, x, up, down), np.float32)
-    reach = len(kernel) - 1
-    count = max(16, -(-reach // down))
-    size = count * down
-    # Each row of a block is a sample, each column an output; the block before it reaches into it.
-    matrix = np.zeros((reach + size, count), np.float32)
-    for place in range(count):
-        matrix[place * down : place * down + len(kernel), place] = kernel[::-1]
-    outputs = (len(x) + reach - 1) // down + 1
-    blocks = np.zeros((-(-outputs // count) + 1, size), np.float32)
-    blocks.ravel()[size : size + len(x)] = x[: blocks.size - size]
-    whole = blocks[1:] @ matrix[reach:]
-    whole += blocks[:-1, size - reach :] @ matrix[:reach]
-    return whole.ravel()[:outputs]
+def _middle(u: npt.NDArray[Any], looks: int) -> float:
+    """Return the median of some samples; 0 without any."""
+    some = u[:: max(1, len(u) // looks)]
+    some = some[~np.isnan(some)]
+    return float(np.median(some)) if some.size else 0.0
 
 
 @cache
-def _lowpass(up: int, down: int) -> Singles:
+def _lowpass(mean: int, up: int, down: int) -> Singles:
     """Return an anti-alias filter: 60 dB where something could fold into the pulses' 0.7 MHz."""
-    from scipy.signal import firwin
-
-    half = 8 * up if up > 1 else 3 * down
-    cutoff = 1.0 / max(up, down)
     # From 4 MS/s on, all above rate - 0.7 MHz may fold; below, the recorder has folded already.
-    return np.asarray(up * firwin(2 * half + 1, cutoff, window=("kaiser", 5.65)), np.float32)
+    half = 8 * up if up > 1 else 3 * down if down > 1 else 0
+    k = np.arange(-half, half + 1)
+    taps = np.sinc(k / max(up, down)) * np.kaiser(len(k), 5.65)
+    return np.repeat((up / mean * taps / taps.sum()).astype(np.float32), mean)
 
 
-def _flatten(x: Singles, step: float) -> Singles:
+def _flatten(x: Singles, step: float) -> None:
     """Take off the baseline: the mean, or its course if the record is long enough to have one."""
     stretch = round(_STRETCH / step)
     count = len(x) // stretch
     if count < 3:
-        return x - x.mean(dtype=np.float64).astype(np.float32) if len(x) else x
+        x -= x.mean(dtype=np.float64) if len(x) else 0
+        return
     means = x[: count * stretch].reshape(count, stretch).mean(axis=1)
     # Linear from the middle of a stretch to that of the next one, and on to both ends.
     means = np.concatenate([2 * means[:1] - means[1:2], means, 2 * means[-1:] - means[-2:-1]])
     ramp = (np.arange(stretch, dtype=np.float32) + 0.5) / stretch
-    course = (means[:-1, np.newaxis] + np.diff(means)[:, np.newaxis] * ramp).ravel()
-    course = course[stretch // 2 :]
-    rest = np.full(max(0, len(x) - len(course)), course[-1])
-    return np.asarray(x - np.concatenate([course, rest])[: len(x)], np.float32)
+    lines = np.stack([means[:-1], np.diff(means)], axis=1)
+    course = (lines @ np.stack([np.ones_like(ramp), ramp])).ravel()[stretch // 2 :]
+    x[: len(course)] -= course[: len(x)]
+    x[len(course) :] -= course[-1]
 
 
-def _matched(x: Singles, step: float) -> Singles:
-    """Filter with the shape of a pulse, as `shipnet.asi.receiver.matched_filter` does, but fast."""
+@cache
+def _pulse(step: float) -> Singles:
+    """Return the shape of a pulse, as `shipnet.asi.receiver.matched_filter` has it."""
     half = int(HALF_BIT / step / 2)
     shape = np.cos(np.pi * np.arange(-half, half + 1) * step / HALF_BIT) ** 2
-    kernel = (shape / (shape**2).sum()).astype(np.float32)
-    return filtered(kernel, x, 1, 1)[half : half + len(x)] if len(x) else x
+    return np.asarray(shape / (shape**2).sum(), np.float32)
 
 
-def smallest_pulses(sample: list[Piece]) -> list[float]:
-    """Estimate from a few pieces below which voltage nothing is a pulse."""
+def smallest_pulses(sample: list[Piece]) -> Iterator[float]:
+    """Estimate from a few pieces below which voltage nothing is a pulse, one guess at a time."""
     blocks = [
         np.abs(piece.y[: len(piece.y) // 100 * 100]).reshape(-1, 100).max(axis=1)
         for piece in sample
     ]
     largest = np.sort(np.concatenate(blocks)) if blocks else np.zeros(0)
     if not largest.size:
-        return []
+        return
     # Not the largest of all: that may be an impulse.
     few = largest[-min(4, 1 + largest.size // 2)]
     typical = [float(few), *np.quantile(largest, [0.9, 0.75, 0.5]).tolist()]
-    return [max(0.1 * size, min(5 * _noise(sample, size), 0.4 * size)) for size in typical]
+    for size in typical:
+        yield max(0.1 * size, min(5 * _noise(sample, size), 0.4 * size))
 
 
 def _noise(sample: list[Piece], typical: float) -> float:
@@ -257,20 +257,24 @@ def _fits(span: npt.NDArray[np.floating]) -> Bools:
 
 def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
     """Return where the voltage peaks between two crossings of the minimum, and the peaks."""
-    size = np.abs(y)
-    loud = np.flatnonzero(size > minimum)
-    if not loud.size:
-        return loud, np.zeros(0)
-    size = size[loud]
-    positive = y[loud] > 0
-    new = np.ones(loud.size, dtype=bool)
-    new[1:] = (np.diff(loud) > 1) | (positive[1:] != positive[:-1])
-    start = np.flatnonzero(new)
-    peak = np.maximum.reduceat(size, start)
-    run = np.cumsum(new) - 1
-    tops = np.flatnonzero(size == peak[run])
-    tops = tops[np.diff(run[tops], prepend=-1) > 0]
-    return loud[tops], y[loud[tops]].astype(np.float64)
+    rises, falls = np.ones((2, len(y) + 1), dtype=bool)
+    np.greater(y[1:], y[:-1], out=rises[1:-1])
+    np.less(y[1:], y[:-1], out=falls[1:-1])
+    rises[-1:] = falls[-1:] = False
+    high, low = y > minimum, y < -minimum
+    at = np.flatnonzero((high & rises[:-1] & ~rises[1:]) | (low & falls[:-1] & ~falls[1:]))
+    height = y[at].astype(np.float64)
+    # Two of one sign in a row are one pulse, unless it is quiet between them: the larger counts.
+    again = np.flatnonzero((height[1:] > 0) == (height[:-1] > 0))
+    if again.size:
+        new = np.ones(at.size, dtype=bool)
+        ends = np.stack([at[again], at[again + 1]], axis=1).ravel()
+        new[again + 1] = ~np.logical_and.reduceat(high | low, ends)[::2]
+        size, run = np.abs(height), np.cumsum(new) - 1
+        best = np.flatnonzero(size == np.maximum.reduceat(size, np.flatnonzero(new))[run])
+        best = best[np.diff(run[best], prepend=-1) > 0]
+        at, height = at[best], height[best]
+    return at, height
 
 
 def _rejoin(
@@ -291,6 +295,12 @@ def _rejoin(
 
 #: Length of a piece by which the record is measured [s], and how many there are.
 _SAMPLE, _SAMPLES = 2e-3, 8
+
+#: Most pieces that are looked at to choose those, and telegrams that are received at a time.
+_LOOKS, _TOGETHER = 512, 2000
+
+#: Largest voltage that is taken for one [V].
+LARGEST = 1e9
 
 #: Samples from before the first peak and after the last slot that the receiver gets [s].
 _BEFORE, _BEHIND = 5e-6, 1e-6
@@ -313,9 +323,9 @@ _FEWEST_PULSES = 5
 _TELEGRAM = np.dtype(
     [
         *((name, np.float64) for name in ("start", "first", "last")),
-        *((name, np.int64) for name in ("length", "word", "known", "error")),
+        ("length", np.int8), ("word", np.int16), ("known", np.int16), ("error", np.uint8),
         *((name, np.float64) for name in ("amplitude", "weakest", "ringing")),
-        ("fits", np.bool_), ("edge", np.int64),
+        ("fits", np.bool_), ("edge", np.int8),
     ]
 )  # fmt: skip
 
@@ -325,8 +335,9 @@ Telegrams: TypeAlias = "np.recarray[Any, Any]"
 def _joined(parts: list[Telegrams]) -> Telegrams:
     """Put batches together, in the order of time."""
     whole = np.concatenate(parts).view(np.recarray)
-    order = np.argsort(whole.first, kind="stable")
-    return whole[order].view(np.recarray)
+    if (np.diff(whole.first) < 0).any():
+        whole = whole[np.argsort(whole.first, kind="stable")].view(np.recarray)
+    return whole
 
 
 class Found(NamedTuple):
@@ -344,11 +355,12 @@ class Found(NamedTuple):
 
 def find_telegrams(u: Floats, dt: float, threshold: float, minimum: float | None) -> Found:
     """Find and receive the telegrams of a record; `decode` says how."""
-    sample = list(pieces(u, dt, length=round(_SAMPLE / dt), only=_liveliest(u, dt)))
-    limits = smallest_pulses(sample) if minimum is None else [minimum]
-    minimum, sign = _measure(sample, limits, threshold)
     begins, ends = _edges(u, dt)
+    sample = list(pieces(u, dt, length=round(_SAMPLE / dt), only=_liveliest(u, dt)))
+    limits = smallest_pulses(sample) if minimum is None else iter([minimum])
+    minimum, sign = _measure(sample, limits, threshold)
     parts: list[Telegrams] = []
+    waiting: list[_Cut] = []
     disturbances = 0
     for piece in pieces(u, dt):
         bursts = find_bursts(piece, minimum)
@@ -360,9 +372,12 @@ def find_telegrams(u: Floats, dt: float, threshold: float, minimum: float | None
         cut_back = -_distance(last, ends, "left") < _NEAR
         whole = bursts.pulses >= np.where(cut_front | cut_back, 2, _FEWEST_PULSES)
         disturbances += int((own & ~whole).sum())
-        kept = bursts.where(own & whole)
         edge = np.where(cut_front, 1, np.where(cut_back, 2, 0))[own & whole]
-        parts.append(_receive(piece, kept, edge, sign, threshold))
+        waiting += _cut(piece, bursts.where(own & whole), edge)
+        if sum(len(some.rows) for some in waiting) > _TOGETHER:
+            parts.append(_received(waiting, sign, threshold))
+            waiting = []
+    parts.append(_received(waiting, sign, threshold))
     return Found(_joined(parts), ends, sign < 0, minimum, disturbances)
 
 
@@ -372,22 +387,41 @@ def _liveliest(u: Floats, dt: float) -> Indices:
     count = -(-len(u) // length)
     if count <= _SAMPLES:
         return np.arange(count)
-    # A look at every 2 us or so finds the pieces with telegrams.
+    # A look at every 2 us or so finds the pieces with telegrams; a long record is not read twice.
     stride = max(1, round(2e-6 / dt))
-    whole = len(u) // length
-    looks = u[: whole * length].reshape(whole, length)[:, ::stride]
-    swing = np.nan_to_num(np.fmax.reduce(looks, axis=1) - np.fmin.reduce(looks, axis=1))
-    lively = np.flatnonzero(swing >= np.quantile(swing, 0.75))
+    some = np.unique(np.linspace(0, len(u) // length - 1, _LOOKS).astype(np.intp))
+    swing = np.zeros(len(some))
+    for place, k in enumerate(some):
+        looks = u[k * length : (k + 1) * length : stride]
+        swing[place] = np.nan_to_num(float(np.fmax.reduce(looks)) - float(np.fmin.reduce(looks)))
+        release(u)
+    lively = some[swing >= np.quantile(swing, 0.75)]
     return np.unique(lively[np.linspace(0, len(lively) - 1, _SAMPLES).astype(np.intp)])
 
 
 def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
-    """Return when recording begins and when it ends, at the ends and around what is missing [s]."""
-    if u.dtype.kind != "f" or np.isfinite(u @ u):
-        return np.zeros(1), np.array([len(u) * dt])
-    nothing = np.isnan(u)
-    change = np.diff(nothing.view(np.int8), prepend=0, append=0)
-    since, until = np.flatnonzero(change > 0), np.flatnonzero(change < 0)
+    """Return when recording begins and when it ends, at the ends and around what is missing [s].
+
+    Raises ArgumentError if a voltage is too large.
+    """
+    changes: list[Indices] = []
+    missing = False
+    for low, part in parts_of(u):
+        nothing = np.zeros(1, dtype=bool)
+        # A sum of squares is the fastest look at all samples; only then at each.
+        with np.errstate(over="ignore", invalid="ignore"):
+            fine = part.dtype.kind == "f" and part @ part <= LARGEST**2
+        if not fine:
+            for extreme in (np.fmax.reduce(part), np.fmin.reduce(part)):
+                if abs(float(extreme)) > LARGEST:
+                    raise ArgumentError(
+                        f"u reaches {extreme} V; voltages must be within {LARGEST:g} V"
+                    )
+            nothing = np.isnan(part)
+        changes.append(low + np.flatnonzero(np.diff(nothing.view(np.int8), prepend=missing)))
+        missing = bool(nothing[-1])
+    change = np.concatenate([*changes, [len(u)] * missing]).astype(np.intp)
+    since, until = change[::2], change[1::2]
     # A few samples that are missing break nothing.
     long = (until - since) * dt > HALF_BIT
     return np.append(0, until[long]) * dt, np.append(since[long], len(u)) * dt
@@ -401,63 +435,93 @@ def _distance(
     return times - edges[np.clip(place, 0, len(edges) - 1)]
 
 
-def _measure(sample: list[Piece], limits: list[float], threshold: float) -> tuple[float, int]:
+def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> tuple[float, int]:
     """Return the limit and the polarity with which most telegrams of a sample are right."""
-    best, most = (limits[0] if limits else 0.0, 1), -1.0
+    best, most = (0.0, 1), -1
     for minimum in limits:
-        right, heights, count = {1: 0, -1: 0}, 0, 0
-        for piece in sample:
-            bursts = find_bursts(piece, minimum)
-            few = bursts.where(bursts.fits & (np.cumsum(bursts.fits) <= 64))
-            edge = np.zeros(few.first.shape, dtype=np.int64)
-            for sign in right:
-                received = _receive(piece, few, edge, sign, threshold)
-                right[sign] += int((received.error == 0).sum())
-            count += int((bursts.pulses >= _FEWEST_PULSES).sum())
-            heights += int(np.sign(bursts.height).sum())
+        found = [find_bursts(piece, minimum) for piece in sample]
+        fits = [few.where(few.fits & (np.cumsum(few.fits) <= 64)) for few in found]
+        cut = [some for piece, few in zip(sample, fits, strict=True)
+               for some in _cut(piece, few, few.bits)]  # fmt: skip
+        slots = [_heard(together, 1, threshold).slots for _, together in _by_length(cut)]
+        right = {
+            sign: sum(int((Pulses(sign * some).check()[1] == 0).sum()) for some in slots)
+            for sign in (1, -1)
+        }
         # The first pulse is negative: if no telegram is right, this is the next best evidence.
+        heights = sum(int(np.sign(bursts.height).sum()) for bursts in found)
         sign = -1 if (right[-1], heights) > (right[1], 0) else 1
         if right[sign] > most:
             best, most = (minimum, sign), right[sign]
-        if 2 * right[sign] > count:
+        if 2 * right[sign] > sum(int((some.pulses >= _FEWEST_PULSES).sum()) for some in found):
             break
     return best
 
 
-def _receive(
-    piece: Piece, bursts: Bursts, edge: Integers, sign: int, threshold: float
-) -> Telegrams:
-    """Decode the bursts of a piece, requests and responses each in one go."""
+class _Cut(NamedTuple):
+    """Telegrams of one length, cut out of a piece: a row of samples each, and when it begins."""
+
+    bits: int
+    step: float
+    rows: Floats
+    begin: Floats
+    first: Floats
+    last: Floats
+    #: Size of the first pulse, in which a telegram is measured: so it needs no common limit.
+    unit: Floats
+    fits: Bools
+    edge: Integers
+
+
+def _cut(piece: Piece, bursts: Bursts, edge: Integers) -> list[_Cut]:
+    """Cut the requests and the responses out of a piece."""
     parts = []
     before, behind = round(_BEFORE / piece.step), round(_BEHIND / piece.step)
-    for n_bits in (REQUEST_BITS, RESPONSE_BITS):
+    lengths = {n: before + round(2 * n * HALF_BIT / piece.step) + behind for n in _SPANS}
+    # Beyond the ends of the record nothing was heard.
+    around = piece.around[piece.margin - before :]
+    for n_bits, length in lengths.items():
         chosen = bursts.bits == n_bits
-        begin = bursts.first[chosen] - before
-        length = before + round(2 * n_bits * HALF_BIT / piece.step) + behind
-        # Beyond the ends of the record nothing was heard.
-        around = np.pad(piece.x, (before, length))
-        # Measured in its own first pulse, a telegram needs no common limit for what is a pulse.
+        first = bursts.first[chosen]
         unit = np.abs(bursts.height[chosen])
-        rows = np.lib.stride_tricks.sliding_window_view(around, length)[begin + before]
-        rows *= (sign / unit).astype(np.float32)[:, np.newaxis]
-        received = receive(
-            rows, piece.step, n_bits, threshold=threshold, minimum=min(_FIRST_PULSE, threshold)
+        rows = np.lib.stride_tricks.sliding_window_view(around, length)[first]
+        rows /= unit.astype(np.float32)[:, np.newaxis]
+        begin, first, last = (
+            piece.start + at * piece.step for at in (first - before, first, bursts.last[chosen])
         )
+        fits = bursts.fits[chosen]
+        parts.append(_Cut(n_bits, piece.step, rows, begin, first, last, unit, fits, edge[chosen]))
+    return parts
+
+
+def _by_length(parts: list[_Cut]) -> Iterator[tuple[int, _Cut]]:
+    """Put together all requests, and all responses."""
+    for n_bits in _SPANS:
+        same = [some for some in parts if some.bits == n_bits]
+        if same:
+            fields = list(zip(*same, strict=True))[2:]
+            together = [np.concatenate(field) for field in fields]
+            yield n_bits, _Cut._make([n_bits, same[0].step, *together])
+
+
+def _heard(cut: _Cut, sign: int, threshold: float) -> Reception:
+    """Receive what was cut out."""
+    minimum = min(_FIRST_PULSE, threshold)
+    return receive(sign * cut.rows, cut.step, cut.bits, threshold=threshold, minimum=minimum)
+
+
+def _received(parts: list[_Cut], sign: int, threshold: float) -> Telegrams:
+    """Decode telegrams, requests and responses each in one go."""
+    telegrams = [np.recarray(0, dtype=_TELEGRAM)]
+    for n_bits, cut in _by_length(parts):
+        received = _heard(cut, sign, threshold)
         bits = received.bits.astype(np.int64)
         weights = 1 << np.arange(n_bits)[::-1]
         fields = [
-            piece.start + begin * piece.step + received.start,
-            piece.start + bursts.first[chosen] * piece.step,
-            piece.start + bursts.last[chosen] * piece.step,
-            np.full(len(bits), n_bits),
-            np.maximum(bits, 0) @ weights,
-            (bits != NONE) @ weights,
-            received.error.astype(np.int64),
-            received.amplitude * unit,
-            received.weakest,
-            received.ringing,
-            bursts.fits[chosen],
-            edge[chosen],
-        ]
-        parts.append(np.rec.fromarrays(fields, dtype=_TELEGRAM))
-    return _joined(parts)
+            cut.begin + received.start, cut.first, cut.last,
+            np.full(len(bits), n_bits), np.maximum(bits, 0) @ weights, (bits != NONE) @ weights,
+            received.error, received.amplitude * cut.unit, received.weakest, received.ringing,
+            cut.fits, cut.edge,
+        ]  # fmt: skip
+        telegrams.append(np.rec.fromarrays(fields, dtype=_TELEGRAM))
+    return _joined(telegrams)

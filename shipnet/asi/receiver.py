@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arrays import Bools, Floats, Indices
+from shipnet.arrays import Bools, Floats
 from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, check_columns
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError, SilenceError
@@ -36,7 +36,13 @@ MINIMUM = 0.45
 _DT = (1e-9, 1e-6)
 
 #: Samples worked on at a time: they and what is made of them stay in a core's own cache.
-_SAMPLES = 2**16
+_SAMPLES = 2**17
+
+#: Taps from which on a transform filters faster than products with matrices.
+_LONG = 64
+
+#: Blocks that are multiplied at a time, so that all stay in a core's own cache.
+_BLOCKS = 2**10
 
 #: From the first sample above the minimum the first pulse peaks within this many half-bits: one
 #: for the filtered pulse, which is two long, and the delay of the supply's 78 ohm || 100 uH.
@@ -331,8 +337,11 @@ def matched_filter(u: npt.ArrayLike, dt: float) -> Floats:
               \cos^2 \frac{\pi \tau}{T_h} \; u(t + \tau) \, d\tau
     """
     u = _checked(u, dt)
-    length, gain = _filter_gain(u.shape[-1], dt)
-    return _filtered(_centred(u), length, gain)
+    n_t = u.shape[-1]
+    taps = _pulse_shape(n_t, dt)
+    rows = u.reshape(-1, n_t)
+    _, y = _heard(rows, taps, _room(rows.shape, taps))
+    return y[:, :n_t].reshape(u.shape)
 
 
 def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Reception:
@@ -342,15 +351,18 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     _check_bit_count(n_bits)
     n_t = u.shape[-1]
     rows = u.reshape(-1, n_t)
-    length, gain = _filter_gain(n_t, dt)
-    chunk = max(1, _SAMPLES // n_t)
-    parts = []
-    for begin in range(0, max(1, len(rows)), chunk):
-        line = _centred(rows[begin : begin + chunk])
-        y = _filtered(line, length, gain) if receiver.matched else line
-        parts.append(_decide(line, y, dt, n_bits, receiver))
-    joined = (np.concatenate(field) for field in zip(*parts, strict=True))
-    return Reception(*(field.reshape(u.shape[:-1] + field.shape[1:]) for field in joined))
+    taps = _pulse_shape(n_t, dt) if receiver.matched else np.ones(1)
+    chunk = max(1, min(_SAMPLES // n_t, len(rows)))
+    room = _room((chunk, n_t), taps)
+    parts = [
+        _decide(*_heard(rows[begin : begin + chunk], taps, room), n_t, dt, n_bits, receiver)
+        for begin in range(0, max(1, len(rows)), chunk)
+    ]
+    *numbers, slots = (np.concatenate(field) for field in zip(*parts, strict=True))
+    bits, error = check_columns(np.ascontiguousarray(slots.T))
+    error[np.isnan(numbers[0])] = SilenceError.code
+    fields = (np.ascontiguousarray(bits.T), error, *numbers, slots)
+    return Reception(*(field.reshape(u.shape[:-1] + field.shape[1:]) for field in fields))
 
 
 def _check_bit_count(n_bits: int) -> None:
@@ -374,8 +386,26 @@ def _checked(u: npt.ArrayLike, dt: float) -> npt.NDArray[np.floating]:
     return array
 
 
-def _centred(u: npt.NDArray[np.floating]) -> Floats:
-    """Return the voltages without their mean; refuse what is not finite."""
+@lru_cache(maxsize=64)
+def _pulse_shape(n_t: int, dt: float) -> Floats:
+    """Return the taps of the matched filter."""
+    # A record shorter than the filter meets only the filter's middle.
+    half = min(int(HALF_BIT / dt / 2), n_t - 1)
+    q = np.arange(-half, half + 1)
+    return np.asarray(np.cos(np.pi * q * dt / HALF_BIT) ** 2 * (8 / 3 * dt / HALF_BIT))
+
+
+def _room(shape: tuple[int, ...], taps: Floats) -> Floats:
+    """Return zeros around and between rows, and behind them what `filtered` needs."""
+    half = len(taps) // 2
+    return np.zeros(half + shape[0] * (shape[1] + half) + 4 * _LONG)
+
+
+def _heard(u: npt.NDArray[np.floating], taps: Floats, room: Floats) -> tuple[Floats, Floats]:
+    """Return voltages without the mean of their row, and filtered; refuse what is not finite.
+
+    With zeros between the rows, half as many as taps, all of them are filtered as one.
+    """
     # The sum of squares is the fastest look at every sample. It is finite only if all of them are
     # and if none is so large that a sum or a product further on could overflow.
     with np.errstate(all="ignore"):
@@ -389,95 +419,118 @@ def _centred(u: npt.NDArray[np.floating]) -> Floats:
             f"u holds {u[place]} at sample {place[-1]} of a row; voltages must be finite, "
             "below 1e150 V"
         )
-    return np.asarray(u - u.mean(axis=-1, keepdims=True), dtype=np.float64)
+    (count, n_t), half = u.shape, len(taps) // 2
+    shape = count, n_t + half
+    line = room[half : half + count * (n_t + half)].reshape(shape)
+    np.subtract(u, u.mean(axis=-1, keepdims=True), out=line[:, :n_t])
+    if half == 0:
+        return line, line if taps[0] == 1 else taps * line
+    if len(taps) > _LONG:
+        length = 1 << (n_t + 2 * half - 1).bit_length()
+        y = np.fft.irfft(np.fft.rfft(line, length) * np.fft.rfft(taps, length), length)
+        return line, np.ascontiguousarray(y[:, half : 2 * half + n_t])
+    return line, filtered(taps, room, line.size).reshape(shape)
+
+
+def filtered(
+    taps: npt.NDArray[Any],
+    x: npt.NDArray[Any],
+    size: int,
+    up: int = 1,
+    down: int = 1,
+    out: npt.NDArray[Any] | None = None,
+) -> npt.NDArray[Any]:
+    r"""Filter a row, by products of its blocks with matrices; beyond its end are zeros.
+
+    .. math:: y_i = \sum_k h_{u k - d i} \, x_k, \qquad i = 0 \ldots size - 1
+    """
+    first, second = _products(taps.astype(x.dtype).tobytes(), x.dtype.str, up, down)
+    block, outputs = first.shape
+    need = (-(-size // outputs) + 1) * block
+    if len(x) < need:
+        x = np.concatenate([x, np.zeros(need - len(x), x.dtype)])
+    blocks = x[:need].reshape(-1, block)
+    whole = (len(blocks) - 1) * outputs
+    y = (np.empty(whole, x.dtype) if out is None else out[:whole]).reshape(-1, outputs)
+    for k in range(0, len(y), _BLOCKS):
+        part = y[k : k + _BLOCKS]
+        np.matmul(blocks[k : k + len(part)], first, out=part)
+        part += blocks[k + 1 : k + 1 + len(part), : len(second)] @ second
+    return y.ravel()[:size]
 
 
 @lru_cache(maxsize=64)
-def _filter_gain(n_t: int, dt: float) -> tuple[int, Floats]:
-    """Return a length of transform with room for the filter, and the filter's gain in it."""
-    # A record shorter than the filter meets only the filter's middle.
-    half = min(int(HALF_BIT / dt / 2), n_t - 1)
-    # The transform is fast for lengths of small prime factors.
-    need = n_t + half
-    length = min(m << ((need - 1) // m).bit_length() for m in (8, 9, 10, 12, 15))
-    q = np.arange(-half, half + 1)
-    around_zero = np.zeros(length)
-    around_zero[q] = np.cos(np.pi * q * dt / HALF_BIT) ** 2 * (8 / 3 * dt / HALF_BIT)
-    # The filter is even, so its gain is real.
-    return length, np.fft.rfft(around_zero).real
+def _products(taps: bytes, kind: str, up: int, down: int) -> tuple[npt.NDArray[Any], ...]:
+    """Return the matrices for a block of samples and for the beginning of the next block."""
+    h = np.frombuffer(taps, kind)
+    times = max(-(-16 // up), -(-len(h) // (up * down)))
+    tap = up * np.arange(2 * times * down)[:, np.newaxis] - down * np.arange(times * up)
+    matrix = np.where((tap >= 0) & (tap < len(h)), h[np.clip(tap, 0, len(h) - 1)], 0).astype(kind)
+    reach = times * down + max(1, (len(h) - 1 - down) // up + 1)
+    return matrix[: times * down], matrix[times * down : reach]
 
 
-def _filtered(y: Floats, length: int, gain: Floats) -> Floats:
-    return np.fft.irfft(gain * np.fft.rfft(y, length), length)[..., : y.shape[-1]]
+def _decide(
+    line: Floats, y: Floats, n_t: int, dt: float, n_bits: int, receiver: Receiver
+) -> tuple[npt.NDArray[Any], ...]:
+    """Return start, amplitude, weakest, ringing and slots of the rows of `y`, filtered from `line`.
 
-
-def _first_pulse(y: Floats, samples: float, minimum: float) -> tuple[Bools, Indices, Floats]:
-    """Return which rows are silent, at which sample the first pulse peaks, and the true peak."""
-    n_rows, n_t = y.shape
-    row = np.arange(n_rows)
-    loud = np.abs(y) > minimum
-    first = loud.argmax(axis=-1)
-    silent = ~loud[row, first]
-    sign = np.sign(y[row, first])
+    Slots run along the first axis in here.
+    """
+    n_rows, last, samples = len(y), n_t - 1, HALF_BIT / dt
+    begin, flat = np.arange(0, y.size, y.shape[1]), y.ravel()
+    # Most telegrams begin early.
+    for end in (n_t // 4, n_t):
+        loud = np.abs(y[:, :end]) > receiver.minimum
+        silent = ~loud.any(axis=-1)
+        if not silent.any():
+            break
+    start = loud.argmax(axis=-1)
+    sign = np.sign(flat.take(begin + start))
     # Only samples of the first one's sign: the next pulse may already be the larger one.
-    near = np.minimum(first + np.arange(int(_REACH * samples) + 1)[:, np.newaxis], n_t - 1)
-    peak = near[(y[row, near] * sign).argmax(axis=0), row]
+    near = np.minimum(start + np.arange(int(_REACH * samples) + 1)[:, np.newaxis], last)
+    at = np.minimum(start + (flat.take(begin + near) * sign).argmax(axis=0), last)
+    first = flat.take(begin + at)
 
     # The top of a parabola through the largest sample and its neighbours.
-    left = (y[row, peak] - y[row, np.maximum(peak - 1, 0)]) * sign
-    right = (y[row, peak] - y[row, np.minimum(peak + 1, n_t - 1)]) * sign
-    top = (peak > 0) & (peak < n_t - 1) & (left >= 0) & (right >= 0) & (left + right > 0)
-    shift = np.divide(0.5 * (left - right), left + right, out=np.zeros(n_rows), where=top)
-    return silent, peak, peak + shift
-
-
-def _largest_near(y: Floats, middle: Indices, reach: int) -> Floats:
-    """Return the largest sample of either sign around indices; 0 after the end of the record."""
-    n_rows, n_t = y.shape
-    flat, begin = y.ravel(), np.arange(n_rows) * n_t
-    high = np.full(middle.shape, -np.inf)
-    low = np.full(middle.shape, np.inf)
-    for offset in range(-reach, reach + 1):
-        near = flat.take(begin + np.minimum(np.maximum(middle + offset, 0), n_t - 1))
-        np.maximum(high, near, out=high)
-        np.minimum(low, near, out=low)
-    return np.where(middle < n_t, np.where(high > -low, high, low), 0.0)
-
-
-def _decide(line: Floats, y: Floats, dt: float, n_bits: int, receiver: Receiver) -> Reception:
-    """Receive the rows of `y`, filtered from `line`; slots run along the first axis in here."""
-    n_rows, n_t = y.shape
-    row = np.arange(n_rows)
-    samples = HALF_BIT / dt
-    silent, at, peak = _first_pulse(y, samples, receiver.minimum)
-    first = y[row, at]
+    left = (first - flat.take(begin + np.maximum(at - 1, 0))) * sign
+    right = (first - flat.take(begin + np.minimum(at + 1, last))) * sign
+    top = (at > 0) & (at < last) & (left >= 0) & (right >= 0) & (left + right > 0)
+    peak = at + np.divide(0.5 * (left - right), left + right, out=np.zeros(n_rows), where=top)
 
     # Slot 0 lies before the first pulse, and there nothing counts: it stays empty.
     middle = np.rint(peak + samples * np.arange(2 * n_bits + 1)[:, np.newaxis]).astype(np.intp)
-    height = _largest_near(y, middle, int(receiver.window * samples + 1e-9))
-    height[0] = first
-    absolute = np.abs(height)
+    reach = int(receiver.window * samples + 1e-9)
+    within = reach <= middle.min(initial=reach) and middle.max(initial=0) < n_t - reach
+    high = low = flat.take(begin + (middle if within else np.minimum(middle, last)))
+    for offset in (*range(-reach, 0), *range(1, reach + 1)):
+        place = middle + offset
+        value = flat.take(begin + (place if within else np.clip(place, 0, last)))
+        high, low = np.maximum(high, value), np.minimum(low, value)
+    # The larger one of both signs; after the end of the record nothing was heard.
+    absolute = np.maximum(high, -low)
+    absolute[middle >= n_t] = 0.0
+    absolute[0] = np.abs(first)
+    positive = high > -low
+    positive[0] = first > 0
     filled = absolute > np.maximum(receiver.threshold * absolute[0], receiver.minimum)
     filled &= ~silent
     slots = np.zeros((2 * n_bits + 2, n_rows), dtype=np.int8)
-    slots[1:] = np.where(filled, np.where(height < 0, -1, 1), 0)
-    bits, error = check_columns(slots)
-    error[silent] = SilenceError.code
+    np.multiply(2 * positive.view(np.int8) - 1, filled, out=slots[1:])
 
-    largest = np.where(filled, absolute, 0.0).max(axis=0)
+    # The largest of all is a pulse, unless there is none.
+    largest = np.where(silent, np.nan, absolute.max(axis=0))
     smallest = np.where(filled, absolute, np.inf).min(axis=0)
-    between = np.where(filled, 0.0, absolute).max(axis=0)
-    largest[silent] = np.nan
+    absolute[filled] = 0.0
     # On the line the pulse peaks a little later than after the symmetric filter.
-    reach = np.arange(-int(samples / 4), int(samples / 4) + 1)[:, np.newaxis]
-    near = line[row, np.clip(at + reach, 0, n_t - 1)] * np.sign(first)
-    return Reception(
-        bits.T,
-        error,
+    reach = int(samples / 4)
+    near = np.clip(at + np.arange(-reach, reach + 1)[:, np.newaxis], 0, last)
+    amplitude = (line.ravel().take(begin + near) * np.sign(first)).max(axis=0)
+    return (
         np.where(silent, np.nan, peak * dt - 1.5 * HALF_BIT),
-        np.where(silent, np.nan, near.max(axis=0)),
-        np.where(silent, np.nan, smallest) / largest,
-        between / largest,
+        np.where(silent, np.nan, amplitude),
+        smallest / largest,
+        absolute.max(axis=0) / largest,
         slots.T,
     )
 

@@ -11,18 +11,20 @@ from __future__ import annotations
 
 import configparser
 import io
+import os
 import re
 import zipfile
 from collections import Counter
 from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
-from typing import IO, Any, NamedTuple, TypeVar
+from struct import unpack
+from typing import IO, Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Floats
+from shipnet.arrays import Floats, parts_of
 from shipnet.errors import ArgumentError, InputError
 from shipnet.lazy import pd
 
@@ -32,6 +34,9 @@ SLOWEST_RATE = 1e6
 #: Numbers that an archive may unpack to, or so many per byte of the file if that is more: a few
 #: bytes can claim to be much more. Only the channel that is asked for is unpacked and counts.
 MOST_NUMBERS, MOST_PER_BYTE = 2**24, 4
+
+#: Size from which the numbers of a numpy file are not read at once [byte].
+MAPPED = 2**26
 
 #: Samples of logic that a session may unpack to per byte of the file (deflate reaches 1032), and
 #: changes of level that are kept of them.
@@ -95,10 +100,9 @@ def read_scope_file(
 class Edges(NamedTuple):
     """Where one channel of a record changes between two levels."""
 
-    places: npt.NDArray[
-        np.floating[Any]
-    ]  # samples since the first one; the middle of where each change can be
-    width: float  # how much of a sample that is: all of it for logic
+    #: Samples since the first one: the middle of where each change can be.
+    places: npt.NDArray[np.floating[Any]]
+    width: float  # how much of a sample that middle leaves open: all of it for logic
     first: int  # level before the first change, 0 or 1
     samples: float  # length of the record
     dt: float  # time between two samples [s]
@@ -142,15 +146,15 @@ def _read(
     if sample_interval is not None and not 0 < sample_interval < np.inf:
         raise ArgumentError(f"sample_interval is {sample_interval} s; it must be positive")
     file = str(path)
-    data = _bytes(file)
     kind = Path(file).suffix.lower()
     if kind in (".npy", ".npz", ".sr"):
         try:
-            if kind == ".sr":
-                read = _read_sr(file, data, logic=choose is _edges, channel=channel)
-            else:
-                read = {".npy": _read_npy, ".npz": _read_npz}[kind](file, data)
-            return choose(file, read, channel, sample_interval)
+            with _opened(file) as stream:
+                if kind == ".sr":
+                    read = _read_sr(file, stream, logic=choose is _edges, channel=channel)
+                else:
+                    read = {".npy": _read_npy, ".npz": _read_npz}[kind](file, stream)
+                return choose(file, read, channel, sample_interval)
         except InputError:
             raise
         except Exception as fault:
@@ -159,6 +163,10 @@ def _read(
             raise InputError(
                 file, f"not a whole {kind} file: {str(fault) or type(fault).__name__}"
             ) from fault
+    with _opened(file) as stream:
+        data = stream.read()
+    if not data.strip():
+        raise InputError(file, "the file is empty")
     return choose(file, _read_text(file, data), channel, sample_interval)
 
 
@@ -185,26 +193,48 @@ def _columns_of(values: Floats) -> Callable[[int], Floats]:
     return lambda k: values[:, k]
 
 
-def _bytes(file: str) -> bytes:
+def _opened(file: str) -> IO[bytes]:
     path = Path(file)
     try:
         # Reading a pipe or a device might never end.
         if path.exists() and not path.is_file():
             raise InputError(file, "not a file")
-        data = path.read_bytes()
+        if path.exists() and not path.stat().st_size:
+            raise InputError(file, "the file is empty")
+        return path.open("rb")
     except (OSError, ValueError) as fault:
         if isinstance(fault, InputError):
             raise
         why = fault.strerror if isinstance(fault, OSError) else fault
         raise InputError(file, f"cannot be read: {why}") from None
-    if not data.strip():
-        raise InputError(file, "the file is empty")
-    return data
 
 
 def _array(stream: IO[bytes]) -> npt.NDArray[Any]:
     """Read an array, and nothing that could run code."""
     return np.lib.format.read_array(stream, allow_pickle=False)
+
+
+def _mapped(stream: IO[bytes], begin: int) -> npt.NDArray[Any]:
+    """Return an array whose numbers stay in the file, at `begin`, until they are needed."""
+    stream.seek(begin)
+    header = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }[np.lib.format.read_magic(stream)]
+    shape, fortran, dtype = header(stream)
+    order: Literal["F", "C"] = "F" if fortran else "C"
+    return np.memmap(stream, dtype, "r", stream.tell(), shape, order)
+
+
+def _member(archive: zipfile.ZipFile, stream: IO[bytes], name: str) -> npt.NDArray[Any]:
+    """Read an array of an archive, or map it if it is large and not compressed."""
+    entry = archive.getinfo(name)
+    if entry.compress_type == zipfile.ZIP_STORED and entry.file_size > MAPPED:
+        # Before the array are a header of 30 bytes, the name, and another field.
+        stream.seek(entry.header_offset + 26)
+        return _mapped(stream, entry.header_offset + 30 + sum(unpack("<HH", stream.read(4))))
+    with archive.open(name) as part:
+        return _array(part)
 
 
 def _check_real(file: str, what: str, array: npt.NDArray[Any]) -> Floats:
@@ -213,7 +243,8 @@ def _check_real(file: str, what: str, array: npt.NDArray[Any]) -> Floats:
             file,
             f"{what} has the shape {array.shape} and the type {array.dtype}; expected real numbers",
         )
-    return array.astype(float)
+    mapped = isinstance(array, np.memmap) and array.dtype.kind != "b"
+    return array if mapped else array.astype(float)
 
 
 def _rounding(times: npt.NDArray[Any]) -> float:
@@ -221,8 +252,8 @@ def _rounding(times: npt.NDArray[Any]) -> float:
     return float(np.spacing(np.abs(times).max())) if times.dtype.kind == "f" else 0.0
 
 
-def _read_npy(file: str, data: bytes) -> _Channels:
-    array = _array(io.BytesIO(data))
+def _read_npy(file: str, stream: IO[bytes]) -> _Channels:
+    array = _mapped(stream, 0) if _size(stream) > MAPPED else _array(stream)
     values = _check_real(file, "the array", array)
     if values.ndim == 1:
         one = _columns_of(values[:, np.newaxis])
@@ -239,8 +270,8 @@ def _read_npy(file: str, data: bytes) -> _Channels:
     return _Channels(_columns_of(values), columns, None, _rounding(array[:, 0]))
 
 
-def _read_npz(file: str, data: bytes) -> _Channels:
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+def _read_npz(file: str, stream: IO[bytes]) -> _Channels:
+    with zipfile.ZipFile(stream) as archive:
         names = {name.removesuffix(".npy"): name for name in archive.namelist()}
         voltage = next((key for key in ("u", "v") if key in names), None)
         if voltage is None:
@@ -248,12 +279,9 @@ def _read_npz(file: str, data: bytes) -> _Channels:
             raise InputError(file, f"it holds {held_by}; expected the voltages as u or v")
         wanted = [key for key in (voltage, "t", "dt", "probes") if key in names]
         # Whole numbers of one byte become eight times as large.
-        _check_size(file, data, sum(archive.getinfo(names[key]).file_size for key in wanted) / 8)
-        held = {}
-        for key in wanted:
-            with archive.open(names[key]) as stream:
-                held[key] = _array(stream)
-    _check_size(file, data, sum(array.size for array in held.values()))
+        _check_size(file, stream, sum(archive.getinfo(names[key]).file_size for key in wanted) / 8)
+        held = {key: _member(archive, stream, names[key]) for key in wanted}
+    _check_size(file, stream, sum(array.size for array in held.values()))
     u = _check_real(file, voltage, held[voltage])
     u = u[:, np.newaxis] if u.ndim == 1 else u
     if u.ndim != 2:
@@ -278,9 +306,13 @@ def _read_npz(file: str, data: bytes) -> _Channels:
     return _Channels(_columns_of(u), columns, interval, None)
 
 
-def _check_size(file: str, data: bytes, numbers: float) -> None:
+def _size(stream: IO[bytes]) -> int:
+    return os.fstat(stream.fileno()).st_size
+
+
+def _check_size(file: str, stream: IO[bytes], numbers: float) -> None:
     """Raise if an archive would unpack to too many numbers."""
-    most = max(MOST_NUMBERS, MOST_PER_BYTE * len(data))
+    most = max(MOST_NUMBERS, MOST_PER_BYTE * _size(stream))
     if numbers > most:
         raise InputError(
             file,
@@ -289,9 +321,11 @@ def _check_size(file: str, data: bytes, numbers: float) -> None:
         )
 
 
-def _read_sr(file: str, data: bytes, logic: bool = False, channel: str | None = None) -> _Channels:
+def _read_sr(
+    file: str, stream: IO[bytes], logic: bool = False, channel: str | None = None
+) -> _Channels:
     """Read a sigrok session: its voltages, or its logic levels if wanted and there."""
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+    with zipfile.ZipFile(stream) as archive:
         names = set(archive.namelist())
         if "metadata" not in names:
             raise InputError(file, "no metadata in it; expected a sigrok session")
@@ -320,7 +354,7 @@ def _read_sr(file: str, data: bytes, logic: bool = False, channel: str | None = 
         numbers = [number for number in titles if number in parts]
         wanted = (channel or "").strip().lower()
         if logic and "capturefile" in about and wanted not in map(str.lower, titles.values()):
-            return _logic_of(file, data, archive, about, interval)
+            return _logic_of(file, stream, archive, about, interval)
         if not numbers:
             raise InputError(file, "no analog channel in it; expected a voltage, not logic levels")
         lengths = set()
@@ -334,9 +368,9 @@ def _read_sr(file: str, data: bytes, logic: bool = False, channel: str | None = 
     (length,) = lengths
 
     def samples(k: int) -> Floats:
-        _check_size(file, data, length)
+        _check_size(file, stream, length)
         signal, filled = np.empty(length), 0
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        with zipfile.ZipFile(stream) as archive:
             for _, name in parts[numbers[k]]:
                 piece = np.frombuffer(archive.read(name), dtype="<f4")
                 signal[filled : filled + piece.size] = piece
@@ -348,7 +382,11 @@ def _read_sr(file: str, data: bytes, logic: bool = False, channel: str | None = 
 
 
 def _logic_of(
-    file: str, data: bytes, archive: zipfile.ZipFile, about: dict[str, str], interval: float | None
+    file: str,
+    stream: IO[bytes],
+    archive: zipfile.ZipFile,
+    about: dict[str, str],
+    interval: float | None,
 ) -> _Channels:
     """Read the logic levels of a session block by block: of a bus that is mostly idle, edges."""
     stem, size = about["capturefile"].strip(), about.get("unitsize", "1").strip()
@@ -363,7 +401,7 @@ def _logic_of(
     if not names or names != set(parts):
         raise InputError(file, f"a part of {stem[:40]} is missing")
     total = sum(archive.getinfo(name).file_size for name in parts)
-    most = max(MOST_NUMBERS, MOST_LOGIC_PER_BYTE * len(data))
+    most = max(MOST_NUMBERS, MOST_LOGIC_PER_BYTE * _size(stream))
     if total > most:
         raise InputError(file, f"it unpacks to {total} bytes of logic; at most {most} are read")
     unit, count, at = int(size), 0, 0
@@ -465,7 +503,8 @@ def _edges_of(
     if len(u) < 2:
         raise InputError(file, f"it holds {len(u)} sample; expected a record")
     two = np.unique(u[~np.isnan(u)])
-    if interval is None and time is not None and set(two.tolist()) <= {0.0, 1.0}:
+    logic = set(two.tolist()) <= {0.0, 1.0} and not np.isnan(u).any()
+    if interval is None and time is not None and logic:
         # Many programs store changes of logic only, each with its time.
         t = _checked(file, table, time) * table.columns[time].scale
         steps = np.diff(t)
@@ -533,8 +572,6 @@ def _recording(
         raise InputError(file, f"it holds {len(u)} sample; expected a waveform")
     if chosen.scale != 1:
         u = u * chosen.scale
-    if np.isnan(u).all():
-        raise InputError(file, f"{chosen.title} holds no numbers")
     if sample_interval is None:
         if time is not None:
             sample_interval, u = _even(file, table, time, u)
@@ -562,7 +599,9 @@ def _checked(file: str, table: _Channels, k: int) -> Floats:
     """Return a column, or raise if it has neither times nor voltages."""
     values, number = table.values(k), table.columns[k].number
     # Sums and products of such numbers would overflow further on.
-    if not (np.fmax.reduce(values) < _LARGEST and np.fmin.reduce(values) > -_LARGEST):
+    ends = [(np.fmax.reduce(part), np.fmin.reduce(part)) for _, part in parts_of(values)]
+    high, low = (np.fmax.reduce(some) for some in zip(*ends, strict=True))
+    if not (high < _LARGEST and low > -_LARGEST):
         wild = np.flatnonzero(np.abs(values) >= _LARGEST)
         faults = [
             f"sample {at + 1}, column {number}: {values[at]:g} is out of range"

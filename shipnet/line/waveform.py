@@ -8,7 +8,7 @@ On the line :math:`s = (d + j \omega T) / T` beside the imaginary axis this erro
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
 from os import PathLike
@@ -98,7 +98,9 @@ class Waveform:
 
         `channel` is its title, upper or lower case, or the number of its column, 1 for the first;
         the first channel with a voltage if omitted. `sample_interval` [s] overrides what the file
-        says. The channel that is read from an archive may unpack to 2**24 numbers, or to 4 per byte
+        says. The samples of a ``.npy`` file, or of an ``.npz`` file that is not compressed, stay in
+        the file if they have more than 2**26 bytes: it must not change as long as they are in use.
+        The channel that is read from an archive may unpack to 2**24 numbers, or to 4 per byte
         of the file if that is more. Raise InputError if the file cannot be read, is empty, has a
         cell that is not a number, uneven times, fewer than 1e6 samples per second, or no such
         channel.
@@ -181,18 +183,6 @@ def record_of(
     spectrum: Callable[[Complexes], Complexes], n_samples: int, dt: float, f_max: float
 ) -> Floats:
     """Return the waveforms of a Laplace transform from t = 0, without what wraps around."""
-    return records_of(spectrum, [n_samples], dt, f_max)[0]
-
-
-def records_of(
-    spectrum: Callable[[Complexes], Complexes], sizes: Sequence[int], dt: float, f_max: float
-) -> list[Floats]:
-    """Return `record_of` for records of several lengths, from one call of the transform."""
-    windows = [ceil(_WINDOW * check_whole("n_samples", size, 1, 2**40)) for size in sizes]
-    grids = [laplace_grid(window * dt, f_max, _DAMPING) for window in windows]
-    ends = np.cumsum([len(grid) for grid in grids])[:-1]
-    parts = np.split(spectrum(np.concatenate(grids)), ends, axis=-1)
-    return [
-        synthesize(part, window, window * dt, _DAMPING)[..., :size]
-        for part, window, size in zip(parts, windows, sizes, strict=True)
-    ]
+    window = ceil(_WINDOW * check_whole("n_samples", n_samples, 1, 2**40))
+    found = spectrum(laplace_grid(window * dt, f_max, _DAMPING))
+    return synthesize(found, window, window * dt, _DAMPING)[..., :n_samples]

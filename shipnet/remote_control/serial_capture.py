@@ -26,8 +26,8 @@ _FORMS = tuple((data, parity) for data in (8, 7) for parity in "NEO")
 #: Edges by which guesses are compared, and the pulses that are glitches [bit].
 _HEAD, _GLITCH = 600, 1 / 3
 
-#: Fewest samples per bit.
-_FEWEST = 2.0
+#: Fewest samples per bit, and most edges of a record.
+_FEWEST, _EDGES = 2.0, 2**22
 
 
 class _Reading(NamedTuple):
@@ -232,8 +232,8 @@ def read_capture(
     Raises
     ------
     InputError
-        If the file cannot be read or gives no times, it has fewer than 2 samples per bit, or
-        the bit rate is not given and there are too few edges to find it.
+        If the file cannot be read or gives no times, it has fewer than 2 samples per bit or more
+        than 2**22 edges, or the bit rate is not given and there are too few edges to find it.
     ArgumentError
         If an argument is out of its range.
 
@@ -260,6 +260,10 @@ def read_capture(
             raise ArgumentError(f"character is {character!r}; it must be 5..9, N, E or O, 1 or 2")
         form = int(character[0]), character[1]
     edges = read_edges(file, channel=channel, sample_interval=sample_interval)
+    if len(edges.places) > _EDGES:
+        raise InputError(
+            str(file), f"more than {_EDGES} changes of level; save a part of the record"
+        )
     bit = None if rate is None else 1 / (rate * edges.dt)
     if bit is not None and bit < _FEWEST:
         raise InputError(

@@ -109,7 +109,6 @@ class AsiLine(Tool):
         return self.result.plot(self.wave, ax, receiver=self.receiver)
 
     def _view(self) -> View:
-        """Return what the page shows."""
         sent, read = Response(self.data).bits, ""
         try:
             read = self._read()

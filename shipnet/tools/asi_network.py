@@ -91,7 +91,6 @@ class AsiNetwork(Tool):
         return self.result.plot(ax=ax)
 
     def _view(self) -> View:
-        """Return what the page shows."""
         broken = self.result.broken
         return View(
             verdict="\n".join(broken) or f"all rules met: {len(self.result)} checks",

@@ -12,8 +12,9 @@ from matplotlib.axes import Axes
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Stuffing
 from shipnet.can.messages import BIT_RATES, EXAMPLE, MessageSet, bus_load, parse_dbc
+from shipnet.can.offsets import spread_offsets
 from shipnet.can.response import ResponseTimes, response_times
-from shipnet.errors import InputError
+from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import choice, record, text, whole
 from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
@@ -30,7 +31,7 @@ class CanLoad(Tool):
     Raises
     ------
     ArgumentError
-        If a value is out of its range.
+        If a value is out of its range, or offsets count although there are errors.
     InputError
         From `messages`, if the text is not a message set.
 
@@ -40,6 +41,8 @@ class CanLoad(Tool):
     'all 10 messages meet their deadlines'
     >>> CanLoad(bit_rate=50_000).result.late
     ['speed']
+    >>> [CanLoad(offsets=way).result["bearings"].response for way in ("not counted", "spread")]
+    [0.00912, 0.00512]
     """
 
     text: str = text(
@@ -56,21 +59,36 @@ class CanLoad(Tool):
         0, 1000, default=0, slider=(0, 100), unit="1/s", label="errors",
         help="Errors on the bus, evenly spread; each costs an error frame and a repetition.",
     )  # fmt: skip
+    offsets: str = choice(
+        ("not counted", "as listed", "spread"), default="not counted", label="offsets",
+        help="Whether messages of one sender share a clock, with the offsets of the list or with "
+        "offsets that keep them apart, on a grid of 1 ms. Only without errors.",
+    )  # fmt: skip
 
     @cached_property
     def messages(self) -> MessageSet:
-        """The messages of the text."""
-        return MessageSet.parse(self.text)
+        """The messages of the text, their offsets spread if that is chosen."""
+        messages = MessageSet.parse(self.text)
+        return spread_offsets(messages) if self.offsets == "spread" else messages
 
     @property
     def faults(self) -> ErrorBound | None:
         """The errors on the bus."""
         return ErrorBound(interval=1 / self.errors_per_s) if self.errors_per_s else None
 
+    def _times(self, bit_rate: int) -> ResponseTimes:
+        counted = self.offsets != "not counted"
+        if counted and self.errors_per_s:
+            raise ArgumentError(
+                f"offsets are {self.offsets!r} and errors_per_s is {self.errors_per_s}; "
+                "errors_per_s must be 0 if offsets count"
+            )
+        return response_times(self.messages, bit_rate, faults=self.faults, offsets=counted)
+
     @cached_property
     def result(self) -> ResponseTimes:
         """The response times of the messages."""
-        return response_times(self.messages, self.bit_rate, faults=self.faults)
+        return self._times(self.bit_rate)
 
     @property
     def load(self) -> dict[str, float]:
@@ -83,15 +101,13 @@ class CanLoad(Tool):
     @cached_property
     def lowest(self) -> float:
         """The lowest standard bit rate at which all deadlines are met [bit/s]; inf if none is."""
-        met = (r for r in BIT_RATES if response_times(self.messages, r, faults=self.faults).met)
-        return next(met, inf)
+        return next((rate for rate in BIT_RATES if self._times(rate).met), inf)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the longest response of each message against its deadline."""
         return self.result.plot(ax)
 
     def _view(self) -> View:
-        """Return what the page shows."""
         late, n = self.result.late, len(self.result)
         load = {f"load, {name}": f"{share:.1%}" for name, share in self.load.items()}
         rate = "none" if self.lowest == inf else f"{self.lowest / 1e3:g} kbit/s"
@@ -104,11 +120,10 @@ class CanLoad(Tool):
             plot=self.plot,
             height=1.2 + 0.28 * n,
             about="Longest response time of each message, as a bar, against its deadline",
+            files={"messages.csv": self.messages.text} if self.offsets == "spread" else {},
         )
 
     def _options(self) -> dict[str, Any]:
-        """Return what the page has beside controls and figure."""
-
         def take(inputs: CanLoad, name: str, content: bytes) -> CanLoad:
             given = text_of(content)
             if "\0" in given:

@@ -99,7 +99,6 @@ class EngineFaults(Tool):
         return self.result.plot(ax)
 
     def _view(self) -> View:
-        """Return what the page shows."""
         old, marked = self.result.old, self.result.marked
         healthy = not (old or marked or self.raised)
         return View(

@@ -84,7 +84,6 @@ class ModbusScan(Tool):
         return self.result.plot(ax)
 
     def _view(self) -> View:
-        """Return what the page shows."""
         found, poll = self.result, self.result.polls[0]
         used = poll.utilisation(self.slaves, self.limit, dead=self.dead)
         return View(

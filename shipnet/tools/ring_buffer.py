@@ -107,7 +107,6 @@ class ReceiveRing(Tool):
         return self.result.ring.plot(ax)
 
     def _view(self) -> View:
-        """Return what the page shows."""
         game, ring = self.result, self.result.ring
         overwritten = max(0, ring.unread - ring.size)
         return View(
@@ -128,8 +127,6 @@ class ReceiveRing(Tool):
         )
 
     def _options(self) -> dict[str, Any]:
-        """Return what the page has beside controls and figure."""
-
         def does(action: str) -> Button:
             return Button(ACTIONS[action], _HELP[action], lambda inputs: inputs.then(action))
 

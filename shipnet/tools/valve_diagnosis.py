@@ -156,7 +156,6 @@ class ValveDiagnosis(Tool):
         )
 
     def _view(self) -> View:
-        """Return what the page shows."""
         top = str(self.result.top[0])
         return View(
             verdict=f"{top}: {_BASE.rule(top).english}" if top in _BASE.codes else top,
@@ -171,8 +170,6 @@ class ValveDiagnosis(Tool):
         )
 
     def _options(self) -> dict[str, Any]:
-        """Return what the page has beside controls and figure."""
-
         def make(plant: _Plant, inputs: ValveDiagnosis) -> ValveDiagnosis:
             return ValveDiagnosis.from_plant(
                 plant.fault, plant.severity, plant.state, threshold=inputs.threshold

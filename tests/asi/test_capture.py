@@ -9,14 +9,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.figure import Figure
-from scipy.signal import bilinear, lfilter, upfirdn
+from scipy.signal import bilinear, firwin, lfilter
 
 from shipnet.__main__ import main
+from shipnet.arrays import parts_of
 from shipnet.asi import Request, bursts
-from shipnet.asi.bursts import filtered, pieces
+from shipnet.asi.bursts import pieces
 from shipnet.asi.capture import decode
 from shipnet.asi.modulation import SEND_CURRENT, Modulation
-from shipnet.errors import ArgumentError
+from shipnet.errors import ArgumentError, InputError
+from shipnet.line import scope_file
 
 BIT = 6e-6
 REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "line" / "asi.npz")
@@ -466,11 +468,47 @@ def test_the_bits_in_a_file_survive_pandas(tmp_path, suffix):
     assert table["response"].tolist() == [f"0b{ANSWERS[a].bits}" for a in (1, 2, 3, 4, 21)]
 
 
-@pytest.mark.parametrize("size", [1, 2, 5, 31, 1000])
-@pytest.mark.parametrize("taps", [1, 7, 31])
-@pytest.mark.parametrize("down", [1, 2, 5])
-def test_products_of_blocks_filter_as_scipy_does(size, taps, down):
-    rng = np.random.default_rng(size)
-    x, kernel = (rng.normal(size=n).astype(np.float32) for n in (size, taps))
-    expected = upfirdn(kernel, x, 1, down)
-    assert filtered(kernel, x, 1, down) == pytest.approx(expected, abs=1e-5)
+@pytest.mark.parametrize("up", [2, 4])
+def test_the_low_pass_is_that_of_scipy(up):
+    expected = up * firwin(16 * up + 1, 1 / up, window=("kaiser", 5.65))
+    assert bursts._lowpass(1, up, 1) == pytest.approx(expected, abs=1e-7)
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.int16, ">f8"])
+@pytest.mark.parametrize("suffix", ["npy", "npz"])
+def test_a_mapped_file_gives_the_table_of_its_samples(kind, suffix, tmp_path, monkeypatch):
+    monkeypatch.setattr(scope_file, "MAPPED", 0)
+    monkeypatch.setattr(bursts, "_TOGETHER", 5)
+    telegrams, end = cycle(range(1, 32))
+    u = (1000 * noise(line(telegrams, end + 20e-6, 10e6), 0.05)).astype(kind)
+    if u.dtype.kind == "f":
+        u[7000:9000] = np.nan
+    file = tmp_path / f"scope.{suffix}"
+    if suffix == "npy":
+        np.save(file, u)
+    else:
+        np.savez(file, u=u, dt=1e-7)
+    capture = decode(file, sample_interval=1e-7)
+    assert isinstance(capture.wave.u.base, np.memmap)
+    expected = decode(u, 1e-7)
+    pd.testing.assert_frame_equal(capture.transactions, expected.transactions)
+    assert capture.telegrams > 40
+    pd.testing.assert_frame_equal(capture.counters(), expected.counters())
+    pd.testing.assert_frame_equal(capture.causes(), expected.causes())
+
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match="not a whole"):
+        decode(file, sample_interval=1e-7)
+
+
+@pytest.mark.parametrize("begin", [0, 1000, 2**12 - 1, 2**12, 3 * 2**12 - 5])
+@pytest.mark.parametrize("length", [1, 40, 2**12, 9000])
+def test_gaps_are_found_across_parts(begin, length, monkeypatch):
+    monkeypatch.setattr(bursts, "parts_of", lambda u: parts_of(u, 2**12))
+    u = np.zeros(20_000)
+    u[begin : begin + length] = np.nan
+    begins, ends = bursts._edges(u, 1e-7)
+    long = length * 1e-7 > 3e-6
+    assert (begins * 1e7).round().tolist() == [0, *[min(begin + length, 20_000)] * long]
+    assert (ends * 1e7).round().tolist() == [*[begin] * long, 20_000]

@@ -168,6 +168,11 @@ def refused(file, *arguments, **options):
     return str(refusal.value)
 
 
+def test_a_record_of_too_many_edges_is_refused(monkeypatch):
+    monkeypatch.setattr("shipnet.remote_control.serial_capture._EDGES", 100)
+    assert "more than 100 changes of level" in refused(recording("gps.sr"))
+
+
 def test_silence_noise_and_other_signals(tmp_path):
     rng = np.random.default_rng(1)
     np.save(tmp_path / "a.npy", np.ones(1000))

@@ -1,7 +1,7 @@
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.can import MessageSet, response_times
+from shipnet.can import MessageSet, response_times, spread_offsets
 from shipnet.errors import ArgumentError, InputError
 from shipnet.tools.can_load import EXAMPLE, CanLoad
 from tests.support import load
@@ -32,6 +32,25 @@ def test_too_slow_a_bus_and_errors_make_messages_late():
     assert all(more.response > less.response for more, less in pairs)
     hopeless = EXAMPLE.replace("shutdown,0x010,1,50,5", "shutdown,0x010,1,50,0.1")
     assert CanLoad(hopeless).numbers["lowest standard bit rate that works"] == "none"
+
+
+def test_offsets_count_if_that_is_chosen_and_there_are_no_errors():
+    messages = MessageSet.parse(EXAMPLE)
+    longest = {}
+    for way, timed in {"as listed": messages, "spread": spread_offsets(messages)}.items():
+        tool = CanLoad(offsets=way)
+        assert list(tool.result) == list(response_times(timed, 125_000, offsets=True))
+        longest[way] = tool.result["bearings"].response
+    assert longest["spread"] < 0.6 * longest["as listed"]
+    assert longest["as listed"] == CanLoad().result["bearings"].response
+    listed = CanLoad(text=tool.messages.text, offsets="as listed")
+    assert list(listed.result) == list(tool.result)
+
+    page = CanLoad(offsets="spread").explore()
+    page.controls["errors_per_s"].value = 10
+    assert "errors_per_s is 10; errors_per_s must be 0 if offsets count" in page.text
+    page.controls["offsets"].value = "not counted"
+    assert "meet their deadlines" in page.text
 
 
 @pytest.mark.parametrize("separator", [";", "\t"])
