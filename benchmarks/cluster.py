@@ -7,7 +7,7 @@ the busier of two say how evenly the work is shared on any. Turns alternate, and
 import os
 import tempfile
 from functools import partial
-from time import perf_counter, process_time, sleep
+from time import perf_counter, process_time
 
 from distributed import Client, LocalCluster
 
@@ -40,34 +40,34 @@ def main():
         "fleet": (fleet, partial(fleet, valves=100, days=1)),
     }
     print(f"load of the machine before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
-    with (
-        LocalCluster(
-            n_workers=1, threads_per_worker=1, dashboard_address=None, silence_logs=50
-        ) as workers,
-        Client(workers) as client,
-        tempfile.TemporaryDirectory() as folder,
-    ):
-        for turn in range(TURNS):
-            for name, (job, warm) in jobs.items():
-                wall, cpu, results = {}, {}, []
-                for n in (1, 2):
-                    workers.scale(n)
+    for turn in range(TURNS):
+        for name, (job, warm) in jobs.items():
+            wall, cpu, results = {}, {}, []
+            for n in (1, 2):
+                with (
+                    LocalCluster(
+                        n_workers=n,
+                        threads_per_worker=1,
+                        dashboard_address="127.0.0.1:0",
+                        silence_logs=50,
+                    ) as workers,
+                    Client(workers) as client,
+                    tempfile.TemporaryDirectory() as folder,
+                ):
                     client.wait_for_workers(n)
-                    while len(client.nthreads()) != n:
-                        sleep(0.1)
-                    for _ in range(n):
-                        warm(client, tempfile.mkdtemp(dir=folder))
+                    for place in range(2):
+                        warm(client, f"{folder}/warm-{place}")
                     before, begin = busy(client), perf_counter()
-                    results.append(job(client, tempfile.mkdtemp(dir=folder)))
+                    results.append(job(client, f"{folder}/fleet"))
                     wall[n], after = perf_counter() - begin, busy(client)
                     cpu[n] = max(after[worker] - before[worker] for worker in after)
-                assert results[0].equals(results[1])
-                print(
-                    f"turn {turn + 1}, {name}: one worker {wall[1]:.1f} s, {cpu[1]:.1f} s of CPU; "
-                    f"two {wall[2]:.1f} s, the busier {cpu[2]:.1f} s; "
-                    f"{wall[1] / wall[2]:.2f}x wall, {cpu[1] / cpu[2]:.2f}x CPU",
-                    flush=True,
-                )
+            assert results[0].equals(results[1])
+            print(
+                f"turn {turn + 1}, {name}: one worker {wall[1]:.1f} s, {cpu[1]:.1f} s of CPU; "
+                f"two {wall[2]:.1f} s, the busier {cpu[2]:.1f} s; "
+                f"{wall[1] / wall[2]:.2f}x wall, {cpu[1] / cpu[2]:.2f}x CPU",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -56,6 +56,24 @@ def running(*arguments: str) -> Iterator[subprocess.Popen]:
             program.kill()
 
 
+@contextmanager
+def two_workers() -> Iterator[object]:
+    """Yield the client of a Dask cluster of two processes, on ports that are free."""
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
+            silence_logs=50,
+        ) as workers,
+        Client(workers) as client,
+    ):  # fmt: skip
+        client.wait_for_workers(2, timeout=60)
+        yield client
+        # One that was killed comes back before the cluster closes.
+        client.wait_for_workers(2, timeout=60)
+
+
 def load(upload: object, content: bytes, name: str = "a.csv") -> None:
     """Give a file to an upload button as the browser does."""
     about = {"type": "", "size": len(content), "last_modified": datetime(2026, 1, 1)}

@@ -65,6 +65,7 @@ class _History(NamedTuple):
 
     @classmethod
     def drawn(cls, days: int, rate: float, rng: np.random.Generator) -> _History:
+        """Return healthy times of random length, with a random fault after each."""
         rows, steps, now = [], [(0.0, "", 0.0)], 0.0
         while (now := now + rng.exponential(365.25 / rate) if rate else np.inf) < days:
             code, slow = str(rng.choice(list(FAULTS))), bool(rng.integers(2))
@@ -79,6 +80,7 @@ class _History(NamedTuple):
         return cls(rows, steps)
 
     def faults(self, valve: int) -> Iterator[Fault]:
+        """Yield each step as a fault of the plant."""
         for (start, code, severity), (stop, *_) in zip(self.steps, self.steps[1:], strict=False):
             if code:
                 yield Fault(code, severity, valve, start=start, stop=stop)
@@ -93,6 +95,7 @@ class _History(NamedTuple):
 
 
 def _orders(block: _Block, day: int, rng: np.random.Generator) -> list[Command]:
+    """Return the commands of a day, which open and close in turn."""
     spread = np.sort(rng.uniform(0, _LAST - _APART * block.strokes, block.strokes))
     times = day * _DAY + np.round(spread + _APART * np.arange(block.strokes), 1)
     orders = []

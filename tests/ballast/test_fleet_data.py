@@ -18,7 +18,7 @@ from shipnet.ballast.plant import Plant
 from shipnet.ballast.sensors import CHANNELS
 from shipnet.ballast.trials import spread_valves
 from shipnet.errors import ArgumentError, InputError
-from tests.support import require
+from tests.support import require, two_workers
 
 DAY = 86400.0
 
@@ -147,16 +147,7 @@ def test_every_file_says_that_it_is_synthetic(fleet):
 
 
 def test_two_workers_write_the_same_bytes_though_one_is_killed(tmp_path):
-    from distributed import Client, LocalCluster
-
-    with (
-        LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None,
-            silence_logs=50,
-        ) as workers,
-        Client(workers) as client,
-    ):  # fmt: skip
-        client.wait_for_workers(2)
+    with two_workers() as client:
         killed = []
 
         def look(done, total):

@@ -320,6 +320,16 @@ def test_voltages_of_a_bus_are_read(rate, tmp_path):
                 assert read_back(capture) == frames
 
 
+@pytest.mark.parametrize("per_bit", [4, 20])
+def test_noise_of_a_seventh_of_the_swing_moves_no_bit(per_bit, tmp_path):
+    frames = some_frames(40, 3)
+    bits = "1" * 15 + "".join(frame.bits + "1" * 12 for frame in frames)
+    volts = np.repeat([2.0 if bit == "0" else 0.0 for bit in bits], per_bit)
+    volts += np.random.default_rng(1).normal(0, 0.3, len(volts))
+    np.savez(tmp_path / "bus.npz", u=volts, dt=1 / (250e3 * per_bit))
+    assert read_back(read_capture(tmp_path / "bus.npz")) == frames
+
+
 def test_blocks_of_any_size_give_the_same_frames(monkeypatch):
     whole = read_capture(SNIPPET).table()
     for size in (2**10 + 1, 2**22):

@@ -19,7 +19,7 @@ from shipnet import datasets
 from shipnet.design import IoList
 from shipnet.errors import ArgumentError, InputError
 from shipnet.parallel import compute, points_of, save_whole
-from tests.support import require
+from tests.support import require, two_workers
 
 MODULE = sys.modules["shipnet.parallel"]  # `shipnet.compute` is a function of it
 
@@ -42,16 +42,7 @@ def cluster():
 def dask():
     """A Dask cluster of two processes."""
     cluster()
-    from distributed import Client, LocalCluster
-
-    with (
-        LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None,
-            silence_logs=50,
-        ) as workers,
-        Client(workers) as client,
-    ):  # fmt: skip
-        client.wait_for_workers(2)
+    with two_workers() as client:
         yield client
 
 
