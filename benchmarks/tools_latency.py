@@ -1,9 +1,9 @@
 """How long the page of a tool takes in a browser: to its first picture, and to the next one.
 
 The click on a card is followed by the picture that the notebook stores, then by the tool's own;
-once with a kernel that was started before the click, once without. A key on the first slider, or
-on the first button where there is none, is followed by a new picture. Beside the wall time stands
-the processor time of browser, server and kernel, which a busy machine changes little.
+once with a kernel that was started before the click, once without. A key on the first slider
+that moves the picture, or on the first button, is followed by a new one. Beside the wall time
+stands the processor time of browser, server and kernel, which a busy machine changes little.
 """
 
 import shutil
@@ -66,15 +66,18 @@ def opened(page, address, tool):
 def changed(page):
     """Press keys; return the median time from key to picture, and of the processor [ms]."""
     page.evaluate(WATCH)
-    sliders = page.locator(".shipnet-controls").last.get_by_role("slider")
-    slider = sliders.count() > 0
-    (sliders if slider else page.locator(".shipnet-buttons button")).first.focus()
-    keys = ["PageUp", "PageDown"] if slider else ["Enter"]
-    time.sleep(2)
+    sliders = page.locator(".shipnet-controls").last.get_by_role("slider").all()
+    moving = [(slider, ("PageUp", "PageDown")) for slider in sliders]
+    moving += [(page.locator(".shipnet-buttons button").first, ("Enter",))]
+    for control, keys in moving:
+        control.press(keys[0])
+        page.wait_for_timeout(3000)
+        if page.evaluate("window.ready.length"):
+            break
     times, begin = [], processor()
     for k in range(CHANGES):
         page.evaluate("window.ready = []")
-        page.keyboard.press(keys[k % len(keys)])
+        page.keyboard.press(keys[(k + 1) % len(keys)])
         page.wait_for_function("window.ready.length", timeout=LONG)
         time.sleep(0.3)
         times.append(page.evaluate("window.ready.at(-1)"))

@@ -27,7 +27,6 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-import kernels
 import nbformat
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
@@ -152,9 +151,7 @@ def _executed(paths: list[Path]) -> Iterator[Executed]:
     # Spawned, not forked: the same on every platform, and a fork would copy pytest's threads.
     workers = min(len(paths), os.cpu_count() or 1)
     spawn = get_context("spawn")
-    # Few notebooks do not repay the process that forks.
-    prepare = kernels.fork if len(paths) > 3 * workers else None
-    with ProcessPoolExecutor(workers, spawn, initializer=prepare) as pool:
+    with ProcessPoolExecutor(workers, spawn) as pool:
         jobs = [pool.submit(execute, path) for path in paths]
         yield from (job.result() for job in as_completed(jobs))
 

@@ -11,12 +11,6 @@ from docs import notebooks
 
 ROOT = Path(__file__).resolve().parents[1]
 TITLE = new_markdown_cell("# A title", id="title")
-STATE = """import os, sys
-ours = [name for name in sys.modules if name.split(".")[0] in ("docs", "kernels", "shipnet")]
-from_before = [name for name in globals() if name == "second"]
-second = 2
-print("pandas" in sys.modules, ours, from_before, os.getcwd()[-4:], os.getsid(0) == os.getpid())
-"""
 
 
 def code(source, identifier, **metadata):
@@ -61,14 +55,6 @@ def test_run_executes_only_what_is_stale(tmp_path, capsys):
     path.unlink()
     assert notebooks.main(["run"], tmp_path) == 0
     assert not copy.exists()
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a system that can fork")
-def test_a_kernel_here_has_the_libraries_loaded_and_nothing_else(tmp_path):
-    path = write(tmp_path, "deep/a.ipynb", code("first = 1", "a"), code(STATE, "b"))
-    for _ in range(2):
-        (output,) = nbformat.reads(notebooks.execute(path).text, 4).cells[2].outputs
-        assert output.text == "True [] [] deep True\n"
 
 
 def test_stored_outputs_are_taken_without_executing_and_executed_later(tmp_path, capsys):

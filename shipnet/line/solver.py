@@ -115,17 +115,16 @@ class Lines:
         return 2 * x + 2, minus_s + 2, -minus_s, y0, z0
 
 
-def admittances(
-    shunts: Floats, trees: slice, s: Complexes, out: Complexes | None = None
-) -> Complexes:
-    """Return what the loads at each node admit."""
+def _admit(shunts: Floats, trees: slice, s: Complexes, y: Complexes) -> None:
+    """Write what the loads at each node admit; those that all trees share are computed once."""
     conductance, per_henry, capacitance = (
         part_of_trees(kind, trees)[..., np.newaxis] for kind in shunts
     )
-    y: Complexes = np.multiply(capacitance, s, out=out)
-    y += conductance
-    y += per_henry * (1 / s)
-    return y
+    own = y[:, : capacitance.shape[1]]
+    np.multiply(capacitance, s, out=own)
+    own += conductance
+    own += per_henry * (1 / s)
+    y[:, own.shape[1] :] = own[:, :1]
 
 
 #: Elements of the arrays of a sweep: larger ones leave the cache, and are handed back to the
@@ -214,7 +213,8 @@ def tree_transfer(
             e2[strip], c[strip], sinh, y0, z0 = lines.waves(table[strip], some, bins)
             np.multiply(y0, sinh, out=ys[strip])
             np.multiply(z0, sinh, out=zs[strip])
-        _sweep(levels, (e2, c, ys, zs), admittances(shunts, some, s[bins], out=y), v)
+        _admit(shunts, some, s[bins], y)
+        _sweep(levels, (e2, c, ys, zs), y, v)
         for node, voltage in zip(tree.order, v, strict=True):
             z[some, node, bins] = voltage
     return z

@@ -6,7 +6,6 @@ import subprocess
 import sys
 import threading
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -54,7 +53,7 @@ def served(folder: Path, root: Path, *options: str) -> Iterator[str]:
                 try:
                     urllib.request.urlopen(address, timeout=5).close()
                     break
-                except (urllib.error.URLError, ConnectionError):
+                except OSError:
                     time.sleep(0.25)
             else:
                 pytest.fail(f"Voila does not answer: {log.read_text()}")

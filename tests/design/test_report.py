@@ -58,8 +58,12 @@ def comparison():
     return compare([Design.example(), Design.example(redundant=True)], rng=np.random.default_rng(1))
 
 
-def test_a_report_is_a_page_that_fetches_and_runs_nothing(comparison):
-    page = comparison.html()
+@pytest.fixture(scope="module")
+def page(comparison):
+    return comparison.html()
+
+
+def test_a_report_is_a_page_that_fetches_and_runs_nothing(comparison, page):
     parsed = Page(page)
     assert page.startswith("<!DOCTYPE html>")
     assert {"script", "link", "iframe", "object", "form"}.isdisjoint(parsed.tags)
@@ -76,14 +80,14 @@ def test_a_report_is_a_page_that_fetches_and_runs_nothing(comparison):
         assert not re.findall(r'href="(?!#)', figure)
 
 
-def test_the_first_page_says_what_it_is_not(comparison):
-    words = Page(comparison.html()).text
+def test_the_first_page_says_what_it_is_not(page):
+    words = Page(page).text
     assert words.index(BANNER) < words.index("The designs side by side")
     assert BANNER == "A design aid, not class approval."
 
 
-def test_everything_that_was_assumed_and_every_rule_is_in_the_report(comparison):
-    words = Page(comparison.html()).text
+def test_everything_that_was_assumed_and_every_rule_is_in_the_report(comparison, page):
+    words = Page(page).text
     for takes in comparison.quantities.values():
         for name, source in takes.assumptions[["name", "source"]].values:
             assert name.replace("_", " ") in words and source in words
@@ -94,8 +98,7 @@ def test_everything_that_was_assumed_and_every_rule_is_in_the_report(comparison)
         assert tag in words
 
 
-def test_the_contents_lead_to_every_annex_which_stand_after_the_pages_to_decide_on(comparison):
-    page = comparison.html()
+def test_the_contents_lead_to_every_annex_which_stand_after_the_pages_to_decide_on(page):
     targets = re.findall(r'<a href="#(annex-[A-Z])">(Annex [A-Z]: [^<]+)</a>', page)
     heads = re.findall(r'<section id="(annex-[A-Z])">\n<h2>([^<]+)</h2>', page)
     assert targets == heads and len(heads) == 9
