@@ -34,13 +34,13 @@ _MESSAGES = (
 )
 
 
-def _remainder(row: str) -> str:
+def _remainder(row: str, generator: str = _GENERATOR) -> str:
     """Return what a division without carries leaves, one bit less than the generator has."""
-    width = len(_GENERATOR) - 1
+    width = len(generator) - 1
     left = int(row, 2)
     for place in reversed(range(len(row) - width)):
         if left >> (place + width) & 1:
-            left ^= int(_GENERATOR, 2) << place
+            left ^= int(generator, 2) << place
     return f"{left:0{width}b}"
 
 

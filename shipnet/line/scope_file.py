@@ -16,6 +16,7 @@ import re
 import zipfile
 from collections import Counter
 from collections.abc import Callable
+from numbers import Real
 from os import PathLike
 from pathlib import Path
 from struct import unpack
@@ -143,7 +144,11 @@ def _read(
     choose: Callable[[str, _Channels, str | None, float | None], _Read],
 ) -> _Read:
     """Read a file by its suffix, and choose what is wanted of it."""
-    if sample_interval is not None and not 0 < sample_interval < np.inf:
+    if not isinstance(channel, str | None):
+        raise ArgumentError(f"channel is {channel!r}; it must be text")
+    if sample_interval is not None and not (
+        isinstance(sample_interval, Real) and 0 < sample_interval < np.inf
+    ):
         raise ArgumentError(f"sample_interval is {sample_interval} s; it must be positive")
     file = str(path)
     kind = Path(file).suffix.lower()

@@ -37,6 +37,11 @@ CALLS = [
      {"bit_rate": "empty"}),
     (can.example, {"name": "engine"}, {}),
     (can.read_messages, {"path": "none"}, {"path": "text path"}),
+    (can.read_capture, {
+        "path": "none.csv", "bit_rate": 125e3, "channel": "1", "sample_interval": 1e-6,
+    }, {
+        "path": "text path", "bit_rate": "None", "channel": "None text", "sample_interval": "None",
+    }),
     (can.analyse, {
         "messages": MESSAGES, "bit_rates": [125e3], "period": 1.0, "assumptions": None,
         "faults": None,
@@ -75,7 +80,7 @@ CALLS = [
 
 #: Made by a function of the front, or with nothing to check.
 RESULTS = {
-    "Analysis", "Arbitration", "Assignment", "BIT_RATES", "BatchRun", "Log",
+    "Analysis", "Arbitration", "Assignment", "BIT_RATES", "BatchRun", "Capture", "Log",
     "LogComparison", "LogLoad", "ResponseTime", "ResponseTimes", "Run", "Signals", "faults",
 }  # fmt: skip
 

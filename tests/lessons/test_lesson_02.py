@@ -9,10 +9,9 @@ from shipnet.asi.elements import DEVICE, POWER_SUPPLY
 from shipnet.asi.modulation import SEND_CURRENT, Modulation
 from shipnet.asi.receiver import receive
 from shipnet.asi.telegram import RESPONSES
-from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_02 import _ECHOES, _ENDS, _echo
 from shipnet.line import Cable, CableRun, Driver, Network, simulate
-from tests.lessons.students import NAMED, right
+from tests.lessons.students import NAMED, right, solved
 
 
 def at_both_ends(volts, resistor, z0):
@@ -53,7 +52,7 @@ def test_an_open_cable_is_a_short_at_a_quarter_wave(name):
 def test_the_longest_cable_is_that_of_another_solver(further, kept):
     """By the method of characteristics, in time, where the lesson adds up frequencies."""
     delay = 6.0
-    length = exercise("ex-02-4").answer(delay=delay).value + further
+    length = solved("ex-02-4", delay=delay).value + further
     cable, dt = Cable.lossless(100, delay * 1e-9), 10e-9
     runs = [
         CableRun(f"{near}", f"{far}", far - near, cable) for near, far in pairwise((0, 5, length))

@@ -6,9 +6,8 @@ import pytest
 from shipnet.asi import Slave, simulate
 from shipnet.asi.faults import LostReply
 from shipnet.asi.timing import BIT_TIME, Cycle, Transaction
-from shipnet.exercises.checking import exercise
 from shipnet.exercises.lesson_04 import _efficiency
-from tests.lessons.students import NAMED, right
+from tests.lessons.students import NAMED, right, solved
 
 
 def line(n):
@@ -54,7 +53,7 @@ def test_one_slave_more_breaks_the_limit(name):
 
 
 def test_a_simulated_repetition_costs_no_more_than_the_formula_says():
-    n = exercise("ex-04-4").answer(limit=4.0, repetitions=1).value
+    n = solved("ex-04-4", limit=4.0, repetitions=1).value
     run = simulate(line(n), until=0.4, faults=[LostReply("5", start=0.3, count=1)])
     longest = run.response_times()["longest_s"].max()
     bound = Cycle(n).response_time(repetitions=1).worst

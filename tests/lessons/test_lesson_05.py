@@ -9,6 +9,7 @@ import pytest
 
 from shipnet.can import Frame, MessageSet, simulate_batch
 from shipnet.exercises.checking import exercise
+from tests.lessons.students import solved
 
 
 def draws(key):
@@ -19,14 +20,14 @@ def draws(key):
 @pytest.mark.parametrize("numbers", draws("ex-05-1"), ids=str)
 def test_the_loser_stops_at_the_highest_bit_of_the_difference(numbers):
     one, other = (int(number, 16) for number in numbers["ids"])
-    bit = exercise("ex-05-1").answer(**numbers).value
+    bit = solved("ex-05-1", **numbers).value
     assert bit == 11 - ((one ^ other).bit_length() - 1)
     # No stuff bit stands before it, so that bits of the id can be counted on the bus.
     assert all(place > bit for n in (one, other) for place in Frame(n).stuff_positions)
 
 
 def test_stuffing_is_what_a_pattern_finds():
-    asked = exercise("ex-05-2").answer()
+    asked = solved("ex-05-2")
     for (bits,) in asked.cases:
         stuffed = asked.value(bits)
         # A receiver takes a bit out behind each five equal ones, itself counted for the next.
@@ -51,7 +52,7 @@ def test_the_response_is_that_of_counting_bit_by_bit(numbers):
         for w in range(135, 10_000)
         if w == 135 + ceil((w + 1) / (125 * stop)) * 65 + ceil((w + 1) / 1250) * 95
     )
-    answer = exercise("ex-05-3").answer(**numbers).value
+    answer = solved("ex-05-3", **numbers).value
     assert answer == pytest.approx((wait + own) / 125)
 
 
@@ -65,6 +66,4 @@ def test_one_order_alone_is_never_seen_late(numbers):
         ordered = messages.ordered(names)
         longest = simulate_batch(ordered, 125_000, offsets=offsets, until=0.1).table()["max_ms"]
         late[" ".join(names)] = bool((longest > ordered.table()["deadline_ms"]).any())
-    assert [order for order in late if not late[order]] == [
-        exercise("ex-05-4").answer(**numbers).value
-    ]
+    assert [order for order in late if not late[order]] == [solved("ex-05-4", **numbers).value]

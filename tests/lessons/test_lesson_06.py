@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from shipnet.exercises.checking import exercise
 from shipnet.modbus.frame import rtu_frame
 from shipnet.modbus.pdu import Request, Response, decode
 from shipnet.modbus.uart import SerialLine
-from tests.lessons.students import NAMED, right
+from tests.lessons.students import NAMED, right, solved
 
 
 @NAMED
@@ -40,7 +39,7 @@ def transaction(line, quantity):
 
 
 def test_a_scan_is_as_long_as_its_waveforms():
-    asked = exercise("ex-06-3").answer()
+    asked = solved("ex-06-3")
     for slaves, quantity, rate in asked.cases:
         right = slaves * transaction(SerialLine(rate), quantity)
         assert asked.value(slaves, quantity, rate) == pytest.approx(right)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from shipnet.exercises.checking import exercise
 from shipnet.remote_control import MarkerFormat
 from shipnet.remote_control.ring_buffer import Ring
+from tests.lessons.students import solved
 
 
 def draws(key):
@@ -22,13 +23,13 @@ def test_the_unread_bytes_lie_across_the_end(numbers):
     ring = numbers["ring"]
     assert ring["ring_f"] != ring["ring_get_f"] and ring["no"] < ring["get_no"]
     across = [*range(ring["get_no"], 128), *range(ring["no"])]
-    assert exercise("ex-07-1").answer(**numbers).value == len(across)
+    assert solved("ex-07-1", **numbers).value == len(across)
 
 
 @pytest.mark.parametrize("numbers", draws("ex-07-2"), ids=str)
 def test_it_looks_empty_again_after_two_rounds(numbers):
     two_rounds = 2 * numbers["places"] * 10 / numbers["rate"]
-    assert exercise("ex-07-2").answer(**numbers).value == pytest.approx(1e3 * two_rounds)
+    assert solved("ex-07-2", **numbers).value == pytest.approx(1e3 * two_rounds)
 
 
 @given(st.text("wr", max_size=60), st.integers(2, 9))
@@ -40,12 +41,12 @@ def test_what_is_lost_is_what_a_deque_pushes_out(events, size):
             waiting.append(place)
         elif waiting:
             waiting.popleft()
-    assert exercise("ex-07-3").answer().value(events, size) == lost
+    assert solved("ex-07-3").value(events, size) == lost
 
 
 @pytest.mark.parametrize("numbers", draws("ex-07-4"), ids=str)
 def test_half_the_ring_would_lose_bytes(numbers):
-    places = exercise("ex-07-4").answer(**numbers).value
+    places = solved("ex-07-4", **numbers).value
     came = numbers["waiting"] + numbers["rate"] * numbers["pause_ms"] / 10_000
     assert places & (places - 1) == 0
     assert places / 2 < came <= places

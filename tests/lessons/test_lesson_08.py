@@ -7,14 +7,13 @@ import pytest
 
 from shipnet.design import Design
 from shipnet.engine.system import System
-from shipnet.exercises.checking import exercise
 from shipnet.modbus.faults import Break
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import DualChannel, Loop
 from shipnet.modbus.simulation import simulate
 from shipnet.modbus.uart import SerialLine
-from tests.lessons.students import NAMED, right
+from tests.lessons.students import NAMED, right, solved
 from tests.modbus.sweeps import sweep
 
 LINE = SerialLine(9600)
@@ -40,7 +39,7 @@ def test_the_lost_valves_are_those_that_a_walk_does_not_meet(name):
 
 def test_the_function_agrees_with_a_walk_for_random_cuts():
     rng = np.random.default_rng(8)
-    lost_valves = exercise("ex-08-3").answer().value
+    lost_valves = solved("ex-08-3").value
     for _ in range(50):
         n = int(rng.integers(1, 60))
         cuts = rng.integers(0, n + 1, rng.integers(0, 5)).tolist()
@@ -60,7 +59,7 @@ def test_the_gap_of_the_channels_is_simulated(name):
 
 @pytest.mark.parametrize("n", [20, 45])
 def test_the_time_out_is_the_longest_that_keeps_2_s(n):
-    timeout = exercise("ex-08-4").answer(n=n).value / 1e3
+    timeout = solved("ex-08-4", n=n).value / 1e3
 
     def worst(seconds):
         poll = Poll(STATUS, LINE, timeout=seconds)

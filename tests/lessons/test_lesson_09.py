@@ -7,10 +7,11 @@ import pytest
 
 from shipnet.ballast.rule_table import rule_base
 from shipnet.exercises.checking import exercise
+from tests.lessons.students import solved
 
 
 def right(key, **numbers):
-    return exercise(key).answer(**numbers).value
+    return solved(key, **numbers).value
 
 
 def printed(FP, OP, MC, OT, VPos, DVPos):
@@ -49,7 +50,7 @@ def test_the_strength_is_read_off_the_ramps_of_the_figure():
 
 
 def test_persistence_is_a_moving_sum():
-    persistent = exercise("ex-09-3").answer().value
+    persistent = solved("ex-09-3").value
     rng = np.random.default_rng(2026)
     for k, n in ((1, 1), (2, 3), (3, 5), (5, 5), (4, 9)):
         fires = rng.integers(0, 2, 40)

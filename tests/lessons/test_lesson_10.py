@@ -14,8 +14,7 @@ from shipnet.design.plant import Plant
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.exercises import check
-from shipnet.exercises.checking import exercise
-from tests.lessons.students import NAMED, right
+from tests.lessons.students import NAMED, right, solved
 
 
 @cache
@@ -55,7 +54,7 @@ def test_a_saving_adds_up_from_its_parts(name):
 
 @pytest.mark.parametrize(("modules", "spacing"), [(4, 1), (4, 2), (8, 1), (8, 2)])
 def test_at_the_break_even_distance_both_designs_cost_the_same(modules, spacing):
-    place = exercise("ex-10-3").answer(modules=modules, spacing=spacing).value
+    place = solved("ex-10-3", modules=modules, spacing=spacing).value
     plant = Plant(modules=modules, contacts=2, distance=place, spacing=spacing)
     wired, bus = (each.quantities()["total_cost_eur"] for each in (plant.hardwired, plant.on_asi))
     assert bus == pytest.approx(wired, rel=1e-9)
@@ -64,7 +63,7 @@ def test_at_the_break_even_distance_both_designs_cost_the_same(modules, spacing)
 
 
 def test_what_is_chosen_keeps_the_limit_and_nothing_that_does_is_cheaper():
-    function = exercise("ex-10-4").answer()
+    function = solved("ex-10-4")
     chosen = [function.value(*case) for case in function.cases]
     assert chosen == ["home runs", "AS-i", "junction boxes", "none", "CAN"]
     for (options, limit), name in zip(function.cases, chosen, strict=True):
@@ -88,7 +87,7 @@ def test_whoever_takes_the_cheapest_or_the_first_that_fits_is_told_so():
 
 
 def test_the_options_of_exercise_4_are_those_of_the_plans():
-    long, short = (function_case[0] for function_case in exercise("ex-10-4").answer().cases[-2:])
+    long, short = (function_case[0] for function_case in solved("ex-10-4").cases[-2:])
     for row, planned in (
         (long["AS-i"], design("AS-i")),
         (long["home runs"], design("home runs")),
