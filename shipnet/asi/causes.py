@@ -122,7 +122,8 @@ def restored(
     x = resample(u[low : low + round(_LONGEST / dt)], sampling).astype(float)
     # The first sample is the mean of as many.
     since, step = (low + (sampling.mean - 1) / 2) * dt, sampling.step
-    best = Restored(x - np.median(x), since, step, start, words, inverted)
+    middle = np.median(x) if len(x) else 0.0
+    best = Restored(x - middle, since, step, start, words, inverted)
     asked = asked - since
     asked = asked[(asked > _BEFORE) & (asked < len(x) * step - _STRETCH)]
     # Responses from afar have another spectrum than requests; if those are not found, nothing but

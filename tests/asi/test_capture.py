@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.figure import Figure
@@ -358,6 +358,7 @@ def test_what_is_not_as_i_has_no_good_telegram(u):
     ),
     st.sampled_from([1e-6, 3e-7, 1e-7, 1e-8]),
 )
+@example(np.zeros(1, np.float32), 1e-7)
 @settings(max_examples=60)
 def test_any_samples_give_a_table(u, dt):
     capture = decode(u, dt)
