@@ -85,7 +85,7 @@ def compute(
         the place of the task.
     client : None, int, str or distributed.Client, optional
         Where the tasks run. None stays here, and starts a process per core once that saves more
-        than 4 s; 1 stays here; n is so many processes, 2..1024; a text is the address of a Dask
+        than 4 s; 1 stays here; 2..1024 is the number of processes; a text is the address of a Dask
         scheduler. Processes and Dask need ``pip install "shipnet[cluster]"``.
     folder : path, optional
         Where results are kept, as JSON; the same call goes on there after a stop. Results must

@@ -2,26 +2,16 @@
 
 import importlib
 import inspect
-import math
 import re
 import types
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from shipnet.errors import ArgumentError, FrameError, InputError
 from tests import front_calls
+from tests.support import MISTAKES
 
-#: What a caller may pass by mistake, by a name for the test.
-MISTAKES = {
-    "None": None,
-    "text": "x?",
-    "path": Path("none"),
-    "nan": math.nan,
-    "empty": np.array([]),
-    "object": object(),
-}
 FRONTS = sorted(name[3:] for name in vars(front_calls) if name.startswith("of_"))
 
 #: Mistakes that an annotation allows: as an array, NaN is a value like others.

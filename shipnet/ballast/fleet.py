@@ -24,7 +24,7 @@ from shipnet.fields import check_path, check_scalar, check_whole
 from shipnet.lazy import pd
 from shipnet.parallel import Progress, compute, save_whole
 
-#: Valves of a block; part of the data, for it decides which valves are commanded together.
+#: Valves per block. It belongs to the data: the valves of a block are commanded together.
 BLOCK = 50
 
 _DAY = 86400.0
@@ -33,11 +33,11 @@ _DAY = 86400.0
 _EPOCH = np.datetime64("2026-01-01", "ms")
 
 #: Commands come before this time of the day, a minute apart at least, so that no motor runs at
-#: midnight; so many of the valves take part in each [s].
+#: midnight [s]; the last value is the share of the valves that each command moves.
 _LAST, _APART, _SHARE = 82_800.0, 60.0, 0.9
 
-#: A fault is there at once, or grows for so many days in so many steps; it is repaired so many days
-#: after it is complete. Our assumptions.
+#: A fault appears at once, or grows in steps: days of growth, number of steps, and days from full
+#: growth to repair. Our assumptions.
 _GROWS, _STEPS, _REPAIR = (5.0, 60.0), 5, (1.0, 10.0)
 
 #: How far the valves differ, as for `fault_trials`.
@@ -229,7 +229,7 @@ def write_fleet(
     seed : int, default 2024
         Source of the random numbers, 0..2^63 - 1.
     client, progress
-        Where the work is done, and who is told, block by block: see `shipnet.compute`.
+        As in `shipnet.compute`; progress is reported block by block.
 
     Returns
     -------

@@ -62,7 +62,7 @@ class _Traffic:
         self.at = self.now = 0
 
     def send(self, most: int, until: int) -> list[int]:
-        """Send so many frames, without errors, of those that begin before a time.
+        """Send at most `most` frames that begin before `until`, without errors.
 
         Return their messages. Even if `most` is 0, what was released is put to what waits.
         """
@@ -345,7 +345,7 @@ def _chances(
 ) -> Iterator[tuple[int, list[int]]]:
     """Yield how many attempts go well, and after how many bits each fault hits the next one.
 
-    Only frames of so many bits are looked at. At the end of a block that is not known yet.
+    Only frames of `bits` bits are examined. At the end of a block the next fault is not known yet.
     """
     if not rates:
         yield NEVER, []

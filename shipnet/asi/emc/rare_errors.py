@@ -325,7 +325,7 @@ def rare_error_rates(
     seed : int, default 2024
         Source of the random numbers, 0..2^63 - 1.
     client, folder, progress
-        Where the work is done, where results are kept, and who is told: see `shipnet.compute`.
+        As in `shipnet.compute`: where tasks run, the folder of results, and the progress report.
 
     Returns
     -------
