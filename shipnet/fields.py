@@ -86,7 +86,7 @@ def check_trees(what: str, known: int | None, *values: Quantity | None) -> int |
 
 
 def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> int:
-    """Return a value, such as 3 or 3.0, as an int, or raise unless it is whole and within its range.
+    """Return a whole number such as 3 or 3.0 as an int, or raise unless it is within its range.
 
     `why` says what the range depends on; the message ends with it. A bool is not a number here.
     """
