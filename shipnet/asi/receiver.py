@@ -412,8 +412,8 @@ def _means(u: Floats, n_t: int) -> Floats:
         size = np.abs(flat)
         worst = int(np.argmax(np.where(np.isnan(size), np.inf, size)))
         raise ArgumentError(
-            f"u holds {flat[worst]} at sample {worst % u.shape[1]} of a row; voltages must be finite, "
-            "below 1e150 V"
+            f"u holds {flat[worst]} at sample {worst % u.shape[1]} of a row; voltages must be "
+            "finite, below 1e150 V"
         )
     return np.asarray(u[:, :n_t] @ np.ones(n_t) / n_t)
 
@@ -505,7 +505,7 @@ def _near(u: Floats, places: Indices, reach: int, taps: Floats) -> Floats:
 
 
 def _decide(
-    u: npt.NDArray[np.floating], dt: float, n_bits: int, receiver: Receiver
+    u: npt.NDArray[Any], dt: float, n_bits: int, receiver: Receiver
 ) -> tuple[npt.NDArray[Any], ...]:
     """Return start, amplitude, weakest, ringing and slots of rows.
 
