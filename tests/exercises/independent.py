@@ -104,10 +104,10 @@ def free(m, waiting=True, bits=10):
     return 2 ** ceil(log2(needed)) - needed
 
 
-def news(m, extra=2, repeated=None, tail=10, worst=1):
+def news(m, extra=2, repeated=None, tail=10):
     repeated = m["repetitions"] if repeated is None else repeated
     kept = [n for n in range(32) if ((n + extra + repeated) * 26 + tail) * 6e-3 <= m["limit"]]
-    return kept[-1] + worst if kept else 0
+    return kept[-1] if kept else 0
 
 
 def gap(m, tries=1, request=9.17e-3, period=1.0):
@@ -159,6 +159,11 @@ def choosing(good, key=lambda row: row[0]):
 
 def membership(m):
     return (m["FP"] - 115) / 10, m["OP"] - 2
+
+
+def fuzzy(readings):
+    base = ballast.rule_base()
+    return zip(base.codes, base.fire(readings).strength, strict=True)
 
 
 def crisp(m, change):
@@ -528,9 +533,7 @@ WRONG = {
         ("healthy added", lambda m, right: crisp(m, lambda codes: [*codes, "G1", "Pos2"])),
         (
             "with ramps",
-            lambda m, right: [
-                code for code, w in ballast.diagnose(m["readings"]).strengths.items() if w > 0
-            ],
+            lambda m, right: [code for code, w in fuzzy(m["readings"]) if w > 0],
         ),
         ("none", lambda m, right: []),
         ("all", lambda m, right: list(ballast.rule_base().codes)),
