@@ -39,6 +39,14 @@ PICTURES = {
 #: The cabinet of the example ship.
 _CABINET = "26, 6, 14"
 
+#: Controls that are folded away: a page opens on the answer.
+_FOLDS = {
+    "I/O list and cabinet": ("points", "name", "cabinet"),
+    "limits and prices": (
+        "rules", "update_ms", "list_lengths", "detour", "spare", "labour", "parts", "own",
+    ),
+}  # fmt: skip
+
 #: Characters of a list, for a state that holds it must not exceed 2 MB.
 _LONGEST = 1_000_000
 _STATE = 1_900_000
@@ -209,7 +217,7 @@ class ShipDesign(Tool):
             files=files,
         )
 
-    def explore(self) -> Page:
+    def explore(self, story: bool = False) -> Page:
         """Return the page with controls, examples, uploads, and a report to download."""
         from shipnet.tools._page import Page
 
@@ -237,6 +245,8 @@ class ShipDesign(Tool):
         return Page(
             self,
             see,
+            story=story,
+            folds=_FOLDS,
             buttons=[
                 example("main engine", _CABINET),
                 example("ship", ""),
