@@ -13,6 +13,7 @@ from shipnet import remote_control as rc
 AX = Figure().add_subplot()
 
 RESULTS = {
+    "ballast": "Client Diagnosis FleetReport MasterRun Run Screen Trials Wear",
     "engine": "Run Screen",
     "exercises": "Verdict",
     "fuzzy": "Decision Firing Overlaps",
@@ -27,6 +28,34 @@ TAKEN = {
     "Driver.current": "nan empty",
     "box.x": "nan", "box.y": "nan", "box.width": "nan", "box.height": "nan",
 }  # fmt: skip
+
+
+def of_ballast():
+    run = ballast.simulate(2, [ballast.Command("open")], until=2)
+    polled = ballast.System(2, poll=ballast.status_poll())
+    master, registers = ballast.simulate(polled, until=2), ballast.RegisterMap()
+    readings, code = np.zeros((5, 2)), registers.decode_command(1)[0]
+    good = {
+        "valve": 1, "action": "open", "ask": lambda unit, pdu: b"",
+        "n_valves": 2, "code": "V1", "time": 0.0, "fault": "1:V1", "n_faults": 1, "until": 2.0,
+        "readings": readings, "close": False, "open": True, "value": 1, "truth": readings,
+        "RegisterMap.command.code": code, "system": 2, "commands": [], "rng": 1, "folder": "none",
+        "at": 20, "registers": np.zeros((1, 4), int), "times": [0.0], "duration": 1.0,
+        "acceptance_tests.tests": ["PC"], "fault_trials.codes": ["V1"], "run_fleet.until": 2.0,
+        "fault_trials.n_valves": 1, "fault_trials.methods": ["crisp"], "false_alarms.until": 60.0,
+        "false_alarms.period": 60.0, "false_alarms.n_valves": 1, "false_alarms.methods": ["crisp"],
+        "Wear.life_table.at": [20], "Wear.compare_predictors.parts": [0.05],
+        "Wear.synthetic.n_valves": 1, "Wear.synthetic.n_strokes": 10, "write_fleet.valves": 1,
+        "write_fleet.days": 1, "write_fleet.strokes": 0, "write_fleet.idle_step": 3600.0,
+    }  # fmt: skip
+    instances = {
+        "Run": run, "Diagnosis": run.diagnose(), "MasterRun": master, "Screen": master.screen(),
+        "FleetReport": ballast.run_fleet(2, [], until=2, rng=1), "RegisterMap": registers,
+        "Trials": ballast.fault_trials(["V1"], n_valves=1, rng=1), "System": polled,
+        "Wear": ballast.Wear.synthetic(1, 100, rng=1), "TestBed": ballast.TestBed(),
+        "Client": ballast.Client.over(ballast.ModelValves(2), 2),
+    }  # fmt: skip
+    return good, instances
 
 
 def of_engine():

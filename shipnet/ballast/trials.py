@@ -6,7 +6,7 @@ not validate the method. The fleet shows how long a fault waits for a command th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.diagnosis import Diagnosis, Run, Tail, diagnose_run, stroke_rows
 from shipnet.ballast.plant import FAULTS, Command, Fault
@@ -23,7 +24,7 @@ from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks
 from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_choice, check_scalar, check_whole
+from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
 from shipnet.fuzzy.firing import METHODS
 from shipnet.fuzzy.rules import RuleBase, draw_matrix
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN
@@ -59,6 +60,7 @@ def spread_valves(
     return System(actuator=actuator, sensors=sensors or Sensors())
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Trials:
     """Trials of the diagnosis, as `fault_trials` returns them.
@@ -144,12 +146,13 @@ class Trials:
         return ax
 
 
+@checked
 def fault_trials(
-    codes: Iterable[str] = (NORMAL, *FAULTS),
+    codes: str | Iterable[str] = (NORMAL, *FAULTS),
     *,
     n_valves: int = 256,
     severity: npt.ArrayLike = 1.0,
-    methods: Iterable[str] = tuple(METHODS),
+    methods: str | Iterable[str] = tuple(METHODS),
     rules: RuleBase | None = None,
     k: int = 3,
     n: int = 5,
@@ -202,8 +205,8 @@ def fault_trials(
     >>> fault_trials(["normal", "V1"], n_valves=8, rng=2024).confusion().loc["V1"].to_dict()
     {'normal': 0, 'V1': 8}
     """
-    generator = np.random.default_rng(rng)
-    wanted, asked = _some("codes", codes), _some("methods", methods)
+    generator = check_rng(rng)
+    wanted, asked = _some("codes", codes, (NORMAL, *FAULTS)), _some("methods", methods, METHODS)
     valves = check_whole("n_valves", n_valves, 1, 10_000 // len(wanted))
     try:
         each = np.broadcast_to(np.asarray(severity, float), valves)
@@ -263,21 +266,22 @@ def _diagnosed(
         yield found
 
 
-def _some(name: str, words: Iterable[str]) -> list[str]:
+def _some(name: str, words: str | Iterable[str], known: Collection[str]) -> list[str]:
     given = [words] if isinstance(words, str) else list(words)
     if not given:
         raise ArgumentError(f"{name} is empty; it must have one or more")
     if len(given) > 10_000:
         raise ArgumentError(f"{name} has {len(given)} words; it must have 10000 at most")
-    return given
+    return [check_choice(f"one of {name}", word, known) for word in given]
 
 
+@checked
 def false_alarms(
     n_valves: int = 256,
     *,
     until: float = 3600.0,
     period: float = 600.0,
-    methods: Iterable[str] = tuple(METHODS),
+    methods: str | Iterable[str] = tuple(METHODS),
     rules: RuleBase | None = None,
     k: int = 3,
     n: int = 5,
@@ -336,7 +340,7 @@ def false_alarms(
     valves = check_whole("n_valves", n_valves, 1, 10_000)
     starts = np.arange(0.0, time - every + 1e-6, every)
     orders = [Command(("open", "close")[i % 2], start) for i, start in enumerate(starts)]
-    wanted, generator = list(methods), np.random.default_rng(rng)
+    wanted, generator = _some("methods", methods, METHODS), check_rng(rng)
     alarmed = {method: np.zeros((starts.size, valves), bool) for method in wanted}
     alarms = dict.fromkeys(wanted, 0)
     quiet = {method: np.ones((1, valves), bool) for method in wanted}
@@ -384,6 +388,7 @@ _FAULT_COLUMNS = {
 }  # fmt: skip
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class FleetReport:
     """What was found of a fleet, as `run_fleet` returns it.
@@ -518,6 +523,7 @@ class FleetReport:
         return ax
 
 
+@checked
 def run_fleet(
     system: System | int,
     commands: Iterable[Command],

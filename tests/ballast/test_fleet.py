@@ -125,12 +125,12 @@ def test_a_plan_commands_every_valve_as_often_as_asked_and_groups_do_not_meet():
     [
         (lambda rng: Fault.random(5, rng=rng, n_valves=4), "n_faults is 5"),
         (lambda rng: Fault.random(1, rng=rng, codes=[]), "codes is empty"),
-        (lambda rng: Fault.random(1, rng=rng, codes=["X"]), "code is 'X'"),
+        (lambda rng: Fault.random(1, rng=rng, codes=["X"]), "codes is 'X'"),
         (lambda rng: Fault.random(1, rng=rng, severity=(0.5, 0.4)), "severity is 0.4"),
         (lambda rng: Fault.random(1, rng=rng, until=float("nan")), "until is nan"),
         (lambda rng: Command.random(rng=rng, n_valves=256, until=100), "until is 100 s"),
         (lambda rng: Command.random(rng=rng, group=257), "group is 257"),
-        (lambda rng: run_fleet(0, []), "n_valves is 0"),
+        (lambda rng: run_fleet(0, []), "system is 0"),
         (lambda rng: run_fleet(1, [], until=1, k=6), "k is 6"),
     ],
 )

@@ -119,11 +119,19 @@ def test_blocks_do_not_change_the_count_of_false_alarms(monkeypatch):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda r: fault_trials(["V9"], n_valves=2, rng=r).table(), "code is 'V9'"),
+        (lambda r: fault_trials(["V9"], n_valves=2, rng=r).table(), "codes is 'V9'"),
         (lambda r: fault_trials([], n_valves=2, rng=r).table(), "codes is empty"),
+        (lambda r: fault_trials(["V1"], methods=[], rng=r), "methods is empty"),
+        (
+            lambda r: fault_trials(["V1"], n_valves=3, severity=[0.1, 0.2], rng=r),
+            "severity is .*each of 3 valves",
+        ),
         (lambda r: fault_trials(["V1"], n_valves=0, rng=r).table(), "n_valves is 0"),
         (lambda r: fault_trials(["V1"], n_valves=2, severity=2.0, rng=r).table(), "severity is 2"),
-        (lambda r: fault_trials(["V1"], n_valves=2, methods=["x"], rng=r).table(), "method is 'x'"),
+        (
+            lambda r: fault_trials(["V1"], n_valves=2, methods=["x"], rng=r).table(),
+            "methods is 'x'",
+        ),
         (lambda r: false_alarms(until=10, period=60, rng=r), "until is 10"),
         (lambda r: false_alarms(period=1, rng=r), "period is 1"),
         (lambda r: spread_valves(3, -1, None, r), "spread is -1"),
