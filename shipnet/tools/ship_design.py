@@ -150,7 +150,7 @@ class ShipDesign(Tool):
         default="", most=20_000, rows=4,
         hint="[asi]\nlength = 200", label="other limits and prices",
         help="Lines of a settings file: bit rates, lengths, currents, load, prices, the time of "
-        "the host. They win over the controls. settings.toml, below the figure, has all there are.",
+        "the host. They win over the controls. settings.toml, at the foot of the page, has all.",
     )  # fmt: skip
     picture: str = choice(
         PICTURES, default="cost", label="figure",
@@ -204,7 +204,7 @@ class ShipDesign(Tool):
         ready = {}
         if report:
             files |= {"report.html": found.html(), "tables.zip": zipped(found.files())}
-            ready = {"report": "made; the button to download it is below the figure"}
+            ready = {"report": "made; the button to download it is at the foot of the page"}
         return View(
             verdict=f"{len(found.iolist)} points: {found.verdict}",
             ok=found.ok,
@@ -252,8 +252,8 @@ class ShipDesign(Tool):
                 example("ship", ""),
                 Button("make the report", "One file to read offline and print: tables, figures, "
                        "rules and every assumption; in tables.zip the cables, terminals, points "
-                       "and drawing of each option. Buttons to download them appear below the "
-                       "figure.", ask),
+                       "and drawing of each option. Buttons to download them appear at the "
+                       "foot of the page.", ask),
             ],
             uploads=[Upload("load a list", "CSV or Excel; it replaces the list above.",
                             ".csv,.txt,.xlsx", from_file),

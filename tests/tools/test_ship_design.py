@@ -139,7 +139,7 @@ def test_the_table_and_the_page_say_what_it_is(small):
     shown = SMALL._view()
     pd.testing.assert_frame_equal(shown.table, small.short())
     assert BANNER in shown.caption and "assumptions" in shown.caption
-    assert BANNER in shown.details and "<th" in shown.html and "cabinet" in shown.numbers
+    assert BANNER in shown.details and "<th" in shown.details and "cabinet" in shown.numbers
 
 
 @pytest.mark.parametrize("mixed", MIXES)
@@ -268,13 +268,13 @@ def test_the_report_is_made_when_asked_for_and_goes_when_something_changes():
     report = b64decode(made).decode()
     assert BANNER in report and "few.csv" in report
     assert not re.findall(r"""(?:src|href)=["']?(?:https?:)?//|url\(|@import|<script""", report)
-    assert "below the figure" in page.text
+    assert "foot of the page" in page.text
     zipped = re.search('tables.zip" href="data:[^,]*,([^"]*)"', page.links.value)[1]
     with ZipFile(BytesIO(b64decode(zipped))) as archive:
         written = dict(page.inputs.result.files())
         assert set(archive.namelist()) == set(written) >= {"CAN/cables.csv", "AS-i/AS-i.svg"}
         assert archive.read("CAN/cables.csv") == written["CAN/cables.csv"]
     page.controls["labour"].value = 60.0
-    assert "report.html" not in page.links.value and "below the figure" not in page.text
+    assert "report.html" not in page.links.value and "foot of the page" not in page.text
     page.controls["labour"].value = 55.0
     assert "report.html" not in page.links.value
