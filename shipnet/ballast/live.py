@@ -438,8 +438,8 @@ def serve(
         A motor stops when its valve has had no request for so long, 0.1..3600 [s] of the valves;
         never if omitted.
     **options
-        As `shipnet.modbus.serve` takes them: transport, host, port, and for a serial line
-        serial_port and line.
+        As `shipnet.modbus.serve` takes them: transport, host, port, wire_faults, and for a serial
+        line serial_port and line.
 
     Returns
     -------
