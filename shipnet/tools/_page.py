@@ -85,8 +85,8 @@ class Page(widgets.VBox):  # type: ignore[misc]
         self.text, self.ok, self.note = "", False, ""
         self._shown, self._noted, self._details = (widgets.HTML() for _ in range(3))
         self.figure, self.links, self._look = (widgets.HTML() for _ in range(3))
-        told = (files("shipnet.tools") / "stories.toml").read_text(encoding="utf-8")
-        self._stories = loads(told).get(self.tool, {})
+        stories = (files("shipnet.tools") / "stories.toml").read_text(encoding="utf-8")
+        self._stories = loads(stories).get(self.tool, {})
         self.stories = {name: widgets.Button(description=name) for name in self._stories}
         for name, button in self.stories.items():
             button.on_click(lambda _, name=name: self._tell(name))
