@@ -12,6 +12,7 @@
 # make bench      ratios against peers, measured side by side; how main jobs grow: build/growth.html
 # make fuzz       hostile bytes for every reader and decoder, ten minutes
 # make mutants    break the code in every small way, and see whether a test or the ledger notices; an hour
+# make clients    what other makers' Modbus clients believe when the wire has faults; five minutes
 # make lock       resolve requirements.lock anew
 # make clean      remove everything that make made, but for .venv and .tools
 
@@ -35,7 +36,7 @@ unexport VIRTUAL_ENV
 
 .DEFAULT_GOAL := all
 .NOTPARALLEL:
-.PHONY: all setup site notebooks nbval renew test lint unit browser coverage dist lessons wheels lab app bench fuzz mutants lock clean
+.PHONY: all setup site notebooks nbval renew test lint unit browser coverage dist lessons wheels lab app bench fuzz mutants clients lock clean
 
 all: site
 	@$(PY) -m shipnet ledger --summary
@@ -136,6 +137,9 @@ mutants: setup
 	@$(UV) pip install --quiet --python $(PY) --group mutants
 	@$(PY) tests/mutants/run.py --left
 	@$(PY) tests/mutants/ledger.py
+
+clients: setup
+	@$(PY) benchmarks/modbus_clients/run.py $(UV)
 
 lock: $(filter .tools/%,$(UV))
 	@$(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \

@@ -27,13 +27,14 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import kernels
 import nbformat
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 from nbformat import NotebookNode
 
 ROOT = Path(__file__).resolve().parent.parent
-INPUTS = ("shipnet", "data", "requirements.lock", "docs/notebooks.py")
+INPUTS = ("shipnet", "data", "requirements.lock", "docs/kernels.py", "docs/notebooks.py")
 DERIVED = {"__pycache__", ".ipynb_checkpoints"}
 METADATA = {
     "kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"},
@@ -151,7 +152,7 @@ def _executed(paths: list[Path]) -> Iterator[Executed]:
     # Spawned, not forked: the same on every platform, and a fork would copy pytest's threads.
     workers = min(len(paths), os.cpu_count() or 1)
     spawn = get_context("spawn")
-    with ProcessPoolExecutor(workers, spawn) as pool:
+    with ProcessPoolExecutor(workers, spawn, initializer=kernels.fork) as pool:
         jobs = [pool.submit(execute, path) for path in paths]
         yield from (job.result() for job in as_completed(jobs))
 

@@ -276,6 +276,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     from threading import Event
 
     from shipnet.modbus.uart import SerialLine
+    from shipnet.modbus.wire import WireFault
 
     # Faults are reported in one line, not in the library's log besides.
     logging.getLogger("pymodbus").addHandler(logging.NullHandler())
@@ -289,6 +290,7 @@ def _serve(arguments: argparse.Namespace) -> None:
         options["transport"] = "udp"
         where = where.replace("TCP", "UDP")
     options["speed"] = arguments.speed
+    options["wire_faults"] = [WireFault.parse(text) for text in arguments.wire_fault]
     if engine:
         from shipnet.engine.serving import FAULT_UNIT, parse_fault
         from shipnet.engine.serving import serve as serve_engine

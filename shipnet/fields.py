@@ -86,14 +86,14 @@ def check_trees(what: str, known: int | None, *values: Quantity | None) -> int |
 
 
 def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> int:
-    """Return a value as a Python int, or raise unless it is a whole number within its range.
+    """Return a whole number such as 3 or 3.0 as an int, or raise unless it is within its range.
 
     `why` says what the range depends on; the message ends with it. A bool is not a number here.
     """
     try:
         whole = None if isinstance(value, bool) else index(value)
     except TypeError:
-        whole = None
+        whole = int(value) if isinstance(value, Real) and value % 1 == 0 else None
     if whole is None or not low <= whole <= high:
         raise ArgumentError(f"{name} is {value!r}; it must be a whole number {low}..{high}{why}")
     return whole

@@ -1,9 +1,10 @@
-"""Hypothesis profiles, garbage, kernels that start again, and axes to draw on."""
+"""Hypothesis profiles, garbage, kernels that are forks and start again, and axes to draw on."""
 
 import gc
 import os
 from typing import Any
 
+import kernels
 import pytest
 from hypothesis import settings
 from nbval import kernel
@@ -26,6 +27,7 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(50_000, 20, 20)
 
 
+kernels.fork()
 _start = kernel.start_new_kernel
 
 

@@ -4,15 +4,20 @@ A key is the name of an argument, or ``call.argument`` where calls need differen
 default need not be here. `RESULTS` are made by calls; `HOOKS` are called by the package alone.
 """
 
+import inspect
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from shipnet import ballast, engine, exercises, fuzzy, line
+from shipnet import ballast, can, datasets, engine, exercises, fuzzy, line
 from shipnet import remote_control as rc
 
 AX = Figure().add_subplot()
 
 RESULTS = {
+    "ballast": "Client Diagnosis FleetReport MasterRun Run Screen Strokes Trials Wear",
+    "can": "Analysis Arbitration Assignment BatchRun Capture LogComparison LogLoad ResponseTime "
+    "ResponseTimes Run Signals",
     "engine": "Run Screen",
     "exercises": "Verdict",
     "fuzzy": "Decision Firing Overlaps",
@@ -27,6 +32,66 @@ TAKEN = {
     "Driver.current": "nan empty",
     "box.x": "nan", "box.y": "nan", "box.width": "nan", "box.height": "nan",
 }  # fmt: skip
+
+
+def of_ballast():
+    run = ballast.simulate(2, [ballast.Command("open")], until=2)
+    polled = ballast.System(2, poll=ballast.status_poll())
+    master, registers = ballast.simulate(polled, until=2), ballast.RegisterMap()
+    readings, code = np.zeros((5, 2)), registers.decode_command(1)[0]
+    good = {
+        "valve": 1, "action": "open", "ask": lambda unit, pdu: b"",
+        "n_valves": 2, "code": "V1", "time": 0.0, "fault": "1:V1", "n_faults": 1, "until": 2.0,
+        "readings": readings, "close": False, "open": True, "value": 1, "truth": readings,
+        "RegisterMap.command.code": code, "system": 2, "commands": [], "rng": 1, "folder": "none",
+        "at": 20, "registers": np.zeros((1, 4), int), "times": [0.0], "duration": 1.0,
+        "acceptance_tests.tests": ["PC"], "fault_trials.codes": ["V1"], "run_fleet.until": 2.0,
+        "fault_trials.n_valves": 1, "fault_trials.methods": ["crisp"], "false_alarms.until": 60.0,
+        "false_alarms.period": 60.0, "false_alarms.n_valves": 1, "false_alarms.methods": ["crisp"],
+        "Wear.life_table.at": [20], "Wear.compare_predictors.parts": [0.05],
+        "Wear.synthetic.n_valves": 1, "Wear.synthetic.n_strokes": 10, "write_fleet.valves": 1,
+        "write_fleet.days": 1, "write_fleet.strokes": 0, "write_fleet.idle_step": 3600.0,
+    }  # fmt: skip
+    instances = {
+        "Run": run, "Diagnosis": run.diagnose(), "MasterRun": master, "Screen": master.screen(),
+        "FleetReport": ballast.run_fleet(2, [], until=2, rng=1), "RegisterMap": registers,
+        "Trials": ballast.fault_trials(["V1"], n_valves=1, rng=1), "System": polled,
+        "Wear": ballast.Wear.synthetic(1, 100, rng=1), "TestBed": ballast.TestBed(),
+        "Client": ballast.Client.over(ballast.ModelValves(2), 2), "Strokes": ballast.read_strokes(),
+    }  # fmt: skip
+    return good, instances
+
+
+def of_can():
+    messages, frame = can.example(), can.Frame(0x123, b"\x01")
+    run = can.simulate(messages, 125e3, until=0.1)
+    log, contest = run.log(), can.arbitrate([frame, can.Frame(0x124)])
+    segment = can.Segment(40)
+    good = {
+        "messages": messages, "bit_rate": 125e3, "clock": 16e6, "arbitration_id": 1,
+        "bits": frame.bits, "dlc": 8, "path": "none", "log": log, "name": "engine", "period": 0.1,
+        "length": 40.0, "until": 0.1, "offsets": [[0.0] * 10], "rate": 0.1, "time": 0.1,
+        "frames": [frame], "interval": 0.1, "node": 1, "patterns": {1: "01"},
+        "text": messages.text, "table": messages.table(), "names": messages.names,
+        "analyse.bit_rates": [125e3], "Frame.dlc": None, "MessageSet.messages": [messages[0]],
+        "Message.bits": 100, "MessageSet.replace.name": "speed",
+        "Arbitration.plot.names": ["a", "b"], "faults.BitErrors.bits": 23,
+        "faults.ErrorAt.bits": 23, "faults.ErrorBound.bits": 31, "response_times.offsets": False,
+        "spread_offsets.step": 1e-3, "Log.save.path": "a.log",
+    }  # fmt: skip
+    good |= {f"Log.{name}": getattr(log, name) for name in inspect.signature(can.Log).parameters}
+    analysis = can.analyse(messages, [125e3])
+    responses = analysis.at_lowest
+    instances = {
+        "Analysis": analysis, "Arbitration": contest, "Assignment": analysis.best,
+        "BatchRun": can.simulate_batch(messages, 125e3, offsets=[[0] * 10], until=0.1),
+        "Capture": can.read_capture(datasets.path("sigrok_nmea2000_snippet.sr")), "Frame": frame,
+        "Log": log, "LogComparison": can.compare(messages, log), "LogLoad": log.load(125e3),
+        "MessageSet": messages, "Message": messages[0], "ResponseTime": responses["speed"],
+        "ResponseTimes": responses, "Run": run, "Segment": segment,
+        "Signals": segment.send({1: "01001101"}, 1e6),
+    }  # fmt: skip
+    return good, instances
 
 
 def of_engine():

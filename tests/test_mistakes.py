@@ -97,6 +97,11 @@ def calls(front):
                 yield f"{name}.{method}", function, legal(f"{name}.{method}", function, good)
 
 
+def similar(value):
+    """Return what can be compared of a result: the text of it, without places in memory."""
+    return re.sub(r"0x[0-9a-f]{6,}", "", repr(value))
+
+
 def fault(function, good, argument, kind, taken):
     """Return what is wrong with the answer to a mistake, None if nothing is."""
     try:
@@ -127,4 +132,30 @@ def test_a_mistake_in_an_argument_is_an_error_that_names_it(front, tmp_path, mon
                     continue
                 if said := fault(function, good, argument, kind, taken):
                     found.append(f"{name}({argument}={kind}) {said}")
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("front", FRONTS)
+def test_a_whole_number_may_be_a_float(front, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = []
+    for name, function, good in calls(front):
+        for argument, value in good.items():
+            annotation = str(inspect.signature(function).parameters[argument].annotation)
+            if type(value) is not int or not re.fullmatch(r"int( \| None)?", annotation):
+                continue
+            for same in (float(value), np.int64(value)):
+                try:
+                    result = function(**good | {argument: same})
+                except Exception as error:
+                    found.append(f"{name}({argument}={same!r}) raises {error!r}")
+                else:
+                    if "rng" not in good and similar(result) != similar(function(**good)):
+                        found.append(f"{name}({argument}={same!r}) is another: {result!r}")
+            try:
+                function(**good | {argument: value + 0.5})
+            except ArgumentError as error:
+                if re.search(rf"\b{argument}\b", str(error)):
+                    continue
+            found.append(f"{name}({argument}={value + 0.5}) is no error that names it")
     assert not found, "\n".join(found)

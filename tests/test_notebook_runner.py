@@ -5,12 +5,27 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from jupyter_client.launcher import launch_kernel
+from jupyter_client.provisioning import local_provisioner
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
 from docs import notebooks
 
 ROOT = Path(__file__).resolve().parents[1]
 TITLE = new_markdown_cell("# A title", id="title")
+LOADED = """import os, sys
+print([name for name in ("pandas", "scipy.stats", "shipnet", "kernels") if name in sys.modules])
+"""
+# All that a kernel takes from the process it starts in, or sets when a library is loaded.
+STATE = """import locale, signal, warnings
+import matplotlib.pyplot as plt, numpy as np, pandas as pd, scipy.stats
+plt.plot([1, 2])
+print(pd.describe_option(_print_desc=False).lower(), dict(plt.rcParams), np.get_printoptions())
+print(sys.path, os.getcwd(), os.getsid(0) == os.getpid(), locale.setlocale(locale.LC_ALL))
+print(sorted(map(str, warnings.filters)))
+print([signal.getsignal(number) for number in range(1, signal.NSIG)])
+pd.DataFrame([range(30)])
+"""
 
 
 def code(source, identifier, **metadata):
@@ -55,6 +70,18 @@ def test_run_executes_only_what_is_stale(tmp_path, capsys):
     path.unlink()
     assert notebooks.main(["run"], tmp_path) == 0
     assert not copy.exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a system that can fork")
+def test_a_fork_shows_what_a_kernel_of_its_own_does(tmp_path, monkeypatch):
+    path = write(tmp_path, "deep/a.ipynb", code(LOADED, "a"), code(STATE, "b"))
+    forks = [nbformat.reads(notebooks.execute(path).text, 4).cells[1:] for _ in range(2)]
+    monkeypatch.setattr(local_provisioner, "launch_kernel", launch_kernel)
+    own = nbformat.reads(notebooks.execute(path).text, 4).cells[1:]
+    assert own[0].outputs[0].text == "[]\n"
+    for cells in forks:
+        assert cells[0].outputs[0].text == "['pandas', 'scipy.stats']\n"
+        assert cells[1] == own[1]
 
 
 def test_stored_outputs_are_taken_without_executing_and_executed_later(tmp_path, capsys):

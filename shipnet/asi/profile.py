@@ -30,8 +30,7 @@ _STATUS = ("address or ID code still volatile", "periphery fault", "reserved", "
 
 def describe_io_configuration(code: int) -> str:
     """Return what the ports of an I/O configuration code do."""
-    check_whole("code", code, 0, 15)
-    ports = IO_CONFIGURATIONS[code]
+    ports = IO_CONFIGURATIONS[check_whole("code", code, 0, 15)]
     if ports[0] == "TRI":
         return "no port has a function"
     return f"ports D0..D3 {' '.join(ports)}"
@@ -39,8 +38,8 @@ def describe_io_configuration(code: int) -> str:
 
 def describe_status(status: int) -> str:
     """Return the meaning of the status bits S3..S0 that are set."""
-    check_whole("status", status, 0, 15)
-    flags = [f"S{bit} {meaning}" for bit, meaning in enumerate(_STATUS) if status >> bit & 1]
+    bits = check_whole("status", status, 0, 15)
+    flags = [f"S{bit} {meaning}" for bit, meaning in enumerate(_STATUS) if bits >> bit & 1]
     return ", ".join(flags) or "no flag set"
 
 

@@ -533,9 +533,11 @@ def simulate(
     for fault in as_faults(faults, LineFault):
         assert isinstance(fault, LineFault)
         fault.apply(channel, stations)
-    changes = [InputChange(_time("time", time), slave, value) for time, slave, value in inputs]
+    changes = [
+        InputChange(_time("time", time), slave, check_whole(f"input of slave {slave}", bits, 0, 15))
+        for time, slave, bits in inputs
+    ]
     for change in changes:
-        check_whole(f"input of slave {change.slave}", change.value, 0, 15)
         for station in stations[change.slave]:
             action = partial(setattr, station.slave, "inputs", change.value)
             channel.schedule(change.time, action)

@@ -203,9 +203,9 @@ def ring(
 
 def evenly_spaced(length: float, n: int) -> list[float]:
     """Return n places at equal distances along a cable [m], the last one at its end."""
-    check_whole("n", n, 0, 10_000)
+    count = check_whole("n", n, 0, 10_000)
     check_scalar("length", length, "m", 0, 1e4)
-    return [length * (k / n) for k in range(1, n + 1)]
+    return [length * (k / count) for k in range(1, count + 1)]
 
 
 def assign_addresses(

@@ -20,6 +20,8 @@ from .scan import System as System
 from .scan import status_poll as status_poll
 from .sensors import Sensors as Sensors
 from .simulation import simulate as simulate
+from .strokes import Strokes as Strokes
+from .strokes import read_strokes as read_strokes
 from .trials import FleetReport as FleetReport
 from .trials import Trials as Trials
 from .trials import false_alarms as false_alarms

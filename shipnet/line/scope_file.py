@@ -15,7 +15,8 @@ import os
 import re
 import zipfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -153,21 +154,12 @@ def _read(
     file = str(path)
     kind = Path(file).suffix.lower()
     if kind in (".npy", ".npz", ".sr"):
-        try:
-            with _opened(file) as stream:
-                if kind == ".sr":
-                    read = _read_sr(file, stream, logic=choose is _edges, channel=channel)
-                else:
-                    read = {".npy": _read_npy, ".npz": _read_npz}[kind](file, stream)
-                return choose(file, read, channel, sample_interval)
-        except InputError:
-            raise
-        except Exception as fault:
-            # The parsers below raise a dozen kinds, from BadZipFile and zlib.error to
-            # UnicodeDecodeError and MemoryError; for the user all say that the file is broken.
-            raise InputError(
-                file, f"not a whole {kind} file: {str(fault) or type(fault).__name__}"
-            ) from fault
+        with _whole(file) as stream:
+            if kind == ".sr":
+                read = _read_sr(file, stream, logic=choose is _edges, channel=channel)
+            else:
+                read = {".npy": _read_npy, ".npz": _read_npz}[kind](file, stream)
+            return choose(file, read, channel, sample_interval)
     with _opened(file) as stream:
         data = stream.read()
     if not data.strip():
@@ -196,6 +188,23 @@ class _Logic(NamedTuple):
 
 def _columns_of(values: Floats) -> Callable[[int], Floats]:
     return lambda k: values[:, k]
+
+
+@contextmanager
+def _whole(file: str) -> Iterator[IO[bytes]]:
+    """Open a binary file whose parsers may raise anything if it is not whole."""
+    try:
+        with _opened(file) as stream:
+            yield stream
+    except InputError:
+        raise
+    except Exception as fault:
+        # The parsers raise a dozen kinds, from BadZipFile and zlib.error to UnicodeDecodeError and
+        # MemoryError; for the user all say that the file is broken.
+        kind = Path(file).suffix.lower()
+        raise InputError(
+            file, f"not a whole {kind} file: {str(fault) or type(fault).__name__}"
+        ) from fault
 
 
 def _opened(file: str) -> IO[bytes]:
@@ -242,6 +251,30 @@ def _member(archive: zipfile.ZipFile, stream: IO[bytes], name: str) -> npt.NDArr
         return _array(part)
 
 
+def _members(
+    file: str, stream: IO[bytes], archive: zipfile.ZipFile, names: dict[str, str]
+) -> dict[str, npt.NDArray[Any]]:
+    """Read arrays of an archive, unless they would unpack to too many numbers."""
+    # Whole numbers of one byte become eight times as large.
+    _check_size(file, stream, sum(archive.getinfo(name).file_size for name in names.values()) / 8)
+    held = {key: _member(archive, stream, name) for key, name in names.items()}
+    _check_size(file, stream, sum(array.size for array in held.values()))
+    return held
+
+
+def read_arrays(path: str | PathLike[str], keys: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
+    """Read arrays of an ``.npz`` file by name; each must be there."""
+    file, wanted = str(path), tuple(keys)
+    with _whole(file) as stream, zipfile.ZipFile(stream) as archive:
+        held = {name.removesuffix(".npy") for name in archive.namelist()}
+        if missing := [key for key in wanted if key not in held]:
+            raise InputError(
+                file, f"it holds {', '.join(sorted(held)[:10]) or 'nothing'}; expected also "
+                f"{', '.join(missing)}",
+            )  # fmt: skip
+        return _members(file, stream, archive, {key: f"{key}.npy" for key in wanted})
+
+
 def _check_real(file: str, what: str, array: npt.NDArray[Any]) -> Floats:
     if array.dtype.kind not in "biuf" or not array.size:
         raise InputError(
@@ -283,10 +316,7 @@ def _read_npz(file: str, stream: IO[bytes]) -> _Channels:
             held_by = ", ".join(sorted(names)[:10]) or "nothing"
             raise InputError(file, f"it holds {held_by}; expected the voltages as u or v")
         wanted = [key for key in (voltage, "t", "dt", "probes") if key in names]
-        # Whole numbers of one byte become eight times as large.
-        _check_size(file, stream, sum(archive.getinfo(names[key]).file_size for key in wanted) / 8)
-        held = {key: _member(archive, stream, names[key]) for key in wanted}
-    _check_size(file, stream, sum(array.size for array in held.values()))
+        held = _members(file, stream, archive, {key: names[key] for key in wanted})
     u = _check_real(file, voltage, held[voltage])
     u = u[:, np.newaxis] if u.ndim == 1 else u
     if u.ndim != 2:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from errno import (
     EACCES,
@@ -22,15 +22,16 @@ from errno import (
 from socket import gaierror
 from threading import Thread
 from time import monotonic
-from typing import Literal
+from typing import Any, Literal
 
 from shipnet.errors import ArgumentError, load_extra
-from shipnet.fields import check_choice, check_kind, check_scalar, check_whole
+from shipnet.fields import check_choice, check_kind, check_rng, check_scalar, check_whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.handlers import Listener, Respond, RtuListener, TcpListener, UdpListener
 from shipnet.modbus.pdu import Adu
 from shipnet.modbus.slave import Answer, Device, Slave, answer
 from shipnet.modbus.uart import SerialLine
+from shipnet.modbus.wire import Wire, WireFault, check_faults
 
 Clock = Callable[[], float]
 Transport = Literal["tcp", "udp", "rtu"]
@@ -202,6 +203,8 @@ def serve(
     clock: Clock | None = None,
     max_clients: int = 128,
     idle_limit: float = 600.0,
+    wire_faults: WireFault | Iterable[WireFault] = (),
+    rng: Any = 2024,
 ) -> Server:
     r"""Return a server for simulated devices, to be used in ``with`` or ``async with``.
 
@@ -233,6 +236,10 @@ def serve(
         TCP connections at the same time, 1..10000; a further one is closed at once.
     idle_limit : float, default 600
         A TCP connection without a request for so long is closed, 0.01..1e6 [s].
+    wire_faults : WireFault or iterable of WireFault, optional
+        What becomes of some answers in TCP or on a serial line; at most one hits an answer.
+    rng : optional
+        Draws which ones, and random delays and bytes; whatever `numpy.random.default_rng` takes.
 
     Returns
     -------
@@ -288,6 +295,8 @@ def serve(
     limit = check_scalar("idle_limit", idle_limit, "s", 0.01, 1e6)
     most = check_whole("max_clients", max_clients, 1, 10_000)
     check_scalar("speed", speed, "s/s", 0, 1e6)
+    faults = check_faults(wire_faults, transport)
+    check_rng(rng)
     if not (clock is None or callable(clock)):
         raise ArgumentError(f"clock is {clock!r}; it must return the model time when called")
     if rtu:
@@ -295,10 +304,14 @@ def serve(
             load_extra(module, package)
 
     def make(respond: Respond) -> Listener:
+        listener: Listener
         if rtu:
-            return RtuListener(respond, serial_port, line, quiet)
-        if transport == "udp":
-            return UdpListener(respond, host, bound)
-        return TcpListener(respond, host, bound, most, limit)
+            listener = RtuListener(respond, serial_port, line, quiet)
+        elif transport == "udp":
+            listener = UdpListener(respond, host, bound)
+        else:
+            listener = TcpListener(respond, host, bound, most, limit)
+        listener.wire = Wire(faults, rng) if faults else None
+        return listener
 
     return Server(slaves, make, lambda: clock or real_clock(speed), rtu)

@@ -151,10 +151,10 @@ class PacketFormat:
 
         Every packet has the same number of `items`, all if omitted, each with the value 1000.
         """
-        n = self.n_numbers if items is None else items
-        check_whole("items", n, 0, self.n_numbers)
+        n = check_whole("items", self.n_numbers if items is None else items, 0, self.n_numbers)
         packet = self.encode(dict.fromkeys(range(n), 1000))
-        count, begin = check_whole("n_bytes", n_bytes, 0, 10**6), phase % len(packet)
+        count = check_whole("n_bytes", n_bytes, 0, 10**6)
+        begin = check_whole("phase", phase, 0, 10**9) % len(packet)
         stream = packet * ((begin + count) // len(packet) + 1)
         return stream[begin : begin + count]
 
@@ -210,10 +210,11 @@ class PacketFormat:
         stop bits are left out.
         """
         p = check_scalar("rate", rate, "", 0, 0.5)
-        bits = 8 * self.size(n_items)
+        n = check_whole("n_items", n_items, 0, self.n_numbers)
+        bits = 8 * self.size(n)
         # Of the difference 1 - intact nothing is left at small p unless it is taken like this.
         hit = -float(np.expm1(bits * np.log1p(-p)))
-        undetected = self._undetected(n_items, p, hit)
+        undetected = self._undetected(n, p, hit)
         return Shares((1 - p) ** bits, hit - undetected, undetected)
 
     def undetected_flips(self, n_items: int) -> float:
@@ -249,16 +250,17 @@ class PacketFormat:
         """
         p = check_scalar("rate", rate, "", 0, 0.5)
         n = check_whole("packets", packets, 0, 10**9)
-        size = self.size(n_items)
+        items = check_whole("n_items", n_items, 0, self.n_numbers)
+        size = self.size(items)
         outcome = np.zeros(n, np.uint8)
-        numbers = np.arange(n_items)
+        numbers = np.arange(items)
         for first in range(0, n, _CHUNK):
             count = min(_CHUNK, n - first)
             place = _hits(8 * size * count, p, rng)
             if place.size == 0:
                 continue
             hit, row = np.unique(place // (8 * size), return_inverse=True)
-            values = rng.integers(0, 1 << 16, (hit.size, n_items), dtype=np.uint16)
+            values = rng.integers(0, 1 << 16, (hit.size, items), dtype=np.uint16)
             rows = self.encode_batch(numbers, values)
             bit = place % (8 * size)
             masks = (0x80 >> (bit & 7)).astype(np.uint8)

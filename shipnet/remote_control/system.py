@@ -312,9 +312,7 @@ class System:
         It comes just after the packet was made that could have carried it, waits a cycle T, and
         takes h `hops`: 2 from one slave to the other, 1 to or from RCS.
         """
-        if hops not in (1, 2):
-            raise ArgumentError(f"hops is {hops!r}; it must be 1 or 2")
-        return (4 + hops) * (self.packet_time + self.processing)
+        return (4 + check_whole("hops", hops, 1, 2)) * (self.packet_time + self.processing)
 
     def timing(self, bit_rates: Iterable[float] = BIT_RATES) -> Timing:
         """Return all these times by bit rate [bit/s], as a table and a figure."""

@@ -18,7 +18,7 @@ def test_io_codes_mirror_inputs_and_outputs():
     assert len(set(IO_CONFIGURATIONS)) == 16
 
 
-@pytest.mark.parametrize("code", [-1, 16, 1.0, "3", None, True])
+@pytest.mark.parametrize("code", [-1, 16, 1.5, "3", None, True])
 def test_codes_out_of_range(code):
     with pytest.raises(ArgumentError, match=r"0\.\.15"):
         describe_io_configuration(code)

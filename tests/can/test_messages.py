@@ -23,11 +23,11 @@ REFERENCE = Path(__file__).parents[1] / "reference" / "can"
     ("field", "value"),
     [
         ("name", ""), ("name", 7), ("name", "a\nb"), ("name", " a"),
-        ("arbitration_id", -1), ("arbitration_id", 0x800), ("arbitration_id", 1.0),
+        ("arbitration_id", -1), ("arbitration_id", 0x800), ("arbitration_id", 1.5),
         ("arbitration_id", True), ("dlc", 9), ("dlc", -1), ("dlc", "8"), ("extended", 1),
         ("period", 0), ("period", -1.0), ("period", math.inf), ("period", True),
         ("deadline", 0.0), ("jitter", -1e-9), ("offset", -1),
-        ("bits", 46), ("bits", 161), ("bits", 100.0),
+        ("bits", 46), ("bits", 161), ("bits", 100.5),
     ],
 )  # fmt: skip
 def test_a_message_refuses_what_is_out_of_range(field, value):
@@ -77,7 +77,7 @@ def test_a_set_names_all_that_is_taken():
         "name 'B' is taken",
         "arbitration_id 0x1 of 'B' is taken by 'A'",
     ]
-    with pytest.raises(ArgumentError, match="messages hold 'A'"):
+    with pytest.raises(ArgumentError, match="one of messages is 'A'; it must be a Message"):
         MessageSet(["A"])
 
 

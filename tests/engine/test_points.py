@@ -85,7 +85,7 @@ def test_a_list_of_points_must_be_one():
     for bad, message in ((3, "sequence"), ([1], "class Point"), ([point, point], "same tag")):
         with pytest.raises(ArgumentError, match=message):
             PointList(bad)
-    for name, value in (("rtd", 0), ("loop", 2.0), ("segments", 101), ("channel_wires", 9)):
+    for name, value in (("rtd", 0), ("loop", 2.5), ("segments", 101), ("channel_wires", 9)):
         with pytest.raises(ArgumentError, match=name):
             PointList([point]).conductors(**{name: value})
 

@@ -16,7 +16,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shipnet import asi, can, crc, datasets, design, engine, fuzzy, line, modbus, remote_control
+from shipnet import (
+    asi,
+    ballast,
+    can,
+    crc,
+    datasets,
+    design,
+    engine,
+    fuzzy,
+    line,
+    modbus,
+    remote_control,
+)
 from shipnet.errors import ArgumentError, FrameError, InputError
 
 #: Files of a target live in memory where the system has a place for that.
@@ -98,6 +110,12 @@ def _capture(path: Path) -> None:
         asi.Request.data_exchange(5, 3), "5 m", before=20e-6, after=296e-6
     )
     heard.save(path)
+
+
+def _strokes(path: Path) -> None:
+    """Write the first strokes of the shipped recording."""
+    held = dict(np.load(datasets.path("vtnsi_actuator_strokes.npz")))
+    np.savez(path, **{key: x if key == "channels" else x[:2] for key, x in held.items()})
 
 
 def _session() -> bytes:
@@ -311,6 +329,9 @@ TARGETS: dict[str, Target] = {
     "packet, COBS": _packet(remote_control.CobsFormat()),
     "waveform.csv": Target(_file(".csv", line.Waveform.read), _saved(".csv", _capture)),
     "serial capture.sr": Target(_file(".sr", remote_control.read_capture), lambda: [_serial()]),
+    "strokes.npz": Target(
+        _file(".npz", lambda path: ballast.read_strokes(path).scores()), _saved(".npz", _strokes)
+    ),
     "rules": Target(
         _rules,
         lambda: [

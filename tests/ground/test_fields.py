@@ -57,7 +57,7 @@ class Line:
         ({"length": float("nan")}, "length is nan m; it must be 0..500 m"),
         ({"length": 10**400}, r"length is 10+ \.\.\. 0+; it must be 0..500 m"),
         ({"slaves": 0}, "slaves is 0; it must be a whole number 1..62"),
-        ({"slaves": 2.0}, "slaves is 2.0; it must be a whole number 1..62"),
+        ({"slaves": 2.5}, "slaves is 2.5; it must be a whole number 1..62"),
         ({"slaves": 3, "far": 4}, "far is 4; it must be a whole number 1..3, for slaves is 3"),
         ({"kind": "ring"}, "kind is 'ring'; it must be one of 'line', 'star'"),
         ({"kind": ["line"]}, r"kind is \['line'\]; it must be one of"),
@@ -127,7 +127,8 @@ def test_a_record_works_without_docstrings():
 
 def test_checks_of_arguments_name_value_and_range():
     assert check_scalar("dt", 5, "s", 0, 10) == 5.0
-    assert check_whole("n", np.int64(3), 0, 10) == 3
+    for three in (np.int64(3), 3.0, np.float32(3)):
+        assert repr(check_whole("n", three, 0, 10)) == "3"
     for call in (
         lambda: check_scalar("dt", [1.0, 2.0], "s", 0, 10),
         lambda: check_scalar("dt", None, "s", 0, 10),
@@ -135,6 +136,9 @@ def test_checks_of_arguments_name_value_and_range():
         lambda: check_quantity("r", [], "ohm", high=1),
         lambda: check_quantity("r", [0.5, 2], "ohm", high=1),
         lambda: check_whole("n", True, 0, 10),
+        lambda: check_whole("n", 3.5, 0, 10),
+        lambda: check_whole("n", float("nan"), 0, 10),
+        lambda: check_whole("n", float("inf"), 0, 10),
         lambda: check_whole("n", 11, 0, 10, ", for m is 10"),
     ):
         with pytest.raises(ArgumentError, match="it must be"):

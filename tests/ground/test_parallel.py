@@ -335,7 +335,7 @@ def test_a_failure_says_in_which_task(client, request):
         ({"seed": 1.5}, r"seed is 1\.5"),
         ({"client": 0}, "client is 0; it must be a number of processes"),
         ({"client": True}, "client is True"),
-        ({"client": 2.0}, r"client is 2\.0"),
+        ({"client": 2.5}, r"client is 2\.5"),
         ({"folder": 7}, "folder is 7"),
     ],
 )

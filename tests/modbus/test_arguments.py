@@ -43,8 +43,9 @@ CALLS = [
     (modbus.serve, {
         "devices": {1: SLAVE}, "transport": "tcp", "host": "127.0.0.1", "port": 0,
         "serial_port": "", "line": LINE, "silence": 0.05, "speed": 1, "clock": None,
-        "max_clients": 3, "idle_limit": 10,
-    }, {"host": "text", "clock": "None"}),
+        "max_clients": 3, "idle_limit": 10, "wire_faults": (), "rng": 1,
+    }, {"host": "text", "clock": "None", "wire_faults": "empty", "rng": "None empty"}),
+    (modbus.WireFault, {"name": "late", "probability": 1, "seconds": 1}, {"seconds": "None"}),
     (modbus.SerialLine, {"bit_rate": 9600, "character": "8E1"}, {}),
     (modbus.Waveform, {"time": [0, 1], "level": [1, 1], "line": LINE, "threshold": 0.5}, {}),
     (modbus.udp.LossyPath, {"lost": 0, "late": 0, "duplicated": 0, "delay": 0, "lateness": 1}, {}),

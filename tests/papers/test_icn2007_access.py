@@ -4,27 +4,27 @@ from shipnet.asi.simulation import simulate
 from shipnet.asi.telegram import Request
 from shipnet.asi.timing import Transaction
 from shipnet.asi.topologies import star
-from shipnet.papers.icn2007 import claims
-from shipnet.papers.icn2007.claims import allowed_plans, keeps_all_rules, trunk_and_star
+from shipnet.papers import icn2007
+from shipnet.papers.icn2007 import allowed_plans, keeps_all_rules, trunk_and_star
 from shipnet.papers.kim2023.protocol import moves
 
 
 def test_the_wait_is_that_of_the_timing():
-    run = simulate(claims.five_slaves(), cycles=20, faults=[DeadSlave("3", start=0.02)])
-    assert round(claims.gap_after_silence(run, "3"), 6) == Transaction().timeout == 10
+    run = simulate(icn2007.five_slaves(), cycles=20, faults=[DeadSlave("3", start=0.02)])
+    assert round(icn2007.gap_after_silence(run, "3"), 6) == Transaction().timeout == 10
 
 
 def test_only_own_and_sound_requests_are_answered():
-    assert claims.answer_to(Request.read_id(3).bits) != "silence"
+    assert icn2007.answer_to(Request.read_id(3).bits) != "silence"
     for address in (1, 2, 4, 31):
-        assert claims.answer_to(Request.read_id(address).bits) == "silence"
-    assert claims.answer_to(claims.UNKNOWN) == "silence"
+        assert icn2007.answer_to(Request.read_id(address).bits) == "silence"
+    assert icn2007.answer_to(icn2007.UNKNOWN) == "silence"
 
 
 def test_a_move_to_a_taken_address_is_refused():
     assert moves(target="9") and moves(target="31")
     assert not moves(target="3") and not moves(target="1")
-    run = simulate(claims.five_slaves(), until=0.2, commands=[(0.05, ChangeAddress("2", "3"))])
+    run = simulate(icn2007.five_slaves(), until=0.2, commands=[(0.05, ChangeAddress("2", "3"))])
     assert not run.commands["done"].item()
 
 
@@ -42,17 +42,17 @@ def test_the_place_of_the_supply_is_a_condition_too():
         least[supply] = table.query("rule == 'slave_voltage'")["value"].min()
     assert round(least[0], 1) == 20.2
     assert least[0] < 26.5 < least[90]
-    assert claims.length_is_the_only_condition(supply=90.0)
+    assert icn2007.length_is_the_only_condition(supply=90.0)
 
 
 def test_a_quarter_wave_in_the_signal_bends_it_as_much_as_noise():
-    assert claims.signal_suits_cable() and not claims.signal_suits_cable(length=200.0)
+    assert icn2007.signal_suits_cable() and not icn2007.signal_suits_cable(length=200.0)
 
 
 def test_the_distance_is_that_of_the_first_pattern_that_passes():
-    for crc in (claims.MODBUS, claims.CAN):
+    for crc in (icn2007.MODBUS, icn2007.CAN):
         assert crc.undetected(6, 1) == crc.undetected(6, 2) == 0
-    assert claims.hamming_distance(claims.MODBUS, 6) == 4
+    assert icn2007.hamming_distance(icn2007.MODBUS, 6) == 4
     # A valid frame 4 bits away from another, by its four places.
-    single = claims.MODBUS.syndromes(6)
-    assert not claims.buses_have_distance(distance=5) and len(set(single.tolist())) == 64
+    single = icn2007.MODBUS.syndromes(6)
+    assert not icn2007.buses_have_distance(distance=5) and len(set(single.tolist())) == 64

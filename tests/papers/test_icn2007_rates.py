@@ -5,7 +5,7 @@ import pytest
 from shipnet import datasets
 from shipnet.asi import Request, Response, Transaction
 from shipnet.errors import ArgumentError
-from shipnet.papers.icn2007.claims import bus_efficiencies, rate_table
+from shipnet.papers.icn2007 import bus_efficiencies, rate_table
 
 PRINTED = datasets.read("icn2007_numbers.csv").set_index("parameter")["value"]
 

@@ -4,7 +4,7 @@ import pytest
 from shipnet.asi.elements import DEVICE, POWER_SUPPLY
 from shipnet.asi.topologies import line
 from shipnet.line import Load, Network
-from shipnet.papers.icn2007.claims import arriving_share, pulse_height, share_above
+from shipnet.papers.icn2007 import arriving_share, pulse_height, share_above
 from shipnet.papers.kim2023.signals import (
     copes_with_amplitudes,
     copes_with_overshoot,

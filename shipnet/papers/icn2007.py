@@ -1,4 +1,8 @@
-"""Sections 4 and 5 and the data link layer: telegrams, access, rates, structures, signals."""
+"""What icn2007 prints, recomputed: the AS-Interface communication system.
+
+"AS-Interface communication system for field networks (2)", ICN magazine, July 2007: sections 4 and
+5 and the data link layer. Claims that kim2023 repeats are registered in `shipnet.papers.kim2023`.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +28,9 @@ from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import Load, Network
 from shipnet.papers.kim2023.protocol import CHIP_EDGES, master_pause_of_chip
 from shipnet.papers.registry import check, numeric
+
+__all__ = ["allowed_plans", "arriving_share", "bus_efficiencies", "consumer_drop", "pulse_height"]
+__all__ += ["rate_table", "share_above"]
 
 numeric("icn2007-035")(lambda *, total=100, trunk=90, slaves=62: (total - trunk) / slaves)
 

@@ -1,0 +1,127 @@
+"""Kernels as forks of a process that has loaded the libraries, where a system can fork.
+
+Most kernels take longer to load Jupyter, pandas, matplotlib and scipy than their notebook takes to
+compute. A fork has them at once and nothing of the package, and each is a process of its own.
+"""
+
+from __future__ import annotations
+
+import atexit
+import builtins
+import gc
+import importlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+LIBRARIES = (
+    "ipykernel.kernelapp", "ipywidgets", "lazy_loader", "IPython.core.pylabtools",
+    "pandas.io.formats.style", "matplotlib.backends.backend_agg", "matplotlib.pyplot",
+    "PIL.GifImagePlugin", "PIL.JpegImagePlugin", "PIL.PpmImagePlugin", "scipy.optimize",
+    "scipy.signal", "scipy.stats",
+)  # fmt: skip
+
+
+class Kernel:
+    """A kernel that is a fork, with what Jupyter uses of `subprocess.Popen`."""
+
+    stdin = stdout = stderr = None
+
+    def __init__(
+        self, command: list[str], *, env: dict[str, str], cwd: str = ".", **_: Any
+    ) -> None:
+        server = _server()
+        arguments = command[command.index("ipykernel_launcher") + 1 :]
+        print(json.dumps([arguments, str(Path(cwd).resolve()), env]), file=server.stdin, flush=True)
+        self.pid = int(server.stdout.readline())
+
+    def poll(self) -> int | None:
+        """Return None as long as the kernel runs."""
+        try:
+            os.kill(self.pid, 0)
+        except ProcessLookupError:
+            return 0
+        return None
+
+    def wait(self) -> int:
+        """Return the exit code of a kernel that has ended, which nobody asks for."""
+        return 0
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal to the kernel, if it still runs."""
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, number)
+
+
+def fork() -> None:
+    """Let the kernels that this process starts be forks, where the system can fork."""
+    from jupyter_client.provisioning import local_provisioner
+
+    if hasattr(os, "fork"):
+        local_provisioner.launch_kernel = Kernel
+
+
+@cache
+def _server() -> Any:
+    """Return the process that forks; it ends when the pipe to it closes."""
+    pipe = subprocess.PIPE
+    server = subprocess.Popen([sys.executable, __file__], stdin=pipe, stdout=pipe, text=True)
+    atexit.register(server.communicate)
+    return server
+
+
+def _serve() -> None:
+    """Fork a kernel for each line of the standard input, and print its process id."""
+    # When they are loaded, pyplot takes the backend from here, and pandas looks for a notebook.
+    os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
+    builtins.get_ipython = lambda: SimpleNamespace(kernel=None)
+    for name in LIBRARIES:
+        importlib.import_module(name)
+    del builtins.get_ipython
+    # No kernel looks for garbage in what is loaded, nor copies it by that.
+    gc.freeze()
+    signal.signal(signal.SIGCHLD, _bury)
+    # Ctrl-C is for the program that starts the kernels.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    while line := sys.stdin.readline():
+        if not os.fork():
+            _run(*json.loads(line))
+
+
+def _bury(*_: Any) -> None:
+    """Clear away the kernels that have ended."""
+    with suppress(ChildProcessError):
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
+
+
+def _run(arguments: list[str], folder: str, environment: dict[str, str]) -> None:
+    """Run a kernel in a process group of its own, until it ends or the process that forks does."""
+    from ipykernel.kernelapp import IPKernelApp
+
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.setsid()
+    print(os.getpid(), flush=True)
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(2, 1)
+    os.chdir(folder)
+    os.environ.clear()
+    os.environ.update(environment)
+    IPKernelApp.launch_instance(arguments, parent_handle=os.getppid())
+    # To take the libraries apart, which the others go on using, would take half a second.
+    atexit._run_exitfuncs()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    # What a notebook can import from a folder is from its own.
+    del sys.path[0]
+    _serve()

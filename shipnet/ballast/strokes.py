@@ -1,0 +1,315 @@
+"""Recorded strokes of hydraulic actuators: features, rules with limits from healthy ones, scores.
+
+The file form is that of the shipped recording, `vtnsi_actuator_strokes.npz`. Its sensors are not
+those of kim2014, so the rules use features that any actuator has, and every limit comes from
+healthy actuators other than the one under test.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf
+from os import PathLike
+
+import numpy as np
+import numpy.typing as npt
+
+from shipnet import datasets
+from shipnet.arguments import checked
+from shipnet.arrays import Floats
+from shipnet.errors import ArgumentError, InputError
+from shipnet.fuzzy.rules import RuleBase
+from shipnet.fuzzy.terms import NORMAL, Interval, Rule, Term, Variable
+from shipnet.intervals import share_interval
+from shipnet.lazy import pd
+from shipnet.line.scope_file import read_arrays
+
+#: Channels of a point: counts of the converter; of the accelerations ten times their standard
+#: deviation within the point.
+CHANNELS = (
+    "angle", "pressure_1", "pressure_2", "pressure_3",
+    "accel_1_std_x10", "accel_2_std_x10", "accel_3_std_x10",
+)  # fmt: skip
+
+#: What the strokes of a healthy actuator are called.
+HEALTHY = "healthy"
+
+#: Points per stroke. The actuator has stopped by `_STOPPED`, and the supply runs until `_HELD`.
+POINTS, _STOPPED, _HELD = 600, 200, 250
+
+#: Parts of the way: for speed and pressures in motion, and for bursts, which the ends also have.
+_STEADY, _INNER = (0.2, 0.8), (0.25, 0.8)
+
+#: A burst stands out of the median of so many points; the floor keeps quiet points finite [count].
+_NEAR, _FLOOR = 17, 0.3
+
+#: A limit is the largest of the healthy actuators' quantiles; above it a term rises to 1. The
+#: widths were chosen on the shipped recording.
+_QUANTILE = 0.98
+_RULES = {
+    "B1": ("burst_1", 3.0, 0.1, "Gear", "burst of acceleration 1"),
+    "B2": ("burst_2", 3.0, 0.1, "Gear", "burst of acceleration 2"),
+    "F1": ("flow_opening", 10.0, 0.04, "Flow", "fast for its pressure when it opens"),
+    "F2": ("flow_closing", 10.0, 0.04, "Flow", "fast for its pressure when it closes"),
+}
+
+#: Takes the table of the strokes that are known, and that of those to judge; says which to report.
+Judge = Callable[["pd.DataFrame", "pd.DataFrame"], npt.ArrayLike]
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class Strokes:
+    """Recorded strokes of hydraulic actuators, as `read_strokes` returns them.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, 600, 7)
+        Points of each stroke: angle, three pressures, three accelerations, in raw counts.
+    actuator, condition : ndarray of str, shape (n,)
+        Which actuator moved, and whether it was ``healthy`` or what was wrong with it.
+    stroke : ndarray of int, shape (n,)
+        Number of the stroke.
+
+    Examples
+    --------
+    >>> strokes = read_strokes()
+    >>> strokes
+    Strokes(418 strokes; healthy: Act_1, Act_2, Act_5; gear damage: Act_3; seal defect: Act_4)
+    >>> rules = strokes.rules(without="Act_1")
+    >>> own = strokes.table().query("actuator == 'Act_1'")
+    >>> rules.decide(own[list(rules.names)])
+    Decision(104 samples: 104 normal)
+    """
+
+    values: npt.NDArray[np.generic]
+    actuator: npt.NDArray[np.str_]
+    condition: npt.NDArray[np.str_]
+    stroke: npt.NDArray[np.generic]
+
+    def __repr__(self) -> str:
+        pairs = pd.DataFrame({"condition": self.condition, "actuator": self.actuator})
+        groups = pairs.drop_duplicates().groupby("condition", sort=False)["actuator"]
+        said = "; ".join(f"{name}: {', '.join(sorted(mine))}" for name, mine in groups)
+        return f"Strokes({len(self.values)} strokes; {said})"
+
+    @cached_property
+    def way(self) -> Floats:
+        """Share of the way that is done at each point, shape (n, 600); NaN if there is none."""
+        angle = self.values[..., 0].astype(float)
+        span = (np.median(angle[:, -_STOPPED:], axis=1) - angle[:, 0])[:, np.newaxis]
+        moved, way = span != 0, np.full_like(angle, np.nan)
+        np.divide(angle - angle[:, :1], span, out=way, where=moved)
+        return way
+
+    def table(self) -> pd.DataFrame:
+        """Return one row of features per stroke, in points and raw counts.
+
+        ``opening`` says whether the angle rose. ``dead_time`` lasts until 2 % of the way,
+        ``stroke_time`` from 5 to 95 %. Between 20 and 80 % are taken: the median difference of the
+        two chamber pressures, ``moving_difference``; the ``roughness`` of the speed; and the median
+        of each ``vibration``, a decimal logarithm. A ``burst`` is how far it stands out of its
+        surroundings between 25 and 80 %, at ``burst_place``. At rest are taken the
+        ``holding_pressure``, its ``decay``, and the ``supply_ripple``. ``flow_opening`` and
+        ``flow_closing`` are the speed per root of the holding pressure, NaN in the other direction.
+        """
+        return self._features.copy()
+
+    @cached_property
+    def _features(self) -> pd.DataFrame:
+        from scipy.ndimage import median_filter
+
+        values, way = self.values.astype(float), self.way
+        angle, chambers, supply = values[..., 0], values[..., 1:3], values[:, _HELD:, 3]
+        moves, every = np.arange(POINTS) < _STOPPED, np.arange(len(way))
+        opening = np.median(angle[:, -_STOPPED:], axis=1) > angle[:, 0]
+        pushing = chambers[:, -100:].mean(axis=1).argmax(axis=1)
+        high = chambers[every, :, pushing]
+        steady = moves & (way > _STEADY[0]) & (way < _STEADY[1])
+        inner = moves & (way > _INNER[0]) & (way < _INNER[1])
+
+        def reached(share: float) -> Floats:
+            """Return when a share of the way is done, between two points."""
+            after = np.maximum((way >= share).argmax(axis=1), 1)
+            before, now = way[every, after - 1], way[every, after]
+            return np.asarray(after - 1 + (share - before) / (now - before))
+
+        def typical(x: Floats) -> Floats:
+            return pd.DataFrame(np.where(steady, x, np.nan)).median(axis=1).to_numpy()
+
+        with np.errstate(divide="ignore", invalid="ignore"):
+            span = (_STEADY[1] - _STEADY[0]) * np.abs(np.median(angle[:, -_STOPPED:], axis=1)
+                                                      - angle[:, 0])  # fmt: skip
+            speed = span / (reached(_STEADY[1]) - reached(_STEADY[0]))
+            flow = speed / np.sqrt(high[:, 150:_STOPPED].mean(axis=1))
+            jerk = np.where(steady[:, 2:], np.diff(angle, 2, axis=1), np.nan)
+            roughness = pd.DataFrame(jerk).std(axis=1, ddof=0).to_numpy() / speed
+            columns = {
+                "actuator": self.actuator,
+                "condition": self.condition,
+                "stroke": self.stroke,
+                "opening": opening,
+                "dead_time": reached(0.02),
+                "stroke_time": reached(0.95) - reached(0.05),
+                "moving_difference": typical(np.abs(chambers[..., 0] - chambers[..., 1])),
+                "holding_pressure": high[:, -100:].mean(axis=1),
+                "decay": high[:, _STOPPED:_HELD].mean(axis=1) - high[:, -50:].mean(axis=1),
+                "roughness": roughness,
+                "supply_ripple": np.diff(supply, axis=1).std(axis=1),
+                "flow_opening": np.where(opening, flow, np.nan),
+                "flow_closing": np.where(opening, np.nan, flow),
+            }
+            for k in range(1, 4):
+                level = np.log10(values[..., 3 + k] / 10 + _FLOOR)
+                over = level - median_filter(level, size=(1, _NEAR), mode="nearest")
+                over = np.where(inner, over, -inf)
+                columns[f"vibration_{k}"] = typical(level)
+                columns[f"burst_{k}"] = np.where(inner.any(axis=1), over.max(axis=1), np.nan)
+                if k == 1:
+                    columns["burst_place"] = way[every, over.argmax(axis=1)]
+        return pd.DataFrame(columns)
+
+    def rules(self, without: str = "") -> RuleBase:
+        """Return rules whose limits come from the healthy actuators, `without` one.
+
+        A limit is the largest of their 98 % quantiles. The crisp rule asks for more than that; the
+        graded term rises from there, and the fuzzy rule fires from its middle on.
+        """
+        features = self._features
+        healthy = features[(features["condition"] == HEALTHY) & (features["actuator"] != without)]
+        named = [variable for variable, *_ in _RULES.values()]
+        limits = healthy.groupby("actuator")[named].quantile(_QUANTILE).max()
+        if limits.isna().any():
+            missing = ", ".join(limits.index[limits.isna()])
+            raise ArgumentError(
+                f"without is {without!r}; no other healthy actuator has {missing}, from which "
+                "limits come"
+            )
+        variables, rules = [], []
+        for place, (code, (name, top, width, flag, says)) in enumerate(_RULES.items(), start=1):
+            limit = float(limits[name])
+            high = Term("high", (limit, limit + width, inf, inf), Interval(limit), "high")
+            variables.append(Variable(name, "", 0, max(top, limit + width), (high,)))
+            rules.append(Rule(code, f"{name}.high", place, flag, says))
+        return RuleBase(tuple(variables), tuple(rules))
+
+    def scores(
+        self,
+        reference: Strokes | None = None,
+        *,
+        judges: Mapping[str, Judge] | None = None,
+        confidence: float = 0.95,
+    ) -> pd.DataFrame:
+        """Return how many strokes of each actuator are reported by rules that never saw it.
+
+        Limits come from the healthy actuators of `reference` but the one under test; the shipped
+        recording if omitted. `judges` are other methods by name: each is called once per actuator,
+        with the features of all others of `reference`, healthy and not, and with those of its
+        strokes, and returns which to report.
+
+        Indexed by ``method``, ``report`` (a flag of the rules, or any), ``actuator`` and
+        ``condition``: ``strokes``, those ``reported``, and their share ``rate`` with the ends
+        ``low`` and ``high`` of its interval. Of healthy strokes the rate is one of false alarms. A
+        stroke without any movement is reported.
+        """
+        others = dict(judges or {})
+        source = reference if reference is not None else read_strokes()
+        known, rows = source.table(), []
+        for (name, condition), tested in self._features.groupby(["actuator", "condition"]):
+            base = source.rules(without=str(name))
+            reports = {}
+            for method in ("crisp", "fuzzy"):
+                decided = base.decide(tested[list(base.names)], method)
+                for flag in dict.fromkeys(rule.flag for rule in base.rules):
+                    own = [rule.flag == flag for rule in base.rules]
+                    reports[method, flag] = decided.active[:, own].any(axis=1)
+                reports[method, "any"] = decided.top != NORMAL
+            for method, judge in others.items():
+                found = np.asarray(judge(known[known["actuator"] != name], tested))
+                if found.shape != (len(tested),) or found.dtype != bool:
+                    raise ArgumentError(
+                        f"judges[{method!r}] returned the shape {found.shape} and the type "
+                        f"{found.dtype}; expected {len(tested)} bool"
+                    )
+                reports[method, "any"] = found
+            rows += [
+                (method, report, name, condition, len(tested), int(hits.sum()))
+                for (method, report), hits in reports.items()
+            ]
+        index = ["method", "report", "actuator", "condition"]
+        table = pd.DataFrame(rows, columns=[*index, "strokes", "reported"])
+        low, high = share_interval(table["reported"], table["strokes"], confidence=confidence)
+        table = table.assign(rate=table["reported"] / table["strokes"], low=low, high=high)
+        return table.set_index(index).sort_index()
+
+
+@checked
+def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
+    """Read recorded strokes of hydraulic actuators.
+
+    Parameters
+    ----------
+    path : path, optional
+        An ``.npz`` file of the form of the shipped recording, which is read if omitted: ``values``
+        of shape (strokes, 600, 7), the names of its ``channels``, and for each stroke the
+        ``actuator``, its ``condition``, ``healthy`` or a fault, and the number of the ``stroke``.
+
+    Returns
+    -------
+    Strokes
+        The strokes, with `Strokes.table` of their features, `Strokes.rules` and `Strokes.scores`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or is not of this form.
+
+    Notes
+    -----
+    The shipped recording is of six channels sampled by others on rotary actuators of the kind that
+    turn ship valves, 15 000 in-lbf [1]_: three healthy ones, one with a damaged gear, one with a
+    leaking seal. Each of the 600 points is the mean of five samples, and of the accelerations the
+    standard deviation. Units and the period of the samples are not published.
+
+    `Strokes.scores` of another file takes its limits from the shipped recording, but from no
+    actuator of the same name.
+
+    References
+    ----------
+    .. [1] Virginia Tech National Security Institute, actuator_dataset, 2025; see SOURCES.md.
+
+    Examples
+    --------
+    Which share of the strokes is reported, by rules that never saw the actuator:
+
+    >>> strokes = read_strokes()
+    >>> fuzzy = strokes.scores().loc["fuzzy", "any"]
+    >>> (100 * fuzzy["rate"]).round(1).droplevel("condition").to_dict()
+    {'Act_1': 0.0, 'Act_2': 1.9, 'Act_3': 100.0, 'Act_4': 90.6, 'Act_5': 4.7}
+    """
+    keys = ("values", "channels", "actuator", "condition", "stroke")
+    file = path if path is not None else datasets.path("vtnsi_actuator_strokes.npz")
+    held = read_arrays(file, keys)
+    values, channels = held["values"], tuple(map(str, held["channels"].ravel()))
+    n = len(values) if values.ndim else 0
+    if channels != CHANNELS:
+        raise InputError(str(file), f"channels are {', '.join(channels)}; expected {CHANNELS}")
+    if values.shape[1:] != (POINTS, len(CHANNELS)) or not n or values.dtype.kind not in "iuf":
+        raise InputError(
+            str(file),
+            f"values have the shape {values.shape} and the type {values.dtype}; expected real "
+            f"numbers, (strokes, {POINTS}, {len(CHANNELS)})",
+        )
+    if values.dtype.kind == "f" and not np.isfinite(values).all():
+        place = np.argwhere(~np.isfinite(values))[0].tolist()
+        raise InputError(str(file), f"values{place} is {values[tuple(place)]}; expected a number")
+    for key, kind in (("actuator", "U"), ("condition", "U"), ("stroke", "iu")):
+        if held[key].shape != (n,) or held[key].dtype.kind not in kind:
+            raise InputError(
+                str(file),
+                f"{key} has the shape {held[key].shape} and the type {held[key].dtype}; expected "
+                f"one {'text' if kind == 'U' else 'whole number'} for each of {n} strokes",
+            )
+    return Strokes(values, held["actuator"], held["condition"], held["stroke"])
