@@ -15,7 +15,7 @@ from shipnet import remote_control as rc
 AX = Figure().add_subplot()
 
 RESULTS = {
-    "ballast": "Client Diagnosis FleetReport MasterRun Run Screen Trials Wear",
+    "ballast": "Client Diagnosis FleetReport MasterRun Run Screen Strokes Trials Wear",
     "can": "Analysis Arbitration Assignment BatchRun Capture LogComparison LogLoad ResponseTime "
     "ResponseTimes Run Signals",
     "engine": "Run Screen",
@@ -57,7 +57,7 @@ def of_ballast():
         "FleetReport": ballast.run_fleet(2, [], until=2, rng=1), "RegisterMap": registers,
         "Trials": ballast.fault_trials(["V1"], n_valves=1, rng=1), "System": polled,
         "Wear": ballast.Wear.synthetic(1, 100, rng=1), "TestBed": ballast.TestBed(),
-        "Client": ballast.Client.over(ballast.ModelValves(2), 2),
+        "Client": ballast.Client.over(ballast.ModelValves(2), 2), "Strokes": ballast.read_strokes(),
     }  # fmt: skip
     return good, instances
 

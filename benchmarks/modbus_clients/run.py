@@ -38,9 +38,9 @@ POLLS, TIMEOUT, SHARE, SEED = 40, 1.0, 0.25, 2024
 SECONDS = {"late": 1.5, "delay": 0.2, "gap": 0.2}
 COLUMNS = (
     "client", "version", "defaults", "transport", "fault", "timeout_s", "polls", "right", "error",
-    "wrong", "hang",
+    "wrong", "hang", "verdict",
 )  # fmt: skip
-OUTCOMES = COLUMNS[-4:]
+OUTCOMES = COLUMNS[-5:-1]
 BOTH = ("tcp", "rtu")
 
 
@@ -254,6 +254,12 @@ OTHERS = {
 }
 
 
+def verdict(found: Counter[str]) -> str:
+    """Return the worst outcome that came up."""
+    worst = {"wrong": "wrong value accepted", "hang": "hang", "error": "error"}
+    return next((said for outcome, said in worst.items() if found[outcome]), "right value")
+
+
 def rows(client: Client, kind: str, fault: Name) -> dict[str, object]:
     """Return a row of the table."""
     found = measure(client, kind, fault)
@@ -262,7 +268,7 @@ def rows(client: Client, kind: str, fault: Name) -> dict[str, object]:
         "client": client.name, "version": client.version, "defaults": client.defaults,
         "transport": kind, "fault": fault, "timeout_s": TIMEOUT, "polls": POLLS,
     }  # fmt: skip
-    return {**told, **found}
+    return {**told, **found, "verdict": verdict(found)}
 
 
 def main(uv: str = "uv") -> int:
