@@ -9,7 +9,7 @@ import inspect
 import numpy as np
 from matplotlib.figure import Figure
 
-from shipnet import ballast, can, datasets, engine, exercises, fuzzy, line
+from shipnet import ballast, can, datasets, engine, exercises, fuzzy, line, modbus
 from shipnet import remote_control as rc
 
 AX = Figure().add_subplot()
@@ -21,6 +21,7 @@ RESULTS = {
     "engine": "Run Screen",
     "exercises": "Verdict",
     "fuzzy": "Decision Firing Overlaps",
+    "modbus": "Characters Device ExceptionCode FunctionCode Reach Run Scan Server",
     "remote_control": "Comparison Run SerialCapture",
 }
 
@@ -30,6 +31,12 @@ HOOKS = {"apply", "device", "disturbance", "of", "run", "transit", "view", "volt
 #: Mistakes that a call takes, which its annotation does not say.
 TAKEN = {
     "Driver.current": "nan empty",
+    "Slave.answer.time": "None text path nan empty object",  # its device looks at it
+    # A request does not look at what its function code does not have, nor does a response.
+    **dict.fromkeys(
+        ("Request.coils", "Request.registers", "Request.write_address", "Response.coils",
+         "Response.address", "Response.quantity"), "None text path nan empty object",
+    ),
     "box.x": "nan", "box.y": "nan", "box.width": "nan", "box.height": "nan",
 }  # fmt: skip
 
@@ -161,6 +168,37 @@ def of_line():
     }  # fmt: skip
     wave = line.Waveform(np.zeros(4), 1e-7)
     return good, {"Cable": line.CABLES["as-i 1.5"], "Network": network, "Waveform": wave}
+
+
+def of_modbus():
+    request, line = modbus.Request.read_holding_registers(0, 4), modbus.SerialLine(9600)
+    response, slave = request.response([1, 2, 3, 4]), modbus.Slave(holding_registers=[0] * 9)
+    poll, adu = modbus.Poll(request, line), modbus.Adu(1, request)
+    loop, wave = modbus.Loop(3, poll), line.waveform(request.rtu(1))
+    run = modbus.simulate(loop, until=1.0)
+    good = {
+        "n_stations": 2, "length": 1.0, "bit_rate": 9600, "unit_id": 1, "pdu": request.pdu,
+        "function": 3, "address": 0, "quantity": 1, "request": request, "line": line, "value": 1,
+        "data": request.rtu(1), "n_slaves": 3, "registers": [1], "coils": [True], "poll": poll,
+        "system": loop, "until": 1.0, "exception": 2, "slaves": {1: slave}, "adu": adu,
+        "devices": {1: slave}, "units": [1], "path": modbus.udp.LossyPath(), "section": 1,
+        "slave": 1, "port": "A", "transaction_id": 1, "values": [1, 2, 3, 4],
+        "write_address": 0, "size": 8, "frames": request.rtu(1), "update": 1.0, "period": 1.0,
+        "time": [0.0, 1.0], "level": [1.0, 1.0], "faults": (), "scan.registers": 4,
+        "answer.time": 0.0, "Slave.answer.time": 0.0, "serve.port": 0, "Response.coils": (),
+        "Response.registers": [1], "Request.quantity": 1, "Request.registers": (),
+        "Request.coils": (), "Request.write_address": None, "Response.address": None,
+        "Slave.coils": (), "Response.parse.pdu": response.pdu, "name": "late", "fault": "late",
+        "answer": modbus.Adu(1, response),
+    }  # fmt: skip
+    instances = {
+        "Adu": adu, "Request": request, "Response": response, "Poll": poll, "Loop": loop,
+        "Scan": modbus.scan(3, registers=4), "DualChannel": modbus.DualChannel(poll), "Run": run,
+        "Reach": loop.reach(), "Slave": slave, "SerialLine": line, "Waveform": wave,
+        "Characters": wave.decode(), "Server": None, "Device": None, "ExceptionCode": None,
+        "FunctionCode": None,
+    }  # fmt: skip
+    return good, instances
 
 
 def of_remote_control():

@@ -190,7 +190,7 @@ def test_the_switch_over_of_a_loop_is_what_the_simulated_master_needs():
     poll = Poll(Request.read_input_registers(0, 1), line, processing=0.005,
                    timeout=1.005 + line.frame_time(256))  # fmt: skip
     loop = Loop(3, poll)
-    assert row["value"] == pytest.approx(float(loop.gaps(0, 3, 0)[1]))
+    assert row["value"] == pytest.approx(float(loop._gaps(0, 3, 0)[1]))
     assert row["value"] == pytest.approx(sweep(loop, [Break(0)]).max())
     assert row["verdict"] == "met"
     assert judged(design, "switch-over", 3.0, confirmed="yes")["verdict"] == "violated"
