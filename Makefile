@@ -6,12 +6,14 @@
 # make renew      after a change of data: check sums, counts of claims, numbers of the README
 # make dist       build the wheel and the source distribution under dist/
 # make coverage   which lines the unit tests never run
+# make handout    build/handout.zip: what students get, without solutions
 # make wheels     fill build/wheels for a room without a network; SYSTEM=windows PYTHON=3.12
 # make lab        open JupyterLab
 # make app        serve the interactive tools of notebooks/explore/ as web pages, with an index
 # make bench      ratios against peers, measured side by side; how main jobs grow: build/growth.html
 # make fuzz       hostile bytes for every reader and decoder, ten minutes
 # make mutants    break the code in every small way, and see whether a test or the ledger notices; an hour
+# make clients    what other makers' Modbus clients believe when the wire has faults; five minutes
 # make lock       resolve requirements.lock anew
 # make clean      remove everything that make made, but for .venv and .tools
 
@@ -35,7 +37,7 @@ unexport VIRTUAL_ENV
 
 .DEFAULT_GOAL := all
 .NOTPARALLEL:
-.PHONY: all setup site notebooks nbval renew test lint unit browser coverage dist lessons wheels lab app bench fuzz mutants lock clean
+.PHONY: all setup site notebooks nbval renew test lint unit browser coverage dist lessons handout wheels lab app bench fuzz mutants clients lock clean
 
 all: site
 	@$(PY) -m shipnet ledger --summary
@@ -116,6 +118,9 @@ lessons: setup
 	@$(PY) docs/editions.py derive
 	@$(PY) docs/editions.py slides
 
+handout: setup
+	@$(PY) docs/editions.py handout
+
 wheels: setup
 	@$(PY) docs/wheels.py $(UV) $(SYSTEM) $(PYTHON)
 
@@ -136,6 +141,9 @@ mutants: setup
 	@$(UV) pip install --quiet --python $(PY) --group mutants
 	@$(PY) tests/mutants/run.py --left
 	@$(PY) tests/mutants/ledger.py
+
+clients: setup
+	@$(PY) benchmarks/modbus_clients/run.py $(UV)
 
 lock: $(filter .tools/%,$(UV))
 	@$(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \

@@ -9,6 +9,7 @@ Any warning is an error. What did not change is not built again.
 
 from __future__ import annotations
 
+import argparse
 import csv
 import html
 import importlib
@@ -25,6 +26,7 @@ from typing import Any
 from sphinx.cmd.build import build_main
 
 import notebooks
+from shipnet.papers import PAPERS
 
 ROOT = Path(__file__).resolve().parent.parent
 INPUTS = (
@@ -32,7 +34,9 @@ INPUTS = (
 )  # fmt: skip
 # Sphinx follows its sources, not the code that turns them into pages.
 MACHINERY = ("docs/_ext", "docs/_static", "docs/build.py", "docs/conf.py", "requirements.lock")
-FOLDERS = ("", "papers", "lessons", "real", "explore")
+#: Folders of notebooks by their captions, in the order of the navigation.
+CAPTIONS = {"": "Start here", "lessons": "Lessons", "explore": "Tools", "papers": "Papers"}
+CAPTIONS |= {"real": "Real lines"}
 REFERENCE = ("ledger.md", "errata.md", "data/SOURCES.md", "api/shipnet.rst", "CHANGELOG.md")
 CLAIM_ID = re.compile(r"\b[a-z]+\d{4}-\d{3}\b")
 COLUMNS = ["id", "where", "claim", "the paper says", "we compute", "verdict"]
@@ -45,22 +49,20 @@ def natural(name: str) -> list[tuple[float, str]]:
 
 
 def contents(names: set[str]) -> str:
-    """Return the navigation: a toctree for each folder of notebooks, then the other pages."""
-    chapters: dict[str, list[str]] = {}
-    # A README of a folder comes before what it speaks of.
-    wanted = (name for name in names if re.search(r"^notebooks/.*(\.ipynb|/README\.md)$", name))
-    for name in sorted(wanted, key=lambda name: (not name.endswith("README.md"), natural(name))):
+    """Return the navigation: a toctree for each kind of notebooks, then the other pages."""
+    chapters: dict[str, list[str]] = {folder: [] for folder in CAPTIONS}
+    # A README of a folder comes before what it speaks of, a paper after those listed before it.
+    order = {f"papers/{paper}": f"papers/{n}" for n, paper in enumerate(PAPERS)}
+    wanted = [name for name in names if re.search(r"^notebooks/.*(\.ipynb|/README\.md)$", name)]
+
+    def place(name: str) -> tuple[bool, str, list[tuple[float, str]]]:
         folder = str(PurePosixPath(name).parent.relative_to("notebooks"))
-        chapters.setdefault("" if folder == "." else folder, []).append(name)
+        return not name.endswith("README.md"), order.get(folder, folder), natural(name)
 
-    def place(folder: str) -> tuple[int, str]:
-        first = folder.split("/")[0]
-        return FOLDERS.index(first) if first in FOLDERS else len(FOLDERS), folder
-
-    trees = [
-        (_caption(folder) or "Start here", chapters[folder])
-        for folder in sorted(chapters, key=place)
-    ]
+    for name in sorted(wanted, key=place):
+        folder = PurePosixPath(name).relative_to("notebooks").parts[0]
+        chapters["" if folder.endswith(".ipynb") else folder].append(name)
+    trees = [(CAPTIONS[folder], pages) for folder, pages in chapters.items()]
     trees.append(("How to", sorted(name for name in names if name.startswith("howto/"))))
     guide = sorted(name for name in names if re.fullmatch(r"[a-z_]+\.md", name))
     trees.append(("Guide", [name for name in guide if name not in ("index.md", *REFERENCE)]))
@@ -72,9 +74,14 @@ def contents(names: set[str]) -> str:
     )
 
 
-def _caption(folder: str) -> str:
-    words = folder.replace("papers/", "paper ").replace("/", ": ").replace("_", " ")
-    return words[:1].upper() + words[1:]
+def papers_table(names: Iterable[str]) -> str:
+    """Return the table of the papers, each with links to its notebooks."""
+    rows = ["| paper | notebooks |", "|---|---|"]
+    for key, title in PAPERS.items():
+        mine = sorted(name for name in names if name.startswith(f"notebooks/papers/{key}/"))
+        links = [f"[{PurePosixPath(n).stem.partition('_')[2]}]({n})" for n in mine]
+        rows.append(f"| {title} | {', '.join(links)} |")
+    return "\n".join(rows)
 
 
 def api_pages(root: Path) -> Iterator[tuple[str, str]]:
@@ -300,7 +307,7 @@ def sources(root: Path) -> dict[str, bytes]:
     """Return the whole Sphinx source: name -> content."""
     copies = root / "build" / "notebooks"
     docs = root / "docs"
-    pages = [*docs.rglob("*.md"), *docs.rglob("*.svg")]
+    pages = [path for kind in ("md", "png", "svg") for path in docs.rglob(f"*.{kind}")]
     files = {path.relative_to(docs).as_posix(): path.read_bytes() for path in pages}
     for path in copies.rglob("*.ipynb"):
         if path.parent.name != "solutions":  # teachers have the notebooks
@@ -319,7 +326,8 @@ def sources(root: Path) -> dict[str, bytes]:
         **dict(api_pages(root)),
     }
     files |= {name: text.encode() for name, text in generated.items()}
-    files["index.md"] += contents(set(files)).encode()
+    index = files["index.md"].decode().replace("<!-- papers -->", papers_table(files))
+    files["index.md"] = (index + contents(set(files))).encode()
     return files
 
 
@@ -375,4 +383,6 @@ def main(root: Path = ROOT, *, stored: bool = False) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(stored=sys.argv[1:] == ["--stored"]))
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--stored", action="store_true", help="run no notebook")
+    sys.exit(main(stored=parser.parse_args().stored))

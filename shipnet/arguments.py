@@ -65,16 +65,17 @@ def _checked(function: Any, skipped: Collection[str]) -> Any:
     names = tuple(parameters)
 
     known: dict[str, list[_Rule]] = {}
-    #: By name, the types that are known to pass before a call.
+    #: The types that are known to pass before a call, by name and by place.
     passed: dict[str, set[type]] = {}
+    places: list[set[type] | None] = []
 
     def check(name: str, value: Any, failed: bool) -> None:
         allowed = known.get(name)
         if allowed and value is not given[name].default and not _met(allowed, value, failed):
             raise ArgumentError(_fault(name, value, allowed, failed)) from None
-        if failed and getattr(value, "size", None) == 0:  # an empty array
+        if failed and hasattr(value, "dtype") and value.size == 0:  # a table may be empty
             raise ArgumentError(f"{name} is {value!r}; it must not be empty") from None
-        if not failed and all(rule.of_type for rule in known[name]):
+        if not failed and any(rule.of_type and rule.test(value) for rule in known[name]):
             passed[name].add(type(value))
 
     @wraps(function)
@@ -83,13 +84,13 @@ def _checked(function: Any, skipped: Collection[str]) -> Any:
             scope = function.__globals__
             known.update({name: _rules(one.annotation, scope) for name, one in given.items()})
             passed.update({name: set() for name, one in known.items() if not _numbers(one)})
-        if passed:
-            for name, value in zip(names, args, strict=False):
-                if name in passed and type(value) not in passed[name]:
-                    check(name, value, False)
-            for name, value in options.items():
-                if name in passed and type(value) not in passed[name]:
-                    check(name, value, False)
+            places.extend(map(passed.get, names))
+        for types, name, value in zip(places, names, args):  # noqa: B905 # what strict= costs counts
+            if types is not None and type(value) not in types:
+                check(name, value, False)
+        for name, value in options.items():
+            if name in passed and type(value) not in passed[name]:
+                check(name, value, False)
         try:
             return function(*args, **options)
         except (FrameError, InputError):
@@ -184,7 +185,7 @@ def _rule(kind: Any, scope: dict[str, Any]) -> _Rule | None:
     """Return what a type allows, None if that cannot be tested."""
     origin, inner = get_origin(kind) or (NoneType if kind is None else kind), get_args(kind)
     if origin is Literal:
-        legal = ", ".join(map(repr, inner))
+        legal = f"one of {', '.join(map(repr, inner))}"
         return _Rule(lambda value: isinstance(value, str | int) and value in inner, legal)
     if origin in _NAMED:
         return _NAMED[origin]
@@ -195,8 +196,8 @@ def _rule(kind: Any, scope: dict[str, Any]) -> _Rule | None:
         wanted = [name for name, one in vars(origin).items() if name[0] != "_" and callable(one)]
         has = lambda value: all(hasattr(value, name) for name in wanted)  # noqa: E731
         return _Rule(has, f"{article} {origin.__name__}") if wanted else None
-    if origin.__name__ == "ndarray":
-        return _NAMED["npt.ArrayLike"]
+    if origin.__name__ == "ndarray":  # of numbers, but for a few of text
+        return None if "str_" in str(inner) else _NAMED["npt.ArrayLike"]
     if issubclass(origin, Mapping):
         return _collection(Mapping, "a mapping", _rules(inner[-1], scope) if inner else [])
     if origin in (tuple, list, set, frozenset) or origin.__module__ == Iterable.__module__:
@@ -213,6 +214,7 @@ def _rule(kind: Any, scope: dict[str, Any]) -> _Rule | None:
 def _collection(kind: type, name: str, within: list[_Rule]) -> _Rule:
     """Return the rule of a collection; what an iterator yields cannot be seen before."""
     plain = not within or any(rule.after for rule in within)
+    by_type = all(rule.of_type for rule in within)
 
     def test(value: Any, failed: bool = False) -> bool:
         if not isinstance(value, kind) or isinstance(value, str | bytes):
@@ -220,10 +222,12 @@ def _collection(kind: type, name: str, within: list[_Rule]) -> _Rule:
         if (plain and not failed) or not isinstance(value, Collection):
             return True
         parts = value.values() if isinstance(value, Mapping) and kind is Mapping else value
-        return all(_met(within, part, failed) for part in parts) if within else True
+        if by_type:
+            parts = {type(part): part for part in parts}.values()
+        return not within or all(_met(within, part, failed) for part in parts)
 
     legal = f"{name} with {_legal(within)} each" if within else name
-    return _Rule(test, legal, lambda value: test(value, True), within=within)
+    return _Rule(test, legal, lambda value: test(value, True), plain, within)
 
 
 def _is_member(kind: type[Enum], value: Any) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from math import inf
+from typing import Any
 
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, record
@@ -38,14 +38,15 @@ class Fault:
         return nanoseconds(self.start), nanoseconds(self.stop)
 
 
-def as_faults(faults: Fault | Iterable[Fault], *kinds: type[Fault]) -> tuple[Fault, ...]:
+def as_faults(faults: Any, *kinds: type) -> tuple[Any, ...]:
     """Return one or several faults as a tuple, or raise unless each is of one of the `kinds`."""
-    known = ", ".join(sorted(kind.__name__ for kind in kinds)) or "Fault"
+    kinds = kinds or (Fault,)
+    known = ", ".join(sorted(kind.__name__ for kind in kinds))
     try:
-        several = (faults,) if isinstance(faults, Fault) else tuple(faults)
+        several = (faults,) if isinstance(faults, kinds) else tuple(faults)
     except TypeError:
         raise ArgumentError(f"faults is {faults!r}; it must be some of {known}") from None
     for fault in several:
-        if not isinstance(fault, kinds or Fault):
+        if not isinstance(fault, kinds):
             raise ArgumentError(f"one of faults is {fault!r}; it must be one of {known}")
     return several

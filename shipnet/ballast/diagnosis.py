@@ -6,6 +6,7 @@ It does not validate the method.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
@@ -15,13 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import CHANNELS, position_speed, stroke_speed
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
-from shipnet.fuzzy.firing import Samples, check_method
+from shipnet.fuzzy.firing import check_method
 from shipnet.fuzzy.rules import Decision, Firing, RuleBase
 from shipnet.lazy import Axes, pd
 
@@ -35,6 +37,7 @@ _SHORTEST = 20.0
 _AT_ONCE = 2**18
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Run:
     """What was read, one row per instant, as `simulate` returns it.
@@ -256,6 +259,7 @@ def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats
     return {name: found[name] for name in base.names}
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """What is reported of every valve at every instant, as `Run.diagnose` returns it.
@@ -413,7 +417,7 @@ class Diagnosis:
         ax = style.axes(ax)
         base = self.base
         strength = self.firing(valve).strength.max(axis=0)
-        active = [bool(self.active[:, valve - 1, place].any()) for place in range(len(base.codes))]
+        active = np.any(self.active[:, self._place(valve)], axis=0)
         colours = [style.LIMIT["color"] if on else "0.75" for on in active]
         places = np.arange(len(base.codes))
         ax.barh(places, strength, color=colours)
@@ -484,8 +488,9 @@ def _fire(base: RuleBase, samples: dict[str, Floats], method: str) -> Firing:
     return base.fire({name: samples[name] for name in base.names}, method)
 
 
+@checked
 def diagnose(
-    readings: Samples | None = None,
+    readings: Mapping[str, npt.ArrayLike] | pd.DataFrame | None = None,
     method: str = "fuzzy",
     *,
     threshold: float = 0.5,

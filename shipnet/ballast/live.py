@@ -11,10 +11,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import cos, pi
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.ballast.diagnosis import Recorder, Run, diagnose_run
 from shipnet.ballast.master import Screen, Station, received_run
 from shipnet.ballast.plant import FAULTS, Fault, Plant
@@ -27,8 +28,8 @@ from shipnet.ballast.registers import (
 )
 from shipnet.ballast.scan import READ_STATUS, System, status_poll
 from shipnet.ballast.slave import ValveDevice, ValveRegisters, valve_slaves
-from shipnet.errors import ArgumentError, FrameError
-from shipnet.fields import check_choice, check_scalar, check_whole
+from shipnet.errors import FrameError
+from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.lazy import pd
@@ -121,6 +122,7 @@ class Step(NamedTuple):
     passed: bool
 
 
+@checked
 class TestBed:
     """The test bed of Figure 15: five valves, line, master, gateway to a PC, and a tank on valve 3.
 
@@ -164,7 +166,8 @@ class TestBed:
         bit_rate: float = 9600.0,
         rng: Any = None,
     ) -> None:
-        faults = [] if fault is None else [Fault(fault, valves=_SIMULATOR)]
+        codes = [] if fault is None else [check_choice("fault", fault, FAULTS)]
+        faults = [Fault(code, valves=_SIMULATOR) for code in codes]
         system = System(N_SLAVES, status_poll(bit_rate), opening=opening)
         self.plant = Plant(system, faults, rng)
         self.station = Station(self.plant)
@@ -187,7 +190,7 @@ class TestBed:
 
     def wait(self, duration: float) -> None:
         """Let time pass [s]: the master scans, the tank fills, the sensors are recorded."""
-        end, plant = self.time + duration, self.plant
+        end, plant = self.time + check_scalar("duration", duration, "s", 0, 1e8), self.plant
         while self.time < end:
             self.recorder.take()
             before, since = plant.opening[_TANK - 1], plant.time
@@ -206,7 +209,8 @@ class TestBed:
         `action` is ``open``, ``close``, a position [%], or one of the modes ``manual`` and
         ``auto``.
         """
-        return self.station.command(action, valve).outcome
+        unit = check_whole("valve", valve, 1, N_SLAVES)
+        return self.station.command(action, unit).outcome
 
     def screen(self) -> Screen:
         """Return what the master shows now."""
@@ -222,9 +226,10 @@ class TestBed:
         return serve_slaves(self.gateway.slaves, clock=lambda: self.time, **options)
 
 
+@checked
 def acceptance_tests(
     *,
-    diagnosed_by: str = "slave",
+    diagnosed_by: Literal["slave", "master"] = "slave",
     tests: Iterable[str] = TESTS,
     bit_rate: float = 9600.0,
     rng: Any = None,
@@ -269,12 +274,8 @@ def acceptance_tests(
     >>> table.iloc[-1][["step", "found"]].tolist(), int(table.passed.sum())
     (['tank of S3 after closing', 'rose, then held'], 11)
     """
-    check_choice("diagnosed_by", diagnosed_by, ("slave", "master"))
-    chosen = list(tests)
-    strange = [repr(test) for test in chosen if test not in TESTS]
-    if strange:
-        raise ArgumentError(f"tests has {', '.join(strange)}; there are {', '.join(TESTS)}")
-    noise = None if rng is None else np.random.default_rng(rng)
+    chosen = [check_choice("one of tests", test, TESTS) for test in tests]
+    noise = None if rng is None else check_rng(rng)
     steps, make = [], partial(TestBed, bit_rate=bit_rate, rng=noise)
     for test in chosen:
         match test:
@@ -410,6 +411,7 @@ def _at(test: str, step: str, position: float, target: float) -> Step:
     return Step(test, step, f"{target:g} %", f"{position:g} %", near)
 
 
+@checked
 def serve(
     n_valves: int = 64,
     *,
@@ -436,8 +438,8 @@ def serve(
         A motor stops when its valve has had no request for so long, 0.1..3600 [s] of the valves;
         never if omitted.
     **options
-        As `shipnet.modbus.serve` takes them: transport, host, port, and for a serial line
-        serial_port and line.
+        As `shipnet.modbus.serve` takes them: transport, host, port, wire_faults, and for a serial
+        line serial_port and line.
 
     Returns
     -------
@@ -508,6 +510,7 @@ class Link:
         self._socket.close()
 
 
+@checked
 class ModelValves:
     """Valves without a server, whose model time is set by hand.
 
@@ -544,7 +547,8 @@ class ModelValves:
         faults: tuple[Fault, ...] = (),
         rng: np.random.Generator | None = None,
     ) -> None:
-        self._slaves = valve_slaves(Plant(n_valves, faults, rng))
+        system = System(check_whole("n_valves", n_valves, 1, MAX_UNIT))
+        self._slaves = valve_slaves(Plant(system, faults, rng))
         self.time = 0.0
 
     def __call__(self, unit: int, request: Request) -> Response:
@@ -552,6 +556,7 @@ class ModelValves:
         return Response.parse(answer(self._slaves, Adu(unit, request.pdu), self.time).pdu, request)
 
 
+@checked
 class Client:
     """A client that commands and reads valves over Modbus/TCP, as the paper's PC does.
 
@@ -589,7 +594,9 @@ class Client:
         timeout: float = 1.0,
     ) -> None:
         self.n_valves = check_whole("n_valves", n_valves, 1, MAX_UNIT)
-        self._ask: Ask = Link(address, port, timeout)
+        number = check_whole("port", port, 0, 65535)
+        wait = check_scalar("timeout", timeout, "s", 1e-3, 3600)
+        self._ask: Ask = Link(address, number, wait)
 
     @classmethod
     def over(cls, ask: Ask, n_valves: int = 16) -> Client:
@@ -644,7 +651,8 @@ class Client:
 
     def status(self, valve: int) -> pd.Series:
         """Read one valve, and return what it says, as text with units."""
-        return pd.Series(self.read().numbers(valve), name=f"valve {valve}", dtype=object)
+        unit = check_whole("valve", valve, 1, self.n_valves)
+        return pd.Series(self.read().numbers(unit), name=f"valve {unit}", dtype=object)
 
 
 @dataclass(frozen=True, eq=False)

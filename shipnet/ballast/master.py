@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.plant import Command, Plant
@@ -26,7 +27,7 @@ from shipnet.ballast.sensors import CHANNELS, position_speed, stroke_speed
 from shipnet.ballast.slave import valve_slaves
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Adu, ExceptionCode, Request
@@ -88,6 +89,7 @@ class Write(NamedTuple):
         return ExceptionCode(self.response[1]).name.replace("_", " ").lower()
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Screen:
     """Every valve as the master shows it at a time.
@@ -155,7 +157,9 @@ class Screen:
         """Draw a bar and a number per valve, coloured by its state; the selected one is framed."""
         ax = style.axes(ax)
         units = self.shown.index.to_numpy()
-        wide = min(len(units), columns)
+        if selected is not None:
+            selected = check_whole("selected", selected, 1, len(units))
+        wide = min(len(units), check_whole("columns", columns, 1, 1000))
         rows = -(-len(units) // wide)
         size = 9 if wide <= 20 else 6
         places = np.arange(len(units))
@@ -205,6 +209,7 @@ class Screen:
         return ax
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class MasterRun:
     """What a master received of its valves, as `simulate` returns it for a system with a poll.
@@ -510,7 +515,7 @@ def scan_fleet(
             f"1..{MAX_UNIT} valves"
         )
     known = [command.mask(system.n_valves) for command in orders]
-    noise = None if rng is None else np.random.default_rng(rng)
+    noise = None if rng is None else check_rng(rng)
     parts, first = [], 0
     for share in shares:
         mine = [
@@ -539,10 +544,10 @@ def scan_fleet(
 
 def received_run(seen: MasterRun, unit: int, *, target: float) -> Run:
     """Return the readings of one valve as the master was sent them."""
-    known = check_whole("unit", unit, 1, seen.n_valves)
-    rows = seen.answers[seen.answers["unit"] == known]
+    unit = check_whole("valve", unit, 1, seen.n_valves)
+    rows = seen.answers[seen.answers["unit"] == unit]
     if rows.empty:
-        raise ArgumentError(f"unit is {unit}; nothing has come from it")
+        raise ArgumentError(f"valve is {unit}; nothing has come from it")
     time = rows["read_s"].to_numpy()
     readings = rows[[c.column for c in CHANNELS]].to_numpy()[:, :, np.newaxis]
     running, place = readings[:, 2] >= LEAST_CURRENT, readings[:, 4]

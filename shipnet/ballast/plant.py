@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.ballast.actuator import (
     Actuator,
@@ -26,12 +27,21 @@ from shipnet.ballast.actuator import (
     motor_current,
     steady_temperature,
 )
+from shipnet.ballast.registers import check_action
 from shipnet.ballast.scan import System, as_system
 from shipnet.ballast.sensors import CHANNELS
 from shipnet.clock import Fault as TimedFault
 from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, choice, number, record
+from shipnet.fields import (
+    check_choice,
+    check_rng,
+    check_scalar,
+    check_whole,
+    choice,
+    number,
+    record,
+)
 
 #: What a command may ask for, besides a position.
 ACTIONS = ("open", "close", "stop")
@@ -52,15 +62,16 @@ def _numbers(valves: int | Iterable[int] | None) -> tuple[int, ...] | None:
     if valves is None:
         return None
     many = valves if isinstance(valves, Iterable) else (valves,)
-    return tuple(check_whole("valve", valve, 1, 10_000) for valve in many)
+    return tuple(check_whole("one of valves", valve, 1, 10_000) for valve in many)
 
 
 def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
     """Return the places of these valves among `n_valves`, counted from 0."""
     known = range(1, n_valves + 1) if valves is None else _numbers(valves) or ()
-    return [check_whole("valve", valve, 1, n_valves) - 1 for valve in known]
+    return [check_whole("one of valves", valve, 1, n_valves) - 1 for valve in known]
 
 
+@checked
 @record
 class Command:
     """A command to some valves.
@@ -81,13 +92,7 @@ class Command:
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.action, str):
-            object.__setattr__(self, "action", check_scalar("position", self.action, "%", 0, 100))
-        elif self.action not in ACTIONS:
-            raise ArgumentError(
-                f"action is {self.action!r}; it must be one of {', '.join(ACTIONS)}, or a "
-                "position 0..100 %"
-            )
+        object.__setattr__(self, "action", check_action(self.action, ACTIONS))
         object.__setattr__(self, "valves", _numbers(self.valves))
 
     @property
@@ -102,8 +107,9 @@ class Command:
 
     def mask(self, n_valves: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Return which of this number of valves are meant, valve 1 first."""
-        meant = np.zeros(n_valves, bool)
-        meant[_places(self.valves, n_valves)] = True
+        count = check_whole("n_valves", n_valves, 1, 10_000)
+        meant = np.zeros(count, bool)
+        meant[_places(self.valves, count)] = True
         return meant
 
     @classmethod
@@ -131,7 +137,7 @@ class Command:
             raise ArgumentError(
                 f"until is {until:g} s; {times} operations of {lasts:g} s take {times * lasts:g} s"
             )
-        plan, generator = [], np.random.default_rng(rng)
+        plan, generator = [], check_rng(rng)
         for turn in range(times):
             begin = turn * share + generator.uniform(0, share - lasts)
             order = generator.permutation(valves)
@@ -188,6 +194,7 @@ FAULTS: dict[str, tuple[str, tuple[Change, ...]]] = {
 _SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
 
 
+@checked
 @record
 class Fault(TimedFault):
     """A fault of some valves.
@@ -225,32 +232,34 @@ class Fault(TimedFault):
 
     def severities(self, n_valves: int) -> Floats:
         """Return how severe it is for each valve, shape (n_valves,)."""
-        mine = _places(self.valves, n_valves)
+        count = check_whole("n_valves", n_valves, 1, 10_000)
+        mine = _places(self.valves, count)
         if np.ndim(self.severity) and np.size(self.severity) != len(mine):
             raise ArgumentError(
                 f"severity of {self.code} has {np.size(self.severity)} values for {len(mine)} "
                 "valves"
             )
-        found = np.zeros(n_valves)
+        found = np.zeros(count)
         found[mine] = self.severity
         return found
 
     @classmethod
-    def parse(cls, text: str, n_valves: int = 247) -> Fault:
+    def parse(cls, fault: str, n_valves: int = 247) -> Fault:
         """Return the fault that a text such as ``3:V1:0.8`` names: valve, code and severity."""
-        parts = text.split(":")
+        parts, most = fault.split(":"), check_whole("n_valves", n_valves, 1, 10_000)
         try:
             if len(parts) not in (2, 3):
                 raise ValueError
             unit, severity = int(parts[0]), float(parts[2]) if parts[2:] else 1.0
         except ValueError:
             raise ArgumentError(
-                f"fault is {text!r}; it must be VALVE:CODE or VALVE:CODE:SEVERITY, such as 3:V1:0.8"
+                f"fault is {fault!r}; it must be VALVE:CODE or VALVE:CODE:SEVERITY, "
+                "such as 3:V1:0.8"
             ) from None
         try:
-            return cls(parts[1], severity, valves=check_whole("valve", unit, 1, n_valves))
+            return cls(parts[1], severity, valves=check_whole("valve", unit, 1, most))
         except ArgumentError as error:
-            raise ArgumentError(f"fault {text!r}: {error}") from None
+            raise ArgumentError(f"fault {fault!r}: {error}") from None
 
     @classmethod
     def random(
@@ -268,7 +277,8 @@ class Fault(TimedFault):
         All `codes` come up equally often but for one; `severity` is one for all, or the lowest and
         the highest, 0..1.
         """
-        if not codes:
+        known = [check_choice("one of codes", code, FAULTS) for code in codes]
+        if not known:
             raise ArgumentError("codes is empty; it must name one fault or more")
         valves = check_whole("n_valves", n_valves, 1, 10_000)
         count = check_whole("n_faults", n_faults, 0, valves)
@@ -276,13 +286,13 @@ class Fault(TimedFault):
         low, high = severity if isinstance(severity, tuple) else (severity, severity)
         low = check_scalar("severity", low, "", 0, 1)
         high = check_scalar("severity", high, "", low, 1)
-        generator = np.random.default_rng(rng)
-        names = np.resize(np.array(codes, dtype=object), count)
+        generator = check_rng(rng)
+        names = np.resize(np.array(known, dtype=object), count)
         generator.shuffle(names)
         where = generator.choice(valves, count, replace=False)
         when, how = np.sort(generator.uniform(0, end, count)), generator.uniform(low, high, count)
         return [
-            cls(str(code), float(s), int(valve) + 1, start=float(t))
+            cls(code, float(s), int(valve) + 1, start=float(t))
             for code, s, t, valve in zip(names, how, when, where, strict=True)
         ]
 
@@ -341,7 +351,7 @@ class Plant:
         self.n_valves, self.step = self.system.n_valves, self.system.step
         self._healthy, self.sensors = self.system.actuator, self.system.sensors
         self.faults: tuple[Any, ...] = as_faults(faults, Fault)
-        self._rng = None if rng is None else np.random.default_rng(rng)
+        self._rng = None if rng is None else check_rng(rng)
         times = {time for fault in self.faults for time in (fault.start, fault.stop)} - {inf}
         #: Readings at which a fault begins or ends.
         self.changes = sorted(map(self.ticks, times))

@@ -7,13 +7,16 @@ The paper prints no scales, and its tables disagree about the status bits and th
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterable
 from enum import Enum
 from functools import cache
-from typing import NamedTuple
+from numbers import Real
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers, Words
 from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.datasets import path
@@ -139,6 +142,7 @@ class Status(NamedTuple):
         return table.assign(**flags, operating_s=self.operating_time)
 
 
+@checked
 @record(slots=True)
 class RegisterMap:
     """A reading of Tables 2 and 3.
@@ -182,10 +186,7 @@ class RegisterMap:
         operating_time: npt.ArrayLike = 0.0,
     ) -> Packed:
         """Return the registers of many valves."""
-        try:
-            values = np.asarray(readings, float)
-        except (TypeError, ValueError):
-            raise ArgumentError("readings must be five rows of numbers of one length") from None
+        values = np.asarray(readings, float)
         if values.ndim != 2 or len(values) != len(SCALES):
             raise ArgumentError(f"readings have the shape {values.shape}; it must be (5, n_valves)")
         n = values.shape[1]
@@ -200,7 +201,8 @@ class RegisterMap:
                 auto, close, open, operating_time, given,
             )  # fmt: skip
         except (TypeError, ValueError):
-            raise ArgumentError(f"a flag, fault or time does not fit {n} valves") from None
+            names = "auto, close, open, fault or operating_time"
+            raise ArgumentError(f"{names} does not fit {n} valves") from None
         if faults.dtype.kind not in "iu" or np.count_nonzero((faults < 0) | (faults > 12)):
             raise ArgumentError(f"fault is {fault!r}; it must be a whole number 0..12")
         flags[0] = ~flags[1]
@@ -216,10 +218,7 @@ class RegisterMap:
 
     def decode(self, registers: npt.ArrayLike) -> Status:
         """Return what registers say."""
-        try:
-            rows = np.asarray(registers)
-        except ValueError:
-            raise ArgumentError("registers must be rows of four whole numbers") from None
+        rows = np.asarray(registers)
         if rows.ndim != 2 or rows.shape[1] != N_REGISTERS or rows.dtype.kind not in "iu":
             raise ArgumentError("registers must be rows of four whole numbers")
         if rows.size and (rows.min() < 0 or rows.max() > 0xFFFF):
@@ -237,9 +236,7 @@ class RegisterMap:
 
     def command(self, code: Code, position: int = 0) -> int:
         """Return the value of the command register."""
-        if not isinstance(code, Code):
-            names = ", ".join(f"Code.{known.name}" for known in Code)
-            raise ArgumentError(f"code is {code!r}; it must be one of {names}")
+        code = Code(code)
         highest = 100 if code in (Code.POSITION_CLOSE, Code.POSITION_OPEN) else 0
         percent = check_whole("position", position, 0, highest, f" for {code.value}")
         return percent << 8 | command_codes(self.codes)[code]
@@ -250,16 +247,12 @@ class RegisterMap:
         A position, 0..100 [%], is rounded to a whole number; the code depends on whether it lies
         below the position `now`.
         """
-        if isinstance(action, str):
-            codes = {c.value.lower(): c for c in (Code.OPEN, Code.CLOSE, Code.MANUAL, Code.AUTO)}
-            if action not in codes:
-                raise ArgumentError(
-                    f"action is {action!r}; it must be one of {', '.join(codes)}, or a position "
-                    "0..100 %"
-                )
-            return self.command(codes[action])
-        whole = round(check_scalar("position", action, "%", 0, 100))
-        return self.command(Code.POSITION_CLOSE if whole < now else Code.POSITION_OPEN, whole)
+        codes = {c.value.lower(): c for c in (Code.OPEN, Code.CLOSE, Code.MANUAL, Code.AUTO)}
+        asked, last = check_action(action, codes), check_scalar("now", now, "%", 0, 255)
+        if isinstance(asked, str):
+            return self.command(codes[asked])
+        whole = round(asked)
+        return self.command(Code.POSITION_CLOSE if whole < last else Code.POSITION_OPEN, whole)
 
     def table(self, sensors: Sensors | None = None) -> pd.DataFrame:
         """Return where each reading is sent, in which step, and the largest error that follows.
@@ -301,6 +294,17 @@ class RegisterMap:
     @property
     def _first_bit(self) -> int:
         return 0 if self.status == "table 2" else 2
+
+
+def check_action(action: Any, words: Iterable[str]) -> str | float:
+    """Return one of these actions, or the position to go to [%]; raise if it is neither."""
+    if isinstance(action, str) and action in words:
+        return action
+    plain = isinstance(action, Real) and not isinstance(action, bool)
+    if plain and 0 <= action <= 100:
+        return float(action)
+    known = ", ".join(words)
+    raise ArgumentError(f"action is {action!r}; it must be one of {known}, or a position 0..100 %")
 
 
 def _check_flag(name: str, flag: npt.ArrayLike) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import inf
 
 from shipnet import datasets
+from shipnet.arguments import checked
 from shipnet.arrays import Bools
 from shipnet.fields import check_choice, check_scalar
 from shipnet.fuzzy.rule_files import read_rules
@@ -19,6 +20,7 @@ VERSIONS = {"printed": "printed", "corrected": "meant"}
 FILLS = ("absent", "normal", "physical")
 
 
+@checked
 def rule_base(slow_stroke: float | None = None) -> RuleBase:
     """Return the twelve rules of Table 1 of kim2014 as a rule base.
 
@@ -61,6 +63,7 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
     return RuleBase((*base.variables, time), (*base.rules, rule))
 
 
+@checked
 def rule_vectors(version: str = "corrected", *, fill: str = "absent") -> pd.DataFrame:
     """Return the values with which kim2014 tests its rules.
 

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arguments import checked
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.ballast.sensors import Sensors
@@ -31,6 +32,7 @@ READ_STATUS = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 _SCREEN = 2.0
 
 
+@checked
 def status_poll(
     line: SerialLine | float = 9600.0,
     *,
@@ -78,6 +80,7 @@ def command_poll(serial: SerialLine, *, processing: float = 0.0, timeout: float 
     return Poll(request, serial, processing=processing, timeout=timeout)
 
 
+@checked
 @record(eq=False)
 class System:
     """Valves; with a poll also the line and the master that scans them.
@@ -203,4 +206,6 @@ class System:
 
 def as_system(system: System | int) -> System:
     """Return a system, or plain valves of this number."""
-    return system if isinstance(system, System) else System(system)
+    return (
+        system if isinstance(system, System) else System(check_whole("system", system, 1, 10_000))
+    )

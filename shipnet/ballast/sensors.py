@@ -6,12 +6,13 @@ The paper prints no units; bar, bar, A, degC and percent are our reading (claim 
 from __future__ import annotations
 
 import re
-from functools import cache
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.datasets import path
 from shipnet.errors import ArgumentError
@@ -85,7 +86,15 @@ def stroke_speed(speed: Floats, ran: npt.ArrayLike) -> Floats:
 _NAMES = tuple(channel.name for channel in CHANNELS)
 
 
-@record(slots=True)
+class _Scale(NamedTuple):
+    low: Floats
+    high: Floats
+    noise: Floats
+    step: Floats
+
+
+@checked
+@record
 class Sensors:
     """The sensors of a slave, in the order FP, OP, MC, OT, VPos and in their units.
 
@@ -143,32 +152,24 @@ class Sensors:
             return np.zeros(5)
         return np.asarray((np.array(self.high) - self.low) / (2**self.bits - 1))
 
+    @cached_property
+    def _scale(self) -> _Scale:
+        """The numbers as columns of shape (5, 1): every reading needs them."""
+        rows = (self.low, self.high, self.noise, self.step)
+        return _Scale(*(np.array(row)[:, np.newaxis] for row in rows))
+
     def read(self, truth: npt.ArrayLike, rng: np.random.Generator | None = None) -> Floats:
         """Return readings of true values."""
         values = np.asarray(truth, float)
         if values.ndim < 2 or values.shape[-2] != 5:
             raise ArgumentError(f"truth has the shape {values.shape}; it must be (5, n_valves)")
-        scale = _scale(self)
+        scale = self._scale
         if rng is not None:
             values = values + rng.standard_normal(values.shape) * scale.noise
         values = np.minimum(np.maximum(values, scale.low), scale.high)
         if self.bits is None:
             return np.asarray(values)
         return np.asarray(np.rint((values - scale.low) / scale.step) * scale.step + scale.low)
-
-
-class _Scale(NamedTuple):
-    low: Floats
-    high: Floats
-    noise: Floats
-    step: Floats
-
-
-@cache
-def _scale(sensors: Sensors) -> _Scale:
-    """Return the numbers of sensors as columns of shape (5, 1), once: every reading needs them."""
-    rows = (sensors.low, sensors.high, sensors.noise, sensors.step)
-    return _Scale(*(np.array(row)[:, np.newaxis] for row in rows))
 
 
 def _five(name: str, values: Any) -> tuple[float, ...]:

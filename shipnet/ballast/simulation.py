@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.ballast.diagnosis import Run
 from shipnet.ballast.master import MasterRun, scan_fleet
 from shipnet.ballast.plant import Command, Fault, Plant
@@ -36,10 +37,7 @@ def blocks(
     last = plant.ticks(check_scalar("until", until, "s", 0, 1e8))
     idle = check_scalar("idle_step", idle_step, "s", plant.step, 3600)
     most = check_whole("size", size, 1, 10**6)
-    try:
-        orders = sorted(commands, key=lambda command: command.time)
-    except (AttributeError, TypeError):
-        raise ArgumentError(f"commands is {commands!r}; it must have `Command`s only") from None
+    orders = sorted(commands, key=lambda command: command.time)
     for command in orders:
         command.mask(plant.n_valves)
     events = {*plant.changes, *(plant.ticks(command.time) for command in orders)}
@@ -47,6 +45,7 @@ def blocks(
     return record(plant, orders, sorted(events), last, pause, most)
 
 
+@checked
 def simulate(
     system: System | int = 1,
     commands: Iterable[Command] = (),

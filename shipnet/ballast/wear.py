@@ -16,10 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.ballast.actuator import Actuator, hydraulics, load_pressure, stroke_time
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_choice, check_scalar, check_whole
+from shipnet.fields import check_choice, check_rng, check_scalar, check_whole
 from shipnet.fuzzy.firing import persistent
 from shipnet.fuzzy.terms import Term
 from shipnet.lazy import Axes, pd
@@ -31,6 +32,7 @@ LIMIT = 10.0
 _GRID = 2001
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Wear:
     """Valves whose pumps wear out, one row per stroke; `Wear.synthetic` makes such data.
@@ -80,7 +82,7 @@ class Wear:
         `spread` of their logarithm; `noise` are the standard deviations of FP [bar] and of the
         stroke time [s].
         """
-        generator = np.random.default_rng(rng)
+        generator = check_rng(rng)
         n = check_whole("n_valves", n_valves, 1, 10_000)
         strokes = check_whole("n_strokes", n_strokes, 1, 10**6)
         median = check_scalar("rate", rate, "", 1e-6, 1)
@@ -145,7 +147,7 @@ class Wear:
         first = max(last - check_whole("window", window, _FEWEST, 10**6), 0)
         values, limit, _ = self._indicator(predictor, slice(first, last), k)
         trend = fit_trend(np.arange(first, last), values, logarithmic=predictor == "leak")
-        return Prediction(self, valve, at, predictor, trend, remaining_life(trend, limit, last))
+        return Prediction(self, k + 1, last, predictor, trend, remaining_life(trend, limit, last))
 
     def predictions(self, at: int, *, predictor: str = "leak", window: int = 200) -> pd.DataFrame:
         """Return the strokes left of every valve after `at` strokes, indexed by ``valve``.

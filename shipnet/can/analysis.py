@@ -7,11 +7,13 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Octets
@@ -22,12 +24,11 @@ from shipnet.can.messages import (
     Message,
     MessageSet,
     bus_load,
-    check_set,
     read_list,
 )
 from shipnet.can.response import Assignment, Assumptions, ResponseTimes, audsley, response_times
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import check_path, check_scalar
+from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 
 #: Most that a clock on a CAN bus may be wrong: Bosch, CAN specification 2.0, part B, section 9.
@@ -37,6 +38,7 @@ CLOCK_TOLERANCE = 0.0158
 _STAMP = 1e-6
 
 
+@checked
 def read_messages(
     path: str | PathLike[str],
     *,
@@ -99,7 +101,7 @@ def read_messages(
     """
     if period is not None:
         check_scalar("period", period, "s", 1e-6, 1e5)
-    file = check_path("path", path)
+    file = Path(path)
     try:
         is_log = file.suffix.lower() != ".dbc" and log_kind(file) != ""
     except (OSError, ValueError) as problem:
@@ -192,6 +194,7 @@ class Analysis:
         return f"Analysis({self.verdict})"
 
 
+@checked
 def analyse(
     messages: MessageSet | Log | str | PathLike[str],
     bit_rates: float | Iterable[float] = BIT_RATES,
@@ -258,16 +261,13 @@ def analyse(
     return Analysis(known, responses, lowest, best, lowest_best)
 
 
-def _messages(source: object, period: float | None) -> MessageSet:
+def _messages(source: MessageSet | Log | str | PathLike[str], period: float | None) -> MessageSet:
     """Return the messages that a set, a log or a file holds."""
     if period is not None:
         check_scalar("period", period, "s", 1e-6, 1e5)
     if isinstance(source, str | PathLike):
         return read_messages(source, period=period)
-    if isinstance(source, Log):
-        return source.messages(period=period)
-    check_set(source)
-    return source  # type: ignore[return-value]
+    return source.messages(period=period) if isinstance(source, Log) else source
 
 
 # A plan and a log ------------------------------------------------------------------------------
@@ -343,6 +343,7 @@ class LogComparison:
 _WORDS = ("missing", "late", "faster", "other length", "unknown", "not seen")
 
 
+@checked
 def compare(
     messages: MessageSet | Log | str | PathLike[str],
     log: Log | str | PathLike[str],
@@ -402,7 +403,7 @@ def compare(
     {'new': {'frames': 0, 'verdict': 'missing'}, '0x080': {'frames': 100, 'verdict': 'unknown'}}
     """
     plan = _messages(messages, period)
-    found = log if isinstance(log, Log) else read_log(check_path("log", log))
+    found = log if isinstance(log, Log) else read_log(log)
     order = np.lexsort((found.time, found.keys))
     keys, codes = found.keys[order], found.dlc[order]
     times = found.time[order] - (found.time.min() if len(found) else 0.0)

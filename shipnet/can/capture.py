@@ -10,12 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Bytes, Floats, Indices, Integers
 from shipnet.can.frame import CRC_BITS, RUN, TAIL, check_bit_rate, head
 from shipnet.can.lengths import CHUNK, frame_length
@@ -32,7 +34,6 @@ from shipnet.errors import (
     StuffError,
     name_of,
 )
-from shipnet.fields import check_path
 from shipnet.lazy import Axes, pd
 from shipnet.line.scope_file import Edges, bit_time, read_edges
 
@@ -375,6 +376,7 @@ class Capture:
         )
 
 
+@checked
 def read_capture(
     path: str | PathLike[str],
     bit_rate: float | None = None,
@@ -438,7 +440,7 @@ def read_capture(
     >>> read_capture(datasets.path("sigrok_nmea2000_snippet.sr"))
     Capture(113 frames in 2.097 s at 250 kbit/s, all right)
     """
-    file = check_path("path", path)
+    file = Path(path)
     if bit_rate is not None:
         bit_rate = check_bit_rate(bit_rate)
     edges = read_edges(file, channel=channel, sample_interval=sample_interval)

@@ -8,10 +8,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TypeAlias
 
+from shipnet.arguments import checked
 from shipnet.clock import Fault, nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, record, whole
@@ -70,6 +71,7 @@ class ErrorAt:
     )
 
 
+@checked
 @record
 class ErrorBound:
     r"""The most errors that hit the bus in any time :math:`t`, to analyse.
@@ -123,25 +125,3 @@ Simulated: TypeAlias = BitErrors | ErrorAt
 
 #: A bus without errors.
 NO_ERRORS = ErrorBound(math.inf, 0)
-
-
-def simulated(faults: Simulated | Iterable[Simulated]) -> tuple[Simulated, ...]:
-    """Return one or several faults of a simulation as a tuple, or raise if one is of no use."""
-    several = tuple(faults) if isinstance(faults, Iterable) else (faults,)
-    for fault in several:
-        if not isinstance(fault, BitErrors | ErrorAt):
-            raise ArgumentError(
-                f"one of faults is {fault!r}; a simulation takes faults.BitErrors and "
-                "faults.ErrorAt, an analysis faults.ErrorBound"
-            )
-    return several
-
-
-def bound(faults: ErrorBound | None) -> ErrorBound:
-    """Return the bound on errors of an analysis, or raise if it is of another kind."""
-    if not isinstance(faults, ErrorBound | None):
-        raise ArgumentError(
-            f"faults is {faults!r}; an analysis takes one faults.ErrorBound, a simulation "
-            "faults.BitErrors and faults.ErrorAt"
-        )
-    return faults or NO_ERRORS

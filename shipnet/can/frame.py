@@ -12,12 +12,13 @@ never notice.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.crc import CAN as CRC
 from shipnet.errors import (
     AcknowledgeError,
@@ -111,6 +112,7 @@ def stuff_places(bits: str) -> list[int]:
     return places
 
 
+@checked
 def stuff(bits: str) -> str:
     """Return bits with their stuff bits, as they go onto the line.
 
@@ -134,7 +136,7 @@ def stuff(bits: str) -> str:
     >>> stuff("0000011110")
     '000001111100'
     """
-    if not isinstance(bits, str) or set(bits) - {"0", "1"}:
+    if set(bits) - {"0", "1"}:
         raise ArgumentError(f"bits is {bits!r}; it must be text of 0 and 1")
     parts = []
     begin = 0
@@ -377,6 +379,7 @@ class _Line:
             )
 
 
+@checked
 def decode(bits: str) -> Frame:
     """Read the frame that a stream of bits begins with.
 
@@ -434,8 +437,6 @@ def decode(bits: str) -> Frame:
         ...
     shipnet.errors.StuffError: bit 22, data: a sixth 0 in a row instead of a stuff bit
     """
-    if not isinstance(bits, str):
-        raise ArgumentError(f"bits is {bits!r}; it must be text of 0 and 1")
     line = _Line(bits)
     if line.take("SOF", 1) == "1":
         raise line.fault(StartBitError, "SOF", "recessive; a frame starts with a dominant bit")
@@ -472,6 +473,7 @@ def decode(bits: str) -> Frame:
 # Arbitration -----------------------------------------------------------------------------------
 
 
+@checked
 class Arbitration(NamedTuple):
     """How frames that began together settled who goes on.
 
@@ -522,6 +524,7 @@ class Arbitration(NamedTuple):
         return plot_contest(rows, self.bus, ax, upto)
 
 
+@checked
 def arbitrate(frames: Sequence[Frame]) -> Arbitration:
     """Send frames that begin together, bit by bit, until one is left.
 
@@ -559,10 +562,9 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
     >>> contest.stopped, contest.bus
     ((2, 12, None), '000100000100000')
     """
-    given = tuple(frames) if isinstance(frames, Iterable) else (frames,)
-    others = [frame for frame in given if not isinstance(frame, Frame)]
-    if others or not given:
-        raise ArgumentError(f"frames are {given!r}; there must be one Frame or more")
+    given = tuple(frames)
+    if not given:
+        raise ArgumentError("frames are (); there must be one Frame or more")
     rows = [frame.bits for frame in given]
     ends = [_end(frame) for frame in given]
     active = set(range(len(given)))

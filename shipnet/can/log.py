@@ -6,18 +6,20 @@ import os
 from collections import Counter
 from dataclasses import dataclass
 from math import isfinite
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import measure_frames
 from shipnet.can.messages import Message, MessageSet
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_path, check_scalar
+from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 
 #: What the columns of a log may hold, by the kind of a numpy array.
@@ -51,6 +53,7 @@ def hexadecimal(key: int) -> str:
     return f"0x{key >> 1:0{8 if key & 1 else 3}X}"
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Log:
     """Recorded frames as columns, in the order of the file.
@@ -106,11 +109,9 @@ class Log:
             ):
                 raise ArgumentError(f"{name} is {column!r}; it must be a column of a log")
             object.__setattr__(self, name, column)
-        sizes = [len(column) for column in self.columns]
-        if len(set(sizes)) != 1 or self.data.shape[1] != 8:
-            raise ArgumentError(
-                f"log has columns of {sizes} rows; all must agree, data with 8 bytes"
-            )
+        sizes = {name: len(getattr(self, name)) for name in _KINDS}
+        if len({*sizes.values()}) != 1 or self.data.shape[1] != 8:
+            raise ArgumentError(f"log has rows {sizes}; all must agree, data with 8 bytes")
         time, ids, dlc = self.time, self.arbitration_id, self.dlc
         highest = np.where(self.extended, highest_id(True), highest_id(False))
         wrong = (ids < 0) | (ids > highest) | (dlc > 15)
@@ -156,7 +157,7 @@ class Log:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the frames as ``candump -l`` does; the suffix must be ``.log``."""
-        if check_path("path", path).suffix.lower() != ".log":
+        if Path(path).suffix.lower() != ".log":
             raise ArgumentError(f"path is {str(path)!r}; its suffix must be .log")
         self._check_times("a file of candump")
         text = self.data.astype(np.uint8).tobytes().hex().upper()

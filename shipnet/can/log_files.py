@@ -25,11 +25,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arguments import checked
 from shipnet.can.frame import highest_id
 from shipnet.can.log import Log, impossible
 from shipnet.can.messages import said
 from shipnet.errors import InputError, load_extra
-from shipnet.fields import check_path
 
 #: About how much of a file is worked on at once [byte], and how many rows.
 _BLOCK, _ROWS = 1 << 22, 1 << 16
@@ -147,6 +147,7 @@ def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     return np.flatnonzero(~kept[::-1])
 
 
+@checked
 def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     r"""Read a log of classic CAN frames.
 
@@ -198,7 +199,7 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     >>> pasted
     Log(1 frames without times, 1 CAN FD frames skipped)
     """
-    file = check_path("path", path)
+    file = Path(path)
     try:
         kind = log_kind(file) or "text"
         if kind == "mdf":

@@ -19,12 +19,13 @@ from dataclasses import replace
 from decimal import Decimal
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar, overload
+from typing import Any, Literal, NamedTuple, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets
+from shipnet.arguments import checked
 from shipnet.arrays import Floats, Indices
 from shipnet.can.frame import check_bit_rate, highest_id
 from shipnet.can.lengths import Stuffing, length_table
@@ -35,8 +36,6 @@ from shipnet.fields import (
     Number,
     Switch,
     Whole,
-    check_choice,
-    check_path,
     check_whole,
     declared,
     number,
@@ -203,7 +202,7 @@ class Named(Sequence[T]):
         """Names of the items, in their order."""
         raise NotImplementedError
 
-    def place(self, name: str) -> int:
+    def _place(self, name: str) -> int:
         """Return the place of an item, or raise if there is none of the name."""
         if name not in self.names:
             raise ArgumentError(f"name is {name!r}; the messages are {', '.join(self.names)}")
@@ -221,9 +220,10 @@ class Named(Sequence[T]):
     def __getitem__(self, key: slice) -> tuple[T, ...]: ...
     def __getitem__(self, key: int | str | slice) -> T | tuple[T, ...]:
         """Return an item by its place or its name, or some by a slice."""
-        return self._items[self.place(key) if isinstance(key, str) else key]
+        return self._items[self._place(key) if isinstance(key, str) else key]
 
 
+@checked
 class MessageSet(Named[Message]):
     """The messages of one bus, the highest priority first.
 
@@ -254,14 +254,11 @@ class MessageSet(Named[Message]):
     __slots__ = ("_items", "overlooked")
 
     def __init__(self, messages: Iterable[Message], *, overlooked: Iterable[str] = ()) -> None:
-        for argument, value in (("messages", messages), ("overlooked", overlooked)):
-            if not isinstance(value, Iterable):
-                raise ArgumentError(f"{argument} is {value!r}; it must be a sequence")
         self.overlooked = tuple(overlooked)
         given = list(messages)
         others = [item for item in given if not isinstance(item, Message)]
         if others:
-            raise ArgumentError(f"messages hold {others[0]!r}; all must be of class Message")
+            raise ArgumentError(f"one of messages is {others[0]!r}; it must be a Message")
         faults = set_faults(given)
         if faults:
             raise ArgumentError("; ".join(fault for _, fault in faults))
@@ -292,7 +289,7 @@ class MessageSet(Named[Message]):
 
         A deadline equal to the period follows a new period.
         """
-        place = self.place(name)
+        place = self._place(name)
         known = Message.__dataclass_fields__
         unknown = [field for field in new if field not in known]
         if unknown:
@@ -376,12 +373,7 @@ class MessageSet(Named[Message]):
 
         Its suffix must not be that of another format: a DBC file would lose its signals.
         """
-        if (suffix := check_path("path", path).suffix.lower()) in (
-            ".dbc",
-            ".xls",
-            ".xlsm",
-            ".xlsx",
-        ):
+        if (suffix := Path(path).suffix.lower()) in (".dbc", ".xls", ".xlsm", ".xlsx"):
             raise ArgumentError(f"path is {str(path)!r}; a CSV file has not the suffix {suffix}")
         Path(path).write_text(self.text, encoding="utf-8", newline="")
 
@@ -392,22 +384,13 @@ def counted(names: Sequence[str]) -> str:
     return f"{len(names)} message{'s' if len(names) != 1 else ''}{': ' if some else ''}{some}"
 
 
-def check_set(messages: object) -> None:
-    """Raise unless the messages are a set, whose identifiers differ."""
-    if not isinstance(messages, MessageSet):
-        kind = type(messages).__name__
-        raise ArgumentError(
-            f"messages are of type {kind}; they must be a MessageSet, such as "
-            "MessageSet([Message(...), ...]) or MessageSet.from_table(table)"
-        )
-
-
 @overload
 def bus_load(messages: MessageSet, bit_rate: float, stuffing: Stuffing = ...) -> float: ...
 @overload
 def bus_load(
     messages: MessageSet, bit_rate: npt.ArrayLike, stuffing: Stuffing = ...
 ) -> float | Floats: ...
+@checked
 def bus_load(
     messages: MessageSet, bit_rate: npt.ArrayLike, stuffing: Stuffing = "worst"
 ) -> float | Floats:
@@ -443,7 +426,6 @@ def bus_load(
     >>> bus_load(messages, [125e3, 250e3]).round(3).tolist()
     [0.324, 0.162]
     """
-    check_set(messages)
     rate = np.asarray(bit_rate)
     if rate.dtype.kind not in "iuf" or not ((rate >= 1000) & (rate <= 1e6)).all():
         raise ArgumentError(f"bit_rate is {bit_rate!r}; it must be 1000..1000000 bit/s")
@@ -488,7 +470,8 @@ bearings,0x300,8,1000,1000,JB3
 """
 
 
-def example(name: str = "engine") -> MessageSet:
+@checked
+def example(name: Literal["engine", "lee2012"] = "engine") -> MessageSet:
     """Return a message set to try things with.
 
     Parameters
@@ -515,7 +498,7 @@ def example(name: str = "engine") -> MessageSet:
     >>> len(example("lee2012")), sum(message.dlc for message in example("lee2012"))
     (22, 164)
     """
-    if check_choice("name", name, ("engine", "lee2012")) == "engine":
+    if name == "engine":
         return MessageSet.parse(EXAMPLE)
     return read_list(Path(datasets.path("synthetic_can_lee2012.csv")), None, None, True)
 

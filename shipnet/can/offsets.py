@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.arrays import Integers
-from shipnet.can.messages import MessageSet, check_set, message_lengths
+from shipnet.can.messages import MessageSet, message_lengths
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
@@ -185,6 +186,7 @@ def _within(streams: Streams, span: int) -> list[int] | None:
     return found
 
 
+@checked
 def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
     """Return the messages with offsets that keep those of one sender apart.
 
@@ -228,7 +230,6 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
     >>> can.response_times(apart, 125e3, offsets=True)["m3"].response
     0.00108
     """
-    check_set(messages)
     grain = nanoseconds(check_scalar("step", step, "s", 1e-6, 1))
     periods = np.array([nanoseconds(message.period) for message in messages])
     length = message_lengths(messages)

@@ -16,14 +16,15 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Utilisation
+from shipnet.arguments import checked
 from shipnet.arrays import Integers
-from shipnet.can.faults import ErrorBound, bound
+from shipnet.can.faults import NO_ERRORS, ErrorBound
 from shipnet.can.frame import INTERMISSION, check_bit_rate
-from shipnet.can.messages import Message, MessageSet, Named, check_set
+from shipnet.can.messages import Message, MessageSet, Named
 from shipnet.can.offsets import Streams, clocks, longest_responses
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_choice, check_kind, choice, record, switch, whole
+from shipnet.fields import choice, record, switch, whole
 from shipnet.lazy import Axes, pd
 
 Method = Literal["exact", "sufficient", "1994"]
@@ -109,9 +110,7 @@ class Bus(NamedTuple):
 
 def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions | None) -> Bus:
     """Return a message set in ticks of the bus."""
-    check_set(messages)
     assumptions = AS_USUAL if assumptions is None else assumptions
-    check_kind("assumptions", assumptions, Assumptions)
     rate = check_bit_rate(bit_rate)
     if rate % 1:
         raise ArgumentError(f"bit_rate is {bit_rate!r}; it must be a whole number of bit/s")
@@ -452,6 +451,7 @@ class ResponseTimes(Named[ResponseTime]):
         return ax
 
 
+@checked
 def response_times(
     messages: MessageSet,
     bit_rate: float,
@@ -537,8 +537,6 @@ def response_times(
     >>> [r.response for r in response_times(messages, 125e3, method="sufficient")]
     [0.002, 0.003, 0.007]
     """
-    check_set(messages)
-    check_choice("method", method, ("exact", "sufficient", "1994"))
     if method != "exact":
         for message in messages:
             if message.deadline > message.period:
@@ -546,7 +544,7 @@ def response_times(
                     f"deadline of {message.name!r} is {message.deadline} s, longer than its period "
                     f"{message.period} s; only the exact method allows that"
                 )
-    errors = bound(faults)
+    errors = faults or NO_ERRORS
     bus = on_bus(messages, bit_rate, assumptions)
     solved = None if method != "exact" or errors.burst else _solve_together(bus)
     if solved is None:
@@ -565,7 +563,7 @@ def response_times(
             messages, bus.streams, bus.deadline, solved, strict=True
         )
     ]
-    if check_kind("offsets", offsets, bool):
+    if offsets:
         if method != "exact" or errors.burst or not bus.assumptions.own_jitter:
             raise ArgumentError(
                 "offsets is True; that takes the exact method, no faults, and own_jitter"
@@ -641,6 +639,7 @@ class Assignment(NamedTuple):
     unplaced: tuple[str, ...]
 
 
+@checked
 def audsley(
     messages: MessageSet,
     bit_rate: float,
@@ -706,7 +705,7 @@ def audsley(
     >>> [f"{r.message.name} {r.response}" for r in response_times(found.messages, 125e3)]
     ['Z 0.002', 'Y 0.00252', 'X 0.00252']
     """
-    errors = bound(faults)
+    errors = faults or NO_ERRORS
     bus = on_bus(messages, bit_rate, assumptions)
     left = sorted(range(len(messages)), key=lambda m: bus.deadline[m])
     placed: list[int] = []

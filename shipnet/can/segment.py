@@ -13,9 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_kind, check_scalar, check_whole, number, record, whole
+from shipnet.fields import check_scalar, check_whole, number, record, whole
 from shipnet.lazy import Axes, pd
 from shipnet.line.cable import Cable
 from shipnet.line.characteristics import Driver, simulate
@@ -28,6 +29,7 @@ Bits = npt.NDArray[np.int8]
 DOMINANT, RECESSIVE = 0.9, 0.5
 
 
+@checked
 @record(repr=False)
 class Segment:
     """A straight trunk with nodes at equal distances, counted from 1.
@@ -61,9 +63,6 @@ class Segment:
     capacitance: float = number(1e-15, 1e-3, "F", "Input capacitance of a node", default=100e-12)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.stubs, Mapping):
-            raise ArgumentError(f"stubs is {self.stubs!r}; it must give lengths [m] by node")
-        check_kind("cable", self.cable, Cable)
         for node, metres in self.stubs.items():
             check_whole("node of a stub", node, 1, self.nodes)
             check_scalar(f"length of the stub at node {node}", metres, "m", 1e-3, 1e3)
@@ -132,7 +131,7 @@ class Segment:
         drivers, sent = [], np.ones(length, dtype=np.int8)
         for node, pattern in patterns.items():
             name = self.point(node)
-            if not isinstance(pattern, str) or set(pattern) - {"0", "1"}:
+            if set(pattern) - {"0", "1"}:
                 raise ArgumentError(f"pattern of node {node} is {pattern!r}; it must hold 0 and 1")
             levels = np.array([int(c) for c in pattern.ljust(length, "1")], dtype=np.int8)
             sent &= levels
@@ -242,11 +241,11 @@ class Signals:
             index=pd.Index(nodes, name="node"),
         )
 
-    def plot(self, node: int | None = None, ax: Axes | None = None, *, colour: str = "C0") -> Axes:
+    def plot(self, node: int | None = None, ax: Axes | None = None) -> Axes:
         """Draw the voltage at a node, the last by default, and the bits that it reads."""
         node = self.segment.nodes if node is None else node
         row, ax, red = self.row(node), style.axes(ax), style.LIMIT["color"]
-        ax.plot(self.t * 1e6, self.v[row], color=colour, label=f"voltage at node {node}")
+        ax.plot(self.t * 1e6, self.v[row], color="C0", label=f"voltage at node {node}")
         top = max(self.v[row].max(), DOMINANT)
         for level, name, above in ((DOMINANT, "dominant", True), (RECESSIVE, "recessive", False)):
             ax.axhline(level, lw=1, color=red, linestyle=style.LIMIT["linestyle"])

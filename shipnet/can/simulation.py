@@ -11,21 +11,23 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Utilisation
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.bus import OVERWRITTEN, WAITING, Failure, Nodes, Releases, send, send_batch
-from shipnet.can.faults import Simulated, simulated
+from shipnet.can.faults import BitErrors, ErrorAt, Simulated
 from shipnet.can.frame import check_bit_rate
 from shipnet.can.log import Log
-from shipnet.can.messages import MessageSet, check_set, counted, message_lengths
-from shipnet.clock import nanoseconds
+from shipnet.can.messages import MessageSet, counted, message_lengths
+from shipnet.clock import as_faults, nanoseconds
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_choice, check_kind, check_rng, check_scalar
+from shipnet.fields import check_rng, check_scalar
 from shipnet.lazy import Axes, pd
 
 #: Most frames that one run may release: some gigabytes of memory.
 MOST_FRAMES = 20_000_000
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """What happened on a simulated bus; `simulate` makes it.
@@ -173,6 +175,7 @@ class Run:
         ).replace("%)", " %)")
 
 
+@checked
 def simulate(
     messages: MessageSet,
     bit_rate: float,
@@ -249,10 +252,8 @@ def simulate(
     """
     columns = _columns(messages)
     bit = bit_time_ns(bit_rate)
-    check_choice("queue", queue, ("fifo", "overwrite"))
-    check_kind("recover", recover, bool)
     horizon = nanoseconds(check_scalar("until", until, "s", 1e-9, 1e6))
-    several = simulated(faults)
+    several = as_faults(faults, BitErrors, ErrorAt)
     generator = check_rng(rng)
     arrival, releases = _releases(columns, horizon, bit, generator)
     start, failures, at_end = send(
@@ -340,6 +341,7 @@ class BatchRun:
         return f"BatchRun({sets} set{plural} of offsets, {counted(self.system.names)})"
 
 
+@checked
 def simulate_batch(
     messages: MessageSet, bit_rate: float, *, offsets: npt.ArrayLike, until: float
 ) -> BatchRun:
@@ -413,7 +415,6 @@ class _Columns(NamedTuple):
 
 def _columns(messages: MessageSet) -> _Columns:
     """Return a set of one message or more as columns; `owner` is the place among `senders`."""
-    check_set(messages)
     if not len(messages):
         raise ArgumentError("messages are empty; there must be at least one")
     times = (

@@ -81,8 +81,8 @@ def serve(
     rng : optional
         Draws the waves of the synthetic values; whatever `numpy.random.default_rng` takes.
     **options
-        As `shipnet.modbus.serve` takes them: transport, host, port, and for a serial line
-        serial_port and line.
+        As `shipnet.modbus.serve` takes them: transport, host, port, wire_faults, and for a serial
+        line serial_port and line.
 
     Returns
     -------

@@ -24,3 +24,4 @@ from .slave import answer as answer
 from .uart import Characters as Characters
 from .uart import SerialLine as SerialLine
 from .uart import Waveform as Waveform
+from .wire import WireFault as WireFault

@@ -17,6 +17,7 @@ from shipnet.modbus.frame import MAX_PDU, RTU_BYTES
 from shipnet.modbus.pdu import Adu, decode
 from shipnet.modbus.slave import Answer
 from shipnet.modbus.uart import SerialLine
+from shipnet.modbus.wire import Wire
 
 Respond = Callable[[Adu], Answer]
 
@@ -36,6 +37,9 @@ _UNSENT = 1 << 16
 #: Connections that the system holds until they are accepted.
 _BACKLOG = 100
 
+#: Between timers that must fire in order [s].
+_APART = 1e-6
+
 #: Pause after a connection that could not be accepted [s].
 _PAUSE = 0.01
 
@@ -46,8 +50,11 @@ _HEAD, _SHORTEST, _LONGEST = 6, 2, 1 + MAX_PDU
 class Listener:
     """Something that listens at a place, until it is closed.
 
-    `place` names it in errors, `handlers` are its connections, and `port` is what is bound.
+    `place` names it in errors, `handlers` are its connections, and `port` is what is bound. A
+    `wire` has faults.
     """
+
+    wire: Wire | None = None
 
     def __init__(self, respond: Respond, place: str) -> None:
         self.respond, self.place, self.port = respond, place, 0
@@ -76,6 +83,7 @@ class _Handler:
         self.listener, self.loop = listener, get_running_loop()
         self.received = b""
         self.held_back: Counter[Any] = Counter()
+        self.free = 0.0  # when a wire with faults has passed all answers on
 
     def connection_made(self, transport: Any) -> None:
         """Begin."""
@@ -96,10 +104,20 @@ class _Handler:
         if not answer.pdu:
             return
         adu = Adu(request.unit_id, answer.pdu, request.transaction_id)
+        delay = wait + answer.delay
+        if self.listener.wire is not None:
+            # Nothing overtakes an answer: a slave works on one request after the other.
+            due = max(self.loop.time(), self.free) + delay
+            for silence, data in self.listener.wire.pieces(adu):
+                due += silence + _APART
+                held[to] += 1
+                self.loop.call_at(due, self._send_late, data, to)
+            self.free = due
+            return
         frame = adu.rtu if request.transaction_id is None else adu.tcp
-        if wait + answer.delay > 0:
+        if delay > 0:
             held[to] += 1
-            self.loop.call_later(wait + answer.delay, self._send_late, frame, to)
+            self.loop.call_later(delay, self._send_late, frame, to)
         else:
             self._send_if_open(frame, to)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from errno import (
     EACCES,
@@ -22,15 +22,17 @@ from errno import (
 from socket import gaierror
 from threading import Thread
 from time import monotonic
-from typing import Literal
+from typing import Any, Literal
 
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, load_extra
-from shipnet.fields import check_choice, check_kind, check_scalar, check_whole
+from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.handlers import Listener, Respond, RtuListener, TcpListener, UdpListener
 from shipnet.modbus.pdu import Adu
 from shipnet.modbus.slave import Answer, Device, Slave, answer
 from shipnet.modbus.uart import SerialLine
+from shipnet.modbus.wire import Wire, WireFault, check_faults
 
 Clock = Callable[[], float]
 Transport = Literal["tcp", "udp", "rtu"]
@@ -189,6 +191,7 @@ def _cause(problem: Exception, listener: Listener) -> str:
     return causes[codes[0]].format(character=character) if codes else str(problem)
 
 
+@checked
 def serve(
     devices: Mapping[int, Device | Slave],
     transport: Transport = "tcp",
@@ -202,6 +205,8 @@ def serve(
     clock: Clock | None = None,
     max_clients: int = 128,
     idle_limit: float = 600.0,
+    wire_faults: WireFault | Iterable[WireFault] = (),
+    rng: Any = 2024,
 ) -> Server:
     r"""Return a server for simulated devices, to be used in ``with`` or ``async with``.
 
@@ -233,6 +238,10 @@ def serve(
         TCP connections at the same time, 1..10000; a further one is closed at once.
     idle_limit : float, default 600
         A TCP connection without a request for so long is closed, 0.01..1e6 [s].
+    wire_faults : WireFault or iterable of WireFault, optional
+        What becomes of some answers in TCP or on a serial line; at most one hits an answer.
+    rng : optional
+        Draws which ones, and random delays and bytes; whatever `numpy.random.default_rng` takes.
 
     Returns
     -------
@@ -270,35 +279,38 @@ def serve(
     ...         print(client.recv(260).hex(" "))
     00 01 00 00 00 07 01 03 04 01 5e 01 9c
     """
-    rtu = check_choice("transport", transport, ("tcp", "udp", "rtu")) == "rtu"
-    check_kind("line", line, SerialLine)
-    if not isinstance(devices, Mapping) or not devices:
-        raise ArgumentError(f"devices is {devices!r}; it must be a mapping with 1.. devices")
+    rtu = transport == "rtu"
+    if not devices:
+        raise ArgumentError("devices is {}; there must be one device or more")
     slaves = {}
     for unit, device in devices.items():
         why = " on a serial line" if rtu else ""
         known = check_whole("unit id", unit, int(rtu), MAX_UNIT, why)
         slaves[known] = device if isinstance(device, Slave) else Slave(device)
-    if not isinstance(host, str) or not host:
+    if not host:
         raise ArgumentError(f"host is {host!r}; it must be a name or an address")
     bound = check_whole("port", port, 0, 0xFFFF)
-    if rtu != bool(check_kind("serial_port", serial_port, str)):
+    if rtu != bool(serial_port):
         raise ArgumentError(f"serial_port is {serial_port!r}; RTU needs one, and nothing else does")
     quiet = check_scalar("silence", silence, "s", line.t35, 10)
     limit = check_scalar("idle_limit", idle_limit, "s", 0.01, 1e6)
     most = check_whole("max_clients", max_clients, 1, 10_000)
     check_scalar("speed", speed, "s/s", 0, 1e6)
-    if not (clock is None or callable(clock)):
-        raise ArgumentError(f"clock is {clock!r}; it must return the model time when called")
+    faults = check_faults(wire_faults, transport)
+    check_rng(rng)
     if rtu:
         for module, package in (("pymodbus", "pymodbus"), ("serial", "pyserial")):
             load_extra(module, package)
 
     def make(respond: Respond) -> Listener:
+        listener: Listener
         if rtu:
-            return RtuListener(respond, serial_port, line, quiet)
-        if transport == "udp":
-            return UdpListener(respond, host, bound)
-        return TcpListener(respond, host, bound, most, limit)
+            listener = RtuListener(respond, serial_port, line, quiet)
+        elif transport == "udp":
+            listener = UdpListener(respond, host, bound)
+        else:
+            listener = TcpListener(respond, host, bound, most, limit)
+        listener.wire = Wire(faults, rng) if faults else None
+        return listener
 
     return Server(slaves, make, lambda: clock or real_clock(speed), rtu)

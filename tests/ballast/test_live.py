@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from shipnet.ballast.diagnosis import Recorder, diagnose_run
+from shipnet.ballast.live import Client, _diagnosis, acceptance_tests
 from shipnet.ballast.live import TestBed as Bed
-from shipnet.ballast.live import _diagnosis, acceptance_tests
 from shipnet.ballast.master import received_run
 from shipnet.ballast.plant import FAULTS, Command, Plant
 from shipnet.ballast.simulation import simulate
 from shipnet.errors import ArgumentError
+from tests.support import check_mistakes
 
 
 def test_the_three_tests_of_control_are_passed_with_noise():
@@ -121,17 +122,22 @@ def test_what_the_master_received_has_the_steps_of_the_registers():
     ("make", "message"),
     [
         (lambda: acceptance_tests(diagnosed_by="ship"), "diagnosed_by is 'ship'"),
-        (lambda: acceptance_tests(tests=["sea"]), "tests has 'sea'"),
-        (lambda: Bed(fault="X"), "code is 'X'"),
+        (lambda: acceptance_tests(tests=["sea"]), "tests is 'sea'"),
+        (lambda: Bed(fault="X"), "fault is 'X'"),
         (lambda: Recorder(Plant()).run, "nothing has been recorded"),
         (lambda: received_run(Bed().station.seen, 1, target=0), "nothing has come"),
-        (lambda: received_run(Bed().station.seen, 6, target=0), "unit is 6"),
+        (lambda: received_run(Bed().station.seen, 6, target=0), "valve is 6"),
         (lambda: Bed().device(6), r"unit is 6; it must be a whole number 1\.\.5"),
     ],
 )
 def test_a_bad_argument_is_named(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
+
+
+def test_an_argument_of_a_client_is_named_before_it_connects():
+    good = {"address": "127.0.0.1", "port": 1, "n_valves": 2, "timeout": 0.1}
+    check_mistakes(Client, good, {"address": "text"})
 
 
 def test_a_rate_below_those_printed_is_too_slow():

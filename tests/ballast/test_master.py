@@ -206,7 +206,7 @@ def test_modes_and_refusals():
         station.command("stop", 1)
     with pytest.raises(ArgumentError, match="unit is 4"):
         station.command("open", 4)
-    with pytest.raises(ArgumentError, match="position is 101"):
+    with pytest.raises(ArgumentError, match="action is 101"):
         station.command(101, 1)
 
 

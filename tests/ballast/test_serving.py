@@ -152,7 +152,7 @@ def test_the_help_says_what_a_pseudo_terminal_cannot_do(capsys):
 def test_a_fault_is_read_with_and_without_its_severity():
     assert Fault.parse("7:P2:0.5") == Fault("P2", 0.5, valves=7)
     assert Fault.parse("1:O1") == Fault("O1", 1.0, valves=1)
-    with pytest.raises(ArgumentError, match="valve is 3"):
+    with pytest.raises(ArgumentError, match="valves is 3"):
         serve(2, faults=[Fault("V1", valves=3)])
 
 

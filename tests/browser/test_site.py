@@ -5,6 +5,8 @@ import re
 import pytest
 from playwright.sync_api import expect
 
+from shipnet.papers import PAPERS
+
 LONG = 30_000
 
 
@@ -63,16 +65,29 @@ def test_formulas_are_drawn_without_a_script(page, url, site):
     assert r"\frac" not in text
 
 
-def test_search_finds_a_word(page, url):
+@pytest.mark.parametrize(("word", "lesson"), [("parity", "03"), ("arbitration", "05")])
+def test_search_finds_the_lesson_before_the_reference(page, url, word, lesson):
     page.goto(f"{url}/index.html")
     box = page.get_by_role("textbox", name="Search")
-    box.fill("parity")
+    box.fill(word)
     box.press("Enter")
-    results = page.locator("#search-results ul.search li a")
-    expect(results.first).to_be_visible(timeout=LONG)
-    expect(page.locator("#search-results")).to_contain_text(
-        "How does a receiver know", timeout=LONG
-    )
+    results = page.locator("#search-results ul.search li > a")
+    expect(results.first).to_have_text(re.compile(f"^{lesson} "), timeout=LONG)
+
+
+def test_the_navigation_goes_from_start_to_reference(page, url):
+    page.goto(f"{url}/index.html")
+    captions = page.locator(".sidebar-tree .caption").all_inner_texts()
+    order = "start here, lessons, tools, papers, real lines, how to, guide, reference"
+    assert ", ".join(captions).lower() == order
+
+
+def test_the_landing_page_leads_to_each_paper(page, url):
+    page.goto(f"{url}/index.html")
+    rows = page.locator("article tbody tr")
+    assert rows.count() == len(PAPERS)
+    for key in PAPERS:
+        assert rows.locator(f"a[href*='papers/{key}/']").count()
 
 
 def test_the_ledger_has_a_row_for_each_claim(page, url):

@@ -60,7 +60,7 @@ def test_a_standard_data_frame_beats_the_extended_one_that_begins_like_it_by_rtr
     ("wrong", "message"),
     [
         ([], "frames are (); there must be one Frame or more"),
-        ([0x100], "frames are (256,); there must be one Frame or more"),
+        ([0x100], "one of frames is 256; it must be a Frame"),
         (
             [Frame(1), Frame(1, b"\x01")],
             "frames 001# and 001#01 have the same id; they would collide in their data",

@@ -318,8 +318,8 @@ def test_a_frame_that_cannot_be_has_no_length():
         with pytest.raises(ArgumentError, match=f"frame 1 of the log: {why}"):
             replace(log, **change)
     for change, why in (
-        ({"time": log.time[:3]}, "log has columns of"),
-        ({"data": log.data[:, :7]}, "log has columns of"),
+        ({"time": log.time[:3]}, "log has rows"),
+        ({"data": log.data[:, :7]}, "log has rows"),
         ({"dlc": log.dlc.astype(float)}, "dlc is .*; it must be a column"),
         ({"channel": None}, "channel is .*; it must be a column"),
         ({"data": log.data[0]}, "data is .*; it must be a column"),

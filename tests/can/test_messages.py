@@ -77,7 +77,7 @@ def test_a_set_names_all_that_is_taken():
         "name 'B' is taken",
         "arbitration_id 0x1 of 'B' is taken by 'A'",
     ]
-    with pytest.raises(ArgumentError, match="messages hold 'A'"):
+    with pytest.raises(ArgumentError, match="one of messages is 'A'; it must be a Message"):
         MessageSet(["A"])
 
 

@@ -385,10 +385,10 @@ def test_nothing_released_is_an_empty_table():
         ({"bit_rate": 2e6}, r"bit_rate is 2e\+06 bit/s"),
         ({"bit_rate": 83e3}, r"a bit of 12048\.2 ns; it must be a whole number"),
         ({"queue": "stack"}, "queue is 'stack'"),
-        ({"faults": ErrorBound(0.1)}, r"a simulation takes faults\.BitErrors and faults\.ErrorAt"),
+        ({"faults": ErrorBound(0.1)}, "it must be a BitErrors or an ErrorAt"),
         ({"faults": [1.0]}, r"one of faults is 1\.0"),
         ({"messages": MessageSet([])}, "messages are empty; there must be at least one"),
-        ({"messages": {"arbitration_id": [1]}}, "messages are of type dict; they must be a Mess"),
+        ({"messages": {"arbitration_id": [1]}}, "messages is .*; it must be a MessageSet"),
         (
             {"messages": as_set(table(period_ms=1e-3)), "until": 10.0},
             "short that they are 20000000",

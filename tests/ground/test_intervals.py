@@ -39,6 +39,8 @@ def test_intervals_of_rows_and_of_nothing():
         (lambda: share_interval(3, 2), "hits is 3 of 2 trials"),
         (lambda: share_interval(-1, 2), "hits is -1"),
         (lambda: share_interval(0.5, 2), "hits is 0.5"),
+        (lambda: share_interval("a", 2), "hits is 'a'"),
+        (lambda: share_interval(None, 2), "hits is None"),
         (lambda: share_interval(np.nan, 2), "hits is nan"),
         (lambda: share_interval(1, 2, confidence=1.0), "confidence is 1.0"),
         (lambda: event_interval(1, 0.0), "exposure is 0.0"),

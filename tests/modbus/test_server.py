@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient, ModbusUdpClient
 from pymodbus.exceptions import ModbusIOException
 
+from benchmarks.modbus_clients.run import serial_pair
 from shipnet.errors import ArgumentError
 from shipnet.modbus.frame import rtu_frame, tcp_frame
 from shipnet.modbus.pdu import Request, Response
@@ -75,35 +76,12 @@ def wait_for(find):
     return found
 
 
-def pump(first, second, stop):
-    while True:
-        ready = select.select([first, second, stop], [], [])[0]
-        if stop in ready:
-            return
-        for source in ready:
-            os.write(second if source == first else first, os.read(source, 1024))
-
-
 @pytest.fixture
 def line():
     """Two serial ports whose bytes reach each other."""
     require("pty", hasattr(os, "openpty"), "this system has no pseudo-terminals")
-    import tty
-
-    try:
-        pairs = [os.openpty(), os.openpty()]
-    except OSError as problem:
-        require("pty", False, str(problem))
-    for _, end in pairs:
-        tty.setraw(end)
-    stop, stopper = os.pipe()
-    thread = threading.Thread(target=pump, args=(pairs[0][0], pairs[1][0], stop))
-    thread.start()
-    yield [os.ttyname(end) for _, end in pairs]
-    os.close(stopper)
-    thread.join()
-    for number in (stop, *pairs[0], *pairs[1]):
-        os.close(number)
+    with serial_pair() as pair:
+        yield pair
 
 
 @contextmanager
@@ -671,7 +649,7 @@ def test_a_pseudo_terminal_has_no_parity_whatever_its_settings_were_before(line,
         (({0: device()}, "rtu"), r"unit id is 0.*1\.\.247 on a serial line"),
         (({},), "devices is {}"),
         (([device()],), "must be a mapping"),
-        (({1: 3},), "must have read and write"),
+        (({1: 3},), "one of devices is 3; it must be a Device or a Slave"),
         (({1: device()}, "tls"), "transport is 'tls'"),
         (({1: device()}, "rtu"), "serial_port is ''"),
     ],

@@ -1,0 +1,175 @@
+"""Faults on the wire: what becomes of a server's answers on their way to a client."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any, Literal, get_args
+
+from shipnet.arguments import checked
+from shipnet.errors import ArgumentError
+from shipnet.fields import check_rng, choice, number, record
+from shipnet.modbus.frame import MAX_UNIT
+from shipnet.modbus.pdu import Adu
+
+Name = Literal[
+    "late", "delay", "gap", "double", "previous", "short", "garbage-before", "garbage-after",
+    "wrong-unit", "wrong-function", "wrong-count", "wrong-crc", "wrong-transaction",
+]  # fmt: skip
+
+#: Faults that take time, and how long [s] if nothing is said: `late` exceeds usual time-outs.
+_SECONDS = {"late": 5.0, "delay": 0.5, "gap": 0.5}
+
+#: What only one kind of frame has.
+_ONLY = {
+    "wrong-crc": ("rtu", "a serial line; a TCP frame has no CRC"),
+    "wrong-transaction": ("tcp", "TCP; an RTU frame has no transaction id"),
+}
+
+_GARBAGE = 4
+
+#: The silence before a piece of an answer [s], and its bytes.
+Piece = tuple[float, bytes]
+
+
+@checked
+@record
+class WireFault:
+    """What becomes of some of a server's answers on the wire; `serve` takes any number of them.
+
+    Notes
+    -----
+    ``late``: it comes late by `seconds`. ``delay``: by a random time up to `seconds`. ``gap``: a
+    silence of `seconds` splits it in the middle. ``double``: it comes twice, without a pause.
+    ``previous``: the answer before it, of any client, comes in its place. ``short``: only its first
+    half comes. ``garbage-before``, ``garbage-after``: four random bytes come with it.
+
+    The others change a field. ``wrong-count``: the byte count of a read is 2 too low.
+    ``wrong-unit``, ``wrong-function``, ``wrong-transaction``: it is the answer of the next unit, to
+    another function code, or to the next transaction. ``wrong-crc``: its data do not fit its CRC,
+    which is right otherwise. In these four the last bit of the data is changed as well, so a
+    client that takes the answer shows a wrong value.
+
+    Examples
+    --------
+    >>> WireFault.parse("wrong-unit:0.1").probability
+    0.1
+    >>> from shipnet.modbus import Adu, Request
+    >>> request = Request.read_holding_registers(0, 2)
+    >>> answer = Adu(1, request.response([350, 412]))
+    >>> for name in ("wrong-unit", "wrong-count", "gap"):
+    ...     print(*((pause, data.hex(" ")) for pause, data in WireFault(name).pieces(answer)))
+    (0.0, '02 03 04 01 5e 01 9d 69 24')
+    (0.0, '01 03 02 01 5e 01 9c 13 e4')
+    (0.0, '01 03 04 01') (0.5, '5e 01 9c 9b e4')
+    """
+
+    name: Name = choice(get_args(Name), "What happens; see Notes")
+    probability: float = number(0, 1, "", "Share of the answers to which it happens", default=1.0)
+    seconds: float | None = number(
+        0, 3600, "s", "Time that late (default 5), delay and gap (0.5) take", default=None,
+        optional=True,
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        if self.seconds is None:
+            object.__setattr__(self, "seconds", _SECONDS.get(self.name))
+        elif self.name not in _SECONDS:
+            raise ArgumentError(
+                f"seconds is {self.seconds:g} s for {self.name!r}; only {', '.join(_SECONDS)} "
+                "take time"
+            )
+
+    @classmethod
+    def parse(cls, fault: str) -> WireFault:
+        """Return the fault that a text such as ``late:0.1:3`` names: name, probability, seconds."""
+        name, *numbers = fault.split(":")
+        try:
+            if len(numbers) > 2:
+                raise ValueError
+            values = [float(one) for one in numbers]
+        except ValueError:
+            raise ArgumentError(
+                f"wire fault is {fault!r}; it must be NAME, NAME:PROBABILITY or "
+                "NAME:PROBABILITY:SECONDS, such as wrong-unit:0.1"
+            ) from None
+        try:
+            return cls(name, *values)  # type: ignore[arg-type] # the choice is checked
+        except ArgumentError as error:
+            raise ArgumentError(f"wire fault {fault!r}: {error}") from None
+
+    def pieces(self, answer: Adu, previous: Adu | None = None, rng: Any = None) -> list[Piece]:
+        """Return what goes out for an answer: the silence before each piece [s], and its bytes."""
+        frame, seconds, random = _frame(answer), self.seconds or 0.0, check_rng(rng)
+        unit, pdu, half = answer.unit_id, answer.pdu, len(frame) // 2
+        other = replace(answer, pdu=pdu[:-1] + bytes([pdu[-1] ^ 1]))
+        match self.name:
+            case "late":
+                return [(seconds, frame)]
+            case "delay":
+                return [(random.uniform(0, seconds), frame)]
+            case "gap":
+                return [(0.0, frame[:half]), (seconds, frame[half:])]
+            case "double":
+                frame += frame
+            case "previous":
+                frame = _frame(previous or answer)
+            case "short":
+                frame = frame[:half]
+            case "garbage-before":
+                frame = random.bytes(_GARBAGE) + frame
+            case "garbage-after":
+                frame += random.bytes(_GARBAGE)
+            case "wrong-unit":
+                frame = _frame(replace(other, unit_id=unit % MAX_UNIT + 1))
+            case "wrong-function":  # 1 and 2, 3 and 4, ... look the same but for it
+                code = ((pdu[0] - 1 ^ 1) + 1) % 256
+                frame = _frame(replace(other, pdu=bytes([code]) + other.pdu[1:]))
+            case "wrong-count" if pdu[0] in (1, 2, 3, 4, 23):
+                frame = _frame(replace(answer, pdu=bytes([pdu[0], max(pdu[1] - 2, 0)]) + pdu[2:]))
+            case "wrong-crc":
+                frame = _frame(other)[:-2] + frame[-2:]
+            case "wrong-transaction":
+                number = ((answer.transaction_id or 0) + 1) % 0x10000
+                frame = _frame(replace(other, transaction_id=number))
+        return [(0.0, frame)]
+
+
+def _frame(adu: Adu) -> bytes:
+    return adu.rtu if adu.transaction_id is None else adu.tcp
+
+
+class Wire:
+    """The wire of a server: which fault, if any, each answer meets, whoever asked."""
+
+    def __init__(self, faults: Iterable[WireFault], rng: Any) -> None:
+        self.faults, self.rng = tuple(faults), check_rng(rng)
+        self.previous: Adu | None = None
+
+    def pieces(self, answer: Adu) -> list[Piece]:
+        """Return what goes out for an answer: the silence before each piece [s], and its bytes."""
+        previous, self.previous = self.previous, answer
+        draw = self.rng.random()
+        for fault in self.faults:
+            if draw < fault.probability:
+                return fault.pieces(answer, previous, self.rng)
+            draw -= fault.probability
+        return [(0.0, _frame(answer))]
+
+
+def check_faults(faults: WireFault | Iterable[WireFault], transport: str) -> tuple[WireFault, ...]:
+    """Return faults as a tuple, or raise unless they suit the transport and each other."""
+    several = (faults,) if isinstance(faults, WireFault) else tuple(faults)
+    for fault in several:
+        needed, why = _ONLY.get(fault.name, (transport, ""))
+        if needed != transport:
+            raise ArgumentError(f"wire fault {fault.name!r} needs {why}")
+    if several and transport == "udp":
+        raise ArgumentError("wire_faults need TCP or a serial line, not datagrams")
+    total = sum(fault.probability for fault in several)
+    if total > 1 + 1e-9:
+        raise ArgumentError(
+            f"the probabilities of wire_faults add up to {total:g}; at most one fault hits an "
+            "answer, so they may add up to 1"
+        )
+    return several

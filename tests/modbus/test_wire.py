@@ -1,0 +1,287 @@
+"""Faults on the wire of a real server: the bytes of each, in order, and nobody else waits."""
+
+import asyncio
+import select
+import socket
+from contextlib import ExitStack
+from time import monotonic
+
+import numpy as np
+import pytest
+
+from benchmarks.modbus_clients.run import serial_pair
+from shipnet.__main__ import main
+from shipnet.errors import ArgumentError
+from shipnet.modbus import Adu, Request, SerialLine, Slave, WireFault, serve
+from shipnet.modbus.frame import rtu_frame
+from shipnet.modbus.wire import Wire
+
+READ = Request.read_holding_registers(0, 2)
+PDU = READ.response([350, 412]).pdu
+RTU, TCP = Adu(1, PDU), Adu(1, PDU, 7)
+BEFORE = READ.response([1, 2]).pdu
+
+#: How long a test waits for what must come [s]; it only ends a test that has failed.
+PATIENCE = 60.0
+
+
+def sent(name, answer, previous=None):
+    """Return the bytes of a fault that takes no time, as hexadecimal text."""
+    ((silence, data),) = WireFault(name).pieces(answer, previous, 1)
+    assert silence == 0
+    return data.hex(" ")
+
+
+@pytest.mark.parametrize(
+    ("name", "bytes_sent"),
+    [
+        ("double", "0007 0000 0007 01 03 04 015e 019c 0007 0000 0007 01 03 04 015e 019c"),
+        ("previous", "0006 0000 0007 01 03 04 0001 0002"),
+        ("short", "0007 0000 0007"),
+        ("wrong-unit", "0007 0000 0007 02 03 04 015e 019d"),
+        ("wrong-function", "0007 0000 0007 01 04 04 015e 019d"),
+        ("wrong-count", "0007 0000 0007 01 03 02 015e 019c"),
+        ("wrong-transaction", "0008 0000 0007 01 03 04 015e 019d"),
+    ],
+)
+def test_what_each_fault_sends_in_tcp(name, bytes_sent):
+    assert sent(name, TCP, Adu(1, BEFORE, 6)) == bytes.fromhex(bytes_sent).hex(" ")
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "pdu"),
+    [
+        ("previous", 1, "03 04 0001 0002"),
+        ("wrong-unit", 2, "03 04 015e 019d"),
+        ("wrong-function", 1, "04 04 015e 019d"),
+        ("wrong-count", 1, "03 02 015e 019c"),
+    ],
+)
+def test_on_a_serial_line_the_crc_is_right_but_for_one_fault(name, unit, pdu):
+    assert sent(name, RTU, Adu(1, BEFORE)) == rtu_frame(unit, bytes.fromhex(pdu)).hex(" ")
+
+
+def test_a_wrong_crc_belongs_to_other_data():
+    good = RTU.rtu
+    assert sent("wrong-crc", RTU) == (good[:6] + b"\x9d" + good[7:]).hex(" ")
+
+
+def test_garbage_is_four_bytes_before_or_after_the_answer():
+    good = RTU.rtu.hex(" ")
+    before, after = sent("garbage-before", RTU), sent("garbage-after", RTU)
+    assert before.endswith(good) and after.startswith(good)
+    assert len(before) == len(after) == len(good) + 12
+    assert before[:11] == after[-11:]  # one seed
+
+
+def test_faults_in_time():
+    assert WireFault("late").pieces(RTU) == [(5.0, RTU.rtu)]
+    assert WireFault("late", seconds=0).pieces(TCP) == [(0.0, TCP.tcp)]
+    gap = WireFault("gap", seconds=0.25).pieces(TCP)
+    assert [silence for silence, _ in gap] == [0.0, 0.25]
+    assert b"".join(data for _, data in gap) == TCP.tcp
+    rng = np.random.default_rng(1)
+    delays = [WireFault("delay", seconds=2).pieces(RTU, rng=rng)[0][0] for _ in range(500)]
+    assert 0 <= min(delays) < 0.1 and 1.9 < max(delays) <= 2 and 0.9 < np.mean(delays) < 1.1
+
+
+@pytest.mark.parametrize(
+    ("name", "answer", "changed"),
+    [
+        ("wrong-unit", Adu(247, b"\x03\x02\x00\x07", 1), Adu(1, b"\x03\x02\x00\x06", 1)),
+        ("wrong-transaction", Adu(1, b"\x83\x02", 0xFFFF), Adu(1, b"\x83\x03", 0)),
+        ("wrong-function", Adu(1, b"\x01\x01\x01", 1), Adu(1, b"\x02\x01\x00", 1)),
+        ("wrong-function", Adu(1, b"\xff\x01", 1), Adu(1, b"\x00\x00", 1)),
+        ("wrong-count", Adu(1, b"\x01\x01\x01", 1), Adu(1, b"\x01\x00\x01", 1)),
+        ("wrong-count", Adu(1, b"\x83\x02", 1), Adu(1, b"\x83\x02", 1)),
+        ("wrong-count", Adu(1, b"\x06\x00\x01\x00\x02", 1), Adu(1, b"\x06\x00\x01\x00\x02", 1)),
+        ("previous", TCP, TCP),
+    ],
+)
+def test_short_answers_first_ones_and_ends_of_ranges(name, answer, changed):
+    assert sent(name, answer) == changed.tcp.hex(" ")
+
+
+def test_at_most_one_fault_hits_an_answer_as_often_as_asked():
+    wire = Wire([WireFault("short", 0.3), WireFault("double", 0.2)], 1)
+    sizes = np.array([len(wire.pieces(RTU)[0][1]) for _ in range(4000)])
+    assert set(sizes) == {4, 9, 18}
+    # Three standard deviations of a share of 4000 are at most 0.024.
+    assert abs((sizes == 4).mean() - 0.3) < 0.024 and abs((sizes == 18).mean() - 0.2) < 0.024
+    again = Wire([WireFault("short", 0.3), WireFault("double", 0.2)], 1)
+    assert [len(again.pieces(RTU)[0][1]) for _ in range(4000)] == sizes.tolist()
+    never, always = Wire([WireFault("short", 0)], 1), Wire([WireFault("short", 1)], 1)
+    assert {len(never.pieces(RTU)[0][1]) for _ in range(99)} == {9}
+    assert {len(always.pieces(RTU)[0][1]) for _ in range(99)} == {4}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "name is ''; it must be one of 'late', 'delay'"),
+        ("wrong", "name is 'wrong'; it must be one of .*'wrong-transaction'"),
+        ("late:", "it must be NAME, NAME:PROBABILITY or"),
+        ("late:x", "it must be NAME"),
+        ("late:1:2:3", "it must be NAME"),
+        ("late:1.5", "probability is 1.5; it must be 0..1"),
+        ("late:nan", "probability is nan"),
+        ("late:1:-1", "seconds is -1 s; it must be 0..3600"),
+        ("double:1:1", "only late, delay, gap take time"),
+    ],
+)
+def test_a_wrong_text_is_refused(text, message):
+    with pytest.raises(ArgumentError, match=message):
+        WireFault.parse(text)
+
+
+def test_a_text_names_probability_and_seconds():
+    assert WireFault.parse("short") == WireFault("short", 1.0)
+    assert WireFault.parse("late:0.5:2") == WireFault("late", 0.5, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("faults", "transport", "message"),
+    [
+        (WireFault("wrong-crc"), "tcp", "'wrong-crc' needs a serial line; a TCP frame has no CRC"),
+        (WireFault("wrong-transaction"), "rtu", "needs TCP; an RTU frame has no transaction id"),
+        (WireFault("double"), "udp", "need TCP or a serial line, not datagrams"),
+        ([WireFault("double", 0.6), WireFault("gap", 0.6)], "tcp", "add up to 1.2"),
+        (["double"], "tcp", "one of wire_faults is 'double'; it must be a WireFault"),
+        (3, "tcp", "wire_faults is 3; it must be a WireFault"),
+    ],
+)
+def test_faults_must_suit_the_transport_and_each_other(faults, transport, message):
+    where = {"serial_port": "none"} if transport == "rtu" else {}
+    with pytest.raises(ArgumentError, match=message):
+        serve({1: Slave()}, transport, wire_faults=faults, **where)
+
+
+@pytest.mark.parametrize("device", ["ballast", "engine"])
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--wire-fault", "wrong"], "it must be one of 'late', 'delay', 'gap', 'double'"),
+        (["--wire-fault", "wrong-crc:0.1"], "'wrong-crc' needs a serial line"),
+        (["--udp", "--wire-fault", "late"], "not datagrams"),
+        (["--wire-fault", "gap:0.9", "--wire-fault", "late:0.2"], "add up to 1.1"),
+    ],
+)
+def test_the_program_refuses_in_one_line(device, words, message, capsys):
+    assert main(["serve", device, "--port", "0", *words]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def asked(client, transaction, first):
+    client.sendall(Request.read_holding_registers(first, 1).tcp(1, transaction))
+
+
+def received(client, size):
+    data = b""
+    while len(data) < size and (part := client.recv(size - len(data))):
+        data += part
+    return data.hex(" ")
+
+
+def connected(stack, server):
+    client = stack.enter_context(socket.create_connection(("127.0.0.1", server.port), PATIENCE))
+    client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return client
+
+
+def hits(share, *wanted):
+    """Return a seed whose first draws are as wanted: hit or missed."""
+    for seed in range(10_000):
+        draws = np.random.default_rng(seed).random(len(wanted)) < share
+        if draws.tolist() == list(wanted):
+            return seed
+    raise AssertionError
+
+
+def test_a_late_answer_is_not_overtaken_and_keeps_no_other_client_waiting():
+    late, seed = WireFault("late", 0.5, 1.0), hits(0.5, True, False, False)
+    slave = Slave(holding_registers=[10, 11, 12])
+    with ExitStack() as stack:
+        server = stack.enter_context(serve({1: slave}, wire_faults=late, rng=seed))
+        one, other = connected(stack, server), connected(stack, server)
+        begin = monotonic()
+        asked(one, 1, 0)
+        asked(one, 2, 1)
+        asked(other, 3, 2)
+        assert received(other, 11) == "00 03 00 00 00 05 01 03 02 00 0c"
+        early = select.select([one], [], [], 0)[0]
+        assert not early or monotonic() - begin >= 0.99
+        both = received(one, 22)
+        assert both == "00 01 00 00 00 05 01 03 02 00 0a 00 02 00 00 00 05 01 03 02 00 0b"
+        assert monotonic() - begin >= 0.99
+
+
+def test_many_answers_behind_a_late_one_come_in_order():
+    late, seed = WireFault("late", 0.001, 0.3), hits(0.001, True)
+    n = 400  # more than are held back for one client
+    with ExitStack() as stack:
+        slave = Slave(holding_registers=range(n))
+        server = stack.enter_context(serve({1: slave}, wire_faults=late, rng=seed))
+        client = connected(stack, server)
+        for k in range(n):
+            asked(client, k, k)
+        data = bytes.fromhex(received(client, 11 * n))
+    assert [int.from_bytes(data[11 * k + 9 :][:2], "big") for k in range(n)] == list(range(n))
+
+
+def test_a_gap_splits_an_answer():
+    with ExitStack() as stack:
+        slave = Slave(holding_registers=[10])
+        gap = WireFault("gap", seconds=0.3)
+        client = connected(stack, stack.enter_context(serve({1: slave}, wire_faults=gap)))
+        begin = monotonic()
+        asked(client, 1, 0)
+        assert received(client, 5) == "00 01 00 00 00"
+        assert received(client, 6) == "05 01 03 02 00 0a"
+        assert monotonic() - begin >= 0.29
+
+
+def test_the_answer_before_may_be_that_of_another_client():
+    with ExitStack() as stack:
+        slave = Slave(holding_registers=[10, 11])
+        fault = WireFault("previous")
+        server = stack.enter_context(serve({1: slave}, wire_faults=fault))
+        one, other = connected(stack, server), connected(stack, server)
+        asked(one, 1, 0)
+        assert received(one, 11) == "00 01 00 00 00 05 01 03 02 00 0a"
+        asked(other, 2, 1)
+        assert received(other, 11) == "00 01 00 00 00 05 01 03 02 00 0a"
+
+
+def test_a_client_that_leaves_before_a_late_answer_does_no_harm():
+    async def leave():
+        late = WireFault("late", seconds=0.05)
+        async with serve({1: Slave(holding_registers=[10])}, wire_faults=late) as server:
+            _, gone = await asyncio.open_connection("127.0.0.1", server.port)
+            gone.write(READ.tcp(1, 1))
+            await gone.drain()
+            gone.transport.abort()
+            await asyncio.sleep(0.2)
+            reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+            writer.write(Request.read_holding_registers(0, 1).tcp(1, 5))
+            answer = await asyncio.wait_for(reader.readexactly(11), PATIENCE)
+            writer.close()
+            return answer.hex(" ")
+
+    assert asyncio.run(leave()) == "00 05 00 00 00 05 01 03 02 00 0a"
+
+
+def test_a_serial_line_has_faults_too():
+    import serial
+
+    line = SerialLine(19200, "8N1")
+    double = WireFault("double")
+    with serial_pair() as (ours, theirs), serial.Serial(theirs, 19200, timeout=PATIENCE) as port:
+        with serve(
+            {1: Slave(holding_registers=[350, 412])}, "rtu", serial_port=ours, line=line,
+            wire_faults=double,
+        ):  # fmt: skip
+            for _ in range(3):
+                port.write(READ.rtu(1))
+                assert port.read(18) == 2 * RTU.rtu
