@@ -161,7 +161,8 @@ def test_each_mistake_is_refused_and_named_unless_another_one_gives_the_same(key
     for numbers in draws(one):
         n_draws += 1
         # It is not solved again for each mistake.
-        solved = replace(one, solve=lambda solution=one.solve(**numbers), **_: solution)
+        solution = one.solve(**numbers)
+        solved = replace(one, solve=lambda solution=solution, **_: solution)
         right, mistakes, begin = hints(solved, numbers)
         assert len(mistakes) >= 5
         for hint, wrong in mistakes.items():
