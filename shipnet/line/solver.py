@@ -226,13 +226,13 @@ def tree_transfer(
     for some, bins in product(*blocks):
         count, size = some.stop - some.start, bins.stop - bins.start
         y, v = y_and_v[:, :, :count, :size]
-        e2, c, ys, zs = terms[:, :, :count, :size]
+        own = terms[:, :, :count, :size]
         for strip in strips:
-            e2[strip], c[strip], sinh, y0, z0 = lines.waves(table[strip], some, bins)
-            np.multiply(y0, sinh, out=ys[strip])
-            np.multiply(z0, sinh, out=zs[strip])
+            own[3, strip], own[1, strip], sinh, y0, z0 = lines.waves(table[strip], some, bins)
+            np.multiply(z0, sinh, out=own[0, strip])
+            np.multiply(y0, sinh, out=own[2, strip])
         _admit(shunts, some, s[bins], y)
-        _fold(subtrees.heights, (e2, c, ys, zs), y, v)
+        _fold(subtrees.heights, own, y, v)
         ratio, voltage = list(v), list(z[:, some, bins])
         np.reciprocal(y[-1], out=voltage[tree.order[0]])
         for place in range(1, len(tree.order)):
@@ -241,21 +241,18 @@ def tree_transfer(
     return z.swapaxes(0, 1)
 
 
-def _fold(
-    heights: list[_Height],
-    terms: tuple[Complexes, Complexes, Complexes, Complexes],
-    y: Complexes,
-    v: Complexes,
-) -> None:
-    """Write the ratios of voltages over lines into v, and add to y, which holds the loads."""
-    e2, c, ys, zs = terms
+def _fold(heights: list[_Height], terms: Complexes, y: Complexes, v: Complexes) -> None:
+    """Write the ratios of voltages over lines into v, and add to y, which holds the loads.
+
+    `terms` are Zc S, C, Yc S and 2 e of the lines.
+    """
     for own, line, joints in heights:
-        inverse = y[own] * zs[line]
-        inverse += c[line]
+        # The denominator and the numerator over Yc at once: Y Zc S + C and Y C + Yc S.
+        both = y[own] * terms[:2, line]
+        both += terms[1:3, line]
+        inverse, folded = both
         np.reciprocal(inverse, out=inverse)
-        np.multiply(e2[line], inverse, out=v[own])
-        folded = y[own] * c[line]
-        folded += ys[line]
+        np.multiply(terms[3, line], inverse, out=v[own])
         folded *= inverse
         for whole, part, times in joints:
             y[whole] += folded[part] if times == 1 else times * folded[part]
