@@ -34,6 +34,7 @@ def test_wheel_holds_package_and_data_and_nothing_else(wheel):
         "py.typed",
         "data/SOURCES.md",
         "tools/page.css",
+        "tools/stories.toml",
         "design/report.css",
     }
     assert {f"shipnet/{name}" for name in others} <= set(names)

@@ -373,11 +373,11 @@ def find_telegrams(u: Floats, dt: float, threshold: float, minimum: float | None
         whole = bursts.pulses >= np.where(cut_front | cut_back, 2, _FEWEST_PULSES)
         disturbances += int((own & ~whole).sum())
         edge = np.where(cut_front, 1, np.where(cut_back, 2, 0))[own & whole]
-        waiting += _cut(piece, bursts.where(own & whole), edge)
+        waiting += _cut(piece, bursts.where(own & whole), edge, sign)
         if sum(len(some.rows) for some in waiting) > _TOGETHER:
-            parts.append(_received(waiting, sign, threshold))
+            parts.append(_received(waiting, threshold))
             waiting = []
-    parts.append(_received(waiting, sign, threshold))
+    parts.append(_received(waiting, threshold))
     return Found(_joined(parts), ends, sign < 0, minimum, disturbances)
 
 
@@ -443,7 +443,7 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
         fits = [few.where(few.fits & (np.cumsum(few.fits) <= 64)) for few in found]
         cut = [some for piece, few in zip(sample, fits, strict=True)
                for some in _cut(piece, few, few.bits)]  # fmt: skip
-        slots = [_heard(together, 1, threshold).slots for _, together in _by_length(cut)]
+        slots = [_heard(together, threshold).slots for _, together in _by_length(cut)]
         right = {
             sign: sum(int((Pulses(sign * some).check()[1] == 0).sum()) for some in slots)
             for sign in (1, -1)
@@ -473,8 +473,8 @@ class _Cut(NamedTuple):
     edge: Integers
 
 
-def _cut(piece: Piece, bursts: Bursts, edge: Integers) -> list[_Cut]:
-    """Cut the requests and the responses out of a piece."""
+def _cut(piece: Piece, bursts: Bursts, edge: Integers, sign: int = 1) -> list[_Cut]:
+    """Cut the requests and the responses out of a piece; a sign of -1 turns them over."""
     parts = []
     before, behind = round(_BEFORE / piece.step), round(_BEHIND / piece.step)
     lengths = {n: before + round(2 * n * HALF_BIT / piece.step) + behind for n in _SPANS}
@@ -485,7 +485,7 @@ def _cut(piece: Piece, bursts: Bursts, edge: Integers) -> list[_Cut]:
         first = bursts.first[chosen]
         unit = np.abs(bursts.height[chosen])
         rows = np.lib.stride_tricks.sliding_window_view(around, length)[first]
-        rows /= unit.astype(np.float32)[:, np.newaxis]
+        rows /= sign * unit.astype(np.float32)[:, np.newaxis]
         begin, first, last = (
             piece.start + at * piece.step for at in (first - before, first, bursts.last[chosen])
         )
@@ -504,17 +504,17 @@ def _by_length(parts: list[_Cut]) -> Iterator[tuple[int, _Cut]]:
             yield n_bits, _Cut._make([n_bits, same[0].step, *together])
 
 
-def _heard(cut: _Cut, sign: int, threshold: float) -> Reception:
+def _heard(cut: _Cut, threshold: float) -> Reception:
     """Receive what was cut out."""
     minimum = min(_FIRST_PULSE, threshold)
-    return receive(sign * cut.rows, cut.step, cut.bits, threshold=threshold, minimum=minimum)
+    return receive(cut.rows, cut.step, cut.bits, threshold=threshold, minimum=minimum)
 
 
-def _received(parts: list[_Cut], sign: int, threshold: float) -> Telegrams:
+def _received(parts: list[_Cut], threshold: float) -> Telegrams:
     """Decode telegrams, requests and responses each in one go."""
     telegrams = [np.recarray(0, dtype=_TELEGRAM)]
     for n_bits, cut in _by_length(parts):
-        received = _heard(cut, sign, threshold)
+        received = _heard(cut, threshold)
         bits = received.bits.astype(np.int64)
         weights = 1 << np.arange(n_bits)[::-1]
         fields = [

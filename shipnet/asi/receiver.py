@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
+from math import ceil
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
@@ -17,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
-from shipnet.arrays import Bools, Floats
+from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, check_columns
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError, SilenceError
@@ -36,7 +37,7 @@ MINIMUM = 0.45
 _DT = (1e-9, 1e-6)
 
 #: Samples worked on at a time: they and what is made of them stay in a core's own cache.
-_SAMPLES = 2**17
+_SAMPLES = 2**18
 
 #: Taps from which on a transform filters faster than products with matrices.
 _LONG = 64
@@ -47,6 +48,14 @@ _BLOCKS = 2**10
 #: From the first sample above the minimum the first pulse peaks within this many half-bits: one
 #: for the filtered pulse, which is two long, and the delay of the supply's 78 ohm || 100 uH.
 _REACH = 1.25
+
+
+#: A telegram that is listened for has its first pulse by then [s].
+_EARLY = 16e-6
+
+#: What differs by less than this part is equal, and what is less than so many volts is nothing: no
+#: decision depends on how a sum was rounded.
+_EVEN, _LEAST = 1e-9, 1e-9
 
 
 class Disturbance(Protocol):
@@ -338,10 +347,8 @@ def matched_filter(u: npt.ArrayLike, dt: float) -> Floats:
     """
     u = _checked(u, dt)
     n_t = u.shape[-1]
-    taps = _pulse_shape(n_t, dt)
-    rows = u.reshape(-1, n_t)
-    _, y = _heard(rows, taps, _room(rows.shape, taps))
-    return y[:, :n_t].reshape(u.shape)
+    rows = u.reshape(-1, n_t).astype(np.float64, copy=False)
+    return _columns(rows, _means(rows, n_t), _pulse_shape(n_t, dt), n_t)[:, :n_t].reshape(u.shape)
 
 
 def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Reception:
@@ -351,17 +358,16 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     _check_bit_count(n_bits)
     n_t = u.shape[-1]
     rows = u.reshape(-1, n_t)
-    taps = _pulse_shape(n_t, dt) if receiver.matched else np.ones(1)
-    chunk = max(1, min(_SAMPLES // n_t, len(rows)))
-    room = _room((chunk, n_t), taps)
+    # What is not in double precision is copied.
+    chunk = max(1, _SAMPLES // (n_t if u.dtype == np.float64 else 2 * n_t))
     parts = [
-        _decide(*_heard(rows[begin : begin + chunk], taps, room), n_t, dt, n_bits, receiver)
+        _decide(rows[begin : begin + chunk], dt, n_bits, receiver)
         for begin in range(0, max(1, len(rows)), chunk)
     ]
-    *numbers, slots = (np.concatenate(field) for field in zip(*parts, strict=True))
-    bits, error = check_columns(np.ascontiguousarray(slots.T))
+    *numbers, slots = (np.concatenate(field, axis=-1) for field in zip(*parts, strict=True))
+    bits, error = check_columns(slots)
     error[np.isnan(numbers[0])] = SilenceError.code
-    fields = (np.ascontiguousarray(bits.T), error, *numbers, slots)
+    fields = (np.ascontiguousarray(bits.T), error, *numbers, np.ascontiguousarray(slots.T))
     return Reception(*(field.reshape(u.shape[:-1] + field.shape[1:]) for field in fields))
 
 
@@ -389,47 +395,56 @@ def _checked(u: npt.ArrayLike, dt: float) -> npt.NDArray[np.floating]:
 @lru_cache(maxsize=64)
 def _pulse_shape(n_t: int, dt: float) -> Floats:
     """Return the taps of the matched filter."""
-    # A record shorter than the filter meets only the filter's middle.
-    half = min(int(HALF_BIT / dt / 2), n_t - 1)
+    # A record shorter than the filter meets only the filter's middle; half a half-bit away it is 0.
+    half = min(ceil(HALF_BIT / dt / 2 - 1e-9) - 1, n_t - 1)
     q = np.arange(-half, half + 1)
     return np.asarray(np.cos(np.pi * q * dt / HALF_BIT) ** 2 * (8 / 3 * dt / HALF_BIT))
 
 
-def _room(shape: tuple[int, ...], taps: Floats) -> Floats:
-    """Return zeros around and between rows, and behind them what `filtered` needs."""
-    half = len(taps) // 2
-    return np.zeros(half + shape[0] * (shape[1] + half) + 4 * _LONG)
-
-
-def _heard(u: npt.NDArray[np.floating], taps: Floats, room: Floats) -> tuple[Floats, Floats]:
-    """Return voltages without the mean of their row, and filtered; refuse what is not finite.
-
-    With zeros between the rows, half as many as taps, all of them are filtered as one.
-    """
+def _means(u: Floats, n_t: int) -> Floats:
+    """Return the mean of the first samples of each row; refuse what is not finite."""
     # The sum of squares is the fastest look at every sample. It is finite only if all of them are
     # and if none is so large that a sum or a product further on could overflow.
+    flat = u.ravel()
     with np.errstate(all="ignore"):
-        u = u.astype(np.float64, copy=False)
-        flat = u.ravel()
         fine = np.isfinite(flat @ flat)
     if not fine:
-        worst = np.abs(u)
-        place = np.unravel_index(int(np.argmax(np.where(np.isnan(worst), np.inf, worst))), u.shape)
+        size = np.abs(flat)
+        worst = int(np.argmax(np.where(np.isnan(size), np.inf, size)))
         raise ArgumentError(
-            f"u holds {u[place]} at sample {place[-1]} of a row; voltages must be finite, "
-            "below 1e150 V"
+            f"u holds {flat[worst]} at sample {worst % u.shape[1]} of a row; voltages must be "
+            "finite, below 1e150 V"
         )
-    (count, n_t), half = u.shape, len(taps) // 2
-    shape = count, n_t + half
-    line = room[half : half + count * (n_t + half)].reshape(shape)
-    np.subtract(u, u.mean(axis=-1, keepdims=True), out=line[:, :n_t])
-    if half == 0:
-        return line, line if taps[0] == 1 else taps * line
+    return np.asarray(u[:, :n_t] @ np.ones(n_t) / n_t)
+
+
+def _wider(u: npt.NDArray[np.floating], more: int) -> Floats:
+    """Return a copy of rows with zeros after each."""
+    wide = np.zeros((len(u), u.shape[1] + more))
+    wide[:, : u.shape[1]] = u
+    return wide
+
+
+def _columns(u: Floats, mean: Floats, taps: Floats, end: int, after: int = 0) -> Floats:
+    """Return the first columns of rows less their mean, filtered, and zeros `after` them."""
+    count, half = len(u), len(taps) // 2
+    x = np.zeros((count, half + end + max(half, after)))
+    stop = min(u.shape[1], end + half)
+    np.subtract(u[:, :stop], mean[:, np.newaxis], out=x[:, half : half + stop])
+    if len(taps) == 1:
+        return x if taps[0] == 1 else taps * x
+    y = np.zeros((count, end + after))
     if len(taps) > _LONG:
-        length = 1 << (n_t + 2 * half - 1).bit_length()
-        y = np.fft.irfft(np.fft.rfft(line, length) * np.fft.rfft(taps, length), length)
-        return line, np.ascontiguousarray(y[:, half : 2 * half + n_t])
-    return line, filtered(taps, room, line.size).reshape(shape)
+        length = 1 << (x.shape[1] - 1).bit_length()
+        z = np.fft.irfft(np.fft.rfft(x, length) * np.fft.rfft(taps, length), length)
+        y[:, :end] = z[:, 2 * half : 2 * half + end]
+        return y
+    matrix = _band(taps.tobytes(), taps.dtype.str, max(16, len(taps)))
+    for low in range(0, end, matrix.shape[1]):
+        part = y[:, low : min(end, low + matrix.shape[1])]
+        length = part.shape[1] + 2 * half
+        np.matmul(x[:, low : low + length], matrix[:length, : part.shape[1]], out=part)
+    return y
 
 
 def filtered(
@@ -444,8 +459,9 @@ def filtered(
 
     .. math:: y_i = \sum_k h_{u k - d i} \, x_k, \qquad i = 0 \ldots size - 1
     """
-    first, second = _products(taps.astype(x.dtype).tobytes(), x.dtype.str, up, down)
-    block, outputs = first.shape
+    times = max(-(-16 // up), -(-len(taps) // (up * down)))
+    block, outputs = times * down, times * up
+    matrix = _band(taps.astype(x.dtype).tobytes(), x.dtype.str, outputs, up, down)
     need = (-(-size // outputs) + 1) * block
     if len(x) < need:
         x = np.concatenate([x, np.zeros(need - len(x), x.dtype)])
@@ -454,84 +470,118 @@ def filtered(
     y = (np.empty(whole, x.dtype) if out is None else out[:whole]).reshape(-1, outputs)
     for k in range(0, len(y), _BLOCKS):
         part = y[k : k + _BLOCKS]
-        np.matmul(blocks[k : k + len(part)], first, out=part)
-        part += blocks[k + 1 : k + 1 + len(part), : len(second)] @ second
+        np.matmul(blocks[k : k + len(part)], matrix[:block], out=part)
+        part += blocks[k + 1 : k + 1 + len(part), : len(matrix) - block] @ matrix[block:]
     return y.ravel()[:size]
 
 
 @lru_cache(maxsize=64)
-def _products(taps: bytes, kind: str, up: int, down: int) -> tuple[npt.NDArray[Any], ...]:
-    """Return the matrices for a block of samples and for the beginning of the next block."""
+def _band(taps: bytes, kind: str, outputs: int, up: int = 1, down: int = 1) -> npt.NDArray[Any]:
+    """Return the matrix that filters a run of samples."""
     h = np.frombuffer(taps, kind)
-    times = max(-(-16 // up), -(-len(h) // (up * down)))
-    tap = up * np.arange(2 * times * down)[:, np.newaxis] - down * np.arange(times * up)
-    matrix = np.where((tap >= 0) & (tap < len(h)), h[np.clip(tap, 0, len(h) - 1)], 0).astype(kind)
-    reach = times * down + max(1, (len(h) - 1 - down) // up + 1)
-    return matrix[: times * down], matrix[times * down : reach]
+    samples = max(outputs * down, len(h) - 1 + (outputs - 1) * down + up) // up
+    tap = up * np.arange(samples)[:, np.newaxis] - down * np.arange(outputs)
+    return np.where((tap >= 0) & (tap < len(h)), h[np.clip(tap, 0, len(h) - 1)], 0).astype(kind)
+
+
+def _windows(rows: Floats, length: int, begin: Indices) -> Floats:
+    """Return runs of samples of contiguous rows; they begin so far after the first sample."""
+    shape = max(0, rows.size - length + 1), length
+    step = rows.strides[1:] * 2
+    return np.lib.stride_tricks.as_strided(rows, shape, step, writeable=False)[begin]
+
+
+def _near(u: Floats, places: Indices, reach: int, taps: Floats) -> Floats:
+    """Return filtered samples from `reach` before to `reach` after places of rows, in front."""
+    before, n_t = reach + len(taps) // 2, u.shape[1]
+    index = places + np.arange(-before, u.size - before, n_t)
+    if before == reach:
+        flat = u.ravel()
+        return np.stack([flat[k:].take(index, mode="clip") for k in range(2 * reach + 1)])
+    comb = _band(taps.tobytes(), taps.dtype.str, 2 * reach + 1)
+    # Row by row: its samples are near to each other in memory.
+    runs = _windows(u, len(comb), index.T.ravel())
+    return (comb.T @ runs.T).reshape(2 * reach + 1, *index.T.shape).swapaxes(1, 2)
 
 
 def _decide(
-    line: Floats, y: Floats, n_t: int, dt: float, n_bits: int, receiver: Receiver
+    u: npt.NDArray[Any], dt: float, n_bits: int, receiver: Receiver
 ) -> tuple[npt.NDArray[Any], ...]:
-    """Return start, amplitude, weakest, ringing and slots of the rows of `y`, filtered from `line`.
+    """Return start, amplitude, weakest, ringing and slots of rows.
 
-    Slots run along the first axis in here.
+    Slots run along the first axis in here. Only what decides is filtered: the first columns, and
+    what is near to the middles of the slots.
     """
-    n_rows, last, samples = len(y), n_t - 1, HALF_BIT / dt
-    begin, flat = np.arange(0, y.size, y.shape[1]), y.ravel()
+    (count, n_t), samples = u.shape, HALF_BIT / dt
+    taps = _pulse_shape(n_t, dt) if receiver.matched else np.ones(1)
+    half, reach = len(taps) // 2, int(receiver.window * samples + 1e-9)
+    u = u if u.dtype == np.float64 else _wider(u, half + reach)
+    mean = _means(u, n_t)
+    minimum = max(receiver.minimum, _LEAST) * (1 + _EVEN)
+    last, near = n_t - 1, int(_REACH * samples) + 1
     # Most telegrams begin early.
-    for end in (n_t // 4, n_t):
-        loud = np.abs(y[:, :end]) > receiver.minimum
-        silent = ~loud.any(axis=-1)
-        if not silent.any():
+    for end in (n_t if len(taps) > _LONG else min(n_t, int(_EARLY / dt)), n_t):
+        y = _columns(u[:, :n_t], mean, taps, end, near)
+        loud = np.abs(y[:, :end]) > minimum
+        start = loud.argmax(axis=-1)
+        silent = ~loud.ravel().take(start + np.arange(0, loud.size, end))
+        if not silent.any() and start.max(initial=0) + near < end:
             break
-    start = loud.argmax(axis=-1)
-    sign = np.sign(flat.take(begin + start))
+    flat, at = y.ravel(), start + np.arange(0, y.size, y.shape[1])
+    sign = np.sign(flat.take(at))
     # Only samples of the first one's sign: the next pulse may already be the larger one.
-    near = np.minimum(start + np.arange(int(_REACH * samples) + 1)[:, np.newaxis], last)
-    at = np.minimum(start + (flat.take(begin + near) * sign).argmax(axis=0), last)
-    first = flat.take(begin + at)
+    top = (_windows(y, near, at) * sign[:, np.newaxis]).argmax(axis=-1)
+    start += top
+    at += top
+    first = flat.take(at)
 
     # The top of a parabola through the largest sample and its neighbours.
-    left = (first - flat.take(begin + np.maximum(at - 1, 0))) * sign
-    right = (first - flat.take(begin + np.minimum(at + 1, last))) * sign
-    top = (at > 0) & (at < last) & (left >= 0) & (right >= 0) & (left + right > 0)
-    peak = at + np.divide(0.5 * (left - right), left + right, out=np.zeros(n_rows), where=top)
+    left, right = ((first - flat.take(at + beside)) * sign for beside in (-1, 1))
+    inner = (start > 0) & (start < last) & (left >= 0) & (right >= 0) & (left + right > 0)
+    peak = start + np.divide(0.5 * (left - right), left + right, out=np.zeros(count), where=inner)
 
-    # Slot 0 lies before the first pulse, and there nothing counts: it stays empty.
-    middle = np.rint(peak + samples * np.arange(2 * n_bits + 1)[:, np.newaxis]).astype(np.intp)
-    reach = int(receiver.window * samples + 1e-9)
-    within = reach <= middle.min(initial=reach) and middle.max(initial=0) < n_t - reach
-    high = low = flat.take(begin + (middle if within else np.minimum(middle, last)))
-    for offset in (*range(-reach, 0), *range(1, reach + 1)):
-        place = middle + offset
-        value = flat.take(begin + (place if within else np.clip(place, 0, last)))
-        high, low = np.maximum(high, value), np.minimum(low, value)
-    # The larger one of both signs; after the end of the record nothing was heard.
-    absolute = np.maximum(high, -low)
-    absolute[middle >= n_t] = 0.0
-    absolute[0] = np.abs(first)
-    positive = high > -low
-    positive[0] = first > 0
-    filled = absolute > np.maximum(receiver.threshold * absolute[0], receiver.minimum)
+    # A peak in the middle between two samples stays there whatever its last digits are.
+    even = np.rint(peak * 2**30) / 2**30
+    middle = np.rint(even + samples * np.arange(2 * n_bits + 1)[:, np.newaxis]).astype(np.intp)
+    farthest, inside = middle.max(initial=0) + reach, np.minimum(middle, last)
+    if end == n_t:
+        heard, level = _near(y, inside, reach, np.ones(1)), np.zeros(count)
+    else:
+        if farthest + half > last:
+            u = u if u.shape[1] > n_t else _wider(u, half + reach)
+            u[:, n_t:] = mean[:, np.newaxis]
+        heard, level = _near(u, inside, reach, taps), taps.sum() * mean
+    if farthest > last:
+        # After the end of the record nothing was heard.
+        offset = np.arange(-reach, reach + 1)[:, np.newaxis, np.newaxis]
+        np.copyto(heard, level, where=np.maximum(middle, middle + offset) > last)
+    # The larger one of both signs; slot 0 lies before the first pulse: nothing counts there.
+    high, low = (np.ascontiguousarray(f(heard, axis=0)) for f in (np.max, np.min))
+    high -= level
+    np.subtract(level, low, out=low)
+    absolute, positive = np.maximum(high, low), high > low * (1 + _EVEN)
+    absolute[0], positive[0] = np.abs(first), first > 0
+    filled = absolute > np.maximum((1 + _EVEN) * receiver.threshold * absolute[0], minimum)
     filled &= ~silent
-    slots = np.zeros((2 * n_bits + 2, n_rows), dtype=np.int8)
+    slots = np.zeros((2 * n_bits + 2, count), dtype=np.int8)
     np.multiply(2 * positive.view(np.int8) - 1, filled, out=slots[1:])
 
     # The largest of all is a pulse, unless there is none.
     largest = np.where(silent, np.nan, absolute.max(axis=0))
-    smallest = np.where(filled, absolute, np.inf).min(axis=0)
-    absolute[filled] = 0.0
+    empty = ~filled
+    smallest = (absolute + 1e300 * empty).min(axis=0)
+    absolute *= empty
     # On the line the pulse peaks a little later than after the symmetric filter.
     reach = int(samples / 4)
-    near = np.clip(at + np.arange(-reach, reach + 1)[:, np.newaxis], 0, last)
-    amplitude = (line.ravel().take(begin + near) * np.sign(first)).max(axis=0)
+    places = np.minimum(np.maximum(start + np.arange(-reach, reach + 1)[:, np.newaxis], 0), last)
+    around = u.ravel().take(places + np.arange(0, u.size, u.shape[1]))
+    amplitude = ((around - mean) * np.sign(first)).max(axis=0)
     return (
         np.where(silent, np.nan, peak * dt - 1.5 * HALF_BIT),
         np.where(silent, np.nan, amplitude),
         smallest / largest,
         absolute.max(axis=0) / largest,
-        slots.T,
+        slots,
     )
 
 

@@ -1,5 +1,7 @@
 """How good the diagnosis is: trials with each fault, false alarms, and a fleet watched for a day.
 
+The indices have the names of the DAMADICS benchmark; `Trials` and `FleetReport` define them.
+
 The faults are those of our own simulator, made to fit the rules: a high rate verifies code, it does
 not validate the method. The fleet shows how long a fault waits for a command that reveals it.
 """
@@ -70,8 +72,22 @@ class Trials:
     rows : pandas.DataFrame
         One row per trial and method: ``method``, ``fault``, ``valve``, ``severity``; the codes
         ``active`` at any time of it, their ``top_fault``; whether any code was active
-        (``detected``), its own (``named``), and its own was on top (``isolated``); and ``delay_s``
-        from the first command to the first code: 0 if it was active before, NaN if there was none.
+        (``detected``), its own (``named``), and its own was on top (``isolated``); and
+        ``detection_time_s`` and ``isolation_time_s``, 0 if it was so before the first command, NaN
+        if never.
+
+    Notes
+    -----
+    The indices are those of the DAMADICS benchmark [1]_, whose text was not available to us; we
+    define them as follows. *Detection time*: until any code is active. *Isolation time*: until the
+    fault's own code is active, if it is the top fault of the trial. Both are counted from the first
+    command, since before it most faults do not show. *Isolability*: the share of the detected
+    faults that are isolated. *Sensitivity*: the least severity that was detected.
+
+    References
+    ----------
+    .. [1] M. Bartys, R. Patton, M. Syfert, S. de las Heras, J. Quevedo, "Introduction to the
+       DAMADICS actuator FDI benchmark study", Control Engineering Practice 14 (2006), 577-596.
 
     Examples
     --------
@@ -105,8 +121,9 @@ class Trials:
         """Return how often faults were found, indexed by method and fault.
 
         Number ``n``; the shares ``detected``, ``named`` and ``isolated``, each with the ends
-        ``_low`` and ``_high`` of its interval; and the median ``delay_s``. For ``normal`` valves
-        ``detected`` is the share with a false alarm, and ``isolated`` the share without one.
+        ``_low`` and ``_high`` of its interval; ``isolability``, ``sensitivity``, and the medians of
+        ``detection_time_s`` and ``isolation_time_s``. For ``normal`` valves ``detected`` is the
+        share with a false alarm, and ``isolated`` the share without one.
         """
         groups = self.rows.groupby(["method", "fault"], sort=False)
         table = pd.DataFrame({"n": groups.size()})
@@ -115,7 +132,12 @@ class Trials:
             table[name] = hits / table["n"]
             ends = share_interval(hits, table["n"], confidence=confidence)
             table[f"{name}_low"], table[f"{name}_high"] = ends
-        table["delay_s"] = groups["delay_s"].median()
+        faulty = self.rows["detected"] & (self.rows["fault"] != NORMAL)
+        found = self.rows[faulty].groupby(["method", "fault"], sort=False)
+        table["isolability"] = found["isolated"].mean()
+        table["sensitivity"] = found["severity"].min()
+        for name in ("detection_time_s", "isolation_time_s"):
+            table[name] = groups[name].median()
         table.attrs["basis"] = BASIS
         return table
 
@@ -221,7 +243,7 @@ def fault_trials(
     places = {code: np.flatnonzero(faults == code) for code in wanted if code != NORMAL}
     plan = [Fault(code, severities[mine], valves=mine + 1) for code, mine in places.items()]
     active = {method: np.zeros((faults.size, len(base.rules)), bool) for method in asked}
-    first = {method: np.full(faults.size, np.nan) for method in asked}
+    first = {method: np.full((faults.size, len(base.rules)), np.nan) for method in asked}
     runs = blocks(
         spread_valves(faults.size, spread, sensors, generator),
         [Command("open", _OPEN), Command("close", _CLOSE)],
@@ -230,12 +252,13 @@ def fault_trials(
     for block in _diagnosed(runs, base, asked, k=k, n=n):
         for method, found in block.items():
             active[method] |= found.active.any(axis=0)
-            soonest = np.fmin.reduce(found.alarm_times, axis=1)
-            first[method] = np.fmin(first[method], soonest)
+            first[method] = np.fmin(first[method], found.alarm_times)
     own = faults[:, np.newaxis] == np.array(base.codes, dtype=object)
     tables = []
     for method, codes in active.items():
         top = base.top_codes(codes)
+        since = np.maximum(first[method] - _OPEN, 0.0)
+        isolated = (top == faults)[:, np.newaxis]
         rows = {
             "method": method,
             "fault": faults,
@@ -246,7 +269,8 @@ def fault_trials(
             "detected": codes.any(axis=1),
             "named": (codes & own).any(axis=1),
             "isolated": top == faults,
-            "delay_s": np.maximum(first[method] - _OPEN, 0.0),
+            "detection_time_s": np.fmin.reduce(since, axis=1),
+            "isolation_time_s": np.fmin.reduce(np.where(own & isolated, since, np.nan), axis=1),
         }
         tables.append(pd.DataFrame(rows))
     return Trials(pd.concat(tables, ignore_index=True))
@@ -316,7 +340,8 @@ def false_alarms(
     pandas.DataFrame
         Indexed by ``method``: ``commands``; those with an ``alarmed`` period, their share
         ``per_command`` with ``_low`` and ``_high``; ``valve_years``, the ``alarms`` in them (a top
-        fault that follows normal), and ``per_valve_year`` with ``_low`` and ``_high``.
+        fault that follows normal), and ``per_valve_year`` with ``_low`` and ``_high``; and the
+        ``false_detection_rate``, the share of the time during which a fault is reported.
 
     Raises
     ------
@@ -342,20 +367,24 @@ def false_alarms(
     orders = [Command(("open", "close")[i % 2], start) for i, start in enumerate(starts)]
     wanted, generator = _some("methods", methods, METHODS), check_rng(rng)
     alarmed = {method: np.zeros((starts.size, valves), bool) for method in wanted}
-    alarms = dict.fromkeys(wanted, 0)
+    alarms, reported = dict.fromkeys(wanted, 0), dict.fromkeys(wanted, 0.0)
     quiet = {method: np.ones((1, valves), bool) for method in wanted}
     system = spread_valves(valves, spread, sensors, generator)
     # The last period is whole: it ends just before the next command would come.
     end = starts[-1] + every - 0.1
     runs = blocks(system, orders, until=end, rng=generator, size=max(2**19 // valves, 1))
+    last = 0.0
     for block in _diagnosed(runs, rules, wanted, k=k, n=n):
         for method, found in block.items():
             of = np.minimum((found.time + 1e-6) // every, starts.size - 1).astype(int)
             calm = np.isin(found.top, [NORMAL, UNKNOWN])
             before = np.concatenate([quiet[method], calm[:-1]])
             alarms[method] += int((before & ~calm).sum())
+            spans = np.diff(found.time, prepend=last)
+            reported[method] += float(spans @ (~before).sum(axis=1))
             np.logical_or.at(alarmed[method], of, ~calm)
             quiet[method] = calm[-1:]
+        last = found.time[-1]
     hits = np.array([int(alarmed[method].sum()) for method in wanted])
     seen = np.array([alarms[method] for method in wanted])
     commands, years = starts.size * valves, valves * (starts.size * every) / _YEAR
@@ -373,6 +402,7 @@ def false_alarms(
             "per_valve_year": seen / years,
             "per_valve_year_low": rate[0],
             "per_valve_year_high": rate[1],
+            "false_detection_rate": [reported[method] / (valves * last) for method in wanted],
         },
         index=pd.Index(wanted, name="method"),
     )
@@ -382,9 +412,9 @@ def false_alarms(
 
 #: Columns of `FleetReport.faults`, and their types.
 _FAULT_COLUMNS = {
-    "valve": np.int64, "code": object, "severity": float, "start_s": float, "alarm_s": float,
-    "top_fault": object, "diagnosed_s": float, "isolated": bool, "delay_s": float,
-    "command_s": float, "after_command_s": float,
+    "valve": np.int64, "code": object, "severity": float, "start_s": float, "top_fault": object,
+    "named": bool, "detection_time_s": float, "isolation_time_s": float,
+    "true_detection_rate": float, "command_s": float, "after_command_s": float,
 }  # fmt: skip
 
 
@@ -407,12 +437,32 @@ class FleetReport:
         One row per run of a motor: ``valve``, ``action``, ``start_s``, ``end_s``, ``outcome``.
     alarms : DataFrame
         One row for every time a code became active: ``time_s``, ``valve``, ``code``, ``top_fault``.
+    signals : DataFrame
+        One row for every time the top fault of a valve changed: ``time_s``, ``valve``,
+        ``top_fault``. It is normal until the first.
+
+    Notes
+    -----
+    The indices are those of the DAMADICS benchmark [1]_, whose text was not available to us; we
+    define them as follows. *Detection time*: from the beginning of the fault until a code of its
+    valve becomes active. *Isolation time*: until its own code becomes the top fault. A fault shows
+    during strokes and may be silent between them, so the first such moment counts; `Trials` asks
+    for the top of all codes of a trial. *True-detection rate*: the share of the time of the fault
+    during which its valve has a top fault. *False-detection rate*: the same share of the time of
+    valves on which nothing is wrong yet. *Isolability*: the share of the detected faults that are
+    isolated. *Sensitivity*: the least severity that was detected. A fault whose own code is active,
+    perhaps beside a higher one, is *named*; that word is ours.
+
+    References
+    ----------
+    .. [1] M. Bartys, R. Patton, M. Syfert, S. de las Heras, J. Quevedo, "Introduction to the
+       DAMADICS actuator FDI benchmark study", Control Engineering Practice 14 (2006), 577-596.
 
     Examples
     --------
     >>> report = run_fleet(2, [Command("open", 60.0)], faults=Fault("V1", valves=2), until=120)
     >>> report
-    FleetReport(2 valves, 0.0333333 h, 1 faults, 1 alarmed, 0 false alarms)
+    FleetReport(2 valves, 0.0333333 h, 1 faults, 1 detected, 0 false alarms)
     """
 
     n_valves: int
@@ -421,72 +471,101 @@ class FleetReport:
     injected: list[Fault]
     commands: pd.DataFrame
     alarms: pd.DataFrame
+    signals: pd.DataFrame
 
     def faults(self) -> pd.DataFrame:
-        """One row a fault and valve, in order of time."""
+        """One row per fault and valve, in order of time."""
         rows = []
         for fault in self.injected:
             severities = fault.severities(self.n_valves)
             for valve in severities.nonzero()[0]:
-                mine = self.alarms[
-                    (self.alarms["valve"] == valve + 1) & (self.alarms["time_s"] >= fault.start)
-                ]
-                own = mine[mine["code"] == fault.code]
-                alarm, top = mine["time_s"].min(), mine["top_fault"].tolist()
-                ran = self.commands[
-                    (self.commands["valve"] == valve + 1)
-                    & (self.commands["end_s"] >= fault.start)
-                    & (self.commands["start_s"] <= alarm)
-                ]
+                alarms, shown, ran = (
+                    table[table["valve"] == valve + 1]
+                    for table in (self.alarms, self.signals, self.commands)
+                )
+                mine = alarms[alarms["time_s"] >= fault.start]
+                own = shown[(shown["time_s"] >= fault.start) & (shown["top_fault"] == fault.code)]
+                alarm, end = mine["time_s"].min(), min(fault.stop, self.duration)
+                ran = ran[(ran["end_s"] >= fault.start) & (ran["start_s"] <= alarm)]
                 command = np.maximum(ran["start_s"].max(), fault.start)
+                seen = self._reported(fault.start, end, shown)
                 rows.append(
                     (
-                        valve + 1, fault.code, severities[valve], fault.start, alarm,
-                        [*top, ""][0], own["time_s"].min(), fault.code in top, alarm - fault.start,
+                        valve + 1, fault.code, severities[valve], fault.start,
+                        [*mine["top_fault"], ""][0], fault.code in mine["code"].tolist(),
+                        alarm - fault.start, own["time_s"].min() - fault.start,
+                        seen / (end - fault.start) if end > fault.start else np.nan,
                         command, alarm - command,
                     )
                 )  # fmt: skip
         # Types of a report without faults: what counts and compares them must work there too.
         return pd.DataFrame(rows, columns=list(_FAULT_COLUMNS)).astype(_FAULT_COLUMNS)
 
-    def false_alarms(self) -> pd.DataFrame:
-        """Alarms of valves on which nothing was wrong yet; columns as `alarms`."""
+    def _reported(self, low: npt.ArrayLike, high: npt.ArrayLike, signals: pd.DataFrame) -> float:
+        """Return for how long faults are reported between two times, one or one per row [s]."""
+        ends = signals.groupby("valve")["time_s"].shift(-1).fillna(self.duration)
+        spans = np.clip(ends, low, high) - np.clip(signals["time_s"], low, high)
+        return float(spans[~signals["top_fault"].isin([NORMAL, UNKNOWN])].sum())
+
+    def _begins(self) -> npt.NDArray[np.float64]:
+        """Return from when on something is wrong with each valve [s]; inf if nothing is."""
         begin = np.full(self.n_valves, np.inf)
         for fault in self.injected:
             sick = fault.severities(self.n_valves) > 0
             begin[sick] = np.minimum(begin[sick], fault.start)
+        return begin
+
+    def false_alarms(self) -> pd.DataFrame:
+        """Alarms of valves on which nothing was wrong yet; columns as `alarms`."""
         alarms: pd.DataFrame = self.alarms
-        wrong = alarms["time_s"].to_numpy() < begin[alarms["valve"].to_numpy(int) - 1]
+        begin = self._begins()[alarms["valve"].to_numpy(int) - 1]
+        wrong = alarms["time_s"].to_numpy() < begin
         false: pd.DataFrame = alarms.loc[wrong].reset_index(drop=True)
         return false
 
+    def false_detection_rate(self) -> float:
+        """Return the share of the time of valves without a fault during which one is reported."""
+        begin = np.minimum(self._begins(), self.duration)
+        ends = begin[self.signals["valve"].to_numpy(int) - 1]
+        healthy = begin.sum()
+        return self._reported(0.0, ends, self.signals) / healthy if healthy else np.nan
+
     def summary(self) -> pd.DataFrame:
-        """One row a code: counts of ``faults``, ``alarmed``, ``own_code``, ``isolated``; delay."""
+        """One row per code: counts of ``faults``, ``detected``, ``named``, ``isolated``; indices.
+
+        The times are medians, and ``true_detection_rate`` is the mean.
+        """
         groups = self.faults().groupby("code", sort=False)
         table: pd.DataFrame = groups.agg(
             faults=("code", "size"),
-            alarmed=("alarm_s", "count"),
-            own_code=("diagnosed_s", "count"),
-            isolated=("isolated", "sum"),
-            median_delay_s=("delay_s", "median"),
+            detected=("detection_time_s", "count"),
+            named=("named", "sum"),
+            isolated=("isolation_time_s", "count"),
+            detection_time_s=("detection_time_s", "median"),
+            isolation_time_s=("isolation_time_s", "median"),
+            true_detection_rate=("true_detection_rate", "mean"),
         )
+        table["isolability"] = table["isolated"] / table["detected"].where(table["detected"] > 0)
+        found = self.faults().dropna(subset="detection_time_s")
+        table["sensitivity"] = found.groupby("code")["severity"].min()
         return table.reindex([code for code in FAULTS if code in groups.groups])
 
     def __str__(self) -> str:
         table = self.faults()
-        found, own = table["alarm_s"].count(), table["diagnosed_s"].count()
+        found, isolated = table["detection_time_s"].count(), table["isolation_time_s"].count()
         return (
             f"{self.n_valves} valves, {self.duration / 3600:g} h, "
             f"{self.n_samples / 1e6:.1f} million samples, {len(self.commands)} motor runs\n"
-            f"{len(table)} faults: {found} alarmed, {own} with their own code; "
-            f"{len(self.false_alarms())} false alarms"
+            f"{len(table)} faults: {found} detected, {table['named'].sum()} named, "
+            f"{isolated} isolated; {len(self.false_alarms())} false alarms"
         )
 
     def __repr__(self) -> str:
         table = self.faults()
         return (
             f"FleetReport({self.n_valves} valves, {self.duration / 3600:g} h, {len(table)} faults, "
-            f"{table['alarm_s'].count()} alarmed, {len(self.false_alarms())} false alarms)"
+            f"{table['detection_time_s'].count()} detected, "
+            f"{len(self.false_alarms())} false alarms)"
         )
 
     def false_alarm_rate(self, confidence: float = 0.95) -> tuple[float, float]:
@@ -501,8 +580,8 @@ class FleetReport:
         faults, commands = self.faults(), self.commands
         hour = 3600.0
         rows = np.arange(len(faults))
-        known = faults["alarm_s"].fillna(self.duration).to_numpy()
         start = faults["start_s"].to_numpy()
+        known = (start + faults["detection_time_s"]).fillna(self.duration).to_numpy()
         names = []
         for row, (valve, code) in enumerate(faults[["valve", "code"]].itertuples(index=False)):
             names.append(f"{code}, valve {valve}")
@@ -514,7 +593,7 @@ class FleetReport:
         red = style.LIMIT["color"]
         ax.hlines(rows, start / hour, known / hour, color=red, linewidth=3, label="unknown")
         ax.plot(start / hour, rows, "o", color=red, markersize=5, label="fault appears")
-        found = faults["alarm_s"].notna().to_numpy()
+        found = faults["detection_time_s"].notna().to_numpy()
         ax.plot(known[found] / hour, rows[found], "D", color="C2", markersize=6, label="reported")
         ax.set_yticks(rows, names, fontsize="small")
         ax.invert_yaxis()
@@ -595,7 +674,8 @@ def run_fleet(
     runs = blocks(
         fleet, commands, faults=failed, until=end, idle_step=idle_step, rng=rng, size=size
     )
-    n_samples, strokes, alarms = 0, [], []
+    n_samples, strokes, alarms, signals = 0, [], [], []
+    shown = np.full((1, fleet.n_valves), NORMAL, dtype=object)
     for found in _diagnosed(runs, rules, [method], **options):
         diagnosis = found[method]
         n_samples += diagnosis.time.size * fleet.n_valves
@@ -603,13 +683,13 @@ def run_fleet(
             stroke_rows(diagnosis.run)[["valve", "action", "start_s", "end_s", "outcome"]]
         )
         alarms.append(diagnosis.alarms())
-    known = [table for table in alarms if len(table)] or alarms[:1]
-    moved = [table for table in strokes if len(table)] or strokes[:1]
-    return FleetReport(
-        fleet.n_valves,
-        end,
-        n_samples,
-        failed,
-        pd.concat(moved, ignore_index=True),
-        pd.concat(known, ignore_index=True),
+        top = diagnosis.top
+        times, valves = np.nonzero(top != np.concatenate([shown, top[:-1]]))
+        columns = {"time_s": diagnosis.time[times], "valve": valves + 1}
+        signals.append(pd.DataFrame({**columns, "top_fault": top[times, valves]}))
+        shown = top[-1:]
+    moved, known, changed = (
+        pd.concat([table for table in tables if len(table)] or tables[:1], ignore_index=True)
+        for tables in (strokes, alarms, signals)
     )
+    return FleetReport(fleet.n_valves, end, n_samples, failed, moved, known, changed)

@@ -1,67 +1,47 @@
-"""Kinds of answers: each says what is wrong with one, as a hint that does not give it away.
+"""Kinds of answers: each reads what a student gives, and says how it differs from the right one.
 
-A function is tried on inputs, a table is compared row by row.
+What it says is a fact about the answer, never a guess at its cause; the mistakes of an exercise
+name causes. No fact leads to the right answer by trying.
 """
 
 from __future__ import annotations
 
+import ctypes
 import linecache
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from numbers import Integral, Real
 from reprlib import Repr
-from traceback import walk_tb
+from threading import Thread
+from traceback import format_exception_only, walk_tb
 from types import TracebackType
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
+
+T = TypeVar("T")
+
+#: How long a student's function may take [s].
+LIMIT = 10.0
 
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
 
+#: What is said of an answer of which nothing else is known for sure.
+NOT_YET = "not right yet"
+
 #: Powers of ten that prefixes of units make: from pico to tera, one way or the other.
 _PREFIXES = tuple(power for power in range(-24, 25, 3) if power)
 
-#: Units of time: what bits take, so that bytes in their place make a factor of 8.
-_TIMES = ("ns", "us", "ms", "s")
+
+class NotSolved(Exception):
+    """Raised where an exercise has no answer yet."""
 
 
-def factor_hint(number: float, right: float, unit: str, tolerance: float) -> str | None:
-    """Return which typical mistake explains a wrong number."""
-    if not (number and right):
-        return None
-
-    def near(factor: float) -> bool:
-        return math.isclose(number, factor * right, rel_tol=tolerance)
-
-    if near(-1):
-        return "the sign is wrong"
-    for power in _PREFIXES:
-        if near(10.0**power):
-            where = f"{10 ** abs(power)} times too {'large' if power > 0 else 'small'}"
-            asked = f": is it in {unit}, or in another unit?" if unit else ": which unit is it in?"
-            return f"the digits are right, but it is {where}{asked}"
-    if unit == "%" and near(0.01):
-        return "that is the share; asked for is the percentage, 100 times as much"
-    if not unit and near(100):
-        return "that is the percentage; asked for is the share, a hundredth of it"
-    if math.isclose(number * right, 1, rel_tol=tolerance) and not math.isclose(
-        abs(right), 1, rel_tol=0.05
-    ):
-        return "that is one over the answer: a rate where a time is asked for, or the other way?"
-    for power in range(-8, 9):
-        if power and near(10.0**power):
-            return "the digits are right, but the point is in the wrong place"
-    of_bits = unit in _TIMES or "bit" in unit or "byte" in unit
-    if of_bits and (near(8) or near(1 / 8)):
-        return "a factor of 8: bits or bytes?"
-    if near(2):
-        return "that is twice as much: is something counted twice?"
-    if near(0.5):
-        return "that is half of it: is something left out?"
-    return None
+class Misread(Exception):
+    """Raised where an answer is not of the kind that is asked; says how."""
 
 
 class Answer(Protocol):
@@ -71,8 +51,11 @@ class Answer(Protocol):
     def value(self) -> object:
         """The right answer."""
 
-    def fault(self, given: object) -> str | None:
-        """Say what is wrong with an answer; None if it is right."""
+    def read(self, given: object) -> Any:
+        """Return an answer in one notation; raise Misread if it is of another kind."""
+
+    def fault(self, answer: Any) -> str | None:
+        """Say how an answer that was read differs; None if it is right."""
 
 
 def shown(value: object) -> str:
@@ -82,7 +65,7 @@ def shown(value: object) -> str:
     try:
         return f"{value:.6g}" if isinstance(value, float) else _SHORT.repr(value)
     except Exception:  # a representation is the student's own code
-        return f"a {type(value).__name__}"
+        return type(value).__name__
 
 
 def blank(given: object) -> bool:
@@ -90,16 +73,43 @@ def blank(given: object) -> bool:
     return given is ... or given is None
 
 
-def _number(given: object, unit: str) -> float | str:
-    """Return a single number, or what is wrong with what was given."""
+def _other(asked: str, given: object) -> Misread:
+    return Misread(f"{asked}; yours is of type {type(given).__name__}")
+
+
+def _number(given: object, unit: str) -> float:
+    """Return a single number, of an array too."""
     asked = f"a number is asked for{f', in {unit}' if unit else ''}"
+    if isinstance(given, np.ndarray) and given.size == 1:
+        given = given.item()
+    if isinstance(given, str):
+        raise Misread(f"{asked}, without quotes and without a unit")
     if isinstance(given, bool | np.bool_) or not isinstance(given, Real):
-        if isinstance(given, str):
-            return f"{asked}, without quotes and without the unit behind it"
-        return f"{asked}, not a {type(given).__name__}"
+        raise _other(asked, given)
     if not math.isfinite(given):
-        return f"{asked}; {given} is none"
+        raise Misread(f"{asked}; {given} is not one")
     return float(given)
+
+
+def _prefix(number: float, right: float, unit: str, tolerance: float) -> str | None:
+    """Return how a number differs from another if its digits are the same."""
+
+    def near(factor: float) -> bool:
+        return math.isclose(number, factor * right, rel_tol=tolerance)
+
+    if not (number and right):
+        return None
+    if near(-1):
+        return "the sign is wrong"
+    if unit == "%" and near(0.01):
+        return "that is the share; how many percent is it?"
+    if not unit and near(100):
+        return "that is the percentage; what share is it, from 0 to 1?"
+    for power in _PREFIXES:
+        if near(10.0**power):
+            where = f"{10 ** abs(power)} times too {'large' if power > 0 else 'small'}"
+            return f"the digits are right, but it is {where}: which unit is it in?"
+    return None
 
 
 def _rounded(number: float, right: float) -> bool:
@@ -123,47 +133,43 @@ class Number:
     unit: str = ""
     tolerance: float = 0.005
 
-    def fault(self, given: object) -> str | None:
-        """Say what is wrong with an answer; None if it is right."""
-        number = _number(given, self.unit)
-        if isinstance(number, str):
-            return number
+    def read(self, given: object) -> float:
+        """Return an answer as a number."""
+        return _number(given, self.unit)
+
+    def fault(self, answer: float) -> str | None:
+        """Say how a number differs; None if it is right."""
         scale = abs(self.value) or 1.0
         # The last bits of a product may go either way.
-        if abs(number - self.value) <= self.tolerance * scale * (1 + 1e-9):
+        if abs(answer - self.value) <= self.tolerance * scale * (1 + 1e-9):
             return None
-        if hint := factor_hint(number, self.value, self.unit, self.tolerance):
-            return hint
-        if abs(number - self.value) <= 0.05 * scale:
-            if _rounded(number, self.value):
-                why = "round only at the end, and keep more digits"
-            else:
-                why = "is something small missing, or counted twice?"
-            return f"close, but not within {100 * self.tolerance:g} %: {why}"
-        return f"too {'large' if number > self.value else 'small'}"
+        if fact := _prefix(answer, self.value, self.unit, self.tolerance):
+            return fact
+        if _rounded(answer, self.value):
+            return f"not within {100 * self.tolerance:g} %: round only at the end, keep more digits"
+        if self.value and not 1 / 3 <= abs(answer / self.value) <= 3:
+            return f"far too {'large' if abs(answer) > abs(self.value) else 'small'}"
+        return NOT_YET
 
 
 @dataclass(frozen=True)
 class Whole:
     """A count."""
 
-    value: int
+    value: float
     unit: str = ""
 
-    def fault(self, given: object) -> str | None:
-        """Say what is wrong with an answer; None if it is right."""
-        number = _number(given, self.unit)
-        if isinstance(number, str):
-            return number
-        if number == self.value:
+    def read(self, given: object) -> float:
+        """Return an answer as a number."""
+        return _number(given, self.unit)
+
+    def fault(self, answer: float) -> str | None:
+        """Say how a count differs; None if it is right."""
+        if math.isclose(answer, self.value, rel_tol=1e-9):
             return None
-        if abs(number - self.value) == 1:
-            return f"one too {'many' if number > self.value else 'few'}"
-        if hint := factor_hint(number, self.value, self.unit, 1e-9):
-            return hint
-        if number != round(number):
-            return "a whole number is asked for: round up or down, and think which"
-        return f"too {'large' if number > self.value else 'small'}"
+        if answer != round(answer):
+            return f"{NOT_YET}: a whole number is asked for"
+        return NOT_YET
 
 
 @dataclass(frozen=True)
@@ -172,32 +178,22 @@ class Bits:
 
     value: str
 
-    def fault(self, given: object) -> str | None:
-        """Say what is wrong with an answer; None if it is right."""
+    def read(self, given: object) -> str:
+        """Return an answer as text without gaps."""
         if isinstance(given, Integral):
-            return "bits are written in quotes, '0110', so that zeros in front stay"
-        if not isinstance(given, str):
-            if not isinstance(given, Iterable):
-                return f"bits in quotes are asked for, such as '0110', not a {type(given).__name__}"
-            given = "".join(map(str, given))
-        bits, right = given.replace(" ", "").replace("_", ""), self.value
-        if bits == right:
-            return None
+            raise Misread("bits are written in quotes, '0110', so that zeros in front stay")
+        if not isinstance(given, Iterable):
+            raise _other("bits in quotes are asked for, such as '0110'", given)
+        bits = "".join(map(str, given)).replace(" ", "").replace("_", "")
         if strange := sorted(set(bits) - {"0", "1"}):
-            return f"{shown(strange[0])} is no bit"
-        if off := len(bits) - len(right):
-            return f"these are {len(bits)} bits: {abs(off)} too {'many' if off > 0 else 'few'}"
-        if bits == right[::-1]:
-            return "the right bits in the reverse order: which one comes first?"
-        if bits == right.translate(str.maketrans("01", "10")):
-            return "every bit is the other way round: which level is a 0?"
-        if right in (bits[1:] + bits[:1], bits[-1:] + bits[:-1]):
-            return "the right bits, moved by one place"
-        half = len(right) // 2
-        if len(right) % 2 == 0 and bits == right[half:] + right[:half]:
-            return "the halves are swapped: which one comes first?"
-        wrong = sum(a != b for a, b in zip(bits, right, strict=True))
-        return f"{wrong} of {len(right)} bits {'is' if wrong == 1 else 'are'} wrong"
+            raise Misread(f"{shown(strange[0])} is not a bit")
+        return bits
+
+    def fault(self, answer: str) -> str | None:
+        """Say how bits differ; None if they are right."""
+        if answer == self.value:
+            return None
+        return f"these {len(answer)} bits are {NOT_YET}"
 
 
 @dataclass(frozen=True)
@@ -206,74 +202,59 @@ class Bytes:
 
     value: bytes
 
-    def fault(self, given: object) -> str | None:
-        """Say what is wrong with an answer; None if it is right."""
+    def read(self, given: object) -> bytes:
+        """Return an answer as bytes."""
         if isinstance(given, str):
             try:
-                given = bytes.fromhex(given.replace("0x", " "))
+                return bytes.fromhex(given.replace("0x", " ").replace(",", " "))
             except ValueError:
-                return f"{shown(given)} is not hexadecimal: two digits a byte, such as '01 0A'"
-        if not isinstance(given, bytes | bytearray):
-            return f"bytes are asked for, such as '01 0A', not a {type(given).__name__}"
-        data, right = bytes(given), self.value
-        if data == right:
+                asked = "two digits per byte, such as '01 0A'"
+                raise Misread(f"{shown(given)} is not hexadecimal: {asked}") from None
+        if isinstance(given, Sequence) and all(type(byte) is int for byte in given):
+            try:
+                return bytes(given)
+            except ValueError:
+                raise Misread("a byte is a number from 0 to 255") from None
+        raise _other("bytes are asked for, such as '01 0A'", given)
+
+    def fault(self, answer: bytes) -> str | None:
+        """Say how bytes differ; None if they are right."""
+        if answer == self.value:
             return None
-        if off := len(data) - len(right):
-            return f"these are {len(data)} bytes: {abs(off)} too {'many' if off > 0 else 'few'}"
-        if data == right[::-1]:
-            return "the right bytes in the reverse order: the first on the line comes first"
-        if data == right[:-2] + right[:-3:-1]:
-            return "the last two bytes are swapped: which one goes first?"
-        if data == bytes(int(f"{byte:08b}"[::-1], 2) for byte in right):
-            return "the bits of each byte are reversed"
-        wrong = [k for k, byte in enumerate(right, start=1) if data[k - 1] != byte]
+        if len(answer) != len(self.value):
+            return f"these {len(answer)} bytes are {NOT_YET}"
+        wrong = [k for k, byte in enumerate(self.value, start=1) if answer[k - 1] != byte]
         which, verb = ("byte", "is") if len(wrong) == 1 else ("bytes", "are")
-        return f"{which} {', '.join(map(str, wrong))} of {len(right)} {verb} wrong"
+        return f"{which} {', '.join(map(str, wrong))} {verb} {NOT_YET}"
 
 
 @dataclass(frozen=True)
-class Choice:
-    """One of several words."""
+class Words:
+    """Words of a list: one, several in their order (a tuple), or some in any order (a set)."""
 
-    value: str
+    value: str | tuple[str, ...] | frozenset[str]
     options: tuple[str, ...]
 
-    def fault(self, given: object) -> str | None:
-        """Say what is wrong with an answer; None if it is right."""
-        known = {option.casefold(): option for option in self.options}
-        chosen = known.get(given.strip().casefold()) if isinstance(given, str) else None
-        if chosen is None:
-            return f"{shown(given)} is none of {', '.join(self.options)}"
-        return None if chosen == self.value else f"it is not {chosen}: try to say why you chose it"
-
-
-@dataclass(frozen=True)
-class Choices:
-    """Some of several words, in any order."""
-
-    value: frozenset[str]
-    options: tuple[str, ...]
-
-    def fault(self, given: object) -> str | None:
-        """Say what is wrong with an answer; None if it is right."""
+    def read(self, given: object) -> object:
+        """Return an answer as words are spelt in the list; capitals make no difference."""
+        if isinstance(self.value, str):
+            return self._word(given)
         if isinstance(given, str):
             given = given.replace(",", " ").split()
         if not isinstance(given, Iterable):
-            return f"a list is asked for, some of {', '.join(self.options)}"
-        chosen = set(map(str, given))
-        if strange := sorted(chosen - set(self.options)):
-            return f"{shown(strange[0])} is none of {', '.join(self.options)}"
-        extra, missing = len(chosen - self.value), len(self.value - chosen)
-        parts = []
-        if extra:
-            parts.append(f"{extra} of yours {'does' if extra == 1 else 'do'} not belong")
-        if missing:
-            parts.append(f"{missing} {'is' if missing == 1 else 'are'} missing")
-        return ", ".join(parts) or None
+            raise Misread(f"a list is asked for, some of {', '.join(self.options)}")
+        return type(self.value)(map(self._word, given))
 
+    def _word(self, given: object) -> str:
+        known = {option.casefold(): option for option in self.options}
+        word = known.get(given.strip().casefold()) if isinstance(given, str) else None
+        if word is None:
+            raise Misread(f"{shown(given)} is none of {', '.join(self.options)}")
+        return word
 
-class NotSolved(Exception):
-    """Raised where an exercise has no answer yet."""
+    def fault(self, answer: object) -> str | None:
+        """Say that words differ; None if they are right."""
+        return None if answer == self.value else NOT_YET
 
 
 @dataclass(frozen=True)
@@ -284,33 +265,71 @@ class Function:
     cases: Sequence[tuple[Any, ...]]
     answer: Callable[[Any], Answer] = Number
 
-    def fault(self, given: object) -> str | None:
-        """Say what is wrong with a function; None if it is right."""
+    def read(self, given: object) -> tuple[str, list[Any]]:
+        """Return the name of a function, and what it returns for each input."""
         if not callable(given):
-            return f"a function is asked for, not a {type(given).__name__}"
+            raise _other("a function is asked for", given)
         name = getattr(given, "__name__", "your function")
-        for case in self.cases:
-            call = f"{name}({', '.join(map(shown, case))})"
-            try:
-                # A function that changes what it is given must not spoil the comparison.
-                result = given(*deepcopy(case))
-            except NotImplementedError:
-                raise NotSolved from None
-            except Exception as error:
-                return f"{call} stops{_place(given, error.__traceback__)}: {_said(error)}"
-            if result is None:
-                return f"{call} returned nothing: is there a `return`?"
-            if result is ...:
-                raise NotSolved
-            if fault := self.answer(self.value(*case)).fault(result):
-                return f"{call} returned {shown(result)}: {fault}"
+        return name, _limited(name, lambda: [self._tried(given, name, case) for case in self.cases])
+
+    def _tried(self, given: Callable[..., Any], name: str, case: tuple[Any, ...]) -> Any:
+        """Return what a function returns for one input."""
+        try:
+            # A function that changes what it is given must not spoil the comparison.
+            result = given(*deepcopy(case))
+        except NotImplementedError:
+            raise NotSolved from None
+        except Exception as error:
+            where = _place(given, error.__traceback__)
+            said = format_exception_only(error)[-1].partition("\n")[0]
+            raise Misread(f"{_call(name, case)} stops{where}: {said}") from None
+        if result is None:
+            raise Misread(f"{_call(name, case)} returned nothing: is there a `return`?")
+        if result is ...:
+            raise NotSolved
+        try:
+            return self.answer(self.value(*case)).read(result)
+        except Misread as kind:
+            raise Misread(f"{_call(name, case)} returned {shown(result)}: {kind}") from None
+
+    def fault(self, answer: tuple[str, list[Any]]) -> str | None:
+        """Say which result is wrong first; None if all are right."""
+        name, results = answer
+        for case, result in zip(self.cases, results, strict=True):
+            if fact := self.answer(self.value(*case)).fault(result):
+                return f"{_call(name, case)} returned {shown(result)}: {fact}"
         return None
 
 
-def _said(error: Exception) -> str:
-    kind = type(error).__name__
-    text = str(error).partition("\n")[0]
-    return f"{kind}, {text}" if text else kind
+def _limited(name: str, work: Callable[[], T]) -> T:
+    """Return what a student's function gives; raise Misread if it does not end."""
+    done: list[T] = []
+    failed: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            done.append(work())
+        except BaseException as error:
+            failed.append(error)
+
+    # A thread works on every system and in any thread; a signal only in the main one.
+    thread = Thread(target=run, name=name, daemon=True)
+    thread.start()
+    thread.join(LIMIT)
+    if thread.is_alive():
+        # Ends the loop at its next step; else it would take a core until the kernel stops.
+        ident = ctypes.c_ulong(thread.ident or 0)
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(ident, ctypes.py_object(SystemExit))
+        raise Misread(
+            f"{name} did not end within {LIMIT:g} s: does every loop in it come to an end?"
+        )
+    if failed:
+        raise failed[0]
+    return done[0]
+
+
+def _call(name: str, case: tuple[Any, ...]) -> str:
+    return f"{name}({', '.join(map(shown, case))})"
 
 
 def _place(function: Callable[..., Any], trace: TracebackType | None) -> str:
@@ -332,44 +351,45 @@ def _not_rows(rows: object) -> str | None:
     if isinstance(rows, dict):
         return "; that is a single one"
     if not isinstance(rows, Sequence) or isinstance(rows, str | bytes):
-        return f", not a {type(rows).__name__}"
+        return f"; yours is of type {type(rows).__name__}"
     for number, row in enumerate(rows, start=1):
         if not isinstance(row, dict):
-            return f"; row {number} is a {type(row).__name__}"
+            return f"; row {number} is of type {type(row).__name__}"
     return None
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A table, compared row by row."""
+    """A table of numbers, in any order of its rows; the first column names them."""
 
-    value: Sequence[dict[str, Any]]
+    value: Sequence[Mapping[str, float]]
     units: dict[str, str] = field(default_factory=dict)
-    tolerance: float = 0.005
 
-    def fault(self, given: object) -> str | None:
-        """Say what is wrong with a table, a DataFrame or a list of dicts; None if it is right."""
+    def read(self, given: object) -> list[dict[str, float]]:
+        """Return a table, a DataFrame or a list of dicts, as rows of numbers, sorted."""
         to_rows = getattr(given, "to_dict", None)
         rows: Any = to_rows("records") if to_rows and hasattr(given, "columns") else given
         columns = list(self.value[0])
         if form := _not_rows(rows):
             row = ", ".join(f"{name!r}: ..." for name in columns)
-            return f"a table is asked for, a list of rows such as {{{row}}}{form}"
+            raise Misread(f"a table is asked for, a list of rows such as {{{row}}}{form}")
         if missing := [name for name in columns if any(name not in row for row in rows)]:
-            return f"column {missing[0]!r} is missing; asked for are {', '.join(columns)}"
+            raise Misread(f"column {missing[0]!r} is missing; asked for are {', '.join(columns)}")
         if len(rows) != len(self.value):
-            return f"{len(rows)} rows, but {len(self.value)} are asked for"
-        first = columns[0]
-        for number, (row, right) in enumerate(zip(rows, self.value, strict=True), start=1):
-            for name in columns:
-                if blank(row[name]):
-                    raise NotSolved
-                if fault := self._cell(name, row[name], right[name]):
-                    where = f"row {number} ({first} = {shown(right[first])}), {name}"
-                    return f"{where} is {shown(row[name])}: {fault}"
-        return None
+            raise Misread(f"{len(rows)} rows, but {len(self.value)} are asked for")
+        if any(blank(row[name]) for row in rows for name in columns):
+            raise NotSolved
+        found = [
+            {name: _number(row[name], self.units.get(name, "")) for name in columns} for row in rows
+        ]
+        return sorted(found, key=lambda row: row[columns[0]])
 
-    def _cell(self, name: str, cell: object, right: object) -> str | None:
-        if isinstance(right, float | int) and not isinstance(right, bool):
-            return Number(right, self.units.get(name, ""), self.tolerance).fault(cell)
-        return None if cell == right else "this is not it"
+    def fault(self, answer: list[dict[str, float]]) -> str | None:
+        """Say which cell is wrong first; None if all are right."""
+        first = next(iter(self.value[0]))
+        for row, right in zip(answer, self.value, strict=True):
+            for name, value in right.items():
+                if fact := Number(value, self.units.get(name, "")).fault(row[name]):
+                    where = f"in the row with {first} = {shown(row[first])}, {name}"
+                    return f"{where} is {shown(row[name])}: {fact}"
+        return None

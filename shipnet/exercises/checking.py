@@ -133,7 +133,7 @@ def check(key: str, answer: object, me: Student | None = None) -> Verdict:
     except NotSolved:
         return Verdict(key, "not solved yet")
     except Exception as error:  # an answer may be any object, and object to being compared
-        fault = f"this answer cannot be compared ({type(error).__name__}): is it of the kind asked?"
+        fault = f"this answer cannot be compared ({type(error).__name__}): what kind is asked?"
     return Verdict(key, fault or "correct")
 
 

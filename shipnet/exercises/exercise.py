@@ -9,7 +9,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
-from shipnet.exercises.answers import Answer
+from shipnet.exercises.answers import Answer, Misread
 
 T = TypeVar("T")
 
@@ -78,7 +78,10 @@ def student(name: str) -> Student:
     return Student(name)
 
 
-#: What is right for a student's numbers, and by hint the wrong answers that the hint is for.
+#: In place of a wrong answer: the hint for all that no other hint is for, how to begin.
+ANY = object()
+
+#: What is right for a student's numbers, and by hint the wrong answer that the hint is for.
 Solution: TypeAlias = tuple[Answer, dict[str, object]]
 
 
@@ -97,17 +100,29 @@ class Exercise:
         }
 
     def fault(self, answered: object, me: Student) -> str | None:
-        """Say what is wrong with an answer."""
-        right, traps = self.solve(**self.given(me))
-        fault = right.fault(answered)
-        if fault is None:
+        """Say what is wrong with an answer.
+
+        A mistake is named only if it, and no other one, gives this answer.
+        """
+        right, hints = self.solve(**self.given(me))
+        try:
+            answer = right.read(answered)
+        except Misread as kind:
+            return str(kind)
+        fact = right.fault(answer)
+        if fact is None:
             return None
-        for hint, wrong in traps.items():
-            # The same kind of answer, with the trap as what is right.
-            trapped: Answer = replace(right, value=wrong)  # type: ignore[type-var]
-            if trapped.fault(answered) is None:
-                return hint
-        return fault
+        named = [
+            hint
+            for hint, wrong in hints.items()
+            if wrong is not ANY and replace(right, value=wrong).fault(answer) is None  # type: ignore[type-var]
+        ]
+        if len(named) == 1:
+            return named[0]
+        if fact.endswith("?"):
+            return fact
+        begin = next(hint for hint, wrong in hints.items() if wrong is ANY)
+        return f"{fact}. {begin}"
 
 
 #: The exercises by their keys; filled as the modules of the lessons are imported.

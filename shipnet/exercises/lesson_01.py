@@ -6,53 +6,101 @@ from itertools import pairwise
 
 from shipnet.asi.modulation import Modulation
 from shipnet.exercises.answers import Bits, Function, Number, Whole
-from shipnet.exercises.exercise import Solution, solution
+from shipnet.exercises.exercise import ANY, Solution, solution
+
+_TURNED = str.maketrans("01", "10")
+
+#: Five bits, not the same backwards; of 11110 differential Manchester makes the same levels.
+_WORDS = tuple(
+    word for word in (f"{k:05b}" for k in range(32)) if word != word[::-1] and word != "11110"
+)
 
 
-# Neither the same backwards, nor the opposite: each mistake gives another row.
-@solution("ex-01-1", bits=("0010", "0100", "1011", "1101", "0001", "1000", "0111", "1110"))
+def _levels(bits: str) -> str:
+    return "".join(map(str, Modulation(bits).levels))
+
+
+def _differential(bits: str) -> str:
+    """Code bits as somebody does whose levels go on from the bit before."""
+    level, out = 0, ""
+    for bit in bits:
+        level ^= bit == "0"
+        out += f"{level}{1 - level}"
+    return out
+
+
+@solution("ex-01-1", bits=_WORDS)
 def levels(bits: str) -> Solution:
     """Levels that bits make on the line."""
-    return Bits("".join(map(str, Modulation(bits).levels))), {}
+    right = _levels(bits)
+    return Bits(right), {
+        "in its middle a 0 falls and a 1 rises; do yours?": right.translate(_TURNED),
+        "the first bit of the row goes onto the line first": _levels(bits[::-1]),
+        "write the half-bits from left to right, as the bits themselves": right[::-1],
+        "that is one level per bit; how many half-bits does a bit have?": bits,
+        "these are plain levels: what changes in a bit?": "".join(2 * bit for bit in bits),
+        "each bit is coded for itself: the bit before it makes no difference": _differential(bits),
+        "Take one bit at a time: which level does a 0 begin with, and which one a 1?": ANY,
+    }
 
 
 @solution("ex-01-2", n_bits=range(7, 22), rate=(50, 125, 200, 250, 400))
 def telegram_time(n_bits: int, rate: int) -> Solution:
     """How long a telegram is at a rate in kbit/s."""
-    return Number(1e3 * n_bits / rate, "us"), {
-        "the last bit takes its time too: n bits last n bit times": 1e3 * (n_bits - 1) / rate,
+    right = 1e3 * n_bits / rate
+    return Number(right, "us"), {
+        "the last bit takes its time too: n bits last n bit times": right - 1e3 / rate,
+        "count the bit times again: n bits last n of them": right + 1e3 / rate,
         "that is one bit; how long is the whole telegram?": 1e3 / rate,
+        "a telegram of `n_bits` bits has that many bits, not bytes": 8 * right,
+        "more bits take longer: what is divided by what?": rate / n_bits,
+        "a higher rate makes a telegram shorter, not longer": n_bits * rate,
+        "6 us is a bit of AS-i; this bus has a rate of its own": 6 * n_bits,
+        "Begin with one bit: how long does it last at this rate, and in which unit?": ANY,
     }
 
 
-#: Telegrams to try a function on; the shortest, no pulse between, all between, two real ones.
-_TRIED = [("0",), ("01",), ("00",), ("0011001",), ("00101010111011",)]
+#: Telegrams to try a function on; the shortest, no pulse between, all between, real ones.
+_TRIED = [("0",), ("01",), ("00",), ("0011001",), ("00101010111011",), ("0111",)]
 
 
-def _pulses(bits: str) -> int:
-    return Modulation(bits).pulses.count
-
-
-def _between_different(bits: str) -> int:
-    """Count pulses as somebody does who puts the extra ones between different bits."""
-    return 2 * len(bits) - 1 - sum(a == b for a, b in pairwise(bits))
+def _equal(bits: str) -> int:
+    return sum(a == b for a, b in pairwise(bits))
 
 
 @solution("ex-01-3")
 def pulses() -> Solution:
     """How many pulses a telegram has."""
-    return Function(_pulses, _TRIED, lambda right: Whole(right, "pulses")), {
-        "a pulse in the middle of each bit is not all: what stands between two equal bits?": len,
-        "count again where the extra pulses stand: between equal bits, or different ones?": (
-            _between_different
+    return Function(
+        lambda bits: Modulation(bits).pulses.count, _TRIED, lambda right: Whole(right, "pulses")
+    ), {
+        "a pulse in the middle of each bit is not all: what happens between two equal bits?": len,
+        "count again where the extra pulses are: between equal bits, or different ones?": (
+            lambda bits: 2 * len(bits) - 1 - _equal(bits)
         ),
+        "those are the pulses between bits; what happens in the middle of each bit?": _equal,
+        "there is a pulse between two bits only if they are equal": lambda bits: 2 * len(bits) - 1,
+        "is there a pulse after each bit, too?": lambda bits: 2 * len(bits),
+        "does your loop come to the last two bits?": lambda bits: len(bits) + _equal(bits[:-1]),
+        "a 0 begins at the level of rest: is there a pulse before it?": (
+            lambda bits: len(bits) + _equal(bits) + 1
+        ),
+        "two equal ones have a pulse between them, too": (
+            lambda bits: len(bits) + sum(a == b == "0" for a, b in pairwise(bits))
+        ),
+        "Draw the pulses of `00` and of `01` on paper: in which place do the two differ?": ANY,
     }
 
 
-@solution("ex-01-4", limit=range(400, 1201, 80))
+@solution("ex-01-4", limit=range(400, 1201, 40))
 def highest_rate(limit: int) -> Solution:
     """What bit rate has its first zero at a frequency in kHz."""
     return Number(limit / 4, "kbit/s"), {
-        "the zero lies at 2 over a half-bit, and a bit has two of them": limit / 2,
-        "that is the limit itself; how many bits go with it?": limit,
+        "that is 1 over the half-bit; how many half-bits does a bit have?": limit / 2,
+        "that is the limit itself; how long is a half-bit then, and how long a bit?": limit,
+        "is one of the factors of 2 in it twice?": limit / 8,
+        "a frequency of 2 over the half-bit is higher than the bit rate": 2 * limit,
+        "that is the half-bit in us; what rate follows from it?": 2e3 / limit,
+        "that is the bit time in us; what rate follows from it?": 4e3 / limit,
+        "Go step by step: from the limit to the half-bit, to the bit, to the rate": ANY,
     }

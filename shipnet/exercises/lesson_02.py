@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
+from itertools import permutations
 
 from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.segment import Quality
 from shipnet.asi.topologies import line
-from shipnet.exercises.answers import Choice, Function, Number, Whole
-from shipnet.exercises.exercise import Solution, solution
+from shipnet.exercises.answers import Function, Number, Whole, Words
+from shipnet.exercises.exercise import ANY, Solution, solution
 from shipnet.line.cable import CABLES, Cable
 
 #: What may be at the end of a cable of 100 ohm: name -> resistor [ohm].
@@ -19,30 +21,54 @@ _ENDS = {
     "below 100 ohm": 42.8571,
     "short circuit": 1e-9,
 }
+# Plus 0 makes 0 of -0.
 _ECHOES = {
-    round(CABLES["as-i 1.5"].reflection(resistor), 3): end for end, resistor in _ENDS.items()
+    round(CABLES["as-i 1.5"].reflection(resistor), 3) + 0: end for end, resistor in _ENDS.items()
 }
-_MIRRORED = dict(zip(_ENDS, reversed(_ENDS), strict=True))
 
 
-@solution("ex-02-1", echo=tuple(echo for echo in _ECHOES if echo))
-def cable_end(echo: float) -> Solution:
-    """What end of the cable makes an echo."""
-    end = _ECHOES[echo]
-    return Choice(end, tuple(_ENDS)), {
-        "think of the sign: which end adds to the voltage, which one takes it away?": (
-            _MIRRORED[end]
+# Four of the five: each mistake below then gives another answer.
+@solution("ex-02-1", echoes=tuple(permutations(_ECHOES, 4)))
+def cable_ends(echoes: tuple[float, ...]) -> Solution:
+    """What ends of a cable make some echoes."""
+    right = tuple(_ECHOES[echo] for echo in echoes)
+
+    def taken(*ends: str) -> tuple[str, ...]:
+        """Return the ends with the second in place of the first, the fourth of the third."""
+        found = dict(zip(ends[::2], ends[1::2], strict=True))
+        return tuple(found.get(end, end) for end in right)
+
+    opened, above, matched, below, shorted = _ENDS
+    return Words(right, tuple(_ENDS)), {
+        "which end adds to the voltage, and which one takes it away?": (
+            taken(opened, shorted, shorted, opened, above, below, below, above)
         ),
-        "from an end with the wave impedance nothing comes back": "100 ohm",
+        "write them in the order of your echoes": right[::-1],
+        "what comes back from an end of the wave impedance, and what from an open one?": (
+            taken(matched, opened, opened, matched)
+        ),
+        "an echo as high as the pulse: which sign has it?": (
+            taken(opened, shorted, shorted, opened)
+        ),
+        "the sign is used; what does the height say?": taken(opened, above, shorted, below),
+        "is each echo as high as the pulse?": taken(above, opened, below, shorted),
+        "Compare each echo with the factor: which sign has it, and is it the whole pulse?": ANY,
     }
 
 
 @solution("ex-02-2", length=range(60, 321, 20), delay=(5.0, 5.5, 6.0, 6.5, 7.0))
 def echo_time(length: int, delay: float) -> Solution:
     """When an echo comes back, for a delay in ns/m."""
-    return Number(2 * length * delay * 1e-3, "us"), {
-        "the delay is the time for one metre: how long for all?": 2 * length / delay,
-        "is that there and back, or one way?": length * delay * 1e-3,
+    right = 2 * length * delay * 1e-3
+    return Number(right, "us"), {
+        "the delay is the time for one metre: how long for all of them?": 2 * length / delay,
+        "the delay is the time for one metre; and how many metres are there?": length / delay,
+        "is that there and back, or one way?": right / 2,
+        "there and back is twice the length: is it doubled once more?": 2 * right,
+        "the echo goes there and back: is half the length right?": right / 4,
+        "that is as fast as light in air; your cable has its own delay": 2 * length / 299.79,
+        "that is as fast as light in air, and one way only": length / 299.79,
+        "How many metres is it there and back, and how long does one metre take?": ANY,
     }
 
 
@@ -51,17 +77,38 @@ def _echo(volts: float, resistor: float, z0: float) -> float:
     return volts * Cable.lossless(z0, 5e-9).reflection(resistor)
 
 
-_WAVES = [(1.0, 300.0, 100.0), (2.0, 25.0, 100.0), (3.0, 120.0, 120.0), (5.0, 1e6, 60.0)]
+_WAVES = [
+    *((1.0, 300.0, 100.0), (2.0, 25.0, 100.0), (3.0, 120.0, 120.0), (5.0, 1e6, 60.0)),
+    (4.0, 60.0, 120.0),
+]
+
+_Wave = Callable[[float, float, float], float]
 
 
 @solution("ex-02-3")
 def echo_height() -> Solution:
     """How high the wave is that comes back."""
-    return Function(_echo, _WAVES, lambda right: Number(right, "V")), {
+    mistakes: dict[str, _Wave] = {
         "that is the voltage at the end, both waves together; only one comes back": (
             lambda volts, r, z0: volts * 2 * r / (r + z0)
         ),
-        "that is the factor: the wave has its volts, too": lambda volts, r, z0: _echo(1, r, z0),
+        "that is the factor: how high is the pulse?": lambda volts, r, z0: _echo(1, r, z0),
+        "from a resistor above the wave impedance the echo has the same sign": (
+            lambda volts, r, z0: -_echo(volts, r, z0)
+        ),
+        "below the wave impedance the echo has the opposite sign": (
+            lambda volts, r, z0: abs(_echo(volts, r, z0))
+        ),
+        "that is a voltage divider; the factor has a difference above and a sum below": (
+            lambda volts, r, z0: volts * r / (r + z0)
+        ),
+        "the difference is divided by the sum, not by the wave impedance": (
+            lambda volts, r, z0: volts * (r - z0) / z0
+        ),
+    }
+    return Function(_echo, _WAVES, lambda right: Number(right, "V")), {
+        **mistakes,
+        "By hand, with 1 V and 100 ohm: what comes back from 300 ohm, and from 25 ohm?": ANY,
     }
 
 
@@ -81,16 +128,30 @@ def _in_tolerance(length: int, delay: float) -> bool:
     return bool(even and quality.ringing.max() <= TOLERANCE.ringing)
 
 
-@solution("ex-02-4", delay=(4.5, 5.0, 5.5, 6.0, 7.0, 7.5, 8.0))
+def _read(length: int, delay: float) -> bool:
+    return bool(_quality(length, delay).received.min() == 1)
+
+
+def _last(good: Callable[[int, float], bool], delay: float) -> int:
+    """Return the last length before the first one that is not good."""
+    length = _START
+    while good(length + _STEP, delay):
+        length += _STEP
+    return length
+
+
+@solution("ex-02-4", delay=tuple(k / 10 for k in range(45, 85, 2)))
 def longest_cable(delay: float) -> Solution:
     """Last length before the first one that is out of tolerance."""
-    longest = readable = _START
-    while _in_tolerance(longest + _STEP, delay):
-        longest += _STEP
-    while _quality(readable + _STEP, delay).received.min() == 1:
-        readable += _STEP
+    longest = _last(_in_tolerance, delay)
     return Whole(longest, "m"), {
-        "every answer is still read there, but is the ringing within its tolerance?": readable,
-        "a longer cable keeps both tolerances, too: go on until one is broken": longest - _STEP,
-        "that is half of it: the echo goes there and back, the cable is laid once": longest // 2,
+        "every answer is still read there, but is the ringing within its tolerance?": (
+            _last(_read, delay)
+        ),
+        "at the next length both tolerances are met, too: go on": longest - _STEP,
+        "at this length a tolerance is exceeded already": longest + _STEP,
+        "the echo goes there and back, but the cable is laid once: no factor of 2": longest // 2,
+        "the cable is laid once: no factor of 2 for there and back": 2 * longest,
+        "that is the rule for all cables; how far does yours go?": 100,
+        "Print evenness and ringing for each length: where does one exceed its tolerance?": ANY,
     }

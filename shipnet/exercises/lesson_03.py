@@ -2,39 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import combinations, pairwise
-from math import ceil, log2
+from math import ceil, log, log2, log10
+from random import Random
 
 from shipnet.asi.telegram import frame
 from shipnet.exercises.answers import Bits, Function, Whole
-from shipnet.exercises.exercise import Solution, solution
+from shipnet.exercises.exercise import ANY, Solution, solution
+
+_TURNED = str.maketrans("01", "10")
 
 
-# None is the same backwards: the wrong order gives another telegram.
+# Four bits of data make 16 answers; those that are the same backwards hide the wrong order.
 @solution("ex-03-1", bits=tuple(f"{data:04b}" for data in range(1, 15) if data not in (6, 9)))
 def telegram(bits: str) -> Solution:
     """The telegram that frames some bits."""
     right = frame(bits)
+    parity = right[-2]
     return Bits(right), {
         "count the ones again: without the end bit, their number must be even": (
-            right[:-2] + "10"[int(right[-2])] + right[-1]
+            right[:-2] + parity.translate(_TURNED) + "1"
         ),
-        "in which order do the data stand? As they are given": frame(bits[::-1]),
+        "in which order are the data sent? As they are given": frame(bits[::-1]),
+        "which value does the start bit always have?": "1" + right[1:],
+        "which value does the end bit always have?": right[:-1] + "0",
+        "these are six bits: what comes last?": right[:-1],
+        "these are six bits: what comes first?": right[1:],
+        "where is the parity bit, before the data or after them?": f"0{parity}{bits}1",
+        "Write start bit, data and end bit first; then count the ones without the end bit": ANY,
     }
 
 
-#: The generator of exercise 2, and zeros for the check bits that it makes.
-_GENERATOR, _ROOM = "1011", "000"
+#: The generators of exercise 2, each the other one backwards.
+_GENERATORS = ("10011", "11001")
 
-#: Bits of exercise 2: the mistakes below give something else for each, and the reverse too.
-_MESSAGES = (
-    *("100001", "100010", "100101", "100110", "101001", "101010", "101101", "101110"),
-    *("110000", "110011", "110100", "110111", "111000", "111011", "111100", "111111"),
-)
+#: The generator of the text of the lesson.
+_SHORTER = "1011"
 
 
-def _remainder(row: str, generator: str = _GENERATOR) -> str:
+def _remainder(row: str, generator: str) -> str:
     """Return what a division without carries leaves, one bit less than the generator has."""
     width = len(generator) - 1
     left = int(row, 2)
@@ -44,11 +51,38 @@ def _remainder(row: str, generator: str = _GENERATOR) -> str:
     return f"{left:0{width}b}"
 
 
-@solution("ex-03-2", bits=_MESSAGES)
-def check_bits(bits: str) -> Solution:
+def _check_bits(bits: str, generator: str) -> str:
+    return _remainder(bits + "0" * (len(generator) - 1), generator)
+
+
+def _mistaken(bits: str, generator: str) -> dict[str, object]:
+    row = bits + "0000"
+    right = _check_bits(bits, generator)
+    return {
+        "make room first: four zeros after the bits, then divide": _remainder(bits, generator),
+        "four zeros make room, not three": _remainder(bits + "000", generator),
+        "is your generator written backwards?": _check_bits(bits, generator[::-1]),
+        "subtract without carries: each bit for itself": f"{int(row, 2) % int(generator, 2):04b}",
+        "the first of the check bits goes onto the line first": right[::-1],
+        "that turns every bit over; a plain remainder is asked for": right.translate(_TURNED),
+        "that is the generator of the text; yours is longer": _check_bits(bits, _SHORTER),
+    }
+
+
+#: Rows of which no mistake gives the right bits, with either generator.
+_MESSAGES = tuple(
+    bits
+    for bits in (f"{k:06b}" for k in range(33, 64))
+    if all(_check_bits(bits, one) not in _mistaken(bits, one).values() for one in _GENERATORS)
+)
+
+
+@solution("ex-03-2", bits=_MESSAGES, generator=_GENERATORS)
+def check_bits(bits: str, generator: str) -> Solution:
     """Check bits of a CRC."""
-    return Bits(_remainder(bits + _ROOM)), {
-        "make room first: three zeros behind the bits, then divide": _remainder(bits),
+    return Bits(_check_bits(bits, generator)), {
+        **_mistaken(bits, generator),
+        "Put four zeros after the bits, the generator under the first 1, and subtract": ANY,
     }
 
 
@@ -56,17 +90,26 @@ def _differences(one: str, other: str) -> int:
     return sum(a != b for a, b in zip(one, other, strict=True))
 
 
+def _between(pairs: Iterable[tuple[str, str]]) -> list[int]:
+    return [_differences(one, other) for one, other in pairs]
+
+
 def _distance(words: Sequence[str]) -> int:
     """Return in how many places two of the words differ at least."""
-    return min(_differences(one, other) for one, other in combinations(words, 2))
+    return min(_between(combinations(words, 2)))
 
 
-#: Sets of words to try: two words, no neighbours the nearest, answers of a slave, opposites.
+#: Sets of words to try: two words, no neighbours the nearest, answers of a slave, opposites; then
+#: sets by chance, so that no choice of some pairs finds the nearest two each time.
 _TRIED = [
     (["000", "111"],),
     (["0000", "1111", "0001"],),
     ([frame(f"{data:04b}") for data in (0, 3, 5, 8)],),
     (["010101", "101010", "011001"],),
+    *(
+        ([f"{word:08b}" for word in Random(seed).sample(range(256), 3 + seed % 4)],)
+        for seed in range(20)
+    ),
 ]
 
 
@@ -74,25 +117,47 @@ _TRIED = [
 def distance() -> Solution:
     """Hamming distance of some words."""
     return Function(_distance, _TRIED, lambda right: Whole(right, "places")), {
-        "a word differs from itself nowhere: compare different words only": (
-            lambda words: min(_differences(one, other) for one in words for other in words)
+        "a word differs from itself nowhere: compare different words only": lambda words: 0,
+        "neighbours in the list are not all pairs": lambda words: min(_between(pairwise(words))),
+        "neighbours in the sorted list are not all pairs": (
+            lambda words: min(_between(pairwise(sorted(words))))
         ),
-        "neighbours in the list are not all pairs": (
-            lambda words: min(_differences(one, other) for one, other in pairwise(words))
+        "what about the pairs without the first word?": (
+            lambda words: min(_between((words[0], other) for other in words[1:]))
         ),
+        "that is the pair that differs most; which one decides?": (
+            lambda words: max(_between(combinations(words, 2)))
+        ),
+        "that is the mean of all pairs; which pair decides?": (
+            lambda words: sum(found := _between(combinations(words, 2))) / len(found)
+        ),
+        "that is how many wrong bits are always found; the distance itself is asked for": (
+            lambda words: _distance(words) - 1
+        ),
+        "the last word has pairs, too: does your loop come to it?": (
+            lambda words: min(
+                _between(combinations(words[:-1], 2)) or _between(combinations(words, 2))
+            )
+        ),
+        "Count for every pair of these words by hand: in how many places do the two differ?": ANY,
     }
 
 
 @solution("ex-03-4", hits=(5, 8, 10, 20, 30, 40), years=(5, 10, 20, 25))
 def crc_width(hits: int, years: int) -> Solution:
     """Fewest bits of a CRC with which fewer than one of the messages hit each day passes."""
-    width = ceil(log2(hits * 365 * years))
+    messages = hits * 365 * years
+    width = ceil(log2(messages))
     return Whole(width, "bits"), {
-        "with so few bits more than one passes: round up": width - 1,
-        "the hits are counted in a day: how many are they in all the years?": (
+        "compute how many pass with this number of bits: is it fewer than one?": width - 1,
+        "a bit cannot be divided: round, but up or down?": log2(messages),
+        "the hits are counted per day: how many are there in all the years?": (
             ceil(log2(hits * years))
         ),
-        "so many messages are hit; with how many check bits does one in so many pass?": (
-            hits * 365 * years
-        ),
+        "that is for one year; how long does the ship sail?": ceil(log2(hits * 365)),
+        "that is one day; how many days are there?": ceil(log2(hits)),
+        "that is the number of messages; with n check bits, one in how many passes?": messages,
+        "each bit halves what passes: which base does the logarithm have?": ceil(log10(messages)),
+        "the natural logarithm does not count halvings": ceil(log(messages)),
+        "How many messages are hit in all? What part of them does one check bit let pass?": ANY,
     }

@@ -4,30 +4,46 @@ from __future__ import annotations
 
 from shipnet.asi.timing import ADDRESSES, Cycle, Transaction, cycle_time
 from shipnet.exercises.answers import Function, Number, Whole
-from shipnet.exercises.exercise import Solution, solution
+from shipnet.exercises.exercise import ANY, Solution, solution
+
+_BIT = 6
 
 
-@solution("ex-04-1", master_pause=(2, 2.5, 4, 5, 6), slave_pause=(1.5, 2, 2.5))
+@solution("ex-04-1", master_pause=(2, 2.5, 3.5, 4, 4.5, 5, 6), slave_pause=(1.5, 2, 2.5))
 def transaction(master_pause: float, slave_pause: float) -> Solution:
     """Time from a request to the next."""
     right = Transaction(master_pause, slave_pause).duration * 1e6
     return Number(right, "us"), {
-        "the next request waits for the pause behind the response, too": (
-            Transaction(master_pause, 0).duration * 1e6
-        ),
-        "the response takes its time as well": right - 7 * 6,
+        "the next request waits for the pause after the response, too": right - slave_pause * _BIT,
+        "there is a pause between the request and the response, too": right - master_pause * _BIT,
+        "that is request and response; where are the pauses?": 21 * _BIT,
+        "the response takes its time as well": right - 7 * _BIT,
+        "the request takes its time as well": right - 14 * _BIT,
+        "those are the pauses; where are the telegrams?": (master_pause + slave_pause) * _BIT,
+        "has the response as many bits as the request?": right + 7 * _BIT,
+        "that is in bit times; how long is a bit time?": right / _BIT,
+        "up to the next request; one request is enough": right + 14 * _BIT,
+        "Name the parts from one request to the next, each with its bit times; then add them": ANY,
     }
 
 
 @solution("ex-04-2", slaves=range(8, 31), bits=(25, 26, 28))
 def cycle(slaves: int, bits: int) -> Solution:
-    """Cycle time with transactions of so many bit times."""
-    right = float(cycle_time(slaves, transaction=Transaction(bits - 23, 2))) * 1e3
-    return Number(right, "ms"), {
-        "two more requests belong to a cycle, besides those to the slaves": slaves * bits * 6e-3,
+    """Cycle time with exchanges of a number of bit times."""
+    one = bits * _BIT / 1e3
+    return Number(float(cycle_time(slaves, transaction=Transaction(bits - 23, 2))) * 1e3, "ms"), {
+        "two more requests belong to a cycle, besides those to the slaves": slaves * one,
         "one request more than slaves is not enough: management, and who is new": (
-            (slaves + 1) * bits * 6e-3
+            (slaves + 1) * one
         ),
+        "management and the search for a new slave are two exchanges, not three": (
+            (slaves + 3) * one
+        ),
+        "that is a full line; how many slaves has yours?": (ADDRESSES + 2) * one,
+        "that is in bit times; how long is a bit time?": (slaves + 2) * bits,
+        "that is one exchange; how many does a cycle have?": one,
+        "your exchanges take your `bits`, pauses included": (slaves + 2) * 21 * _BIT / 1e3,
+        "How many exchanges does a cycle have in all? How long does one of them take?": ANY,
     }
 
 
@@ -43,19 +59,28 @@ _TRIED = [(8, 2, 2), (4, 3, 2), (7, 2, 1.5), (8, 10, 2), (0, 2, 2)]
 def efficiency() -> Solution:
     """Share of the line that carries user data."""
     return Function(_efficiency, _TRIED, lambda right: Number(right, "%")), {
-        "the pauses use up the line, too": (
-            lambda user_bits, master_pause, slave_pause: 100 * user_bits / (14 + 7)
-        ),
+        "the pauses use up the line, too": lambda user, master, slave: 100 * user / (14 + 7),
         "the response belongs to the exchange, too": (
-            lambda user_bits, master_pause, slave_pause: (
-                100 * user_bits / (14 + master_pause + slave_pause)
-            )
+            lambda user, master, slave: 100 * user / (14 + master + slave)
         ),
+        "the pause after the response uses up the line, too": (
+            lambda user, master, slave: 100 * user / (21 + master)
+        ),
+        "the pause before the response uses up the line, too": (
+            lambda user, master, slave: 100 * user / (21 + slave)
+        ),
+        "eight is an example: where is `user_bits`?": (
+            lambda user, master, slave: 800 / (21 + master + slave)
+        ),
+        "user bits are counted there and back already": (
+            lambda user, master, slave: 200 * user / (21 + master + slave)
+        ),
+        "How many bit times has one exchange with its pauses? How many are user bits?": ANY,
     }
 
 
 def _most(limit: float, repetitions: int) -> int:
-    """Return with how many slaves a change is known within so many milliseconds."""
+    """Return with how many slaves a change is known within some milliseconds."""
     known = (
         Cycle(slaves).response_time(repetitions=repetitions).worst
         for slaves in range(1, ADDRESSES + 1)
@@ -63,16 +88,28 @@ def _most(limit: float, repetitions: int) -> int:
     return sum(bool(worst <= limit * 1e-3) for worst in known)
 
 
-# With each limit one slave more fits if the last pause and the response are forgotten, and every
-# mistake below gives another number.
+def _fit(limit: float, exchanges: int, tail: int = 10, times: int = 1) -> int:
+    """Return how many slaves fit beside other exchanges, each repeated a number of times."""
+    return int((limit / 6e-3 - tail) // (26 * times)) - exchanges
+
+
+# With each limit one slave more fits if the last pause and the response are forgotten.
 @solution("ex-04-4", limit=(2.2, 2.5, 2.7, 3.0, 3.3, 3.8, 4.1, 4.4, 4.7, 5.0), repetitions=(3, 4))
 def most_slaves(limit: float, repetitions: int) -> Solution:
     """Most slaves with which a change is known in time."""
     right = _most(limit, repetitions)
     return Whole(right, "slaves"), {
         "each repetition takes the time of one exchange": _most(limit, 0),
-        "after the cycle come a pause and the response, which take their time too": (
-            _most(limit + 10 * 6e-3, repetitions)
+        # Who rounds up, forgets the end, or one of the two extra requests, all come here.
+        "put this number in: cycle, repetitions, pause and response; is it within the limit?": (
+            right + 1
         ),
         "two requests of a cycle go to no slave": right + 2,
+        "how often may the master ask again? All of them take time": right + repetitions - 1,
+        "a repetition asks one slave again, not the whole cycle": (
+            _fit(limit, 2, times=1 + repetitions)
+        ),
+        "the line has as many addresses; is the limit met with that many slaves?": ADDRESSES,
+        "a change waits for one cycle at worst, not for two": _fit(limit, 2 + repetitions, times=2),
+        "Write the wait for ten slaves in bit times: cycle, repetitions, pause, response": ANY,
     }

@@ -2,63 +2,104 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import permutations
 
 from shipnet.can.frame import Frame, arbitrate, stuff
 from shipnet.can.lengths import frame_length
 from shipnet.can.messages import Message, MessageSet
 from shipnet.can.response import audsley, response_times
-from shipnet.exercises.answers import Bits, Choice, Function, Number, Whole
-from shipnet.exercises.exercise import Solution, solution
+from shipnet.exercises.answers import Bits, Function, Number
+from shipnet.exercises.exercise import ANY, Solution, solution
 
 _RATE = 125_000
 
-#: Neither has five equal bits in a row before they differ, and both have a 1 before it.
-_PAIRS = (
-    *(("0x0AD", "0x0B4"), ("0x1B2", "0x1A1"), ("0x324", "0x335"), ("0x1DB", "0x1D5")),
-    *(("0x54D", "0x543"), ("0x267", "0x26B"), ("0x216", "0x213"), ("0x342", "0x347")),
-)
+
+def _pair(number: int) -> tuple[str, str]:
+    """Return an id, and one that differs from it first in its second to eighth bit."""
+    place = 3 + number % 7
+    return f"0x{number:03X}", f"0x{number ^ (1 << place) ^ (number >> 1) % (1 << place):03X}"
+
+
+def _stop(ids: Sequence[str]) -> int:
+    """Return at which bit of its id, from 1, one of two senders stops."""
+    stopped = arbitrate([Frame(int(number, 16)) for number in ids]).stopped
+    return max(bit for bit in stopped if bit is not None)
+
+
+def _plain(ids: Sequence[str]) -> bool:
+    """Return whether no stuff bit comes before the ids differ, and either order can be told."""
+    last, winner = _stop(ids), f"{min(int(number, 16) for number in ids):011b}"
+    early = [bit for number in ids for bit in Frame(int(number, 16)).stuff_positions if bit <= last]
+    return not early and winner[::-1][:last] != winner[:last]
+
+
+#: Ids of two senders.
+_PAIRS = tuple(filter(_plain, map(_pair, range(0x091, 0x780, 0x02F))))
 
 
 @solution("ex-05-1", ids=_PAIRS)
-def stops_at(ids: tuple[str, str]) -> Solution:
-    """Bit of the id at which the loser stops; no stuff bit stands before it."""
+def carried(ids: tuple[str, str]) -> Solution:
+    """Bits of the ids that the bus carries until the loser stops; no stuff bit among them."""
     numbers = [int(number, 16) for number in ids]
-    right = max(bit for bit in arbitrate(list(map(Frame, numbers))).stopped if bit is not None)
-    return Whole(right), {
-        "that counts from the other end: the highest bit of the id is sent first": 12 - right,
-        "the first bit of the id is number 1, not 0": right - 1,
-        "the start of frame, SOF, is no bit of the id": right + 1,
-        "there the loser sends its first 1; does the other one send a 0 there?": (
-            12 - max(numbers).bit_length()
-        ),
+    last = _stop(ids)
+    winner, loser = (f"{number:011b}" for number in (min(numbers), max(numbers)))
+    right = winner[:last]
+    return Bits(right), {
+        "SOF, the start of frame, is not a bit of the id": "0" + right,
+        "in the last of these bits a 0 meets a 1: what does the bus carry?": loser[:last],
+        "that is the whole id; at which of its bits does the loser stop?": winner,
+        "the bit at which the loser stops is on the bus, too": right[:-1],
+        "the loser has stopped before the last of these bits": winner[: last + 1],
+        "three hexadecimal digits are 12 bits; the id has 11": "0" + winner,
+        "the highest bit of the id is sent first": winner[::-1][:last],
+        "Write both ids as 11 bits, one above the other: what does the bus carry, bit by bit?": ANY,
     }
 
 
-def _stuffed_as_if_reset(bits: str) -> str:
-    """Stuff as somebody does who does not count the stuff bit in the run behind it."""
+def _stuffed(
+    bits: str, *, after: int = 5, only: str = "01", turned: bool = True, counted: int = 1
+) -> str:
+    """Stuff as somebody does who has one of the rules wrong."""
     out, run, last = "", 0, ""
     for bit in bits:
         run = run + 1 if bit == last else 1
         out, last = out + bit, bit
-        if run == 5:
-            out, run, last = out + "10"[int(bit)], 0, ""
+        if run == after and bit in only:
+            last = "10"[int(bit)] if turned else bit
+            out, run = out + last, counted
     return out
 
 
-#: The last row has a stuff bit behind the last bit; the third, one that begins the next run.
-_TRIED = [("0110",), ("11111",), ("000001111",), ("0000000000",), ("0111110000011111",)]
+#: The fifth row has a stuff bit after the last bit; the third, one that begins the next run.
+_TRIED = [
+    *(("0110",), ("11111",), ("000001111",), ("0000000000",), ("0111110000011111",), ("",)),
+    *(("00000111110",), ("1111000011110000",), ("000000",)),
+]
 
 
 @solution("ex-05-2")
 def stuffed() -> Solution:
     """Bits with their stuff bits."""
     return Function(stuff, _TRIED, Bits), {
-        "a stuff bit is itself the first of the next run of five": _stuffed_as_if_reset,
+        "a stuff bit is itself the first of the next run of five": (
+            lambda bits: _stuffed(bits, counted=0)
+        ),
+        "four equal bits are allowed; are five?": lambda bits: _stuffed(bits, after=4),
+        "six equal bits come out here; are they allowed?": lambda bits: _stuffed(bits, after=6),
+        "a stuff bit may begin a run of five, which `replace` does not see": (
+            lambda bits: bits.replace("00000", "000001").replace("11111", "111110")
+        ),
+        "five ones get a stuff bit, too": lambda bits: _stuffed(bits, only="0"),
+        "five zeros get a stuff bit, too": lambda bits: _stuffed(bits, only="1"),
+        "a stuff bit must make an edge": lambda bits: _stuffed(bits, turned=False),
+        "a run may end with the last bit": lambda bits: _stuffed(bits[:-1]) + bits[-1:],
+        "nothing is inserted; when does a stuff bit come?": lambda bits: bits,
+        "Go through these bits with a counter: when does it begin anew, and at what number?": ANY,
     }
 
 
-@solution("ex-05-3", stop_ms=(1.75, 2.0, 2.25), n_bytes=(5, 6, 7, 8))
+@solution("ex-05-3", stop_ms=(1.75, 2.0, 2.25), n_bytes=range(1, 8))
 def response(stop_ms: float, n_bytes: int) -> Solution:
     """Longest response of a message that waits for two others and is blocked by a third."""
     messages = MessageSet(
@@ -85,36 +126,66 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
         "frames without stuff bits; for the worst case count 55 + 10 n bits": (
             once + (bare[0] if once > stop_ms else 0.0) + bare[2]
         ),
+        "how often does stop come while you wait? Compare with its period": right + stop,
+        "how often does speed come while you wait? Compare with its period": right + speed,
+        "a frame of your own does not block you; which one does?": right - log + yours,
+        "that is your own frame alone; what may come before it?": yours,
+        "which one is more urgent than yours besides stop?": right - speed,
+        "Write the wait as a sum: the frame that blocks, then the urgent ones": ANY,
     }
 
 
-def _table(*rows: str) -> str:
-    return "\n".join(["name,arbitration_id,dlc,period_ms,deadline_ms", *rows])
-
-
-#: Sets that one order alone keeps in time, and not that by deadline; found by trying many.
+#: Sets that one order alone keeps in time, and not that by deadline; found by trying many. For
+#: each message: bytes, period and deadline [ms].
 _SETS = (
-    _table("rudder,1,5,2.5,2.5", "pitch,2,8,2.0,2.0", "pump,3,1,4.75,2.75"),
-    _table("pitch,1,5,2.0,2.0", "pump,2,7,2.5,2.5", "rudder,3,1,4.25,2.75"),
-    _table("pump,1,8,3.0,3.0", "rudder,2,8,2.25,2.25", "pitch,3,3,4.5,3.75"),
-    _table("rudder,1,6,2.75,2.75", "pump,2,6,2.0,2.0", "pitch,3,3,3.5,3.0"),
-    _table("pitch,1,8,2.5,2.25", "rudder,2,8,2.75,2.75", "pump,3,1,3.25,3.25"),
-    _table("pump,1,5,2.25,2.25", "pitch,2,5,1.75,1.75", "rudder,3,0,3.75,2.75"),
+    ((5, 2.5, 2.5), (8, 2.0, 2.0), (1, 4.75, 2.75)),
+    ((5, 2.0, 2.0), (7, 2.5, 2.5), (1, 4.25, 2.75)),
+    ((8, 3.0, 3.0), (8, 2.25, 2.25), (3, 4.5, 3.75)),
+    ((6, 2.75, 2.75), (6, 2.0, 2.0), (3, 3.5, 3.0)),
+    ((8, 2.5, 2.25), (8, 2.75, 2.75), (1, 3.25, 3.25)),
+    ((5, 2.25, 2.25), (5, 1.75, 1.75), (0, 3.75, 2.75)),
 )
 
-_ORDERS = tuple(" ".join(names) for names in permutations(("pitch", "pump", "rudder")))
+
+def _table(names: Sequence[str], rows: Sequence[tuple[int, float, float]]) -> str:
+    numbered = enumerate(zip(names, rows, strict=True), start=1)
+    lines = [f"{name},{k},{n},{period},{deadline}" for k, (name, (n, period, deadline)) in numbered]
+    return "\n".join(["name,arbitration_id,dlc,period_ms,deadline_ms", *lines])
 
 
-@solution("ex-05-4", messages=_SETS)
-def order(messages: str) -> Solution:
-    """Order of messages, the most urgent first, in which all are in time."""
+def _slacks(messages: MessageSet) -> dict[str, float]:
+    """Return how long before its deadline each message comes at the latest [ms], by its name."""
+    return {one.message.name: 1e3 * one.slack for one in response_times(messages, _RATE)}
+
+
+@solution(
+    "ex-05-4",
+    messages=tuple(
+        _table(names, rows) for rows in _SETS for names in permutations(("pitch", "pump", "rudder"))
+    ),
+)
+def slack(messages: str) -> Solution:
+    """Smallest slack of three messages in the order in which all of them are in time."""
     known = MessageSet.parse(messages)
-    by_deadline = known.deadline_monotonic().names
-    return Choice(" ".join(audsley(known, _RATE).messages.names), _ORDERS), {
-        "that is the order by deadline; look at the response of the last one": (
-            " ".join(by_deadline)
+    good = tuple(audsley(known, _RATE).messages.names)
+    right = _slacks(known.ordered(good))
+    mistakes: dict[str, object] = {
+        "Compute the slacks of all six orders: in which of them is none below zero?": ANY,
+        "that is the largest slack; which message comes nearest to its deadline?": (
+            max(right.values())
         ),
-        "the most urgent is not first: compare its deadline with a wait for two long frames": (
-            " ".join(reversed(by_deadline))
+        "that is one of the slacks in the right order; is it the smallest?": (
+            sorted(right.values())[1]
+        ),
+        "that is a deadline less a frame; a message has to wait, too": min(
+            1e3 * (one.deadline - one.frame_time(_RATE)) for one in known
         ),
     }
+    for order in permutations(known.names):
+        if order != good:
+            least = min(_slacks(known.ordered(order)).values())
+            hint = (
+                f"{least:.2f} ms is below zero: in this order a message would be late; try another"
+            )
+            mistakes[hint] = least
+    return Number(min(right.values()), "ms", tolerance=0.01), mistakes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from shipnet.exercises.answers import Bytes, Function, Number, Whole
-from shipnet.exercises.exercise import Solution, solution
+from shipnet.exercises.exercise import ANY, Solution, solution
 from shipnet.modbus.pdu import FunctionCode, Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
@@ -26,27 +26,28 @@ def request(unit: int, number: int, quantity: int) -> Solution:
         "the manual counts from 1, the line from 0: which register would this read?": (
             asking(number)
         ),
+        "the line counts from 0, the manual from 1: that is one place, not two": asking(number - 2),
+        "the quantity counts registers, not bytes": (
+            asking(number - 1)[:-2] + (2 * quantity).to_bytes(2)
+        ),
+        "the quantity has two bytes, too": asking(number - 1)[:-2] + quantity.to_bytes(1),
         "each of the two numbers goes high byte first": (
             bytes([unit, 3]) + (number - 1).to_bytes(2, "little") + quantity.to_bytes(2, "little")
         ),
         "the 4 in front of 40001 only says that it is a holding register: it is not sent": (
             asking(40000 + number - 1)
         ),
-        "the 4 in front, as in 40001, is not sent, and the line counts from 0": (
-            asking(40000 + number)
-        ),
+        "the 4 in front is not sent, and the line counts from 0": asking(40000 + number),
         "function code 4 reads input registers; these are holding registers": (
             asking(number - 1, 4)
         ),
         "function code 6 writes a register; asked for is to read": asking(number - 1, 6),
         "function code 1 reads single bits; these are registers": asking(number - 1, 1),
+        "Write the fields one by one: unit, function, two bytes for each of the numbers": ANY,
     }
 
 
-# With 8, 9 and 24 to 26 registers, two of the mistakes below give nearly the same number.
-@solution(
-    "ex-06-2", registers=(6, 7, *range(10, 24), *range(27, 31)), rate=(2400, 4800, 9600, 19200)
-)
+@solution("ex-06-2", registers=range(6, 31), rate=(2400, 4800, 9600, 19200))
 def response_time(registers: int, rate: int) -> Solution:
     """How long a response is on the line."""
 
@@ -62,6 +63,11 @@ def response_time(registers: int, rate: int) -> Solution:
         "one byte too few: name those around the data one by one": lasts(-1),
         "one byte too many: name those around the data one by one": lasts(1),
         "a register has 16 bits": lasts(-registers),
+        "from its first bit to its last: the silence comes after it": (
+            lasts() + 1e3 * SerialLine(rate).t35
+        ),
+        "that is the response; the request is not asked for": lasts(8),
+        "Count the bytes of the response one by one, then the bits of one character": ANY,
     }
 
 
@@ -85,7 +91,7 @@ def scan_time() -> Solution:
         "the silence is not counted in characters at every bit rate": (
             lambda *case: _scan_with(7, *case)
         ),
-        "a transaction has a silence behind the request, and one behind the response": (
+        "a transaction has two silences, one after each frame": (
             lambda *case: _scan(*case) - case[0] * SerialLine(case[2]).t35
         ),
         "where is the silence?": lambda *case: _scan_with(0, *case),
@@ -98,6 +104,14 @@ def scan_time() -> Solution:
         "count a character of 8E1 again: start, data, parity, stop": (
             lambda *case: _scan(*case, character="8N1")
         ),
+        "that is one slave; how many are asked?": lambda n, *case: _scan(1, *case),
+        "the request takes its time, too": (
+            lambda *case: _scan(*case) - case[0] * 8 * SerialLine(case[2]).character_time
+        ),
+        "1.75 ms is the silence of fast lines; from what rate up?": (
+            lambda n, registers, rate: n * ((13 + 2 * registers) * 11 / rate + 2 * 1.75e-3)
+        ),
+        "Compute one transaction with one slave by hand: request, silence, response, silence": ANY,
     }
 
 
@@ -106,15 +120,30 @@ def scan_time() -> Solution:
 )
 def most_valves(rate: int, think_ms: int, timeout_ms: int) -> Solution:
     """Most valves, one of them dead, that a master scans in time."""
+    serial = SerialLine(rate)
 
     def most(think_ms: int, dead: int = 1) -> int:
-        poll = Poll(
-            _question(0, 4, 4), SerialLine(rate), processing=think_ms / 1e3,
-            timeout=timeout_ms / 1e3,
-        )  # fmt: skip
+        poll = Poll(_question(0, 4, 4), serial, processing=think_ms / 1e3, timeout=timeout_ms / 1e3)
         return poll.max_slaves(_LIMIT, dead=dead)
 
-    return Whole(most(think_ms), "valves"), {
+    def fit(silence: float, characters: int = 21) -> int:
+        """Return how many fit if all but the silence or the bytes is right."""
+        left = _LIMIT - 8 * serial.character_time - timeout_ms / 1e3
+        each = characters * serial.character_time + 2 * silence + think_ms / 1e3
+        return 1 + int(left / each)
+
+    right = most(think_ms)
+    return Whole(right, "valves"), {
         "with all of them alive; what does one dead valve cost?": most(think_ms, dead=0),
         "valves need time to think": most(0),
+        # Who forgets to add the dead valve, and who lets it think, both come here.
+        "the dead valve counts too, but it neither thinks nor is followed by silences": right - 1,
+        "put this number in: request and time-out of the dead one, then the living; do they fit?": (
+            right + 1
+        ),
+        "there are two silences in each transaction": fit(0),
+        "how long is a silence above 19200 bit/s?": fit(3.5 * serial.character_time),
+        "there is a silence after the response, too": fit(1.75e-3 / 2),
+        "four registers are 8 bytes": fit(1.75e-3, 17),
+        "How long does the dead valve take, and how many living ones fit into what is left?": ANY,
     }

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from shipnet.exercises.answers import Function, Number, Whole
-from shipnet.exercises.exercise import Solution, solution
+from shipnet.exercises.exercise import ANY, Solution, solution
 from shipnet.remote_control.ring_buffer import Ring, State
 
 _SIZE, _CHARACTER = 128, 10
 
 #: States whose bytes lie across the end of the ring.
 _RINGS = tuple(
-    {"no": no, "ring_f": 1 - k % 2, "get_no": get_no, "ring_get_f": k % 2}
-    for k, (no, get_no) in enumerate(
-        ((7, 95), (12, 101), (19, 110), (24, 118), (33, 106), (38, 123), (5, 88), (27, 99))
-    )
+    {"no": 4 + 11 * k % 37, "ring_f": 1 - k % 2, "get_no": 88 + 17 * k % 40, "ring_get_f": k % 2}
+    for k in range(24)
 )
 
 
@@ -31,7 +29,12 @@ def unread(ring: dict[str, int]) -> Solution:
     return Whole(found.seems_unread, "bytes"), {
         "a distance below zero: what do the different flags say?": ring["no"] - ring["get_no"],
         "that is the free part; the writer is ahead, across the end": ring["get_no"] - ring["no"],
-        "one round of the ring too many": found.seems_unread + _SIZE,
+        "one lap of the ring too many": found.seems_unread + _SIZE,
+        "from 0 to 127 are 128 places": found.seems_unread - 1,
+        "at `no` nothing is written yet": found.seems_unread + 1,
+        "those before the end of the ring; what lies after it?": _SIZE - ring["get_no"],
+        "those after the end of the ring; what lies before it?": ring["no"],
+        "Draw the places as a circle and mark both variables: which places lie between them?": ANY,
     }
 
 
@@ -46,6 +49,12 @@ def empty_again(places: int, rate: int) -> Solution:
     return Number(right, "ms"), {
         "then it is full; when do the flags come back as well?": 1e3 * places * _CHARACTER / rate,
         "a byte takes 10 bits on this line": 0.8 * right,
+        "a byte takes 10 bits on this line, and full is not empty": 0.4 * right,
+        "these lines have no parity bit: 10 bits per byte": 1.1 * right,
+        "the rate counts bits, not bytes": right / _CHARACTER,
+        "that is one byte; how many come?": 1e3 * _CHARACTER / rate,
+        "two laps bring number and flag back": 2 * right,
+        "After how many bytes are number and flag both back? How long is one byte?": ANY,
     }
 
 
@@ -77,8 +86,29 @@ def _counting(most: int, least: int = 0) -> Callable[[str, int], int]:
     return lost_bytes
 
 
+def _emptied(events: str, size: int) -> int:
+    """Count as somebody does who takes a full ring for an empty one at the next write."""
+    waiting = lost = 0
+    for event in events:
+        if event == "r":
+            waiting = max(0, waiting - 1)
+        elif waiting == size:
+            waiting, lost = 1, lost + size
+        else:
+            waiting += 1
+    return lost
+
+
 #: Nothing; just full; one too many; a read of nothing before; losses before and behind a read.
-_TRIED = [("", 4), ("wwww", 4), ("wwwww", 4), ("rrwwwww", 4), ("wwwrwwww", 4), ("w" * 300, 128)]
+_TRIED = [
+    ("", 4),
+    ("wwww", 4),
+    ("wwwww", 4),
+    ("rrwwwww", 4),
+    ("wwwrwwww", 4),
+    ("w" * 300, 128),
+    ("wwwwwrr", 4),
+]
 
 
 @solution("ex-07-3")
@@ -92,6 +122,13 @@ def lost_bytes() -> Solution:
         "an empty ring gives nothing; the number that waits does not fall below 0": (
             _counting(0, -1000)
         ),
+        "some are read in between": lambda events, size: max(0, events.count("w") - size),
+        "the order counts: what is lost by then, a later read does not bring back": (
+            lambda events, size: max(0, events.count("w") - events.count("r") - size)
+        ),
+        "a write into a full ring loses the oldest byte only": _emptied,
+        "a full ring loses a byte with each write": lambda events, size: 0,
+        "Follow by hand how many bytes wait after each event: from 0 up to `size`": ANY,
     }
 
 
@@ -105,10 +142,24 @@ def _places(needed: int) -> int:
 
 # Without what waits already, the next smaller power of two would do.
 @solution("ex-07-4", rate=(4800, 9600, 19200), pause_ms=(125, 250), waiting=(33, 36, 39, 42))
-def ring_size(rate: int, pause_ms: int, waiting: int) -> Solution:
-    """Places of a ring that holds what comes in a pause and what waits already."""
+def free_places(rate: int, pause_ms: int, waiting: int) -> Solution:
+    """Free places of the smallest ring that holds what comes in a pause and what waits already."""
     coming = rate * pause_ms // (1000 * _CHARACTER)
-    return Whole(_places(waiting + coming), "places"), {
-        "that holds what comes in the pause; some bytes wait already": _places(coming),
-        "enough, but no power of two": waiting + coming,
+    needed = waiting + coming
+    size = _places(needed)
+    return Whole(size - needed, "places"), {
+        "that ring holds what comes in the pause; some bytes wait already": (
+            _places(coming) - coming
+        ),
+        "those are the bytes that need room; how much of the ring is left?": needed,
+        "that is the size of the ring; how many of its places are free?": size,
+        "the next smaller power of two is enough": 2 * size - needed,
+        "some bytes wait already, and take their places": size - coming,
+        "a byte takes 10 bits on this line": _free(waiting + rate * pause_ms / 8000),
+        "a ring of as many places as bytes loses nothing": size - needed - 1,
+        "First the bytes that need room, then the next power of two, then what it leaves free": ANY,
     }
+
+
+def _free(needed: float) -> float:
+    return _places(int(needed)) - needed

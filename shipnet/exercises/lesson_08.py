@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from shipnet.engine.system import RULE
 from shipnet.exercises.answers import Function, Number, Whole
-from shipnet.exercises.exercise import Solution, solution
+from shipnet.exercises.exercise import ANY, Solution, solution
 from shipnet.modbus.faults import Break
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
@@ -27,13 +27,16 @@ def _lost(n: int, cuts: Sequence[int]) -> int:
 def between_cuts(n: int, first: int, second: int) -> Solution:
     """Valves that two cuts of a loop cost."""
     return Whole(_lost(n, [first, second]), "valves"), {
+        "those are the valves that still answer": n - second + first,
         "what lies beyond the second cut still hangs on port B": n - first,
+        "what lies before the first cut still hangs on port A": second,
         "port B reaches those; which ones does no port reach?": n - second,
         "port A reaches those; which ones does no port reach?": first,
-        "a cut behind a valve leaves this valve with those before it: one too many": (
+        "a cut after a valve leaves this valve with those before it: count again": (
             second - first + 1
         ),
-        "the valve in front of the second cut is lost as well: one too few": second - first - 1,
+        "the valve before the second cut is lost as well": second - first - 1,
+        "Write down which valves port A reaches, and which ones port B; then count the others": ANY,
     }
 
 
@@ -54,12 +57,15 @@ def longest_gap(period: float, timeout: int, retries: int) -> Solution:
         "each try in vain is a request and a time-out: how long is the request?": (
             right - (1 + retries) * _REQUEST
         ),
-        "from the end of one answer to the end of the next: both are sent in the same time": (
-            right + _POLL.time
-        ),
+        "it counts from the end of one answer to the end of the next": (right + _POLL.time),
         "the first try is in vain too: how often does it ask on the first cable?": (
             gap(retries - 1)
         ),
+        "how often does it ask on the first cable? `retries` times after the first try": (
+            gap(retries + 1)
+        ),
+        "that is one try; how many are there?": (right - period) / (1 + retries),
+        "Draw the time from one answer to the next: first nothing, then each try in vain": ANY,
     }
 
 
@@ -71,6 +77,7 @@ _TRIED: list[tuple[int, list[int]]] = [
     (40, [40, 0]),
     (25, [20, 3, 11]),
     (247, [100, 100]),
+    (30, [8, 20, 3]),
 ]
 
 
@@ -82,10 +89,20 @@ def lost_valves() -> Solution:
             lambda n, cuts: n - min(cuts, default=n)
         ),
         "the cuts may come in any order": lambda n, cuts: cuts[-1] - cuts[0] if cuts else 0,
+        "there may be more than two cuts": (
+            lambda n, cuts: abs(cuts[1] - cuts[0]) if len(cuts) > 1 else 0
+        ),
+        "a cut after a valve leaves this valve with those before it": (
+            lambda n, cuts: max(cuts) - min(cuts) + 1 if len(cuts) > 1 else 0
+        ),
+        "a cut may cost more than one valve, or none": lambda n, cuts: len(cuts),
+        "what lies before the first cut hangs on port A": lambda n, cuts: max(cuts, default=0),
+        "an uncut loop loses nothing": lambda n, cuts: max(cuts) - min(cuts) if cuts else n,
+        "Draw ten valves in a loop, cut after 3 and 7, then after 5: who is lost?": ANY,
     }
 
 
-@solution("ex-08-4", n=range(20, 46, 5))
+@solution("ex-08-4", n=range(20, 46))
 def timeout(n: int) -> Solution:
     """Time-out with which a round and two waits take the 2 s of the rule."""
     left = RULE - _POLL.scan_time(n)
@@ -93,4 +110,10 @@ def timeout(n: int) -> Solution:
         "how often can one cut be missed before all beyond it are moved?": 1e3 * (left - _REQUEST),
         "the round itself takes time too": 1e3 * (RULE / 2 - _REQUEST),
         "a poll in vain is more than its time-out: the request has to be sent": 1e3 * left / 2,
+        "one cut is missed twice at most, not three times": 1e3 * (left / 3 - _REQUEST),
+        "in the round every valve answers: how long is an answered poll?": (
+            1e3 * ((RULE - n * _REQUEST) / 2 - _REQUEST)
+        ),
+        "that is what both waits take together, with their requests": 1e3 * left,
+        "Write the 2 s as a sum: one round, and how often a request and a time-out?": ANY,
     }

@@ -2,39 +2,71 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from functools import cache
+from itertools import product
+from typing import Any
 
 import numpy as np
 
 from shipnet.ballast.rule_table import rule_base
-from shipnet.exercises.answers import Bits, Choices, Function, Number, Table
-from shipnet.exercises.exercise import Solution, solution
+from shipnet.exercises.answers import Bits, Function, Number, Table, Words
+from shipnet.exercises.exercise import ANY, Solution, solution
 
 _BASE = rule_base()
 
-#: Readings for which two rules or more hold: the order is FP, OP, MC, OT, VPos, DVPos.
-_STATES = (
-    (128, 3.2, 3.1, 50, 40, 0),
-    (127, 1.2, 3.4, 50, 40, 0),
-    (1.8, 1.4, 0.7, 50, 40, 0),
-    (124, 4.1, 0, 50, 20, 0),
-    (0, 0, 0, 45, 103, 0),
-    (0, 0, 0, 95, -3, 0.4),
-    (60, 3.1, 1.2, 93, -3, 2),
-)
+
+def _firing(readings: Mapping[str, Any], method: str) -> list[list[str]]:
+    """Return the rules that fire at all, for each of some readings."""
+    fired = np.atleast_2d(_BASE.fire(readings, method=method).strength) > 0
+    return [[code for code, fires in zip(_BASE.codes, row, strict=True) if fires] for row in fired]
 
 
-@solution("ex-09-1", readings=tuple(dict(zip(_BASE.names, x, strict=True)) for x in _STATES))
+def _cases() -> tuple[dict[str, float], ...]:
+    """Return readings for which two to four rules hold, others with ramps, others by one term."""
+    values = ((1.8, 118, 128), (0, 1.2, 4.1), (0, 2.3, 3.4), (50, 86, 95), (-3, 40, 103), (0, 2))
+    every = np.array(list(product(*values)))
+    readings = dict(zip(_BASE.names, every.T, strict=True))
+    hold, ramps = _firing(readings, "crisp"), _firing(readings, "fuzzy")
+    found = (dict(zip(_BASE.names, row, strict=True)) for row in every.tolist())
+    return tuple(
+        each
+        for each, crisp, fuzzy in zip(found, hold, ramps, strict=True)
+        if 2 <= len(crisp) <= 4 and crisp not in (fuzzy, _any_of(each))
+    )
+
+
+def _any_of(readings: dict[str, float]) -> list[str]:
+    """Return the rules of which one comparison holds."""
+    return [
+        rule.code
+        for rule in _BASE.rules
+        if any(_BASE[name][word].crisp.contains(readings[name]) for name, word in rule.antecedent)
+    ]
+
+
+@solution("ex-09-1", readings=_cases())
 def codes(readings: dict[str, float]) -> Solution:
     """Rules that hold for some readings."""
-    found = _BASE.decide(readings, method="crisp").codes()
-    return Choices(frozenset(found), _BASE.codes), {
+    found = list(_BASE.decide(readings, method="crisp").codes())
+    return Words(frozenset(found), _BASE.codes), {
         "that is the first in rank only; asked for is every rule that holds": frozenset(found[:1]),
+        "that is the last in rank only; asked for is every rule that holds": frozenset(found[-1:]),
+        "in these rules one comparison holds; which rules have all of theirs?": (
+            frozenset(_any_of(readings))
+        ),
+        "with ramps these fire a little; which ones hold?": frozenset(
+            _firing(readings, "fuzzy")[0]
+        ),
+        "these rules do not hold; which ones do?": frozenset(_BASE.codes) - frozenset(found),
+        "there are some: compare the readings with the thresholds, row by row": frozenset(),
+        "not all rules hold: compare the readings row by row": frozenset(_BASE.codes),
+        "Go through the table row by row: a rule holds only if each of its comparisons does": ANY,
     }
 
 
 # No two memberships are equal, so that each mistake gives another number.
-@solution("ex-09-2", FP=(116, 118, 122, 124), OP=(2.25, 2.45, 2.65, 2.85))
+@solution("ex-09-2", FP=(116, 118, 119, 122, 124), OP=(2.25, 2.45, 2.65, 2.85))
 def strength(FP: float, OP: float) -> Solution:
     """Firing strength of a rule with two terms."""
     terms = [float(_BASE[name]["high"].membership(x)) for name, x in (("FP", FP), ("OP", OP))]
@@ -42,6 +74,10 @@ def strength(FP: float, OP: float) -> Solution:
         "that is the product; a chain is as strong as its weakest link": float(np.prod(terms)),
         "that is the mean; a strong term does not make up for a weak one": float(np.mean(terms)),
         "that is the stronger term; both must hold": max(terms),
+        "that is the sum; a chain is as strong as its weakest link": sum(terms),
+        "that is how far the weaker term is from full": 1 - min(terms),
+        "that is how far the stronger term is from full": 1 - max(terms),
+        "Read each membership off its ramp: how far along is the reading? Then join them": ANY,
     }
 
 
@@ -53,25 +89,18 @@ def _persistent(fires: str, k: int, n: int) -> str:
     return "".join(map(str, active.astype(int)))
 
 
+def _marks(found: Iterable[bool]) -> str:
+    return "".join("1" if one else "0" for one in found)
+
+
 def _windows(fires: str, n: int, last: int = 0) -> list[str]:
-    """Return the `n` readings before each place, those up to `last` places behind it left out."""
+    """Return the `n` readings before each place, those up to `last` places after it left out."""
     return [fires[max(0, i + 1 - last - n) : max(0, i + 1 - last)] for i in range(len(fires))]
 
 
-def _more_than(fires: str, k: int, n: int) -> str:
-    return "".join(str(int(part.count("1") > k)) for part in _windows(fires, n))
-
-
-def _in_a_row(fires: str, k: int, n: int) -> str:
-    return "".join(str(int("1" * k in part)) for part in _windows(fires, n))
-
-
-def _before(fires: str, k: int, n: int) -> str:
-    return "".join(str(int(part.count("1") >= k)) for part in _windows(fires, n, last=1))
-
-
-def _ahead(fires: str, k: int, n: int) -> str:
-    return "".join(str(int(fires[i : i + n].count("1") >= k)) for i in range(len(fires)))
+def _slices(fires: str, n: int) -> list[str]:
+    """Return slices that begin at the end if they begin before the first reading."""
+    return [fires[end - n : end] for end in range(1, len(fires) + 1)]
 
 
 #: Readings to try a function on: one, none fires, all fire, a gap, a flicker.
@@ -82,6 +111,7 @@ _TRIED = [
     ("0110100", 2, 3),
     ("0101011100100", 3, 5),
     ("1101110111", 3, 4),
+    ("11", 1, 5),
 ]
 
 
@@ -89,15 +119,35 @@ _TRIED = [
 def persistence() -> Solution:
     """When a code is active that fires now and then."""
     return Function(_persistent, _TRIED, Bits), {
-        "k readings are enough: k or more, not more than k": _more_than,
-        "the k readings need not stand in a row": _in_a_row,
-        "the reading itself is the last of the n": _before,
-        "the window ends with this reading; it does not begin with it": _ahead,
+        "k readings are enough: k or more, not more than k": (
+            lambda fires, k, n: _marks(part.count("1") > k for part in _windows(fires, n))
+        ),
+        "the k readings need not stand in a row": (
+            lambda fires, k, n: _marks("1" * k in part for part in _windows(fires, n))
+        ),
+        "the reading itself is the last of the n": (
+            lambda fires, k, n: _marks(part.count("1") >= k for part in _windows(fires, n, last=1))
+        ),
+        "the window ends with this reading; it does not begin with it": (
+            lambda fires, k, n: _marks(fires[i : i + n].count("1") >= k for i in range(len(fires)))
+        ),
         "that is what fires now; count over the last n readings": lambda fires, k, n: fires,
+        "at the beginning the window is shorter: where does your slice begin?": (
+            lambda fires, k, n: _marks(part.count("1") >= k for part in _slices(fires, n))
+        ),
+        "the first windows are short, but k readings in them are enough": (
+            lambda fires, k, n: _marks(
+                len(part) == n and part.count("1") >= k for part in _windows(fires, n)
+            )
+        ),
+        "which one is the window, and which one the number that must fire?": (
+            lambda fires, k, n: _marks(part.count("1") >= n for part in _windows(fires, k))
+        ),
+        "Write the last n readings below each reading, and count the ones": ANY,
     }
 
 
-@solution("ex-09-4", burst=(2, 3), period=(6, 7, 8), step=(50, 100, 200))
+@solution("ex-09-4", burst=(2, 3), period=(6, 7, 8), step=(50, 100, 200, 250))
 def windows(burst: int, period: int, step: int) -> Solution:
     """Least k of each window that bursts do not make active, and the delay that it costs."""
     bursts = ("1" * burst + "0" * (period - burst)) * 20
@@ -115,4 +165,17 @@ def windows(burst: int, period: int, step: int) -> Solution:
         "the first reading that fires already counts: how long from it to the last of the k?": [
             {**row, "delay": row["delay"] + step} for row in rows
         ],
+        "the alarm need not wait until the window is full": [
+            {**row, "delay": (row["n"] - 1) * step} for row in rows
+        ],
+        "that is how many readings the alarm waits; how long is a step?": [
+            {**row, "delay": row["delay"] / step} for row in rows
+        ],
+        "all readings of a window are safe, but fewer may do; asked for is the least `k`": [
+            {**row, "k": row["n"], "delay": (row["n"] - 1) * step} for row in rows
+        ],
+        "that is what the bursts reach; one more is needed": [
+            {**row, "k": row["k"] - 1} for row in rows
+        ],
+        "Slide a window along the pattern: how many disturbed readings does it hold at most?": ANY,
     }

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache
+from math import inf
 
 from shipnet import datasets
 from shipnet.design.costs import Quantities, conductors_at_cabinet
 from shipnet.design.iolist import read_iolist
 from shipnet.design.plant import Plant
-from shipnet.exercises.answers import Choice, Function, Number
-from shipnet.exercises.exercise import Solution, solution
+from shipnet.exercises.answers import Function, Number, Words
+from shipnet.exercises.exercise import ANY, Solution, solution
 
 #: Total cost [EUR], points lost by one failure, and faults, by option.
 _Options = Mapping[str, tuple[int, int, int]]
@@ -22,47 +23,63 @@ _POOR = "AS-i without repeaters"
 _NEAR, _FAR = 10, 30
 
 
+@cache
+def _left(contacts: int, lines: int) -> float:
+    plant = Plant(contacts, contacts=1, lines=lines)
+    wired, bus = map(conductors_at_cabinet, (plant.hardwired, plant.on_asi))
+    return 100 * bus / wired
+
+
 @solution("ex-10-1", contacts=range(120, 401, 20), lines=range(3, 9))
 def conductors_left(contacts: int, lines: int) -> Solution:
     """Conductors at the cabinet that AS-i leaves of those of home runs."""
-    plant = Plant(contacts, contacts=1, lines=lines)
-    wired, bus = map(conductors_at_cabinet, (plant.hardwired, plant.on_asi))
-    left = 100 * bus / wired
+    left = _left(contacts, lines)
     return Number(left, "%"), {
         "that is what is saved; asked for is what is left": 100 - left,
         "that is how many times fewer; asked for is what is left": contacts / lines,
         "that is one line; how many are there?": left / lines,
+        "each contact has two wires, and so has each line": 2 * left,
+        "each line has two wires, and so has each contact": left / 2,
+        "a share of all there was before, not of what is saved": 100 * left / (100 - left),
+        "that is how many are left; which share of all is it?": 2 * lines,
+        "How many conductors come from the contacts, and how many from the lines?": ANY,
     }
 
 
 @cache
-def _quantities(modules: int, distance: float, spacing: float) -> tuple[Quantities, Quantities]:
+def _quantities(
+    modules: int, distance: float, spacing: float, contacts: int = 2
+) -> tuple[Quantities, Quantities]:
     """Return what a plant takes with home runs, and on AS-i."""
-    plant = Plant(modules=modules, contacts=2, distance=distance, spacing=spacing)
+    plant = Plant(modules=modules, contacts=contacts, distance=distance, spacing=spacing)
     return plant.hardwired.quantities(), plant.on_asi.quantities()
 
 
 @solution("ex-10-2", modules=(12, 14, 16, 20, 24), distance=(30, 40, 60, 80))
 def saved(modules: int, distance: float) -> Solution:
     """Share of the cost that AS-i saves."""
-    wired, bus = _quantities(modules, distance, 4)
 
-    def of(figure: str) -> float:
+    def of(figure: str, spacing: float = 4, contacts: int = 2) -> float:
+        wired, bus = _quantities(modules, distance, spacing, contacts)
         return 100 * (1 - bus[figure] / wired[figure])
 
     right = of("total_cost_eur")
+    wired, bus = (one["total_cost_eur"] for one in _quantities(modules, distance, 4))
     return Number(right, "%"), {
         "that is the cable alone; work and hardware cost too": of("cable_cost_eur"),
-        "a saving is a share of what it would have cost without the bus": (
-            100 * (wired["total_cost_eur"] / bus["total_cost_eur"] - 1)
-        ),
+        "that is the work alone; cable and hardware cost too": of("labour_cost_eur"),
         "that is the conductors; asked for is the cost": of("conductors_at_cabinet"),
+        "a saving is a share of the cost without the bus": 100 * (wired / bus - 1),
         "that is what is left; asked for is what is saved": 100 - right,
+        "that is in EUR; asked for is a share, in %": wired - bus,
+        "does each door have its number of contacts?": of("total_cost_eur", contacts=1),
+        "are the doors as far apart as they should be?": of("total_cost_eur", spacing=1),
+        "Print both total costs: what is paid without the bus, and how much less with it?": ANY,
     }
 
 
-@solution("ex-10-3", modules=range(4, 9), spacing=(1, 2))
-def break_even(modules: int, spacing: int) -> Solution:
+@solution("ex-10-3", modules=range(4, 9), spacing=(1, 1.5, 2, 2.5))
+def break_even(modules: int, spacing: float) -> Solution:
     """Distance from which AS-i costs less than home runs."""
     (wired, bus), (wired_far, bus_far) = (
         [one["total_cost_eur"] for one in _quantities(modules, place, spacing)]
@@ -73,6 +90,11 @@ def break_even(modules: int, spacing: int) -> Solution:
     return Number(_NEAR + beyond, "m"), {
         "both lines are known from 10 m on: have you counted from there?": beyond,
         "AS-i grows with the distance too, only more slowly": _NEAR + (bus - wired) / wired_per_m,
+        "is the difference that of 10 m or of 30 m? Count from there": _FAR + beyond,
+        "how much does the difference change per metre?": _NEAR + beyond / (_FAR - _NEAR),
+        "both costs have a part that does not grow with the distance": _NEAR * bus / wired,
+        "that goes to the other side: the difference falls with the distance": _NEAR - beyond,
+        "Take the difference of both costs at 10 m and at 30 m: where is it zero?": ANY,
     }
 
 
@@ -96,48 +118,53 @@ def _reviews() -> tuple[_Options, _Options]:
     )
 
 
-def _cheapest(options: _Options, good: Callable[[int, int, int], bool]) -> str:
-    return min(
-        (option for option, row in options.items() if good(*row)),
-        key=lambda option: options[option][0],
-        default="none",
-    )
+def _good(options: _Options, limit: float, faults: bool = False) -> Iterator[tuple[int, int, str]]:
+    """Yield cost, loss and name of the options within a limit, with faults too if wished."""
+    for name, (cost, lost, wrong) in options.items():
+        if lost <= limit and (faults or not wrong):
+            yield cost, lost, name
 
 
-def _choose(options: _Options, limit: int) -> str:
-    return _cheapest(options, lambda cost, lost, faults: lost <= limit and not faults)
-
-
-def _safest(options: _Options, limit: int) -> str:
-    kept = (name for name, (_, lost, faults) in options.items() if lost <= limit and not faults)
-    return min(kept, key=lambda name: options[name][1], default="none")
+def _cheapest(options: _Options, limit: float, faults: bool = False) -> str:
+    return min(_good(options, limit, faults), default=(0, 0, "none"))[-1]
 
 
 def _cases() -> list[tuple[_Options, int]]:
-    """Return the reviews with limits: one that nothing keeps, and some at their edge."""
+    """Return reviews with limits: one made up, one that nothing meets, and some at their edge."""
+    made_up = {"home runs": (50, 3, 0), "CAN": (40, 5, 0), "AS-i": (60, 4, 0), _POOR: (55, 2, 0)}
     long, short = _reviews()
     most = long["AS-i"][1]
-    return [(long, 1), (long, most), (long, most - 1), (long, 0), (short, short["CAN"][1])]
+    limits = ((long, 1), (long, most), (long, most - 1), (long, 0), (short, short["CAN"][1]))
+    return [(made_up, 5), *limits]
 
 
 @solution("ex-10-4")
 def choice() -> Solution:
     """The cheapest option that loses few points and has no faults."""
     options = (*dict.fromkeys((*_reviews()[0], *_reviews()[1])), "none")
-    return Function(_choose, _cases(), lambda right: Choice(right, options)), {
+    return Function(_cheapest, _cases(), lambda right: Words(right, options)), {
         "this one is cheap, but does it lose more points than the limit?": (
-            lambda options, limit: _cheapest(options, lambda cost, lost, faults: not faults)
+            lambda options, limit: _cheapest(options, inf)
         ),
         "an option with faults is none: what is left out costs nothing": (
-            lambda options, limit: _cheapest(options, lambda cost, lost, faults: lost <= limit)
+            lambda options, limit: _cheapest(options, limit, faults=True)
         ),
         "the limit itself is allowed: at most, not less": (
-            lambda options, limit: _cheapest(
-                options, lambda cost, lost, faults: lost < limit and not faults
-            )
+            lambda options, limit: _cheapest(options, limit - 1)
         ),
         "two things come before the cost: the faults, and the limit": (
-            lambda options, limit: _cheapest(options, lambda cost, lost, faults: True)
+            lambda options, limit: _cheapest(options, inf, faults=True)
         ),
-        "of all that keep the limit, which one is the cheapest?": _safest,
+        "of all that meet the limit, which one is the cheapest?": (
+            lambda options, limit: min(
+                (row[1:] for row in _good(options, limit)), default=(0, "none")
+            )[-1]
+        ),
+        "asked for is the cheapest, not the dearest": (
+            lambda options, limit: max(_good(options, limit), default=(0, 0, "none"))[-1]
+        ),
+        "the first that will do need not be the cheapest": (
+            lambda options, limit: next(_good(options, limit), (0, 0, "none"))[-1]
+        ),
+        "Strike out what nobody may sign, then what loses too much; what is left?": ANY,
     }

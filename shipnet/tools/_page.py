@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
 from html import escape
 from importlib.resources import files
 from math import ceil, log10
+from tomllib import loads
 from typing import Any
 
 import ipywidgets as widgets
@@ -22,7 +23,9 @@ from shipnet.tools._view import (
     View,
     download_link,
     picture,
+    read_link,
     read_state,
+    write_link,
     write_state,
 )
 
@@ -42,7 +45,9 @@ Draw = Callable[[int, Axes], object]
 class Page(widgets.VBox):  # type: ignore[misc]
     """The page of a tool: controls, verdict, figure, and a state that can be shared.
 
-    `see` returns what is shown of the inputs, the tool's own `_view` by default.
+    `see` returns what is shown of the inputs, the tool's own `_view` by default. `folds` names
+    controls that are folded away below a title. stories.toml has states to try, each a button;
+    the page opens on the first of them if `story` is set.
     """
 
     def __init__(
@@ -54,19 +59,22 @@ class Page(widgets.VBox):  # type: ignore[misc]
         buttons: Sequence[Button] = (),
         uploads: Sequence[Upload] = (),
         extras: Sequence[widgets.Widget] = (),
+        folds: Mapping[str, Sequence[str]] = {},
+        story: bool = False,
     ) -> None:
         self._kind = type(start)
         self.tool = self._kind.__module__.rpartition(".")[2]
         self._see = self._kind._view if see is None else see
-        self._controls, self._preset = Controls(start), preset
+        self._controls, self._preset = Controls(start, folds), preset
         self._controls.observe(self._moved)
         self.controls, self.presets = self._controls.widgets, {}
-        panel = [self._controls.box]
+        panel = [self._controls.box, *self._controls.folded]
         if preset is not None:
             self._setters = Controls(preset.start)
             self._setters.observe(self._make)
             self.presets = self._setters.widgets
             panel.insert(0, self._setters.box)
+        self._acts = {one.label: one.act for one in buttons}
         self.buttons = {one.label: self._button(one) for one in buttons}
         load = Upload("load state", "", ".json", self._read)
         self.uploads = {one.label: self._upload(one) for one in (*uploads, load)}
@@ -75,22 +83,38 @@ class Page(widgets.VBox):  # type: ignore[misc]
         if row := [*row, *extras]:
             panel.append(_classed(widgets.HBox(row), "shipnet-buttons"))
         self.text, self.ok, self.note = "", False, ""
-        self._shown, self._noted = widgets.HTML(), widgets.HTML()
-        self.figure, self.links = widgets.HTML(), widgets.HTML()
-        foot = widgets.HBox([self.links, self.uploads[load.label], self._noted])
+        self._shown, self._noted, self._details = (widgets.HTML() for _ in range(3))
+        self.figure, self.links, self._look = (widgets.HTML() for _ in range(3))
+        stories = (files("shipnet.tools") / "stories.toml").read_text(encoding="utf-8")
+        self._stories = loads(stories).get(self.tool, {})
+        self.stories = {name: widgets.Button(description=name) for name in self._stories}
+        for name, button in self.stories.items():
+            button.on_click(lambda _, name=name: self._tell(name))
+        tries = widgets.HBox([widgets.HTML("Try:"), *self.stories.values(), self._look])
+        answer = widgets.VBox([self._shown, _classed(self.figure, "shipnet-figure")])
+        stage = [_classed(answer, "shipnet-answer"), _classed(widgets.VBox(panel), "shipnet-panel")]
+        # What a web page says when it is shown: the query of its link, and whether it is narrow.
+        self.query, self.narrow = (widgets.Text(continuous_update=False) for _ in range(2))
+        self.query.observe(lambda _: self._change(self._linked), "value")
+        self.narrow.observe(lambda _: self.refresh(), "value")
+        told = [_classed(self.query, "shipnet-query"), _classed(self.narrow, "shipnet-narrow")]
+        foot = widgets.HBox([self.links, self.uploads[load.label], *told, self._noted])
         style = (files("shipnet.tools") / "page.css").read_text(encoding="utf-8")
         super().__init__(
             [
                 _classed(widgets.HTML(f"<style>{style}</style>"), "shipnet-style"),
-                _classed(widgets.VBox(panel), "shipnet-panel"),
+                *([_classed(tries, "shipnet-tries")] if self.stories else []),
+                _classed(widgets.HBox(stage), "shipnet-stage"),
                 widgets.HTML('<div class="shipnet-spinner" role="status">computing ...</div>'),
-                self._shown,
-                _classed(self.figure, "shipnet-figure"),
+                self._details,
                 _classed(foot, "shipnet-foot"),
             ]
         )
         _classed(self, "shipnet-page")
-        self.refresh()
+        if story:
+            self._tell(next(iter(self.stories)))
+        else:
+            self.refresh()
 
     @property
     def inputs(self) -> Any:
@@ -101,19 +125,22 @@ class Page(widgets.VBox):  # type: ignore[misc]
         """Compute and show, now."""
         with self._busy():
             save = '<a class="shipnet-button" aria-disabled="true">save state</a>'
+            link = ""
             try:
                 inputs = self.inputs
                 state = write_state(self.tool, inputs)
                 save = download_link("save state", f"shipnet_{self.tool}.json", state)
+                link = write_link(inputs)
                 view = self._see(inputs)
-                figure = view.figure
+                figure = view.figure(narrow=bool(self.narrow.value))
             except Exception as problem:  # it becomes a sentence, whatever it is
                 view, figure = View(verdict=_lines(problem), ok=False), ""
-            self.text, self.ok, self._shown.value = str(view), view.ok, view.html
+            self.text, self.ok = str(view), view.ok
+            self._shown.value, self._details.value = view.answer, view.details
             self._mark("shipnet-stale", not figure)
             self.figure.value = figure or self.figure.value
             links = (download_link(f"download {name}", name, f) for name, f in view.files.items())
-            self.links.value = " ".join([save, *links])
+            self.links.value = " ".join([save, link, *links])
 
     def _moved(self) -> None:
         # Computed at once: a browser sends the next value only when this one is done with.
@@ -124,6 +151,25 @@ class Page(widgets.VBox):  # type: ignore[misc]
         assert self._preset is not None
         make = self._preset.make
         self._change(lambda: make(self._setters.inputs, self.inputs))
+
+    def _tell(self, name: str) -> None:
+        values = dict(self._stories[name])
+        self._look.value = escape(values.pop("look"))
+        self._change(lambda: self._told(**values))
+
+    def _told(self, press: Sequence[str] = (), **values: Any) -> Any:
+        """Return the inputs of a story: values, maybe of the preset, then of buttons."""
+        if self._preset is not None and values:
+            self._setters.put(type(self._preset.start)(**values))
+            inputs = self._preset.make(self._setters.inputs, self._kind())
+        else:
+            inputs = self._kind(**values)
+        for label in press:
+            inputs = self._acts[label](inputs) or inputs
+        return inputs
+
+    def _linked(self) -> Any:
+        return read_link(self.query.value, self._kind)
 
     def _change(self, new: Callable[[], Any], file: str = "") -> None:
         """Take over new inputs, or None for those there are; say what is wrong with them."""
@@ -198,16 +244,16 @@ def _sentence(problem: Exception) -> str:
 
 
 class Controls:
-    """A control for each field of a record, with its help."""
+    """A control for each field of a record, with its help; some are folded away."""
 
-    def __init__(self, start: Any) -> None:
+    def __init__(self, start: Any, folds: Mapping[str, Sequence[str]] = {}) -> None:
         self._kind = type(start)
         self._asked = declared(self._kind)
         self._held = {name: getattr(start, name) for name in self._asked}
         self._quiet, self._observers = False, list[Callable[[], None]]()
         made = {name: _control(kind, self._held[name]) for name, kind in self._asked.items()}
         self.widgets = {name: control for name, control in made.items() if control is not None}
-        rows = []
+        rows = {}
         for name, control in self.widgets.items():
             kind = self._asked[name]
             # First of all observers: a control beyond its new end is moved before it is read.
@@ -215,13 +261,17 @@ class Controls:
                 self._bound(control, kind, self.widgets[kind.at_most])
             control.tooltip = kind.help
             row = _with_help(control, kind.help)
-            rows.append(row)
+            rows[name] = row
             if isinstance(kind, Text) and kind.rows > 1:
                 row.add_class("shipnet-editor")
         for control in self.widgets.values():
             control.observe(self._changed, "value")
         self._seen = self._values()
-        self.box = _classed(widgets.Box(rows), "shipnet-controls")
+        self.folded = [
+            widgets.Accordion([_grid([rows.pop(name) for name in names])], titles=[title])
+            for title, names in folds.items()
+        ]
+        self.box = _grid(list(rows.values()))
 
     @property
     def inputs(self) -> Any:
@@ -279,6 +329,10 @@ def _with_help(control: widgets.Widget, help: str) -> widgets.VBox:
     """Return a control with a sentence that shows while the control is pointed at or in use."""
     text = widgets.HTML(f'<div class="shipnet-help">{escape(help)}</div>')
     return _classed(widgets.VBox([control, text]), "shipnet-control")
+
+
+def _grid(rows: list[widgets.Widget]) -> widgets.Box:
+    return _classed(widgets.Box(rows), "shipnet-controls")
 
 
 def _classed(widget: widgets.Widget, name: str) -> widgets.Widget:

@@ -33,12 +33,15 @@ class Tool:
         """Draw the tool's figure."""
         raise NotImplementedError
 
-    def explore(self) -> Page:
-        """Return the page with a control for each field, for the last line of a notebook's cell."""
+    def explore(self, story: bool = False) -> Page:
+        """Return the page with a control for each field, for the last line of a notebook's cell.
+
+        With `story` it opens on the first of its states to try, else on these inputs.
+        """
         # The widgets are an extra, which a verdict does not need.
         from shipnet.tools._page import Page
 
-        return Page(self, **self._options())
+        return Page(self, story=story, **self._options())
 
     def _view(self) -> View:
         """Return what the page shows."""

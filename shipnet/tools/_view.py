@@ -10,6 +10,7 @@ from html import escape
 from io import BytesIO
 from types import SimpleNamespace
 from typing import Any
+from urllib.parse import parse_qsl, urlencode
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -22,6 +23,9 @@ from shipnet.lazy import pd
 #: Width of a picture [inch], and its resolution [1/inch]; a page shows it at 100 per inch.
 _WIDTH, _DPI = 7.5, 150
 
+#: Width of a picture on a phone, and its height as a part of the usual one.
+_NARROW, _FLAT = 4.6, 0.8
+
 #: Version of a saved state; it grows when a field changes its meaning.
 VERSION = 1
 
@@ -30,10 +34,16 @@ _FORMAT = "shipnet tool"
 #: A state is a few hundred characters; an editor's text makes it longer [bytes].
 _LARGEST = 2_000_000
 
+#: Characters of a link, which programs pass on uncut.
+_LONGEST_LINK = 2_000
+
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """What a page shows: verdict, table, numbers, the figure that `plot` draws, and files."""
+    """What a page shows: verdict, table, numbers, the figure that `plot` draws, and files.
+
+    A figure that is `dense` is not drawn in less width on a phone.
+    """
 
     verdict: str
     ok: bool
@@ -41,6 +51,7 @@ class View:
     plot: Callable[[Axes], object] | None = None
     height: float = 3.6
     about: str = ""
+    dense: bool = False
     table: pd.DataFrame | None = None
     caption: str = ""
     files: Mapping[str, str | bytes] = field(default_factory=dict)
@@ -51,18 +62,20 @@ class View:
         return "\n".join([self.verdict, *filter(None, table), *numbers])
 
     @property
-    def html(self) -> str:
-        """The verdict, the table and the numbers as HTML."""
+    def answer(self) -> str:
+        """The verdict as HTML."""
         kind = "good" if self.ok else "bad"
         verdict = escape(self.verdict).replace("\n", "<br>")
+        return f'<p class="shipnet-verdict shipnet-{kind}" role="status">{verdict}</p>'
+
+    @property
+    def details(self) -> str:
+        """The table and the numbers as HTML."""
         rows = "".join(
             f"<dt>{escape(name)}</dt><dd>{escape(number)}</dd>"
             for name, number in self.numbers.items()
         )
-        return (
-            f'<p class="shipnet-verdict shipnet-{kind}" role="status">{verdict}</p>{self._table}'
-            + (f'<dl class="shipnet-numbers">{rows}</dl>' if rows else "")
-        )
+        return self._table + (f'<dl class="shipnet-numbers">{rows}</dl>' if rows else "")
 
     @property
     def _table(self) -> str:
@@ -81,17 +94,19 @@ class View:
             f'<p class="shipnet-caption">{escape(self.caption)}</p>'
         )
 
-    @property
-    def figure(self) -> str:
-        """The figure as HTML; empty without `plot`."""
+    def figure(self, narrow: bool = False) -> str:
+        """Return the figure as HTML; empty without `plot`."""
         if self.plot is None:
             return ""
-        png = b64encode(picture(self.plot, _WIDTH, self.height)).decode()
+        width, height = _WIDTH, self.height
+        if narrow and not self.dense:
+            width, height = _NARROW, _FLAT * height
+        png = b64encode(picture(self.plot, width, height)).decode()
         alt = f"{self.about}: {self.verdict}" if self.about else self.verdict
         # Decoded at once, else the page would blink at every step of a slider.
         return (
-            f'<img class="shipnet-picture" decoding="sync" width="{100 * _WIDTH:g}" '
-            f'height="{100 * self.height:g}" alt="{escape(alt)}" src="data:image/png;base64,{png}">'
+            f'<img class="shipnet-picture" decoding="sync" width="{100 * width:g}" '
+            f'height="{100 * height:g}" alt="{escape(alt)}" src="data:image/png;base64,{png}">'
         )
 
 
@@ -149,9 +164,47 @@ def write_state(tool: str, inputs: Any) -> str:
     return json.dumps(state, indent=2)
 
 
+def write_link(inputs: Any) -> str:
+    """Return a link to the page with these inputs; empty if an editor's text makes it too long."""
+    start = type(inputs)()
+    values = {name: getattr(inputs, name) for name in declared(type(inputs))}
+    changed = {
+        name: " ".join(value) if isinstance(value, tuple) else value
+        for name, value in values.items()
+        if value != getattr(start, name)
+    }
+    query = escape(urlencode(changed))
+    link = f'<a class="shipnet-button shipnet-link" href="?{query}">link to this state</a>'
+    return link if len(query) <= _LONGEST_LINK else ""
+
+
+def read_link(query: str, kind: type) -> Any:
+    """Return the inputs of a link, as the record `kind`; what it does not name is the default."""
+    values = asdict(kind())
+    for name, text in parse_qsl(query, keep_blank_values=True):
+        values[name] = _value(text, values.get(name))
+    return _record(values, kind, "the link")
+
+
+def _value(text: str, default: Any) -> Any:
+    """Return a value as its default is; what cannot be one stays text, which the check refuses."""
+    if isinstance(default, tuple):
+        return tuple(text.split())
+    if isinstance(default, bool):
+        return {"True": True, "False": False}.get(text, text)
+    try:
+        return type(default)(text) if isinstance(default, int | float) else text
+    except ValueError:
+        return text
+
+
 def read_state(content: bytes, tool: str, kind: type, file: str = "state") -> Any:
     """Return the inputs that a file holds, as the record `kind`."""
-    given = _inputs(content, tool, file)
+    return _record(_inputs(content, tool, file), kind, file)
+
+
+def _record(given: Mapping[str, Any], kind: type, file: str) -> Any:
+    """Return a record of values; raise InputError with all that is wrong with them."""
     kinds = declared(kind)
     faults = [f"unknown input {name!r}" for name in given if name not in kinds]
     faults += [f"input {name!r} is missing" for name in kinds if name not in given]

@@ -136,4 +136,4 @@ class CanLoad(Tool):
 
         tip = "A CSV or DBC file; it replaces the text above, with faults of a DBC file on top."
         own = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
-        return {"uploads": [own]}
+        return {"uploads": [own], "folds": {"message set": ("text",)}}

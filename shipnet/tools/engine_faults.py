@@ -111,6 +111,7 @@ class EngineFaults(Tool):
             },
             plot=self.plot,
             height=4.6,
+            dense=True,
             about="Screen of the alarm monitoring system, a field for each value",
         )
 

@@ -39,6 +39,14 @@ PICTURES = {
 #: The cabinet of the example ship.
 _CABINET = "26, 6, 14"
 
+#: Controls that are folded away: a page opens on the answer.
+_FOLDS = {
+    "I/O list and cabinet": ("points", "name", "cabinet"),
+    "limits and prices": (
+        "rules", "update_ms", "list_lengths", "detour", "spare", "labour", "parts", "own",
+    ),
+}  # fmt: skip
+
 #: Characters of a list, for a state that holds it must not exceed 2 MB.
 _LONGEST = 1_000_000
 _STATE = 1_900_000
@@ -142,7 +150,7 @@ class ShipDesign(Tool):
         default="", most=20_000, rows=4,
         hint="[asi]\nlength = 200", label="other limits and prices",
         help="Lines of a settings file: bit rates, lengths, currents, load, prices, the time of "
-        "the host. They win over the controls. settings.toml, below the figure, has all there are.",
+        "the host. They win over the controls. settings.toml, at the foot of the page, has all.",
     )  # fmt: skip
     picture: str = choice(
         PICTURES, default="cost", label="figure",
@@ -196,7 +204,7 @@ class ShipDesign(Tool):
         ready = {}
         if report:
             files |= {"report.html": found.html(), "tables.zip": zipped(found.files())}
-            ready = {"report": "made; the button to download it is below the figure"}
+            ready = {"report": "made; the button to download it is at the foot of the page"}
         return View(
             verdict=f"{len(found.iolist)} points: {found.verdict}",
             ok=found.ok,
@@ -209,7 +217,7 @@ class ShipDesign(Tool):
             files=files,
         )
 
-    def explore(self) -> Page:
+    def explore(self, story: bool = False) -> Page:
         """Return the page with controls, examples, uploads, and a report to download."""
         from shipnet.tools._page import Page
 
@@ -237,13 +245,15 @@ class ShipDesign(Tool):
         return Page(
             self,
             see,
+            story=story,
+            folds=_FOLDS,
             buttons=[
                 example("main engine", _CABINET),
                 example("ship", ""),
                 Button("make the report", "One file to read offline and print: tables, figures, "
                        "rules and every assumption; in tables.zip the cables, terminals, points "
-                       "and drawing of each option. Buttons to download them appear below the "
-                       "figure.", ask),
+                       "and drawing of each option. Buttons to download them appear at the "
+                       "foot of the page.", ask),
             ],
             uploads=[Upload("load a list", "CSV or Excel; it replaces the list above.",
                             ".csv,.txt,.xlsx", from_file),

@@ -66,9 +66,9 @@ class ValveClient(Tool):
         """Draw the openings of all valves, the chosen one framed."""
         return self.result.screen.plot(self.valve, ax)
 
-    def explore(self) -> Explorer:
+    def explore(self, story: bool = False) -> Explorer:
         """Return the page, with a server of its own that listens on this machine only."""
-        return Explorer(self)
+        return Explorer(self, story)
 
     def _view(self) -> View:
         """Return what the page shows of model valves."""
@@ -100,7 +100,7 @@ class Explorer(Page):
         The explorer's own, of 16 valves in real time.
     """
 
-    def __init__(self, start: ValveClient) -> None:
+    def __init__(self, start: ValveClient, story: bool = False) -> None:
         self.server = serve(_OWN, rng=np.random.default_rng()).__enter__()
         self._end = finalize(self, self.server.__exit__)
         self._link: Link | None = None
@@ -120,6 +120,8 @@ class Explorer(Page):
                 Button("read again", "Reads all valves.", lambda _: None),
             ],
             extras=[clock],
+            folds={"server": ("address", "port", "valves")},
+            story=story,
         )
 
     def close(self) -> None:

@@ -522,3 +522,20 @@ def test_the_receiver_finds_in_small_whole_numbers_what_a_walk_along_the_record_
                 found = [getattr(heard, name)[row] for name in names]
                 assert found == pytest.approx(numbers, rel=1e-12, abs=1e-15)
     assert heard.slots.dtype == np.int8
+
+
+@pytest.mark.parametrize("matched", [True, False])
+@pytest.mark.parametrize("minimum", [0.0, 0.45])
+@pytest.mark.parametrize("window", [0.0, 0.1, 0.5])
+def test_rounding_decides_nothing(matched, minimum, window):
+    # Without noise silence is all but 0, some samples are equal, and some peaks lie between two.
+    rng = np.random.default_rng(2024)
+    for dt in (250e-9, 200e-9, 500e-9):
+        for early in (0, dt / 2):
+            u = np.tile(ideal(RESPONSES, dt, start=5e-6 - early), (20, 1))
+            u += 1e-12 * rng.normal(size=u.shape)
+            heard = receive(u, dt, 7, matched=matched, minimum=minimum, window=window)
+            for field in (heard.bits, heard.error, heard.slots):
+                assert (field.reshape(20, 16, -1) == field[:16].reshape(16, -1)).all()
+            start = heard.start.reshape(20, 16)
+            assert start == pytest.approx(np.broadcast_to(start[0], start.shape), abs=1e-12)

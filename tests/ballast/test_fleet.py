@@ -22,13 +22,17 @@ def test_every_fault_but_the_slow_one_is_found_by_its_own_code_and_nothing_else_
     found = report.faults().set_index("code")
     assert sorted(found.index) == sorted(FAULTS)
     # A motor gets hot by many strokes in a row only.
-    assert found.index[found["diagnosed_s"].isna()].tolist() == ["O1"]
-    assert (found["alarm_s"].dropna() >= found["start_s"][found["alarm_s"].notna()]).all()
-    assert (found["diagnosed_s"].dropna() >= found["alarm_s"].dropna()).all()
+    assert found.index[~found["named"]].tolist() == ["O1"]
+    assert found.index[found["detection_time_s"].isna()].tolist() == ["O1"]
+    assert (found["detection_time_s"].dropna() >= 0).all()
+    isolated = found[found["isolation_time_s"].notna()]
+    assert (isolated["isolation_time_s"] >= isolated["detection_time_s"]).all()
+    assert isolated["named"].all()
     assert report.false_alarms().empty
-    assert report.summary()["own_code"].sum() == 11
+    assert report.false_detection_rate() == 0
+    assert report.summary()["named"].sum() == 11
     assert report.summary().index.tolist() == list(FAULTS)
-    assert "12 faults: 11 alarmed, 11 with their own code; 0 false alarms" in str(report)
+    assert "12 faults: 11 detected, 11 named, 11 isolated; 0 false alarms" in str(report)
 
 
 def test_a_stuck_valve_waits_for_its_next_command(report):
@@ -37,17 +41,18 @@ def test_a_stuck_valve_waits_for_its_next_command(report):
     following = starts[starts >= stuck["start_s"]].min()
     assert stuck["command_s"] == following
     # Three of five readings, the first of them when the motor has been started.
-    assert stuck["alarm_s"] == pytest.approx(following + 0.2, abs=0.11)
-    assert stuck["delay_s"] == pytest.approx(
+    assert stuck["start_s"] + stuck["detection_time_s"] == pytest.approx(following + 0.2, abs=0.11)
+    assert stuck["detection_time_s"] == pytest.approx(
         stuck["after_command_s"] + following - stuck["start_s"]
     )
 
 
 def test_a_gauge_that_reads_too_high_is_found_at_rest(report):
     gauge = report.faults().set_index("code").loc["G1"]
-    assert gauge["delay_s"] < 4
+    assert gauge["detection_time_s"] < 4
     assert np.isnan(gauge["after_command_s"])
-    assert gauge["isolated"]
+    assert gauge["isolation_time_s"] == gauge["detection_time_s"]
+    assert gauge["true_detection_rate"] > 0.99
 
 
 @pytest.mark.parametrize("size", [1, 37, 100_000])
@@ -59,8 +64,45 @@ def test_blocks_leave_no_trace(size):
     report = run_fleet(3, commands, faults=faults, until=60.0, rng=1, size=size)
     assert report.n_samples == whole.readings.shape[0] * 3
     assert report.alarms.values.tolist() == single.alarms().values.tolist()
+    top = single.top
+    before = np.concatenate([[["normal"] * 3], top[:-1]])
+    changes = [(whole.time[i], k + 1, top[i, k]) for i, k in np.argwhere(top != before)]
+    assert [tuple(row) for row in report.signals.values.tolist()] == changes
     assert report.commands["end_s"].tolist() == whole.strokes()["end_s"].tolist()
     assert len(report.alarms) > 3
+
+
+def test_rates_in_time_are_those_of_a_loop_over_the_instants():
+    # The crisp reading also reports healthy valves, so that the false rate is not 0.
+    commands = [Command("open", 5.0), Command("close", 40.0)]
+    faults = [Fault("V1", start=30.0, stop=70.0, valves=3), Fault("G1", start=50.0, valves=2)]
+    options = dict(faults=faults, until=90.0, idle_step=1.0, rng=1)
+    run = simulate(3, commands, **options)
+    top = diagnose_run(run, method="crisp").top
+    report = run_fleet(3, commands, method="crisp", size=37, **options)
+    ends = [*run.time[1:], 90.0]
+
+    def share(valve, low, high):
+        spans = [
+            max(min(end, high) - max(time, low), 0)
+            for time, end, code in zip(run.time, ends, top[:, valve - 1], strict=True)
+            if code != "normal"
+        ]
+        return sum(spans)
+
+    rates = report.faults().set_index("code")["true_detection_rate"]
+    assert rates["V1"] == pytest.approx(share(3, 30, 70) / 40, abs=1e-9)
+    assert rates["G1"] == pytest.approx(share(2, 50, 90) / 40, abs=1e-9)
+    false = (share(1, 0, 90) + share(2, 0, 50) + share(3, 0, 30)) / 170
+    assert report.false_detection_rate() == pytest.approx(false, abs=1e-9)
+    assert 0 < false < 1
+
+
+def test_a_fault_beyond_the_end_has_no_rates():
+    report = run_fleet(1, [], faults=[Fault("G1", start=0.0), Fault("V1", start=20.0)], until=10)
+    assert np.isnan(report.false_detection_rate())
+    assert report.faults()["true_detection_rate"].isna().tolist() == [False, True]
+    assert np.isnan(report.summary().loc["V1", "isolability"])
 
 
 def test_an_alarm_before_its_fault_is_a_false_one():
@@ -87,12 +129,12 @@ def test_severity_0_is_no_fault():
 
 def test_a_healthy_fleet_has_a_report_too():
     report = run_fleet(2, [Command("open", 5.0)], until=60)
-    assert "0 faults: 0 alarmed, 0 with their own code; 0 false alarms" in str(report)
+    assert "0 faults: 0 detected, 0 named, 0 isolated; 0 false alarms" in str(report)
     assert report.summary().empty
     sick = run_fleet(2, [], faults=[Fault("G1", valves=2)], until=60)
     assert report.summary().columns.tolist() == sick.summary().columns.tolist()
     assert report.faults().dtypes.to_dict() == sick.faults().dtypes.to_dict()
-    assert sick.summary().loc["G1", ["faults", "alarmed", "isolated"]].tolist() == [1, 1, 1]
+    assert sick.summary().loc["G1", ["faults", "detected", "isolated"]].tolist() == [1, 1, 1]
 
 
 def test_faults_are_drawn_evenly_and_in_order():

@@ -53,6 +53,21 @@ def test_shares_and_confusion_count_the_same_trials(trials):
     assert table["named_high"].ge(table["named"]).all()
 
 
+def test_isolability_and_sensitivity_are_those_of_the_detected_faults():
+    severity = np.linspace(0, 1, 9)
+    codes = ["normal", "V1", "Pos3"]
+    trials = fault_trials(codes, n_valves=9, severity=severity, methods=["fuzzy"], rng=2024)
+    rows, table = trials.table(), trials.rates().loc["fuzzy"]
+    for code in ("V1", "Pos3"):
+        mine = rows[(rows["fault"] == code) & rows["detected"]]
+        assert 0 < len(mine) < 9
+        assert table.loc[code, "sensitivity"] == min(mine["severity"])
+        assert table.loc[code, "isolability"] == sum(mine["isolated"]) / len(mine)
+        assert (mine["isolation_time_s"].notna() == mine["isolated"]).all()
+    assert table["isolability"].tolist()[1:] == [1, 0]
+    assert table.loc["normal", ["isolability", "sensitivity", "detection_time_s"]].isna().all()
+
+
 def test_tables_say_what_stands_behind_them(trials):
     assert "does not validate" in BASIS
     assert trials.rates().attrs["basis"] == trials.confusion().attrs["basis"] == BASIS
@@ -67,7 +82,9 @@ def test_a_trial_is_what_the_run_of_the_same_valve_shows():
     run = simulate(system, orders, until=65, faults=[Fault("V2")], idle_step=0.5, rng=again)
     diagnosis = diagnose_run(run)
     first = np.nanmin(diagnosis.alarm_times, axis=1)
-    np.testing.assert_allclose(trials["delay_s"], np.maximum(first - 5.0, 0))
+    np.testing.assert_allclose(trials["detection_time_s"], np.maximum(first - 5.0, 0))
+    own = diagnosis.alarm_times[:, diagnosis.base.codes.index("V2")]
+    np.testing.assert_allclose(trials["isolation_time_s"], np.maximum(own - 5.0, 0))
     assert trials["active"].tolist() == ["V2"] * 3
 
 
@@ -80,7 +97,8 @@ def test_severities_may_differ_from_valve_to_valve():
         rng=np.random.default_rng(1),
     ).table()
     assert trials["named"].tolist() == [False, False, True]
-    assert trials["delay_s"].isna().tolist() == [True, True, False]
+    assert trials["detection_time_s"].isna().tolist() == [True, True, False]
+    assert trials["isolation_time_s"].isna().all()
 
 
 def test_false_alarms_are_those_of_a_diagnosis_of_the_whole_run():
@@ -97,6 +115,11 @@ def test_false_alarms_are_those_of_a_diagnosis_of_the_whole_run():
     assert table.loc["crisp", "alarms"] == begins.sum() + (~quiet[0]).sum()
     assert table.loc["crisp", "commands"] == table.loc["crisp", "alarmed"] == 12
     assert table.loc["fuzzy", "alarms"] == 0
+    spans = np.diff(run.time)
+    share = (spans @ ~quiet[:-1]) / 6 / run.time[-1]
+    assert table.loc["crisp", "false_detection_rate"] == pytest.approx(share.sum(), rel=1e-9)
+    assert 0 < share.sum() < 1
+    assert table.loc["fuzzy", "false_detection_rate"] == 0
     assert table["valve_years"].to_numpy() == pytest.approx(6 * 120 / (365.25 * 86400))
     years = table.loc["fuzzy", "valve_years"]
     assert table.loc["fuzzy", "per_valve_year_high"] == pytest.approx(-np.log(0.025) / years)

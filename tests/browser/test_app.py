@@ -102,6 +102,9 @@ class Tool:
     def button(self, label):
         return self.page.get_by_role("button", name=label, exact=True)
 
+    def unfold(self, title):
+        self.page.locator(".jupyter-widget-Collapse-header").get_by_text(title).click()
+
     def load(self, place, name, content):
         file = {"name": name, "mimeType": "text/plain", "buffer": content}
         with self.page.expect_file_chooser() as chooser:
@@ -173,17 +176,46 @@ def test_the_index_leads_to_the_line_which_keys_alone_move_and_which_tells_its_h
     def terminated(on):
         page.get_by_label("100 ohm at the end").set_checked(on)
 
-    tool.moves(lambda: tool.press("length [m]", 20), "read 0011001", "InformationError")
+    tool.moves(lambda: tool.press("length [m]", 20), "read 0011001", "AlternationError")
     terminated(True)
     tool.says("read 0011001")
-    tool.comes_back(lambda: terminated(False), "InformationError", "read 0011001")
+    tool.comes_back(lambda: terminated(False), "AlternationError", "read 0011001")
     expect(page.get_by_label("100 ohm at the end")).to_be_checked()
     tool.is_pictured("asi_line")
 
 
+def test_on_a_phone_the_figure_stays_in_view_and_a_link_carries_the_values(page, app):
+    page.set_viewport_size({"width": 390, "height": 844})
+    tool = Tool.opened(page, app, "modbus_scan")
+    expect(tool.figure).to_have_attribute("width", "460", timeout=LONG)
+    for label in ("bit rate [bit/s]", "longest scan [s]"):
+        page.get_by_label(label, exact=True).last.scroll_into_view_if_needed()
+        expect(tool.figure).to_be_in_viewport(ratio=1)
+        expect(tool.verdict).to_be_in_viewport(ratio=1)
+    tool.press("dead slaves", key="ArrowLeft")
+    tool.says("in time: 1.576 s")
+    tool.button("one slave too many").click()
+    tool.says("too slow: 2.033 s")
+    expect(page.locator(".shipnet-tries")).to_contain_text("33 ms too long")
+    tool.press("slaves", key="ArrowLeft")
+    tool.says("in time: 1.983 s")
+    link = page.get_by_role("link", name="link to this state")
+    expect(link).to_have_attribute("href", "?slaves=39")
+    link.click()
+    tool.says("in time: 1.983 s")
+    expect(tool.slider("slaves")).to_have_attribute("aria-valuenow", "39.0")
+    page.goto(page.url.replace("slaves=39", "slaves=900"))
+    expect(page.locator(".shipnet-note")).to_contain_text(
+        "the link: slaves is 900; it must be a whole number 1..247", timeout=LONG
+    )
+    tool.says("too slow: 2.543 s")
+
+
 def test_a_state_that_is_not_one_is_refused_in_a_sentence(page, app):
     tool = Tool.opened(page, app, "asi_network")
-    tool.moves(lambda: tool.press("cable [m]", 10), "all rules met", "cable length")
+    tool.moves(tool.button("shared addresses").click, "slave voltage", "all rules met")
+    tool.press("cable [m]", 10)
+    tool.says("cable length")
     name, state = tool.saved()
     note = page.locator(".shipnet-note")
     for wrong, why in [
@@ -207,11 +239,11 @@ def test_a_state_that_is_not_one_is_refused_in_a_sentence(page, app):
 
 def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
     tool = Tool.opened(page, app, "can_load")
-    tool.moves(
-        lambda: tool.press("bit rate [kbit/s]", key="ArrowLeft"), "meet their deadlines", "speed"
-    )
-    tool.comes_back(lambda: tool.press("bit rate [kbit/s]"), "all 10 messages", "speed")
+    rate, back = "bit rate [kbit/s]", "ArrowLeft"
+    tool.moves(lambda: tool.press(rate), "speed", "all 10 messages meet their deadlines")
+    tool.comes_back(lambda: tool.press(rate, key=back), "speed", "all 10 messages")
     tool.is_pictured("can_load")
+    tool.unfold("message set")
     editor = page.locator("textarea")
     editor.fill("name,arbitration_id,dlc,period_ms\noil,1,9,10\n")
     editor.blur()
@@ -227,9 +259,9 @@ def test_the_can_explorer_follows_its_editor_and_takes_files(page, app):
 
 def test_the_scan_explorer_waits_for_a_dead_slave(page, app):
     tool = Tool.opened(page, app, "modbus_scan")
-    tool.moves(lambda: tool.press("dead slaves"), "in time: 1.576 s", "too slow: 2.543 s")
     back = "ArrowLeft"
-    tool.comes_back(lambda: tool.press("dead slaves", key=back), "1.576 s", "2.543 s")
+    tool.moves(lambda: tool.press("dead slaves", key=back), "too slow: 2.543 s", "in time: 1.576 s")
+    tool.comes_back(lambda: tool.press("dead slaves"), "2.543 s", "1.576 s")
     tool.is_pictured("modbus_scan")
 
 
@@ -249,24 +281,25 @@ def test_the_engine_explorer_marks_a_dead_box_late(page, app):
 
 def test_the_ring_explorer_is_stepped_by_its_buttons(page, app):
     tool = Tool.opened(page, app, "ring_buffer")
-    tool.moves(tool.button("store a packet").click, "nothing done yet", "6 bytes stored")
-    tool.comes_back(tool.button("one back").click, "nothing done yet", "6 bytes stored")
+    tool.moves(tool.button("store a packet").click, "byte 3 of packet 3", "3 bytes stored")
+    tool.comes_back(tool.button("one back").click, "byte 3 of packet 3", "3 bytes stored")
     tool.is_pictured("ring_buffer")
 
 
 def test_the_diagnosis_explorer_names_a_fault(page, app):
     tool = Tool.opened(page, app, "valve_diagnosis")
-    tool.moves(lambda: tool.choose("fault", "V1"), "normal", "V1: valve stuck")
-    tool.comes_back(lambda: tool.choose("fault", "normal"), "normal", "V1: valve stuck")
+    tool.moves(lambda: tool.choose("fault", "normal"), "V1: valve stuck", "normal")
+    tool.comes_back(lambda: tool.choose("fault", "V2"), "V2: piston leakage", "normal")
     tool.is_pictured("valve_diagnosis")
 
 
 def test_the_valve_client_opens_a_valve_of_the_server_that_it_starts(page, app):
     tool = Tool.opened(page, app, "valve_client")
-    tool.moves(tool.button("open").click, "valve 1: closed", "valve 1: moving")
     tool.press("valve", 2)
-    tool.says("valve 3: closed")
-    tool.comes_back(lambda: tool.press("valve", key="ArrowLeft"), "valve 2", "valve 3")
+    tool.moves(tool.button("open").click, "valve 5: closed", "valve 5: moving")
+    tool.press("valve")
+    tool.says("valve 6: closed")
+    tool.comes_back(lambda: tool.press("valve", key="ArrowRight"), "valve 7", "valve 6")
     tool.is_pictured("valve_client")
 
 
@@ -280,6 +313,9 @@ def test_the_ship_design_compares_a_list_of_ones_own_and_gives_its_report(page, 
     tool = Tool.opened(page, app, "ship_design")
     modbus = page.get_by_label("Modbus RTU", exact=True)
     options = page.locator(".shipnet-table thead th")
+    tool.says("353 points: ")
+    tool.button("one engine").click()
+    tool.says("99 points: ")
     expect(options).to_have_count(5)
     expect(page.locator(".shipnet-caption")).to_contain_text("design aid, not class approval.")
     tool.moves(lambda: modbus.set_checked(False), "Modbus RTU", "violates no rule: CAN")
@@ -290,6 +326,7 @@ def test_the_ship_design_compares_a_list_of_ones_own_and_gives_its_report(page, 
     # The notebook shows the same table of another list above the page.
     cost = page.locator(".shipnet-table tr").filter(has=total).locator("td").first
     before = cost.inner_text()
+    tool.unfold("limits and prices")
     tool.press("labour rate [EUR/h]", 4)
     expect(cost).not_to_have_text(before, timeout=LONG)
 

@@ -8,9 +8,9 @@ from scipy.spatial.distance import pdist
 
 from shipnet.asi.modulation import Modulation, Pulses
 from shipnet.crc import CAN
-from shipnet.exercises.lesson_03 import _MESSAGES, _TRIED, _distance, _remainder
+from shipnet.exercises.lesson_03 import _GENERATORS, _MESSAGES, _TRIED, _distance, _remainder
 from shipnet.papers.kim2023.signals import undetected
-from tests.lessons.students import NAMED, right
+from tests.lessons.students import NAMED, right, solved
 
 
 @NAMED
@@ -23,12 +23,13 @@ def test_of_all_seven_bits_a_receiver_takes_only_the_right_ones(name):
     assert [bits for bits, code in zip(words, error, strict=True) if code == 0] == [telegram]
 
 
-@pytest.mark.parametrize("bits", _MESSAGES)
-def test_check_bits_are_a_remainder_of_polynomials(bits):
-    row = np.array([*map(int, bits), 0, 0, 0])
-    _, left = np.polydiv(row, [1, 0, 1, 1])
-    expected = (np.rint(left).astype(int) % 2)[-3:]
-    assert _remainder(bits + "000") == "".join(map(str, expected)).rjust(3, "0")
+@pytest.mark.parametrize("generator", _GENERATORS)
+def test_check_bits_are_a_remainder_of_polynomials(generator):
+    for bits in _MESSAGES:
+        row = np.array([*map(int, bits), 0, 0, 0, 0])
+        _, left = np.polydiv(row, [*map(int, generator)])
+        expected = "".join(map(str, (np.rint(left).astype(int) % 2)[-4:])).rjust(4, "0")
+        assert solved("ex-03-2", bits=bits, generator=generator).value == expected
 
 
 def test_check_bits_with_the_generator_of_can_are_those_of_the_library():

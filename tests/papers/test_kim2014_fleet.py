@@ -80,7 +80,7 @@ def test_the_history_has_a_line_from_each_fault_to_its_report_or_to_the_end():
     ax = report.plot(Figure().subplots())
     (lines,) = ax.collections
     ends = [(3600 * a[0], 3600 * b[0]) for a, b in lines.get_segments()]
-    assert ends[0] == pytest.approx((900.0, report.faults()["alarm_s"][0]))
+    assert ends[0] == pytest.approx((900.0, 900.0 + report.faults()["detection_time_s"][0]))
     assert ends[1] == pytest.approx((1000.0, 1800.0))
     assert [text.get_text() for text in ax.get_yticklabels()] == ["V1, valve 2", "O1, valve 1"]
     reported = next(line for line in ax.lines if line.get_label() == "reported")

@@ -139,7 +139,7 @@ def test_the_table_and_the_page_say_what_it_is(small):
     shown = SMALL._view()
     pd.testing.assert_frame_equal(shown.table, small.short())
     assert BANNER in shown.caption and "assumptions" in shown.caption
-    assert BANNER in shown.html and "<th" in shown.html and "cabinet" in shown.numbers
+    assert BANNER in shown.details and "<th" in shown.details and "cabinet" in shown.numbers
 
 
 @pytest.mark.parametrize("mixed", MIXES)
@@ -246,7 +246,7 @@ def test_the_page_refuses_a_bad_list_fault_by_fault_and_takes_a_good_one():
     assert page.text.startswith("few.csv") is False and "give its place x, y, z" in page.text
     page.controls["cabinet"].value = "10, 0, 8"
     assert "8 points: " in page.text and page.note == ""
-    assert HOSTILE not in page._shown.value
+    assert HOSTILE not in page._shown.value + page._details.value
     page.controls["points"].value = "tag,type,x,y,z\nA,DI,1,2,x\nA,DI,1,2,3\n"
     assert page.text.splitlines()[0] == "few.csv:" and len(page.text.splitlines()) == 3
 
@@ -268,13 +268,13 @@ def test_the_report_is_made_when_asked_for_and_goes_when_something_changes():
     report = b64decode(made).decode()
     assert BANNER in report and "few.csv" in report
     assert not re.findall(r"""(?:src|href)=["']?(?:https?:)?//|url\(|@import|<script""", report)
-    assert "below the figure" in page.text
+    assert "foot of the page" in page.text
     zipped = re.search('tables.zip" href="data:[^,]*,([^"]*)"', page.links.value)[1]
     with ZipFile(BytesIO(b64decode(zipped))) as archive:
         written = dict(page.inputs.result.files())
         assert set(archive.namelist()) == set(written) >= {"CAN/cables.csv", "AS-i/AS-i.svg"}
         assert archive.read("CAN/cables.csv") == written["CAN/cables.csv"]
     page.controls["labour"].value = 60.0
-    assert "report.html" not in page.links.value and "below the figure" not in page.text
+    assert "report.html" not in page.links.value and "foot of the page" not in page.text
     page.controls["labour"].value = 55.0
     assert "report.html" not in page.links.value

@@ -5,6 +5,7 @@ import json
 import re
 from base64 import b64decode
 from dataclasses import dataclass, replace
+from html import unescape
 
 import pandas as pd
 import pytest
@@ -15,7 +16,16 @@ from matplotlib.figure import Figure
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check, choice, number, series, switch, text, whole
 from shipnet.tools._page import Page, draw_steps, stepper
-from shipnet.tools._view import Button, Preset, Upload, View, read_state, write_state
+from shipnet.tools._view import (
+    Button,
+    Preset,
+    Upload,
+    View,
+    read_link,
+    read_state,
+    write_link,
+    write_state,
+)
 from tests.support import load
 
 #: What a saved state calls the tool: the module that its record is of.
@@ -134,10 +144,10 @@ def test_a_table_stands_between_verdict_and_numbers():
     table = pd.DataFrame({"cost <EUR>": ["<1", "2"]}, index=["a & b", "c"])
     view = View(verdict="two", ok=True, numbers={"n": "2"}, table=table, caption="made <up>")
     assert str(view).splitlines()[-2:] == ["made <up>", "n: 2"] and "cost <EUR>" in str(view)
-    said = view.html
+    said = view.answer + view.details
     order = ["two", "cost &lt;EUR&gt;", "a &amp; b", "<td>&lt;1</td>", "made &lt;up&gt;", "<dt>n"]
     assert sorted(map(said.index, order)) == [said.index(part) for part in order]
-    assert "<table" not in View(verdict="none", ok=True).html
+    assert View(verdict="none", ok=True).details == ""
 
 
 def test_the_page_is_busy_while_it_computes():
@@ -275,6 +285,69 @@ def test_a_state_that_cannot_be_is_refused_and_nothing_changes(page, content, me
     assert "Traceback" not in page._noted.value and "should not happen" not in page.note
     assert page.inputs == before and len(page._see) == calls
     assert page.text.startswith("5 slaves")
+
+
+def query(toy):
+    return unescape(re.search(r'href="\?([^"]*)"', write_link(toy))[1])
+
+
+@given(toy=TOYS)
+def test_a_link_comes_back_as_it_was_and_names_only_what_is_changed(toy):
+    assert read_link(query(toy), Toy) == toy
+    assert query(replace(Toy(), dead=3)) == "dead=3" and query(Toy()) == ""
+
+
+def test_a_link_opens_the_page_on_its_values_and_the_page_gives_the_same_link(page, seen):
+    page.query.value = "slaves=9&ring=True&done=a b&name="
+    assert page.inputs == Toy(slaves=9, ring=True, done=("a", "b")) and page.note == ""
+    assert len(seen) == 2 and "?slaves=9&amp;ring=True&amp;done=a+b" in page.links.value
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ("slaves=31&bus=LIN", "slaves is 31.*; bus is 'LIN'"),
+        ("slaves=2.5", r"slaves is '2\.5'"),
+        ("slaves=", "slaves is ''"),
+        ("length=nan&ring=yes", "length is nan m.*; ring is 'yes'"),
+        ("length=400", r"length is 400 m; its slider shows 0\.\.100 m"),
+        ("ring=True&bus=AS-i", "ring is True; AS-i has none"),
+        ("name=" + 10 * "x", "name has 10 characters"),
+        ("done=c", "one of done is 'c'"),
+        ("more=1", "unknown input 'more'"),
+        ("slaves=%00%ff", "slaves is "),
+    ],
+)
+def test_a_link_that_cannot_be_is_refused_and_the_page_stays(page, seen, wrong, message):
+    page.query.value = wrong
+    assert re.search("^the link: " + message, page.note), page.note
+    assert "those from before" in page._noted.value and len(seen) == 1
+    assert page.inputs == Toy()
+
+
+def test_text_that_is_too_long_for_a_link_has_none():
+    @dataclass(frozen=True)
+    class Note:
+        said: str = text(default="", most=5000, label="said", help="Any.")
+
+    assert write_link(Note("x" * 1900)) and write_link(Note("\xe9" * 1900)) == ""
+
+
+def test_a_page_that_says_it_is_narrow_gets_a_narrow_figure_unless_that_is_dense(page):
+    assert 'width="750" height="100"' in page.figure.value
+    page.narrow.value = "yes"
+    assert 'width="460" height="80"' in page.figure.value
+    dense = View(verdict="", ok=True, plot=lambda ax: None, height=1, dense=True)
+    assert 'width="750"' in dense.figure(narrow=True)
+
+
+def test_controls_that_are_folded_away_are_read_as_all_others(seen):
+    page = Page(Toy(), seen, folds={"more": ("ring", "name")})
+    (fold,) = page._controls.folded
+    assert fold.selected_index is None and fold.titles == ("more",)
+    assert len(fold.children[0].children) == 2 and len(page._controls.box.children) == 4
+    page.controls["name"].value = "mine"
+    assert page.inputs == Toy(name="mine")
 
 
 def test_missing_inputs_are_named_all_at_once():

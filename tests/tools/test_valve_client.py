@@ -124,7 +124,7 @@ def test_a_server_that_answers_nonsense_is_told_in_a_sentence(reply):
         (lambda: ValveClient(address=7), "address is 7"),
         (lambda: send(ModelValves(), 0, "open"), "valve is 0"),
         (lambda: send(ModelValves(), 1, "stop"), "action is 'stop'"),
-        (lambda: send(ModelValves(), 1, 101), "position is 101"),
+        (lambda: send(ModelValves(), 1, 101), "action is 101"),
         (lambda: send(ModelValves(), 1, "position"), r"action is 'position'.*0\.\.100"),
     ],
 )
