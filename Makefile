@@ -6,6 +6,7 @@
 # make renew      after a change of data: check sums, counts of claims, numbers of the README
 # make dist       build the wheel and the source distribution under dist/
 # make coverage   which lines the unit tests never run
+# make handout    build/handout.zip: what students get, without solutions
 # make wheels     fill build/wheels for a room without a network; SYSTEM=windows PYTHON=3.12
 # make lab        open JupyterLab
 # make app        serve the interactive tools of notebooks/explore/ as web pages, with an index
@@ -36,7 +37,7 @@ unexport VIRTUAL_ENV
 
 .DEFAULT_GOAL := all
 .NOTPARALLEL:
-.PHONY: all setup site notebooks nbval renew test lint unit browser coverage dist lessons wheels lab app bench fuzz mutants clients lock clean
+.PHONY: all setup site notebooks nbval renew test lint unit browser coverage dist lessons handout wheels lab app bench fuzz mutants clients lock clean
 
 all: site
 	@$(PY) -m shipnet ledger --summary
@@ -116,6 +117,9 @@ dist: setup
 lessons: setup
 	@$(PY) docs/editions.py derive
 	@$(PY) docs/editions.py slides
+
+handout: setup
+	@$(PY) docs/editions.py handout
 
 wheels: setup
 	@$(PY) docs/wheels.py $(UV) $(SYSTEM) $(PYTHON)

@@ -5,6 +5,7 @@
     python docs/editions.py slides [NN ...]     build/slides/NN_name.html, needs no network
     python docs/editions.py nbgrader [NN ...]   build/nbgrader/source/NN_name/NN_name.ipynb
     python docs/editions.py otter [NN ...]      build/otter/NN_name.ipynb, for `otter assign`
+    python docs/editions.py handout             build/handout.zip, for students
 
 A source is a MyST notebook: Markdown with code cells. The students' edition drops the solutions;
 the solutions' edition holds the exercises only, solved.
@@ -19,6 +20,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import nbformat
 from myst_nb.core.read import read_myst_markdown_notebook
@@ -277,12 +279,35 @@ def derive(root: Path, numbers: list[str] | None = None) -> int:
     return failed
 
 
+def handout(root: Path) -> Path:
+    """Write what students get: all notebooks without solutions, and the files that they link to."""
+    kept = [
+        path
+        for path in sorted((root / "notebooks").rglob("*"))
+        if path.suffix in (".ipynb", ".md") and not {"source", "solutions"} & {*path.parts}
+        and ".ipynb_checkpoints" not in path.parts and path != root / LESSONS / "README.md"
+    ]  # fmt: skip
+    linked = {
+        found
+        for path in kept
+        for target in re.findall(r"\]\((?!\w+:|#)([^)#\s]+)", path.read_text(encoding="utf-8"))
+        if (found := (path.parent / target).resolve()).is_file()
+    }
+    written = root / "build" / "handout.zip"
+    written.parent.mkdir(exist_ok=True)
+    with ZipFile(written, "w", ZIP_DEFLATED) as archive:
+        for path in sorted({*kept, *linked}):
+            archive.write(path, f"shipnet/{path.relative_to(root).as_posix()}")
+    return written
+
+
 def main(argv: list[str] | None = None, root: Path = ROOT) -> int:
     """Run the command line and return the exit code."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("command", choices=["derive", "check", "slides", "nbgrader", "otter"])
+    commands = ["derive", "check", "slides", "nbgrader", "otter", "handout"]
+    parser.add_argument("command", choices=commands)
     parser.add_argument("numbers", nargs="*", metavar="NN", help="lessons; all when none is named")
     given = parser.parse_args(argv)
     if given.command == "derive":
@@ -294,6 +319,9 @@ def main(argv: list[str] | None = None, root: Path = ROOT) -> int:
         for path in wrong:
             print(f"not derived: {path.relative_to(root).as_posix()}")
         return 1 if wrong else 0
+    if given.command == "handout":
+        print(handout(root).relative_to(root).as_posix())
+        return 0
     write: Callable[[Path, Path], Path]
     if given.command == "slides":
         from slides import write

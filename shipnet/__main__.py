@@ -314,6 +314,25 @@ def _serve(arguments: argparse.Namespace) -> None:
         print("stopped", flush=True)
 
 
+def _grade(arguments: argparse.Namespace) -> Answer:
+    from shipnet.exercises.grading import as_html, grade
+
+    grades, verdicts = grade(arguments.folder)
+    correct = grades.drop(columns=["name", "file", "points", "flags"]).sum()
+    count = f"{len(grades)} notebook{'s' * (len(grades) != 1)}"
+    verdict = f"{count}, {(grades['flags'] != '').sum()} with a flag"
+    rows = grades.astype(object).fillna("-").to_string(index=False)
+    return Answer(
+        ok=None,
+        verdict=verdict,
+        text=f"{rows}\n\n{verdict}",
+        numbers={"notebooks": (len(grades), ""), "points": (int(grades["points"].sum()), "")},
+        tables={"grades": grades, "verdicts": verdicts},
+        draw=lambda ax: correct.plot.bar(ax=ax, xlabel="exercise", ylabel=f"correct of {count}"),
+        forms={".html": lambda file: as_html(file, grades, verdicts)},
+    )
+
+
 def _fleet(arguments: argparse.Namespace) -> None:
     from shipnet.ballast.fleet import write_fleet
 
@@ -335,7 +354,7 @@ def _fleet(arguments: argparse.Namespace) -> None:
 #: What runs each command of `commands.toml`.
 _COMMANDS = {
     "ledger": _ledger, "decode": _decode, "check": _check, "can": _can, "modbus": _modbus,
-    "serve": _serve, "fleet": _fleet, "design": _design,
+    "serve": _serve, "fleet": _fleet, "design": _design, "grade": _grade,
 }  # fmt: skip
 
 

@@ -1,6 +1,8 @@
 """Editions of a small lesson, and what they must not lose or show."""
 
 import re
+from os.path import normpath
+from zipfile import ZipFile
 
 import nbformat
 import pytest
@@ -340,3 +342,14 @@ def test_wheels_are_those_of_the_lock_and_of_the_system(system, tmp_path):
     assert "--require-hashes" in fetch and fetch.count("--platform") == len(wheels.TAGS[system])
     assert build[1:3] == ["-m", "hatchling"]
     assert ("Scripts" in wheels.readme(system, "3.12")) == (system == "windows")
+
+
+def test_the_hand_out_has_no_solution_and_no_broken_link():
+    with ZipFile(editions.handout(editions.ROOT)) as archive:
+        texts = {name: archive.read(name).decode() for name in archive.namelist()}
+    assert sum("/lessons/" in name for name in texts) == len(editions.sources())
+    assert not [name for name in texts if "solution" in name or "BEGIN SOLUTION" in texts[name]]
+    for name, text in texts.items():
+        if "/notebooks/" in name:
+            for target in re.findall(r"\]\((?!\w+:|#)([^)#\s]+)", text):
+                assert normpath(f"{name}/../{target}") in texts
