@@ -200,11 +200,13 @@ class Page(widgets.VBox):  # type: ignore[misc]
         upload = widgets.FileUpload(accept=one.accept, description=one.label, tooltip=one.label)
 
         def take(_: object) -> None:
-            for file in upload.value:
+            files = upload.value
+            # Else the same file, corrected and loaded again, would be no change. Emptied before the
+            # page answers, or a file that is loaded at the answer could be emptied with it.
+            upload.value = ()
+            for file in files:
                 name, content = file["name"], bytes(file["content"])
                 self._change(partial(self._take, one, name, content), name)
-            # Else the same file, corrected and loaded again, would be no change.
-            upload.value = ()
 
         upload.observe(take, "value")
         return _classed(upload, "shipnet-upload")
