@@ -14,8 +14,19 @@ from typing import Any
 import ipywidgets as widgets
 from matplotlib.axes import Axes
 
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import Choice, Kind, Number, Switch, Text, Whole, check_whole, declared
+from shipnet.fields import (
+    Choice,
+    Kind,
+    Number,
+    Switch,
+    Text,
+    Whole,
+    check_scalar,
+    check_whole,
+    declared,
+)
 from shipnet.tools._view import (
     Button,
     Preset,
@@ -376,6 +387,7 @@ def _control(kind: Kind, value: Any) -> widgets.Widget | None:
     return None
 
 
+@checked
 def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
     """Draw some frames side by side: the static picture before a stepper.
 
@@ -407,6 +419,7 @@ def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
         draw(step, ax)
 
 
+@checked
 def stepper(
     draw: Draw, captions: Sequence[str], *, width: float = 7.5, height: float = 3.2
 ) -> widgets.VBox:
@@ -442,6 +455,10 @@ def stepper(
     (1, 'steep', False)
     """
     check_whole("number of captions", len(captions), 1, _MOST)
+    width, height = (
+        check_scalar(name, size, "in", 0.1, 100)
+        for name, size in (("width", width), ("height", height))
+    )
     last = len(captions) - 1
     slider = widgets.IntSlider(0, 0, last, description="step", layout={"width": "26em"})
     back = widgets.Button(description="back", icon="arrow-left")
