@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
-from shipnet.fields import check_choice, check_scalar, check_whole
+from shipnet.arguments import checked
+from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import pd
 
 #: The tables that the limits are from.
@@ -67,6 +68,7 @@ INTERFACES: Mapping[str, Interface] = MappingProxyType(
 )  # fmt: skip
 
 
+@checked
 def interfaces(
     n_stations: int,
     length: float,
@@ -124,7 +126,6 @@ def interfaces(
     count = check_whole("n_stations", n_stations, 2, 256)
     far = check_scalar("length", length, "m", 0, 1e5)
     load = check_scalar("unit_load", unit_load, "", 0.125, 1)
-    check_choice("duplex", duplex, ("half", "full"))
     rows = []
     for one in INTERFACES.values():
         longest = one.longest_line(bit_rate)

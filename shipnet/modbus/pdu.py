@@ -103,10 +103,8 @@ def check_coils(coils: Iterable[bool], most: int, name: str = "coils") -> tuple[
     """Return coils as a tuple of bool, or raise unless there are 1..most of 0 and 1."""
     values = _sequence(name, coils, most)
     for k, value in enumerate(values):
-        if not (isinstance(value, bool) or (hasattr(value, "__index__") and value in (0, 1))):
-            # A numpy bool has no index, so its kind is asked for.
-            if getattr(getattr(value, "dtype", None), "kind", "") != "b":
-                raise ArgumentError(f"{name}[{k}] is {value!r}; it must be True or False")
+        if type(value).__name__ not in ("bool", "bool_"):  # of Python and NumPy
+            check_whole(f"{name}[{k}]", value, 0, 1)
     return tuple(bool(value) for value in values)
 
 
@@ -270,12 +268,14 @@ class Request(_Framed):
     @classmethod
     def write_single_coil(cls, address: int, value: bool) -> Request:
         """Return the request of function code 5: set one coil."""
-        return cls(FunctionCode.WRITE_SINGLE_COIL, address, coils=(value,))
+        coils = check_coils((value,), 1, "value")
+        return cls(FunctionCode.WRITE_SINGLE_COIL, address, coils=coils)
 
     @classmethod
     def write_single_register(cls, address: int, value: int) -> Request:
         """Return the request of function code 6: write one holding register."""
-        return cls(FunctionCode.WRITE_SINGLE_REGISTER, address, registers=(value,))
+        registers = check_registers((value,), 1, "value")
+        return cls(FunctionCode.WRITE_SINGLE_REGISTER, address, registers=registers)
 
     @classmethod
     def write_multiple_coils(cls, address: int, coils: Iterable[bool]) -> Request:
@@ -305,9 +305,9 @@ class Request(_Framed):
         try:
             match data[0]:
                 case 5:
-                    return cls.write_single_coil(address, _coil(number))
+                    return cls(FunctionCode.WRITE_SINGLE_COIL, address, coils=(_coil(number),))
                 case 6:
-                    return cls.write_single_register(address, number)
+                    return cls(FunctionCode.WRITE_SINGLE_REGISTER, address, registers=(number,))
                 case 15:
                     if -(-number // 8) != len(values):
                         count = f"byte count is {len(values)}"
@@ -358,16 +358,16 @@ class Request(_Framed):
                     code, coils=self.coils, registers=self.registers, address=self.address
                 )
             return Response(code, address=self.address, quantity=self.quantity)
-        found = tuple(values)
+        found = _sequence("values", values, self.quantity)
         if len(found) != self.quantity:
             raise ArgumentError(f"values has {len(found)} values; {self.quantity} were asked for")
         if code in _REGISTERS_READ:
             return Response(code, registers=found)
-        return Response(code, coils=found)  # type: ignore[arg-type]
+        return Response(code, coils=found)
 
-    def exception(self, code: int) -> Response:
+    def exception(self, exception: int) -> Response:
         """Return the exception response that refuses this request."""
-        return Response(self.function, exception=code)  # type: ignore[arg-type]
+        return Response(self.function, exception=exception_code(exception))
 
     def __repr__(self) -> str:
         values: tuple[Any, ...] = {5: self.coils, 6: self.registers}.get(self.function, ())

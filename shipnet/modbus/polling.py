@@ -13,7 +13,7 @@ from math import floor
 from shipnet import style
 from shipnet.answers import Utilisation
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_kind, check_scalar, check_whole, number, record, whole
+from shipnet.fields import check_scalar, check_whole, number, part, record, whole
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT, RTU_BYTES
 from shipnet.modbus.pdu import Request
@@ -50,8 +50,8 @@ class Poll:
     (8.9, 62)
     """
 
-    request: Request
-    line: SerialLine
+    request: Request = part(Request, "What the master asks")
+    line: SerialLine = part(SerialLine, "Settings of the line")
     processing: float = number(
         0, 3600, "s",
         "How long the slave, and the master after it, work on top of the silences", default=0.0,
@@ -68,8 +68,6 @@ class Poll:
     response_size: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        check_kind("request", self.request, Request)
-        check_kind("line", self.line, SerialLine)
         object.__setattr__(self, "request_size", len(self.request.pdu) + RTU_BYTES)
         object.__setattr__(self, "response_size", self.request.response_size + RTU_BYTES)
         check_scalar("timeout", self.timeout, "s", self.shortest_timeout, 3600)

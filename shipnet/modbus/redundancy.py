@@ -14,11 +14,11 @@ from shipnet.arrays import Floats
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
-    check_kind,
     check_scalar,
     check_whole,
     choice,
     number,
+    part,
     record,
     switch,
     whole,
@@ -116,14 +116,13 @@ class _Redundant:
         @property
         def period(self) -> float: ...
         def reach(self, faults: Faults = ()) -> Reach: ...
-        def gaps(
+        def _gaps(
             self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
         ) -> tuple[Floats, Floats, Floats]: ...
         def single_faults(self) -> list[Fault]: ...
 
     def _check(self) -> None:
-        """Raise unless the master polls something, and rechecks no more than once per scan."""
-        check_kind("poll", self.poll, Poll)
+        """Raise unless the master rechecks no more than once per scan."""
         if self.recheck < self.period * (1 - 1e-12):
             raise ArgumentError(
                 f"recheck is {self.recheck:g} s; it must not be shorter than a scan, "
@@ -139,7 +138,7 @@ class _Redundant:
         """
         served = np.array(self.reach(faults).served)
         stay, moved, lost = (int((served == port).sum()) for port in "AB-")
-        staying, moving, last = self.gaps(stay, moved, lost)
+        staying, moving, last = self._gaps(stay, moved, lost)
         gap = np.select([served == "A", served == "B"], [staying, moving], np.inf)
         if moved:
             gap[np.flatnonzero(served == "B")[-1]] = last
@@ -156,7 +155,7 @@ class _Redundant:
         faults = self.single_faults()
         stay, moved = np.array([self.reach(fault).counts for fault in faults]).T
         lost = self.n_slaves - stay - moved
-        staying, moving, last = self.gaps(stay, moved, lost)
+        staying, moving, last = self._gaps(stay, moved, lost)
         # Those that are moved wait longer than those that stay.
         worst = np.select([moved > 1, moved == 1, stay > 0], [moving, last, staying], np.nan)
         names = [str(fault) for fault in faults]
@@ -229,7 +228,7 @@ class Loop(_Redundant):
     n_slaves: int = whole(
         1, MAX_UNIT, help="Number of slaves, counted from 1, the one next to port A"
     )
-    poll: Poll
+    poll: Poll = part(Poll, "What the master asks each slave")
     closed: bool = switch(
         "Whether the line goes on from the last slave to port B; otherwise it ends there, and the "
         "master has port A only", default=True, kw_only=True,
@@ -306,7 +305,7 @@ class Loop(_Redundant):
         first_b = n + 1 if without_b else max(last_cut + 1, 1)
         return Reach(n, last_a, first_b, frozenset(dead))
 
-    def gaps(
+    def _gaps(
         self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
     ) -> tuple[Floats, Floats, Floats]:
         """Return the longest gap [s] of a slave that stays, one that is moved, and the last moved.
@@ -419,7 +418,7 @@ class DualChannel(_Redundant):
     [1.133]
     """
 
-    poll: Poll
+    poll: Poll = part(Poll, "What the master asks")
     period: float = number(
         0, 3600, "s", "From the begin of a poll to the next, not shorter than a poll; a poll that "
         "takes longer delays the next one. The AMS of [1]_ polls once a second", default=1.0,
@@ -474,7 +473,7 @@ class DualChannel(_Redundant):
                 return port
         raise ArgumentError(f"{fault!r} is not a fault of channels")
 
-    def gaps(
+    def _gaps(
         self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
     ) -> tuple[Floats, Floats, Floats]:
         """Return the longest gap [s] of data that stay on their channel, or are moved (twice)."""

@@ -24,8 +24,9 @@ from threading import Thread
 from time import monotonic
 from typing import Any, Literal
 
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, load_extra
-from shipnet.fields import check_choice, check_kind, check_rng, check_scalar, check_whole
+from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.handlers import Listener, Respond, RtuListener, TcpListener, UdpListener
 from shipnet.modbus.pdu import Adu
@@ -190,6 +191,7 @@ def _cause(problem: Exception, listener: Listener) -> str:
     return causes[codes[0]].format(character=character) if codes else str(problem)
 
 
+@checked
 def serve(
     devices: Mapping[int, Device | Slave],
     transport: Transport = "tcp",
@@ -277,19 +279,18 @@ def serve(
     ...         print(client.recv(260).hex(" "))
     00 01 00 00 00 07 01 03 04 01 5e 01 9c
     """
-    rtu = check_choice("transport", transport, ("tcp", "udp", "rtu")) == "rtu"
-    check_kind("line", line, SerialLine)
-    if not isinstance(devices, Mapping) or not devices:
-        raise ArgumentError(f"devices is {devices!r}; it must be a mapping with 1.. devices")
+    rtu = transport == "rtu"
+    if not devices:
+        raise ArgumentError("devices is {}; there must be one device or more")
     slaves = {}
     for unit, device in devices.items():
         why = " on a serial line" if rtu else ""
         known = check_whole("unit id", unit, int(rtu), MAX_UNIT, why)
         slaves[known] = device if isinstance(device, Slave) else Slave(device)
-    if not isinstance(host, str) or not host:
+    if not host:
         raise ArgumentError(f"host is {host!r}; it must be a name or an address")
     bound = check_whole("port", port, 0, 0xFFFF)
-    if rtu != bool(check_kind("serial_port", serial_port, str)):
+    if rtu != bool(serial_port):
         raise ArgumentError(f"serial_port is {serial_port!r}; RTU needs one, and nothing else does")
     quiet = check_scalar("silence", silence, "s", line.t35, 10)
     limit = check_scalar("idle_limit", idle_limit, "s", 0.01, 1e6)
@@ -297,8 +298,6 @@ def serve(
     check_scalar("speed", speed, "s/s", 0, 1e6)
     faults = check_faults(wire_faults, transport)
     check_rng(rng)
-    if not (clock is None or callable(clock)):
-        raise ArgumentError(f"clock is {clock!r}; it must return the model time when called")
     if rtu:
         for module, package in (("pymodbus", "pymodbus"), ("serial", "pyserial")):
             load_extra(module, package)

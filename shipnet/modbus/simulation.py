@@ -11,13 +11,14 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Utilisation
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT
-from shipnet.modbus.redundancy import DualChannel, Faults, Loop, System, line_faults
+from shipnet.modbus.redundancy import DualChannel, Faults, System, line_faults
 
 #: Ports, and in place of one: served by none.
 A, B, LOST = range(3)
@@ -362,6 +363,7 @@ class Run:
         return ax
 
 
+@checked
 def simulate(system: System, *, faults: Faults = (), until: float) -> Run:
     """Simulate a master that polls its slaves through one port or the other.
 
@@ -405,8 +407,6 @@ def simulate(system: System, *, faults: Faults = (), until: float) -> Run:
     >>> run.table().round(3).longest_gap_s.tolist()
     [1.309]
     """
-    if not isinstance(system, Loop | DualChannel):
-        raise ArgumentError(f"system is {system!r}; it must be a Loop or a DualChannel")
     end = check_scalar("until", until, "s", 0, 1e5)
     failed = line_faults(faults)
     return Run(system, failed, end, Master(system, failed).run(end))

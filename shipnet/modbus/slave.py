@@ -302,6 +302,8 @@ class Slave:
         ``shipnet.modbus.server``.
         """
         pdu = request.pdu if isinstance(request, Request) else request
+        if not isinstance(pdu, bytes | bytearray | memoryview):
+            raise ArgumentError(f"request is {request!r}; it must be a Request or bytes")
         function = pdu[0] if pdu else 0
         if self.silent or not 1 <= function <= 127:
             return b""

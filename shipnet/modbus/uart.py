@@ -15,9 +15,10 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Bytes, Floats, Integers
 from shipnet.errors import ArgumentError, FormError, ParityError
-from shipnet.fields import check_kind, check_scalar, check_whole, choice, number, record
+from shipnet.fields import check_scalar, check_whole, choice, number, record
 from shipnet.lazy import Axes
 from shipnet.modbus.frame import MAX_PDU, RTU_BYTES
 
@@ -78,6 +79,7 @@ class SerialLine:
         """Return how long a frame of 4..256 bytes takes [s], unit id and CRC included."""
         return check_whole("size", size, RTU_BYTES + 1, RTU_BYTES + MAX_PDU) * self.character_time
 
+    @checked
     def waveform(
         self,
         frames: bytes | Sequence[bytes],
@@ -93,7 +95,7 @@ class SerialLine:
         `start` too. `differential` gives the voltage of RS-485 instead of the level, D1 against
         D0: this much for 1 and the opposite for 0, 0.2..12 [V].
         """
-        parts = [frames] if isinstance(frames, bytes | bytearray) else list(frames)
+        parts = [frames] if isinstance(frames, bytes | bytearray | memoryview) else list(frames)
         single = self.t35 if gap is None else gap
         if isinstance(single, Sequence):
             pauses = [check_scalar(f"gap[{k}]", one, "s", 0, 3600) for k, one in enumerate(single)]
@@ -140,10 +142,8 @@ class SerialLine:
         return (n - 1) / (n - 0.5) - 1, highest - 1
 
 
-def _line_bits(data: bytes, line: SerialLine) -> Bytes:
+def _line_bits(data: bytes | memoryview, line: SerialLine) -> Bytes:
     """Return the bits of bytes on a line, one character per row: start, data, parity, stop."""
-    if not isinstance(data, bytes | bytearray | memoryview):
-        raise ArgumentError(f"data is {data!r}; it must be bytes")
     values = np.frombuffer(data, dtype=np.uint8)
     bits = np.ones((values.size, line.character_bits), dtype=np.uint8)
     bits[:, 0] = 0
@@ -177,6 +177,7 @@ class Characters(NamedTuple):
         return self.value.tobytes()
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform:
     r"""The level or voltage on a line over time; `SerialLine.waveform` makes one.
@@ -221,12 +222,8 @@ class Waveform:
 
     def __post_init__(self) -> None:
         check_scalar("threshold", self.threshold, "", -1e6, 1e6)
-        check_kind("line", self.line, SerialLine)
-        try:
-            at = np.asarray(self.time, dtype=np.float64)
-            value = np.asarray(self.level, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise ArgumentError("time and level must be rows of numbers") from None
+        at = np.asarray(self.time, dtype=np.float64)
+        value = np.asarray(self.level, dtype=np.float64)
         if at.ndim != 1 or at.shape != value.shape:
             raise ArgumentError(
                 f"time has the shape {at.shape} and level {value.shape}; they must be equal rows"

@@ -11,11 +11,10 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.arrays import Floats, Integers
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
-    check_choice,
-    check_kind,
     check_rng,
     check_scalar,
     check_whole,
@@ -114,10 +113,6 @@ def simulate(
         raise ArgumentError(f"units is {units!r}; it must be a row of 1..{_MOST} whole numbers")
     if asked.min() < 0 or asked.max() > 255:
         raise ArgumentError(f"units reach from {asked.min()} to {asked.max()}; they must be 0..255")
-    check_choice("match", match, _MATCHES)
-    check_kind("flush", flush, bool)
-    if not hasattr(path, "transit"):
-        raise ArgumentError(f"path is {path!r}; it must be a LossyPath")
     wait = check_scalar("timeout", timeout, "s", 1e-9, 3600)
     step = check_scalar("period", period, "s", 0, 3600)
     work = check_scalar("processing", processing, "s", 0, 3600)
@@ -151,6 +146,7 @@ def simulate(
     return Run(asked, sent, taken, reply_to, dropped)
 
 
+@checked
 def compare(
     units: Sequence[int] | Integers,
     path: LossyPath,

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, Literal, get_args
 
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, choice, number, record
 from shipnet.modbus.frame import MAX_UNIT
@@ -31,6 +32,7 @@ _GARBAGE = 4
 Piece = tuple[float, bytes]
 
 
+@checked
 @record
 class WireFault:
     """What becomes of some of a server's answers on the wire; `serve` takes any number of them.
@@ -79,22 +81,22 @@ class WireFault:
             )
 
     @classmethod
-    def parse(cls, text: str) -> WireFault:
+    def parse(cls, fault: str) -> WireFault:
         """Return the fault that a text such as ``late:0.1:3`` names: name, probability, seconds."""
-        name, *numbers = text.split(":")
+        name, *numbers = fault.split(":")
         try:
             if len(numbers) > 2:
                 raise ValueError
             values = [float(one) for one in numbers]
         except ValueError:
             raise ArgumentError(
-                f"wire fault is {text!r}; it must be NAME, NAME:PROBABILITY or "
+                f"wire fault is {fault!r}; it must be NAME, NAME:PROBABILITY or "
                 "NAME:PROBABILITY:SECONDS, such as wrong-unit:0.1"
             ) from None
         try:
             return cls(name, *values)  # type: ignore[arg-type] # the choice is checked
         except ArgumentError as error:
-            raise ArgumentError(f"wire fault {text!r}: {error}") from None
+            raise ArgumentError(f"wire fault {fault!r}: {error}") from None
 
     def pieces(self, answer: Adu, previous: Adu | None = None, rng: Any = None) -> list[Piece]:
         """Return what goes out for an answer: the silence before each piece [s], and its bytes."""
@@ -157,13 +159,8 @@ class Wire:
 
 def check_faults(faults: WireFault | Iterable[WireFault], transport: str) -> tuple[WireFault, ...]:
     """Return faults as a tuple, or raise unless they suit the transport and each other."""
-    try:
-        several = (faults,) if isinstance(faults, WireFault) else tuple(faults)
-    except TypeError:
-        several = (faults,)  # type: ignore[assignment] # refused below
+    several = (faults,) if isinstance(faults, WireFault) else tuple(faults)
     for fault in several:
-        if not isinstance(fault, WireFault):
-            raise ArgumentError(f"one of wire_faults is {fault!r}; it must be a WireFault")
         needed, why = _ONLY.get(fault.name, (transport, ""))
         if needed != transport:
             raise ArgumentError(f"wire fault {fault.name!r} needs {why}")

@@ -190,7 +190,7 @@ def test_the_switch_over_of_a_loop_is_what_the_simulated_master_needs():
     poll = Poll(Request.read_input_registers(0, 1), line, processing=0.005,
                    timeout=1.005 + line.frame_time(256))  # fmt: skip
     loop = Loop(3, poll)
-    assert row["value"] == pytest.approx(float(loop.gaps(0, 3, 0)[1]))
+    assert row["value"] == pytest.approx(float(loop._gaps(0, 3, 0)[1]))
     assert row["value"] == pytest.approx(sweep(loop, [Break(0)]).max())
     assert row["verdict"] == "met"
     assert judged(design, "switch-over", 3.0, confirmed="yes")["verdict"] == "violated"
@@ -347,7 +347,7 @@ def test_any_bytes_are_rules_or_an_input_error(tmp_path_factory, data):
 def test_wrong_arguments_are_named():
     with pytest.raises(
         ArgumentError,
-        match="'KR'; they must be one of DNV, BV, IMO, lee2012, supply, NMEA 2000, or a file",
+        match="'KR'; it must be one of DNV, BV, IMO, lee2012, supply, NMEA 2000, or a file",
     ):
         checked(ONE_LINE, "KR")
     with pytest.raises(ArgumentError, match="host_time"):

@@ -242,8 +242,8 @@ def test_the_largest_of_each_kind_fits_the_longest_frame():
         (lambda: Request.read(5, 0, 1), "function is 5"),
         (lambda: Request.read_holding_registers(65536, 1), "address is 65536"),
         (lambda: Request.read_holding_registers(0, 1.5), r"quantity is 1\.5"),
-        (lambda: Request.write_single_coil(0, 2), r"coils\[0\] is 2"),
-        (lambda: Request.write_single_register(0, -1), r"registers\[0\] is -1"),
+        (lambda: Request.write_single_coil(0, 2), r"value\[0\] is 2"),
+        (lambda: Request.write_single_register(0, -1), r"value\[0\] is -1"),
         (
             lambda: Request.write_multiple_coils(0, [0] * 1969),
             r"1969 values; it must have 1\.\.1968",

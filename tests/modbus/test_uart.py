@@ -196,9 +196,7 @@ def test_the_tolerance_is_where_a_simulated_receiver_begins_to_fail(character, o
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: _line_bits("text", SerialLine(9600)), "data is 'text'"),
-        (lambda: _line_bits(5, SerialLine(9600)), "data is 5"),
-        (lambda: SerialLine(9600).waveform(["text"]), "data is 'text'"),
+        (lambda: SerialLine(9600).waveform(["text"]), "one of frames is 'text'; it must be bytes"),
         (lambda: SerialLine(9600).waveform(b"", gap=-1), "gap is -1"),
         (lambda: SerialLine(9600).waveform(b"", start=float("nan")), "start is nan"),
         (lambda: SerialLine(9600).waveform(b"", differential=0), "differential is 0"),

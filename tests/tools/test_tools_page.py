@@ -208,7 +208,11 @@ def test_an_upload_changes_inputs_or_says_why_not_and_takes_the_same_file_twice(
         return replace(toy, name=content.decode())
 
     page = Page(Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
+    # A browser that sees the answer can load the next file at once: it is not emptied after that.
+    kept = []
+    page._noted.observe(lambda _: kept.append(page.uploads["own"].value), "value")
     load(page.uploads["own"], b"", "x.txt")
+    assert kept == [()]
     assert page.note == "x.txt: it is empty" and page.inputs == Toy()
     assert "those from before" in page._noted.value and "shipnet-before" in page._dom_classes
     load(page.uploads["own"], b"mine", "x.txt")
