@@ -583,7 +583,10 @@ class Capture:
         return ax
 
     def __str__(self) -> str:
-        return str(self.summary())
+        lines = [str(self.summary())]
+        for cause, slave, _, evidence in self.causes().itertuples():
+            lines.append(f"probable cause {f'{cause} {slave}'.rstrip()}: {evidence}")
+        return "\n".join(lines)
 
     def summary(self) -> Summary:
         """Return cycle time, repetitions, missing slaves and errors."""
