@@ -30,10 +30,10 @@ from shipnet.fields import (
 from shipnet.tools._view import (
     Button,
     Preset,
+    Sheet,
     Upload,
     View,
     download_link,
-    picture,
     read_link,
     read_state,
     write_link,
@@ -76,6 +76,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         self._kind = type(start)
         self.tool = self._kind.__module__.rpartition(".")[2]
         self._see = self._kind._view if see is None else see
+        self._sheet = Sheet()
         self._controls, self._preset = Controls(start, folds), preset
         self._controls.observe(self._moved)
         self.controls, self.presets = self._controls.widgets, {}
@@ -143,7 +144,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
                 save = download_link("save state", f"shipnet_{self.tool}.json", state)
                 link = write_link(inputs)
                 view = self._see(inputs)
-                figure = view.figure(narrow=bool(self.narrow.value))
+                figure = view.figure(self._sheet, narrow=bool(self.narrow.value))
             except Exception as problem:  # it becomes a sentence, whatever it is
                 view, figure = View(verdict=_lines(problem), ok=False), ""
             self.text, self.ok = str(view), view.ok
@@ -464,7 +465,7 @@ def stepper(
     back = widgets.Button(description="back", icon="arrow-left")
     on = widgets.Button(description="next", icon="arrow-right")
     caption, image = widgets.Label(), widgets.Image(format="png")
-    frame = cache(lambda step: picture(lambda ax: draw(step, ax), width, height))
+    frame = cache(lambda step: Sheet().png(lambda ax: draw(step, ax), width, height))
 
     def show() -> None:
         step = slider.value

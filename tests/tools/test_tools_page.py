@@ -19,6 +19,7 @@ from shipnet.tools._page import Page, draw_steps, stepper
 from shipnet.tools._view import (
     Button,
     Preset,
+    Sheet,
     Upload,
     View,
     read_link,
@@ -343,6 +344,22 @@ def test_a_page_that_says_it_is_narrow_gets_a_narrow_figure_unless_that_is_dense
     assert 'width="460" height="80"' in page.figure.value
     dense = View(verdict="", ok=True, plot=lambda ax: None, height=1, dense=True)
     assert 'width="750"' in dense.figure(narrow=True)
+
+
+def test_a_sheet_keeps_its_axes_unless_the_words_around_them_or_the_size_change():
+    sheet = Sheet()
+    sheet.png(lambda ax: ax.plot([0, 1]), 3, 2)
+    first = sheet.axes
+    sheet.png(lambda ax: ax.plot([1, 0]), 3, 2)
+    assert sheet.axes is first and len(first.lines) == 1
+    sheet.png(lambda ax: ax.plot([0, 70_000]), 3, 2)
+    second = sheet.axes
+    assert second is not first
+    sheet.png(lambda ax: ax.plot([0, 70_000]), 4, 2)
+    assert sheet.axes is not second
+    with pytest.raises(ZeroDivisionError):
+        sheet.png(lambda ax: ax.plot([0, 1 / 0]), 4, 2)
+    assert sheet.axes is None
 
 
 def test_controls_that_are_folded_away_are_read_as_all_others(seen):
