@@ -9,7 +9,19 @@ import inspect
 import numpy as np
 from matplotlib.figure import Figure
 
-from shipnet import ballast, can, datasets, design, engine, exercises, fuzzy, line, modbus
+from shipnet import (
+    ballast,
+    can,
+    crc,
+    datasets,
+    design,
+    engine,
+    exercises,
+    fuzzy,
+    line,
+    modbus,
+    papers,
+)
 from shipnet import remote_control as rc
 
 AX = Figure().add_subplot()
@@ -31,6 +43,7 @@ HOOKS = {"apply", "device", "disturbance", "of", "run", "transit", "view", "volt
 
 #: Mistakes that a call takes, which its annotation does not say.
 TAKEN = {
+    **{f"ValveDiagnosis.{name}": "nan" for name in ("FP", "OP", "MC", "OT", "VPos", "DVPos")},
     "Driver.current": "nan empty", "Rule.meets.computed": "nan",
     "Slave.answer.time": "None text path nan empty object",  # its device looks at it
     # A request does not look at what its function code does not have, nor does a response.
@@ -72,6 +85,11 @@ def of_ballast():
         "Strokes": strokes, "Client": ballast.Client.over(ballast.ModelValves(2), 2),
     }  # fmt: skip
     return good, instances
+
+
+def of_crc():
+    good = {"name": "x", "width": 16, "polynomial": 0x8005, "data": b"a", "n_bytes": 2}
+    return good, {"Crc": crc.CAN}
 
 
 def of_design():
@@ -232,6 +250,11 @@ def of_modbus():
     return good, instances
 
 
+def of_papers():
+    good = {"paper": "kim2023", "id": "kim2023-004", "item": "Fig 7", "table.item": "Table 5"}
+    return good, {"Claim": papers.Claim("kim2023-004")}
+
+
 def of_remote_control():
     system = rc.System()
     generator = np.random.default_rng(1)
@@ -275,3 +298,9 @@ def of_style():
         "box.x": 0.0,
         "box.y": 0.0,
     }, {}
+
+
+def of_tools():
+    captions, axes = ["a", "b"], Figure().subplots(2)
+    good = {"draw": lambda k, ax: None, "steps": [0, 1], "axes": axes, "captions": captions}
+    return good | {"action": "byte", "x": 0}, {}
