@@ -17,6 +17,7 @@ import argparse
 import re
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile
@@ -37,6 +38,16 @@ SOLUTION = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 EXERCISE = re.compile(r"ex-\d\d-\d+")
+
+#: How long a class takes, chosen near what reviewers of the lessons estimated and not measured in a
+#: class: words and lines of code per minute, in a second language, with figures and talk; minutes
+#: of a prediction, and of an exercise with its text.
+WORDS, LINES, PREDICTION, TASK = 50, 10, 1, 6
+#: The parts that are for home, and those that nobody reads in class.
+HOME, QUESTIONS, UNREAD = "At home", "**Questions**", ("Words", "References")
+HEADING = re.compile("^## (.+)$", re.MULTILINE)
+#: Where the time of a lesson stands in its source.
+TIME = "{time}"
 
 
 def sources(root: Path = ROOT, numbers: list[str] | None = None) -> list[Path]:
@@ -65,6 +76,12 @@ def read(path: Path) -> NotebookNode:
             raise ValueError(
                 f"{path.name}, cell {number}: solutions and `exercise` tags go together"
             )
+    parts = measure(notebook)
+    in_class, home = minutes_of(parts)
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            text = cell.source.replace(TIME, f"{in_class} minutes in class, {home} at home")
+            cell.source = HEADING.sub(lambda found: _timed(found[0], parts[found[1]]), text)
     return notebook
 
 
@@ -82,6 +99,82 @@ def student_edition(lesson: NotebookNode) -> NotebookNode:
     """Return the lesson without solutions."""
     kept = (cell for cell in lesson.cells if "solution" not in tags(cell))
     return notebook_of(copy_of(cell, stub(cell.source)) for cell in kept)
+
+
+@dataclass
+class Part:
+    """A part of a lesson: how much there is to read and to do."""
+
+    words: int = 0
+    lines: int = 0
+    tasks: int = 0
+    homework: int = 0
+    predictions: int = 0
+
+    @property
+    def minutes(self) -> float:
+        """How long it takes, without what is for home."""
+        if self.tasks:
+            return self.tasks * TASK
+        return self.words / WORDS + self.lines / LINES + self.predictions * PREDICTION
+
+
+def measure(lesson: NotebookNode) -> dict[str, Part]:
+    """Return what students read and do under each heading; "" is what comes before."""
+    parts = {"": Part()}
+    for cell in lesson.cells:
+        for line in stub(cell.source).splitlines() if "solution" not in tags(cell) else ():
+            if cell.cell_type == "markdown" and line.startswith("## "):
+                parts[line.removeprefix("## ")] = Part()
+            if line == QUESTIONS:
+                parts[QUESTIONS] = Part()
+            part = parts[next(reversed(parts))]
+            if cell.cell_type == "code":
+                part.lines += bool(line.strip())
+                continue
+            part.words += sum(any(map(str.isalnum, word)) for word in line.split())
+            part.predictions += line.count("**Predict") + line.count("**Try it")
+            if re.match(r"\*\*\d", line):
+                part.homework += "at home" in line
+                part.tasks += "at home" not in line
+    return parts
+
+
+def minutes_of(parts: dict[str, Part]) -> tuple[int, int]:
+    """Return the minutes of a lesson in class and at home, in steps of 5."""
+    home = TASK * sum(part.homework for part in parts.values())
+    home += sum(part.minutes for name, part in parts.items() if name in (HOME, QUESTIONS))
+    away = (HOME, QUESTIONS, *UNREAD)
+    in_class = sum(part.minutes for name, part in parts.items() if name not in away)
+    return 5 * round(in_class / 5), 5 * round(home / 5)
+
+
+def _timed(heading: str, part: Part) -> str:
+    minutes = round(part.minutes)
+    if heading.removeprefix("## ") in UNREAD or not minutes:
+        return heading
+    return f"{heading}\n\n*{minutes} minute{'s' if minutes > 1 else ''}.*"
+
+
+def table(root: Path) -> str:
+    """Return the table of how long the lessons are, as it is in their README."""
+    columns = ("words in class", "words at home", "lines of code", "minutes in class")
+    rows = [f"| lesson | {' | '.join(columns)} | minutes at home |", "|---" * 6 + "|"]
+    for source in sources(root):
+        parts = measure(read_myst_markdown_notebook(source.read_text("utf-8")))
+        home = sum(parts[name].words for name in (HOME, QUESTIONS) if name in parts)
+        words, lines = sum(p.words for p in parts.values()), sum(p.lines for p in parts.values())
+        minutes = " | ".join(map(str, minutes_of(parts)))
+        rows.append(f"| {source.stem[:2]} | {words - home} | {home} | {lines} | {minutes} |")
+    return "\n".join(rows)
+
+
+def readme(root: Path) -> str:
+    """Return the README of the lessons with the table as it is."""
+    text = (root / LESSONS / "README.md").read_text("utf-8")
+    return re.sub(
+        r"^\| lesson \| words .*?\n(?!\|)", lambda _: table(root) + "\n", text, flags=re.M | re.S
+    )
 
 
 def solutions_edition(lesson: NotebookNode) -> NotebookNode:
@@ -181,6 +274,8 @@ def derive(root: Path, numbers: list[str] | None = None) -> int:
         failed += bool(done.failure)
         if not done.failure:
             done.path.write_text(done.text, encoding="utf-8", newline="\n")
+    if (page := root / LESSONS / "README.md").is_file():
+        page.write_text(readme(root), encoding="utf-8", newline="\n")
     return failed
 
 
@@ -219,6 +314,8 @@ def main(argv: list[str] | None = None, root: Path = ROOT) -> int:
         return 1 if derive(root, given.numbers) else 0
     if given.command == "check":
         wrong = [*stale(root, given.numbers), *orphans(root)]
+        page = root / LESSONS / "README.md"
+        wrong += [page] if page.is_file() and page.read_text("utf-8") != readme(root) else []
         for path in wrong:
             print(f"not derived: {path.relative_to(root).as_posix()}")
         return 1 if wrong else 0

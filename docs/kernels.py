@@ -1,5 +1,7 @@
 """Kernels as forks of a process that has loaded the libraries, where a system can fork.
 
+    python docs/kernels.py PROGRAM [arguments]    run a program of Jupyter, with such kernels
+
 Most kernels take longer to load Jupyter, pandas, matplotlib and scipy than their notebook takes to
 compute. A fork has them at once and nothing of the package, and each is a process of its own.
 """
@@ -12,6 +14,7 @@ import gc
 import importlib
 import json
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -124,4 +127,11 @@ def _run(arguments: list[str], folder: str, environment: dict[str, str]) -> None
 if __name__ == "__main__":
     # What a notebook can import from a folder is from its own.
     del sys.path[0]
-    _serve()
+    if sys.argv[1:]:
+        fork()
+        # The libraries are loaded while the program starts.
+        _server()
+        del sys.argv[0]
+        runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+    else:
+        _serve()

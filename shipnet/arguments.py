@@ -73,7 +73,7 @@ def _checked(function: Any, skipped: Collection[str]) -> Any:
         allowed = known.get(name)
         if allowed and value is not given[name].default and not _met(allowed, value, failed):
             raise ArgumentError(_fault(name, value, allowed, failed)) from None
-        if failed and getattr(value, "size", None) == 0:  # an empty array
+        if failed and hasattr(value, "dtype") and value.size == 0:  # a table may be empty
             raise ArgumentError(f"{name} is {value!r}; it must not be empty") from None
         if not failed and any(rule.of_type and rule.test(value) for rule in known[name]):
             passed[name].add(type(value))

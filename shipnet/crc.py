@@ -6,7 +6,6 @@ reflected, a byte goes onto the line with its lowest bit first, and the register
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, overload
 
@@ -14,12 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.errors import ArgumentError, SymbolError
-from shipnet.fields import check_whole
+from shipnet.fields import check_whole, record, switch, text, whole
 
 __all__ = ["CAN", "MODBUS", "Crc"]
 
 
-@dataclass(frozen=True)
+@record
 class Crc:
     """A cyclic redundancy check, with the parameters and names of G. Cook's catalogue.
 
@@ -30,12 +29,12 @@ class Crc:
     '0x4b37'
     """
 
-    name: str
-    width: int
-    polynomial: int
-    init: int = 0
-    xorout: int = 0
-    reflected: bool = False
+    name: str = text("Name in the catalogue")
+    width: int = whole(8, 64, "bit", "Width of the register")
+    polynomial: int = whole(0, 2**64 - 1, help="Polynomial")
+    init: int = whole(0, 2**64 - 1, help="Register at the beginning", default=0)
+    xorout: int = whole(0, 2**64 - 1, help="What is added to the register at the end", default=0)
+    reflected: bool = switch("Whether the lowest bit comes first", default=False)
 
     def _reversed(self, value: int) -> int:
         return int(f"{value:0{self.width}b}"[::-1], 2) if self.reflected else value
@@ -141,8 +140,9 @@ class Crc:
         What several wrong bits do is the sum of these, modulo 2. The bits of the bytes come first,
         in order, then those of the CRC, the lowest first.
         """
-        flips = np.packbits(np.eye(8 * n_bytes, dtype=np.uint8), axis=1)
-        data = self.of(flips) ^ self.of(bytes(n_bytes))
+        size = check_whole("n_bytes", n_bytes, 0, 4096)
+        flips = np.packbits(np.eye(8 * size, dtype=np.uint8), axis=1)
+        data = self.of(flips) ^ self.of(bytes(size))
         return np.append(data.astype(np.int64), 1 << np.arange(self.width))
 
 

@@ -253,10 +253,10 @@ class Choice(Kind):
         return ", ".join(map(repr, self.options))
 
     def _check(self, name: str, value: Any, record: Any) -> Any:
-        plain = isinstance(value, str | int) and not isinstance(value, bool)
+        plain = isinstance(value, str | Real) and not isinstance(value, bool)
         if not (plain and value in self.options):
             raise ArgumentError(f"{name} is {value!r}; it must be one of {self.legal}")
-        return value
+        return next(one for one in self.options if one == value)  # 8 if 8.0 is given
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,6 +27,7 @@ from time import perf_counter
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.fields import check_path, check_whole
 
@@ -62,6 +63,7 @@ def points_of(grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]]) -
     return points
 
 
+@checked
 def compute(
     function: Callable[..., Any],
     tasks: Iterable[Any],
@@ -128,12 +130,7 @@ def compute(
     >>> compute(mean, [10, 1000], seed=2024)
     [0.423, 0.507]
     """
-    if not callable(function):
-        raise ArgumentError(f"function is {function!r}; it must be callable")
-    try:
-        jobs = list(tasks)
-    except TypeError:
-        raise ArgumentError(f"tasks is {tasks!r}; it must be iterable") from None
+    jobs = list(tasks)
     if seed is not None:
         seed = check_whole("seed", seed, 0, 2**63 - 1)
     run, tell = partial(_run, function, seed), teller(progress)

@@ -5,6 +5,7 @@ import os
 from typing import Any
 
 import kernels
+import pandas as pd
 import pytest
 from hypothesis import settings
 from nbval import kernel
@@ -13,6 +14,10 @@ from nbval import kernel
 settings.register_profile("ci", deadline=None, derandomize=True, max_examples=20)
 settings.register_profile("random", deadline=None, max_examples=500)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+# Strings of small tables as they are without the extra `cluster`, whose pyarrow takes twice as long
+# for them. The notebooks have pyarrow's.
+pd.set_option("mode.string_storage", "python")
 
 
 # Ten thousand tests are collected, and stay to the end: none of them is garbage.

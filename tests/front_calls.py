@@ -9,7 +9,20 @@ import inspect
 import numpy as np
 from matplotlib.figure import Figure
 
-from shipnet import asi, ballast, can, datasets, engine, exercises, fuzzy, line, modbus
+from shipnet import (
+    asi,
+    ballast,
+    can,
+    crc,
+    datasets,
+    design,
+    engine,
+    exercises,
+    fuzzy,
+    line,
+    modbus,
+    papers,
+)
 from shipnet import remote_control as rc
 
 AX = Figure().add_subplot()
@@ -19,6 +32,7 @@ RESULTS = {
     "ballast": "Client Diagnosis FleetReport MasterRun Run Screen Strokes Trials Wear",
     "can": "Analysis Arbitration Assignment BatchRun Capture LogComparison LogLoad ResponseTime "
     "ResponseTimes Run Signals",
+    "design": "Comparison Design Quantities Tornado",
     "engine": "Run Screen",
     "exercises": "Verdict",
     "fuzzy": "Decision Firing Overlaps",
@@ -31,7 +45,8 @@ HOOKS = {"apply", "device", "disturbance", "of", "run", "transit", "view", "volt
 
 #: Mistakes that a call takes, which its annotation does not say.
 TAKEN = {
-    "Driver.current": "nan empty",
+    **{f"ValveDiagnosis.{name}": "nan" for name in ("FP", "OP", "MC", "OT", "VPos", "DVPos")},
+    "Driver.current": "nan empty", "Rule.meets.computed": "nan",
     "decode.sample_interval": "text path nan empty object",  # of a file
     "Slave.answer.time": "None text path nan empty object",  # its device looks at it
     # A request does not look at what its function code does not have, nor does a response.
@@ -89,6 +104,9 @@ def of_ballast():
     polled = ballast.System(2, poll=ballast.status_poll())
     master, registers = ballast.simulate(polled, until=2), ballast.RegisterMap()
     readings, code = np.zeros((5, 2)), registers.decode_command(1)[0]
+    whole = ballast.read_strokes()
+    parts = whole.values, whole.actuator, whole.condition, whole.stroke
+    strokes = ballast.Strokes(*(part[::30] for part in parts))
     good = {
         "valve": 1, "action": "open", "ask": lambda unit, pdu: b"",
         "n_valves": 2, "code": "V1", "time": 0.0, "fault": "1:V1", "n_faults": 1, "until": 2.0,
@@ -100,14 +118,46 @@ def of_ballast():
         "false_alarms.period": 60.0, "false_alarms.n_valves": 1, "false_alarms.methods": ["crisp"],
         "Wear.life_table.at": [20], "Wear.compare_predictors.parts": [0.05],
         "Wear.synthetic.n_valves": 1, "Wear.synthetic.n_strokes": 10, "write_fleet.valves": 1,
-        "write_fleet.days": 1, "write_fleet.strokes": 0, "write_fleet.idle_step": 3600.0,
+        "Strokes.scores.reference": strokes, "write_fleet.days": 1, "write_fleet.strokes": 0,
+        "write_fleet.idle_step": 3600.0,
     }  # fmt: skip
     instances = {
         "Run": run, "Diagnosis": run.diagnose(), "MasterRun": master, "Screen": master.screen(),
         "FleetReport": ballast.run_fleet(2, [], until=2, rng=1), "RegisterMap": registers,
         "Trials": ballast.fault_trials(["V1"], n_valves=1, rng=1), "System": polled,
         "Wear": ballast.Wear.synthetic(1, 100, rng=1), "TestBed": ballast.TestBed(),
-        "Client": ballast.Client.over(ballast.ModelValves(2), 2), "Strokes": ballast.read_strokes(),
+        "Strokes": strokes, "Client": ballast.Client.over(ballast.ModelValves(2), 2),
+    }  # fmt: skip
+    return good, instances
+
+
+def of_crc():
+    good = {"name": "x", "width": 16, "polynomial": 0x8005, "data": b"a", "n_bytes": 2}
+    return good, {"Crc": crc.CAN}
+
+
+def of_design():
+    path = datasets.path("synthetic_iolist_valves.csv")
+    points = design.read_iolist(path).where("tag in tag[:3]")
+    plans = [points.plan(option, (0, 0, 3)) for option in ("AS-i", "home runs")]
+    tray = "kind,name,x_m,y_m,z_m,from,to\nnode,A,0,0,0,,\nnode,B,9,0,0,,\ntray,T,,,,A,B"
+    trays, rules = design.Trays.parse(tray), design.RuleSet.published()
+    good = {
+        "text": "tag,signal\nA,switch", "path": "a.csv", "source": "x", "option": "AS-i",
+        "designs": plans, "folder": "a", "table": points.table(), "query": "type == 'DI'",
+        "settings": design.Settings(), "modules": 2, "contacts": 8, "rule": "r",
+        "measure": "response", "hardwired": 10, "bus": 2,
+        "limit": 1.0, "computed": 1.0, "rules": rules.rules, "values": {}, "slaves": 5,
+        "points": points.points, "grid": {"spare": [0.1]}, "nodes": trays.nodes,
+        "trays": trays.trays, "Settings.parse.text": "", "Trays.parse.text": tray,
+        "IoList.study.options": ["AS-i"], "IoList.compare.options": ["AS-i"],
+        "Plant.cost_saving.draws": 10, "IoList.read.path": path, "read_iolist.path": path,
+    }  # fmt: skip
+    good |= {f"IoList.{name}.cabinet": (0, 0, 3) for name in ("plan", "compare", "study")}
+    instances = {
+        "Comparison": design.compare(plans[:1]), "Design": plans[0], "IoList": points,
+        "Tornado": design.compare(plans).tornado(), "Quantities": plans[0].quantities(),
+        "Trays": trays, "RuleSet": rules, "Rule": rules.rules[0],
     }  # fmt: skip
     return good, instances
 
@@ -244,6 +294,11 @@ def of_modbus():
     return good, instances
 
 
+def of_papers():
+    good = {"paper": "kim2023", "id": "kim2023-004", "item": "Fig 7", "table.item": "Table 5"}
+    return good, {"Claim": papers.Claim("kim2023-004")}
+
+
 def of_remote_control():
     system = rc.System()
     generator = np.random.default_rng(1)
@@ -287,3 +342,9 @@ def of_style():
         "box.x": 0.0,
         "box.y": 0.0,
     }, {}
+
+
+def of_tools():
+    captions, axes = ["a", "b"], Figure().subplots(2)
+    good = {"draw": lambda k, ax: None, "steps": [0, 1], "axes": axes, "captions": captions}
+    return good | {"action": "byte", "x": 0}, {}

@@ -300,8 +300,8 @@ def test_numbers_take_prefixes_of_si(text, value):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["ledger", "kim"], "paper is 'kim'; it must be one of kim2023, icn2007"),
-        (["ledger", "--paper", "kim"], "paper is 'kim'; it must be one of kim2023, icn2007"),
+        (["ledger", "kim"], "paper is 'kim'; it must be one of 'kim2023'"),
+        (["ledger", "--paper", "kim"], "paper is 'kim'; it must be one of 'kim2023'"),
         (["ledger", "-o", "/nowhere/at/all.csv"], "there is no folder /nowhere/at"),
         (["ledger", "-o", "all.html"], "-o is 'all.html'; its suffix must be one of .csv, .xlsx"),
         (["design", "list.csv", "-o", "all.doc"], ".svg, .html, or none for a folder"),

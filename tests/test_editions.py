@@ -104,6 +104,90 @@ def test_a_cell_keeps_its_id_when_another_comes_before_it(source):
     assert before.items() < names().items()
 
 
+TIMED = (
+    """# 01 A title?
+
+*Time: {time}. Run time: 1 s.*
+
+## Long
+
+**Predict:** now.
+
+"""
+    + "word " * 149
+    + """
+
+```{code-cell}
+one = 1
+
+two = 2
+```
+
+## Exercises
+
+**1. Read.** A number.
+
+**2. Design, at home.** Another one.
+
++++ {"tags": ["solution"]}
+
+Nobody reads this.
+
++++
+
+## At home
+
+### More
+
+"""
+    + "word " * 497
+    + """
+
+## Words
+
+## What we learned
+
+Much.
+
+**Questions**
+
+1. Why?
+"""
+)
+
+
+def test_minutes_follow_from_words_lines_predictions_and_exercises(source):
+    source.write_text(TIMED)
+    text = "\n".join(texts(editions.read(source)))
+    # 3 words of 150 are those of the prediction and the heading; 2 lines; 1 prediction.
+    assert "## Long\n\n*4 minutes.*" in text
+    assert "## Exercises\n\n*6 minutes.*" in text and "## At home\n\n*10 minutes.*" in text
+    assert "## Words\n\n## What" in text
+    # 4 and 6 in class; 10 and 6 at home.
+    assert "*Time: 10 minutes in class, 15 at home. Run" in text
+
+
+def test_the_readme_of_the_lessons_has_the_table_as_it_is(source, tmp_path):
+    page = tmp_path / editions.LESSONS / "README.md"
+    source.write_text(TIMED)
+    page.write_text("# Course\n\n| lesson | words in class |\n|---|---|\n| 01 | 0 |\n\nEnd.\n")
+    text = editions.readme(tmp_path)
+    assert re.search(r"\| 01 \| \d+ \| 503 \| 2 \| 10 \| 15 \|\n\nEnd\.", text)
+    write_editions(tmp_path, source)
+    assert editions.main(["check"], tmp_path) == 1
+    page.write_text(text)
+    assert editions.main(["check"], tmp_path) == 0
+
+
+def test_no_lesson_takes_more_than_an_hour_of_class():
+    assert editions.readme(editions.ROOT) == (
+        editions.ROOT / editions.LESSONS / "README.md"
+    ).read_text("utf-8")
+    rows = re.findall(r"^\| \d\d \|.*\|$", editions.table(editions.ROOT), flags=re.M)
+    minutes = [int(row.split("|")[5]) for row in rows]
+    assert len(minutes) == 10 and all(45 <= each <= 60 for each in minutes)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "fault"),
     [
@@ -266,6 +350,6 @@ def test_the_hand_out_has_no_solution_and_no_broken_link():
     assert sum("/lessons/" in name for name in texts) == len(editions.sources())
     assert not [name for name in texts if "solution" in name or "BEGIN SOLUTION" in texts[name]]
     for name, text in texts.items():
-        if name.endswith((".ipynb", ".md")):
+        if "/notebooks/" in name:
             for target in re.findall(r"\]\((?!\w+:|#)([^)#\s]+)", text):
                 assert normpath(f"{name}/../{target}") in texts

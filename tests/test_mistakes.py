@@ -112,7 +112,7 @@ def fault(function, good, argument, kind, taken):
     except ArgumentError as error:
         if not re.search(rf"\b{argument}\b", str(error)):
             return f"is not named: {error}"
-        return "has a long message" if len(str(error)) > 300 else None
+        return "has a long message" if len(str(error)) > 400 else None
     except OSError as error:
         return None if kind in taken and kind in ("text", "path") else f"raises {error!r}"
     except Exception as error:

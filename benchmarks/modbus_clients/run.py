@@ -245,7 +245,9 @@ OWN = {
 OTHERS = {
     "umodbus": from_pypi("umodbus", "1.0.4", BOTH, "time-out of the user's socket, no retries"),
     "pyModbusTCP": from_pypi("pyModbusTCP", "0.3.1", ("tcp",), "time-out 30 s, no retries"),
-    "modbus-tk": from_pypi("modbus-tk", "1.1.5", BOTH, "time-out 5 s (tcp), no retries"),
+    "modbus-tk": from_pypi(
+        "modbus-tk", "1.1.5", BOTH, "time-out 5 s (tcp) or 3.5 characters (rtu); no retries"
+    ),
     "libmodbus": libmodbus,
     "mbpoll": mbpoll,
     "modbus-serial": from_npm("modbus-serial", "8.0.25", "no time-out, no retries"),

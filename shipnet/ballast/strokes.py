@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from math import inf
 from os import PathLike
 
@@ -215,7 +215,7 @@ class Strokes:
         stroke without any movement is reported.
         """
         others = dict(judges or {})
-        source = reference if reference is not None else read_strokes()
+        source = reference if reference is not None else _shipped()
         known, rows = source.table(), []
         for (name, condition), tested in self._features.groupby(["actuator", "condition"]):
             base = source.rules(without=str(name))
@@ -268,10 +268,11 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
 
     Notes
     -----
-    The shipped recording is of six channels sampled by others on rotary actuators of the kind that
-    turn ship valves, 15 000 in-lbf [1]_: three healthy ones, one with a damaged gear, one with a
-    leaking seal. Each of the 600 points is the mean of five samples, and of the accelerations the
-    standard deviation. Units and the period of the samples are not published.
+    Others made the shipped recording on rotary actuators of the kind that turns ship valves,
+    15 000 in-lbf [1]_: three healthy ones, one with a damaged gear, one with a leaking seal. A
+    stroke of 3000 samples was reduced to 600 points, each the mean of five samples; of the
+    accelerations it is ten times their standard deviation. Values are raw counts. Units and the
+    period of the samples are not published.
 
     `Strokes.scores` of another file takes its limits from the shipped recording, but from no
     actuator of the same name.
@@ -313,3 +314,9 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
                 f"one {'text' if kind == 'U' else 'whole number'} for each of {n} strokes",
             )
     return Strokes(values, held["actuator"], held["condition"], held["stroke"])
+
+
+@cache
+def _shipped() -> Strokes:
+    """Return the shipped recording, whose features are computed once."""
+    return read_strokes()

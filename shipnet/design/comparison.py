@@ -15,13 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.answers import Findings
+from shipnet.arguments import checked
 from shipnet.design.costs import (
     FIGURES,
     MERITS,
     Quantities,
     Rng,
     Tornado,
-    check_figure,
     counted,
     draw,
     label,
@@ -41,6 +41,7 @@ from shipnet.design.settings import Settings, kind_of, names, shown
 from shipnet.design.site import Site, Trays
 from shipnet.design.tables import file_name, save_files
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_choice, check_rng
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv
 
@@ -89,6 +90,7 @@ def complete(designs: Mapping[str, Design]) -> dict[str, Design]:
     return {name: design for name, design in designs.items() if design.fits} or dict(designs)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Comparison:
     r"""Several ways to connect the points of one list, side by side.
@@ -195,15 +197,9 @@ class Comparison:
 
     def pareto(self, *columns: str) -> list[str]:
         """Return the Pareto-optimal designs in some columns, by default in the criteria."""
-        self._known(*columns)
-        best = self._optimal(self._table, columns or self.criteria)
+        known = [check_choice("one of columns", column, self._table.columns) for column in columns]
+        best = self._optimal(self._table, known or self.criteria)
         return [str(name) for name in self._table.index[best]]
-
-    def _known(self, *columns: str) -> None:
-        unknown = [column for column in columns if column not in self._table]
-        if unknown:
-            known = ", ".join(map(str, self._table))
-            raise ArgumentError(f"there is no column {unknown[0]!r}; it must be one of {known}")
 
     @property
     def meeting(self) -> list[str]:
@@ -296,22 +292,21 @@ class Comparison:
             return tornado(complete(self.designs), figure)
         if a == b:
             raise ArgumentError(f"a and b are both {a!r}; they must be two designs")
-        known = [name for name in (b, a) if name is not None]
-        for name in known:
-            if name not in self.designs:
-                raise ArgumentError(
-                    f"there is no design {name!r}; it must be one of {', '.join(self.designs)}"
-                )
+        given = {"b": b, "a": a}
+        known = [
+            check_choice(what, one, self.designs) for what, one in given.items() if one is not None
+        ]
         return tornado({name: self.designs[name] for name in known}, figure)
 
     def plot(self, x: str = "total_cost_eur", y: str | None = None, ax: Axes | None = None) -> Axes:
         """Draw a figure of each design with its range, or two columns against each other."""
         if y is None:
-            drawn: Any = self._likely.xs(check_figure(x), level="figure")
+            drawn: Any = self._likely.xs(check_choice("x", x, FIGURES), level="figure")
             named = counted(self._table)
             ends, drawn = (t.rename(named) for t in (ranges_of(self.quantities, x), drawn))
             return plot_ranges(ends, label(x), likely=drawn, ax=ax)
-        self._known(x, y)
+        for what, column in (("x", x), ("y", y)):
+            check_choice(what, column, self._table.columns)
         whole = self._table[self._table["points_left_out"] == 0]
         return plot_pareto(
             whole[[x, y]].set_axis([label(x), label(y)], axis=1), self.pareto(x, y), ax=ax
@@ -457,6 +452,7 @@ class Comparison:
         save_files(folder, self.files())
 
 
+@checked
 def compare(
     designs: Iterable[Design],
     *,
@@ -496,7 +492,7 @@ def compare(
     >>> compare([plant.hardwired, plant.on_asi]).table()["total_cost_eur"].round().to_dict()
     {'hardwired': 8454.0, 'AS-i': 7440.0}
     """
-    return compared(list(designs), RuleSet.of(rules), tuple(criteria), np.random.default_rng(rng))
+    return compared(list(designs), RuleSet.of(rules), tuple(criteria), check_rng(rng))
 
 
 def compared(
@@ -529,7 +525,7 @@ def compared(
 
 def _differing(a: Design, b: Design) -> str:
     """Return in what two designs differ that must be the same, or nothing."""
-    if a.site is not b.site and a.site is not None and b.site is not None:
+    if a.site is not b.site:
         if a.site.cabinet != b.site.cabinet:
             return "cabinet"
         if not _same_trays(a.site.trays, b.site.trays):

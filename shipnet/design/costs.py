@@ -12,13 +12,14 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.design.catalogue import LEVELS, Level, values_at, with_spare, words
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.layout import Layout
 from shipnet.design.plot import plot_ranges
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole
+from shipnet.fields import check_choice, check_rng, check_whole
 from shipnet.lazy import Axes, pd
 
 # Numbers as a table of a design shows them: counts whole, estimates with three digits
@@ -205,6 +206,7 @@ EXCLUDED = (
 )
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Quantities:
     """The figures of a design, low, nominal and high; `Design.quantities` returns them.
@@ -240,7 +242,7 @@ class Quantities:
 
     def __getitem__(self, figure: str) -> float:
         """Return a figure at nominal."""
-        return float(self.figures["nominal"][check_figure(figure)])
+        return float(self.figures["nominal"][check_choice("figure", figure, FIGURES)])
 
     def table(self) -> pd.DataFrame:
         """Return one row per figure: low, nominal, high and unit."""
@@ -261,13 +263,6 @@ class Quantities:
             f"{self['cable_length_km']:.2f} km, {cost['nominal'] / 1e3:.0f} kEUR "
             f"({cost['low'] / 1e3:.0f} to {cost['high'] / 1e3:.0f}){left_out}>"
         )
-
-
-def check_figure(figure: str) -> str:
-    """Return the name of a figure, or raise if there is none of this name."""
-    if figure not in FIGURES:
-        raise ArgumentError(f"figure is {figure!r}; it must be one of {', '.join(FIGURES)}")
-    return figure
 
 
 def ranges_of(quantities: Mapping[str, Quantities], figure: str) -> pd.DataFrame:
@@ -416,7 +411,7 @@ def _by_cable(model: Model) -> pd.DataFrame:
 def draw(designs: Mapping[str, Layout], *, rng: Rng, draws: int = 10_000) -> pd.DataFrame:
     """Draw every assumption from its range, again and again, and return the figures."""
     models = {name: Model(design) for name, design in designs.items()}
-    rng = np.random.default_rng(rng)
+    rng = check_rng(rng)
     n = check_whole("draws", draws, 1, 1_000_000)
     # Every assumption is drawn, in use or not: a further option must not change the others' draws.
     names = [*CABLE_RANGES, *next(iter(models.values())).assumptions]
@@ -441,6 +436,7 @@ def likely(sample: pd.DataFrame) -> pd.DataFrame:
 # Which assumptions matter: each one at its low and at its high, all others nominal
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Tornado:
     """Which assumption matters: each one at its low and at its high, all others nominal.
@@ -522,7 +518,8 @@ class Tornado:
 
     def top(self, n: int = 3) -> list[str]:
         """Return the names of the assumptions that matter most."""
-        return [str(name) for name in self.every.index[self.every["swing"] > 0][:n]]
+        most = check_whole("n", n, 0, 1000)
+        return [str(name) for name in self.every.index[self.every["swing"] > 0][:most]]
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
@@ -539,7 +536,7 @@ def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> To
 
     The figure is that of the lowest of the other designs less that of the first.
     """
-    check_figure(figure)
+    check_choice("figure", figure, FIGURES)
     models = {name: Model(design) for name, design in designs.items()}
     nominal = {name: float(model.figures()[figure]) for name, model in models.items()}
     first, *others = nominal

@@ -11,6 +11,7 @@ from os import PathLike
 
 from shipnet import style
 from shipnet.answers import Findings
+from shipnet.arguments import checked
 from shipnet.design import costs, drawing, failures, tables
 from shipnet.design.costs import Quantities
 from shipnet.design.layout import Layout, frame
@@ -36,6 +37,7 @@ LS-4,Bilge,DI,contact,2,44,2,2,1000,I,level in the bilge well
 _COLOURS = {"home run": "0.7", "drop": "0.8", "feeder": "C1", "trunk": "C0"}
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Layout):
     r"""One way to connect the points of an I/O list; `IoList.plan` makes one.

@@ -466,9 +466,6 @@ def lost(
         "tray": reach.trays,
     }
     given = {"cable": cables, "device": devices, "tray": trays}
-    for what, names in given.items():
-        if isinstance(names, str):
-            raise ArgumentError(f"{what}s is {names!r}; it must be a list of names")
     unknown = [f"{w} {n!r}" for w, names in given.items() for n in names if n not in numbers[w]]
     if unknown:
         raise ArgumentError(f"design {design.name!r} has no {', no '.join(unknown)}")

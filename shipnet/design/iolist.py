@@ -8,12 +8,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
 
+from shipnet.arguments import checked
 from shipnet.design.points import PointTable
 from shipnet.design.words import COLUMNS
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_rng, check_whole
 from shipnet.lazy import Axes
 from shipnet.signals import ASI_PAIR, Saving, hardwired_conductors
 from shipnet.signals import SIGNALS as SIGNALS
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from shipnet.design.site import Found, Site, Trays, Where
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@checked
 class IoList(PointTable):
     r"""The points of a ship: sensors that are read, and outputs that are switched.
 
@@ -67,7 +68,8 @@ class IoList(PointTable):
 
     def saving(self, *, lines: int = 1) -> Saving:
         """Return the conductors of all points, each wired on its own, and on AS-i lines."""
-        return Saving(hardwired_conductors(self.counts), ASI_PAIR * lines)
+        count = check_whole("lines", lines, 1, 10**9)
+        return Saving(hardwired_conductors(self.counts), ASI_PAIR * count)
 
     def find_cabinet(self) -> Found:
         """Return the place of the cabinet, found from the lengths of the home runs in the list."""
@@ -140,8 +142,7 @@ class IoList(PointTable):
         for option, choose in each:
             designs.append(plan(self, site, option, settings=values, mix=choose, rules=rules))
             tell(len(designs), len(each))
-        generator = np.random.default_rng(rng)
-        return compared(designs, rules, CRITERIA, generator, (said,) if said else ())
+        return compared(designs, rules, CRITERIA, check_rng(rng), (said,) if said else ())
 
     def study(
         self,
@@ -218,6 +219,7 @@ class _Case:
         return found.table().reset_index().to_dict("list")
 
 
+@checked
 def read_iolist(
     path: str | PathLike[str],
     *,

@@ -67,8 +67,6 @@ _DTYPES = {"float": float, "int": np.int64, "bool": bool}
 
 def frame(table: str, rows: Any = ()) -> pd.DataFrame:
     """Return one of a design's tables, with its columns in order and of their types."""
-    if table not in COLUMNS:
-        raise ArgumentError(f"table is {table!r}; it must be one of {', '.join(COLUMNS)}")
     types = COLUMNS[table]
     if not isinstance(rows, pd.DataFrame | Mapping):
         rows = list(rows)

@@ -20,6 +20,7 @@ from shipnet.design.rules import RuleSet, longest_responses
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_choice
 
 # Every point on wires of its own: to the cabinet, or to a box with a cable of many pairs -------
 
@@ -123,9 +124,9 @@ def plan(
     points that then fit nowhere.
     """
     choose = mix or {}
-    for one in (option, *choose.values()):
-        if one not in _PLANNERS:
-            raise ArgumentError(f"option is {one!r}; it must be one of {', '.join(OPTIONS)}")
+    check_choice("option", option, OPTIONS)
+    for one in choose.values():
+        check_choice("one of mix", one, OPTIONS)
     allowances = {"detour": site.detour, "tails": site.tails}
     values = Settings(allowances) if settings is None else settings
     if any(values[what] != value for what, value in allowances.items()):

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from shipnet.arguments import checked
 from shipnet.design.costs import Rng, conductors_at_cabinet, draw, quantities
 from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
-from shipnet.design.layout import frame
+from shipnet.design.layout import COLUMNS, frame
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.fields import check_whole, choice, number, record, whole
@@ -40,6 +41,7 @@ COUNTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
+@checked
 def lines_needed(slaves: int, *, slaves_per_line: int = 62) -> int:
     """Count the AS-i lines, and so the masters, that a number of slaves needs.
 
@@ -69,6 +71,7 @@ def lines_needed(slaves: int, *, slaves_per_line: int = 62) -> int:
     return ceil(slaves / check_whole("slaves_per_line", slaves_per_line, 1, 62))
 
 
+@checked
 @record
 class Plant:
     """A small plant from counts: modules with contacts, in a row along each of several lines.
@@ -234,9 +237,8 @@ class Plant:
         return table
 
     def _made(self, name: str, **tables: Any) -> Design:
-        settings = Settings({"spare": 0})
-        reasons = frame("reasons")
-        return Design(name, self.iolist, _SITE, **tables, reasons=reasons, settings=settings)
+        made: dict[str, Any] = {of: frame(of, tables.get(of, ())) for of in COLUMNS}
+        return Design(name, self.iolist, _SITE, **made, settings=Settings({"spare": 0}))
 
 
 def _points(tags: pd.Series, bus: str, **columns: object) -> pd.DataFrame:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_choice
 from shipnet.lazy import Axes, pd
 from shipnet.signals import ASI_PAIR, SIGNALS, hardwired_conductors
 
@@ -38,8 +39,7 @@ def _box(ax: Axes, x: float, y: float, width: float, height: float, text: str, c
 def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) -> Axes:
     """Draw the points of a list by device, wired one by one or on an AS-i line."""
     drawers = {"home runs": _plot_hardwired, "AS-i": _plot_asi}
-    if option not in drawers:
-        raise ArgumentError(f"option is {option!r}; it must be one of {', '.join(drawers)}")
+    check_choice("option", option, drawers)
     missing = points["tag"][points["device"] == ""]
     if len(missing):
         raise ArgumentError(f"no device is named for {', '.join(missing)}")

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from shipnet.arguments import checked
 from shipnet.design.words import (
     COLUMNS,
     PLACED,
@@ -602,6 +603,7 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
 _WHAT = "titles of an I/O list, which are at least tag, and signal or type"
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class PointTable:
     """The points of a list, one per row; `IoList` adds what is done with them."""

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, asdict, dataclass, fields
 from functools import cache, cached_property
+from operator import ge, le, lt
 from os import PathLike
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ import numpy as np
 
 from shipnet import datasets
 from shipnet.answers import Findings
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.crc import Crc
 from shipnet.design.catalogue import cables
@@ -464,11 +466,12 @@ RULE_SETS = ("DNV", "BV", "IMO", "lee2012", "supply", "NMEA 2000")
 _WITH_IMO = ("DNV", "BV")
 
 #: On which side of the limit a computed value is good.
-BOUNDS = ("at most", "below", "at least")
+BOUNDS = {"at most": le, "below": lt, "at least": ge}
 
 _YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False, "": False}
 
 
+@checked
 @record(slots=True)
 class Rule:
     """One class rule as data: what is computed for it, and its limit.
@@ -494,7 +497,9 @@ class Rule:
     topic: str = text("What it is about", default="own")
     asks: str = text("What it asks, in words", default="", most=1000)
     applies: str = choice(tuple(APPLIES), "The points concerned", default="all")
-    bound: str = choice(BOUNDS, "On which side of the limit a value is good", default="at most")
+    bound: str = choice(
+        tuple(BOUNDS), "On which side of the limit a value is good", default="at most"
+    )
     unit: str = text("Unit of the limit; that of the measure", default="")
     host: bool = switch("Whether the time in the host counts", default=False)
     clause: str = text("Clause of the document", default="")
@@ -519,12 +524,11 @@ class Rule:
             object.__setattr__(self, "unit", unit)
 
     def meets(self, computed: float) -> bool:
-        """Return whether a computed value is on the good side of the limit."""
-        if self.bound == "at least":
-            return computed >= self.limit
-        return computed < self.limit if self.bound == "below" else computed <= self.limit
+        """Return whether a computed value is on the good side of the limit; NaN is not."""
+        return bool(BOUNDS[self.bound](computed, self.limit))
 
 
+@checked
 @dataclass(frozen=True)
 class RuleSet:
     """Class rules as data: a published set, or your own from a file.
@@ -552,17 +556,17 @@ class RuleSet:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rules", tuple(self.rules))
-        if not self.rules or not all(isinstance(rule, Rule) for rule in self.rules):
-            raise ArgumentError(f"rules are {self.rules!r}; there must be one Rule or more")
+        if not self.rules:
+            raise ArgumentError("rules is empty; there must be one Rule or more")
 
     @classmethod
-    def published(cls, name: str = "DNV") -> RuleSet:
+    def published(cls, rules: str = "DNV") -> RuleSet:
         """Return a set of a class society, of IMO, or as lee2012 quotes it."""
-        if name not in RULE_SETS:
+        if rules not in RULE_SETS:
             raise ArgumentError(
-                f"rules are {name!r}; they must be one of {', '.join(RULE_SETS)}, or a file"
+                f"rules is {rules!r}; it must be one of {', '.join(RULE_SETS)}, or a file"
             )
-        wanted = (name, "IMO") if name in _WITH_IMO else (name,)
+        wanted = (rules, "IMO") if rules in _WITH_IMO else (rules,)
         return cls(tuple(rule for rule in _all() if rule.rule_set in wanted))
 
     @classmethod

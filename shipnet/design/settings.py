@@ -19,6 +19,7 @@ from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
+from shipnet.arguments import checked
 from shipnet.design.catalogue import Assumptions, Range, cables, ordered, read_assumptions
 from shipnet.design.words import Reading
 from shipnet.errors import ArgumentError, InputError
@@ -360,6 +361,7 @@ def _check_size(text: str, source: str) -> None:
         raise InputError(source, f"nests values more than {_DEEPEST} deep; settings have 2 levels")
 
 
+@checked
 @dataclass(frozen=True, init=False, repr=False)
 class Settings(_Plain):
     """Every limit, price and allowance of a design, each by one dotted name.
@@ -406,7 +408,7 @@ class Settings(_Plain):
     #: What is checked and compared when two designs are put side by side.
     SHARED: ClassVar[tuple[str, ...]] = ("detour", "tails", "assumptions")
 
-    def __init__(self, values: Mapping[str, object] | None = None, /) -> None:
+    def __init__(self, values: Mapping[str, object] | None = None) -> None:
         more = {"assumptions": Assumptions, "reading": Reading}
         for part, kind in ({**_PARTS, **more}).items():
             if part:

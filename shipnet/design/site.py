@@ -16,11 +16,12 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.design.plot import draw_cables
 from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import number, record
+from shipnet.fields import number, part, record
 from shipnet.lazy import Axes, pd
 from shipnet.tables import NUMBER, Sheet, in_order, parse_sheet, read_sheet, titled
 
@@ -45,6 +46,7 @@ class Tray:
     b: str
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Trays:
     r"""Cable trays of a ship as a graph, and the cabinets that have a name.
@@ -81,7 +83,8 @@ class Trays:
     def __post_init__(self) -> None:
         faults = tray_faults(self.nodes, self.trays)
         if faults:
-            raise ArgumentError("; ".join(fault for _, fault in faults))
+            said = "; ".join(fault for _, fault in faults)
+            raise ArgumentError(f"nodes and trays are not a graph: {said}")
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Trays:
@@ -378,7 +381,7 @@ class Site:
     """A ship as cables see it."""
 
     cabinet: Place
-    trays: Trays | None = None
+    trays: Trays | None = part(Trays, default=None, optional=True)
     detour: float = number(1, 10, "", "Laid length per route", default=1.15)
     tails: float = number(0, 1000, "m", "Both ends of a cable together", default=5.0)
 
@@ -387,8 +390,6 @@ class Site:
         if cabinet.ndim != 1 or np.isnan(cabinet).any():
             raise ArgumentError(f"cabinet is {self.cabinet!r}; it must be three finite numbers")
         object.__setattr__(self, "cabinet", tuple(cabinet.tolist()))
-        if self.trays is not None and not isinstance(self.trays, Trays):
-            raise ArgumentError(f"trays is {self.trays!r}; it must be Trays or None")
 
     def length(self, route: ArrayLike) -> _Floats:
         """Return the length of a cable to lay, for a route [m]."""

@@ -285,13 +285,13 @@ class Network:
 
     def shunts(self) -> Floats:
         """Return 1/r [S], 1/l [1/H] and c [F] at each node, shape (3, n_nodes, n_trees or 1)."""
-        if all(type(v) is float for load in self.loads.values() for v in load.shunt):
-            sums = np.zeros((3, len(self._index), 1))
-        else:
-            sums = np.zeros((3, len(self._index), self._trees or 1))
-        for node, load in self.loads.items():
-            for kind, value in enumerate(load.shunt):
-                sums[kind, self._index[node]] = value
+        values = [value for load in self.loads.values() for value in load.shunt]
+        single = all(type(value) is float for value in values)
+        trees = 1 if single else self._trees or 1
+        columns = np.array(values if single else [np.full(trees, value) for value in values])
+        sums = np.zeros((3, len(self._index), trees))
+        loaded = [self._index[node] for node in self.loads]
+        sums[:, loaded] = columns.reshape(-1, 3, trees).swapaxes(0, 1)
         return sums
 
     def rooted(self, root: str) -> Rooted:
@@ -299,23 +299,17 @@ class Network:
         if not self.runs:
             raise ArgumentError("the network has no line; it must have at least one")
         order, parent, above = [self.index(root, "root")], [-1], [-1]
-        levels: list[tuple[int, int]] = []
-        low, high = 0, 1
-        while low < high:
-            for place in range(low, high):
-                for node, number in self._near[order[place]]:
-                    if number not in (above[place], self._ring):
-                        order.append(node)
-                        parent.append(place)
-                        above.append(number)
-            low, high = high, len(order)
-            if low < high:
-                levels.append((low, high))
+        for place, here in enumerate(order):
+            for node, number in self._near[here]:
+                if number not in (above[place], self._ring):
+                    order.append(node)
+                    parent.append(place)
+                    above.append(number)
         if len(order) < len(self.nodes):
             reached = set(order)
             lost = [repr(name) for node, name in enumerate(self.nodes) if node not in reached]
             raise ArgumentError(f"no line leads from node {root!r} to {', '.join(lost)}")
-        return Rooted(order, parent, above, levels)
+        return Rooted(order, parent, above)
 
     def transfer(
         self, root: str, s: npt.ArrayLike, to: str | None = None

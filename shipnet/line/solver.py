@@ -6,14 +6,16 @@ A line folds the admittance Y at its far end to its near end, and divides the vo
 
     Y_near = Yc (Y C + Yc S) / (Yc C + Y S),      V_far / V_near = 2 e Yc / (Yc C + Y S).
 
-A tree takes one sweep from the leaves that folds all admittances, level by level, and one back
-that multiplies all ratios; no term blows up at a whole number of half waves. A ring takes sweeps of
-the tree that is left when it is opened, from the root and from both ends of the line that closes
-it, and then two equations for the currents of that line.
+A tree takes one sweep from the leaves that folds all admittances, of equal subtrees only once, and
+one back that multiplies all ratios; no term blows up at a whole number of half waves. A ring takes
+sweeps of the tree that is left when it is opened, from the root and from both ends of the line that
+closes it, and then two equations for the currents of that line.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise, product
 from typing import Any, NamedTuple
@@ -116,7 +118,7 @@ class Lines:
 
 
 def _admit(shunts: Floats, trees: slice, s: Complexes, y: Complexes) -> None:
-    """Write what the loads at each node admit; those that all trees share are computed once."""
+    """Write what the loads of nodes admit; those that all trees share are computed once."""
     conductance, per_henry, capacitance = (
         part_of_trees(kind, trees)[..., np.newaxis] for kind in shunts
     )
@@ -129,58 +131,74 @@ def _admit(shunts: Floats, trees: slice, s: Complexes, y: Complexes) -> None:
 
 #: Elements of the arrays of a sweep: larger ones leave the cache, and are handed back to the
 #: system and zeroed by it again at every call. A Monte Carlo uses them many times in a call.
-_BLOCK, _BLOCK_TREES = 1 << 15, 1 << 17
+_BLOCK, _BLOCK_TREES = 1 << 15, 1 << 18
 
 #: Elements that the hyperbolic functions of lines take at a time.
 _STRIP = 1 << 13
 
 
 class Rooted(NamedTuple):
-    """A network seen from one node, level by level; a ring without the run that closes it."""
+    """A network seen from one node; a ring without the run that closes it."""
 
-    order: list[int]  # numbers of the nodes, the root first, the children of a node together
+    order: list[int]  # numbers of the nodes, the root first, each after its parent
     parent: list[int]  # place in `order` of the parent of each node; -1 for the root
     run: list[int]  # number of the run to the parent; -1 for the root
-    levels: list[tuple[int, int]]  # first place, and place after the last, of each level
 
 
-class _Level(NamedTuple):
-    """Nodes at the same number of lines from the root, as places in the order."""
+class _Height(NamedTuple):
+    """The different subtrees of one height, each with the line above it."""
 
     own: slice
-    """Places of the nodes of the level."""
-    line: slice
-    """Rows of the lines above them in the table of lines."""
-    parent: Rows
-    """Place of the parent of each."""
-    parents: Rows
-    """Places of the parents, each once."""
-    runs: list[int] | None
-    """Where the children of each parent begin; None if each has one child."""
+    """Their rows."""
+    line: Rows
+    """Rows of their lines in the table of lines."""
+    joints: list[tuple[int, int, int]]
+    """Row of a subtree that some are part of, place of one here, and how often it is there."""
 
 
-def _levels(tree: Rooted, kind: list[int]) -> tuple[list[_Level], list[int]]:
-    """Return the levels, and the kinds in the table of lines, where each level finds a run."""
-    levels = []
-    table: list[int] = []
-    starts: dict[tuple[int, ...], int] = {}
-    for low, high in tree.levels:
-        kinds = tuple([kind[number] for number in tree.run[low:high]])
-        if len(set(kinds)) == 1:
-            kinds = kinds[:1]
-        if kinds not in starts:
-            starts[kinds] = len(table)
-            table += kinds
-        line = slice(starts[kinds], starts[kinds] + len(kinds))
-        parent = tree.parent[low:high]
-        runs = [i for i in range(high - low) if i == 0 or parent[i] != parent[i - 1]]
-        rows = rows_of(parent)
-        if len(runs) == len(parent):
-            levels.append(_Level(slice(low, high), line, rows, rows, None))
-        else:
-            parents = rows_of([parent[i] for i in runs])
-            levels.append(_Level(slice(low, high), line, rows, parents, runs))
-    return levels, table
+class _Subtrees(NamedTuple):
+    """The different subtrees of a tree in rows, leaves first: equal ones are computed once."""
+
+    row: list[int]  # of each place of the order
+    node: list[int]  # one at which each subtree begins
+    heights: list[_Height]  # all but the tree itself, which is the last row
+    table: list[int]  # kinds of lines
+
+
+def _subtrees(tree: Rooted, kind: list[int], shunts: Floats) -> _Subtrees:
+    """Find the different subtrees: by line, load and branches."""
+    loads = [load.tobytes() for load in shunts.swapaxes(0, 1)]
+    found: dict[tuple[int, bytes, tuple[int, ...]], int] = {}
+    first: list[int] = []
+    height: list[int] = []
+    which: list[int] = [0] * len(tree.order)
+    branches: list[list[int]] = [[] for _ in tree.order]
+    for place in range(len(tree.order) - 1, -1, -1):
+        parts = tuple(sorted(branches[place]))
+        key = kind[tree.run[place]] if place else -1, loads[tree.order[place]], parts
+        number = found.setdefault(key, len(found))
+        if number == len(first):
+            first.append(tree.order[place])
+            height.append(1 + max([height[part] for part in parts], default=-1))
+        which[place] = number
+        if place:
+            branches[tree.parent[place]].append(number)
+
+    order = sorted(range(len(found)), key=height.__getitem__)
+    row = {number: k for k, number in enumerate(order)}
+    joints: list[list[tuple[int, int, int]]] = [[] for _ in range(height[order[-1]])]
+    begin = [bisect_left(order, h, key=height.__getitem__) for h in range(len(joints) + 1)]
+    lines = [0] * len(order)
+    for (line, _, parts), number in found.items():
+        lines[row[number]] = line
+        for part, times in Counter(parts).items():
+            joints[height[part]].append((row[number], row[part] - begin[height[part]], times))
+    table = {line: k for k, line in enumerate(dict.fromkeys(lines[:-1]))}
+    heights = [
+        _Height(slice(low, high), rows_of([table[line] for line in lines[low:high]]), some)
+        for (low, high), some in zip(pairwise(begin), joints, strict=True)
+    ]
+    return _Subtrees([row[k] for k in which], [first[k] for k in order], heights, list(table))
 
 
 def slices(size: int, step: int) -> list[slice]:
@@ -194,57 +212,50 @@ def tree_transfer(
 ) -> Complexes:
     """Return the impedances between the root of a tree and every node, (trees, nodes, bins)."""
     lines = Lines(pieces, s)
-    levels, table = _levels(tree, lines.kind)
-    shunts = shunts[:, tree.order]
-    nodes = len(tree.order)
+    subtrees = _subtrees(tree, lines.kind, shunts)
+    table, shunts, rows = subtrees.table, shunts[:, subtrees.node], len(subtrees.node)
 
-    row = max(1, (_BLOCK if trees == 1 else _BLOCK_TREES) // nodes)
+    row = max(1, (_BLOCK if trees == 1 else _BLOCK_TREES) // rows)
     blocks = slices(trees, row // s.size), slices(s.size, row)
     count, size = (max(part.stop - part.start for part in parts) for parts in blocks)
-    y_and_v = np.empty((2, nodes, count, size), dtype=complex)
+    y_and_v = np.empty((2, rows, count, size), dtype=complex)
     terms = np.empty((4, len(table), min(count, lines.trees), size), dtype=complex)
     strips = slices(len(table), _STRIP // (terms.shape[2] * size))
-    z = np.empty((trees, nodes, s.size), dtype=complex)
+    # Node by node in memory, where each is written in long runs.
+    z = np.empty((len(tree.order), trees, s.size), dtype=complex)
     for some, bins in product(*blocks):
         count, size = some.stop - some.start, bins.stop - bins.start
         y, v = y_and_v[:, :, :count, :size]
-        e2, c, ys, zs = terms[:, :, :count, :size]
+        own = terms[:, :, :count, :size]
         for strip in strips:
-            e2[strip], c[strip], sinh, y0, z0 = lines.waves(table[strip], some, bins)
-            np.multiply(y0, sinh, out=ys[strip])
-            np.multiply(z0, sinh, out=zs[strip])
+            own[3, strip], own[1, strip], sinh, y0, z0 = lines.waves(table[strip], some, bins)
+            np.multiply(z0, sinh, out=own[0, strip])
+            np.multiply(y0, sinh, out=own[2, strip])
         _admit(shunts, some, s[bins], y)
-        _sweep(levels, (e2, c, ys, zs), y, v)
-        for node, voltage in zip(tree.order, v, strict=True):
-            z[some, node, bins] = voltage
-    return z
+        _fold(subtrees.heights, own, y, v)
+        ratio, voltage = list(v), list(z[:, some, bins])
+        np.reciprocal(y[-1], out=voltage[tree.order[0]])
+        for place in range(1, len(tree.order)):
+            above = voltage[tree.order[tree.parent[place]]]
+            np.multiply(ratio[subtrees.row[place]], above, out=voltage[tree.order[place]])
+    return z.swapaxes(0, 1)
 
 
-def _sweep(
-    levels: list[_Level],
-    terms: tuple[Complexes, Complexes, Complexes, Complexes],
-    y: Complexes,
-    v: Complexes,
-) -> None:
-    """Write the transfer impedances into v; y holds the loads, and is overwritten."""
-    e2, c, ys, zs = terms
-    for level in reversed(levels):
-        inverse = y[level.own] * zs[level.line]
-        inverse += c[level.line]
+def _fold(heights: list[_Height], terms: Complexes, y: Complexes, v: Complexes) -> None:
+    """Write the ratios of voltages over lines into v, and add to y, which holds the loads.
+
+    `terms` are Zc S, C, Yc S and 2 e of the lines.
+    """
+    for own, line, joints in heights:
+        # The denominator and the numerator over Yc at once: Y Zc S + C and Y C + Yc S.
+        both = y[own] * terms[:2, line]
+        both += terms[1:3, line]
+        inverse, folded = both
         np.reciprocal(inverse, out=inverse)
-        np.multiply(e2[level.line], inverse, out=v[level.own])
-        folded = y[level.own] * c[level.line]
-        folded += ys[level.line]
+        np.multiply(terms[3, line], inverse, out=v[own])
         folded *= inverse
-        if level.runs is not None:
-            if len(level.runs) == 1:
-                folded = np.add.reduce(folded, axis=0, keepdims=True)
-            else:
-                folded = np.add.reduceat(folded, level.runs, axis=0)
-        y[level.parents] += folded
-    np.reciprocal(y[0], out=v[0])
-    for level in levels:
-        v[level.own] *= v[level.parent]
+        for whole, part, times in joints:
+            y[whole] += folded[part] if times == 1 else times * folded[part]
 
 
 def closed_transfer(

@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any
 
 from shipnet import datasets
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import InputError
 from shipnet.lazy import pd
 
 #: The papers by their keys, in the order in which they are shown.
@@ -39,12 +39,6 @@ _ID = re.compile(r"[a-z]+\d{4}-\d{3}")
 def as_number(text: str) -> float:
     """Return a printed number as a float; ``0x..`` is read as hexadecimal."""
     return float(int(text, 16)) if text.lower().startswith("0x") else float(text)
-
-
-def check_paper(paper: str) -> None:
-    """Raise ArgumentError unless a paper has this key."""
-    if paper not in PAPERS:
-        raise ArgumentError(f"paper is {paper!r}; it must be one of {', '.join(PAPERS)}")
 
 
 @cache

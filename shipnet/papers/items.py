@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from shipnet import datasets, style
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_choice
 from shipnet.lazy import Axes, pd
 from shipnet.papers import judging
-from shipnet.papers.claims import check_paper
+from shipnet.papers.claims import PAPERS
 from shipnet.papers.registry import FIGURES, TABLES
 
 
@@ -23,12 +25,8 @@ class PrintedTable:
     item: str
 
     def __post_init__(self) -> None:
-        check_paper(self.paper)
-        known = _transcribed(self.paper)
-        if self.item not in known:
-            raise ArgumentError(
-                f"table of {self.paper} is {self.item!r}; transcribed are {', '.join(known)}"
-            )
+        check_choice("paper", self.paper, PAPERS)
+        check_choice("item", self.item, _transcribed(self.paper))
 
     @property
     def printed(self) -> pd.DataFrame:
@@ -85,6 +83,7 @@ def _transcribed(paper: str) -> dict[str, str]:
     return found
 
 
+@checked
 def table(paper: str, item: str) -> PrintedTable:
     """Return a table of a paper, as printed and as the code generates it.
 
@@ -116,6 +115,7 @@ def table(paper: str, item: str) -> PrintedTable:
     return PrintedTable(paper, item)
 
 
+@checked
 def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes:
     """Draw a figure of a paper from our models and outlines.
 
@@ -148,9 +148,9 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
     >>> figure("kim2023", "Fig 99")
     Traceback (most recent call last):
         ...
-    shipnet.errors.ArgumentError: figure of kim2023 is 'Fig 99'; drawn are Fig 7, Fig 9
+    shipnet.errors.ArgumentError: item is 'Fig 99'; drawn of kim2023 are Fig 7, Fig 9
     """
-    check_paper(paper)
+    check_choice("paper", paper, PAPERS)
     judging.load((paper,))
     # Drawings are registered as their module is imported, which loads matplotlib.
     with suppress(ModuleNotFoundError):
@@ -160,7 +160,7 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
         items = datasets.read("figures_tables.csv").set_index(["paper", "item"])["notebook"]
         shown = items.get((paper, item))
         raise ArgumentError(
-            f"figure of {paper} is {item!r}; drawn are {', '.join(drawn) or 'none'}"
+            f"item is {item!r}; drawn of {paper} are {', '.join(drawn) or 'none'}"
             + (f"; see notebooks/{shown}" if shown else "")
         )
     made: Axes = FIGURES[paper, item](ax=style.axes(ax), **inputs)

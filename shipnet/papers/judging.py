@@ -14,9 +14,11 @@ from collections.abc import Collection, Hashable, Mapping
 from typing import Any
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
+from shipnet.fields import check_choice
 from shipnet.lazy import Axes, pd
-from shipnet.papers.claims import CONDITIONS, PAPERS, UNDECIDED, as_number, check_paper, rows
+from shipnet.papers.claims import CONDITIONS, PAPERS, UNDECIDED, as_number, rows
 from shipnet.papers.registry import REGISTRY
 
 #: Colour of each kind of treatment: the basis of what is judged, or why a claim is not.
@@ -34,6 +36,7 @@ _COLOURS = {
 TREATMENTS = tuple(_COLOURS)
 
 
+@checked
 class Claim:
     """One claim of a paper: what is printed, what we compute, and the verdict.
 
@@ -82,6 +85,7 @@ class Claim:
         return f"<Claim {self.id}: the paper says {says}, we compute {ours}: {verdict}>"
 
 
+@checked
 class Ledger:
     """The claims of one paper or of all, each with its recomputation and its verdict."""
 
@@ -153,6 +157,7 @@ class Ledger:
         return f"<Ledger of {self.paper or 'all papers'}: {self}>"
 
 
+@checked
 def ledger(paper: str | None = None) -> Ledger:
     """Return the ledger of one paper or of all.
 
@@ -203,7 +208,7 @@ def show(*claims: str) -> pd.DataFrame:
     >>> show("kim2023-004").loc["kim2023-004", "we compute"]
     '0.4032 %'
     """
-    ids = " ".join(claims).split()
+    ids = " ".join(map(str, claims)).split()
     rows = [_judge(claim) for claim in _claims_by_id(ids)]
     shown = {
         "where": [row["where"] for row in rows],
@@ -247,7 +252,7 @@ def load(papers: Collection[str] = tuple(PAPERS)) -> None:
 def _claims(paper: str | None) -> list[dict[Hashable, Any]]:
     """Return the rows of claims.csv for one paper or all."""
     if paper is not None:
-        check_paper(paper)
+        check_choice("paper", paper, PAPERS)
     papers = tuple(PAPERS) if paper is None else (paper,)
     load(papers)
     return [claim for claim in rows() if claim["paper"] in papers]
@@ -257,7 +262,9 @@ def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
     """Return the rows of claims.csv with these ids, in the order given."""
     known = {claim["id"]: claim for claim in rows()}
     if unknown := [id for id in ids if id not in known]:
-        raise ArgumentError(f"no claim {', '.join(unknown)}; ids look like {next(iter(known))!r}")
+        raise ArgumentError(
+            f"no claim has the id {', '.join(unknown)}; ids look like {next(iter(known))!r}"
+        )
     load({str(known[id]["paper"]) for id in ids})
     return [known[id] for id in ids]
 

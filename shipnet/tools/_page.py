@@ -14,15 +14,26 @@ from typing import Any
 import ipywidgets as widgets
 from matplotlib.axes import Axes
 
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError
-from shipnet.fields import Choice, Kind, Number, Switch, Text, Whole, check_whole, declared
+from shipnet.fields import (
+    Choice,
+    Kind,
+    Number,
+    Switch,
+    Text,
+    Whole,
+    check_scalar,
+    check_whole,
+    declared,
+)
 from shipnet.tools._view import (
     Button,
     Preset,
+    Sheet,
     Upload,
     View,
     download_link,
-    picture,
     read_link,
     read_state,
     write_link,
@@ -65,6 +76,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         self._kind = type(start)
         self.tool = self._kind.__module__.rpartition(".")[2]
         self._see = self._kind._view if see is None else see
+        self._sheet = Sheet()
         self._controls, self._preset = Controls(start, folds), preset
         self._controls.observe(self._moved)
         self.controls, self.presets = self._controls.widgets, {}
@@ -132,7 +144,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
                 save = download_link("save state", f"shipnet_{self.tool}.json", state)
                 link = write_link(inputs)
                 view = self._see(inputs)
-                figure = view.figure(narrow=bool(self.narrow.value))
+                figure = view.figure(self._sheet, narrow=bool(self.narrow.value))
             except Exception as problem:  # it becomes a sentence, whatever it is
                 view, figure = View(verdict=_lines(problem), ok=False), ""
             self.text, self.ok = str(view), view.ok
@@ -200,11 +212,13 @@ class Page(widgets.VBox):  # type: ignore[misc]
         upload = widgets.FileUpload(accept=one.accept, description=one.label, tooltip=one.label)
 
         def take(_: object) -> None:
-            for file in upload.value:
+            files = upload.value
+            # Else the same file, corrected and loaded again, would be no change. Emptied before the
+            # page answers, or a file that is loaded at the answer could be emptied with it.
+            upload.value = ()
+            for file in files:
                 name, content = file["name"], bytes(file["content"])
                 self._change(partial(self._take, one, name, content), name)
-            # Else the same file, corrected and loaded again, would be no change.
-            upload.value = ()
 
         upload.observe(take, "value")
         return _classed(upload, "shipnet-upload")
@@ -374,6 +388,7 @@ def _control(kind: Kind, value: Any) -> widgets.Widget | None:
     return None
 
 
+@checked
 def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
     """Draw some frames side by side: the static picture before a stepper.
 
@@ -405,6 +420,7 @@ def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
         draw(step, ax)
 
 
+@checked
 def stepper(
     draw: Draw, captions: Sequence[str], *, width: float = 7.5, height: float = 3.2
 ) -> widgets.VBox:
@@ -440,12 +456,16 @@ def stepper(
     (1, 'steep', False)
     """
     check_whole("number of captions", len(captions), 1, _MOST)
+    width, height = (
+        check_scalar(name, size, "in", 0.1, 100)
+        for name, size in (("width", width), ("height", height))
+    )
     last = len(captions) - 1
     slider = widgets.IntSlider(0, 0, last, description="step", layout={"width": "26em"})
     back = widgets.Button(description="back", icon="arrow-left")
     on = widgets.Button(description="next", icon="arrow-right")
     caption, image = widgets.Label(), widgets.Image(format="png")
-    frame = cache(lambda step: picture(lambda ax: draw(step, ax), width, height))
+    frame = cache(lambda step: Sheet().png(lambda ax: draw(step, ax), width, height))
 
     def show() -> None:
         step = slider.value

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from shipnet.arguments import checked
 from shipnet.lazy import Axes
 
 if TYPE_CHECKING:
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from shipnet.tools._view import View
 
 
+@checked
 class Tool:
     """Base of the tools: a record whose fields are its controls; its page shows `_view`."""
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from matplotlib.axes import Axes
 
-from shipnet.fields import choice, record, series
+from shipnet.fields import check_choice, choice, record, series
 from shipnet.remote_control.packet import MarkerFormat, MarkerParser
 from shipnet.remote_control.ring_buffer import Ring, Rule, Step
 from shipnet.tools._tool import Tool
@@ -95,7 +95,7 @@ class ReceiveRing(Tool):
 
     def then(self, action: str) -> ReceiveRing:
         """Return the same ring after one more action, such as ``"byte"`` or ``"repair"``."""
-        return replace(self, actions=(*self.actions, action))
+        return replace(self, actions=(*self.actions, check_choice("action", action, ACTIONS)))
 
     @cached_property
     def result(self) -> Game:

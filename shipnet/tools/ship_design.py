@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from matplotlib.axes import Axes
 
+from shipnet.arguments import checked
 from shipnet.design.comparison import RESPONSE, Comparison
 from shipnet.design.iolist import read_iolist
 from shipnet.design.report import BANNER
@@ -57,6 +58,7 @@ _MIND = (
 )
 
 
+@checked
 @record
 class ShipDesign(Tool):
     """Ways to connect the points of a ship's I/O list, side by side.

@@ -13,6 +13,7 @@ import ipywidgets as widgets
 import numpy as np
 from matplotlib.axes import Axes
 
+from shipnet.arguments import checked
 from shipnet.ballast.live import Client, Link, ModelValves, Readout, said, serve
 from shipnet.fields import record, text, whole
 from shipnet.modbus.frame import MAX_UNIT
@@ -24,6 +25,7 @@ from shipnet.tools._view import Button, View
 _OWN = 16
 
 
+@checked
 @record
 class ValveClient(Tool):
     """Ballast valves over Modbus/TCP: open, close and set them, and see what they answer.

@@ -16,8 +16,7 @@ from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.scan import System
 from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import simulate_valves
-from shipnet.errors import ArgumentError
-from shipnet.fields import choice, number, record, switch
+from shipnet.fields import check_choice, check_scalar, choice, number, record, switch
 from shipnet.fuzzy.rules import Decision, RuleBase
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.tools._tool import Tool
@@ -139,10 +138,10 @@ class ValveDiagnosis(Tool):
         `fault` is a code of the rule table or ``"normal"``, `severity` 0..1, and `state` one of
         `STATES`; a valve that moves starts half open and is read after 4 s.
         """
-        if state not in STATES:
-            raise ArgumentError(f"state is {state!r}; it must be one of {', '.join(STATES)}")
-        start, order, duration = STATES[state]
-        faults = [] if fault == NORMAL else [Fault(fault, severity)]
+        start, order, duration = STATES[check_choice("state", state, STATES)]
+        check_choice("fault", fault, (NORMAL, *FAULTS))
+        degree = check_scalar("severity", severity, "", 0, 1)
+        faults = [] if fault == NORMAL else [Fault(fault, degree)]
         orders = [] if order is None else [Command(order)]
         quiet = Sensors(noise=(0.0,) * 5, bits=None)
         system = System(sensors=quiet, opening=start, step=0.5)

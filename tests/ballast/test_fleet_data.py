@@ -23,10 +23,13 @@ from tests.support import require, two_workers
 DAY = 86400.0
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=True, scope="module")
 def parquet():
     parts = ("pyarrow", "distributed", "loky")
     require("cluster", all(map(find_spec, parts)), f"one of {', '.join(parts)} is missing")
+    # The strings of pyarrow, as the workers of a cluster have them.
+    with pd.option_context("mode.string_storage", "auto"):
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_outp
 from playwright.sync_api import expect
 
 from docs import app as launcher
-from shipnet.tools._view import picture
+from shipnet.tools._view import Sheet
 from tests.browser.conftest import served
 
 EXPLORE = launcher.ROOT / "notebooks" / "explore"
@@ -399,7 +399,7 @@ def test_what_is_slow_shows_that_it_computes_and_what_fails_says_so(page, app):
 
 def test_a_tool_is_ready_and_examples_are_shown_as_stored_not_run(page, browser, tmp_path):
     (folder := tmp_path / "tools").mkdir()
-    png = b64encode(picture(lambda ax: ax.plot([1, 2]), 2, 2)).decode()
+    png = b64encode(Sheet().png(lambda ax: ax.plot([1, 2]), 2, 2)).decode()
     stored = [new_output("stream", text="kept"), new_output("display_data", {"image/png": png})]
     write(folder / "slow.ipynb", SLOW, new_code_cell("1 / 0", outputs=stored))
     with served(folder, tmp_path) as address:

@@ -61,7 +61,7 @@ def mixed():
     run = {"cable": "MI4P075", "segment": "", "route_m": 8.0, "length_m": 10.0, "line": "",
            "way": ()}  # fmt: skip
     return Design(
-        "mixed", replace(iolist, points=points), site=None,
+        "mixed", replace(iolist, points=points), site=Site((0, 0, 0)),
         points=frame("points", rows),
         devices=frame("devices", [
             {"device": name, "kind": kind, "segment": s, **places}
@@ -241,7 +241,7 @@ def test_cables_by_type_add_up():
 
 def test_a_network_without_anything_costs_nothing():
     empty = Design(
-        "nothing", replace(PLANT.iolist, points=PLANT.iolist.points.iloc[:0]), site=None,
+        "nothing", replace(PLANT.iolist, points=PLANT.iolist.points.iloc[:0]), site=Site((0, 0, 0)),
         points=frame("points"),
         devices=MIXED.devices[MIXED.devices["kind"] == "cabinet"],
         cables=frame("cables"), segments=frame("segments"), reasons=frame("reasons"),

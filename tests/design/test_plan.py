@@ -281,9 +281,9 @@ def test_a_mix_of_one_option_is_the_plan():
 
 def test_unknown_options_and_kinds_are_named():
     iolist = ship(5)
-    with pytest.raises(ArgumentError, match="option is 'LIN'; it must be one of home runs"):
+    with pytest.raises(ArgumentError, match="option is 'LIN'; it must be one of 'home runs'"):
         plan(iolist, SITE, "LIN")
-    with pytest.raises(ArgumentError, match="option is 'LIN'"):
+    with pytest.raises(ArgumentError, match="one of mix is 'LIN'"):
         plan(iolist, SITE, "home runs", mix={"AI": "LIN"})
     with pytest.raises(ArgumentError, match="mix names 'bilge'"):
         plan(iolist, SITE, "home runs", mix={"bilge": "CAN"})

@@ -291,7 +291,7 @@ def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, cap
             "mix names 'XX'; it is not a tag, signal, system, category or",
         ),
         (["LIST", "--mix", "DI=DALI"], "--mix names 'DALI'; it must be one of home runs"),
-        (["LIST", "--rules", "KR"], "rules are 'KR'; they must be one of DNV"),
+        (["LIST", "--rules", "KR"], "rules is 'KR'; it must be one of DNV"),
         (["LIST", "--rules", "own.csv"], "own.csv: cannot be read"),
         (["LIST", "--trays", "trays.csv"], "trays.csv: cannot be read"),
         (["LIST", "--options", "home runs,DALI"], "--options names 'DALI'; it must be one of home"),

@@ -347,7 +347,7 @@ def test_any_bytes_are_rules_or_an_input_error(tmp_path_factory, data):
 def test_wrong_arguments_are_named():
     with pytest.raises(
         ArgumentError,
-        match="'KR'; they must be one of DNV, BV, IMO, lee2012, supply, NMEA 2000, or a file",
+        match="'KR'; it must be one of DNV, BV, IMO, lee2012, supply, NMEA 2000, or a file",
     ):
         checked(ONE_LINE, "KR")
     with pytest.raises(ArgumentError, match="host_time"):

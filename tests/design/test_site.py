@@ -156,7 +156,6 @@ def test_of_two_trays_between_the_same_nodes_the_other_is_taken_when_one_is_avoi
         (lambda: Site([[1, 2, 3]]), "it must be three finite numbers"),
         (lambda: Site((1, 2, np.inf)), "infinite"),
         (lambda: Site("abc"), "cabinet is 'abc'"),
-        (lambda: Site((0, 0, 0), "trays"), "trays is 'trays'; it must be Trays or None"),
         (lambda: Site((0, 0, 0), detour=0.9), r"detour is 0\.9; it must be 1\.\.10"),
         (lambda: Site((0, 0, 0), tails=float("nan")), r"tails is nan m; .* 0\.\.1000"),
         (lambda: Site((0, 0, 0), tails=True), "tails is True"),

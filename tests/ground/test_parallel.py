@@ -330,13 +330,14 @@ def test_a_failure_says_in_which_task(client, request):
     ("change", "message"),
     [
         ({"function": 1}, "function is 1"),
-        ({"tasks": 3}, "tasks is 3; it must be iterable"),
+        ({"tasks": 3}, "tasks is 3; it must be a sequence"),
         ({"seed": -1}, "seed is -1"),
         ({"seed": 1.5}, r"seed is 1\.5"),
         ({"client": 0}, "client is 0; it must be a number of processes"),
         ({"client": True}, "client is True"),
         ({"client": 2.5}, r"client is 2\.5"),
         ({"folder": 7}, "folder is 7"),
+        ({"progress": "x"}, "progress is .x."),
     ],
 )
 def test_what_is_not_a_study_is_refused(change, message):

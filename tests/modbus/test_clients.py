@@ -97,3 +97,20 @@ def test_what_a_machine_lacks_is_named():
         run._run("no-such-program")
     with pytest.raises(run.MissingError, match=r"failed: no such client$"):
         run._run(sys.executable, "-c", "raise SystemExit('no such client')")
+
+
+def test_rows_of_clients_that_a_machine_lacks_stay_as_they_were(tmp_path, monkeypatch, capsys):
+    def lacking(uv):
+        raise run.MissingError("no-such-program is not installed")
+
+    table = tmp_path / "modbus_clients.csv"
+    table.write_bytes(run.TABLE.read_bytes())
+    monkeypatch.setattr(run, "OTHERS", dict.fromkeys([*run.OWN, *run.OTHERS], lacking))
+    for name, value in (("OWN", {}), ("TABLE", table), ("ROOT", tmp_path)):
+        monkeypatch.setattr(run, name, value)
+    before = table.read_bytes()
+    assert run.main() == 0
+    assert table.read_bytes() == before
+    said = capsys.readouterr().out
+    assert "skipped: mbpoll: no-such-program is not installed" in said
+    assert said.count("skipped: ") == 10 and "0 clients, 10 skipped" in said

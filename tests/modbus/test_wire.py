@@ -1,7 +1,9 @@
 """Faults on the wire of a real server: the bytes of each, in order, and nobody else waits."""
 
 import asyncio
+import re
 import select
+import signal
 import socket
 from contextlib import ExitStack
 from time import monotonic
@@ -12,9 +14,10 @@ import pytest
 from benchmarks.modbus_clients.run import serial_pair
 from shipnet.__main__ import main
 from shipnet.errors import ArgumentError
-from shipnet.modbus import Adu, Request, SerialLine, Slave, WireFault, serve
+from shipnet.modbus import Adu, Request, SerialLine, Slave, WireFault, decode, serve
 from shipnet.modbus.frame import rtu_frame
 from shipnet.modbus.wire import Wire
+from tests.support import running
 
 READ = Request.read_holding_registers(0, 2)
 PDU = READ.response([350, 412]).pdu
@@ -171,6 +174,25 @@ def test_the_program_refuses_in_one_line(device, words, message, capsys):
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("device", "unit", "request_sent"),
+    [
+        ("ballast", 1, Request.read_input_registers(0x4020, 4)),
+        ("engine", 2, Request.read_holding_registers(0, 3)),
+    ],
+)
+def test_the_program_serves_answers_with_a_fault(device, unit, request_sent):
+    with running("serve", device, "--port", "0", "--wire-fault", "wrong-unit:1") as program:
+        port = int(re.search(r"port (\d+) \(TCP\)", program.stdout.readline())[1])
+        with socket.create_connection(("127.0.0.1", port), PATIENCE) as client:
+            client.sendall(request_sent.tcp(unit, 5))
+            size = len(request_sent.response([0] * request_sent.quantity).tcp(unit, 5))
+            found = decode(bytes.fromhex(received(client, size)), "tcp")
+        program.send_signal(signal.SIGINT)
+        _, error = program.communicate(timeout=PATIENCE)
+    assert (found.unit_id, found.transaction_id, error) == (unit + 1, 5, "")
 
 
 def asked(client, transaction, first):

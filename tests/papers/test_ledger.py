@@ -433,7 +433,7 @@ def test_show_keeps_the_order_and_names_unknown_ids():
     rows = show("kim2023-074", "kim2023-004")
     assert list(rows.index) == ["kim2023-074", "kim2023-004"]
     assert rows.loc["kim2023-074", "the paper says"] == "0.7 %"
-    with pytest.raises(ValueError, match="no claim kim2023-999"):
+    with pytest.raises(ValueError, match="no claim has the id kim2023-999"):
         show("kim2023-999")
 
 
@@ -497,7 +497,7 @@ def test_a_claim_is_computed_anew_with_other_inputs():
         claim.recompute(sheep=1)
     with pytest.raises(ArgumentError, match="not computed; its status is context"):
         Claim("kim2014-015").recompute()
-    with pytest.raises(ArgumentError, match="no claim kim2023-999"):
+    with pytest.raises(ArgumentError, match="no claim has the id kim2023-999"):
         Claim("kim2023-999")
 
 
@@ -512,7 +512,7 @@ def test_the_ledger_of_a_paper_is_summed_up():
 
 def test_a_figure_that_is_not_drawn_is_refused():
     for paper, item in (("kim", "Fig 1"), ("kim2023", "Fig 99"), ("kim2023", "")):
-        with pytest.raises(ArgumentError, match=r"it must be one of|drawn are"):
+        with pytest.raises(ArgumentError, match=r"it must be one of|drawn of"):
             figure(paper, item)
 
 

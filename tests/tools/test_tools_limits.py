@@ -6,6 +6,7 @@ from math import inf, nan
 from pathlib import Path
 
 import ipywidgets as widgets
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,6 +16,7 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import Choice, Number, Series, Switch, Text, Whole, declared
 from shipnet.tools._page import Controls
 from shipnet.tools._tool import Tool
+from shipnet.tools._view import Sheet
 
 FOLDER = Path(__file__).resolve().parents[2] / "shipnet" / "tools"
 TOOLS = sorted(path.stem for path in FOLDER.glob("[a-z]*.py"))
@@ -98,6 +100,33 @@ def test_the_figure_at_the_lowest_and_the_highest_of_all(tool):
         kinds = declared(kind_of(tool)).items()
         numbers = {n: limits(kind)[end] for n, kind in kinds if isinstance(kind, Number | Whole)}
         computes(tool, numbers, figure=True)
+
+
+def pixels(axes):
+    axes.figure.canvas.draw()
+    return np.asarray(axes.figure.canvas.buffer_rgba())
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_axes_that_are_drawn_on_again_show_nothing_of_what_was_there(tool):
+    kinds = declared(kind_of(tool)).items()
+    given = [{n: x} for n, kind in kinds if not isinstance(kind, Text) for x in limits(kind)]
+    sheet, again = Sheet(), 0
+    for values in [{}, *given[:: len(given) // 4 + 1], {}]:
+        try:
+            view = kind_of(tool)(**(SMALL.get(tool, {}) | values))._view()
+        except (ArgumentError, InputError):
+            continue
+        # The second is drawn on the axes of the first, whatever the words around them.
+        sheet.png(view.plot, 5, 4)
+        first = sheet.axes
+        sheet.png(view.plot, 5, 4)
+        again += sheet.axes is first
+        new = Sheet()
+        new.png(view.plot, 5, 4)
+        new.axes.set_position(sheet.axes.get_position(original=True))
+        assert np.array_equal(pixels(new.axes), pixels(sheet.axes)), values
+    assert again >= 3
 
 
 @pytest.mark.parametrize("tool", TOOLS)

@@ -19,6 +19,7 @@ from shipnet.tools._page import Page, draw_steps, stepper
 from shipnet.tools._view import (
     Button,
     Preset,
+    Sheet,
     Upload,
     View,
     read_link,
@@ -207,7 +208,11 @@ def test_an_upload_changes_inputs_or_says_why_not_and_takes_the_same_file_twice(
         return replace(toy, name=content.decode())
 
     page = Page(Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
+    # A browser that sees the answer can load the next file at once: it is not emptied after that.
+    kept = []
+    page._noted.observe(lambda _: kept.append(page.uploads["own"].value), "value")
     load(page.uploads["own"], b"", "x.txt")
+    assert kept == [()]
     assert page.note == "x.txt: it is empty" and page.inputs == Toy()
     assert "those from before" in page._noted.value and "shipnet-before" in page._dom_classes
     load(page.uploads["own"], b"mine", "x.txt")
@@ -339,6 +344,22 @@ def test_a_page_that_says_it_is_narrow_gets_a_narrow_figure_unless_that_is_dense
     assert 'width="460" height="80"' in page.figure.value
     dense = View(verdict="", ok=True, plot=lambda ax: None, height=1, dense=True)
     assert 'width="750"' in dense.figure(narrow=True)
+
+
+def test_a_sheet_keeps_its_axes_unless_the_words_around_them_or_the_size_change():
+    sheet = Sheet()
+    sheet.png(lambda ax: ax.plot([0, 1]), 3, 2)
+    first = sheet.axes
+    sheet.png(lambda ax: ax.plot([1, 0]), 3, 2)
+    assert sheet.axes is first and len(first.lines) == 1
+    sheet.png(lambda ax: ax.plot([0, 70_000]), 3, 2)
+    second = sheet.axes
+    assert second is not first
+    sheet.png(lambda ax: ax.plot([0, 70_000]), 4, 2)
+    assert sheet.axes is not second
+    with pytest.raises(ZeroDivisionError):
+        sheet.png(lambda ax: ax.plot([0, 1 / 0]), 4, 2)
+    assert sheet.axes is None
 
 
 def test_controls_that_are_folded_away_are_read_as_all_others(seen):

@@ -84,7 +84,7 @@ def test_a_value_out_of_range_is_named(field, value, message):
 
 
 def test_a_fault_or_state_that_there_is_not_is_named():
-    with pytest.raises(ArgumentError, match="code is 'V9'"):
+    with pytest.raises(ArgumentError, match="fault is 'V9'"):
         ValveDiagnosis.from_plant("V9")
     with pytest.raises(ArgumentError, match="state is 'flying'"):
         ValveDiagnosis.from_plant("V1", state="flying")
