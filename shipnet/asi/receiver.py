@@ -364,7 +364,8 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     # What is not in double precision is copied.
     chunk = max(1, _SAMPLES // (n_t if u.dtype == np.float64 else 2 * n_t))
     parts = [
-        _decide(rows[begin : begin + chunk], dt, n_bits, receiver)
+        # Windows are taken by the place in memory.
+        _decide(np.ascontiguousarray(rows[begin : begin + chunk]), dt, n_bits, receiver)
         for begin in range(0, max(1, len(rows)), chunk)
     ]
     *numbers, slots = (np.concatenate(field, axis=-1) for field in zip(*parts, strict=True))
