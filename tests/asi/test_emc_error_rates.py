@@ -234,7 +234,7 @@ def test_every_word_is_sent_and_meets_its_own_disturbance():
         ({"amplitudes": [[1]]}, "one number, or a row"),
         ({"amplitudes": "1"}, "one number, or a row"),
         ({"n_telegrams": 0}, "n_telegrams is 0"),
-        ({"n_telegrams": 1e3}, r"n_telegrams is 1000\.0"),
+        ({"n_telegrams": 1000.5}, r"n_telegrams is 1000\.5"),
     ],
 )
 def test_bad_arguments_are_named(change, message):
