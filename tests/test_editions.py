@@ -349,6 +349,7 @@ def test_the_hand_out_has_no_solution_and_no_broken_link():
         texts = {name: archive.read(name).decode() for name in archive.namelist()}
     assert sum("/lessons/" in name for name in texts) == len(editions.sources())
     assert not [name for name in texts if "solution" in name or "BEGIN SOLUTION" in texts[name]]
+    assert not [name for name in texts if "/teaching/" in name]
     for name, text in texts.items():
         if "/notebooks/" in name:
             for target in re.findall(r"\]\((?!\w+:|#)([^)#\s]+)", text):

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Findings
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Indices, parts_of
 from shipnet.asi.batch import NONE, Requests, parse_responses
 from shipnet.asi.bursts import Telegrams, find_telegrams
@@ -368,6 +369,7 @@ def _place(name: str) -> tuple[bool, int]:
 _LONGEST_STEP = 1e-6
 
 
+@checked
 @dataclass(frozen=True)
 class Capture:
     """What was decoded.
@@ -696,6 +698,7 @@ def _power_fails(capture: Capture) -> float:
     return float(np.count_nonzero(np.diff(low, prepend=False) & low))
 
 
+@checked
 def decode(
     record: str | PathLike[str] | Waveform | npt.ArrayLike,
     dt: float | None = None,
@@ -788,7 +791,7 @@ def _checked(u: npt.ArrayLike, dt: float) -> Floats:
     array = np.asarray(u)
     if array.ndim != 1 or array.size == 0 or array.dtype.kind not in "iuf":
         raise ArgumentError(
-            f"u has the shape {array.shape} and the type {array.dtype}; it must be one row of "
+            f"record has the shape {array.shape} and the type {array.dtype}; it must be one row of "
             "real voltages"
         )
     if not 0.1e-9 <= dt <= 1.001 * _LONGEST_STEP:

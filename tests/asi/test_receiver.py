@@ -357,6 +357,15 @@ def test_leading_axes_stay_and_large_batches_agree_with_single_telegrams():
             np.testing.assert_allclose(many[place], one, rtol=1e-9)
 
 
+def test_samples_may_lie_apart_in_memory():
+    fine = ideal(RESPONSES, 125e-9)
+    for apart in (fine[:, ::2], np.asfortranarray(fine[:, ::2]), fine[::-3, ::2]):
+        for one, other in zip(
+            receive(apart, 250e-9, 7), receive(apart.copy("C"), 250e-9, 7), strict=True
+        ):
+            np.testing.assert_array_equal(one, other)
+
+
 def test_no_telegrams_give_empty_arrays():
     received = receive(np.zeros((0, 256)), 250e-9, 14)
     assert received.bits.shape == (0, 14)
