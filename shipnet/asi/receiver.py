@@ -519,7 +519,9 @@ def _decide(
     (count, n_t), samples = u.shape, HALF_BIT / dt
     taps = _pulse_shape(n_t, dt) if receiver.matched else np.ones(1)
     half, reach = len(taps) // 2, int(receiver.window * samples + 1e-9)
-    u = u if u.dtype == np.float64 else _wider(u, half + reach)
+    # Runs of samples are taken from rows that follow each other in memory.
+    ready = u.dtype == np.float64 and u.flags.c_contiguous
+    u = u if ready else _wider(u, half + reach)
     mean = _means(u, n_t)
     minimum = max(receiver.minimum, _LEAST) * (1 + _EVEN)
     last, near = n_t - 1, int(_REACH * samples) + 1
