@@ -31,6 +31,8 @@ import notebooks
 
 ROOT = Path(__file__).resolve().parent.parent
 LESSONS = Path("notebooks/lessons")
+#: Folders of the lessons that students do not get.
+TEACHERS = {"source", "solutions", "teaching"}
 #: A stub line, and the region that holds the solution, as nbgrader marks it.
 SOLUTION = re.compile(
     r"^(?P<stub>[^\n]*\n)[ ]*### BEGIN SOLUTION\n(?P<body>.*?)"
@@ -284,7 +286,7 @@ def handout(root: Path) -> Path:
     kept = [
         path
         for path in sorted((root / "notebooks").rglob("*"))
-        if path.suffix in (".ipynb", ".md") and not {"source", "solutions"} & {*path.parts}
+        if path.suffix in (".ipynb", ".md") and not TEACHERS & {*path.parts}
         and ".ipynb_checkpoints" not in path.parts and path != root / LESSONS / "README.md"
     ]  # fmt: skip
     linked = {

@@ -1,8 +1,8 @@
 """Slides of a lesson: one file with everything in it, which needs no network.
 
 A heading of level 2 begins a column, any other text and the questions a slide below it; what a
-class has to predict comes on the next slide. Figures and words stand without their code; exercises
-show what they ask for; what only a kernel can show is left out. In the browser,
+class has to predict comes on the next slide. Each exercise has a slide that shows what it asks for.
+Figures and words stand without their code; what only a kernel can show is left out. In the browser,
 slides_template/fit.js gives figures the room that is left and lets what is too tall go on below.
 """
 
@@ -65,9 +65,8 @@ def mark(notebook: NotebookNode) -> None:
             asked = "Predict" in cell.source
             if cell.source.startswith(("# ", "## ")):
                 kind = "slide"
-            # A caption and what is to be noticed stay with what they speak of, if there is room;
-            # exercises follow each other.
-            elif not re.match(r"\*[^*]|\*\*(\d|What to notice)", cell.source):
+            # A caption and what is to be noticed stay with what they speak of, if there is room.
+            elif not re.match(r"\*[^*]|\*\*What to notice", cell.source):
                 kind = "subslide"
         elif HIDDEN & editions.tags(cell) or (
             re.match(r"(import|from) ", cell.source) and not cell.get("outputs")

@@ -14,7 +14,6 @@ from inspect import cleandoc
 from math import inf, isnan
 from numbers import Real
 from operator import index
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, dataclass_transform, overload
 
 from shipnet.errors import ArgumentError
@@ -114,14 +113,6 @@ def check_kind(name: str, value: Any, kind: type[T]) -> T:
         article = "an" if kind.__name__[0] in "AEIOaeio" else "a"
         raise ArgumentError(f"{name} is {value!r}; it must be {article} {kind.__name__}")
     return value
-
-
-def check_path(name: str, path: Any) -> Path:
-    """Return a path, or raise unless it is one, or text."""
-    try:
-        return Path(path)
-    except TypeError:
-        raise ArgumentError(f"{name} is {path!r}; it must be text or a path") from None
 
 
 def check_rng(rng: Any) -> np.random.Generator:

@@ -29,7 +29,7 @@ from typing import Any
 
 from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError, load_extra
-from shipnet.fields import check_path, check_whole
+from shipnet.fields import check_whole
 
 __all__ = ["compute", "points_of", "save_whole", "teller"]
 
@@ -136,9 +136,7 @@ def compute(
     run, tell = partial(_run, function, seed), teller(progress)
     with ExitStack() as stack:
         client = _checked(client, stack)
-        kept = (
-            None if folder is None else _Folder(check_path("folder", folder), function, jobs, seed)
-        )
+        kept = None if folder is None else _Folder(Path(folder), function, jobs, seed)
         results: dict[int, Any] = {} if kept is None else kept.results
 
         def keep(indices: Sequence[int], values: Sequence[Any]) -> None:

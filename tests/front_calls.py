@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from shipnet import (
+    asi,
     ballast,
     can,
     crc,
@@ -27,6 +28,7 @@ from shipnet import remote_control as rc
 AX = Figure().add_subplot()
 
 RESULTS = {
+    "asi": "Call Capture Quality Reception Requests Run",
     "ballast": "Client Diagnosis FleetReport MasterRun Run Screen Strokes Trials Wear",
     "can": "Analysis Arbitration Assignment BatchRun Capture LogComparison LogLoad ResponseTime "
     "ResponseTimes Run Signals",
@@ -45,6 +47,7 @@ HOOKS = {"apply", "device", "disturbance", "of", "run", "transit", "view", "volt
 TAKEN = {
     **{f"ValveDiagnosis.{name}": "nan" for name in ("FP", "OP", "MC", "OT", "VPos", "DVPos")},
     "Driver.current": "nan empty", "Rule.meets.computed": "nan",
+    "decode.sample_interval": "text path nan empty object",  # of a file
     "Slave.answer.time": "None text path nan empty object",  # its device looks at it
     # A request does not look at what its function code does not have, nor does a response.
     **dict.fromkeys(
@@ -53,6 +56,47 @@ TAKEN = {
     ),
     "box.x": "nan", "box.y": "nan", "box.width": "nan", "box.height": "nan",
 }  # fmt: skip
+
+
+def of_asi():
+    request, plan = asi.Request.data_exchange(1, 1), asi.line(20, slaves=(5, 20))
+    wave, receiver = plan.waveform(node="20 m"), asi.RECEIVERS["sensitive"]
+    reception, run = receiver.receive(wave), asi.simulate(plan, cycles=5, rng=1)
+    modulation = asi.Modulation(request.bits)
+    good = {
+        "a": "a", "b": "b", "length": 20.0, "bits": request.bits, "t": [1e-5], "f": [1e4],
+        "s": [1j], "wave": wave, "cables": plan.cables, "noise_density": 1e-4, "what": "x",
+        "prefix": "x", "update": 0.1, "node": "a", "other": plan, "io": 0, "id": 15, "code": 0,
+        "path": "none.csv", "signs": "+-", "call": asi.Call.DATA_EXCHANGE, "address": 1, "data": 1,
+        "new_address": 1, "id1": 1, "parameter": 1, "words": [list(map(int, request.bits))],
+        "label": "1", "telegrams": [request.bits], "master": asi.Master({"1": "S-0.F"}),
+        "request": request, "response": asi.Response(1), "user_bits": 4, "u": wave.u, "dt": wave.dt,
+        "disturbance": asi.emc.Noise(), "amplitude": 0.1, "old": "1", "new": "2", "slave": "1",
+        "value": 1, "plans": {1: plan}, "record": plan.record(2e-3, rng=1), "frequency": 1e5,
+        "amplitudes": [0.1], "n_telegrams": 1, "inside": 0.1, "asi": [1.0], "marine": [1.0],
+        "p": 0.1, "waves": wave, "place": 1.0, "trunk": 20.0, "legs": [5.0], "slaves": 2,
+        "system": plan, "cycles": 2, "simulate.master": None,
+        "Waveform.bits": wave.bits, "Response.parse.bits": asi.Response(1).bits,
+        "faults.LateAnswer.bits": 1.0, "faults.LostReply.call": asi.Call.DATA_EXCHANGE,
+        "line.master": 0.0, "star.master": 0.0, "Plan.waveform.telegrams": None,
+        "Plan.waveform.node": None, "Plan.record.node": None, "Plan.with_repeater.node": "20 m",
+        "emc.rare_error_rates.n_telegrams": 1000, "Slave.id1": None, "Cycle.slaves": 31,
+        "cycle_time.slaves": 31, "emc.burst_failures.slaves": 31, "Plan.slaves": plan.slaves,
+        "faults.TelegramErrors.request": 0.0, "faults.TelegramErrors.response": 0.0,
+        "Master.node": "", "Slave.node": "", "line.slaves": 2, "simulate.cycles": 2,
+        "simulate.until": 0.05, "Plan.record.disturbance": asi.emc.Noise(), "decode.dt": 250e-9,
+        "decode.record": plan.record(2e-3, rng=1).u, "Plan.waveform.dt": 250e-9,
+        "Plan.record.dt": 250e-9,
+    }  # fmt: skip
+    instances = {
+        "CableRun": plan.cables[0], "Call": None, "Cycle": asi.Cycle(31), "Request": request,
+        "Capture": asi.decode(plan.record(5e-3, rng=1)), "Plan": plan, "Master": good["master"],
+        "Modulation": modulation, "Pulses": asi.Pulses("+-"), "Quality": plan.quality(),
+        "Receiver": receiver, "Reception": reception, "Response": asi.Response(1), "Run": run,
+        "Requests": asi.Requests.parse(good["words"]), "Slave": plan.slaves[0], "Waveform": wave,
+        "Standby": asi.Standby(good["master"]), "Transaction": asi.Transaction(),
+    }  # fmt: skip
+    return good, instances
 
 
 def of_ballast():

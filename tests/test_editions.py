@@ -315,6 +315,12 @@ def test_what_a_class_predicts_comes_on_the_next_slide():
     assert kinds_of(*asked) == ["subslide", "subslide", "-", "subslide", "-"]
 
 
+def test_each_exercise_has_a_slide():
+    text = nbformat.v4.new_markdown_cell
+    exercises = [text("## Exercises"), text("**1. Read off.** A."), text("**2. Compute.** B.")]
+    assert kinds_of(*exercises) == ["slide", "subslide", "subslide"]
+
+
 def test_the_words_stand_without_their_code():
     notebook = nbformat.v4.new_notebook(cells=[code("glossary(1)"), code("show(1)")])
     slides.mark(notebook)
@@ -349,6 +355,7 @@ def test_the_hand_out_has_no_solution_and_no_broken_link():
         texts = {name: archive.read(name).decode() for name in archive.namelist()}
     assert sum("/lessons/" in name for name in texts) == len(editions.sources())
     assert not [name for name in texts if "solution" in name or "BEGIN SOLUTION" in texts[name]]
+    assert not [name for name in texts if "/teaching/" in name]
     for name, text in texts.items():
         if "/notebooks/" in name:
             for target in re.findall(r"\]\((?!\w+:|#)([^)#\s]+)", text):

@@ -231,7 +231,7 @@ EXPLORE = [path for path in NOTEBOOKS if path.parent.name == "explore"]
 def test_a_tool_and_its_notebook_go_together(path):
     widgets = [cell for cell in code(read(path)) if "widget" in tags(cell)]
     assert len(widgets) == 1
-    assert re.search(r"\.(explore|explorer)\(\)$", widgets[0].source)
+    assert re.search(r"\.explore\(story=True\)$", widgets[0].source)
 
 
 def test_every_tool_has_a_notebook():

@@ -299,6 +299,9 @@ _SAMPLE, _SAMPLES = 2e-3, 8
 #: Most pieces that are looked at to choose those, and telegrams that are received at a time.
 _LOOKS, _TOGETHER = 512, 2000
 
+#: Batches of telegrams that are put together.
+_PARTS = 40
+
 #: Largest voltage that is taken for one [V].
 LARGEST = 1e9
 
@@ -377,6 +380,9 @@ def find_telegrams(u: Floats, dt: float, threshold: float, minimum: float | None
         if sum(len(some.rows) for some in waiting) > _TOGETHER:
             parts.append(_received(waiting, threshold))
             waiting = []
+            if len(parts) == _PARTS:
+                # Memory in large blocks can be given back.
+                parts = [_joined(parts)]
     parts.append(_received(waiting, threshold))
     return Found(_joined(parts), ends, sign < 0, minimum, disturbances)
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from shipnet import style
 from shipnet.answers import Findings
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Indices, parts_of
 from shipnet.asi.batch import NONE, Requests, parse_responses
 from shipnet.asi.bursts import Telegrams, find_telegrams
@@ -67,44 +68,30 @@ def transactions_of(
     titles = np.array([*(call.rule.title for call in Call), ""], dtype=object)
     texts = _texts(telegrams)
     requests, responses = _pick(texts, request, ""), _pick(texts, response, "")
-    master_pause, slave_pause = _pauses(telegrams, request, response, cut)
-    return pd.DataFrame(
-        {
-            "start_s": np.where(request >= 0, start, _pick(telegrams.start, response, np.nan)),
-            "request": requests,
-            "call": titles[calls.call],
-            "address": _nullable(calls.address),
-            "half": np.array(["A", "B", ""], dtype=object)[calls.half],
-            "request_data": _nullable(calls.data),
-            "response": responses,
-            "response_data": _nullable(data),
-            "master_pause_bit": master_pause,
-            "slave_pause_bit": slave_pause,
-            "request_amplitude_V": _pick(telegrams.amplitude, request, np.nan),
-            "response_amplitude_V": _pick(telegrams.amplitude, response, np.nan),
-            "request_weakest": _pick(telegrams.weakest, request, np.nan),
-            "response_weakest": _pick(telegrams.weakest, response, np.nan),
-            "request_ringing": _pick(telegrams.ringing, request, np.nan),
-            "response_ringing": _pick(telegrams.ringing, response, np.nan),
-            "request_error": request_error,
-            "response_error": response_error,
-            "text": np.array(
-                [
-                    _in_words(*row)
-                    for row in zip(
-                        requests.tolist(),
-                        request_error.tolist(),
-                        (calls.half >= 0).tolist(),
-                        responses.tolist(),
-                        response_error.tolist(),
-                        calls.call.tolist(),
-                        strict=True,
-                    )
-                ],
-                dtype=object,
-            ),
-        }
+    # Column by column: of a long record, only one is there twice.
+    table = pd.DataFrame(
+        {"start_s": np.where(request >= 0, start, _pick(telegrams.start, response, np.nan))}
     )
+    table["request"] = requests
+    table["call"] = titles[calls.call]
+    table["address"] = _nullable(calls.address)
+    table["half"] = np.array(["A", "B", ""], dtype=object)[calls.half]
+    table["request_data"] = _nullable(calls.data)
+    table["response"] = responses
+    table["response_data"] = _nullable(data)
+    table["master_pause_bit"], table["slave_pause_bit"] = _pauses(telegrams, request, response, cut)
+    for name in ("amplitude", "weakest", "ringing"):
+        for kind, rows in (("request", request), ("response", response)):
+            column = f"{kind}_{name}" + "_V" * (name == "amplitude")
+            table[column] = _pick(telegrams[name], rows, np.nan)
+    table["request_error"] = request_error
+    table["response_error"] = response_error
+    parts = zip(
+        requests, request_error, (calls.half >= 0).tolist(),
+        responses, response_error, calls.call.tolist(), strict=True,
+    )  # fmt: skip
+    table["text"] = np.array([_in_words(*part) for part in parts], dtype=object)
+    return table
 
 
 def _names(codes: npt.NDArray[Any]) -> Strings:
@@ -382,6 +369,7 @@ def _place(name: str) -> tuple[bool, int]:
 _LONGEST_STEP = 1e-6
 
 
+@checked
 @dataclass(frozen=True)
 class Capture:
     """What was decoded.
@@ -597,7 +585,10 @@ class Capture:
         return ax
 
     def __str__(self) -> str:
-        return str(self.summary())
+        lines = [str(self.summary())]
+        for cause, slave, _, evidence in self.causes().itertuples():
+            lines.append(f"probable cause {f'{cause} {slave}'.rstrip()}: {evidence}")
+        return "\n".join(lines)
 
     def summary(self) -> Summary:
         """Return cycle time, repetitions, missing slaves and errors."""
@@ -707,6 +698,7 @@ def _power_fails(capture: Capture) -> float:
     return float(np.count_nonzero(np.diff(low, prepend=False) & low))
 
 
+@checked
 def decode(
     record: str | PathLike[str] | Waveform | npt.ArrayLike,
     dt: float | None = None,
@@ -799,7 +791,7 @@ def _checked(u: npt.ArrayLike, dt: float) -> Floats:
     array = np.asarray(u)
     if array.ndim != 1 or array.size == 0 or array.dtype.kind not in "iuf":
         raise ArgumentError(
-            f"u has the shape {array.shape} and the type {array.dtype}; it must be one row of "
+            f"record has the shape {array.shape} and the type {array.dtype}; it must be one row of "
             "real voltages"
         )
     if not 0.1e-9 <= dt <= 1.001 * _LONGEST_STEP:

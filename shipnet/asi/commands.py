@@ -69,8 +69,8 @@ class ChangeAddress:
     new: str = text("Label that it gets")
 
     def __post_init__(self) -> None:
-        slave_key(self.old)
-        if slave_key(self.new)[0] < 2 or self.new == self.old:
+        slave_key(self.old, "old")
+        if slave_key(self.new, "new")[0] < 2 or self.new == self.old:
             raise ArgumentError(f"new is {self.new!r}; it must be another label than {self.old!r}")
 
     def run(self, lists: Lists) -> Task[str]:

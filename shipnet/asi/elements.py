@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
-
-from shipnet.fields import number, record, text
+from shipnet.fields import number, part, record, text
 from shipnet.line.network import CableRun as CableRun
 from shipnet.line.network import Load, check_node
 
@@ -35,7 +33,7 @@ class Supply:
     node: str = text("Where it is")
     voltage: float = number(1, 60, "V", "Voltage", default=30.0)
     rating: float = number(0.01, 100, "A", "Most current that it delivers", default=8.0)
-    load: Load = field(default=POWER_SUPPLY, kw_only=True)
+    load: Load = part(Load, "What the signal meets", default=POWER_SUPPLY, kw_only=True)
 
     def __post_init__(self) -> None:
         check_node(self.node)

@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Complexes, Floats
 from shipnet.asi.batch import NONE
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, RESPONSES
@@ -38,6 +39,7 @@ from shipnet.errors import (
     PauseError,
     StartBitError,
 )
+from shipnet.fields import check_scalar
 from shipnet.lazy import Axes
 
 if TYPE_CHECKING:
@@ -125,6 +127,7 @@ def check_columns(columns: Signs) -> tuple[Signs, Codes]:
 # Objects ---------------------------------------------------------------------------------------
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Modulation:
     r"""Alternating pulse modulation of bits: levels, send current, its spectrum, and the pulses.
@@ -174,7 +177,7 @@ class Modulation:
         if array.ndim == 0 or array.shape[-1] == 0:
             raise ArgumentError("bits must hold at least one bit")
         if not np.isin(array, (0, 1)).all():
-            raise ArgumentError(f"bits must be 0 or 1, but are {bits!r}")
+            raise ArgumentError(f"bits of telegrams must be 0 or 1, but are {bits!r}")
         object.__setattr__(self, "bits", array.astype(np.int8))
 
     def __repr__(self) -> str:
@@ -208,8 +211,8 @@ class Modulation:
 
         It swings by 60 mA; data sheets say 55 to 68 mA.
         """
-        since = (np.asarray(t, dtype=float) - start) / HALF_BIT
-        steps = self.steps
+        begin = check_scalar("start", start, "s", -1e9, 1e9)
+        since, steps = (np.asarray(t, dtype=float) - begin) / HALF_BIT, self.steps
         return SEND_CURRENT * (steps @ ramp(since - np.arange(steps.shape[-1])[:, np.newaxis]))
 
     def transform(self, s: npt.ArrayLike, *, start: float = 0.0) -> Complexes:
@@ -220,7 +223,7 @@ class Modulation:
         s, steps = np.asarray(s, dtype=complex), self.steps
         if np.any(s == 0):
             raise ArgumentError("s is 0, where the transform of a current has no value of its own")
-        at = start + HALF_BIT * np.arange(steps.shape[-1])
+        at = check_scalar("start", start, "s", -1e9, 1e9) + HALF_BIT * np.arange(steps.shape[-1])
         return np.asarray(SEND_CURRENT * ramp_spectrum(s) / s * (steps @ np.exp(-np.outer(at, s))))
 
     def spectrum(self, f: npt.ArrayLike) -> Floats:
@@ -293,6 +296,7 @@ def _write_bits(ax: Axes, bits: str, height: float, va: str = "center") -> None:
         ax.text(middle, height, bit, ha="center", va=va, family="monospace")
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Pulses:
     """The signs of pulses, one per half-bit from the start of a telegram.

@@ -17,6 +17,7 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Findings, Utilisation
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
@@ -44,7 +45,7 @@ from shipnet.asi.timing import (
     Transaction,
 )
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar
+from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import Axes, pd
 from shipnet.line.network import CableRun, Network
 from shipnet.line.waveform import Waveform as LineWaveform
@@ -82,6 +83,7 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
 _NAMED = 12
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Plan:
     """An installation: cables, and what is clamped to them.
@@ -136,12 +138,8 @@ class Plan:
     terminators: Sequence[Terminator] = ()
 
     def __post_init__(self) -> None:
-        for name, kind in _KINDS.items():
-            elements = tuple(getattr(self, name))
-            for element in elements:
-                if not isinstance(element, kind):
-                    raise ArgumentError(f"{name} holds {element!r}; it must be a {kind.__name__}")
-            object.__setattr__(self, name, elements)
+        for name in _KINDS:
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         if not self.cables:
             raise ArgumentError("the plan has no cable; it needs at least one")
         faults = [fault for _, fault in structure_faults(list(self))]
@@ -473,6 +471,7 @@ class Plan:
         profile transfers its values; `why` says so.
         """
         used, cycle = self._addresses(), self.cycle
+        again = check_whole("repetitions", repetitions, 0, 10_000)
         rows = {}
         for slave in self.slaves:
             asked: dict[str, Any] = {
@@ -484,7 +483,7 @@ class Plan:
             except ArgumentError as unknown:
                 rows[slave.label] = (*[np.nan] * 4, str(unknown))
                 continue
-            asked |= {"conversion": slave.conversion, "repetitions": repetitions, "host": host}
+            asked |= {"conversion": slave.conversion, "repetitions": again, "host": host}
             rows[slave.label] = (*cycle.response_time(slave.kind, **asked), renewed, "")
         columns = [*(f"{name}_s" for name in ResponseTime._fields), "update_s", "why"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
@@ -592,6 +591,7 @@ def plan_of(elements: Iterable[Element]) -> Plan:
     return Plan(**parts)
 
 
+@checked
 def read_plan(path: str | PathLike[str]) -> Plan:
     """Read a plan from a CSV file.
 
@@ -678,6 +678,7 @@ class Comparison:
         return ax
 
 
+@checked
 def compare(plans: Mapping[Any, Plan]) -> Comparison:
     """Compare how the responses of slaves come over in several plans.
 

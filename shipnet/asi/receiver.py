@@ -18,11 +18,12 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, check_columns
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError, SilenceError
-from shipnet.fields import number, record, switch
+from shipnet.fields import check_rng, check_whole, number, record, switch
 from shipnet.lazy import Axes
 from shipnet.line import waveform as line_waveform
 
@@ -77,6 +78,7 @@ class Disturbance(Protocol):
         """Return voltages of shape (size, n_t); telegrams begin and end at `span` [s]."""
 
 
+@checked
 class Reception(NamedTuple):
     """What a receiver made of a batch of telegrams; the leading axes are those of the voltage.
 
@@ -175,6 +177,7 @@ class Tolerance(NamedTuple):
 TOLERANCE = Tolerance(evenness=0.65, ringing=0.30)
 
 
+@checked
 @record
 class Receiver:
     """The receiver of a master or a slave, by the four settings with which it decides.
@@ -243,6 +246,7 @@ RECEIVERS: Mapping[str, Receiver] = MappingProxyType(
 )
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform(line_waveform.Waveform):
     """Voltages of telegrams as a receiver hears them; t = 0 is their start.
@@ -300,14 +304,13 @@ class Waveform(line_waveform.Waveform):
         """Lay all half-bits of the telegrams over each other, each `points` long."""
         from scipy.ndimage import map_coordinates
 
-        if points < 2:
-            raise ArgumentError(f"points is {points}; it must be 2 or more")
+        count = check_whole("points", points, 2, 10_000)
         bits, rows = self.records
         heard = receive(rows, self.dt, bits.shape[-1], matched=False)
         if not np.isfinite(heard.start).all():
             raise ArgumentError("a telegram in u holds no pulse above the receiver's minimum")
         signs = np.pad(Modulation(bits).pulses.signs, ((0, 0), (0, 2)))[:, 1:]
-        t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, points)
+        t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, count)
         middles = heard.start[:, np.newaxis] + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
         place = (middles[..., np.newaxis] + t) / self.dt
         if place.max() > rows.shape[1] - 1:
@@ -327,7 +330,7 @@ class Waveform(line_waveform.Waveform):
     ) -> Waveform:
         """Return the waveform with a disturbance on every telegram, such as ``emc.Noise()``."""
         rows = self.u.reshape(-1, self.u.shape[-1])
-        added = self.disturbance(disturbance, amplitude, np.random.default_rng(rng), len(rows))
+        added = self.disturbance(disturbance, amplitude, check_rng(rng), len(rows))
         return replace(self, u=(rows + added).reshape(self.u.shape))
 
     def disturbance(
@@ -361,7 +364,8 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     # What is not in double precision is copied.
     chunk = max(1, _SAMPLES // (n_t if u.dtype == np.float64 else 2 * n_t))
     parts = [
-        _decide(rows[begin : begin + chunk], dt, n_bits, receiver)
+        # Windows are taken by the place in memory.
+        _decide(np.ascontiguousarray(rows[begin : begin + chunk]), dt, n_bits, receiver)
         for begin in range(0, max(1, len(rows)), chunk)
     ]
     *numbers, slots = (np.concatenate(field, axis=-1) for field in zip(*parts, strict=True))
@@ -515,7 +519,9 @@ def _decide(
     (count, n_t), samples = u.shape, HALF_BIT / dt
     taps = _pulse_shape(n_t, dt) if receiver.matched else np.ones(1)
     half, reach = len(taps) // 2, int(receiver.window * samples + 1e-9)
-    u = u if u.dtype == np.float64 else _wider(u, half + reach)
+    # Runs of samples are taken from rows that follow each other in memory.
+    ready = u.dtype == np.float64 and u.flags.c_contiguous
+    u = u if ready else _wider(u, half + reach)
     mean = _means(u, n_t)
     minimum = max(receiver.minimum, _LEAST) * (1 + _EVEN)
     last, near = n_t - 1, int(_REACH * samples) + 1

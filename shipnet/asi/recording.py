@@ -48,7 +48,7 @@ class _Recorder:
             slave.pause()
         network = segment.network
         rows = [network.index(slave.node) for slave in segment.slaves]
-        places = [*rows, network.index(node)]
+        places = [*rows, network.index(node, "node")]
         self.dt, self.slot, self.at = dt, round(HALF_BIT / dt), round(_AHEAD / dt)
 
         def heard(sender: str, rows: list[int]) -> Floats:

@@ -87,7 +87,7 @@ def _voltages(
         raise ArgumentError(f"dt is {dt} s; it must be a whole fraction of {HALF_BIT} s")
     # The record is a whole number of samples; another length would stretch its time.
     sizes = [ceil(round((before + steps.shape[1] * HALF_BIT + after) / dt, 6)) for steps in many]
-    rows = [network.index(node) for node in nodes]
+    rows = [network.index(node, "node") for node in nodes]
 
     def change(s: Complexes) -> Complexes:
         return np.asarray(network.transfer(master, s)[..., rows, :] * _sent(before, s.tobytes()))

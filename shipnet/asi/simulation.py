@@ -11,6 +11,7 @@ import numpy as np
 
 from shipnet import style
 from shipnet.answers import Utilisation
+from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.asi.channel import (
     ATTEMPT,
@@ -31,7 +32,7 @@ from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
 from shipnet.asi.timing import ADDRESSES, Transaction, exchanges, transfers_values
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, number, part, record
+from shipnet.fields import check_rng, check_scalar, check_whole, number, part, record
 from shipnet.lazy import Axes, pd
 
 # A standby master ------------------------------------------------------------------------------
@@ -68,7 +69,7 @@ class Standby:
         if not self.master.projected:
             raise ArgumentError("master has no projected slaves; a standby master must know them")
 
-    def listen(self, record: Record) -> dict[str, int]:
+    def _listen(self, record: Record) -> dict[str, int]:
         """Return what it knows from the traffic of the last three cycles."""
         begins = [row for row, number in record.cycles if number >= 0]
         first = begins[max(0, len(begins) - 3)] if begins else len(record.code)
@@ -118,6 +119,7 @@ class Summary:
 _MOST_REQUESTS = 500
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class Run:
     """A finished simulation: what was sent, and what an analyser makes of it.
@@ -217,7 +219,10 @@ class Run:
         response with an error is red, and so is the place where one is missing; a repeated
         request is hatched, with its number on it.
         """
-        events = self._events if where is None else self._events.query(where)
+        try:
+            events = self._events if where is None else self._events.query(where)
+        except Exception as problem:  # pandas raises whatever its parsing meets
+            raise ArgumentError(f"where is {where!r}: {problem}") from None
         ax = style.axes(ax)
         keep = events["time_s"] >= (0.0 if start is None else start)
         if stop is not None:
@@ -443,6 +448,7 @@ _USUAL = Transaction()
 _PATIENCE = 10.0
 
 
+@checked
 def simulate(
     system: Plan | Sequence[Slave],
     master: Master | None = None,
@@ -528,10 +534,9 @@ def simulate(
         stations = Stations([(slave, 0.0, 0.0) for slave in system], transaction)
     leading = [RunningMaster(master or Master())]
     repetitions = [one.repetitions for one in (leading[0], standby and standby.master) if one]
-    channel = Channel(stations.all, transaction, 1 + max(repetitions), np.random.default_rng(rng))
+    channel = Channel(stations.all, transaction, 1 + max(repetitions), check_rng(rng))
 
     for fault in as_faults(faults, LineFault):
-        assert isinstance(fault, LineFault)
         fault.apply(channel, stations)
     changes = [
         InputChange(_time("time", time), slave, check_whole(f"input of slave {slave}", bits, 0, 15))
@@ -617,7 +622,7 @@ def _lead(
                 channel.time = max(channel.time, wait)
                 program = master.run(channel)
             elif standby is not None and not channel.standby:
-                active = standby.listen(channel.record)
+                active = standby._listen(channel.record)
                 silence = standby.silence / channel.transaction.bit_time
                 channel.time = min(channel.time + silence, end)
                 channel.standby = True

@@ -22,6 +22,7 @@ from math import inf
 from typing import Literal, cast
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.asi.batch import NONE
 from shipnet.asi.elements import CURRENT, DEVICE
 from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
@@ -44,12 +45,15 @@ WRITE_TIME = 15e-3
 # Labels ----------------------------------------------------------------------------------------
 
 
-def slave_key(label: str) -> tuple[int, Half | None]:
-    """Return the key of a label, twice the address plus 1 for a B slave, and its half."""
+def slave_key(label: str, name: str = "slave") -> tuple[int, Half | None]:
+    """Return the key of a label, twice the address plus 1 for a B slave, and its half.
+
+    Errors say which argument it is by its `name`.
+    """
     found = _key_and_half(label) if isinstance(label, str) else None
     if found is None:
         raise ArgumentError(
-            f"slave is {label!r}; it must be '1'..'31', with A or B behind it for an A/B slave, "
+            f"{name} is {label!r}; it must be '1'..'31', with A or B behind it for an A/B slave, "
             "or '0'"
         )
     return found
@@ -69,6 +73,7 @@ def label_of(key: int, *, extended: bool) -> str:
     return f"{key >> 1}{'AB'[key & 1] if extended and key > 1 else ''}"
 
 
+@checked
 @record
 class Slave:
     """A slave: its address, what it is, and where it is.
@@ -126,7 +131,7 @@ class Slave:
     load: Load = field(default=DEVICE, kw_only=True)
 
     def __post_init__(self) -> None:
-        half = slave_key(self.label)[1]
+        half = slave_key(self.label, "label")[1]
         profile = self.profile or ("S-0.A.F" if half else "S-0.F.F")
         object.__setattr__(self, "profile", Profile.parse(profile))
         if self.node:

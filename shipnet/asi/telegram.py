@@ -27,6 +27,7 @@ from functools import cache
 from typing import Any, Literal
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.asi.profile import describe_io_configuration, describe_status
 from shipnet.errors import (
     ArgumentError,
@@ -38,7 +39,7 @@ from shipnet.errors import (
     SymbolError,
     UnknownCallError,
 )
-from shipnet.fields import check_whole
+from shipnet.fields import check_choice, check_kind, check_whole
 from shipnet.lazy import Axes, pd
 
 # Calls ----------------------------------------------------------------------------------------
@@ -233,10 +234,13 @@ def frame(information: str) -> str:
     return f"0{information}{information.count('1') % 2}1"
 
 
+def _call(value: Call | int) -> Call:
+    return value if type(value) is Call else Call(check_whole("call", value, 0, len(Call) - 1))
+
+
 def information_of(bits: str, length: int, what: str) -> str:
     """Check a telegram from outside to inside and return its information bits."""
-    if not isinstance(bits, str):
-        raise TypeError(f"{what} bits are a str of 0 and 1, but got {type(bits).__name__}")
+    check_kind("bits", bits, str)
     if len(bits) != length:
         raise LengthError(f"a {what} has {length} bits, but {bits!r} has {len(bits)}")
     for place, symbol in enumerate(bits):
@@ -285,7 +289,7 @@ class Response:
     def __post_init__(self) -> None:
         object.__setattr__(self, "data", check_whole("data", self.data, 0, 15, " in a response"))
         if self.call is not None:
-            object.__setattr__(self, "call", Call(self.call))
+            object.__setattr__(self, "call", _call(self.call))
             if self.call.rule.answer is None:
                 raise ArgumentError(f"call is {self.call.rule.title}, which no slave answers")
 
@@ -405,10 +409,10 @@ class Request:
     half: Half | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "call", Call(self.call))
+        object.__setattr__(self, "call", _call(self.call))
         rule, layout = self.call.rule, self._layout
-        if self.half not in (None, "A", "B"):
-            raise ArgumentError(f"half is {self.half!r}; it must be 'A', 'B' or None")
+        if self.half is not None:
+            check_choice("half", self.half, "AB")
         if self.half and "s" not in layout.lower():
             raise ArgumentError(f"half is {self.half!r}, but {rule.title} has no select bit")
         if "a" in layout:
@@ -473,6 +477,7 @@ class Request:
     def parse(cls, bits: str, *, extended: bool = False) -> Request:
         """Read the 14 bits of a request."""
         information = information_of(bits, REQUEST_BITS, "request")
+        check_kind("extended", extended, bool)
         for call in Call:
             found = call.rule.reader(extended).fullmatch(information)
             if found is None:
@@ -502,16 +507,19 @@ class Request:
         return cls(Call.DATA_EXCHANGE, address, data, half)
 
     @classmethod
+    @checked
     def write_parameter(cls, address: int, parameter: int, half: Half | None = None) -> Request:
         """Return a request that sets a slave's parameter bits."""
         return cls(Call.WRITE_PARAMETER, address, parameter, half)
 
     @classmethod
+    @checked
     def assign_address(cls, new_address: int) -> Request:
         """Return a request that gives the slave at address 0 a new address, 1..31."""
         return cls(Call.ASSIGN_ADDRESS, 0, new_address)
 
     @classmethod
+    @checked
     def write_id1(cls, id1: int) -> Request:
         """Return a request that writes extended ID code 1 into the slave at address 0."""
         return cls(Call.WRITE_ID1, 0, id1)
@@ -562,6 +570,7 @@ class Request:
         return cls(Call.ENTER_PROGRAM_MODE, 0)
 
     @classmethod
+    @checked
     def table(cls, *, extended: bool = True) -> pd.DataFrame:
         """Return all requests bit by bit, kim2023's Table 5, to A/B slaves or to standard ones.
 

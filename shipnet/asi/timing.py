@@ -22,11 +22,12 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets, style
+from shipnet.arguments import checked
 from shipnet.arrays import Floats, Integers
 from shipnet.asi.profile import Profile
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response, plot_telegram
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, number, record
+from shipnet.fields import check_scalar, check_whole, number, record
 from shipnet.lazy import Axes
 
 #: Length of one bit on the line [s], from icn2007 section 5 and OMRON manual W357, p. 5.
@@ -56,6 +57,7 @@ class Span(NamedTuple):
         return self.start + self.length
 
 
+@checked
 @record(slots=True)
 class Transaction:
     """One request with its response and both pauses.
@@ -222,6 +224,7 @@ class ResponseTime(NamedTuple):
     worst: float | Floats
 
 
+@checked
 @dataclass(frozen=True)
 class Cycle:
     r"""The cycle of a master that polls all slaves of a line.
@@ -297,7 +300,7 @@ class Cycle:
             )
         for name in ("management", "inclusion", "repetitions"):
             _whole(name, getattr(self, name), _MOST)
-        _seconds("minimum", self.minimum)
+        check_scalar("minimum", self.minimum, "s", 0, 1e9)
         object.__setattr__(self, "pairs", pairs if pairs.ndim else int(pairs))
 
     @property
@@ -338,8 +341,10 @@ class Cycle:
         shared = np.asarray(self.pairs) > 0 if paired is None else np.asarray(paired)
         if shared.dtype.kind != "b":
             raise ArgumentError(f"paired is {paired!r}; it must be True or False")
-        count = check_whole("channels", channels, 1, CHANNELS) if transfers_values(profile) else 1
-        asked = np.where(shared, 2, 1) * exchanges(profile, direction) * count
+        count = check_whole("channels", channels, 1, CHANNELS)
+        asked = np.where(shared, 2, 1) * exchanges(profile, direction)
+        if transfers_values(profile):
+            asked = asked * count
         return _plain(np.asarray(self.time) * asked)
 
     def response_time(
@@ -371,16 +376,17 @@ class Cycle:
         the worst case later by one transaction.
         """
         late = _whole("repetitions", repetitions, _MOST) * self.transaction.duration
+        each = check_scalar("conversion", conversion, "s", 0, 1e9)
         waits = np.asarray(
             self.update_time(profile, channels=channels, direction=direction, paired=paired)
         )
         if transfers_values(profile):
             known = waits / channels
-            waits = waits + channels * _seconds("conversion", conversion)
+            waits = waits + channels * each
         else:
             bits = self.transaction.master_pause + RESPONSE_BITS
             known = np.asarray(bits * self.transaction.bit_time)
-        waits = waits + _seconds("host", host)
+        waits = waits + check_scalar("host", host, "s", 0, 1e9)
         times = np.broadcast_arrays(known, known + waits / 2, known + waits + late)
         return ResponseTime(*map(_plain, times))
 
@@ -455,8 +461,6 @@ def transfers_values(profile: Profile | str) -> bool:
 
 def exchanges(profile: Profile | str, direction: Direction = "in") -> int:
     """Return how many exchanges the largest value of a slave takes, or its bits: one."""
-    if direction not in ("in", "out"):
-        raise ArgumentError(f"direction is {direction!r}; it must be 'in' or 'out'")
     sizes = _sizes(profile, direction)
     if not sizes and not transfers_values(profile):
         return 1
@@ -472,16 +476,12 @@ def exchanges(profile: Profile | str, direction: Direction = "in") -> int:
 
 def _whole(name: str, value: npt.ArrayLike, high: int) -> Integers:
     array = np.asarray(value)
-    if array.dtype.kind not in "iu" or not ((array >= 0) & (array <= high)).all():
+    if (
+        array.dtype.kind not in "iuf"
+        or not ((array >= 0) & (array <= high) & (array % 1 == 0)).all()
+    ):
         raise ArgumentError(f"{name} is {value!r}; it must be whole numbers 0..{high}")
     return array.astype(np.int64)
-
-
-def _seconds(name: str, value: npt.ArrayLike) -> Floats:
-    array = np.asarray(value)
-    if array.dtype.kind not in "iuf" or not ((array >= 0) & np.isfinite(array)).all():
-        raise ArgumentError(f"{name} is {value!r} s; it must be 0 or more, and finite")
-    return array.astype(np.float64)
 
 
 def _plain(array: npt.NDArray[np.generic]) -> float | Floats:

@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
+import numpy as np
+
+from shipnet.arguments import checked
 from shipnet.asi.elements import CURRENT, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan, plan_of
@@ -20,6 +23,7 @@ from shipnet.line.cable import Cable
 from shipnet.line.network import CableRun
 
 
+@checked
 def line(
     length: float,
     slaves: int | Sequence[float] = 0,
@@ -80,6 +84,7 @@ def line(
     return plan_of([*plan, Terminator(_node(length), terminator)])
 
 
+@checked
 def star(
     trunk: float,
     legs: Sequence[float],
@@ -123,7 +128,8 @@ def star(
     >>> len(plan.slaves), round(plan.segments[0].length, 6)
     (62, 100.0)
     """
-    if isinstance(along, int):
+    check_scalar("trunk", trunk, "m", 0, 1e6)
+    if isinstance(along, int | float | np.number):
         along = evenly_spaced(trunk, along)
     named = [("master", master), ("supply", supply), *(("slave", place) for place in along)]
     for what, place in named:
@@ -148,6 +154,7 @@ def star(
     )
 
 
+@checked
 def ring(
     length: float,
     slaves: int | Sequence[float],
@@ -184,7 +191,7 @@ def ring(
     >>> [f"{run}: {run.length:g} m" for run in ring(100, [50]).cables]
     ['cable 0 m - 50 m: 50 m', 'cable 50 m - 75 m: 25 m', 'cable 75 m - 0 m: 25 m']
     """
-    if isinstance(slaves, int):
+    if isinstance(slaves, int | float | np.number):
         slaves = evenly_spaced(length, slaves + 1)[:-1]
     last = max((*slaves, supply), default=0.0)
     if not 0 < last < length:

@@ -21,7 +21,7 @@ from shipnet.ballast.sensors import CHANNELS
 from shipnet.ballast.simulation import record
 from shipnet.ballast.trials import BASIS, spread_valves
 from shipnet.errors import load_extra
-from shipnet.fields import check_path, check_scalar, check_whole
+from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import pd
 from shipnet.parallel import Progress, compute, save_whole
 
@@ -265,7 +265,7 @@ def write_fleet(
     [505, 95]
     """
     load_extra("pyarrow", "pyarrow", "cluster")
-    where = check_path("folder", folder).absolute()
+    where = Path(folder).absolute()
     count = check_whole("valves", valves, 1, 100_000)
     lasts = check_whole("days", days, 1, 3650)
     rate = check_scalar("faults_per_year", faults_per_year, "", 0, 50)

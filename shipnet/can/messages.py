@@ -374,7 +374,10 @@ class MessageSet(Named[Message]):
         Its suffix must not be that of another format: a DBC file would lose its signals.
         """
         if (suffix := Path(path).suffix.lower()) in (".dbc", ".xls", ".xlsm", ".xlsx"):
-            raise ArgumentError(f"path is {str(path)!r}; a CSV file has not the suffix {suffix}")
+            raise ArgumentError(
+                f"path is {str(path)!r}; a CSV file has not the suffix {suffix}; to write a DBC "
+                "file, use cantools"
+            )
         Path(path).write_text(self.text, encoding="utf-8", newline="")
 
 

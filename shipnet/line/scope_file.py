@@ -145,8 +145,6 @@ def _read(
     choose: Callable[[str, _Channels, str | None, float | None], _Read],
 ) -> _Read:
     """Read a file by its suffix, and choose what is wanted of it."""
-    if not isinstance(channel, str | None):
-        raise ArgumentError(f"channel is {channel!r}; it must be text")
     if sample_interval is not None and not (
         isinstance(sample_interval, Real) and 0 < sample_interval < np.inf
     ):

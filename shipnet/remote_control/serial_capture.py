@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ import numpy as np
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.errors import ArgumentError, FormError, InputError, ParityError, name_of
-from shipnet.fields import check_path, check_scalar
+from shipnet.fields import check_scalar
 from shipnet.lazy import pd
 from shipnet.line.scope_file import Edges, bit_time, read_edges
 from shipnet.modbus.uart import SerialLine, Waveform
@@ -254,7 +255,7 @@ def read_capture(
     >>> read_capture(datasets.path("sigrok_uart_gps.sr"))
     SerialCapture(1351 characters 8N1 at 9605.41 bit/s, all right)
     """
-    file = check_path("path", path)
+    file = Path(path)
     rate = None if bit_rate is None else check_scalar("bit_rate", bit_rate, "bit/s", 50, 10e6)
     form = None
     if character is not None:

@@ -55,7 +55,7 @@ def test_a_profile_is_found_by_its_first_two_codes():
         Cycle(31).response_time(direction="up")
 
 
-@pytest.mark.parametrize("channels", [0, 5, 1.0])
+@pytest.mark.parametrize("channels", [0, 5, 1.5])
 def test_numbers_of_channels(channels):
     with pytest.raises(ArgumentError, match="channels is"):
         Cycle(31).response_time("S-7.3", channels=channels)

@@ -370,9 +370,9 @@ def test_any_samples_give_a_table(u, dt):
 @pytest.mark.parametrize(
     ("u", "dt", "options", "message"),
     [
-        ([], 1e-7, {}, "u has the shape"),
-        ([[1.0]], 1e-7, {}, "u has the shape"),
-        (["a"], 1e-7, {}, "u has the shape"),
+        ([], 1e-7, {}, "record has the shape"),
+        ([[1.0]], 1e-7, {}, "record has the shape"),
+        (["a"], 1e-7, {}, "record has the shape"),
         ([np.inf, 0], 1e-7, {}, "u reaches inf V"),
         ([0, -1e300], 1e-7, {}, "u reaches -1e.300 V"),
         ([0.0], 2e-6, {}, "dt is 2e-06 s"),

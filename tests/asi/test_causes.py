@@ -190,6 +190,14 @@ def test_a_record_begins_with_the_request_that_the_plan_computes():
     assert request.bits[:7] == decode(wave).transactions["request"][0][:7]
 
 
+def test_a_printed_capture_ends_with_its_causes():
+    plan = asi.line(60, slaves=(10, 60))
+    assert "cause" not in str(decode(plan.record(10e-3, rng=1)))
+    capture = decode(plan.record(10e-3, weak={"2": 0.4}, rng=1))
+    cause = capture.causes().iloc[0]
+    assert str(capture).splitlines()[-1] == f"probable cause weak slave 2: {cause.evidence}"
+
+
 def test_a_slave_that_hears_no_request_is_dropped():
     wave = asi.line(60, slaves=(10, 60)).record(10e-3, weak={"2": 0.0}, rng=1)
     capture = decode(wave)

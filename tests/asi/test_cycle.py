@@ -109,7 +109,7 @@ def test_arrays_broadcast():
     [
         (lambda: cycle_time(63), "slaves is 63; .* 0..62"),
         (lambda: cycle_time(-1), "slaves is -1"),
-        (lambda: cycle_time(1.0), "slaves is 1.0"),
+        (lambda: cycle_time(1.5), "slaves is 1.5"),
         (lambda: cycle_time(True), "slaves is True"),
         (lambda: cycle_time("5"), "slaves is '5'"),
         (lambda: cycle_time(44, pairs=12), "pairs is 12; 44 slaves take 31 addresses"),

@@ -157,7 +157,7 @@ def test_where_nothing_is_lost_the_rate_has_a_bound_and_is_not_sound():
         ({"noise_density": 0.0}, r"noise_density is 0\.0"),
         ({"noise_density": [np.nan]}, "noise_density is"),
         ({"n_telegrams": 999}, "n_telegrams is 999"),
-        ({"n_telegrams": 2000.0}, r"n_telegrams is 2000\.0"),
+        ({"n_telegrams": 2000.5}, r"n_telegrams is 2000\.5"),
         ({"seed": None}, "seed is None"),
         ({"seed": -1}, "seed is -1"),
         ({"receiver": Receiver(minimum=5.0)}, "received without an error"),

@@ -116,7 +116,7 @@ def test_any_bits_alternate(bits):
 
 @pytest.mark.parametrize("bits", ["", [], [0, 2], [[0.5]], 1, "0a", "01\u0661"])
 def test_other_bits_are_refused(bits):
-    with pytest.raises(ArgumentError, match="bits must"):
+    with pytest.raises(ArgumentError, match=r"bits .*must"):
         Modulation(bits)
 
 

@@ -13,7 +13,7 @@ def test_a_spectrum_is_the_transform_of_the_slope():
     slope = np.gradient(code.current(t), t)
     by_hand = [abs(np.trapezoid(slope * np.exp(-2j * np.pi * f * t), t)) for f in (50e3, 167e3)]
     assert code.spectrum([50e3, 167e3]) == pytest.approx(by_hand, rel=1e-3)
-    with pytest.raises(ArgumentError, match="bits must be 0 or 1"):
+    with pytest.raises(ArgumentError, match="bits of telegrams must be 0 or 1"):
         asi.Modulation("012")
 
 

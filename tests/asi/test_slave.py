@@ -337,10 +337,10 @@ def test_without_watchdog_outputs_stay():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"address": 32}, "slave is '32'"),
+        ({"address": 32}, "label is '32'"),
         ({"half": "B"}, "one with a half must be an A/B slave"),
-        ({"profile": "S-7.A.E", "half": "C"}, "slave is '1C'"),
-        ({"profile": "S-7.A.E", "address": 0, "half": "B"}, "slave is '0B'"),
+        ({"profile": "S-7.A.E", "half": "C"}, "label is '1C'"),
+        ({"profile": "S-7.A.E", "address": 0, "half": "B"}, "label is '0B'"),
         ({"profile": "S-7.A.E", "id1": 8}, r"id1 is 8; .* 0\.\.7"),
         ({"inputs": 16}, "inputs is 16"),
         ({"watchdog": -1.0}, "watchdog is -1 s"),

@@ -218,9 +218,8 @@ def test_bad_bits_are_named(parse, bits, kind, message):
 
 @pytest.mark.parametrize("bits", [None, 12, b"00101010111001", ["0"] * 14])
 def test_bits_of_another_type(bits):
-    for what, parse in (("request", Request.parse), ("response", Response.parse)):
-        message = f"^{what} bits are a str of 0 and 1, but got {type(bits).__name__}$"
-        with pytest.raises(TypeError, match=message):
+    for parse in (Request.parse, Response.parse):
+        with pytest.raises(ArgumentError, match=r"^bits is .*; it must be a str$"):
             parse(bits)
 
 
@@ -305,7 +304,7 @@ def test_bad_arguments_name_value_and_range(make, message):
 
 
 def test_an_unknown_call_number():
-    with pytest.raises(ValueError, match="13 is not a valid Call"):
+    with pytest.raises(ArgumentError, match=r"call is 13; it must be a whole number 0\.\.12"):
         Request(13, 1)
 
 

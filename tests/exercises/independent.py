@@ -1,15 +1,21 @@
 """Typical wrong answers, drawn up before the hints were written: six ways for each exercise.
 
 `WRONG` maps an exercise to rows of what went wrong and the answer that it gives; `m` holds the
-student's numbers, and `right` the right answer. `FAIR` holds right answers in another notation.
+student's numbers, and `right` the right answer. `in_other_words` gives right answers in another
+notation.
 """
 
+from functools import partial
 from itertools import combinations, pairwise
 from math import ceil, log, log2, log10
 from statistics import mean
 
+import numpy as np
+import pandas as pd
+
 from shipnet import ballast, can
 from shipnet.design import Plant
+from shipnet.exercises.answers import Bits, Bytes, Number, Table, Whole, Words
 
 FLIP = str.maketrans("01", "10")
 ENDS = ("open end", "above 100 ohm", "100 ohm", "below 100 ohm", "short circuit")
@@ -683,3 +689,32 @@ def ring_emptied(events, size):
         else:
             waiting += 1
     return lost
+
+
+def in_other_words(right):
+    """Yield an answer that is right in the notations that students use."""
+    value = right.value
+    if isinstance(right, Number):
+        yield from (np.float64(value), np.array(value), np.array([value]), float(f"{value:.4g}"))
+    elif isinstance(right, Whole):
+        yield from (float(value), np.int64(value), np.array(value))
+    elif isinstance(right, Bits):
+        yield from (list(value), np.array([*map(int, value)]), " ".join(value))
+    elif isinstance(right, Bytes):
+        yield from (value.hex(), value.hex(" ").upper(), list(value), bytearray(value))
+    elif isinstance(right, Table):
+        rows = list(value)
+        yield from (
+            pd.DataFrame(rows),
+            rows[::-1],
+            tuple(rows),
+            [{**row, "note": ""} for row in rows],
+        )
+    elif isinstance(right, Words):
+        words = list(value)
+        yield from (words, tuple(words), [word.upper() for word in words])
+        if isinstance(value, frozenset):
+            yield from (", ".join(words), set(words), words[::-1])
+    else:
+        yield lambda *case: value(*case)
+        yield partial(value)

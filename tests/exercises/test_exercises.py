@@ -224,6 +224,15 @@ def test_a_typical_wrong_answer_is_refused_and_leads_on(key, wrong):
         assert not gives_away(said, right)
 
 
+@pytest.mark.parametrize("key", EXERCISES)
+def test_a_right_answer_is_right_in_any_notation(key):
+    one = exercise(key)
+    for numbers in draws(one, 5):
+        right = one.solve(**numbers)[0]
+        for answer in independent.in_other_words(right):
+            assert one.fault(answer, Drawn(numbers)) is None
+
+
 def test_every_exercise_has_six_typical_wrong_answers():
     assert list(independent.WRONG) == EXERCISES
     assert {len(ways) for ways in independent.WRONG.values()} == {6}

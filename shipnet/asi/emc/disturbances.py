@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, number, record, whole
@@ -124,6 +125,7 @@ def _passed(since: Floats, constants: Floats) -> Floats:
 # Objects ---------------------------------------------------------------------------------------
 
 
+@checked
 @record
 class Noise:
     r"""White noise; its amplitude is the standard deviation of samples `reference` apart.
@@ -168,6 +170,7 @@ class Noise:
         return amplitude * rng.standard_normal((size, t.size))
 
 
+@checked
 @record
 class Impulses:
     r"""Impulses of random place, sign, height and width, each a raised cosine, on every telegram.

@@ -16,13 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import style
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.asi.emc.disturbances import PACKET_LENGTH, PACKET_PERIOD
 from shipnet.asi.modulation import CLASSES, HALF_BIT, Pulses
 from shipnet.asi.receiver import Disturbance, Receiver, RNGLike, Waveform, matched_filter, receive
 from shipnet.asi.timing import Cycle, Transaction
 from shipnet.errors import ArgumentError, SilenceError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.intervals import share_interval
 from shipnet.lazy import Axes, pd
 
@@ -237,6 +238,7 @@ class ErrorRates:
         return f"<ErrorRates: {volts} V, {share} % of {count} telegrams lost, {missed} undetected>"
 
 
+@checked
 def count_errors(
     wave: Waveform,
     disturbance: Disturbance,
@@ -288,11 +290,12 @@ def count_errors(
         raise ArgumentError(f"amplitudes are {amplitudes!r}; they must be one number, or a row")
     checked = [check_scalar("amplitude", float(volt), "V", 0, 1e9) for volt in volts]
     count = check_whole("n_telegrams", n_telegrams, 1, 2**31)
-    source, receiver = np.random.default_rng(rng), receiver or Receiver()
+    source, receiver = check_rng(rng), receiver or Receiver()
     rows = (_row(wave, disturbance, volt, count, source, receiver) for volt in checked)
     return ErrorRates(rows, disturbance.quantity)
 
 
+@checked
 def error_rate(
     wave: Waveform, noise_density: npt.ArrayLike, *, receiver: Receiver | None = None
 ) -> Floats:
@@ -374,6 +377,7 @@ TRIES, CYCLES = 2, 3
 _EXTRA = 2
 
 
+@checked
 def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.DataFrame:
     r"""Return what exchanges that fail independently of each other do to a network.
 
@@ -426,6 +430,7 @@ def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.Dat
     )
 
 
+@checked
 def burst_failures(
     inside: float,
     rng: RNGLike | None = None,
@@ -480,7 +485,7 @@ def burst_failures(
     """
     inside = check_scalar("inside", inside, "of the exchanges", 0, 1)
     packets = check_whole("packets", packets, 1, 2**31)
-    generator = np.random.default_rng(rng)
+    generator = check_rng(rng)
     slaves = check_whole("slaves", slaves, 1, 31)
     packet_length = check_scalar("packet_length", packet_length, "s", 0, 10)
     packet_period = check_scalar("packet_period", packet_period, "s", 0, 1e6)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet import datasets, style
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.lazy import Axes, pd
 
@@ -37,6 +38,7 @@ _SEVERITY = [
 _NONE = 0.4
 
 
+@checked
 def immunity_margin(
     asi: npt.ArrayLike, marine: npt.ArrayLike, better: str | npt.ArrayLike = "higher"
 ) -> npt.NDArray[np.str_]:
