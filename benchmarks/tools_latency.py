@@ -66,7 +66,9 @@ def opened(page, address, tool):
 def changed(page):
     """Press keys; return the median time from key to picture, and of the processor [ms]."""
     page.evaluate(WATCH)
-    sliders = page.locator(".shipnet-controls").last.get_by_role("slider").all()
+    for fold in page.locator(".jupyter-widget-Collapse-header").all():
+        fold.click()
+    sliders = page.locator(".shipnet-panel").get_by_role("slider").all()
     moving = [(slider, ("PageUp", "PageDown")) for slider in sliders]
     moving += [(page.locator(".shipnet-buttons button").first, ("Enter",))]
     for control, keys in moving:
