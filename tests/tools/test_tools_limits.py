@@ -1,7 +1,9 @@
 """Every tool over the limits of each of its controls."""
 
 import importlib
+import re
 from dataclasses import replace
+from html import unescape
 from math import inf, nan
 from pathlib import Path
 
@@ -170,6 +172,11 @@ def test_every_story_is_shown_after_any_other_and_a_page_can_open_on_the_first(t
             assert page.note == "" and page.figure.value and page._look.value.endswith("?"), story
             shown[page._look.value] = page.text
         assert len(shown) == len(set(shown.values())) == 3
+        # A number that a story tells is one that the page shows, or a value of a control.
+        told = re.findall(r"\d+\.\d+|\d\d+", unescape(" ".join(shown)))
+        values = [{**story, "look": ""} for story in page._stories.values()]
+        known = " ".join([*shown.values(), str(kind_of(tool)()), str(values)])
+        assert [number for number in told if number not in known] == []
         page.stories[first].click()
         # The valves of a server go on moving.
         assert page.text == opened or tool == "valve_client"
