@@ -51,7 +51,7 @@ def natural(name: str) -> list[tuple[float, str]]:
 def contents(names: set[str]) -> str:
     """Return the navigation: a toctree for each kind of notebooks, then the other pages."""
     chapters: dict[str, list[str]] = {folder: [] for folder in CAPTIONS}
-    # A README of a folder comes before what it speaks of, a paper after those listed before it.
+    # A folder's README comes first; papers come in the order of PAPERS.
     order = {f"papers/{paper}": f"papers/{n}" for n, paper in enumerate(PAPERS)}
     wanted = [name for name in names if re.search(r"^notebooks/.*(\.ipynb|/README\.md)$", name)]
 

@@ -65,7 +65,7 @@ def mark(notebook: NotebookNode) -> None:
             asked = "Predict" in cell.source
             if cell.source.startswith(("# ", "## ")):
                 kind = "slide"
-            # A caption and what is to be noticed stay with what they speak of, if there is room.
+            # A caption, and what to notice, stay on the slide of their figure if there is room.
             elif not re.match(r"\*[^*]|\*\*What to notice", cell.source):
                 kind = "subslide"
         elif HIDDEN & editions.tags(cell) or (

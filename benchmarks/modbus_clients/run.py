@@ -266,11 +266,11 @@ def rows(client: Client, kind: str, fault: Name) -> dict[str, object]:
     """Return a row of the table."""
     found = measure(client, kind, fault)
     print(f"{client.name}, {kind}, {fault}: {dict(found)}", flush=True)
-    told = {
+    described = {
         "client": client.name, "version": client.version, "defaults": client.defaults,
         "transport": kind, "fault": fault, "timeout_s": TIMEOUT, "polls": POLLS,
     }  # fmt: skip
-    return {**told, **found, "verdict": verdict(found)}
+    return {**described, **found, "verdict": verdict(found)}
 
 
 def main(uv: str = "uv") -> int:

@@ -54,8 +54,8 @@ _REACH = 1.25
 #: A telegram that is listened for has its first pulse by then [s].
 _EARLY = 16e-6
 
-#: What differs by less than this part is equal, and what is less than so many volts is nothing: no
-#: decision depends on how a sum was rounded.
+#: Relative difference below which two heights are equal, and voltage below which a sample is zero
+#: [V]: no decision depends on how a sum was rounded.
 _EVEN, _LEAST = 1e-9, 1e-9
 
 
@@ -364,7 +364,7 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     # What is not in double precision is copied.
     chunk = max(1, _SAMPLES // (n_t if u.dtype == np.float64 else 2 * n_t))
     parts = [
-        # Windows are taken by the place in memory.
+        # `_decide` takes samples by their place in memory.
         _decide(np.ascontiguousarray(rows[begin : begin + chunk]), dt, n_bits, receiver)
         for begin in range(0, max(1, len(rows)), chunk)
     ]
@@ -519,9 +519,7 @@ def _decide(
     (count, n_t), samples = u.shape, HALF_BIT / dt
     taps = _pulse_shape(n_t, dt) if receiver.matched else np.ones(1)
     half, reach = len(taps) // 2, int(receiver.window * samples + 1e-9)
-    # Runs of samples are taken from rows that follow each other in memory.
-    ready = u.dtype == np.float64 and u.flags.c_contiguous
-    u = u if ready else _wider(u, half + reach)
+    u = u if u.dtype == np.float64 else _wider(u, half + reach)
     mean = _means(u, n_t)
     minimum = max(receiver.minimum, _LEAST) * (1 + _EVEN)
     last, near = n_t - 1, int(_REACH * samples) + 1

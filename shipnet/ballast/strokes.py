@@ -42,7 +42,8 @@ POINTS, _STOPPED, _HELD = 600, 200, 250
 #: Parts of the way: for speed and pressures in motion, and for bursts, which the ends also have.
 _STEADY, _INNER = (0.2, 0.8), (0.25, 0.8)
 
-#: A burst stands out of the median of so many points; the floor keeps quiet points finite [count].
+#: Points of the running median above which a burst is measured, and the floor that is added before
+#: the logarithm, since a quiet point may be 0 [count].
 _NEAR, _FLOOR = 17, 0.3
 
 #: A limit is the largest of the healthy actuators' quantiles; above it a term rises to 1. The

@@ -124,7 +124,7 @@ def test_what_a_teacher_should_look_at_is_flagged(tmp_path):
     write(tmp_path / "e.ipynb", ME, "from shipnet.exercises.checking import exercise", RIGHT, check)
     write(tmp_path / "f.ipynb", ME, "1 +", "%matplotlib inline\n" + RIGHT, check)
     (tmp_path / "g.ipynb").write_text('{"cells": [1]}')
-    write(tmp_path / "h.ipynb", ME)
+    write(tmp_path / "h.ipynb", ME, 'check("ex-99-1", me)')
     grades = grade(str(tmp_path))[0].set_index("file")
     flags = grades["flags"].to_dict()
     assert "same lines for ex-04-3 as b/b.ipynb" in flags["a.ipynb"]
