@@ -19,13 +19,7 @@ from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Octets
 from shipnet.can.log import Log, hexadecimal
 from shipnet.can.log_files import log_kind, read_log
-from shipnet.can.messages import (
-    BIT_RATES,
-    Message,
-    MessageSet,
-    bus_load,
-    read_list,
-)
+from shipnet.can.messages import BIT_RATES, Message, MessageSet, bus_load, read_list
 from shipnet.can.response import Assignment, Assumptions, ResponseTimes, audsley, response_times
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Bytes, Floats, Indices, Integers
-from shipnet.can.frame import CRC_BITS, RUN, TAIL, check_bit_rate, head
+from shipnet.can.frame import CRC_BITS, HEADS, RUN, TAIL, check_bit_rate
 from shipnet.can.lengths import CHUNK, frame_length
 from shipnet.can.log import Log, hexadecimal
 from shipnet.can.messages import BIT_RATES
@@ -107,9 +107,7 @@ def read_rows(line: Bytes, known: Integers) -> _Rows:
         return np.asarray(2 ** np.arange(len(part))[::-1] @ part.astype(np.int64))
 
     extended = bits[13] == 1
-    start = np.where(
-        extended, sum(map(len, head(True).values())), sum(map(len, head(False).values()))
-    )
+    start = np.where(extended, *(sum(map(len, one.values())) for one in reversed(HEADS)))
     number = np.where(extended, value(np.concatenate([bits[1:12], bits[14:32]])), value(bits[1:12]))
     remote = np.where(extended, bits[32], bits[12]) == 1
     dlc = value(field(start - 4, 4))
