@@ -57,7 +57,7 @@ class _Traffic:
         self.at = self.now = 0
 
     def send(self, most: int, until: int) -> list[int]:
-        """Send at most `most` frames that begin before `until` without errors; return their messages.
+        """Send up to `most` frames that begin before `until`, and return their messages.
 
         Even with `most` 0, what was released is queued.
         """
