@@ -310,10 +310,12 @@ def false_alarms(
         End time, `period`..1e7 [s].
     period : float, default 600
         Time between two commands, which open and close all valves in turn, 60..1e6 [s].
-    methods, rules, k, n, spread, sensors, rng
+    methods, rules, k, n, spread, sensors
         As for `fault_trials`.
     confidence : float, default 0.95
         Confidence level of the intervals.
+    rng : Generator, int or None
+        As for `fault_trials`.
 
     Returns
     -------
