@@ -73,9 +73,11 @@ def read_messages(
     ImportError
         If the file needs a package that is not installed.
 
-    Notes ----- Without ``extended``, an identifier above 0xFFFF or of eight hexadecimal digits has
-    29 bits. In a DBC file the period is ``GenMsgCycleTime`` [ms]; 0 means none. Signals are checked
-    but not kept.
+    Notes
+    -----
+    Without ``extended``, an identifier above 0xFFFF or of eight hexadecimal digits has 29 bits. In
+    a DBC file the period is ``GenMsgCycleTime`` [ms]; 0 means none. Signals are checked but not
+    kept.
 
     Messages of a log are named by their identifiers. The period is the mean time between two
     frames, the jitter their deviation from even times, including waits for the bus, and the data

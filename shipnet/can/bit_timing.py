@@ -57,9 +57,11 @@ def bit_timings(
         (largest error of each clock) and ``longest_bus_m`` (for the propagation segment). Sorted by
         distance from the wanted sample point, error, most quanta and widest jump.
 
-    Notes ----- Phase segment 2 has at least two quanta and at most those of phase segment 1; the
-    jump width exceeds neither [1]_. With prescaler 1 the controller samples one quantum early and
-    only once, as in the table of [2]_; otherwise bit SMP is set.
+    Notes
+    -----
+    Phase segment 2 has at least two quanta and at most those of phase segment 1; the jump width
+    exceeds neither [1]_. With prescaler 1 the controller samples one quantum early and only once,
+    as in the table of [2]_; otherwise bit SMP is set.
 
     With N quanta per bit, each clock may be off by the smaller of what an error frame and
     resynchronisation within ten bits allow [3]_. The propagation segment covers the delay of the

@@ -407,13 +407,15 @@ def read_capture(
         If the file cannot be read or gives no times, if it has fewer than 1.9 samples per bit or
         more than 2**18 frames, or if there are too few edges to find the bit rate.
 
-    Notes ----- A receiver as in [1]_, with one sample as time quantum, synchronises at the start of
-    a frame and at every edge to dominant. The place of an edge within its sample is unknown: the
-    receiver tries three places of the start of frame and keeps the best fit. With fewer than 4
-    samples per bit, an edge may be as near to one bit as to the next. A wrong frame with such an
-    edge is read again with clocks 0.15 % fast and slow; if it is then correct, it is marked. This
-    can hide a damaged bit: of 18 419 frames with one flipped bit, 9 passed at 2 samples per bit (7
-    of them marked), and none at 8.
+    Notes
+    -----
+    A receiver as in [1]_, with one sample as time quantum, synchronises at the start of a frame and
+    at every edge to dominant. The place of an edge within its sample is unknown: the receiver tries
+    three places of the start of frame and keeps the best fit. With fewer than 4 samples per bit, an
+    edge may be as near to one bit as to the next. A wrong frame with such an edge is read again
+    with clocks 0.15 % fast and slow; if it is then correct, it is marked. This can hide a damaged
+    bit: of 18 419 frames with one flipped bit, 9 passed at 2 samples per bit (7 of them marked),
+    and none at 8.
 
     CAN FD frames and error flags count as faults: a recessive reserved bit, and six equal bits.
 

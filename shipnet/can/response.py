@@ -628,10 +628,12 @@ def audsley(
     Assignment
         The order found. If none is feasible, those `unplaced` come first, by their deadlines.
 
-    Notes ----- From the lowest priority up, each level goes to a message that meets its deadline
-    there, with the longest deadline tried first. This is optimal: a response depends on which
-    messages are above and below, but not on their order [1]_. 20 messages take at most 210 tests,
-    not 20! orders.
+    Notes
+    -----
+    From the lowest priority up, each level goes to a message that meets its deadline there, with
+    the longest deadline tried first. This is optimal: a response depends on which messages are
+    above and below, but not on their order [1]_. 20 messages take at most 210 tests, not 20!
+    orders.
 
     References
     ----------

@@ -208,11 +208,13 @@ def simulate(
     Run
         Frames, messages, errors and nodes as tables, and the load.
 
-    Notes ----- A frame ends with its 3 bits of intermission, as in response-time analysis. Jitter
-    delays each release by a uniformly random time, and frames of one message stay in order. All
-    nodes see an error at once; it destroys the frame, and the sender tries again. An error passive
-    node lets 8 more bits pass after its own frames [1]_; a node whose counter reaches 256 leaves
-    the bus. Errors in error frames, overload frames and missing acknowledgement are not modelled.
+    Notes
+    -----
+    A frame ends with its 3 bits of intermission, as in response-time analysis. Jitter delays each
+    release by a uniformly random time, and frames of one message stay in order. All nodes see an
+    error at once; it destroys the frame, and the sender tries again. An error passive node lets 8
+    more bits pass after its own frames [1]_; a node whose counter reaches 256 leaves the bus.
+    Errors in error frames, overload frames and missing acknowledgement are not modelled.
 
     A simulation does not find the worst case; `response_times` bounds it.
 
@@ -220,8 +222,10 @@ def simulate(
     ----------
     .. [1] Robert Bosch GmbH, "CAN specification 2.0", 1991, part B, sections 3.2.5 and 8.
 
-    Examples -------- Three messages of 7 bytes at 125 kbit/s, at most 1 ms each, are released
-    together. The lowest takes 3.5 ms at worst and misses its deadline of 3.25 ms.
+    Examples
+    --------
+    Three messages of 7 bytes at 125 kbit/s, at most 1 ms each, are released together. The lowest
+    takes 3.5 ms at worst and misses its deadline of 3.25 ms.
 
     >>> from shipnet.can import Message
     >>> messages = MessageSet(
