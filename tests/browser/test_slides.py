@@ -36,7 +36,7 @@ MEASURE = """() => Reveal.getSlides().map((slide) => {
   }
   slide.querySelectorAll("img, pre, td, th").forEach(add);
   slide.querySelectorAll("img").forEach((image) =>
-    figures.push(image.offsetWidth / image.naturalWidth));
+    figures.push(image.offsetWidth / image.getAttribute("width")));
   const marks = [...document.querySelectorAll(".controls, .slide-number")].map((mark) => {
     const r = mark.getBoundingClientRect();
     return [r.left, r.top, r.right, r.bottom];
