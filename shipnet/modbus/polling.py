@@ -108,7 +108,7 @@ class Poll:
         return Utilisation(busy / scan, capacity, scan + self.time)
 
     def max_slaves(self, period: float, *, dead: int = 0) -> int:
-        """Return how many slaves, dead ones included, a scan within a period [s] can have, 0..247."""
+        """Return how many slaves, dead ones included, a scan can have in a period [s], 0..247."""
         longest = check_scalar("period", period, "s", 0, 1e6)
         return _most([self], longest, check_whole("dead", dead, 0, MAX_UNIT))
 
