@@ -22,9 +22,9 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 
-#: What the columns of a log may hold, by the kind of a numpy array.
-_KINDS = {
 #: Kinds of numpy arrays that each column of a log may be.
+_KINDS = {
+    "time": "fiu", "channel": "U", "arbitration_id": "iu", "extended": "b", "remote": "b",
     "dlc": "iu", "data": "iu",
 }  # fmt: skip
 
