@@ -141,8 +141,7 @@ class Crc:
         return np.append(data.astype(np.int64), 1 << np.arange(self.width))
 
 
-#: ISO 11898-1.
-CAN = Crc("CRC-15/CAN", 15, 0x4599)
+CAN = Crc("CRC-15/CAN", 15, 0x4599)  #: ISO 11898-1.
 
 #: "MODBUS over serial line" V1.02.
 MODBUS = Crc("CRC-16/MODBUS", 16, 0x8005, init=0xFFFF, reflected=True)

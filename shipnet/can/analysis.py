@@ -28,8 +28,7 @@ from shipnet.lazy import Axes, pd
 #: Largest error of a clock on a CAN bus: Bosch, CAN specification 2.0, part B, section 9.
 CLOCK_TOLERANCE = 0.0158
 
-#: Resolution of time stamps [s].
-_STAMP = 1e-6
+_STAMP = 1e-6  #: Resolution of time stamps [s].
 
 
 @checked
@@ -254,9 +253,6 @@ def _messages(source: MessageSet | Log | str | PathLike[str], period: float | No
     if isinstance(source, str | PathLike):
         return read_messages(source, period=period)
     return source.messages(period=period) if isinstance(source, Log) else source
-
-
-# A plan and a log ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -39,8 +39,7 @@ from shipnet.line.scope_file import Edges, bit_time, read_edges
 #: Bit rates tried by default: those of CANopen, NMEA 2000 and vehicles.
 _RATES = (*BIT_RATES, 100e3 / 3, 250e3 / 3, 2e6 / 21, 100e3, 200e3, 400e3, 800e3)
 
-#: Fewest samples per bit, with a margin for inaccurate clocks.
-_FEWEST = 1.9
+_FEWEST = 1.9  #: Fewest samples per bit, with a margin for inaccurate clocks.
 
 #: Recessive bits before a start of frame: a node may start in the third bit of intermission.
 _IDLE = 9.5
@@ -48,11 +47,8 @@ _IDLE = 9.5
 #: Most edges and bits of a frame that are examined; the longest frame has 157 bits.
 _EDGES, _BITS = 160, 176
 
-#: Most bits by which one edge shifts the sampling.
-_JUMP = 0.2
-
-#: Number of edges on which candidates for the bit rate are compared.
-_TRIED = 40_000
+_JUMP = 0.2  #: Most bits by which one edge shifts the sampling.
+_TRIED = 40_000  #: Number of edges on which candidates for the bit rate are compared.
 
 #: Places of the start of frame within its sample that are tried, the middle first.
 _PLACES = (0.0, 0.42, -0.42)

@@ -116,5 +116,4 @@ class ErrorBound:
 
 Simulated: TypeAlias = BitErrors | ErrorAt
 
-#: A bus without errors.
-NO_ERRORS = ErrorBound(math.inf, 0)
+NO_ERRORS = ErrorBound(math.inf, 0)  #: A bus without errors.

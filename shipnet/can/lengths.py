@@ -128,8 +128,6 @@ def frame_length(
     return np.asarray(columns[long.astype(np.intp), size.astype(np.intp)], dtype=np.float64)
 
 
-# Frames by the million -------------------------------------------------------------------------
-
 #: Frames worked on at a time: they and what is made of them stay in a core's own cache.
 CHUNK = 2**13
 

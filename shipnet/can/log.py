@@ -293,9 +293,6 @@ class LogLoad:
         return f"LogLoad({'; '.join(parts)})"
 
 
-# What a log says -------------------------------------------------------------------------------
-
-
 def _sliding(time: Floats, bits: Floats, window: float) -> Floats:
     """Return the bits of the frames in the window that ends with each frame."""
     summed = np.concatenate([[0.0], np.cumsum(bits)])

@@ -232,8 +232,6 @@ def log_kind(file: Path) -> str:
     return kind if kind in ("asc", "blf", "trc") else ""
 
 
-# Text of candump and tables ----------------------------------------------------------------------
-
 #: A line of ``candump -l`` or python-can, which adds the direction. A remote frame has R, perhaps
 #: with its DLC, in place of data.
 _PLAIN = re.compile(
@@ -428,8 +426,6 @@ def _shown(text: str) -> str:
     text = text.strip()
     return repr(text if len(text) <= 60 else text[:57] + "...")
 
-
-# Formats that python-can reads ------------------------------------------------------------------
 
 #: A line of an ASC file with a time, a channel and an identifier.
 _ASC_FRAME = re.compile(r"\d+\.\d+\s+\d+\s+[0-9a-fA-F]+x?\s")

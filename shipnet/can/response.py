@@ -65,8 +65,6 @@ class Assumptions:
     )
 
 
-# The equations ---------------------------------------------------------------------------------
-
 #: Steps of a recursion, or instances of a message, after which a busy period counts as endless.
 #: Only loads within about 1e-4 of 1 need as many.
 _MOST_STEPS = 200_000
@@ -268,9 +266,6 @@ def _first_gaps(
         return None
     first: Integers = work[np.arange(len(work)), gap.argmax(axis=1)]
     return first
-
-
-# Response times --------------------------------------------------------------------------------
 
 
 class ResponseTime(NamedTuple):
@@ -574,9 +569,6 @@ def _solve(bus: Bus, place: int, method: Method, errors: ErrorBound) -> _Solved:
     exact = method == "exact"
     busy = level.busy_period if exact else math.nan
     return level.blocking, busy, list(level.responses(every=exact))
-
-
-# Priorities ------------------------------------------------------------------------------------
 
 
 class Assignment(NamedTuple):

@@ -19,8 +19,7 @@ MAX_PDU = 253
 #: V1.02, section 2.2.
 MAX_UNIT = 247
 
-#: Bytes that a frame adds to its PDU: unit id and CRC; MBAP header.
-RTU_BYTES, MBAP_BYTES = 3, 7
+RTU_BYTES, MBAP_BYTES = 3, 7  #: Bytes that a frame adds to its PDU: unit id and CRC; MBAP header.
 
 _HEXADECIMAL = frozenset(b"0123456789ABCDEFabcdef")
 

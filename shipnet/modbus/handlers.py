@@ -33,8 +33,7 @@ _HELD_BACK, _ALL_HELD_BACK = 256, 1 << 15
 #: Unsent answers at which a client that does not read is disconnected [byte]: 250 of the longest.
 _UNSENT = 1 << 16
 
-#: Between timers that must fire in order [s].
-_APART = 1e-6
+_APART = 1e-6  #: Between timers that must fire in order [s].
 
 #: Bytes before those that the length field of a TCP frame counts, and that length's legal range.
 _HEAD, _SHORTEST, _LONGEST = 6, 2, 1 + MAX_PDU

@@ -85,9 +85,6 @@ class ExceptionCode(IntEnum):
     GATEWAY_TARGET_FAILED_TO_RESPOND = 11
 
 
-# Checks and coils -------------------------------------------------------------------------------
-
-
 def check_registers(
     registers: Iterable[int], most: int, name: str = "registers"
 ) -> tuple[int, ...]:
@@ -142,9 +139,6 @@ def _function(value: int) -> FunctionCode:
         return FunctionCode(value)
     except ValueError:
         raise ArgumentError(f"function is {value!r}; it must be {_CODES}") from None
-
-
-# Requests and responses -------------------------------------------------------------------------
 
 
 class _Framed:
@@ -476,9 +470,6 @@ class Response(_Framed):
         return pack(">BHH", code, self.address, self.registers[0] if code == 6 else self.quantity)
 
 
-# Reading ----------------------------------------------------------------------------------------
-
-
 #: Fields behind the function code of a request and of a normal response by function code; two bytes
 #: each, but for a byte count and the values that it counts. Sections 6.1 to 6.17.
 _BLOCK, _ONE, _COUNTED = (
@@ -553,9 +544,6 @@ def _compared(request: Request, response: Response, data: bytes) -> Response:
     if data != (echo := request.response().pdu):
         raise MismatchError(f"the echo is {data.hex()}, but {echo.hex()} was asked")
     return response
-
-
-# Frames -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,7 @@ from shipnet.modbus.frame import MAX_UNIT, RTU_BYTES
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.uart import SerialLine
 
-#: Bit rates in use [bit/s].
-BIT_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
+BIT_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)  #: Bit rates in use [bit/s].
 
 
 @record(slots=True)

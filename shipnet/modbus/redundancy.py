@@ -22,8 +22,7 @@ from shipnet.modbus.polling import Poll
 #: Colour and word of what serves a slave.
 _SERVED = {"A": ("C0", "through A"), "B": ("C1", "through B"), "-": ("0.75", "lost")}
 
-#: More slaves than this are drawn without their numbers.
-_NUMBERED = 40
+_NUMBERED = 40  #: More slaves than this are drawn without their numbers.
 
 #: What the faults of a redundant line are given as: one of them or several.
 Faults = Fault | Iterable[Fault]
@@ -468,5 +467,4 @@ class DualChannel(_Redundant):
         return np.full(shape, self.period), moving, moving
 
 
-#: A master with two ports.
-System = Loop | DualChannel
+System = Loop | DualChannel  #: A master with two ports.

@@ -20,8 +20,7 @@ from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.redundancy import DualChannel, Faults, System, line_faults
 
-#: Ports, and in place of one: served by none.
-A, B, LOST = range(3)
+A, B, LOST = range(3)  #: Ports, and in place of one: served by none.
 
 #: Why a try is made: in its turn, on the other port at once, or to see whether all is well again.
 KINDS = ("poll", "switch", "probe")
@@ -30,8 +29,7 @@ _POLL, _SWITCH, _PROBE = range(3)
 #: Colour of each outcome of a try.
 _OUTCOME = {"request": "C0", "response": "C2", "no response": style.LIMIT["color"]}
 
-#: Start [s], slave from 0, port, kind, answered.
-Try = tuple[float, int, int, int, bool]
+Try = tuple[float, int, int, int, bool]  #: Start [s], slave from 0, port, kind, answered.
 
 
 class Paths:

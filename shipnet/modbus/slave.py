@@ -25,8 +25,7 @@ from shipnet.modbus.pdu import (
 #: Kind of data, each with addresses of its own; "MODBUS application protocol" V1.1b3, section 4.3.
 Table = Literal["coils", "discrete_inputs", "holding_registers", "input_registers"]
 
-#: Values by address, or from address 0.
-_Values = Mapping[int, Any] | Iterable[Any]
+_Values = Mapping[int, Any] | Iterable[Any]  #: Values by address, or from address 0.
 
 _READ: dict[int, Table] = dict(enumerate(get_args(Table), start=1))
 

@@ -21,8 +21,7 @@ __all__ = ["LossyPath", "compare"]
 
 Match = Literal["nothing", "unit id", "transaction id"]
 
-#: Transaction ids have 16 bits.
-_IDS = 1 << 16
+_IDS = 1 << 16  #: Transaction ids have 16 bits.
 
 _MOST = 10**6
 _MATCHES: tuple[Match, ...] = ("nothing", "unit id", "transaction id")

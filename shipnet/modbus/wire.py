@@ -28,8 +28,7 @@ _ONLY = {
 
 _GARBAGE = 4
 
-#: The silence before a piece of an answer [s], and its bytes.
-Piece = tuple[float, bytes]
+Piece = tuple[float, bytes]  #: The silence before a piece of an answer [s], and its bytes.
 
 
 @checked
