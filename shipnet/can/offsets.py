@@ -19,15 +19,11 @@ from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 
-#: Releases in a hyperperiod beyond which messages of a sender are taken as of several clocks: that
-#: is safe, as they have more freedom then.
+#: Most releases of a sender in a hyperperiod; messages beyond get a clock of their own, which is
+#: safe because it leaves them more freedom.
 MOST_RELEASES = 20_000
-
-#: Releases in a hyperperiod and the windows around it beyond which none of them is looked at.
-_MOST_EVENTS = 1_000_000
-
-#: Load from which the bounds without offsets are taken: the windows become too long.
-_HIGHEST_LOAD = 0.99
+_MOST_EVENTS = 1_000_000  #: Most releases in a hyperperiod and the windows around it.
+_HIGHEST_LOAD = 0.99  #: Load from which the windows are too long.
 
 
 class Streams(NamedTuple):

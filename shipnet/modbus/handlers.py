@@ -20,22 +20,16 @@ from shipnet.modbus.wire import Wire
 
 Respond = Callable[[Adu], Answer]
 
-#: Requests of one client that are answered before all other clients have had their turn.
-_QUOTA = 4
+_QUOTA = 4  #: Requests of one client answered before all others have their turn.
+_READ = 4096  #: Bytes read from a client at once; no more are read until they are answered.
 
-#: Bytes that are read from a client at once; until their requests are answered, no more are read.
-_READ = 4096
-
-#: Answers held back for one client, and for all senders of datagrams together: further requests
-#: must wait, and further datagrams are lost.
+#: Delayed answers of one client, and of all senders of datagrams, beyond which requests wait and
+#: datagrams are lost.
 _HELD_BACK, _ALL_HELD_BACK = 256, 1 << 15
+_UNSENT = 1 << 16  #: Unread answers at which a client is disconnected [byte]: 250 of the longest.
+_APART = 1e-6  #: Time between timers that must fire in order [s].
 
-#: Unsent answers at which a client that does not read is disconnected [byte]: 250 of the longest.
-_UNSENT = 1 << 16
-
-_APART = 1e-6  #: Between timers that must fire in order [s].
-
-#: Bytes before those that the length field of a TCP frame counts, and that length's legal range.
+#: Bytes of a TCP frame before those that its length field counts, and the legal range of that.
 _HEAD, _SHORTEST, _LONGEST = 6, 2, 1 + MAX_PDU
 
 

@@ -36,10 +36,8 @@ from shipnet.modbus.frame import (
     tcp_frame,
 )
 
-#: Most coils or registers that one request reads, by function code; section 6.
+#: Most coils or registers that one request reads and writes, by function code; section 6.
 READ_LIMITS = {1: 2000, 2: 2000, 3: 125, 4: 125, 23: 125}
-
-#: Most coils or registers that one request writes, by function code; section 6.
 WRITE_LIMITS = {5: 1, 6: 1, 15: 1968, 16: 123, 23: 121}
 
 _REGISTERS_READ, _CODES = frozenset({3, 4, 23}), "1..6, 15, 16 or 23"
@@ -598,7 +596,7 @@ class Adu:
 
     @property
     def tcp(self) -> bytes:
-        """The TCP frame of 8..260 bytes: transaction id (0 if None), protocol id 0, length, unit id, PDU."""  # noqa: E501
+        """TCP frame of 8..260 bytes: transaction id (0 if None), 0, length, unit id, PDU."""
         return tcp_frame(self.unit_id, self.pdu, self.transaction_id or 0)
 
     def request(self) -> Request:
@@ -618,13 +616,8 @@ class Adu:
             fields, rest = {"unit id": self.rtu[:1]}, {"CRC": self.rtu[-2:]}
         else:
             head = self.tcp[:MBAP_BYTES]
-            fields = {
-                "transaction id": head[:2],
-                "protocol id": head[2:4],
-                "length": head[4:6],
-                "unit id": head[6:],
-            }
-            rest = {}
+            names = ("transaction id", "protocol id", "length", "unit id")
+            fields, rest = {name: head[2 * k :][:2] for k, name in enumerate(names)}, {}
         fields |= {"function code": self.pdu[:1], **self._parts()} | rest
         return pd.DataFrame(
             {"bytes": [part.hex(" ") for part in fields.values()]},

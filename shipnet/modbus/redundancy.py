@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -73,8 +73,7 @@ class Reach:
     @property
     def lost(self) -> list[int]:
         """Slaves that neither port reaches."""
-        reached = {*self.through_a, *self.through_b}
-        return [s for s in range(1, self.n_slaves + 1) if s not in reached]
+        return [s for s, port in enumerate(self.served, start=1) if port == "-"]
 
     @property
     def served(self) -> list[str]:
@@ -97,8 +96,6 @@ class _Redundant:
 
     __slots__ = ()
     if TYPE_CHECKING:
-        poll: Poll
-        failures: int
         recheck: float
 
         @property
@@ -401,6 +398,10 @@ class DualChannel(_Redundant):
     [1.133]
     """
 
+    #: One source of data; the master has a port B, and nothing lies downstream.
+    n_slaves: ClassVar[int] = 1
+    closed: ClassVar[bool] = True
+    move: ClassVar[str] = "slave"
     poll: Poll = part(Poll, "What the master asks")
     period: float = number(
         0, 3600, "s", "From the begin of a poll to the next, not shorter than a poll; a poll that "
@@ -418,21 +419,6 @@ class DualChannel(_Redundant):
     def __post_init__(self) -> None:
         self._check()
         check_scalar("period", self.period, "s", self.poll.time, 3600)
-
-    @property
-    def n_slaves(self) -> int:
-        """One source of data."""
-        return 1
-
-    @property
-    def move(self) -> str:
-        """Nothing lies downstream."""
-        return "slave"
-
-    @property
-    def closed(self) -> bool:
-        """The master has a port B."""
-        return True
 
     def single_faults(self) -> list[Fault]:
         """Return a break and a short of each channel, then the slaves, then the ports."""

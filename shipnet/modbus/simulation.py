@@ -20,15 +20,14 @@ from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.redundancy import DualChannel, Faults, System, line_faults
 
-A, B, LOST = range(3)  #: Ports, and in place of one: served by none.
+A, B, LOST = range(3)  #: Ports, or none.
 
-#: Why a try is made: in its turn, on the other port at once, or to see whether all is well again.
+#: Kinds of a try: in its turn, at once on the other port, or to recheck what failed.
 KINDS = ("poll", "switch", "probe")
 _POLL, _SWITCH, _PROBE = range(3)
 
-#: Colour of each outcome of a try.
+#: Colours of the parts of a try.
 _OUTCOME = {"request": "C0", "response": "C2", "no response": style.LIMIT["color"]}
-
 Try = tuple[float, int, int, int, bool]  #: Start [s], slave from 0, port, kind, answered.
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from heapq import heappop, heappush
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -21,10 +21,8 @@ __all__ = ["LossyPath", "compare"]
 
 Match = Literal["nothing", "unit id", "transaction id"]
 
-_IDS = 1 << 16  #: Transaction ids have 16 bits.
-
-_MOST = 10**6
-_MATCHES: tuple[Match, ...] = ("nothing", "unit id", "transaction id")
+_IDS = 1 << 16  #: Number of transaction ids.
+_MOST = 10**6  #: Most requests.
 
 
 @record
@@ -209,7 +207,7 @@ def compare(
     seed = int(check_rng(rng).integers(2**63))
     settings = {"timeout": timeout, "period": period, "processing": processing, "flush": flush}
     rows = {}
-    for match in _MATCHES:
+    for match in get_args(Match):
         run = simulate(units, path, match=match, rng=seed, **settings)  # type: ignore[arg-type]
         rows[match] = (run.mismatched, run.wrong_unit, run.timeouts, run.dropped)
     columns = ["mismatched", "wrong_unit", "timeouts", "dropped"]
