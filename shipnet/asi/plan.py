@@ -547,7 +547,7 @@ class Plan:
                 labels = " ".join(slave.label for slave in self.slaves if slave.node == node)
                 ax.annotate(
                     labels, tuple(places[node]), (0, 6), textcoords="offset points",
-                    ha="center", fontsize=8,
+                    ha="center",
                 )  # fmt: skip
         for label, (marker, colour, size) in _MARKS.items():
             if points[label]:

@@ -253,7 +253,7 @@ class Run:
             if again:
                 ax.text(
                     begin + REQUEST_BITS * bit / 2, -0.5, str(one["attempt"]), ha="center",
-                    va="bottom", fontsize=7,
+                    va="bottom",
                 )  # fmt: skip
             fine, pause = one["outcome"] == "ok", one["master_pause_bit"]
             if fine and pause != pause:

@@ -189,7 +189,7 @@ class Slave:
                 facecolor=style.FIELD["address"],
                 edgecolor="0.3",
             )
-            ax.text(x, 0, state.value.upper(), ha="center", va="center", fontsize=8)
+            ax.text(x, 0, state.value.upper(), ha="center", va="center")
         words = defaultdict(list)
         for (state, event), following in TRANSITIONS.items():
             # A pause after a response is a pause: where any will do, it need not be named.
@@ -208,7 +208,7 @@ class Slave:
             )
             ax.text(
                 (x0 + x1) / 2, lane + (0.08 if lane > 0 else -0.08), "\n".join(said), ha="center",
-                va="bottom" if lane > 0 else "top", fontsize=7,
+                va="bottom" if lane > 0 else "top",
             )  # fmt: skip
         return style.bare(ax, (-1.4, 13.4), (-0.9, 1.6))
 

@@ -172,7 +172,7 @@ def plot_system(
             [x, x, middle], [0.0, 2.0, 2.0], color="#009E73", linestyle="--", zorder=1,
             label="Modbus" if channel == 1 else None,
         )  # fmt: skip
-        ax.text(x, 1.0, f" channel {channel}", fontsize=8, va="center")
+        ax.text(x, 1.0, f" channel {channel}", va="center")
         spots[str(channel)] = (x, 1.4)
     for where, text in failed:
         x, y = spots[where]
@@ -182,7 +182,7 @@ def plot_system(
         on_cable = where in ("1", "2")  # beside the cable, whose name is below
         ax.annotate(
             text, (x, y), (-9, 0) if on_cable else (0, -10),
-            textcoords="offset points", color=LIMIT["color"], fontsize=8,
+            textcoords="offset points", color=LIMIT["color"],
             ha="right" if on_cable else "center", va="center" if on_cable else "top",
         )  # fmt: skip
     style.legend(ax)

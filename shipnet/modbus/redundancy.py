@@ -354,7 +354,7 @@ class Loop(_Redundant):
                 words = "\n".join(str(f) for f in cables if f.section == k)
                 ax.text(
                     1.15 * np.cos(arc[6]), 1.15 * np.sin(arc[6]), words,
-                    color=red, fontsize=8, ha="center", va="center",
+                    color=red, ha="center", va="center",
                 )  # fmt: skip
         for port, (colour, words) in _SERVED.items():
             own = np.flatnonzero(np.array(served) == port) + 1
@@ -365,9 +365,9 @@ class Loop(_Redundant):
                 )  # fmt: skip
         if n <= _NUMBERED:
             for s in range(1, n + 1):
-                ax.text(x[s], y[s], str(s), ha="center", va="center", fontsize=8, zorder=3)
+                ax.text(x[s], y[s], str(s), ha="center", va="center", zorder=3)
         ax.bar(0, 0.26, 0.84, bottom=y[0] - 0.16, color="white", edgecolor="0.2", zorder=3)
-        ax.text(0, y[0] - 0.03, "master", ha="center", va="center", fontsize=9, zorder=5)
+        ax.text(0, y[0] - 0.03, "master", ha="center", va="center", zorder=5)
         for s, port in ((0, "A"), (n + 1, "B"))[: 1 + self.closed]:
             ax.text(x[s], y[s] - 0.03, port, ha="center", va="center", fontweight="bold", zorder=5)
         dead = [f.slave for f in failed if isinstance(f, DeadSlave)]

@@ -53,14 +53,14 @@ def plot_ring(
         )  # fmt: skip
         ax.add_patch(wedge)
         if size <= 32:
-            ax.text(*_at(0.875, middle), byte, ha="center", va="center", fontsize=8)
+            ax.text(*_at(0.875, middle), byte, ha="center", va="center")
     for (name, cell), radius, tip in zip(places.items(), (1.38, 0.15), (1.02, 0.74), strict=True):
         angle = 90 - (cell + 0.5) * step
         ax.annotate(
             name, xy=_at(tip, angle), xytext=_at(radius, angle), ha="center", va="center",
             arrowprops={"arrowstyle": "->", "color": "0.2"},
         )  # fmt: skip
-    ax.text(0, -1.55, text, ha="center", va="top", fontsize="small")
+    ax.text(0, -1.55, text, ha="center", va="top")
     ax.set_xlim(-1.6, 1.6)
     ax.set_ylim(-2.1, 1.5)
     ax.set_aspect("equal")
@@ -158,7 +158,7 @@ def plot_time_chart(
         ax.plot(one["time_s"], place, marker="v", color=style.LIMIT["color"], linestyle="none")
         ax.annotate(
             f"{one['partner']} failed", (one["time_s"], place), (3, 3),
-            textcoords="offset points", color=style.LIMIT["color"], fontsize="small",
+            textcoords="offset points", color=style.LIMIT["color"],
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
         )  # fmt: skip
     ax.set_xlim(start, min(end, until))
@@ -222,7 +222,7 @@ def plot_counters(
         ax.plot(time, y, "v", color=colour)
         ax.annotate(
             f"failed, {time:.1f} s" if failed else f"miss {number}", (time, y), (5, 0),
-            textcoords="offset points", va="center", color=colour, fontsize="small",
+            textcoords="offset points", va="center", color=colour,
         )  # fmt: skip
     line, name = "-" if place == 0 else "--", label or f"rule {place + 1}"
     ax.plot(times, counts, line, drawstyle="steps-post", color=f"C{place}", label=name)
