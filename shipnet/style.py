@@ -78,7 +78,7 @@ def limit(ax: Axes, level: float, name: str) -> None:
 def legend(ax: Axes, columns: int = 4, **options: Any) -> None:
     """Put the legend above the axes, clear of the data; `options` are those of `Axes.legend`."""
     above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
-    ax.legend(**above, ncols=columns, frameon=False, **options)
+    ax.legend(**above, ncols=columns, **options)
 
 
 def logarithmic(axis: Any) -> None:

@@ -193,7 +193,7 @@ class Run:
                 said = "VPos"
             ax.plot(frame.index, 100 * frame[channel.column] / full, color=f"C{place}", label=said)
         ax.set(xlabel="time [s]", ylabel="of full scale [%]")
-        ax.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
+        ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
         return ax
 
     def __repr__(self) -> str:

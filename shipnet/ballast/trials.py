@@ -598,7 +598,7 @@ class FleetReport:
         ax.set_yticks(rows, names)
         ax.invert_yaxis()
         ax.set(xlabel="time [h]", xlim=(0, self.duration / hour))
-        ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, frameon=False)
+        ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4)
         return ax
 
 

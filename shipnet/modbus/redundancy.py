@@ -29,7 +29,11 @@ from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.polling import Poll
 
 #: Colour and word of what serves a slave.
-_SERVED = {"A": ("C0", "through A"), "B": ("C1", "through B"), "-": ("0.75", "lost")}
+_SERVED = {
+    "A": ("o", style.FIELD["address"], "through A"),
+    "B": ("s", style.FIELD["information"], "through B"),
+    "-": ("X", "0.75", "lost"),
+}
 
 #: More slaves than this are drawn without their numbers.
 _NUMBERED = 40
@@ -356,11 +360,11 @@ class Loop(_Redundant):
                     1.15 * np.cos(arc[6]), 1.15 * np.sin(arc[6]), words,
                     color=red, ha="center", va="center",
                 )  # fmt: skip
-        for port, (colour, words) in _SERVED.items():
+        for port, (marker, colour, words) in _SERVED.items():
             own = np.flatnonzero(np.array(served) == port) + 1
             if own.size:
                 ax.plot(
-                    x[own], y[own], "o", color=colour, markersize=14 if n <= _NUMBERED else 4,
+                    x[own], y[own], marker, color=colour, markersize=14 if n <= _NUMBERED else 4,
                     label=f"{own.size} {words}", zorder=2,
                 )  # fmt: skip
         if n <= _NUMBERED:
@@ -374,7 +378,7 @@ class Loop(_Redundant):
         dead += [0 if f.port == "A" else n + 1 for f in failed if isinstance(f, DeadPort)]
         if dead:
             ax.plot(x[dead], y[dead], "x", color=red, markersize=14, zorder=6, label="_dead")
-        ax.legend(loc="center")
+        ax.legend(loc="center", markerscale=0.7)
         ax.set(xlim=(-1.35, 1.35), ylim=(-1.25, 1.25), aspect="equal")
         ax.set_axis_off()
         return ax

@@ -83,6 +83,10 @@ def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
         order, cmap=ListedColormap(colours), norm=BoundaryNorm(np.arange(-0.5, 4), 4),
         origin="lower", aspect="auto", interpolation="nearest",
     )  # fmt: skip
+    for place, letter in enumerate(_CASES):
+        row, column = np.nonzero(order[:, : 2 * size] == place)
+        if row.size:
+            ax.text(column.mean(), row.mean(), letter)
     ax.axvline(size, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
     ax.annotate(
         "ring full", (size, 0.5), (-3, 0), xycoords=("data", "axes fraction"),
@@ -238,7 +242,7 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None, bit_error_rate: float | No
     if shown.empty:
         known = sorted(set(table["bit_error_rate"]))
         raise ArgumentError(f"bit_error_rate is {rate}; it must be one of {known}")
-    ax = style.axes(ax)
+    ax, bounds = style.axes(ax), list[float]()
     for place, (check, rows) in enumerate(shown.groupby("check", sort=False)):
         colour = f"C{place}"
         items = rows["n_items"].to_numpy(dtype=float)
@@ -247,6 +251,7 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None, bit_error_rate: float | No
         # Beside each other, so that none hides another.
         beside = items + 0.4 * place
         low, high = (rows[name].to_numpy(dtype=float) for name in ("low", "high"))
+        bounds += high[count == 0].tolist()
         # See `CobsFormat`: of the byte-stuffed packet the share is an estimate from above.
         label = f"{check}" + ", upper estimate" * (check == "CRC")
         ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=label)
@@ -255,11 +260,11 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None, bit_error_rate: float | No
             beside[some], share[some], yerr=[(share - low)[some], (high - share)[some]],
             color=colour, marker="o", linestyle="none", capsize=3,
         )  # fmt: skip
-        ax.plot(beside[~some], high[~some], color=colour, marker="v", linestyle="none")
     ax.set_yscale("log")
     ax.set_xlabel("items per packet")
     ax.set_ylabel("share of packets taken wrong [-]")
-    for marker, meaning in (("o", "counted, 95 % bounds"), ("v", "none counted, upper bound")):
-        ax.plot([], [], color="0.4", marker=marker, linestyle="none", label=meaning)
+    ax.plot([], [], "o", color="0.4", label="counted, 95 % bounds")
+    if bounds:
+        ax.axhline(max(bounds), color="0.5", linestyle=":", label="upper bound of none counted")
     style.legend(ax, 3)
     return ax

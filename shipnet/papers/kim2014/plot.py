@@ -199,25 +199,21 @@ def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axe
         color=style.LIMIT["color"],
     )  # fmt: skip
     ax.set(xlabel="time [s]", ylabel="oldest position shown [s]", ylim=(0, None))
-    ax.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
+    ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
     return ax
 
 
 def plot_control_system(system: Any, base: RuleBase, *, ax: Axes) -> Axes:
-    """Draw which terms lead to which rules in a control system of scikit-fuzzy."""
-    import networkx as nx
-
+    """Draw which terms each rule of a control system of scikit-fuzzy joins."""
     names = {rule: rule.label for rule in system.rules}
-    edges = [(term.full_label, names[rule]) for term, rule in system.graph.edges if rule in names]
-    graph = nx.DiGraph(edges)
-    terms = dict.fromkeys(
-        f"{name}[{term}]" for rule in base.rules for name, term in rule.antecedent
+    terms = list(
+        dict.fromkeys(f"{name}[{term}]" for rule in base.rules for name, term in rule.antecedent)
     )
-    drop = (len(base.codes) - 1) / max(len(terms) - 1, 1)
-    places = {term: (0.0, -drop * k) for k, term in enumerate(terms)}
-    places |= {code: (1.0, -float(k)) for k, code in enumerate(base.codes)}
-    nx.draw_networkx_edges(graph, places, ax=ax, edge_color="0.6", node_size=1200, arrowsize=8)
-    box = {"facecolor": "white", "edgecolor": "0.8"}
-    nx.draw_networkx_labels(graph, places, ax=ax, font_size=8, bbox=box)
-    ax.axis("off")
+    edges = [edge for edge in system.graph.edges if edge[1] in names]
+    x = [terms.index(term.full_label) for term, _ in edges]
+    ax.plot(x, [base.codes.index(names[rule]) for _, rule in edges], "o")
+    ax.set_xticks(range(len(terms)), terms, rotation=45, ha="right", rotation_mode="anchor")
+    ax.set_yticks(range(len(base.codes)), base.codes)
+    ax.invert_yaxis()
+    ax.set_ylabel("rule")
     return ax

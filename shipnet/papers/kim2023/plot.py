@@ -47,6 +47,6 @@ def _table(*, drives: int = 10, airboxes: int = 20, ax: Axes) -> Axes:
     ):
         ax.plot(x[kind], y[kind], mark, color=colour, markersize=7, label=f"{kind.sum()} {name}")
     box(ax, (-2.15, -0.16), 0.8, 0.32, FILL["blue"], "master")
-    ax.legend(loc="center left", bbox_to_anchor=(0.95, 0.5), frameon=False)
+    ax.legend(loc="center left", bbox_to_anchor=(0.95, 0.5))
     ax.set_aspect("equal")
     return style.bare(ax, (-2.3, 1.2), (-1.15, 1.15))
