@@ -552,8 +552,8 @@ class Plan:
         for label, (marker, colour, size) in _MARKS.items():
             if points[label] or (table is not None and label.startswith("slave,")):
                 ax.plot(
-                    *np.reshape(points[label], (-1, 2)).T, marker, color=colour, markersize=size,
-                    label=label,
+                    *np.reshape(points[label], (-1, 2)).T, marker=marker, color=colour,
+                    markersize=size, linestyle="none", label=label,
                 )  # fmt: skip
         ax.spines["left"].set_visible(False)
         ax.set(

@@ -160,13 +160,13 @@ class Screen:
         position, framed = self.shown["position_percent"].to_numpy(float), units == selected
         states = self.shown["state"].tolist()
         ax.bar(
-            x, 0.62, 0.84, y, color="0.94", linewidth=np.where(framed, 2.0, 0.5),
-            edgecolor=["k" if frame else "0.6" for frame in framed],
+            x, 0.62, 0.84, y, color="0.94", edgecolor="0.6", linewidth=0.5,
             hatch=[_HATCHES.get(state, "") for state in states],
         )  # fmt: skip
         part = 0.62 * np.clip(np.nan_to_num(position), 0, 100) / 100
         # A closed valve keeps a strip of colour.
         ax.bar(x, np.maximum(part, 0.05), 0.84, y, color=[STATE_COLOURS[state] for state in states])
+        ax.bar(x[framed], 0.62, 0.84, y[framed], fill=False, edgecolor="k", linewidth=2)
         ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[])
         if wide <= _NUMBERED:
             ax.set_yticks([])

@@ -33,7 +33,7 @@ _LABELS = {name: f"{name} interrupt" for name in ("CAN", "timer", "Modbus")}
 _SENDERS = ("0.25", "0.55", "0.8")
 
 #: Bars that one figure can show, and tiles of a row of the screen.
-_MOST_BARS, _TILES = 5000, 11
+_MOST_BARS, _TILES = 5000, 9
 
 
 def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
@@ -95,6 +95,7 @@ def plot_ages(
     for name, value in (limits or {}).items():
         style.limit(ax, value, name)
     ax.set(xlabel="time [s]", ylabel="age [s]")
+    ax.margins(y=0.2)  # clear of the bars
     ax.set_ylim(bottom=0)
     if label or len(bad):
         style.legend(ax)
