@@ -72,8 +72,9 @@ test: setup
 	@echo "all tests passed"
 
 lint: setup
-	@echo "lint, types, floors"
+	@echo "lint, spelling, types, floors"
 	@$(BIN)/ruff check --quiet
+	@$(BIN)/typos
 	@$(BIN)/ruff format --check --quiet || { $(BIN)/ruff format --diff --quiet; exit 1; }
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/lint-imports --no-logo

@@ -1,9 +1,11 @@
 """Slides of a lesson: one file with everything in it, which needs no network.
 
 A heading of level 2 begins a column, any other text and the questions a slide below it; what a
-class has to predict comes on the next slide. Each exercise has a slide that shows what it asks for.
-Figures and words stand without their code; what only a kernel can show is left out. In the browser,
-slides_template/fit.js gives figures the room that is left and lets what is too tall go on below.
+class has to predict comes on the next slide. Each exercise has a slide of its own. Figures, the
+glossary and the output of more than eight lines of code are shown without the code; what only a
+kernel can show is left out. The speaker view (key S) has the minutes of each slide and the
+solutions. In the browser, slides_template/fit.js gives figures the room that is left and continues
+what is too tall on a slide below.
 """
 
 from __future__ import annotations
@@ -19,11 +21,16 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from jinja2 import pass_context
 from nbconvert.exporters import SlidesExporter
 from nbformat import NotebookNode
+from nbformat.v4 import new_markdown_cell, new_notebook
 
 TEMPLATE = Path(__file__).parent / "slides_template"
 REVEAL = TEMPLATE / "vendor" / "reveal-5.2.1"
 #: Cells that a class does not watch.
 HIDDEN = {"setup", "widget", "exercise", "check"}
+#: As many lines of code as a class can read on a slide.
+MOST_LINES = 8
+#: The minutes of a section, which the speaker view shows instead.
+MINUTES = re.compile(r"^\*\d+ minutes?\.\*\n*", re.MULTILINE)
 #: Where a Markdown cell falls into several slides.
 PART = re.compile(r"^(?=###? |\*\*Questions\*\*)", re.MULTILINE)
 #: Formulas in rendered Markdown, unless they stand in code.
@@ -49,7 +56,8 @@ def split(notebook: NotebookNode) -> None:
     """Let each heading of level 2 or 3, and the questions, begin a cell of their own."""
     cells = []
     for cell in notebook.cells:
-        texts = PART.split(cell.source) if cell.cell_type == "markdown" else [cell.source]
+        text = MINUTES.sub("", cell.source)
+        texts = PART.split(text) if cell.cell_type == "markdown" else [cell.source]
         for k, text in enumerate(text for text in texts if text.strip()):
             cells.append(nbformat.from_dict({**cell, "id": f"{cell.id}-{k}", "source": text}))
     notebook.cells = cells
@@ -76,9 +84,52 @@ def mark(notebook: NotebookNode) -> None:
             # The class predicts before it sees.
             kind = "subslide" if asked else "-"
             asked = False
-            if shows or cell.source.startswith("glossary("):
+            long = len(cell.source.splitlines()) > MOST_LINES
+            if shows or long or cell.source.startswith("glossary("):
                 cell.metadata["transient"] = {"remove_source": True}
         cell.metadata["slideshow"] = {"slide_type": kind}
+
+
+def solutions(lesson: NotebookNode) -> dict[str, str]:
+    """Return what the lecturer needs of each exercise: its solution, and the text about it."""
+    found: dict[str, str] = {}
+    for cell in lesson.cells:
+        if cell.cell_type == "code" and "exercise" in editions.tags(cell):
+            found[editions.keys(cell)[0]] = f"```python\n{editions.solved(cell.source)}\n```"
+        elif "solution" in editions.tags(cell) and found:
+            found[next(reversed(found))] += f"\n\n{cell.source}"
+    return found
+
+
+def add_notes(notebook: NotebookNode, lesson: NotebookNode) -> None:
+    """Append to each slide the speaker's notes: its minutes, and the solution of its exercise."""
+    answers = solutions(lesson)
+    groups: list[list[NotebookNode]] = []
+    for cell in notebook.cells:
+        if cell.metadata["slideshow"]["slide_type"] in ("slide", "subslide") or not groups:
+            groups.append([])
+        groups[-1].append(cell)
+    begin, heading = 0.0, ""
+    for group in groups:
+        parts = editions.measure(new_notebook(cells=group))
+        heading = next(reversed(parts)) or heading
+        if heading in (editions.HOME, editions.QUESTIONS) or any(
+            p.homework for p in parts.values()
+        ):
+            notes = ["At home."]
+        elif heading in editions.UNREAD:
+            notes = ["For reference; not read in class."]
+        else:
+            end = begin + sum(part.minutes for part in parts.values())
+            notes = [f"Minute {begin:.0f} to {end:.0f}."]
+            begin = end
+        if any("**Predict" in cell.source for cell in group):
+            notes.append("Let the class predict before you show the next slide.")
+        asked = [cell for cell in group if "exercise" in editions.tags(cell)]
+        notes += [answers[key] for cell in asked for key in editions.keys(cell)]
+        marks = {"slideshow": {"slide_type": "notes"}}
+        group.append(new_markdown_cell("\n\n".join(notes), metadata=marks))
+    notebook.cells = [cell for group in groups for cell in group]
 
 
 def write(root: Path, source: Path) -> Path:
@@ -86,6 +137,7 @@ def write(root: Path, source: Path) -> Path:
     notebook = nbformat.read(root / editions.LESSONS / f"{source.stem}.ipynb", as_version=4)
     split(notebook)
     mark(notebook)
+    add_notes(notebook, editions.read(source))
     notebook.metadata["title"] = notebook.cells[0].source.partition("\n")[0].removeprefix("# ")
     exporter = Slides(
         template_name="shipnet",
@@ -94,7 +146,8 @@ def write(root: Path, source: Path) -> Path:
         exclude_output_prompt=True,
         exclude_anchor_links=True,
     )
-    script = (REVEAL / "reveal.js").read_text("utf-8").partition("//# sourceMappingURL")[0]
+    scripts = [(REVEAL / name).read_text("utf-8") for name in ("reveal.js", "notes.js")]
+    script = "\n".join(text.partition("//# sourceMappingURL")[0] for text in scripts)
     resources = {
         "reveal_js": script.replace("</script", r"<\/script"),
         "fit_js": (TEMPLATE / "fit.js").read_text("utf-8"),

@@ -330,6 +330,41 @@ def test_the_words_stand_without_their_code():
     ]
 
 
+def test_long_code_is_left_out_and_its_output_shown():
+    notebook = nbformat.v4.new_notebook(cells=[code("1\n" * 8), code("1\n" * 9)])
+    slides.mark(notebook)
+    assert [cell.metadata.get("transient") for cell in notebook.cells] == [
+        None,
+        {"remove_source": True},
+    ]
+
+
+def test_notes_have_the_minutes_and_the_solutions(source):
+    lesson = editions.read(source)
+    notebook = editions.student_edition(lesson)
+    slides.split(notebook)
+    slides.mark(notebook)
+    slides.add_notes(notebook, lesson)
+    kinds = [cell.metadata["slideshow"]["slide_type"] for cell in notebook.cells]
+    assert kinds.count("notes") == kinds.count("slide") + kinds.count("subslide")
+    notes = [c.source for c, kind in zip(notebook.cells, kinds, strict=True) if kind == "notes"]
+    assert notes[0] == "Minute 0 to 0."
+    (solution,) = (text for text in notes if "answer = two + 40" in text)
+    assert "Minute" in solution and "### BEGIN" not in solution
+
+
+def test_the_notes_of_a_lesson_take_as_long_as_the_lesson():
+    for path in editions.sources():
+        lesson = editions.read(path)
+        notebook = editions.student_edition(lesson)
+        slides.split(notebook)
+        slides.mark(notebook)
+        slides.add_notes(notebook, lesson)
+        ends = re.findall(r"Minute \d+ to (\d+)", " ".join(cell.source for cell in notebook.cells))
+        stated = re.search(r"Time: (\d+) minutes", lesson.cells[0].source)
+        assert abs(int(ends[-1]) - int(stated[1])) <= 5, path
+
+
 def test_imports_are_no_slide_unless_they_show_something():
     cells = [code("import one", prints=False), code("from one import two\ntwo")]
     assert kinds_of(*cells) == ["skip", "-"]

@@ -15,6 +15,8 @@ const fit = (() => {
   const STEPS = [1.2, 1.15, 1.1, 1.05, 1].map((scale) => [scale, LEAST])
     .concat([1, 0.95, 0.9, 0.85, 0.8].map((scale) => [scale, ANY]));
   const SIZE = 18, SMALLEST = 14.4;
+  // Sizes of text on a slide without a figure; slides.css has the last one.
+  const TEXT = [32, 30, 28, 26, 24];
   const BLOCKS =
     ".jp-MarkdownCell .jp-MarkdownOutput > *, .jp-CodeMirrorEditor, .jp-OutputArea-child";
 
@@ -23,9 +25,13 @@ const fit = (() => {
   const isHeading = (block) => block.matches("h1, h2, h3") ||
     block.textContent === block.querySelector(":scope > strong")?.textContent;
 
-  /** Leave the blocks of a slide only; each knows whether it begins a cell, or is a caption. */
+  /** Leave the blocks of a slide only; each knows whether it begins a cell, or is a caption.
+      The speaker's notes become an attribute, which every slide that continues this one gets. */
   function flatten(slide) {
     const blocks = [];
+    const notes = slide.querySelector("aside.notes");
+    slide.dataset.notes = notes?.querySelector(".jp-MarkdownOutput").innerHTML.trim() ?? "";
+    notes?.remove();
     for (const cell of slide.querySelectorAll(".jp-Cell")) {
       cell.querySelectorAll(BLOCKS).forEach((block, k) => {
         const above = blocks.at(-1);
@@ -47,7 +53,7 @@ const fit = (() => {
   function fits(slide, least) {
     const images = [...slide.querySelectorAll("img")];
     const resize = (scale) => images.forEach((image) => {
-      image.style.width = `${Math.min(scale * image.naturalWidth, WIDTH)}px`;
+      image.style.width = `${Math.min(scale * image.getAttribute("width"), WIDTH)}px`;
     });
     let [low, high] = [least, MOST];
     for (let k = 0; images.length && k < 8; k++) {
@@ -59,11 +65,17 @@ const fit = (() => {
     return slide.offsetHeight <= ROOM && slide.scrollWidth <= WIDTH;
   }
 
-  /** Choose the size of code, tables and figures of a slide that is broken no further. */
+  /** Choose the size of code, tables and figures of a slide that is broken no further, and let
+      text take the room of a figure where there is none. */
   function settle(slide) {
     for (const [scale, least] of STEPS) {
       slide.style.setProperty("--scale", scale);
-      if (fits(slide, least)) return;
+      if (fits(slide, least)) break;
+    }
+    if (slide.querySelector("img")) return;
+    for (const size of TEXT) {
+      slide.style.fontSize = `${size}px`;
+      if (fits(slide, ANY)) return;
     }
   }
 

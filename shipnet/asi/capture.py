@@ -263,7 +263,7 @@ class Summary:
         )
 
 
-def summarize(capture: Capture) -> Summary:
+def summarise(capture: Capture) -> Summary:
     """Summarise a capture."""
     transactions = capture.transactions
     states = transactions[["request_error", "response_error"]].to_numpy()
@@ -611,7 +611,7 @@ class Capture:
 
     @cached_property
     def _summary(self) -> Summary:
-        return summarize(self)
+        return summarise(self)
 
 
 def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:

@@ -285,7 +285,7 @@ RULES = (
          "volatile memories (1 is some)", "", 0, "volatile", _itself, _NONE_FOUND),
     Rule("standard protocol", "protocols", "the protocol is an open international standard",
          "protocols without a standard", "", 0, "protocols", _standard,
-         f"{_CIRCULAR} 4.6.4: standardized interfaces"),
+         f"{_CIRCULAR} 4.6.4: standardised interfaces"),
     Rule("links duplicated", "links", "the data link is duplicated",
          "links that share no station", "", 2, "links", _apart,
          f"{_CIRCULAR} 4.6.2: redundant where two essential functions share a link",

@@ -1,5 +1,6 @@
 """The slides of all lessons on a screen: nothing is cut off, too small, or lost."""
 
+import re
 import shutil
 
 import nbformat
@@ -36,16 +37,19 @@ MEASURE = """() => Reveal.getSlides().map((slide) => {
   }
   slide.querySelectorAll("img, pre, td, th").forEach(add);
   slide.querySelectorAll("img").forEach((image) =>
-    figures.push(image.offsetWidth / image.naturalWidth));
+    figures.push(image.offsetWidth / image.getAttribute("width")));
   const marks = [...document.querySelectorAll(".controls, .slide-number")].map((mark) => {
     const r = mark.getBoundingClientRect();
     return [r.left, r.top, r.right, r.bottom];
   });
   return {name: `${h + 1}.${(v || 0) + 1}`, rectangles, marks, sizes, figures};
 })"""
-# What the page shows and what was written, without the space between words.
-WORDS = """(html) => [document, new DOMParser().parseFromString(html, "text/html")].map((page) =>
-  page.querySelector(".slides").textContent.replace(/\\s+/g, ""))"""
+# What the page shows and what was written, without notes and the space between words.
+WORDS = """(html) => [document, new DOMParser().parseFromString(html, "text/html")].map((page) => {
+  page.querySelectorAll("aside.notes").forEach((notes) => notes.remove());
+  return page.querySelector(".slides").textContent.replace(/\\s+/g, "");
+})"""
+NOTES = "() => Reveal.getSlides().map((slide) => slide.dataset.notes)"
 
 
 def show(page, root, source, leave_out=""):
@@ -96,9 +100,27 @@ def root(tmp_path):
 def test_every_slide_fits_and_no_word_is_lost(page, root, source):
     shutil.copy(editions.ROOT / editions.LESSONS / f"{source.stem}.ipynb", root / editions.LESSONS)
     html = show(page, root, source)
+    notes = page.evaluate(NOTES)
     now, written = page.evaluate(WORDS, html)
     assert now == written
     assert all_faults(page) == []
+    assert all(notes)
+
+
+def test_the_speaker_view_shows_the_notes(page, root):
+    source = editions.sources(numbers=["04"])[0]
+    shutil.copy(editions.ROOT / editions.LESSONS / f"{source.stem}.ipynb", root / editions.LESSONS)
+    show(page, root, source)
+    notes = page.evaluate(NOTES)
+    exercise = next(k for k, text in enumerate(notes) if "exchange_us" in text)
+    minutes = re.search(r"Minute \d+ to \d+\.", notes[exercise])[0]
+    place = page.evaluate("(k) => Reveal.getIndices(Reveal.getSlides()[k])", exercise)
+    page.evaluate("({h, v}) => Reveal.slide(h, v)", place)
+    with page.expect_popup() as opened:
+        page.keyboard.press("s")
+    shown = opened.value.locator(".speaker-controls-notes .value")
+    shown.get_by_text(minutes).wait_for()
+    assert "exchange_us = (14 +" in shown.inner_text()
 
 
 def long_cells():
@@ -123,10 +145,16 @@ def long_cells():
     ]
 
 
+def write_long(root):
+    """Write a lesson with slides that are too tall, and return its source."""
+    nbformat.write(new_notebook(cells=long_cells()), root / editions.LESSONS / "01_long.ipynb")
+    source = root / "01_long.md"
+    source.write_text("# 01 Long\n")
+    return source
+
+
 def test_what_is_too_tall_goes_on_below_in_its_order(page, root):
-    path = root / editions.LESSONS / "01_long.ipynb"
-    nbformat.write(new_notebook(cells=long_cells()), path)
-    html = show(page, root, path)
+    html = show(page, root, write_long(root))
     now, written = page.evaluate(WORDS, html)
     assert now == written
     assert all_faults(page) == []
@@ -139,9 +167,7 @@ def test_what_is_too_tall_goes_on_below_in_its_order(page, root):
 
 
 def test_slides_that_do_not_fit_are_found(page, root):
-    path = root / editions.LESSONS / "01_long.ipynb"
-    nbformat.write(new_notebook(cells=long_cells()), path)
-    html = show(page, root, path, leave_out="\n  fit();")
+    html = show(page, root, write_long(root), leave_out="\n  fit();")
     assert "\n  fit();" in html
     assert {fault.partition(": ")[2] for fault in all_faults(page)} == {
         "leaves the screen",
