@@ -131,12 +131,13 @@ class Sheet:
         else:
             _clear(axes)
         plot(axes)
+        whole, place = cast("Any", axes.figure), cast("Any", axes.get_subplotspec())
         if _words(axes) != self._words:
             # Make room for the words, starting from the place of new axes.
-            axes.set_subplotspec(axes.get_subplotspec())
-            axes.figure.set_layout_engine("constrained")
+            axes.set_subplotspec(place)
+            whole.set_layout_engine("constrained")
         png = self._drawn(axes)
-        axes.figure.set_layout_engine("none")
+        whole.set_layout_engine("none")
         self._words = _words(axes)
         return png
 
