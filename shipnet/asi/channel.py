@@ -309,7 +309,6 @@ class Channel:
     def locate(self) -> None:
         """Find out anew which slave is at which address; the entry after the last holds all."""
         there = [s for s in self.stations if s.slave.powered]
-        there = [s for s in there if not s.slave.programming]
         self._at = [[s for s in there if s.slave.address == address] for address in range(32)]
         self._at.append(there)
         self._routes: dict[PreparedRequest, list[_Route]] = {}
