@@ -15,14 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from shipnet.can import (
-    Assumptions,
-    Message,
-    MessageSet,
-    faults,
-    response_times,
-    simulate,
-)
+from shipnet.can import Assumptions, Message, MessageSet, faults, response_times, simulate
 from shipnet.can.faults import ErrorBound
 from shipnet.errors import ArgumentError
 
