@@ -97,10 +97,10 @@ class Findings:
         """One line per rule that is violated or not verified, with the worst object."""
         lines = []
         for rule, row in self.worst().iterrows():
-            own = self._table[self._table["rule"] == rule]["verdict"]
-            number = int((own == row["verdict"]).sum())
             if row["verdict"] == "met":
                 continue
+            own = self._table[self._table["rule"] == rule]["verdict"]
+            number = int((own == row["verdict"]).sum())
             name, unit = str(rule).replace("_", " "), str(row["unit"])
             unit = "" if unit == "1" else f" {unit}"
             if row["verdict"] == "not verified" or row["margin"] != row["margin"]:

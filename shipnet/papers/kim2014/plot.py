@@ -173,10 +173,12 @@ _MARKS = ".o^sD"
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
     """Draw the position of a valve as it is, and as masters with this many valves were sent it."""
-    ax.plot(true.time, true.VPos[:, 0], color="0.6", linewidth=1, label="the valve itself")
+    ax.plot(
+        true.time, true.samples["VPos"][:, 0], color="0.6", linewidth=1, label="the valve itself"
+    )
     for place, (number, run) in enumerate(seen.items()):
         ax.plot(
-            run.time, run.VPos[:, 0], _MARKS[place % len(_MARKS)], color=f"C{place}",
+            run.time, run.samples["VPos"][:, 0], _MARKS[place % len(_MARKS)], color=f"C{place}",
             markersize=4 + 2 * place, label=f"master of {number}",
         )  # fmt: skip
     ax.set(xlabel="time [s]", ylabel="position [%]")

@@ -234,7 +234,7 @@ def answer_table(
     """
     moving = check_scalar("movement", movement, "s", 0, 3600)
     scan = status_poll(serial).scan_time(check_whole("n_slaves", n_slaves, 1, MAX_UNIT))
-    write = replace(command_poll(serial, timeout=timeout), retries=retries)
+    write = replace(command_poll(status_poll(serial, timeout=timeout)), retries=retries)
     patient = replace(write, timeout=3600.0, processing=moving).shortest_timeout
     rows: list[tuple[object, ...]] = [
         (timeout, write.time, 1, True, scan + write.time, ceil(moving / scan))
