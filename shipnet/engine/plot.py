@@ -72,11 +72,7 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
 
 
 def plot_ages(
-    ages: pd.DataFrame,
-    *,
-    ax: Axes | None,
-    limits: Mapping[str, float] | None,
-    label: str,
+    ages: pd.DataFrame, *, ax: Axes | None, limits: Mapping[str, float] | None, label: str
 ) -> Axes:
     """Draw the age of a point over time, with crosses at the top edge where it is marked."""
     ax = style.axes(ax)
