@@ -72,11 +72,7 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
 
 
 def plot_ages(
-    ages: pd.DataFrame,
-    *,
-    ax: Axes | None,
-    limits: Mapping[str, float] | None,
-    label: str,
+    ages: pd.DataFrame, *, ax: Axes | None, limits: Mapping[str, float] | None, label: str
 ) -> Axes:
     """Draw the age of a point over time, with a bar at the top edge as long as it is marked."""
     ax = style.axes(ax)
