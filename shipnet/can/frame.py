@@ -250,7 +250,7 @@ class Frame:
             start = end
         return tuple(fields)
 
-    def plot(self, ax: Axes | None = None, *, bits_per_row: int = 44) -> Axes:
+    def plot(self, ax: Axes | None = None, *, bits_per_row: int = 30) -> Axes:
         """Draw the bits in rows, coloured by field, with the level on the line above."""
         from shipnet.can.plot import plot_fields
 

@@ -251,7 +251,7 @@ class Signals:
             ax.axhline(level, lw=1, color=red, linestyle=style.LIMIT["linestyle"])
             ax.annotate(
                 name, (0, level), (3, 2 if above else -2), xycoords=("axes fraction", "data"),
-                textcoords="offset points", color=red, fontsize=7, ha="left",
+                textcoords="offset points", color=red, ha="left",
                 va="bottom" if above else "top",
             )  # fmt: skip
         at, good = self.sample_times * 1e6, self.bits[row] == self.sent
@@ -259,7 +259,7 @@ class Signals:
             if chosen.any():
                 ax.plot(at[chosen], self.samples[row, chosen], marker, color="0.2", label=name)
         for when, bit in zip(at, self.bits[row], strict=True):
-            ax.annotate("?" if bit < 0 else str(bit), (when, 1.06 * top), ha="center", fontsize=9)
+            ax.annotate("?" if bit < 0 else str(bit), (when, 1.06 * top), ha="center")
         ax.set(
             xlabel="time [us]", ylabel="voltage [V]", xlim=(0, self.t[-1] * 1e6),
             ylim=(min(-0.2, 1.1 * float(np.min(self.v[row]))), 1.2 * top),

@@ -226,7 +226,7 @@ class Scan:
             ax.axhline(self.limit, color=colour, linestyle=dashes, label=f"limit, {self.limit:g} s")
         ax.set(xscale="log", xlabel="bit rate [bit/s]", ylabel="scan time [s]")
         style.logarithmic(ax.yaxis)
-        ax.set_xticks(times.index, [f"{rate:g}" for rate in times.index], fontsize="small")
+        ax.set_xticks(times.index, [f"{rate:g}" for rate in times.index])
         ax.set_xticks([], minor=True)
         ax.set_xlim(0.85 * times.index[0], 1.2 * times.index[-1])
         ax.legend(loc="upper right")

@@ -20,7 +20,11 @@ from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.polling import Poll
 
 #: Colour and word of what serves a slave.
-_SERVED = {"A": ("C0", "through A"), "B": ("C1", "through B"), "-": ("0.75", "lost")}
+_SERVED = {
+    "A": ("o", style.FIELD["address"], "through A"),
+    "B": ("s", style.FIELD["information"], "through B"),
+    "-": ("X", "0.75", "lost"),
+}
 
 _NUMBERED = 40  #: More slaves than this are drawn without their numbers.
 
@@ -336,27 +340,27 @@ class Loop(_Redundant):
                 words = "\n".join(str(f) for f in cables if f.section == k)
                 ax.text(
                     1.15 * np.cos(arc[6]), 1.15 * np.sin(arc[6]), words,
-                    color=red, fontsize=8, ha="center", va="center",
+                    color=red, ha="center", va="center",
                 )  # fmt: skip
-        for port, (colour, words) in _SERVED.items():
+        for port, (marker, colour, words) in _SERVED.items():
             own = np.flatnonzero(np.array(served) == port) + 1
             if own.size:
                 ax.plot(
-                    x[own], y[own], "o", color=colour, markersize=14 if n <= _NUMBERED else 4,
+                    x[own], y[own], marker, color=colour, markersize=14 if n <= _NUMBERED else 4,
                     label=f"{own.size} {words}", zorder=2,
                 )  # fmt: skip
         if n <= _NUMBERED:
             for s in range(1, n + 1):
-                ax.text(x[s], y[s], str(s), ha="center", va="center", fontsize=8, zorder=3)
+                ax.text(x[s], y[s], str(s), ha="center", va="center", zorder=3)
         ax.bar(0, 0.26, 0.84, bottom=y[0] - 0.16, color="white", edgecolor="0.2", zorder=3)
-        ax.text(0, y[0] - 0.03, "master", ha="center", va="center", fontsize=9, zorder=5)
+        ax.text(0, y[0] - 0.03, "master", ha="center", va="center", zorder=5)
         for s, port in ((0, "A"), (n + 1, "B"))[: 1 + self.closed]:
             ax.text(x[s], y[s] - 0.03, port, ha="center", va="center", fontweight="bold", zorder=5)
         dead = [f.slave for f in failed if isinstance(f, DeadSlave)]
         dead += [0 if f.port == "A" else n + 1 for f in failed if isinstance(f, DeadPort)]
         if dead:
             ax.plot(x[dead], y[dead], "x", color=red, markersize=14, zorder=6, label="_dead")
-        ax.legend(loc="center")
+        ax.legend(loc="center", markerscale=0.7)
         ax.set(xlim=(-1.35, 1.35), ylim=(-1.25, 1.25), aspect="equal")
         ax.set_axis_off()
         return ax

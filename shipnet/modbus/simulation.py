@@ -348,10 +348,10 @@ class Run:
             for at, words in ((fault.start, str(fault)), (fault.stop, f"{fault} repaired")):
                 if begin <= at <= end:
                     ax.axvline(at, color=red, linestyle=style.LIMIT["linestyle"], linewidth=1)
-                    ax.annotate(f" {words}", (at, 1.75), color=red, fontsize=8, va="center")
+                    ax.annotate(f" {words}", (at, 1.75), color=red, va="center")
         ax.set_yticks([1.3, 0.3], labels=["port A", "port B"])
         ax.set(xlabel="time [s]", xlim=(begin, end), ylim=(-0.2, 1.95))
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, frameon=False)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
         return ax
 
 
