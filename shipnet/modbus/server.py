@@ -130,7 +130,7 @@ class Server:
         await stopped.wait()
         listener.close()
         self._listener, self.port = None, 0
-        # The loop closes a transport, and ends a task, in its next turns.
+        # The loop closes transports in its next turns.
         for _ in range(3):
             await asyncio.sleep(0)
 
