@@ -33,8 +33,7 @@ FIELD = {
 def use() -> None:
     """Apply the suite's look to all later figures and tables.
 
-    Tables keep their cells whole: a reason or a claim is not cut in mid-sentence. A notebook shows
-    figures with twice their dots, sharp also on a projector.
+    Tables show whole cells; a notebook's figures have twice the dots, for a projector.
 
     Examples
     --------
@@ -56,10 +55,7 @@ def use() -> None:
 
 @checked
 def axes(ax: Axes | None = None, **options: Any) -> Axes:
-    """Return the axes given, or those of a new figure with options of `pyplot.subplots`.
-
-    A new figure makes room for what is written beside its axes.
-    """
+    """Return the axes given, or those of a new figure with options of `pyplot.subplots`."""
     if ax is None:
         import matplotlib.pyplot as plt
 

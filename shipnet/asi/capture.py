@@ -22,7 +22,7 @@ from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.rules import rule_limits
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
-from shipnet.errors import ArgumentError, name_of
+from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.lazy import Axes, pd
 from shipnet.line.waveform import Waveform
 
@@ -37,7 +37,8 @@ CUT_OFF, NO_ANSWER = "cut off", "no answer"
 _MASTER_PAUSE = MASTER_PAUSE_BITS[1] + 0.5
 _SLAVE_PAUSE = 500e-6 / BIT_TIME
 
-Strings = npt.NDArray[np.object_]
+#: What the columns of errors hold: the error codes of telegrams, then what no telegram says.
+_STATES = [*map(name_of, range(SilenceError.code + 1)), CUT_OFF, NO_ANSWER, ""]
 
 
 def transactions_of(
@@ -46,15 +47,18 @@ def transactions_of(
     """Pair requests with responses, and say what they mean."""
     cut, asks, answers = _roles(telegrams)
     request, response = _pairs(asks, answers)
-    states = _names(telegrams.error)
-    states[cut] = CUT_OFF
-    request_error, response_error = _pick(states, request, ""), _pick(states, response, "")
+    states = np.where(cut, _STATES.index(CUT_OFF), telegrams.error)
+    nothing = _STATES.index("")
+    request_error, response_error = (
+        _pick(states, request, nothing),
+        _pick(states, response, nothing),
+    )
 
-    words = np.where(request_error == "ok", _pick(telegrams.word, request, 0), -1)
+    readable = request_error == 0
+    words = np.where(readable, _pick(telegrams.word, request, 0), -1)
     calls = Requests.parse(words, extended=np.isin(words >> 7 & 31, list(extended)))
-    readable = request_error == "ok"
-    request_error[readable] = _names(calls.error[readable])
-    replies = np.where(response_error == "ok", _pick(telegrams.word, response, 0), -1)
+    request_error[readable] = calls.error[readable]
+    replies = np.where(response_error == 0, _pick(telegrams.word, response, 0), -1)
     data, _ = parse_responses(replies)
 
     # A request at the end of the record has no answer yet.
@@ -62,49 +66,48 @@ def transactions_of(
     rest = np.append(ends, np.inf)[np.searchsorted(ends, start)] - start
     room = (REQUEST_BITS + MASTER_PAUSE_BITS[1] + RESPONSE_BITS) * BIT_TIME
     asks = np.array([call.rule.answer is not None for call in Call] + [False])[calls.call]
-    alone = (response < 0) & (request_error == "ok") & asks
-    response_error[alone] = np.where(rest[alone] < room, CUT_OFF, NO_ANSWER)
+    alone = (response < 0) & (request_error == 0) & asks
+    response_error[alone] = np.where(
+        rest[alone] < room, _STATES.index(CUT_OFF), _STATES.index(NO_ANSWER)
+    )
 
-    titles = np.array([*(call.rule.title for call in Call), ""], dtype=object)
-    texts = _texts(telegrams)
-    requests, responses = _pick(texts, request, ""), _pick(texts, response, "")
+    # Few texts differ: a column takes its own from them by number.
+    titles, errors = pd.Index([*(call.rule.title for call in Call), ""]), pd.Index(_STATES)
+    texts, which = _texts(telegrams)
+    asked, answered = (_pick(which, rows, len(texts) - 1) for rows in (request, response))
     # Column by column: of a long record, only one is there twice.
     table = pd.DataFrame(
         {"start_s": np.where(request >= 0, start, _pick(telegrams.start, response, np.nan))}
     )
-    table["request"] = requests
+    table["request"] = texts[asked]
     table["call"] = titles[calls.call]
     table["address"] = _nullable(calls.address)
-    table["half"] = np.array(["A", "B", ""], dtype=object)[calls.half]
+    table["half"] = pd.Index(["A", "B", ""])[calls.half]
     table["request_data"] = _nullable(calls.data)
-    table["response"] = responses
+    table["response"] = texts[answered]
     table["response_data"] = _nullable(data)
     table["master_pause_bit"], table["slave_pause_bit"] = _pauses(telegrams, request, response, cut)
     for name in ("amplitude", "weakest", "ringing"):
         for kind, rows in (("request", request), ("response", response)):
             column = f"{kind}_{name}" + "_V" * (name == "amplitude")
             table[column] = _pick(telegrams[name], rows, np.nan)
-    table["request_error"] = request_error
-    table["response_error"] = response_error
-    parts = zip(
-        requests, request_error, (calls.half >= 0).tolist(),
-        responses, response_error, calls.call.tolist(), strict=True,
+    table["request_error"], table["response_error"] = errors[request_error], errors[response_error]
+    parts = asked, request_error, calls.half >= 0, answered, response_error, calls.call
+    sizes = len(texts), len(errors), 2, len(texts), len(errors), len(titles)
+    key = np.ravel_multi_index(parts, sizes, mode="wrap")
+    _, first, which = np.unique(key, return_index=True, return_inverse=True)
+    some = table.iloc[first]
+    sentences = map(
+        _in_words, some["request"], some["request_error"], (calls.half[first] >= 0).tolist(),
+        some["response"], some["response_error"], calls.call[first].tolist(),
     )  # fmt: skip
-    table["text"] = np.array([_in_words(*part) for part in parts], dtype=object)
+    table["text"] = pd.Categorical(list(sentences))[which]
     return table
 
 
-def _names(codes: npt.NDArray[Any]) -> Strings:
-    """Return the names of error codes."""
-    known, which = np.unique(codes, return_inverse=True)
-    return np.array([name_of(code) for code in known.tolist()], dtype=object)[which]
-
-
-def _pick(field: npt.NDArray[Any], index: Indices, missing: object) -> npt.NDArray[Any]:
+def _pick(field: npt.NDArray[Any], index: Indices, missing: float) -> npt.NDArray[Any]:
     """Return elements of a field, and `missing` where the index is -1."""
-    end = np.empty(1, dtype=field.dtype)
-    end[0] = missing
-    return np.concatenate([field, end])[index]
+    return np.where(index < 0, missing, field[index])
 
 
 def _roles(telegrams: Telegrams) -> tuple[Bools, Bools, Bools]:
@@ -147,25 +150,27 @@ def _pauses(
     return master, slave
 
 
-def _texts(telegrams: Telegrams) -> Strings:
-    """Return the telegrams as strings of 0 and 1, with ? where no pulse gave a bit."""
+def _texts(telegrams: Telegrams) -> tuple[pd.Index[str], Indices]:
+    """Return the different telegrams and "" as the last one, and which one each telegram is.
+
+    They are strings of 0 and 1, with ? where no pulse gave a bit.
+    """
     mask = (1 << REQUEST_BITS) - 1
     key = telegrams.length.astype(np.int64) << REQUEST_BITS | telegrams.known
-    different, which = np.unique(key << REQUEST_BITS | telegrams.word, return_inverse=True)
+    which, different = pd.factorize(key << REQUEST_BITS | telegrams.word)
     texts = []
     for code in different.tolist():
         length = code >> 2 * REQUEST_BITS
         bits, heard = f"{code & mask:0{length}b}", f"{code >> REQUEST_BITS & mask:0{length}b}"
         pairs = zip(bits, heard, strict=True)
         texts.append("".join(bit if one == "1" else "?" for bit, one in pairs))
-    return np.array(texts, dtype=object)[which]
+    return pd.Index([*texts, ""]), which
 
 
 def _nullable(values: npt.NDArray[np.int8]) -> pd.api.extensions.ExtensionArray:
     return pd.arrays.IntegerArray(values.astype(np.int64), values == NONE)
 
 
-@cache
 def _in_words(
     request: str, request_error: str, extended: bool, response: str, response_error: str, call: int
 ) -> str:
@@ -392,7 +397,7 @@ class Capture:
         - ``request_error``, ``response_error``: ``"ok"``, a class of `shipnet.errors`,
           ``"cut off"`` at an end of the record, ``"no answer"``, or ``""`` where no telegram is
           expected;
-        - ``text``: the transaction in words.
+        - ``text``: the transaction in words; like the bits, a categorical column.
     duration : float
         Length of the record [s].
     inverted : bool

@@ -14,12 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Bools, Floats, Integers
-from shipnet.can.frame import (
-    INTERMISSION,
-    RUN,
-    TAIL,
-    stuffed_region,
-)
+from shipnet.can.frame import INTERMISSION, RUN, TAIL, stuffed_region
 from shipnet.crc import CAN as CRC
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
@@ -40,10 +35,7 @@ _MEAN_STUFF = (
 )
 
 #: Most stuff bits that any identifier and data of this format and length get, by the same route.
-_MOST_STUFF = (
-    (6, 7, 9, 12, 14, 15, 18, 21, 22),
-    (11, 13, 15, 17, 19, 21, 23, 25, 27),
-)
+_MOST_STUFF = ((6, 7, 9, 12, 14, 15, 18, 21, 22), (11, 13, 15, 17, 19, 21, 23, 25, 27))
 
 
 def _bits(most: Callable[[int, int, bool], float]) -> tuple[tuple[float, ...], tuple[float, ...]]:

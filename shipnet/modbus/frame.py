@@ -6,14 +6,7 @@ from struct import pack, unpack
 from typing import Literal
 
 from shipnet.crc import MODBUS
-from shipnet.errors import (
-    ArgumentError,
-    CrcError,
-    FieldError,
-    FormError,
-    LengthError,
-    SymbolError,
-)
+from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, LengthError, SymbolError
 from shipnet.fields import check_choice, check_whole
 
 Framing = Literal["rtu", "tcp", "ascii"]

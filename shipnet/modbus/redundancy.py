@@ -13,16 +13,7 @@ from shipnet import style
 from shipnet.arrays import Floats
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import (
-    check_scalar,
-    check_whole,
-    choice,
-    number,
-    part,
-    record,
-    switch,
-    whole,
-)
+from shipnet.fields import check_scalar, check_whole, choice, number, part, record, switch, whole
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.frame import MAX_UNIT

@@ -14,13 +14,7 @@ import numpy as np
 from shipnet.arguments import checked
 from shipnet.arrays import Floats, Integers
 from shipnet.errors import ArgumentError
-from shipnet.fields import (
-    check_rng,
-    check_scalar,
-    check_whole,
-    number,
-    record,
-)
+from shipnet.fields import check_rng, check_scalar, check_whole, number, record
 from shipnet.lazy import pd
 
 __all__ = ["LossyPath", "compare"]

@@ -23,16 +23,10 @@ from shipnet.papers.registry import REGISTRY
 
 #: Colour of each kind of treatment: the basis of what is judged, or why a claim is not.
 _COLOURS = {
-    "model": "#0072B2",
-    "arithmetic": "#56B4E9",
-    "count": "#D55E00",
-    "ours": "#009E73",
-    "erratum": "#CC79A7",
-    "context": "#d9d9d9",
-    "not verified": "#b0b0b0",
-    "not reproducible": "#8c8c8c",
-    "open": "#E69F00",
-}
+    "model": "#0072B2", "arithmetic": "#56B4E9", "count": "#D55E00", "ours": "#009E73",
+    "erratum": "#CC79A7", "context": "#d9d9d9", "not verified": "#b0b0b0",
+    "not reproducible": "#8c8c8c", "open": "#E69F00",
+}  # fmt: skip
 TREATMENTS = tuple(_COLOURS)
 
 

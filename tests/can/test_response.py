@@ -17,14 +17,7 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
 from shipnet import style
-from shipnet.can import (
-    Assumptions,
-    Message,
-    MessageSet,
-    faults,
-    response_times,
-    simulate,
-)
+from shipnet.can import Assumptions, Message, MessageSet, faults, response_times, simulate
 from shipnet.can.faults import ErrorBound
 from shipnet.errors import ArgumentError
 

@@ -30,10 +30,7 @@ def test_a_frame_is_made_and_read_in_one_line_each():
         (STATUS, "unit id, function code, starting address, quantity, CRC"),
         (STATUS.response([0] * 4), "unit id, function code, byte count, values, CRC"),
         (STATUS.exception(2), "unit id, function code, exception code, CRC"),
-        (
-            modbus.Request.write_single_register(1, 2),
-            "unit id, function code, address, value, CRC",
-        ),
+        (modbus.Request.write_single_register(1, 2), "unit id, function code, address, value, CRC"),
         (
             modbus.Request.write_multiple_registers(1, [2]),
             "unit id, function code, starting address, quantity, byte count, values, CRC",
