@@ -299,8 +299,6 @@ def test_one_fault_and_one_change_need_no_list():
     run = simulate(System(), Change(0.5, "SS", 1, 1), until=8, faults=DeadStation("BCS", stop=1))
     assert run.faults == (DeadStation("BCS", stop=1),)
     assert repr(run) == f"Run(8 s, {len(run.packets)} packets, {len(run.alarms())} alarms)"
-    table = run.table()
-    assert table.packets.sum() == len(run.packets) == table[["ok", "wrong", "lost"]].sum().sum()
     assert run.history(1, "SS").values.tolist() == [[0, 0], [0.5, 1]]
     assert run.history(1, "RCS").value.tolist()[-1] == 1
 
