@@ -556,7 +556,7 @@ class Capture:
             ax.axhline(zero + sign * least, color=colour, linestyle=dashes)
         ax.text(
             1.01, zero - least, f"{least:g} V", transform=ax.get_yaxis_transform(),
-            color=colour, va="center", fontsize=8,
+            color=colour, va="center",
         )  # fmt: skip
         ends = ax.get_xaxis_transform()
         for row in self.transactions.to_dict("records"):
@@ -579,11 +579,10 @@ class Capture:
                     transform=ends,
                     ha="center",
                     family="monospace",
-                    fontsize=7,
                 )
                 if error != "ok":
                     ax.text(
-                        middle * 1e6, 1.1, error, transform=ends, ha="center", fontsize=7,
+                        middle * 1e6, 1.1, error, transform=ends, ha="center",
                         color=style.LIMIT["color"],
                     )  # fmt: skip
         ax.set(xlim=(start * 1e6, stop * 1e6), xlabel="time [us]", ylabel="voltage [V]")

@@ -129,13 +129,13 @@ class Ledger:
             bars = ax.barh(counts.index, number, left=left, color=colour, label=treatment)
             ax.bar_label(
                 bars, [str(n) if n >= 4 else "" for n in number], label_type="center",
-                color="white" if treatment in ("model", "count", "ours") else "black", fontsize=8,
+                color="white" if treatment in ("model", "count", "ours") else "black",
             )  # fmt: skip
             left = left + number
         ax.invert_yaxis()
         ax.set_xlabel("claims [1]")
         ax.grid(visible=False, axis="y")
-        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0), fontsize=8)
+        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0))
         return ax
 
     def __len__(self) -> int:
