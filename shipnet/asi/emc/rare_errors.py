@@ -333,8 +333,8 @@ def rare_error_rates(
     Noise is drawn around the weakest noise that loses a telegram in some hundred ways: a first
     pulse missed or forged by noise, a pulse too low, a gap too high, also where a weakened first
     pulse seems to peak up to 0.75 us off. A tenth is drawn without a shift, so a loss weighs 10 at
-    most. A rate is ``sound`` with 1000 effective losses, at most 2 % from one loss, at most 5 % from
-    noise that is drawn less often than it occurs, and a mean weight of 1 within four standard
+    most. A rate is ``sound`` with 1000 effective losses, at most 2 % from one loss, at most 5 %
+    from noise that is drawn less often than it occurs, and a mean weight of 1 within four standard
     errors. Another way to lose a telegram could escape these checks: compare with `count_errors` at
     a higher density.
 
