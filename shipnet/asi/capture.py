@@ -529,7 +529,7 @@ class Capture:
             ax.axhline(zero + sign * least, color=colour, linestyle=dashes)
         ax.text(
             1.01, zero - least, f"{least:g} V", transform=ax.get_yaxis_transform(),
-            color=colour, va="center", fontsize=8,
+            color=colour, va="center",
         )  # fmt: skip
         ends = ax.get_xaxis_transform()
         for row in self.transactions.to_dict("records"):
@@ -545,10 +545,10 @@ class Capture:
                 ax.axvspan(
                     begin * 1e6, (begin + length) * 1e6, color=colour, alpha=0.5, linewidth=0
                 )
-                small: dict[str, Any] = {"transform": ends, "ha": "center", "fontsize": 7}
-                ax.text(middle * 1e6, 1.02, bits, family="monospace", **small)
+                there: dict[str, Any] = {"transform": ends, "ha": "center"}
+                ax.text(middle * 1e6, 1.02, bits, family="monospace", **there)
                 if error != "ok":
-                    ax.text(middle * 1e6, 1.1, error, color=style.LIMIT["color"], **small)
+                    ax.text(middle * 1e6, 1.1, error, color=style.LIMIT["color"], **there)
         ax.set(xlim=(start * 1e6, stop * 1e6), xlabel="time [us]", ylabel="voltage [V]")
         return ax
 

@@ -18,7 +18,7 @@ from shipnet.asi.profile import Profile
 from shipnet.asi.segment import telegram_voltages
 from shipnet.asi.simulation import Run, Standby, simulate
 from shipnet.asi.slave import Slave
-from shipnet.asi.telegram import REQUEST_BITS, RESPONSES, Call, Half, Request
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSES, Call, Half, Request, Response
 from shipnet.asi.timing import Transaction, cycle_time
 from shipnet.asi.topologies import line, ring, star
 from shipnet.crc import CAN, MODBUS, Crc
@@ -27,7 +27,7 @@ from shipnet.lazy import pd
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import Load, Network
 from shipnet.papers.kim2023.protocol import CHIP_EDGES, master_pause_of_chip
-from shipnet.papers.registry import check, numeric
+from shipnet.papers.registry import check, is_legal, numeric
 
 __all__ = ["allowed_plans", "arriving_share", "bus_efficiencies", "consumer_drop", "pulse_height"]
 __all__ += ["rate_table", "share_above"]
@@ -76,7 +76,7 @@ def efficiency(*, pause: float = 2) -> float:
 
 
 check("icn2007-029", counter={"call": Call.RESET})(
-    lambda *, call=Call.BROADCAST_RESET: call.rule.answer is None
+    lambda *, call=Call.BROADCAST_RESET: not is_legal(Response, 0, call)
 )
 
 

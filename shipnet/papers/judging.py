@@ -23,16 +23,10 @@ from shipnet.papers.registry import REGISTRY
 
 #: Colour of each kind of treatment: the basis of what is judged, or why a claim is not.
 _COLOURS = {
-    "model": "#0072B2",
-    "arithmetic": "#56B4E9",
-    "count": "#D55E00",
-    "ours": "#009E73",
-    "erratum": "#CC79A7",
-    "context": "#d9d9d9",
-    "not verified": "#b0b0b0",
-    "not reproducible": "#8c8c8c",
-    "open": "#E69F00",
-}
+    "model": "#0072B2", "arithmetic": "#56B4E9", "count": "#D55E00", "ours": "#009E73",
+    "erratum": "#CC79A7", "context": "#d9d9d9", "not verified": "#b0b0b0",
+    "not reproducible": "#8c8c8c", "open": "#E69F00",
+}  # fmt: skip
 TREATMENTS = tuple(_COLOURS)
 
 
@@ -135,13 +129,13 @@ class Ledger:
             bars = ax.barh(counts.index, number, left=left, color=colour, label=treatment)
             ax.bar_label(
                 bars, [str(n) if n >= 4 else "" for n in number], label_type="center",
-                color="white" if treatment in ("model", "count", "ours") else "black", fontsize=8,
+                color="white" if treatment in ("model", "count", "ours") else "black",
             )  # fmt: skip
             left = left + number
         ax.invert_yaxis()
         ax.set_xlabel("claims [1]")
         ax.grid(visible=False, axis="y")
-        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0), fontsize=8)
+        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0))
         return ax
 
     def __len__(self) -> int:

@@ -74,7 +74,7 @@ def outline(ax: Axes, blocks: Blocks, ways: Ways, arrowstyle: str = "->") -> Non
             # Above a level way, left of any other.
             level = abs(way[1]) < 0.1
             ax.text(
-                x - (0 if level else 0.2), y + (0.05 if level else 0), word, fontsize=8,
+                x - (0 if level else 0.2), y + (0.05 if level else 0), word,
                 ha="center" if level else "right", va="bottom" if level else "center",
             )  # fmt: skip
     width, height = HALF
@@ -115,14 +115,12 @@ def fields(ax: Axes, rows: Mapping[str, Sequence[tuple[str, str, str]]]) -> Axes
     widest = 0.0
     for row, (title, parts) in enumerate(rows.items()):
         x, y = 0.0, -1.6 * row
-        ax.text(-1, y + 0.5, title, ha="right", va="center", fontsize=9)
+        ax.text(-1, y + 0.5, title, ha="right", va="center")
         for words, kind, data in parts:
             width = max(len(line) for line in [*words.split("\n"), data]) + 3.0
             dotted = ":" if kind == "pause" else "-"
             box(ax, (x, y), width, 1, style.FIELD[kind], words, linestyle=dotted)
-            ax.text(
-                x + width / 2, y - 0.08, data, ha="center", va="top", fontsize=8, family="monospace"
-            )
+            ax.text(x + width / 2, y - 0.08, data, ha="center", va="top", family="monospace")
             x += width
         widest = max(widest, x)
     return style.bare(ax, (-8, widest + 1), (-1.6 * (len(rows) - 1) - 0.55, 1.1))

@@ -78,17 +78,17 @@ class Levels:
             text = f"{tested}, ship {row['marine']:g} {row['unit']}"
             ax.annotate(
                 text + (" (not confirmed)" if unsure else ""), (max(x, 1.0), y), (7, 0),
-                textcoords="offset points", va="center", fontsize=8,
+                textcoords="offset points", va="center",
             )  # fmt: skip
         ax.axvline(1, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"], zorder=0)
         ax.annotate(
             "what a ship asks for", (1, 1), (0, 3), xycoords=ax.get_xaxis_transform(),
-            textcoords="offset points", ha="center", fontsize=8, color=style.LIMIT["color"],
+            textcoords="offset points", ha="center", color=style.LIMIT["color"],
         )  # fmt: skip
         names = [
             row["test"] + ("" if row["unit"] != "MHz" else ", highest frequency") for row in rows
         ]
-        ax.set_yticks(range(len(rows)), names, fontsize=8)
+        ax.set_yticks(range(len(rows)), names)
         ax.set_xscale("log")
         ticks = [0.5, 1, 2, 5]
         ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])

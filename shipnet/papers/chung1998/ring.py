@@ -142,10 +142,7 @@ def values_are_whole(*, wrap: bool = False) -> bool:
 
 
 def extraction(
-    items: Mapping[int, int],
-    packet_format: MarkerFormat | None = None,
-    *,
-    wrap: bool = False,
+    items: Mapping[int, int], packet_format: MarkerFormat | None = None, *, wrap: bool = False
 ) -> pd.DataFrame:
     """Return what becomes of a packet at every place of the ring.
 
@@ -222,8 +219,7 @@ def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: 
 
 
 def recovered(
-    waiting: Sequence[int] = range(0, 3 * SIZE + 1, 8),
-    places: Sequence[int] = range(0, SIZE, 8),
+    waiting: Sequence[int] = range(0, 3 * SIZE + 1, 8), places: Sequence[int] = range(0, SIZE, 8)
 ) -> pd.DataFrame:
     """Return how many packets the intended and the corrected ring still hold.
 

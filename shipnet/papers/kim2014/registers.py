@@ -225,12 +225,7 @@ def registers_in_order(
 
 
 def answer_table(
-    serial: SerialLine,
-    n_slaves: int,
-    movement: float,
-    *,
-    timeout: float = 1.0,
-    retries: int = 0,
+    serial: SerialLine, n_slaves: int, movement: float, *, timeout: float = 1.0, retries: int = 0
 ) -> pd.DataFrame:
     """Compare an answer at the start of a movement with one at its end, and one that is waited for.
 

@@ -99,7 +99,7 @@ def control_bit_0(
     *, calls: tuple[Call, ...] = (Call.DATA_EXCHANGE, Call.WRITE_PARAMETER, Call.ASSIGN_ADDRESS)
 ) -> bool:
     """Whether control bit 0 marks these requests, and no others."""
-    return set(calls) == {call for call in Call if call.rule.pattern[0] == "0"}
+    return set(calls) == {call for call in Call if call.rule.layout(False)[0] == "0"}
 
 
 @check("kim2023-042", counter={"half": "B"})
@@ -160,7 +160,7 @@ def information_bit_4(*, data: str = "0", parameter: str = "1") -> bool:
 
 
 check("kim2023-086", counter={"call": Call.RESET})(
-    lambda *, call=Call.ASSIGN_ADDRESS: call.rule.pattern[1:6] == "00000"
+    lambda *, call=Call.ASSIGN_ADDRESS: call.rule.layout(False)[1:6] == "00000"
 )
 
 

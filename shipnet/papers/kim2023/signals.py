@@ -192,9 +192,7 @@ check("kim2023-061", counter={"faults": 4})(lambda *, faults=1: undetected(fault
 
 @check("kim2023-012", counter={"deviations": (0.5, 0.7)})
 def supply_decides(
-    *,
-    supplies: tuple[float, float] = (30.0, 230.0),
-    deviations: tuple[float, float] = (0.6, 0.6),
+    *, supplies: tuple[float, float] = (30.0, 230.0), deviations: tuple[float, float] = (0.6, 0.6)
 ) -> bool:
     """Whether the voltage of the supply, below which PELV stays, changes what noise destroys."""
     near, receiver = line(100, slaves=(5,)).waveform(), RECEIVERS["noise-proof"]

@@ -44,11 +44,7 @@ def _volume(cylinders: int = CYLINDERS, strokes: int = 2) -> float:
 
 @numeric("lee2012-005")
 def power(
-    *,
-    pressure: float = PRESSURE,
-    rate: float = SPEED,
-    cylinders: int = CYLINDERS,
-    strokes: int = 2,
+    *, pressure: float = PRESSURE, rate: float = SPEED, cylinders: int = CYLINDERS, strokes: int = 2
 ) -> float:
     """Kilowatts that follow from Table 1 and the size of the cylinders."""
     return 1e5 * pressure * rate / 60 * _volume(cylinders, strokes) / 1e3

@@ -146,10 +146,7 @@ def response_scope() -> dict[str, Trace]:
     request = read(1).rtu(JB1)
     begin = LINE.frame_time(len(request)) + LINE.t35
     end = begin + LINE.frame_time(len(_DRAWN)) + LINE.t35
-    return {
-        "AMS sends": _trace([request], [0.0], end),
-        "JB1 sends": _trace([_DRAWN], [begin], end),
-    }
+    return {"AMS sends": _trace([request], [0.0], end), "JB1 sends": _trace([_DRAWN], [begin], end)}
 
 
 def _trace(frames: list[bytes], begins: list[float], end: float) -> Trace:

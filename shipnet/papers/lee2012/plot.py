@@ -36,7 +36,7 @@ def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
         ax.plot([-0.9, cylinders + 0.4], [y - 0.1, y - 0.1], color="0.3", lw=1)
         points = f"{name}\n{counted[name]} points"
         box(ax, (cylinders + 0.55, y), 1.35, 0.6, FILL["amber"], points)
-        ax.text(-0.95, y, f"floor {3 - floor}", ha="right", fontsize=8)
+        ax.text(-0.95, y, f"floor {3 - floor}", ha="right")
     return style.bare(ax, (-2.2, cylinders + 2.1), (-0.1, 3.0))
 
 
@@ -45,7 +45,7 @@ def _flow(*, ax: Axes) -> Axes:
     """Draw the main loop of a junction box and its three interrupts."""
     titles = "main loop", "(a) Modbus interrupt", "(b) timer interrupt", "(c) CAN interrupt"
     for column, title in enumerate(titles):
-        ax.text(2.2 * column, 4.0, title, ha="center", va="center", fontsize=9, weight="bold")
+        ax.text(2.2 * column, 4.0, title, ha="center", va="center", weight="bold")
     diagram("lee2012", "Fig 6", ax=ax)
     # The loop goes back to the conversion: the mode is read once.
     ax.plot([-0.82, -1.05, -1.05], [0.3, 0.3, 2.3], color="0.3", lw=1)
@@ -84,7 +84,7 @@ def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *
         ax.plot(at * 1e3, base + unit, drawstyle="steps-post", color=f"C{place}", label=name)
         for text, height in ((low, base), (high, base + 1)):
             ax.annotate(
-                f"{text:g}", (1.01, height), xycoords=("axes fraction", "data"), fontsize=8,
+                f"{text:g}", (1.01, height), xycoords=("axes fraction", "data"),
                 va="center", annotation_clip=False,
             )  # fmt: skip
         middles.append(base + 0.5)
