@@ -68,14 +68,13 @@ def limit(ax: Axes, level: float, name: str) -> None:
     ax.axhline(level, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
     ax.text(
         1.01, level, name, transform=ax.get_yaxis_transform(), color=LIMIT["color"], va="center",
-        fontsize=8,
     )  # fmt: skip
 
 
 def legend(ax: Axes, columns: int = 4, **options: Any) -> None:
     """Put the legend above the axes, clear of the data; `options` are those of `Axes.legend`."""
     above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
-    ax.legend(**above, ncols=columns, fontsize=8, frameon=False, **options)
+    ax.legend(**above, ncols=columns, **options)
 
 
 def logarithmic(axis: Any) -> None:
@@ -97,7 +96,7 @@ def box(
 
     ax.add_patch(Rectangle((x, y), width, height, **look))
     if text:
-        ax.text(x + width / 2, y + height / 2, text, ha="center", va="center", fontsize=8, zorder=3)
+        ax.text(x + width / 2, y + height / 2, text, ha="center", va="center", zorder=3)
 
 
 @checked
