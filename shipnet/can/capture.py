@@ -65,10 +65,7 @@ class _Rows(NamedTuple):
 
 
 def read_rows(line: Bytes, known: Integers) -> _Rows:
-    """Read frames, one per column of bits from the start of frame; `known` bits of each count.
-
-    The errors are those of `shipnet.can.frame.decode`.
-    """
+    """Read frames, one per column of bits, `known` bits each; the errors are those of `decode`."""
     width, n = line.shape
     every = np.arange(n)
     bits = np.zeros((width + 1, n), dtype=np.uint8)

@@ -32,10 +32,7 @@ _KINDS = {
 def impossible(
     time: float, number: int, extended: bool, dlc: int, remote: bool = False, size: int = -1
 ) -> str:
-    """Return what no frame of classic CAN can have, or nothing.
-
-    `size` is the number of data bytes if they are not padded to eight.
-    """
+    """Return what classic CAN does not allow, or nothing; `size` is that of unpadded data."""
     highest = highest_id(extended)
     if not 0 <= number <= highest:
         return f"the identifier is {number:#x}; it must be 0..{highest:#x}"

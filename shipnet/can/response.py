@@ -155,10 +155,7 @@ class Level:
         return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
 
     def responses(self, *, every: bool) -> Iterator[float]:
-        """Yield the longest response of every instance in a busy period, or of the first only.
-
-        An endless busy period yields a single infinity.
-        """
+        """Yield the longest responses in a busy period, or the first; one infinity if endless."""
         if every:
             ends = self.busy_period < math.inf
         else:
@@ -519,9 +516,7 @@ def response_times(
     ]
     if offsets:
         if method != "exact" or errors.burst or not bus.assumptions.own_jitter:
-            raise ArgumentError(
-                "offsets is True; that takes the exact method, no faults, and own_jitter"
-            )
+            raise ArgumentError("offsets is True; it needs the exact method, no faults, own_jitter")
         found = _with_offsets(bus, messages, found)
     return ResponseTimes(found, bit_rate)
 
