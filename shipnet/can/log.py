@@ -229,12 +229,7 @@ class Log:
 class LogLoad:
     """How busy recorded buses were; `Log.load` returns it.
 
-    Attributes
-    ----------
-    frames : int
-        Number of frames counted.
-    left_out : int
-        Number of faults, CAN FD frames and error frames not counted; with any, the load is too low.
+    `left_out` counts faults, CAN FD frames and error frames; if there are any, the load is too low.
 
     Examples
     --------

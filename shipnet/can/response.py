@@ -266,12 +266,10 @@ def _first_gaps(
 
 
 class ResponseTime(NamedTuple):
-    """The longest response time of a message, and what it consists of.
+    """The longest response time of a `message`, and what it consists of.
 
     Attributes
     ----------
-    message : Message
-        The message.
     frame_time : float
         Time that its frame takes [s].
     blocking : float
@@ -311,12 +309,7 @@ class ResponseTime(NamedTuple):
 class ResponseTimes(Named[ResponseTime]):
     """The longest response time of every message, the highest priority first.
 
-    Parameters
-    ----------
-    responses : iterable of ResponseTime
-        One per message, in order of priority.
-    bit_rate : float
-        Bit rate [bit/s].
+    `response_times` returns it; `bit_rate` is as given [bit/s].
 
     Examples
     --------

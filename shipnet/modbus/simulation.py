@@ -153,18 +153,7 @@ class Master:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A simulated master; `simulate` returns it.
-
-    Parameters
-    ----------
-    system : Loop or DualChannel
-        The simulated line.
-    faults : tuple of Fault
-        Its faults.
-    until : float
-        Time after which no try begins [s].
-    tries : list of tuple
-        Start [s], slave from 0, port, kind and outcome of each try; `events` shows them.
+    """A simulated master; `simulate` returns it, with `system`, `faults` and `until` [s] as given.
 
     Examples
     --------
