@@ -454,7 +454,7 @@ class _Cut(NamedTuple):
 
     bits: int
     step: float
-    rows: Floats
+    rows: npt.NDArray[Any]
     begin: Floats
     first: Floats
     last: Floats
