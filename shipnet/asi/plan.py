@@ -75,8 +75,8 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
     "repeater": ("D", "C1", 6),
     "terminator": ("|", "0.2", 14),
     "slave": ("o", "C0", 4),
-    "slave, passed": ("o", "C2", 4),
-    "slave, failed": ("o", LIMIT["color"], 4),
+    "slave, passed": ("o", "C0", 4),
+    "slave, failed": ("X", LIMIT["color"], 7),
 }
 
 #: Most slaves that a drawing labels.
@@ -446,9 +446,10 @@ class Plan:
         return Utilisation(float(self.cycle.bus_time), float(np.max(shares)), float(worst))
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
-        """Draw the plan to scale along the cable; slaves and segments that violate rules are red.
+        """Draw the plan to scale along the cable; slaves that violate a rule are red crosses.
 
-        A cable that closes a ring is dashed. Up to 12 slaves are labelled.
+        A segment that violates a rule has red cable. A cable that closes a ring is dashed. Up to
+        12 slaves are labelled.
         """
         ax = style.axes(ax)
         table = None if findings is None else findings.table()
@@ -483,12 +484,13 @@ class Plan:
                 labels = " ".join(slave.label for slave in self.slaves if slave.node == node)
                 ax.annotate(
                     labels, tuple(places[node]), (0, 6), textcoords="offset points",
-                    ha="center", fontsize=8,
+                    ha="center",
                 )  # fmt: skip
         for label, (marker, colour, size) in _MARKS.items():
-            if points[label]:
+            if points[label] or (table is not None and label.startswith("slave,")):
                 look = {"marker": marker, "color": colour, "markersize": size, "linestyle": "none"}
-                ax.plot(*np.transpose(points[label]), label=label, **look)
+                ax.plot(*np.reshape(points[label], (-1, 2)).T, label=label, **look)
+        ax.spines["left"].set_visible(False)
         ax.set(xlabel="distance from the master [m]", yticks=[])
         ax.set_ylim(1.04 * top + 0.7, 0.8 - 0.04 * top)
         style.legend(ax, 6)
@@ -503,7 +505,7 @@ class PlanFindings(Findings):
         self.plan = plan
 
     def plot(self, *, ax: Axes | None = None) -> Axes:
-        """Draw the plan; slaves and segments that violate rules are red."""
+        """Draw the plan; slaves that violate a rule are red crosses."""
         return self.plan.plot(self, ax=ax)
 
 
@@ -590,7 +592,7 @@ class Comparison:
         style.limit(ax, 100 * TOLERANCE.evenness, "weakest pulse,\nat least")
         style.limit(ax, 100 * TOLERANCE.ringing, "ringing,\nat most")
         ax.set(ylabel="share of the largest pulse [%]", ylim=(0, 112))
-        style.legend(ax)
+        style.legend(ax, 2)
         return ax
 
 

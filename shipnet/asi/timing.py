@@ -134,7 +134,7 @@ class Transaction:
             end = start + length
             ax.annotate("", (start, 2.35), (end, 2.35), arrowprops=arrow)
             label = f"{name}\n{length:g} bit"
-            ax.text((start + end) / 2, 2.5, label, ha="center", va="bottom", fontsize=8)
+            ax.text((start + end) / 2, 2.5, label, ha="center", va="bottom")
             start = end
         ax.set(xlim=(-0.5, self.bits + 0.5), ylim=(-0.75, 3.6), yticks=[], xlabel="time [bit]")
         ax.grid(visible=False)

@@ -117,16 +117,15 @@ class Lines:
         return 2 * x + 2, minus_s + 2, -minus_s, y0, z0
 
 
-def _admit(shunts: Floats, trees: slice, s: Complexes, y: Complexes) -> None:
-    """Write what the loads of nodes admit; those that all trees share are computed once."""
+def _admittances(shunts: Floats, trees: slice, s: Complexes) -> Complexes:
+    """Return what the loads of nodes admit, (nodes, trees or 1, bins)."""
     conductance, per_henry, capacitance = (
         part_of_trees(kind, trees)[..., np.newaxis] for kind in shunts
     )
-    own = y[:, : capacitance.shape[1]]
-    np.multiply(capacitance, s, out=own)
-    own += conductance
-    own += per_henry * (1 / s)
-    y[:, own.shape[1] :] = own[:, :1]
+    y = capacitance * s
+    y += conductance
+    y += per_henry * (1 / s)
+    return np.asarray(y)
 
 
 #: Elements of the arrays of a sweep: larger ones leave the cache, and are handed back to the
@@ -231,8 +230,7 @@ def tree_transfer(
             own[3, strip], own[1, strip], sinh, y0, z0 = lines.waves(table[strip], some, bins)
             np.multiply(z0, sinh, out=own[0, strip])
             np.multiply(y0, sinh, out=own[2, strip])
-        _admit(shunts, some, s[bins], y)
-        _fold(subtrees.heights, own, y, v)
+        _fold(subtrees.heights, own, _admittances(shunts, some, s[bins]), y, v)
         ratio, voltage = list(v), list(z[:, some, bins])
         np.reciprocal(y[-1], out=voltage[tree.order[0]])
         for place in range(1, len(tree.order)):
@@ -241,21 +239,27 @@ def tree_transfer(
     return z.swapaxes(0, 1)
 
 
-def _fold(heights: list[_Height], terms: Complexes, y: Complexes, v: Complexes) -> None:
-    """Write the ratios of voltages over lines into v, and add to y, which holds the loads.
+def _fold(
+    heights: list[_Height], terms: Complexes, loads: Complexes, y: Complexes, v: Complexes
+) -> None:
+    """Write the admittances of all but the leaves into y, and the ratios over lines into v.
 
     `terms` are Zc S, C, Yc S and 2 e of the lines.
     """
-    for own, line, joints in heights:
+    joined = set()
+    for height, (own, line, joints) in enumerate(heights):
         # The denominator and the numerator over Yc at once: Y Zc S + C and Y C + Yc S.
-        both = y[own] * terms[:2, line]
+        both = (y if height else loads)[own] * terms[:2, line]
         both += terms[1:3, line]
         inverse, folded = both
         np.reciprocal(inverse, out=inverse)
         np.multiply(terms[3, line], inverse, out=v[own])
         folded *= inverse
         for whole, part, times in joints:
-            y[whole] += folded[part] if times == 1 else times * folded[part]
+            before = y if whole in joined else loads
+            more = folded[part] if times == 1 else times * folded[part]
+            np.add(before[whole], more, out=y[whole])
+            joined.add(whole)
 
 
 def closed_transfer(

@@ -130,9 +130,9 @@ def test_differential_equations_with_compliance_agree_with_the_closed_form(
     settled = ode.time >= 0.5
     n = ode.time.size
     assert n >= 80
-    assert np.abs(100 * ode.opening - run.VPos[:n, 0])[settled].max() < 0.1
-    assert np.abs(ode.pump_pressure / 1e5 - run.FP[:n, 0])[settled].max() < 0.2
-    assert np.abs(ode.cylinder_pressure / 1e5 - run.OP[:n, 0])[settled].max() < 0.2
+    assert np.abs(100 * ode.opening - run.samples["VPos"][:n, 0])[settled].max() < 0.1
+    assert np.abs(ode.pump_pressure / 1e5 - run.samples["FP"][:n, 0])[settled].max() < 0.2
+    assert np.abs(ode.cylinder_pressure / 1e5 - run.samples["OP"][:n, 0])[settled].max() < 0.2
     if np.isfinite(ode.end):
         assert run.strokes()["duration_s"][0] == pytest.approx(ode.end, abs=0.02)
 
