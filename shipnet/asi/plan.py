@@ -75,8 +75,8 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
     "repeater": ("D", "C1", 6),
     "terminator": ("|", "0.2", 14),
     "slave": ("o", "C0", 4),
-    "slave, passed": ("o", "C2", 4),
-    "slave, failed": ("o", LIMIT["color"], 4),
+    "slave, passed": ("o", "C0", 4),
+    "slave, failed": ("X", LIMIT["color"], 7),
 }
 
 #: Most slaves that are named one by one.
@@ -501,9 +501,9 @@ class Plan:
         return Utilisation(float(self.cycle.bus_time), float(np.max(shares)), float(worst))
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
-        """Draw the plan to scale along the cable, the slaves in the colour of their verdict.
+        """Draw the plan to scale along the cable, the slaves with their verdict.
 
-        A slave that violates a rule is red, a segment that does has red cable. A cable that
+        A slave that violates a rule is a red cross, a segment that does has red cable. A cable that
         closes a ring is dashed, a repeater is joined to both of its nodes. Up to 12 slaves are
         named.
         """
@@ -547,20 +547,15 @@ class Plan:
                 labels = " ".join(slave.label for slave in self.slaves if slave.node == node)
                 ax.annotate(
                     labels, tuple(places[node]), (0, 6), textcoords="offset points",
-                    ha="center", fontsize=8,
+                    ha="center",
                 )  # fmt: skip
         for label, (marker, colour, size) in _MARKS.items():
-            if points[label]:
-                x, y = np.transpose(points[label])
+            if points[label] or (table is not None and label.startswith("slave,")):
                 ax.plot(
-                    x,
-                    y,
-                    marker=marker,
-                    color=colour,
-                    markersize=size,
-                    linestyle="none",
-                    label=label,
-                )
+                    *np.reshape(points[label], (-1, 2)).T, marker=marker, color=colour,
+                    markersize=size, linestyle="none", label=label,
+                )  # fmt: skip
+        ax.spines["left"].set_visible(False)
         ax.set(
             xlabel="distance from the master [m]",
             yticks=[],
@@ -578,7 +573,7 @@ class PlanFindings(Findings):
         self.plan = plan
 
     def plot(self, *, ax: Axes | None = None) -> Axes:
-        """Draw the plan; what violates a rule is red."""
+        """Draw the plan; slaves that violate a rule are red crosses."""
         return self.plan.plot(self, ax=ax)
 
 
@@ -674,7 +669,7 @@ class Comparison:
         style.limit(ax, 100 * TOLERANCE.evenness, "weakest pulse,\nat least")
         style.limit(ax, 100 * TOLERANCE.ringing, "ringing,\nat most")
         ax.set(ylabel="share of the largest pulse [%]", ylim=(0, 112))
-        style.legend(ax)
+        style.legend(ax, 2)
         return ax
 
 

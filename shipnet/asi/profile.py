@@ -108,7 +108,7 @@ class Profile:
             for row, port in enumerate(ports):
                 colour = style.FIELD[fields[port]]
                 style.box(ax, code, row, 1, 1, facecolor=colour, edgecolor="white")
-                ax.text(code + 0.5, row + 0.5, port, ha="center", va="center", fontsize=8)
+                ax.text(code + 0.5, row + 0.5, port, ha="center", va="center")
         codes = range(len(IO_CONFIGURATIONS))
         ax.set_xticks([code + 0.5 for code in codes], [f"{code:X}" for code in codes])
         ax.set_yticks([row + 0.5 for row in range(4)], [f"D{row}" for row in range(4)])

@@ -234,7 +234,7 @@ class Run:
             )
             if attempt:
                 middle = begin + request / 2
-                ax.text(middle, -0.5, str(attempt), ha="center", va="bottom", fontsize=7)
+                ax.text(middle, -0.5, str(attempt), ha="center", va="bottom")
             fine, pause = one["outcome"] == "ok", one["master_pause_bit"]
             if fine and pause != pause:
                 continue  # a call without an answer

@@ -167,7 +167,7 @@ class Slave:
         middles = dict(zip(State, (0.0, 6.0, 12.0), strict=True))
         for state, x in middles.items():
             style.box(ax, x - 1.2, -0.5, 2.4, 1.0, **box)
-            ax.text(x, 0, state.value.upper(), ha="center", va="center", fontsize=8)
+            ax.text(x, 0, state.value.upper(), ha="center", va="center")
         words = defaultdict(list)
         for (state, event), following in TRANSITIONS.items():
             # Where any pause leads on, the pause after a response need not be named.
@@ -184,7 +184,7 @@ class Slave:
             arrow |= {"shrinkA": 0, "shrinkB": 0}
             ax.annotate("", (x1, up * 0.22), (x0, up * 0.22), arrowprops=arrow)
             placed: dict[str, Any] = {"ha": "center", "va": "bottom" if up > 0 else "top"}
-            ax.text((x0 + x1) / 2, up * 0.3, "\n".join(said), fontsize=7, **placed)
+            ax.text((x0 + x1) / 2, up * 0.3, "\n".join(said), **placed)
         return style.bare(ax, (-1.4, 13.4), (-0.9, 1.6))
 
     def __str__(self) -> str:

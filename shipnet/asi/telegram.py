@@ -162,7 +162,7 @@ def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> A
     place = start
     for label, length, colour in _PARTS[len(bits)]:
         style.box(ax, place, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
-        ax.text(place + length / 2, -0.22, label, ha="center", va="top", fontsize=8)
+        ax.text(place + length / 2, -0.22, label, ha="center", va="top")
         place += length
     for index, bit in enumerate(bits):
         ax.text(start + index + 0.5, 0.5, bit, ha="center", va="center", family="monospace")

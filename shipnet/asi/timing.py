@@ -179,7 +179,7 @@ class Transaction:
             )  # fmt: skip
             ax.text(
                 (span.start + span.end) / 2, 2.5, f"{span.name}\n{span.length:g} bit",
-                ha="center", va="bottom", fontsize=8,
+                ha="center", va="bottom",
             )  # fmt: skip
         ax.set(xlim=(-0.5, self.bits + 0.5), ylim=(-0.75, 3.6), yticks=[], xlabel="time [bit]")
         ax.grid(visible=False)

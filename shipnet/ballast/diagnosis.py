@@ -162,7 +162,7 @@ class Run:
                 said = f"{channel.name}, 100 % = {full:g} {channel.unit}"
             ax.plot(frame.index, 100 * frame[channel.column] / full, color=f"C{place}", label=said)
         ax.set(xlabel="time [s]", ylabel="of full scale [%]")
-        ax.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize="small", frameon=False)
+        ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
         return ax
 
     def __repr__(self) -> str:
@@ -388,7 +388,7 @@ class Diagnosis:
         places = np.arange(len(base.codes))
         ax.barh(places, strength, color=colours)
         names = [f"{rule.english or rule.flag} ({rule.code})" for rule in base.rules]
-        ax.set_yticks(places, names, fontsize="small")
+        ax.set_yticks(places, names)
         ax.invert_yaxis()
         ax.axvline(self.threshold, color="0.3", linestyle=":", linewidth=1)
         ax.set(xlim=(0, 1.02), xlabel="greatest firing strength [-]")
@@ -396,7 +396,7 @@ class Diagnosis:
         others = f", also {', '.join(found[1:])}" if found[1:] else ""
         ax.set_title(
             f"diagnosis: {found[0]}{others}" if found else "diagnosis: normal", loc="left",
-            fontsize="medium", color=style.LIMIT["color"] if found else "C2",
+            color=style.LIMIT["color"] if found else "C2",
         )  # fmt: skip
         return ax
 

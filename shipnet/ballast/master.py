@@ -44,6 +44,12 @@ STATE_COLOURS = {
     "fault": style.LIMIT["color"], "silent": "0.35", "not seen": "0.8",
 }  # fmt: skip
 
+#: Hatches of what an operator has to notice, also without colours.
+_HATCHES = {"fault": "xxxx", "silent": "...."}
+
+#: In wider rows, valves have neither their position nor their number.
+_NUMBERED = 20
+
 #: A valve within this of an end counts as open or closed [%]; the paper does not say.
 _END = 1.0
 
@@ -139,53 +145,49 @@ class Screen:
     def plot(
         self, selected: int | None = None, ax: Axes | None = None, *, columns: int = 32
     ) -> Axes:
-        """Draw a bar and a number per valve, coloured by its state, and frame the selected one."""
+        """Draw a bar per valve, coloured by its state; the selected one is framed.
+
+        Where they are wide enough, each has its position and its number.
+        """
         ax = style.axes(ax)
         units = self.shown.index.to_numpy()
         if selected is not None:
             selected = check_whole("selected", selected, 1, len(units))
         wide = min(len(units), check_whole("columns", columns, 1, 1000))
         rows = -(-len(units) // wide)
-        size = 9 if wide <= 20 else 6
         places = np.arange(len(units))
         x, y = places % wide, rows - 1 - places // wide
         position, framed = self.shown["position_percent"].to_numpy(float), units == selected
-        colours = [STATE_COLOURS[state] for state in self.shown["state"]]
+        states = self.shown["state"].tolist()
         ax.bar(
-            x, 0.62, 0.84, y, color="0.94", linewidth=np.where(framed, 2.0, 0.5),
-            edgecolor=["k" if frame else "0.7" for frame in framed],
+            x, 0.62, 0.84, y, color="0.94", edgecolor="0.6", linewidth=0.5,
+            hatch=[_HATCHES.get(state, "") for state in states],
         )  # fmt: skip
         part = 0.62 * np.clip(np.nan_to_num(position), 0, 100) / 100
         # A closed valve keeps a strip of colour.
-        ax.bar(x, np.maximum(part, 0.05), 0.84, y, color=colours)
-        for place, unit in enumerate(units):
-            said = "-" if np.isnan(position[place]) else f"{position[place]:.0f}"
-            where = x[place], y[place]
-            texts = (
-                ax.text(where[0], where[1] + 0.33, said, ha="center", va="center", fontsize=size),
-                ax.text(
-                    where[0], where[1] - 0.04, str(unit), ha="center", va="top", fontsize=size - 1,
-                    color="0.4",
-                ),
-            )  # fmt: skip
-            for text in texts:
-                # It lies within the axes, and hundreds of texts take long to measure.
-                text.set_in_layout(False)
-        ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[], yticks=[])
+        ax.bar(x, np.maximum(part, 0.05), 0.84, y, color=[STATE_COLOURS[state] for state in states])
+        ax.bar(x[framed], 0.62, 0.84, y[framed], fill=False, edgecolor="k", linewidth=2)
+        ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[])
+        if wide <= _NUMBERED:
+            ax.set_yticks([])
+            for place, (unit, percent) in enumerate(zip(units, position, strict=True)):
+                words = "-" if np.isnan(percent) else f"{percent:.0f}"
+                above = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+                ax.text(x[place], y[place] + 0.33, words, ha="center", va="center", bbox=above)
+                ax.text(x[place], y[place] - 0.04, str(unit), ha="center", va="top", color="0.4")
+            ax.text(1, 1.02, "position [%]", transform=ax.transAxes, ha="right", va="bottom")
+        else:
+            ax.set_yticks(y[::wide] + 0.31, [f"from {unit}" for unit in units[::wide]])
+            ax.tick_params(length=0)
         ax.grid(False)
-        for spine in ax.spines.values():
-            spine.set_visible(False)
-        present = [state for state in STATE_COLOURS if (self.shown["state"] == state).any()]
+        ax.spines[:].set_visible(False)
+        present = [state for state in STATE_COLOURS if state in states]
         for state in present:
-            ax.fill_between([], [], color=STATE_COLOURS[state], label=state)
-        ax.legend(
-            loc="lower left", bbox_to_anchor=(0, 1), ncols=len(present), frameon=False,
-            fontsize="small",
-        )  # fmt: skip
-        ax.text(
-            1, 1.02, "position [%]", transform=ax.transAxes, ha="right", va="bottom",
-            fontsize="small",
-        )  # fmt: skip
+            ax.fill_between(
+                [], [], facecolor=STATE_COLOURS[state], edgecolor="0.9",
+                hatch=_HATCHES.get(state), label=state,
+            )  # fmt: skip
+        ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=len(present))
         return ax
 
 

@@ -154,8 +154,8 @@ class Trials:
         ax.autoscale(False)
         for row, column in np.argwhere(table.index.to_numpy()[:, None] == table.columns.to_numpy()):
             ax.bar(column, 1, 1, row - 0.5, fill=False, edgecolor="0.3", linewidth=1)
-        ax.set_xticks(range(len(table.columns)), [str(name) for name in table.columns], fontsize=8)
-        ax.set_yticks(range(len(table.index)), [str(name) for name in table.index], fontsize=8)
+        ax.set_xticks(range(len(table.columns)), [str(name) for name in table.columns])
+        ax.set_yticks(range(len(table.index)), [str(name) for name in table.index])
         ax.set(xlabel="top-ranked fault [% of the row]", ylabel="fault of the valve")
         return ax
 
@@ -533,10 +533,10 @@ class FleetReport:
         ax.plot(start / hour, rows, "o", color=red, markersize=5, label="fault appears")
         found = faults["detection_time_s"].notna().to_numpy()
         ax.plot(known[found] / hour, rows[found], "D", color="C2", markersize=6, label="reported")
-        ax.set_yticks(rows, names, fontsize="small")
+        ax.set_yticks(rows, names)
         ax.invert_yaxis()
         ax.set(xlabel="time [h]", xlim=(0, self.duration / hour))
-        ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, frameon=False, fontsize="small")
+        ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4)
         return ax
 
 

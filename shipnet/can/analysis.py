@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from shipnet import style
 from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.can.faults import ErrorBound
@@ -28,8 +27,7 @@ from shipnet.lazy import Axes, pd
 #: Largest error of a clock on a CAN bus: Bosch, CAN specification 2.0, part B, section 9.
 CLOCK_TOLERANCE = 0.0158
 
-#: Resolution of time stamps [s].
-_STAMP = 1e-6
+_STAMP = 1e-6  #: Resolution of time stamps [s].
 
 
 @checked
@@ -256,9 +254,6 @@ def _messages(source: MessageSet | Log | str | PathLike[str], period: float | No
     return source.messages(period=period) if isinstance(source, Log) else source
 
 
-# A plan and a log ------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class LogComparison:
     """How a log differs from a plan; `compare` returns it.
@@ -295,29 +290,6 @@ class LogComparison:
         planned = len(said) - counts["unknown"]
         odd = [f"{counts[word]} {word}" for word in _WORDS if counts[word]]
         return f"{planned} messages, {', '.join(odd) or 'all as planned'}"
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the times between frames of each message, relative to its period."""
-        ax, table = style.axes(ax), self._table
-        spans = table[["shortest_ms", "mean_ms", "longest_ms"]].div(table["period_ms"], axis=0)
-        names = []
-        for place, (name, verdict) in enumerate(table["verdict"].items()):
-            planned = verdict == "as planned"
-            colour = "C0" if planned else style.LIMIT["color"]
-            low, mean, high = spans.iloc[place]
-            if mean == mean:
-                ax.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.45)
-                ax.plot(mean, place, "o", color=colour)
-            names.append(str(name) if planned else f"{name}: {verdict}")
-        ax.axvline(1.0, color="0.5", linewidth=1, zorder=0)
-        drawn = spans[spans["mean_ms"].notna()].to_numpy()
-        left, right = drawn[drawn > 0].min(initial=0.5), drawn.max(initial=2.0)
-        ax.set(xlim=(0.8 * left, 1.2 * right), ylim=(len(table) - 0.4, -0.6))
-        style.logarithmic(ax.xaxis)
-        ax.set_yticks(range(len(table)), names)
-        ax.set_xlabel("time between frames / planned period")
-        ax.grid(visible=False, axis="y")
-        return ax
 
     def __repr__(self) -> str:
         return f"LogComparison({self.verdict})"

@@ -17,8 +17,7 @@ from shipnet.can.faults import BitErrors, ErrorAt, Simulated
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import NEVER, nanoseconds
 
-#: Stand for the start of a frame that never began.
-WAITING, OVERWRITTEN = -1, -2
+WAITING, OVERWRITTEN = -1, -2  #: Stand for the start of a frame that never began.
 
 #: Error counts from which a node is error passive, and bus off; the recessive sequences that a
 #: node waits for when bus off, and their length [bit]; and the bits that an error passive node lets
@@ -34,8 +33,7 @@ class Releases(NamedTuple):
     length: Integers
 
 
-#: Fewest busy periods of one size that are solved side by side.
-_FEW = 30
+_FEW = 30  #: Fewest busy periods of one size that are solved side by side.
 
 
 class _Traffic:
@@ -140,9 +138,6 @@ def send_undisturbed(releases: Releases, horizon: int) -> Integers:
     start[others] = traffic.start
     start[start >= horizon] = WAITING
     return start
-
-
-# The bus with errors ---------------------------------------------------------------------------
 
 
 class Nodes:
@@ -318,8 +313,7 @@ def send(
     return np.array(start, dtype=np.int64), failures, nodes
 
 
-#: Random numbers drawn at a time.
-_BLOCK = 4096
+_BLOCK = 4096  #: Random numbers drawn at a time.
 
 
 def _chances(
@@ -340,11 +334,7 @@ def _chances(
         yield _BLOCK - tried, []
 
 
-# Many sets of offsets --------------------------------------------------------------------------
-
-
-#: Messages times sets solved at a time; they fit into a core's own cache.
-_CELLS = 40_000
+_CELLS = 40_000  #: Messages times sets solved at a time; they fit into a core's own cache.
 
 
 def send_batch(

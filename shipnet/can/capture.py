@@ -38,30 +38,16 @@ from shipnet.line.scope_file import Edges, bit_time, read_edges
 
 #: Bit rates tried by default: those of CANopen, NMEA 2000 and vehicles.
 _RATES = (*BIT_RATES, 100e3 / 3, 250e3 / 3, 2e6 / 21, 100e3, 200e3, 400e3, 800e3)
-
-#: Fewest samples per bit, with a margin for inaccurate clocks.
-_FEWEST = 1.9
-
-#: Recessive bits before a start of frame: a node may start in the third bit of intermission.
-_IDLE = 9.5
-
-#: Most edges and bits of a frame that are examined; the longest frame has 157 bits.
-_EDGES, _BITS = 160, 176
-
-#: Most bits by which one edge shifts the sampling.
-_JUMP = 0.2
-
-#: Number of edges on which candidates for the bit rate are compared.
-_TRIED = 40_000
-
-#: Places of the start of frame within its sample that are tried, the middle first.
-_PLACES = (0.0, 0.42, -0.42)
+_TRIED = 40_000  #: Number of edges on which they are compared.
+_FEWEST = 1.9  #: Fewest samples per bit, with a margin for inaccurate clocks.
+_IDLE = 9.5  #: Recessive bits before a start of frame; one may begin in the third of intermission.
+_EDGES, _BITS = 160, 176  #: Most edges and bits of a frame; the longest frame has 157 bits.
+_JUMP = 0.2  #: Most bits by which one edge shifts the sampling.
+_PLACES = (0.0, 0.42, -0.42)  #: Places of the start of frame in its sample that are tried in turn.
 
 #: Clocks tried for ambiguous edges, and the samples per bit above which none is ambiguous.
 _CLOCKS, _CLEAR = (1 - 0.0015, 1.0, 1 + 0.0015), 4
-
-#: Most frames that are read, and most faults of a capture that are described.
-_FRAMES, _FAULTS = 2**18, 1000
+_FRAMES, _FAULTS = 2**18, 1000  #: Most frames that are read, and most faults that are described.
 
 
 class _Rows(NamedTuple):

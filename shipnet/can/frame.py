@@ -29,13 +29,8 @@ from shipnet.errors import (
 from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import Axes
 
-# The layout of a frame -----------------------------------------------------------------------
-
-#: Bits of the CRC sequence.
-CRC_BITS = CRC.width
-
-#: Recessive bits between the end of a frame and the start of the next, at least.
-INTERMISSION = 3
+CRC_BITS = CRC.width  #: Bits of the CRC sequence.
+INTERMISSION = 3  #: Recessive bits between the end of a frame and the start of the next, at least.
 
 #: Fields after the CRC sequence, and their bits on a bus where a receiver acknowledges.
 TAIL = (("CRC delimiter", "1"), ("ACK slot", "0"), ("ACK delimiter", "1"), ("EOF", "1111111"))
@@ -47,8 +42,7 @@ _EXTENDED = {
     "identifier extension": "x" * 18, "RTR": "x", "r1": "0", "r0": "0", "DLC": "xxxx",
 }  # fmt: skip
 
-#: The fields before the data, without and with an extended identifier.
-HEADS = (_BASE, _EXTENDED)
+HEADS = (_BASE, _EXTENDED)  #: The fields before the data, without and with an extended identifier.
 
 
 def highest_id(extended: bool) -> int:
@@ -71,10 +65,7 @@ def check_bit_rate(bit_rate: float, low: float = 1000.0) -> float:
     return check_scalar("bit_rate", bit_rate, "bit/s", low, 1e6)
 
 
-# Bit stuffing ----------------------------------------------------------------------------------
-
-#: Number of equal bits after which a stuff bit is sent.
-RUN = 5
+RUN = 5  #: Number of equal bits after which a stuff bit is sent.
 
 
 def stuff_places(bits: str) -> list[int]:
@@ -115,9 +106,6 @@ def stuff(bits: str) -> str:
         parts += [bits[begin:place], "10"[int(bits[place - 1])]]
         begin = place
     return "".join([*parts, bits[begin:]])
-
-
-# Frames ----------------------------------------------------------------------------------------
 
 
 class Field(NamedTuple):
@@ -262,7 +250,7 @@ class Frame:
             start = end
         return tuple(fields)
 
-    def plot(self, ax: Axes | None = None, *, bits_per_row: int = 44) -> Axes:
+    def plot(self, ax: Axes | None = None, *, bits_per_row: int = 30) -> Axes:
         """Draw the bits in rows, coloured by field, with the level on the line above."""
         from shipnet.can.plot import plot_fields
 
@@ -277,9 +265,6 @@ class Frame:
         length = min(self.dlc, 8)
         content = (f"R{length or ''}") if self.remote else self.data.hex().upper()
         return f"{number}#{content}" + (f"_{self.dlc:X}" if self.dlc > 8 else "")
-
-
-# Reading ---------------------------------------------------------------------------------------
 
 
 class _Line:
@@ -403,9 +388,6 @@ def decode(bits: str) -> Frame:
             raise line.fault(FormError, field, "dominant instead of recessive")
     content = int(data, 2).to_bytes(len(data) // 8, "big") if data else b""
     return Frame(int(number, 2), content, extended, remote == "1", dlc)
-
-
-# Arbitration -----------------------------------------------------------------------------------
 
 
 @checked

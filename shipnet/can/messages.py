@@ -47,8 +47,7 @@ T = TypeVar("T")
 #: Bit rates in use [bit/s]: Beckhoff, BX5100 documentation.
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 1_000_000)
 
-#: The times of a message.
-TIMES = ("period", "deadline", "jitter", "offset")
+TIMES = ("period", "deadline", "jitter", "offset")  #: The times of a message.
 
 
 @record(slots=True)
@@ -415,8 +414,6 @@ def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[Indices, int]:
     first = np.where(analogue, bits * values, 8 * start + states)
     return np.asarray(first, dtype=np.intp), start + -(-int((~analogue).sum()) // 8)
 
-
-# Files -----------------------------------------------------------------------------------------
 
 #: Synthetic messages of an engine's junction boxes and controls.
 EXAMPLE = """name,arbitration_id,dlc,period_ms,deadline_ms,sender

@@ -1,7 +1,7 @@
-"""Response times where messages of one sender share a clock, and offsets that shorten them.
+"""Response times if messages of one sender share a clock, and offsets that shorten them.
 
-All is counted in whole ticks. The phases of different clocks are free, so each other clock has its
-worst window by itself, and only the message's own clock is followed instance by instance.
+Times are whole ticks. Different clocks have free phases, so each other clock has its worst window,
+and only the message's own clock is followed instance by instance.
 """
 
 from __future__ import annotations
@@ -19,15 +19,11 @@ from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 
-#: Releases in a hyperperiod beyond which messages of a sender are taken as of several clocks: that
-#: is safe, as they have more freedom then.
+#: Most releases of a sender in a hyperperiod; messages beyond get a clock of their own, which is
+#: safe because it leaves them more freedom.
 MOST_RELEASES = 20_000
-
-#: Releases in a hyperperiod and the windows around it beyond which none of them is looked at.
-_MOST_EVENTS = 1_000_000
-
-#: Load from which the bounds without offsets are taken: the windows become too long.
-_HIGHEST_LOAD = 0.99
+_MOST_EVENTS = 1_000_000  #: Most releases in a hyperperiod and the windows around it.
+_HIGHEST_LOAD = 0.99  #: Load from which the windows are too long.
 
 
 class Streams(NamedTuple):
@@ -44,7 +40,7 @@ class Streams(NamedTuple):
 
 
 def clocks(senders: list[str], periods: list[int]) -> Integers:
-    """Return the clock of each message: that of its sender, or its own if it has none."""
+    """Return the clock of each message: its sender's, or its own if it has no sender."""
     found: list[int] = []
     newest: dict[str, tuple[int, list[int]]] = {}
     for place, (sender, period) in enumerate(zip(senders, periods, strict=True)):
@@ -58,9 +54,9 @@ def clocks(senders: list[str], periods: list[int]) -> Integers:
 
 
 def longest_responses(streams: Streams) -> list[int] | None:
-    """Return the longest response of each message from its event; None if offsets do not help.
+    """Return the longest response of each message, None if offsets do not help.
 
-    Windows that are too long to look at raise an `OverflowError`.
+    Raises `OverflowError` if the windows are too long.
     """
     load = float((streams.frame / streams.period).sum())
     if load >= _HIGHEST_LOAD:
@@ -76,7 +72,7 @@ def longest_responses(streams: Streams) -> list[int] | None:
 
 
 class _Clock:
-    """Releases of messages of one clock, from `span` before 0 to `span` behind a hyperperiod."""
+    """Releases of one clock's messages, from `span` before 0 to `span` after a hyperperiod."""
 
     def __init__(self, streams: Streams, members: list[int], span: int, reach: int = 0) -> None:
         period, frame, jitter, offset = (column[members] for column in streams[:4])
@@ -102,14 +98,14 @@ class _Clock:
         self._gone = np.r_[0, np.cumsum(frame[which[late]])]
 
     def before(self, time: Integers) -> Integers:
-        """Return the work that is released before a time, whatever the jitter."""
+        """Return the work released before a time, whatever the jitter."""
         gone: Integers = self._gone[np.searchsorted(self.latest, time)]
         return gone
 
     def curve(self, span: int) -> tuple[Integers, Integers]:
-        """Return lengths of closed windows, and by how much the most work in them grows there.
+        """Return lengths of closed windows, and by how much their largest work grows there.
 
-        A window may begin anywhere; the worst ones begin with a latest release.
+        The worst windows begin with a latest release.
         """
         begin = np.unique(self.latest[(self.latest >= 0) & (self.latest < self.hyperperiod)])
         first = np.searchsorted(self.event, begin, side="right") - 1
@@ -125,7 +121,7 @@ class _Clock:
 
 
 def _staircase(curves: list[tuple[Integers, Integers]]) -> tuple[Integers, Integers]:
-    """Return the lengths at which a sum of curves grows, and the work before each of them."""
+    """Return the lengths at which a sum of curves grows, and the work before each."""
     if not curves:
         return np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
     length, step = (np.concatenate(column) for column in zip(*curves, strict=True))
@@ -134,7 +130,7 @@ def _staircase(curves: list[tuple[Integers, Integers]]) -> tuple[Integers, Integ
 
 
 def _within(streams: Streams, span: int) -> list[int] | None:
-    """Return the longest responses if no busy period is longer than the span, else None."""
+    """Return the longest responses, None if a busy period is longer than the span."""
     curves: dict[int, tuple[Integers, Integers]] = {}
     members: dict[int, list[int]] = {}
     found = []
@@ -188,20 +184,20 @@ def _within(streams: Streams, span: int) -> list[int] | None:
 
 @checked
 def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
-    """Return the messages with offsets that keep those of one sender apart.
+    """Return the messages with offsets that separate those of one sender.
 
     Parameters
     ----------
     messages : MessageSet
         The messages. One without a sender keeps its offset.
     step : float, default 1e-3
-        Grid of the offsets, 1e-6..1 [s], such as the cycle of the senders' task. The period of a
-        message with a sender must be a multiple of it.
+        Grid of the offsets, 1e-6..1 [s], such as the cycle of the senders' task. Periods of
+        messages with a sender must be multiples of it.
 
     Returns
     -------
     MessageSet
-        The same messages with offsets of 0 or more, shorter than their periods.
+        The same messages with offsets from 0 to less than their periods.
 
     Raises
     ------
@@ -211,10 +207,9 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
 
     Notes
     -----
-    Sender by sender, the message with the shortest period first, each gets the offset around which
-    its sender sends least. That is a heuristic; `response_times` with ``offsets=True`` says what it
-    gains. Senders with many messages gain most, as a frame of each other sender may still come
-    first.
+    A heuristic: sender by sender, from the shortest period, each message gets the offset around
+    which its sender sends least. `response_times` with ``offsets=True`` shows the gain, which is
+    largest for senders with many messages.
 
     Examples
     --------

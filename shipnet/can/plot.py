@@ -56,7 +56,7 @@ def plot_fields(
             )
         )  # fmt: skip
         ax.text(
-            x + 0.5, 0.47 - row * _PITCH, bit, ha="center", va="center", fontsize=7,
+            x + 0.5, 0.47 - row * _PITCH, bit, ha="center", va="center",
             family="monospace",
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4} if own else None,
         )  # fmt: skip
@@ -66,7 +66,7 @@ def plot_fields(
     for row in range(rows):
         levels = [1.3 + 0.5 * int(bit) - row * _PITCH for bit in bits[row * width :][:width]]
         ax.step(range(len(levels) + 1), [*levels, levels[-1]], where="post", color="C0")
-        ax.text(-0.4, 0.47 - row * _PITCH, str(row * width), ha="right", va="center", fontsize=7)
+        ax.text(-0.4, 0.47 - row * _PITCH, str(row * width), ha="right", va="center")
     ax.set(
         xlim=(-2.2, min(width, len(bits)) + 0.3),
         ylim=(-(rows - 1) * _PITCH - 1.7, 2.1),
@@ -95,7 +95,7 @@ def _outline(ax: Axes, name: str, start: int, length: int, width: int) -> None:
     row, x = divmod(place, width)
     ax.text(
         x + size / 2, -0.12 - row * _PITCH, _SHORT.get(name, name), ha="center", va="top",
-        fontsize=7, rotation=90 if size < _NARROW else 0,
+        rotation=90 if size < _NARROW else 0,
     )  # fmt: skip
 
 
@@ -153,7 +153,7 @@ def _bits(ax: Axes, bits: str, stuffed: set[int], row: float) -> None:
             )
         )  # fmt: skip
         ax.text(
-            place + 0.5, row, bit, ha="center", va="center", fontsize=9, family="monospace",
+            place + 0.5, row, bit, ha="center", va="center", family="monospace",
             color="white" if dominant else "black", zorder=4,
             bbox={"facecolor": "#2b6ca3" if dominant else "white", "edgecolor": "none", "pad": 0.6}
             if own else None,

@@ -65,8 +65,6 @@ class Assumptions:
     )
 
 
-# The equations ---------------------------------------------------------------------------------
-
 #: Steps of a recursion, or instances of a message, after which a busy period counts as endless.
 #: Only loads within about 1e-4 of 1 need as many.
 _MOST_STEPS = 200_000
@@ -270,9 +268,6 @@ def _first_gaps(
     return first
 
 
-# Response times --------------------------------------------------------------------------------
-
-
 class ResponseTime(NamedTuple):
     """The longest response time of a message, and what it consists of.
 
@@ -393,19 +388,17 @@ class ResponseTimes(Named[ResponseTime]):
         return table.round(9)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the longest response of each message as a bar, with its deadline as a red mark."""
+        """Draw the longest response of each message as a dot, joined to its deadline."""
         table, ax = self.table(), style.axes(ax)
         y, red = np.arange(len(table)), style.LIMIT["color"]
         response, deadline = (table[name].to_numpy() for name in ("response_ms", "deadline_ms"))
         met, finite = table["met"].to_numpy(), np.isfinite(response)
         ends = np.concatenate([response[finite], deadline])
         left, right = (0.5 * ends.min(), 2 * ends.max()) if len(ends) else (0.1, 10.0)
-        width = np.where(finite, response, 10 * right)
-        for which, colour, label in ((met, "C0", "met"), (~met, red, "missed")):
+        ax.hlines(y, np.where(finite, response, right), deadline, color="0.7", zorder=1)
+        for which, look, label in ((met, "C0o", "met"), (finite & ~met, "C1X", "missed")):
             if which.any():
-                ax.barh(
-                    y[which], width[which], color=colour, alpha=0.45, label=f"response, {label}"
-                )
+                ax.plot(response[which], y[which], look, label=f"response, {label}")
         if len(table):
             ax.plot(
                 deadline, y, linestyle="none", marker="|", markersize=14, markeredgewidth=2.5,
@@ -413,10 +406,7 @@ class ResponseTimes(Named[ResponseTime]):
             )  # fmt: skip
             style.legend(ax)
         for place in y[~finite]:
-            ax.text(
-                right, float(place), "no bound ",
-                ha="right", va="center", color="0.1", fontsize="small",
-            )  # fmt: skip
+            ax.text(right, float(place), "no bound", ha="right", va="bottom")
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter("{x:g}")
         ax.set(xlim=(left, right), ylim=(len(table) - 0.4, -0.6), xlabel="time [ms]")
@@ -574,9 +564,6 @@ def _solve(bus: Bus, place: int, method: Method, errors: ErrorBound) -> _Solved:
     exact = method == "exact"
     busy = level.busy_period if exact else math.nan
     return level.blocking, busy, list(level.responses(every=exact))
-
-
-# Priorities ------------------------------------------------------------------------------------
 
 
 class Assignment(NamedTuple):

@@ -36,7 +36,7 @@ _LABELS = {name: f"{name} interrupt" for name in ("CAN", "timer", "Modbus")}
 _SENDERS = ("0.25", "0.55", "0.8")
 
 #: Bars that one figure can show, tiles of a row of the screen, and size of their text [1/72 inch].
-_MOST_BARS, _TILES, _SMALL = 5000, 11, 6.5
+_MOST_BARS, _TILES, _SIZE = 5000, 9, 9
 
 
 def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
@@ -72,13 +72,9 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
 
 
 def plot_ages(
-    ages: pd.DataFrame,
-    *,
-    ax: Axes | None,
-    limits: Mapping[str, float] | None,
-    label: str,
+    ages: pd.DataFrame, *, ax: Axes | None, limits: Mapping[str, float] | None, label: str
 ) -> Axes:
-    """Draw the age of a point over time, with crosses at the top edge where it is marked."""
+    """Draw the age of a point over time, with a bar at the top edge as long as it is marked."""
     ax = style.axes(ax)
     good = ages["age_s"].notna()
     gap = np.full(len(ages), np.nan)
@@ -90,14 +86,15 @@ def plot_ages(
     (line,) = ax.plot(x.ravel(), y.ravel(), label=label or None)
     bad = ages[ages["good_until_s"] < ages["until_s"]]
     if len(bad):
-        ax.plot(
-            bad["good_until_s"], np.ones(len(bad)), linestyle="none", marker="x",
-            color=line.get_color(), clip_on=False, label=f"{label}, marked".lstrip(", "),
-            transform=ax.get_xaxis_transform(),
+        ax.hlines(
+            np.full(len(bad), 0.97 - 0.06 * len(ax.collections)),
+            bad["good_until_s"], bad["until_s"], color=line.get_color(), linewidth=5,
+            label=f"{label}, marked".lstrip(", "), transform=ax.get_xaxis_transform(),
         )  # fmt: skip
     for name, value in (limits or {}).items():
         style.limit(ax, value, name)
     ax.set(xlabel="time [s]", ylabel="age [s]")
+    ax.margins(y=0.2)  # clear of the bars
     ax.set_ylim(bottom=0)
     if label or len(bad):
         style.legend(ax)
@@ -154,11 +151,11 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
 
 @lru_cache(maxsize=4096)
 def _outline(text: str) -> Path:
-    """Return the outline of a small text, centred on its capitals [1/72 inch]."""
-    path = TextPath((0, 0), text, size=_SMALL)
+    """Return the outline of a text, centred on its capitals [1/72 inch]."""
+    path = TextPath((0, 0), text, size=_SIZE)
     ends = path.vertices[:, 0]
     middle = (ends.min() + ends.max()) / 2
-    return Affine2D().translate(-middle, -0.36 * _SMALL).transform_path(path)
+    return Affine2D().translate(-middle, -0.36 * _SIZE).transform_path(path)
 
 
 def plot_system(
@@ -194,7 +191,7 @@ def plot_system(
             [x, x, middle], [0.0, 2.0, 2.0], color="#009E73", linestyle="--", zorder=1,
             label="Modbus" if channel == 1 else None,
         )  # fmt: skip
-        ax.text(x, 1.0, f" channel {channel}", fontsize=8, va="center")
+        ax.text(x, 1.0, f" channel {channel}", va="center")
         spots[str(channel)] = (x, 1.4)
     for where, text in failed:
         x, y = spots[where]
@@ -204,7 +201,7 @@ def plot_system(
         on_cable = where in ("1", "2")  # beside the cable, whose name is below
         ax.annotate(
             text, (x, y), (-9, 0) if on_cable else (0, -10),
-            textcoords="offset points", color=LIMIT["color"], fontsize=8,
+            textcoords="offset points", color=LIMIT["color"],
             ha="right" if on_cable else "center", va="center" if on_cable else "top",
         )  # fmt: skip
     style.legend(ax)

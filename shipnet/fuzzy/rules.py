@@ -492,11 +492,11 @@ class Decision:
                 linewidth=0, label="active" if row == 0 else "_again",
             )  # fmt: skip
         ax.set_ylim(len(ranking) - 0.5, -0.5)
-        ax.set_yticks(range(len(ranking)), ranking, fontsize=8)
+        ax.set_yticks(range(len(ranking)), ranking)
         ax.grid(visible=False)
         ax.tick_params(axis="y", length=0)
         ax.set(xlabel="time [s]", ylabel="rule")
-        ax.legend(loc="upper left", bbox_to_anchor=(0, 1.14), fontsize=8, borderpad=0)
+        ax.legend(loc="upper left", bbox_to_anchor=(0, 1.14), borderpad=0)
         ax.figure.colorbar(mesh, ax=ax, label="firing strength", pad=0.02)
         return ax
 
@@ -644,4 +644,4 @@ def draw_matrix(ax: Axes, values: Floats, written: Callable[[int, int, float], s
         colour = "white" if value > 0.6 else "0.1"
         text = written(row, column, value) if value > 0 else ""
         if text:
-            ax.text(column, row, text, ha="center", va="center", color=colour, fontsize=9)
+            ax.text(column, row, text, ha="center", va="center", color=colour)

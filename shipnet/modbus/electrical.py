@@ -1,6 +1,6 @@
-"""RS-232, RS-422 and RS-485: what each allows, and which of them fit a line.
+"""RS-232, RS-422 and RS-485: their limits, and which of them fit a line.
 
-Makers' tables agree on these limits; the standards themselves limit the capacitance of RS-232
+The limits agree between makers' tables. The standards themselves limit the capacitance of RS-232
 (2500 pF) rather than its length, and neither for RS-485.
 """
 
@@ -26,7 +26,7 @@ _FEET_4000, _FEET_50 = 1219.0, 15.0
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """A serial interface standard, and where its limits are from."""
+    """A serial interface standard, and the source of its limits."""
 
     name: str
     #: Most drivers and receivers on a line; of RS-485 at one unit load each.
@@ -43,7 +43,7 @@ class Interface:
     source: str
 
     def longest_line(self, bit_rate: float) -> float:
-        """Return how long a line may be at a bit rate [m]; 0 if the rate is too high."""
+        """Return the longest line at a bit rate [m]; 0 if the rate is too high."""
         rate = check_scalar("bit_rate", bit_rate, "bit/s", 50, 10e6)
         return min(self.length, self.product / rate) if rate <= self.bit_rate else 0.0
 
@@ -82,26 +82,21 @@ def interfaces(
     Parameters
     ----------
     n_stations : int
-        Stations, the master included, 2..256.
+        Stations including the master, 2..256.
     length : float
         Length of the line, 0..100000 [m].
     bit_rate : float
         Bit rate, 50..10e6 [bit/s].
     duplex : {"half", "full"}, default "half"
-        Whether both sides speak in turn or at once; Modbus needs ``"half"``.
+        Whether the two sides send in turn or at once; Modbus needs ``"half"``.
     unit_load : float, default 1
-        Load of a receiver in unit loads of RS-485, 0.125..1; one is about 12 kohm.
+        Load of a receiver in unit loads of RS-485 (about 12 kohm), 0.125..1.
 
     Returns
     -------
     pandas.DataFrame
-        One row per interface: ``interface``, ``fits``, ``why_not`` (empty if it fits),
-        ``stations`` (most on the line), ``longest_m`` at this bit rate, ``wires`` and ``source``.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
+        One row per interface: ``interface``, ``fits``, ``why_not``, ``stations`` (most on the
+        line), ``longest_m`` at this bit rate, ``wires`` and ``source``.
 
     Notes
     -----
@@ -109,19 +104,18 @@ def interfaces(
 
     .. math:: l \le \min \left( l_{max}, \frac{P}{r} \right)
 
-    Every slave of a master has to answer, so a line has as many drivers as stations; RS-232 and
-    RS-422 have one for each direction, which is two stations. The 31 addresses that lee2012
-    (section III.2.a) takes from RS-485 are 32 unit loads less the master: a count of stations,
-    not addresses, and with receivers of an eighth of a unit load it is 255.
+    Every slave must answer, so a line has as many drivers as stations. RS-232 and RS-422 have one
+    per direction, enough for two stations. The 31 addresses that lee2012 (section III.2.a) takes
+    from RS-485 are 32 unit loads minus the master; receivers of an eighth of a unit load allow 255.
 
     Examples
     --------
-    One junction box on a line of its own, then both on one:
+    One junction box per line, then two on one line:
 
     >>> [list(interfaces(n, 60, 9600).query("fits")["interface"]) for n in (2, 3)]
     [['RS-422', 'RS-485'], ['RS-485']]
-    >>> print(interfaces(3, 2000, 9600).set_index("interface").why_not["RS-485"])
-    2000 m are more than 1219 m
+    >>> interfaces(3, 2000, 9600).set_index("interface").why_not["RS-485"]
+    '2000 m are more than 1219 m'
     """
     count = check_whole("n_stations", n_stations, 2, 256)
     far = check_scalar("length", length, "m", 0, 1e5)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import logging
-from asyncio import BufferedProtocol, DatagramProtocol, Protocol, Task, get_running_loop, sleep
+from asyncio import BufferedProtocol, DatagramProtocol, Protocol, Server, get_running_loop, sleep
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from errno import EINVAL
 from importlib import import_module
-from socket import socket
 from typing import Any
 
 from shipnet.errors import FrameError
@@ -21,29 +20,16 @@ from shipnet.modbus.wire import Wire
 
 Respond = Callable[[Adu], Answer]
 
-#: Requests of one client that are answered before all other clients have had their turn.
-_QUOTA = 4
+_QUOTA = 4  #: Requests of one client answered before all others have their turn.
+_READ = 4096  #: Bytes read from a client at once; no more are read until they are answered.
 
-#: Bytes that are read from a client at once; until their requests are answered, no more are read.
-_READ = 4096
-
-#: Answers held back for one client, and for all senders of datagrams together: further requests
-#: must wait, and further datagrams are lost.
+#: Delayed answers of one client, and of all senders of datagrams, beyond which requests wait and
+#: datagrams are lost.
 _HELD_BACK, _ALL_HELD_BACK = 256, 1 << 15
+_UNSENT = 1 << 16  #: Unread answers at which a client is disconnected [byte]: 250 of the longest.
+_APART = 1e-6  #: Time between timers that must fire in order [s].
 
-#: Unsent answers at which a client that does not read is disconnected [byte]: 250 of the longest.
-_UNSENT = 1 << 16
-
-#: Connections that the system holds until they are accepted.
-_BACKLOG = 100
-
-#: Between timers that must fire in order [s].
-_APART = 1e-6
-
-#: Pause after a connection that could not be accepted [s].
-_PAUSE = 0.01
-
-#: Bytes before those that the length field of a TCP frame counts, and that length's legal range.
+#: Bytes of a TCP frame before those that its length field counts, and the legal range of that.
 _HEAD, _SHORTEST, _LONGEST = 6, 2, 1 + MAX_PDU
 
 
@@ -145,6 +131,13 @@ class _TcpHandler(_Handler, BufferedProtocol):
         self.in_turn = False
         self.last_request = self.loop.time()
         self.timer = self.loop.call_later(listener.idle_limit, self._end_if_idle)
+
+    def connection_made(self, transport: Any) -> None:
+        """Begin, or close a connection that is one too many."""
+        if self.listener.has_room():
+            super().connection_made(transport)
+        else:
+            transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget the idle limit."""
@@ -262,72 +255,29 @@ class TcpListener(Listener):
     ) -> None:
         super().__init__(respond, f"{host}, port {port}")
         self.address, self.max_clients, self.idle_limit = (host, port), max_clients, idle_limit
-        self.accepting: list[Task[None]] = []
         self.refuses = False
+        self.server: Server | None = None
 
     async def listen(self) -> None:
-        """Bind all addresses of the host, and accept connections.
-
-        The event loop's own way to accept has no limit of clients, and logs a traceback whenever
-        the process has no file descriptor left.
-        """
+        """Bind all addresses of the host, and accept connections."""
         loop = get_running_loop()
-        server = await loop.create_server(Protocol, *self.address, start_serving=False)
-        self.port = server.sockets[0].getsockname()[1]
-        for bound in server.sockets:
-            listening = bound.dup()
-            listening.setblocking(False)
-            listening.listen(_BACKLOG)
-            self.accepting.append(loop.create_task(self._accept(listening)))
-        server.close()
+        self.server = await loop.create_server(lambda: _TcpHandler(self), *self.address)
+        self.port = self.server.sockets[0].getsockname()[1]
 
     def close(self) -> None:
         """Accept no more, and close all connections."""
-        for task in self.accepting:
-            task.cancel()
+        if self.server is not None:
+            self.server.close()
         super().close()
 
-    async def _accept(self, listening: socket) -> None:
-        """Accept connections for ever; those that are too many are closed at once."""
-        loop = get_running_loop()
-        spare = _open_socket()  # its descriptor serves to refuse when no other one is left
-        try:
-            while True:
-                try:
-                    connection, _ = await loop.sock_accept(listening)
-                except OSError as problem:
-                    self._refuse(str(problem))
-                    if spare is not None:
-                        spare.close()
-                    with suppress(OSError):
-                        listening.accept()[0].close()
-                    spare = _open_socket()
-                    await sleep(_PAUSE)
-                    continue
-                if len(self.handlers) >= self.max_clients:
-                    self._refuse(f"{self.max_clients} clients are connected")
-                    connection.close()
-                    continue
-                self.refuses = False
-                with suppress(OSError):
-                    await loop.connect_accepted_socket(lambda: _TcpHandler(self), connection)
-        finally:
-            listening.close()
-            if spare is not None:
-                spare.close()
-
-    def _refuse(self, why: str) -> None:
-        """Log the first refusal after a connection that was accepted."""
-        if not self.refuses:
-            logging.getLogger("shipnet.modbus.server").warning("connections are refused: %s", why)
-        self.refuses = True
-
-
-def _open_socket() -> socket | None:
-    try:
-        return socket()
-    except OSError:
-        return None
+    def has_room(self) -> bool:
+        """Return whether one more client may connect; log the first that may not."""
+        full = len(self.handlers) >= self.max_clients
+        if full and not self.refuses:
+            said = "connections are refused: %d clients are connected"
+            logging.getLogger("shipnet.modbus.server").warning(said, self.max_clients)
+        self.refuses = full
+        return not full
 
 
 class UdpListener(Listener):

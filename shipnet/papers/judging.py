@@ -1,8 +1,7 @@
 """The ledger: what the papers print beside what shipnet computes, and the verdict.
 
-`data/claims.csv` holds what is printed and how it is judged; the modules of the papers hold the
-functions that recompute it. The *match* of a number follows from the two values and the printed
-precision; the verdict is a judgement, and where it goes against a paper it names its evidence.
+`data/claims.csv` holds what is printed and how it is judged. The *match* of a number follows from
+the two values and the printed precision; the verdict is a judgement.
 """
 
 from __future__ import annotations
@@ -23,16 +22,10 @@ from shipnet.papers.registry import REGISTRY
 
 #: Colour of each kind of treatment: the basis of what is judged, or why a claim is not.
 _COLOURS = {
-    "model": "#0072B2",
-    "arithmetic": "#56B4E9",
-    "count": "#D55E00",
-    "ours": "#009E73",
-    "erratum": "#CC79A7",
-    "context": "#d9d9d9",
-    "not verified": "#b0b0b0",
-    "not reproducible": "#8c8c8c",
-    "open": "#E69F00",
-}
+    "model": "#0072B2", "arithmetic": "#56B4E9", "count": "#D55E00", "ours": "#009E73",
+    "erratum": "#CC79A7", "context": "#d9d9d9", "not verified": "#b0b0b0",
+    "not reproducible": "#8c8c8c", "open": "#E69F00",
+}  # fmt: skip
 TREATMENTS = tuple(_COLOURS)
 
 
@@ -40,8 +33,7 @@ TREATMENTS = tuple(_COLOURS)
 class Claim:
     """One claim of a paper: what is printed, what we compute, and the verdict.
 
-    Its attributes are the columns of `Ledger.table`. `computed` is our value of a number, whether
-    a statement holds, or None if nothing is computed.
+    Its attributes are the columns of `Ledger.table`.
 
     Parameters
     ----------
@@ -135,13 +127,13 @@ class Ledger:
             bars = ax.barh(counts.index, number, left=left, color=colour, label=treatment)
             ax.bar_label(
                 bars, [str(n) if n >= 4 else "" for n in number], label_type="center",
-                color="white" if treatment in ("model", "count", "ours") else "black", fontsize=8,
+                color="white" if treatment in ("model", "count", "ours") else "black",
             )  # fmt: skip
             left = left + number
         ax.invert_yaxis()
         ax.set_xlabel("claims [1]")
         ax.grid(visible=False, axis="y")
-        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0), fontsize=8)
+        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0))
         return ax
 
     def __len__(self) -> int:
@@ -223,9 +215,9 @@ def show(*claims: str) -> pd.DataFrame:
 def match(published: float, computed: float, precision: float) -> str:
     """Compare a printed number with a computed one, by the unit of the last printed digit.
 
-    ``"within precision"`` if they differ by at most half of `precision`; ``"factor 1000"`` or
-    another power of ten, from 10**-9 to 10**9, if a shift of the decimal point alone brings them
-    that close; else ``"differs"``.
+    Return ``"within precision"`` if they differ by at most half of `precision`; ``"factor 1000"``
+    or another power of ten, from 10**-9 to 10**9, if they do after this shift of the decimal point;
+    else ``"differs"``.
     """
     slack = 0.5 * precision * (1 + 1e-9)
     if abs(computed - published) <= slack:
@@ -344,7 +336,7 @@ def _verdict(row: Mapping[str, Any]) -> str:
 def format_computed(value: object, published: str = "") -> str:
     """Write a computed value for people: four significant digits, or whether a statement holds.
 
-    A hexadecimal number that is printed so is answered by one.
+    A hexadecimal number is written where one is `published`.
     """
     if value is None:
         return ""

@@ -49,6 +49,11 @@ THREE = STANDARD[:3]
 PROJECTED = {one.label: one.profile for one in THREE}
 
 
+def put(record, start, pause, code):
+    for column, value in ((record.start, start), (record.pause, pause), (record.code, code)):
+        column.append(value)
+
+
 # A second model: every slave hears every telegram as bits, through its table of states.
 
 
@@ -114,7 +119,7 @@ class EverySlaveHears:
             one.pause(Event.SLAVE_PAUSE)
         code = order.code | attempt << 16 | self.phase << PHASE | error << OUTCOME
         code |= (reply if reply >= 0 else NO_RESPONSE) << RESPONSE | bool(answers) << EXECUTED
-        self.record.put(self.time, pause, code)
+        put(self.record, self.time, pause, code)
         self.time = end + took
         return reply
 
@@ -665,7 +670,7 @@ def test_failures_of_two_slaves_are_not_taken_for_one_row_of_failures():
     record = Record(Transaction())
     for number, (address, outcome) in enumerate([(1, 0), (1, 5), (1, 5), (2, 5), (2, 0)]):
         code = prepared(Call.DATA_EXCHANGE, address, 1).code | outcome << OUTCOME
-        record.put(26.0 * number, 3.0, code)
+        put(record, 26.0 * number, 3.0, code)
     classes = Run(record, 130.0, [RunningMaster(Master())], [], []).failure_classes()
     assert classes.loc["1"].to_list() == [0, 1, 0, 0, 0, 0]
     assert classes.loc["2"].to_list() == [1, 0, 0, 0, 0, 0]

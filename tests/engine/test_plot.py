@@ -60,13 +60,16 @@ def test_an_age_is_a_saw_whose_tips_are_those_of_the_table(ax, run):
     saw = ax.lines[0].get_ydata()
     assert np.nanmax(saw) == pytest.approx(ages["last_age_s"].max())
     assert np.nanmax(saw) == pytest.approx(run.table().loc["ME-JB2-044", "worst_s"])
-    crosses = ax.lines[1].get_xdata()
-    assert crosses.tolist() == ages.loc[ages["age_s"].isna(), "seen_s"].tolist()
-    # They stand at the top edge, whatever the ages: at the foot they would read as fresh values.
+    (marked,) = ax.collections
+    bars = np.array(marked.get_segments())
+    bad = ages[ages["good_until_s"] < ages["until_s"]]
+    assert len(bad) > 0
+    assert bars[:, :, 0].tolist() == bad[["good_until_s", "until_s"]].to_numpy().tolist()
+    # They are near the top edge, whatever the ages: at the foot they would read as fresh values.
     ax.set_ylim(0, 9)
-    _, y = ax.lines[1].get_transform().transform(ax.lines[1].get_xydata()).T
-    assert y == pytest.approx(ax.get_window_extent().y1)
-    assert ax.lines[2].get_ydata()[0] == 2.0
+    _, y = marked.get_transform().transform(bars[0]).T
+    assert ax.get_window_extent().y1 - y == pytest.approx(0.03 * ax.get_window_extent().height)
+    assert ax.lines[1].get_ydata()[0] == 2.0
     assert texts(ax) == ["rule"]
 
 
@@ -90,8 +93,8 @@ def test_a_screen_can_be_read_and_has_units(run, values, shown):
     width = ax.transData.transform([1, 0])[0] - ax.transData.transform([0, 0])[0]
     sizes = [outline.get_extents().size * figure.dpi / 72 for _, outline in shown]
     assert max(wide for wide, _ in sizes) < 0.94 * width
-    # Capitals of 6.5 points.
-    assert min(high for _, high in sizes) > 0.7 * 6.5 * figure.dpi / 72
+    # Capitals of 9 points.
+    assert min(high for _, high in sizes) > 0.7 * 9 * figure.dpi / 72
     # They are in their tiles, thus all over the axes.
     full = np.array(figure.canvas.buffer_rgba())
     ax.collections[-1].set_visible(False)
