@@ -466,18 +466,17 @@ def _error_tables(
     failures: list[Failure],
     nodes: Nodes,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    found = pd.DataFrame(failures, columns=list(Failure._fields))
-    numbers = found.drop(columns="state").astype(np.int64)
-    ranks = releases.message[numbers["release"].to_numpy()]
+    release, start, free, bit, tec, state = zip(*failures, strict=True) if failures else 6 * [()]
+    ranks = releases.message[np.array(release, dtype=int)].tolist()
     errors = pd.DataFrame(
         {
             "message": [messages.names[rank] for rank in ranks],
             "sender": [columns.senders[columns.owner[rank]] for rank in ranks],
-            "start_ms": numbers["start"] / 1e6,
-            "free_ms": numbers["free"] / 1e6,
-            "bit": numbers["bit"],
-            "tec": numbers["tec"],
-            "state": found["state"].astype(object),
+            "start_ms": np.array(start, dtype=float) / 1e6,
+            "free_ms": np.array(free, dtype=float) / 1e6,
+            "bit": np.array(bit, dtype=int),
+            "tec": np.array(tec, dtype=int),
+            "state": np.array(state, dtype=object),
         }
     )
     table = pd.DataFrame(
