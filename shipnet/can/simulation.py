@@ -203,14 +203,11 @@ def simulate(
     A frame ends with its 3 bits of intermission, as in response-time analysis. Jitter delays each
     release by a uniformly random time, and frames of one message stay in order. All nodes see an
     error at once; it destroys the frame, and the sender tries again. An error passive node lets 8
-    more bits pass after its own frames [1]_; a node whose counter reaches 256 leaves the bus.
-    Errors in error frames, overload frames and missing acknowledgement are not modelled.
+    more bits pass after its own frames, and a node whose counter reaches 256 leaves the bus (Bosch,
+    "CAN specification 2.0", 1991, part B, sections 3.2.5 and 8). Errors in error frames, overload
+    frames and missing acknowledgement are not modelled.
 
     A simulation does not find the worst case; `response_times` bounds it.
-
-    References
-    ----------
-    .. [1] Robert Bosch GmbH, "CAN specification 2.0", 1991, part B, sections 3.2.5 and 8.
 
     Examples
     --------
