@@ -257,7 +257,7 @@ def test_the_figures_show_what_the_tables_hold(ax):
         (lambda: MarkerFormat().error_shares(1, 0.6), "rate is 0.6"),
         (lambda: check_formats(85), r"n_items is 85.*1\.\.84"),
         (lambda: MarkerFormat().outcomes(1, 0.1, -1, check_rng(1)), "packets is -1"),
-        (lambda: switch_staleness(Shares(0, 1, 0), 1, 1, "cyclic"), "below 1 in sum"),
+        (lambda: switch_staleness(Shares(0, 1, 0), 1, 1, "cyclic"), "in sum below 1"),
         (lambda: switch_staleness(Shares(1, 0, 0), 0, 1, "cyclic"), "period is 0"),
         (lambda: switch_staleness(Shares(1, 0, 0), 1, 1, "once"), "sending is 'once'"),
         (lambda: recommend(1, wrong_per_year=0), "wrong_per_year is 0"),
