@@ -40,7 +40,7 @@ def test_a_slave_that_finds_nothing_or_reports_another_row_does_not_pass(monkeyp
             assert screen.passed == (code == left)
 
 
-def test_the_master_cannot_see_a_position_below_zero_for_its_byte_has_no_sign():
+def test_the_master_misses_positions_below_zero_because_the_byte_has_no_sign():
     table = acceptance_tests(
         rng=np.random.default_rng(2024), tests=["diagnosis"], diagnosed_by="master"
     )

@@ -264,7 +264,7 @@ def test_a_bad_argument_is_named(make, message):
         make()
 
 
-def test_a_master_that_saw_nothing_says_so():
+def test_a_master_without_statuses_shows_every_valve_as_not_seen():
     run = simulated(2, until=0)
     assert run.answers.empty and run.commands.empty
     assert np.isinf(run.oldest)

@@ -102,7 +102,7 @@ def test_the_crc_lets_pass_what_the_weights_of_its_code_say():
     assert is_likely(trial.undetected, trial.sent, expected)
 
 
-def test_the_stuffed_packet_keeps_under_its_estimate():
+def test_the_stuffed_packet_stays_below_its_estimate():
     form = CobsFormat(3)
     trial = form.transmit(3, 0.02, 500_000, np.random.default_rng(2024))
     shares = form.error_shares(3, 0.02)
@@ -219,7 +219,7 @@ def test_a_lost_packet_costs_the_cycle_and_the_turn_that_are_said():
     assert 4.3 < printed.delays("SS").delay_s[0] < 4.9
 
 
-def test_a_turn_shorter_than_an_answer_is_no_way_to_send():
+def test_a_turn_shorter_than_an_answer_is_not_recommended():
     with pytest.raises(ArgumentError, match="turn_timeout is shorter"):
         recommend(10, System(turn_timeout=0.005, bit_rate=600))
 
