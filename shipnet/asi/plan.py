@@ -661,11 +661,12 @@ class Comparison:
         ax = style.axes(ax)
         table = self.table()
         name = f", {label}" if label else ""
-        for column, colour, what in (
-            ("evenness", "C0", "weakest pulse"),
-            ("ringing", "C1", "ringing"),
+        for column, colour, marker, what in (
+            ("evenness", "C0", "", "weakest pulse"),
+            ("ringing", "C1", ".", "ringing"),
         ):
-            ax.plot(x, 100 * table[column], color=colour, label=what + name, **line)
+            line |= {"color": colour, "marker": marker, "label": what + name}
+            ax.plot(x, 100 * table[column], **line)
         style.limit(ax, 100 * TOLERANCE.evenness, "weakest pulse,\nat least")
         style.limit(ax, 100 * TOLERANCE.ringing, "ringing,\nat most")
         ax.set(ylabel="share of the largest pulse [%]", ylim=(0, 112))
