@@ -136,9 +136,14 @@ class Run:
         return table
 
     def diagnose(
-        self, rules: RuleBase | None = None, method: str = "fuzzy", *, k: int = 3, n: int = 5,
+        self,
+        rules: RuleBase | None = None,
+        method: str = "fuzzy",
+        *,
+        k: int = 3,
+        n: int = 5,
         threshold: float = 0.5,
-    ) -> Diagnosis:  # fmt: skip
+    ) -> Diagnosis:
         """Diagnose all valves at all instants, by default with the rules of the paper.
 
         A code is active if its rule fired in `k` or more of the last `n` instants. `method` is

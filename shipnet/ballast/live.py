@@ -139,9 +139,13 @@ class TestBed:
     __test__ = False
 
     def __init__(
-        self, fault: str | None = None, *, opening: float = 0.0, bit_rate: float = 9600.0,
+        self,
+        fault: str | None = None,
+        *,
+        opening: float = 0.0,
+        bit_rate: float = 9600.0,
         rng: Any = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         codes = [] if fault is None else [check_choice("fault", fault, FAULTS)]
         faults = [Fault(code, valves=_SIMULATOR) for code in codes]
         system = System(N_SLAVES, status_poll(bit_rate), opening=opening)
@@ -204,9 +208,12 @@ class TestBed:
 
 @checked
 def acceptance_tests(
-    *, diagnosed_by: Literal["slave", "master"] = "slave", tests: Iterable[str] = TESTS,
-    bit_rate: float = 9600.0, rng: Any = None,
-) -> pd.DataFrame:  # fmt: skip
+    *,
+    diagnosed_by: Literal["slave", "master"] = "slave",
+    tests: Iterable[str] = TESTS,
+    bit_rate: float = 9600.0,
+    rng: Any = None,
+) -> pd.DataFrame:
     """Carry out the four tests of section 4 of kim2014, each on a new test bed.
 
     Parameters
@@ -542,9 +549,13 @@ class Client:
     """
 
     def __init__(
-        self, address: str = "127.0.0.1", port: int = 5020, *, n_valves: int = 16,
+        self,
+        address: str = "127.0.0.1",
+        port: int = 5020,
+        *,
+        n_valves: int = 16,
         timeout: float = 1.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.n_valves = check_whole("n_valves", n_valves, 1, MAX_UNIT)
         number = check_whole("port", port, 0, 65535)
         wait = check_scalar("timeout", timeout, "s", 1e-3, 3600)

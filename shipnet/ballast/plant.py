@@ -112,9 +112,14 @@ class Command:
 
     @classmethod
     def random(
-        cls, n_valves: int = 256, *, until: float = 86400.0, operations: int = 6, group: int = 16,
+        cls,
+        n_valves: int = 256,
+        *,
+        until: float = 86400.0,
+        operations: int = 6,
+        group: int = 16,
         rng: Any = None,
-    ) -> list[Command]:  # fmt: skip
+    ) -> list[Command]:
         """Return a random plan in which all valves open and close in turn, one group at a time.
 
         Each valve gets `operations` commands up to the time `until` [s], in groups of `group`
@@ -245,10 +250,15 @@ class Fault(TimedFault):
 
     @classmethod
     def random(
-        cls, n_faults: int, *, n_valves: int = 256, until: float = 86400.0,
-        codes: Sequence[str] = tuple(FAULTS), severity: float | tuple[float, float] = 1.0,
+        cls,
+        n_faults: int,
+        *,
+        n_valves: int = 256,
+        until: float = 86400.0,
+        codes: Sequence[str] = tuple(FAULTS),
+        severity: float | tuple[float, float] = 1.0,
         rng: Any = None,
-    ) -> list[Fault]:  # fmt: skip
+    ) -> list[Fault]:
         """Return faults that begin at random times up to `until` [s], each on a different valve.
 
         All `codes` occur equally often, give or take one; `severity` is one for all, or the lowest

@@ -34,9 +34,12 @@ _SCREEN = 2.0
 
 @checked
 def status_poll(
-    line: SerialLine | float = 9600.0, *, processing: float = 0.0, timeout: float = 1.0,
+    line: SerialLine | float = 9600.0,
+    *,
+    processing: float = 0.0,
+    timeout: float = 1.0,
     retries: int = 0,
-) -> Poll:  # fmt: skip
+) -> Poll:
     """Return the poll with which a master reads the status of a valve: four input registers.
 
     Parameters

@@ -67,9 +67,15 @@ class Wear:
 
     @classmethod
     def synthetic(
-        cls, n_valves: int = 256, n_strokes: int = 1000, *, rate: float = 2.6e-3,
-        spread: float = 0.3, noise: tuple[float, float] = (0.1, 0.05), rng: Any,
-    ) -> Wear:  # fmt: skip
+        cls,
+        n_valves: int = 256,
+        n_strokes: int = 1000,
+        *,
+        rate: float = 2.6e-3,
+        spread: float = 0.3,
+        noise: tuple[float, float] = (0.1, 0.05),
+        rng: Any,
+    ) -> Wear:
         """Return synthetic data of pumps whose leak grows by a constant factor per stroke.
 
         The growth rates, 1e-6..1 per stroke, have the median `rate` and the standard deviation

@@ -266,7 +266,7 @@ def send(
         if nodes.calm and clear and now < min(horizon, struck - longest):
             sent = traffic.send(clear, min(horizon, struck - longest))
             clear -= len(sent)
-            if failures:  # else all counters are 0 and stay so
+            if failures:  # otherwise all counters remain 0
                 for rank in sent:
                     nodes.good[owner[rank]] += 1
             continue
@@ -294,7 +294,7 @@ def send(
             clear, gaps = next(chances)
         good = broken == open_bits
         traffic.now = now + (traffic.length[rank] if good else (broken + 1 + error_bits) * bit)
-        # Delimiter, end of frame and intermission are one sequence of 11 recessive bits.
+        # Delimiter, end of frame and intermission make one sequence of 11 recessive bits.
         counted = traffic.now
         if nodes.missing and recover:
             nodes.come_back(1, counted)

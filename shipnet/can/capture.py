@@ -78,7 +78,7 @@ def read_rows(line: Bytes, known: Integers) -> _Rows:
     for place, bit in enumerate(line):
         due, same = run == RUN, bit == last
         sixth[due & same & (sixth == width)] = place
-        # What follows a stuff bit is written over it.
+        # The bit after a stuff bit overwrites it.
         bits[kept, every], at[kept, every] = bit, place
         kept += ~due
         run = np.where(same, run + 1, 1).astype(np.uint8)
@@ -135,7 +135,7 @@ class _Line:
         places = edges.places
         runs = np.diff(places, prepend=0.0, append=edges.samples)
         level = (np.arange(len(runs)) + edges.first) % 2
-        # Only a recessive line is quiet for long; the first and the last run may go on outside.
+        # Only a recessive line is quiet for long; the first and the last run may be cut off.
         long = level[runs >= _IDLE * bit]
         recessive = int(2 * np.count_nonzero(long) >= len(long))
         falling = level[:-1] == recessive
@@ -219,8 +219,7 @@ class _Line:
         left = np.flatnonzero((rows.error > 0) & doubt)
         if not len(left) or self.bit >= _CLEAR:
             return rows, again
-        # An edge half a bit off is as near to one bit as to the next: senders that are a little
-        # fast or slow, best fit first.
+        # An edge half a bit off is ambiguous: try slightly fast and slow clocks, best fit first.
         tried = [self.receive(chosen[left], clock) for clock in _CLOCKS]
         ways = np.concatenate([bits for bits, _, _ in tried], axis=1)
         for way in np.argsort(np.concatenate([misfit for _, misfit, _ in tried]), axis=0):

@@ -35,7 +35,7 @@ INTERMISSION = 3  #: Recessive bits between the end of a frame and the start of 
 #: Fields after the CRC sequence, and their bits on a bus where a receiver acknowledges.
 TAIL = (("CRC delimiter", "1"), ("ACK slot", "0"), ("ACK delimiter", "1"), ("EOF", "1111111"))
 
-# Bits that a transmitter may choose are "x"; reserved bits are dominant.
+# "x" marks bits that a transmitter chooses; reserved bits are dominant.
 _BASE = {"SOF": "0", "base identifier": "x" * 11, "RTR": "x", "IDE": "0", "r0": "0", "DLC": "xxxx"}
 _EXTENDED = {
     "SOF": "0", "base identifier": "x" * 11, "SRR": "1", "IDE": "1",

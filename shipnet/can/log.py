@@ -296,7 +296,7 @@ class LogLoad:
 def _sliding(time: Floats, bits: Floats, window: float) -> Floats:
     """Return the bits of the frames in the window that ends with each frame."""
     summed = np.concatenate([[0.0], np.cumsum(bits)])
-    # Stamps have microseconds: a frame exactly a window ago is out, in spite of roundings.
+    # Stamps have microseconds; a frame exactly one window ago is excluded in spite of rounding.
     first = np.searchsorted(time, time - window + 1e-7, side="left")
     last = np.searchsorted(time, time, side="right")
     return np.asarray(summed[last] - summed[first])

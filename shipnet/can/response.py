@@ -384,7 +384,7 @@ class ResponseTimes(Named[ResponseTime]):
             }
         )
         table.index = pd.Index(self.names, name="name", dtype=object)
-        # Times are whole nanoseconds and bits; what 1e3 adds to them is not part of the answer.
+        # Times are whole nanoseconds and bits; rounding removes what the factor 1e3 adds.
         return table.round(9)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -536,7 +536,7 @@ def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> 
         short = np.array([[time // tick for time in row] for row in rows], dtype=np.int64)
         period, frame, jitter, offset = short.reshape(-1, 4).T
         bit = bus.bit // tick
-        # At least a tick: what is queued as the bus falls free takes part.
+        # At least a tick: a message queued as the bus becomes free takes part.
         tau = max(bus.assumptions.arbitration_bits * bit, 1)
         ticks = longest_responses(
             Streams(period, frame, jitter, offset, clock, tau, bus.foreign_bits * bit)

@@ -274,7 +274,7 @@ def simulate(
     table = _statistics(messages, events, waited > columns.deadline[releases.message])
     errors, nodes = _error_tables(messages, columns, releases, failures, at_end)
     busy = int(duration[sent].sum()) + sum(f.free - f.start for f in failures)
-    # The last frame may reach beyond the horizon.
+    # The last frame may end after the horizon.
     span = max(horizon, int(end.max(initial=0, where=sent)))
     return Run(
         messages, float(bit_rate), float(until), several, busy / span, events, table, errors, nodes
@@ -420,8 +420,8 @@ def bit_time_ns(bit_rate: float) -> int:
     exact = 1e9 / check_bit_rate(bit_rate, 5e3)
     if abs(exact - round(exact)) > 1e-6 * exact:
         raise ArgumentError(
-            f"bit_rate is {bit_rate} bit/s, a bit of {exact:.6g} ns; it must be a whole number of "
-            f"nanoseconds, such as {1e9 / round(exact):.9g} bit/s has"
+            f"bit_rate is {bit_rate} bit/s, a bit of {exact:.6g} ns; a bit must be a whole "
+            f"number of nanoseconds, as at {1e9 / round(exact):.9g} bit/s"
         )
     return round(exact)
 
@@ -433,8 +433,8 @@ def _releases(
     counts = np.maximum(-(-(horizon - columns.offset) // columns.period), 0)
     if counts.sum() > MOST_FRAMES:
         raise ArgumentError(
-            f"until is {horizon / 1e9} s, which releases {counts.sum()} frames; it must be so "
-            f"short that they are {MOST_FRAMES} at most"
+            f"until is {horizon / 1e9} s, which releases {counts.sum()} frames; at "
+            f"most {MOST_FRAMES} are allowed"
         )
     message = np.repeat(np.arange(len(counts)), counts)
     place = np.arange(len(message)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -178,9 +178,14 @@ class RuleBase:
         return Firing(self, values, strength.T.reshape(*shape, len(self.rules)))
 
     def decide(
-        self, samples: Samples, method: str = "fuzzy", *, threshold: float = 0.5, k: int = 1,
+        self,
+        samples: Samples,
+        method: str = "fuzzy",
+        *,
+        threshold: float = 0.5,
+        k: int = 1,
         n: int = 1,
-    ) -> Decision:  # fmt: skip
+    ) -> Decision:
         """Return what to report for every sample: `fire`, then `Firing.decide`."""
         return self.fire(samples, method).decide(threshold=threshold, k=k, n=n)
 

@@ -89,7 +89,7 @@ class Master:
                 break
             self.turn(slave)
         if self.time == begin:
-            # All are lost: nothing happens before the next try is due.
+            # If all are lost, nothing happens before the next recheck.
             self.time = min(self.last_failure + self.rule.recheck, end)
         self.time = max(self.time, begin + self.period)
 
@@ -128,7 +128,7 @@ class Master:
         return slave == next(one for one in following if self.port[one] != A)
 
     def serve(self, slave: int, port: int) -> None:
-        """Serve a slave through a port from now on."""
+        """Let a port serve a slave."""
         self.port[slave], self.failed[slave] = port, 0
 
     def ask(self, slave: int, port: int, kind: int) -> bool:

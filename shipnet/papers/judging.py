@@ -1,8 +1,7 @@
 """The ledger: what the papers print beside what shipnet computes, and the verdict.
 
-`data/claims.csv` holds what is printed and how it is judged; the modules of the papers hold the
-functions that recompute it. The *match* of a number follows from the two values and the printed
-precision; the verdict is a judgement, and where it goes against a paper it names its evidence.
+`data/claims.csv` holds what is printed and how it is judged. The *match* of a number follows from
+the two values and the printed precision; the verdict is a judgement.
 """
 
 from __future__ import annotations
@@ -34,8 +33,7 @@ TREATMENTS = tuple(_COLOURS)
 class Claim:
     """One claim of a paper: what is printed, what we compute, and the verdict.
 
-    Its attributes are the columns of `Ledger.table`. `computed` is our value of a number, whether
-    a statement holds, or None if nothing is computed.
+    Its attributes are the columns of `Ledger.table`.
 
     Parameters
     ----------
@@ -217,9 +215,9 @@ def show(*claims: str) -> pd.DataFrame:
 def match(published: float, computed: float, precision: float) -> str:
     """Compare a printed number with a computed one, by the unit of the last printed digit.
 
-    ``"within precision"`` if they differ by at most half of `precision`; ``"factor 1000"`` or
-    another power of ten, from 10**-9 to 10**9, if a shift of the decimal point alone brings them
-    that close; else ``"differs"``.
+    Return ``"within precision"`` if they differ by at most half of `precision`; ``"factor 1000"``
+    or another power of ten, from 10**-9 to 10**9, if they do after this shift of the decimal point;
+    else ``"differs"``.
     """
     slack = 0.5 * precision * (1 + 1e-9)
     if abs(computed - published) <= slack:
@@ -338,7 +336,7 @@ def _verdict(row: Mapping[str, Any]) -> str:
 def format_computed(value: object, published: str = "") -> str:
     """Write a computed value for people: four significant digits, or whether a statement holds.
 
-    A hexadecimal number that is printed so is answered by one.
+    A hexadecimal number is written where one is `published`.
     """
     if value is None:
         return ""

@@ -1,7 +1,6 @@
 """Figures of kim2014: hydraulics, actuator, frames, flow charts, test bed, and what a master sees.
 
-None of the printed figures was available. The words of the outlines are from sections 1, 2.1, 2.3,
-3.1, 3.2 and 4 and from the rule table; the places of the blocks are ours.
+None of the printed figures was available: the words are those of the text, the places are ours.
 """
 
 from __future__ import annotations

@@ -68,8 +68,8 @@ STANDARD = {
 def message_table() -> pd.DataFrame:
     """Compare the printed messages with the standard's.
 
-    The lengths are those in the MBAP header; ``decoder`` is what a decoder by the standard says of
-    the printed bytes: ``ok`` or the name of the error.
+    The lengths are those in the MBAP header; ``decoder`` is ``ok`` or the error of a standard
+    decoder.
     """
     rows = []
     for message in STANDARD:
@@ -229,8 +229,8 @@ def answer_table(
 ) -> pd.DataFrame:
     """Compare an answer at the start of a movement with one at its end, and one that is waited for.
 
-    The last has the shortest time-out that is long enough. A command that is not answered is
-    repeated `retries` times.
+    The last has the shortest sufficient time-out. An unanswered command is repeated `retries`
+    times.
     """
     moving = check_scalar("movement", movement, "s", 0, 3600)
     scan = status_poll(serial).scan_time(check_whole("n_slaves", n_slaves, 1, MAX_UNIT))
@@ -342,8 +342,8 @@ def code_table() -> pd.DataFrame:
 def survival_table() -> pd.DataFrame:
     """Return what becomes of the values of the paper's fault tests on their way to the master.
 
-    A value ``survives`` that is received within half a step; positions are the corrected ones, and
-    305 as printed.
+    A value ``survives`` if it is received within half a step; positions are corrected, and 305 as
+    printed.
     """
     rows = []
     for rule in datasets.read("kim2014_rule_table.csv").to_dict("records"):

@@ -1,7 +1,4 @@
-"""Figures of lee2012: the engine, the block diagram, the flow charts, the inputs, scope traces.
-
-None of the printed figures was available; these are drawn from the text and from our models.
-"""
+"""Figures of lee2012, drawn from the text and from our models: no printed figure was available."""
 
 from __future__ import annotations
 
@@ -70,10 +67,7 @@ def plot_inputs(card: InputCard, corrected: InputCard, *, axes: Sequence[Axes]) 
 
 
 def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *, ax: Axes) -> Axes:
-    """Draw several traces one below the other, as an oscilloscope does.
-
-    Each trace has its own scale, with its lowest and highest value at its right end.
-    """
+    """Draw several traces one below the other, each with its own scale, as an oscilloscope does."""
     middles = []
     for place, (name, (time, level)) in enumerate(channels.items()):
         at, value = np.asarray(time, dtype=np.float64), np.asarray(level, dtype=np.float64)
