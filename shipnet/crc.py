@@ -32,7 +32,7 @@ class Crc:
     width: int = whole(8, 64, "bit", "Width of the register")
     polynomial: int = whole(0, 2**64 - 1, help="Polynomial")
     init: int = whole(0, 2**64 - 1, help="Register at the beginning", default=0)
-    xorout: int = whole(0, 2**64 - 1, help="What is added to the register at the end", default=0)
+    xorout: int = whole(0, 2**64 - 1, help="Added to the register at the end", default=0)
     reflected: bool = switch("Whether the lowest bit comes first", default=False)
 
     def _reversed(self, value: int) -> int:
@@ -79,7 +79,7 @@ class Crc:
         if isinstance(data, str):
             if odd := set(data) - set("01"):
                 raise SymbolError(f"data has {min(odd)!r} among its bits; bits are 0 or 1")
-            # The bits that make no whole byte go first, so that the rest can pass by bytes.
+            # Bits beyond whole bytes go first, so that the rest can go by bytes.
             whole = len(data) % 8
             for bit in data[:whole]:
                 register = self._shifted(register, int(bit))

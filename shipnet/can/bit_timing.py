@@ -103,7 +103,7 @@ def bit_timings(
     )
     brp, before, one, two, jump = (axis.ravel() for axis in grid)
     total = 1 + before + one + two
-    # A quotient of round numbers may miss its value by a rounding.
+    # The margin allows for rounding.
     legal = (
         (total >= _QUANTA[0])
         & (total <= _QUANTA[1])

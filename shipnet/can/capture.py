@@ -65,10 +65,7 @@ class _Rows(NamedTuple):
 
 
 def read_rows(line: Bytes, known: Integers) -> _Rows:
-    """Read frames, one per column of bits from the start of frame; `known` bits of each count.
-
-    The errors are those of `shipnet.can.frame.decode`.
-    """
+    """Read frames, one per column of bits, `known` bits each; the errors are those of `decode`."""
     width, n = line.shape
     every = np.arange(n)
     bits = np.zeros((width + 1, n), dtype=np.uint8)
@@ -78,7 +75,7 @@ def read_rows(line: Bytes, known: Integers) -> _Rows:
     for place, bit in enumerate(line):
         due, same = run == RUN, bit == last
         sixth[due & same & (sixth == width)] = place
-        # What follows a stuff bit is written over it.
+        # The bit after a stuff bit overwrites it.
         bits[kept, every], at[kept, every] = bit, place
         kept += ~due
         run = np.where(same, run + 1, 1).astype(np.uint8)
@@ -135,7 +132,7 @@ class _Line:
         places = edges.places
         runs = np.diff(places, prepend=0.0, append=edges.samples)
         level = (np.arange(len(runs)) + edges.first) % 2
-        # Only a recessive line is quiet for long; the first and the last run may go on outside.
+        # Only a recessive line is quiet for long; the first and the last run may be cut off.
         long = level[runs >= _IDLE * bit]
         recessive = int(2 * np.count_nonzero(long) >= len(long))
         falling = level[:-1] == recessive
@@ -219,8 +216,7 @@ class _Line:
         left = np.flatnonzero((rows.error > 0) & doubt)
         if not len(left) or self.bit >= _CLEAR:
             return rows, again
-        # An edge half a bit off is as near to one bit as to the next: senders that are a little
-        # fast or slow, best fit first.
+        # An edge half a bit off is ambiguous: try slightly fast and slow clocks, best fit first.
         tried = [self.receive(chosen[left], clock) for clock in _CLOCKS]
         ways = np.concatenate([bits for bits, _, _ in tried], axis=1)
         for way in np.argsort(np.concatenate([misfit for _, misfit, _ in tried]), axis=0):
@@ -278,17 +274,9 @@ def _too_few(file: str, rate: float, dt: float) -> InputError:
 class Capture:
     """Frames of a recorded line; `read_capture` returns it.
 
-    Attributes
-    ----------
-    log : Log
-        The correct frames, each with the time of its end from the first sample; `Log.faults`
-        describes the first 1000 others.
-    bit_rate : float
-        Bit rate, given or found [bit/s].
-    duration : float
-        Length of the record [s].
-    channel : str
-        Channel of the file.
+    `log` has the correct frames, each with the time of its end from the first sample; its
+    `Log.faults` describe the first 1000 others. `bit_rate` is given or found [bit/s], `duration`
+    the length of the record [s], and `channel` that of the file.
 
     Examples
     --------

@@ -35,7 +35,7 @@ INTERMISSION = 3  #: Recessive bits between the end of a frame and the start of 
 #: Fields after the CRC sequence, and their bits on a bus where a receiver acknowledges.
 TAIL = (("CRC delimiter", "1"), ("ACK slot", "0"), ("ACK delimiter", "1"), ("EOF", "1111111"))
 
-# Bits that a transmitter may choose are "x"; reserved bits are dominant.
+# "x" marks bits that a transmitter chooses; reserved bits are dominant.
 _BASE = {"SOF": "0", "base identifier": "x" * 11, "RTR": "x", "IDE": "0", "r0": "0", "DLC": "xxxx"}
 _EXTENDED = {
     "SOF": "0", "base identifier": "x" * 11, "SRR": "1", "IDE": "1",
@@ -394,15 +394,9 @@ def decode(bits: str) -> Frame:
 class Arbitration(NamedTuple):
     """The outcome of an arbitration; `arbitrate` returns it.
 
-    Attributes
-    ----------
-    frames : tuple of Frame
-        The frames, in the order given.
-    bus : str
-        Bits on the bus from the start of frame to the last bit that can decide (IDE, or RTR of an
-        extended frame), including stuff bits.
-    stopped : tuple of int or None
-        For each frame the bit at which its sender stopped, counted from 0; None for the winner.
+    `bus` has the bits on the bus up to the last that can decide (IDE, or RTR of an extended frame),
+    including stuff bits. `stopped` has for each of the `frames` the bit at which its sender
+    stopped, counted from 0, or None for the winner.
 
     Examples
     --------

@@ -164,17 +164,17 @@ def _measure(
     data: Octets, number: Integers, dlc: Integers, extended: Bools, remote: Bools
 ) -> Integers:
     """Return the lengths of frames with equally many data bytes."""
-    # SRR and IDE are the bits 26 and 25 of an extended frame's head.
+    # In an extended frame, SRR and IDE are bits 26 and 25 of the head.
     long = number >> 18 << 27 | 3 << 25 | (number & 2**18 - 1) << 7
     head = np.where(extended, long, number << 7) | remote * 64 | dlc
-    # Row by row, so that each step goes along the frames.
+    # One row per byte, so that each step covers all frames.
     octets = np.empty((5 + data.shape[1] + 2, len(data)), dtype=np.uint8)
     octets[:5] = head.astype(">u8").view(np.uint8).reshape(-1, 8)[:, 3:].T
     octets[5:-2] = data.T
     check = CRC.of(octets[:-2].T).astype(np.uint16)
-    # Behind the check value, a bit that ends its last run fills up the last byte.
+    # After the check value, a bit that ends its last run completes the last byte.
     octets[-2:] = (check << 1 | ~check & 1).astype(">u2").view(np.uint8).reshape(-1, 2).T
-    # A mark before the start of frame, the bit 39 or 19 of the head, ends the zeros before it.
+    # A mark before the start of frame, in bit 39 or 19 of the head, ends the leading zeros.
     octets[0] |= extended * np.uint8(1 << 7)
     octets[2] |= ~extended * np.uint8(1 << 3)
     table = stuffing_table()

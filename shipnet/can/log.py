@@ -32,10 +32,7 @@ _KINDS = {
 def impossible(
     time: float, number: int, extended: bool, dlc: int, remote: bool = False, size: int = -1
 ) -> str:
-    """Return what no frame of classic CAN can have, or nothing.
-
-    `size` is the number of data bytes if they are not padded to eight.
-    """
+    """Return what classic CAN does not allow, or nothing; `size` is that of unpadded data."""
     highest = highest_id(extended)
     if not 0 <= number <= highest:
         return f"the identifier is {number:#x}; it must be 0..{highest:#x}"
@@ -232,12 +229,7 @@ class Log:
 class LogLoad:
     """How busy recorded buses were; `Log.load` returns it.
 
-    Attributes
-    ----------
-    frames : int
-        Number of frames counted.
-    left_out : int
-        Number of faults, CAN FD frames and error frames not counted; with any, the load is too low.
+    `left_out` counts faults, CAN FD frames and error frames; if there are any, the load is too low.
 
     Examples
     --------
@@ -296,7 +288,7 @@ class LogLoad:
 def _sliding(time: Floats, bits: Floats, window: float) -> Floats:
     """Return the bits of the frames in the window that ends with each frame."""
     summed = np.concatenate([[0.0], np.cumsum(bits)])
-    # Stamps have microseconds: a frame exactly a window ago is out, in spite of roundings.
+    # Stamps have microseconds; a frame exactly one window ago is excluded in spite of rounding.
     first = np.searchsorted(time, time - window + 1e-7, side="left")
     last = np.searchsorted(time, time, side="right")
     return np.asarray(summed[last] - summed[first])

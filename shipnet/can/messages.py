@@ -621,9 +621,9 @@ def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
     for (field, kind), column in zip(_KINDS.items(), COLUMNS, strict=True):
         cell = cells.get(column, "")
         if cell:
-            fields[field] = _value(kind, cell)
+            fields[field], legal = _read_cell(field, kind, cell)
             if fields[field] is None:
-                faults.append(f"column {column}: {cell!r}; expected {_legal(field, kind)}")
+                faults.append(f"column {column}: {cell!r}; expected {legal}")
         elif column in _NEEDED:
             faults.append(f"column {column}: is empty; a message needs it")
     if not faults:
@@ -634,33 +634,25 @@ def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
     return None, faults
 
 
-def _value(kind: Kind, cell: str) -> Any:
-    """Return the value of a cell as its field declares it, None if it is not legal."""
+def _read_cell(field: str, kind: Kind, cell: str) -> tuple[Any, str]:
+    """Return the value of a cell, None if it is not legal, and in words what is legal."""
     if isinstance(kind, Number):
         time = float(Decimal(cell).scaleb(-3)) if NUMBER.fullmatch(cell) else -1
-        return time if kind.low <= time <= kind.high else None
+        legal = f"a number {kind.low * 1e3:g}..{kind.high * 1e3:g} ms"
+        return time if kind.low <= time <= kind.high else None, legal
     if isinstance(kind, Whole):
         whole = _whole(cell) if _WHOLE.fullmatch(cell) else -1
-        return whole if kind.low <= whole <= kind.high else None
+        identifier = "an identifier 0..0x7FF, or 0x1FFFFFFF if extended"
+        legal = identifier if field == "arbitration_id" else f"a whole number {kind.legal}"
+        return whole if kind.low <= whole <= kind.high else None, legal
     if isinstance(kind, Switch):
-        return _YES.get(cell.lower())
-    return cell if cell.isprintable() else None
+        return _YES.get(cell.lower()), "yes or no"
+    return cell if cell.isprintable() else None, "printable text"
 
 
 def _whole(cell: str) -> int:
     """Return a whole number from decimal digits, leading zeros allowed, or hexadecimal after 0x."""
     return int(cell.removesuffix(".0"), 16 if cell[:2] in ("0x", "0X") else 10)
-
-
-def _legal(field: str, kind: Kind) -> str:
-    """Return in words what a cell may hold."""
-    if field == "arbitration_id":
-        return "an identifier 0..0x7FF, or 0x1FFFFFFF if extended"
-    if isinstance(kind, Number):
-        return f"a number {kind.low * 1e3:g}..{kind.high * 1e3:g} ms"
-    if isinstance(kind, Whole):
-        return f"a whole number {kind.legal}"
-    return "yes or no" if isinstance(kind, Switch) else "printable text"
 
 
 def _milliseconds(time: float) -> str:

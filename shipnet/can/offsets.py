@@ -54,16 +54,13 @@ def clocks(senders: list[str], periods: list[int]) -> Integers:
 
 
 def longest_responses(streams: Streams) -> list[int] | None:
-    """Return the longest response of each message, None if offsets do not help.
-
-    Raises `OverflowError` if the windows are too long.
-    """
+    """Return the longest response of each message, None if offsets do not help."""
     load = float((streams.frame / streams.period).sum())
     if load >= _HIGHEST_LOAD:
         return None
     jitter = streams.frame * (1 + streams.jitter / streams.period)
     blocked = max(int(streams.frame.max(initial=0)), streams.foreign)
-    # No busy period is longer; most are much shorter, so the window is doubled until it suffices.
+    # No busy period is longer; most are much shorter, so the window starts small and doubles.
     most = 2 * (int((blocked + jitter.sum()) / (1 - load)) + 2) + streams.tau
     span = int(4 * streams.frame.sum()) + 1
     while (found := _within(streams, min(span, most))) is None:
@@ -103,10 +100,7 @@ class _Clock:
         return gone
 
     def curve(self, span: int) -> tuple[Integers, Integers]:
-        """Return lengths of closed windows, and by how much their largest work grows there.
-
-        The worst windows begin with a latest release.
-        """
+        """Return lengths of closed windows, and by how much their largest work grows there."""
         begin = np.unique(self.latest[(self.latest >= 0) & (self.latest < self.hyperperiod)])
         first = np.searchsorted(self.event, begin, side="right") - 1
         count = np.searchsorted(self.event, begin + span, side="right") - first
@@ -139,19 +133,19 @@ def _within(streams: Streams, span: int) -> list[int] | None:
         higher = members.get(clock, [])
         blocking = max(int(streams.frame[m + 1 :].max(initial=0)), streams.foreign)
         own = _Clock(streams, [*higher, m], span)
-        # Higher releases of the own clock must reach as far as the hyperperiod with the message.
+        # Higher releases of this clock must cover the hyperperiod that includes the message.
         above = _Clock(streams, higher, span + jitter, own.hyperperiod) if higher else None
         others = [curve for number, curve in curves.items() if number != clock]
         curves[clock] = own.curve(span)
 
-        # The longest busy period: all clocks at their worst, the message among them.
+        # The longest busy period: all clocks at their worst, including the message.
         length, work = _staircase([curves[clock], *others])
         ends = np.flatnonzero(blocking + work <= np.r_[np.where(length > 0, length, -1), span + 1])
         if not ends.size:
             return None
         busy = int(blocking + work[ends[0]])
 
-        # Pairs of an instance, and a begin of its busy period with the latest release of a frame.
+        # Pairs of an instance and the start of its busy period, at the latest release of a frame.
         mine = own.event[own.message == m]
         instance = mine[(mine >= 0) & (mine < own.hyperperiod)]
         begins = np.unique(own.latest)
@@ -164,7 +158,7 @@ def _within(streams: Streams, span: int) -> list[int] | None:
         if above is not None:
             constant = constant - above.before(begin)
 
-        # How long each is delayed: the least fixed point, from below.
+        # The delay of each pair: the least fixed point, from below.
         length, work = _staircase(others)
         delay, later = np.full(len(instance), -1), np.zeros(len(instance), dtype=np.int64)
         while (later > delay).any():
@@ -175,7 +169,7 @@ def _within(streams: Streams, span: int) -> list[int] | None:
                 later = later + above.work[np.searchsorted(above.event, begin + until)]
             if later.max() + streams.tau > span:
                 return None
-        # Else the bus is at rest before the instance.
+        # Otherwise the bus is idle before the instance.
         pending = delay >= instance - begin
         found.append(int((delay + frame - (instance - begin))[pending].max()))
         members[clock] = [*higher, m]
@@ -235,12 +229,12 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
         uneven = [messages[place].name for place in mine if periods[place] % grain]
         if uneven:
             raise ArgumentError(
-                f"step is {step:g} s, but the period of {uneven[0]!r} is not a multiple"
+                f"step is {step:g} s; the period of {uneven[0]!r} is not a multiple"
             )
         slots = math.lcm(*(int(periods[place]) // grain for place in mine))
         if slots > 10**6:
             raise ArgumentError(f"step is {step:g} s, but {sender!r} repeats after {slots} of them")
-        # How crowded each slot is: what is sent in it and, less and less, around it.
+        # How crowded each slot is: the frames in it, and with falling weight those around it.
         far = np.minimum(np.arange(slots), slots - np.arange(slots))
         near, load = np.fft.rfft(1 / (1 + far)), np.zeros(slots)
         for place in sorted(mine, key=lambda k: (periods[k], -length[k])):

@@ -142,7 +142,7 @@ class Segment:
                 for k in np.flatnonzero(steps):
                     x = np.clip((t - begin - k * bit) / rise, 0, 1)
                     g += steps[k] * (x - np.sin(2 * np.pi * x) / (2 * np.pi))
-                # Sums of steps may fall a rounding below zero.
+                # Rounding may make the sum of steps slightly negative.
                 return np.maximum(g, 0) / ohms
 
             drivers.append(Driver(name, voltage=volts, conductance=conductance))
@@ -169,10 +169,6 @@ class Signals:
 
     Attributes
     ----------
-    segment : Segment
-        The line.
-    bit_rate : float
-        Bit rate [bit/s].
     t : ndarray of float, shape (n_t,)
         Times [s].
     sample_times : ndarray of float, shape (n_bits,)

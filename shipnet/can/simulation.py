@@ -32,18 +32,8 @@ MOST_FRAMES = 20_000_000
 class Run:
     """The events on a simulated bus; `simulate` returns it.
 
-    Attributes
-    ----------
-    system : MessageSet
-        The messages.
-    bit_rate : float
-        Bit rate [bit/s].
-    until : float
-        Simulated time [s].
-    faults : tuple
-        Faults that disturbed the bus.
-    load : float
-        Fraction of the time that the bus was busy, including error frames and intermission.
+    `system`, `bit_rate` [bit/s], `until` [s] and `faults` are as given. `load` is the fraction of
+    the time that the bus was busy, including error frames and intermission.
 
     Examples
     --------
@@ -274,7 +264,7 @@ def simulate(
     table = _statistics(messages, events, waited > columns.deadline[releases.message])
     errors, nodes = _error_tables(messages, columns, releases, failures, at_end)
     busy = int(duration[sent].sum()) + sum(f.free - f.start for f in failures)
-    # The last frame may reach beyond the horizon.
+    # The last frame may end after the horizon.
     span = max(horizon, int(end.max(initial=0, where=sent)))
     return Run(
         messages, float(bit_rate), float(until), several, busy / span, events, table, errors, nodes
@@ -287,8 +277,6 @@ class BatchRun:
 
     Attributes
     ----------
-    system : MessageSet
-        The messages.
     max_response, mean_response : ndarray of float, shape (n_sets, n_messages)
         Longest and mean response [s], messages in order of priority; NaN if nothing was sent.
     sent : ndarray of int, shape (n_sets, n_messages)
@@ -420,8 +408,8 @@ def bit_time_ns(bit_rate: float) -> int:
     exact = 1e9 / check_bit_rate(bit_rate, 5e3)
     if abs(exact - round(exact)) > 1e-6 * exact:
         raise ArgumentError(
-            f"bit_rate is {bit_rate} bit/s, a bit of {exact:.6g} ns; it must be a whole number of "
-            f"nanoseconds, such as {1e9 / round(exact):.9g} bit/s has"
+            f"bit_rate is {bit_rate} bit/s, a bit of {exact:.6g} ns; a bit must be a whole "
+            f"number of nanoseconds, as at {1e9 / round(exact):.9g} bit/s"
         )
     return round(exact)
 
@@ -433,8 +421,8 @@ def _releases(
     counts = np.maximum(-(-(horizon - columns.offset) // columns.period), 0)
     if counts.sum() > MOST_FRAMES:
         raise ArgumentError(
-            f"until is {horizon / 1e9} s, which releases {counts.sum()} frames; it must be so "
-            f"short that they are {MOST_FRAMES} at most"
+            f"until is {horizon / 1e9} s, which releases {counts.sum()} frames; at "
+            f"most {MOST_FRAMES} are allowed"
         )
     message = np.repeat(np.arange(len(counts)), counts)
     place = np.arange(len(message)) - np.repeat(np.cumsum(counts) - counts, counts)

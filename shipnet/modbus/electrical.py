@@ -15,7 +15,7 @@ from shipnet.arguments import checked
 from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import pd
 
-#: The tables that the limits are from.
+#: Sources of the limits.
 _NI = "National Instruments, PCMCIA-232 manual, table B-1"
 _BRAINBOXES = "Brainboxes, FAQ 'RS232 RS422 RS485 standards'"
 _TI = "Texas Instruments, SN75ALS174 data sheet SLLSFU5A, section 8.2.2.3"
@@ -29,16 +29,15 @@ class Interface:
     """A serial interface standard, and the source of its limits."""
 
     name: str
-    #: Most drivers and receivers on a line; of RS-485 at one unit load each.
+    #: Most drivers and receivers on a line; for RS-485 with one unit load each.
     drivers: int
     receivers: int
-    #: Longest line [m], highest bit rate [bit/s], and highest product of both, which is infinite
-    #: if the two limits hold together.
+    #: Longest line [m], highest bit rate [bit/s], and highest product of both, infinite if both
+    #: limits apply together.
     length: float
     bit_rate: float
     product: float
-    #: Conductors without screen by "half" and "full" duplex; a balanced line has a common
-    #: conductor beside the pairs.
+    #: Conductors by "half" and "full" duplex, without screen; a balanced line has a common one.
     wires: Mapping[str, int]
     source: str
 
@@ -48,8 +47,7 @@ class Interface:
         return min(self.length, self.product / rate) if rate <= self.bit_rate else 0.0
 
 
-#: The three interfaces by name. The product is that of 10 Mbit/s and 40 ft, which is that of
-#: 100 kbit/s and 4000 ft too.
+#: The interfaces by name. The product is that of 10 Mbit/s and 40 ft, or 100 kbit/s and 4000 ft.
 INTERFACES: Mapping[str, Interface] = MappingProxyType(
     {
         one.name: one
@@ -123,7 +121,7 @@ def interfaces(
     rows = []
     for one in INTERFACES.values():
         longest = one.longest_line(bit_rate)
-        # One driver per direction joins two stations, whatever number of receivers listens.
+        # One driver per direction connects two stations, however many receivers listen.
         most = 2 if one.drivers == 1 else int(one.receivers / load)
         faults = []
         if count > most:
@@ -132,7 +130,7 @@ def interfaces(
             faults.append(f"{bit_rate:g} bit/s are more than {one.bit_rate:g} bit/s")
         elif far > longest:
             faults.append(f"{far:g} m are more than {longest:.4g} m")
-        # A line with a pair for each direction carries one at a time as well.
+        # A line with one pair per direction can also be used in turn.
         wires = one.wires.get(duplex, one.wires["full"])
         rows.append((one.name, not faults, "; ".join(faults), most, longest, wires, one.source))
     columns = ["interface", "fits", "why_not", "stations", "longest_m", "wires", "source"]

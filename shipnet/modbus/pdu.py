@@ -88,7 +88,7 @@ def check_registers(
 ) -> tuple[int, ...]:
     """Return registers as a tuple, or raise unless there are 1..most, each 0..65535."""
     values = _sequence(name, registers, most)
-    # 125 plain integers are checked at once; only what is odd is looked at one by one.
+    # Plain integers are checked at once; only others are checked one by one.
     if {type(value) for value in values} == {int} and 0 <= min(values) and max(values) <= 0xFFFF:
         return values
     return tuple(check_whole(f"{name}[{k}]", v, 0, 0xFFFF) for k, v in enumerate(values))
@@ -468,8 +468,8 @@ class Response(_Framed):
         return pack(">BHH", code, self.address, self.registers[0] if code == 6 else self.quantity)
 
 
-#: Fields behind the function code of a request and of a normal response by function code; two bytes
-#: each, but for a byte count and the values that it counts. Sections 6.1 to 6.17.
+#: Fields after the function code of requests and normal responses, by function code. Each has two
+#: bytes, except a byte count and the values that it counts. Sections 6.1 to 6.17.
 _BLOCK, _ONE, _COUNTED = (
     ("starting address", "quantity"),
     ("address", "value"),

@@ -115,7 +115,7 @@ class Poll:
 def _most(polls: Sequence[Poll], period: float, dead: int) -> int:
     """Return how many slaves, including dead ones, get all these requests within a period."""
     alive, silent = sum(poll.time for poll in polls), sum(poll.timeout_time for poll in polls)
-    # A period that is a whole number of transactions may miss it by a rounding.
+    # The margin allows for rounding where a period is a whole number of transactions.
     fit = floor((period - dead * silent) / alive * (1 + 1e-12) + 1e-12)
     return min(dead + fit, MAX_UNIT) if fit >= 0 else 0
 
@@ -124,14 +124,8 @@ def _most(polls: Sequence[Poll], period: float, dead: int) -> int:
 class Scan:
     """One round of a master through all its slaves; `scan` returns it.
 
-    Attributes
-    ----------
-    polls : tuple of Poll
-        Requests to each slave, one after the other.
-    n_slaves, dead : int
-        Number of slaves, and how many of them do not answer.
-    limit : float or None
-        Longest time allowed for the scan [s].
+    Each of `n_slaves`, of which `dead` do not answer, gets the requests of `polls`; `limit` is the
+    longest time allowed [s], or None.
 
     Examples
     --------

@@ -115,10 +115,8 @@ class _Redundant:
     def _check(self) -> None:
         """Raise unless the master rechecks at most once per scan."""
         if self.recheck < self.period * (1 - 1e-12):
-            raise ArgumentError(
-                f"recheck is {self.recheck:g} s; it must not be shorter than a scan, "
-                f"{self.period:g} s"
-            )
+            scan = f"{self.period:g} s, a scan"
+            raise ArgumentError(f"recheck is {self.recheck:g} s; it must be at least {scan}")
 
     def worst_gap(self, faults: Faults) -> Floats:
         """Return each slave's longest time between two answers that the faults can cause [s].
@@ -145,7 +143,7 @@ class _Redundant:
         stay, moved = np.array([self.reach(fault).counts for fault in faults]).T
         lost = self.n_slaves - stay - moved
         staying, moving, last = self._gaps(stay, moved, lost)
-        # Those that are moved wait longer than those that stay.
+        # Moved slaves wait longer than those that stay.
         worst = np.select([moved > 1, moved == 1, stay > 0], [moving, last, staying], np.nan)
         names = [str(fault) for fault in faults]
         columns = {"served_a": stay, "served_b": moved, "lost": lost, "worst_gap_s": worst}
@@ -211,35 +209,30 @@ class Loop(_Redundant):
     1.34
     """
 
-    n_slaves: int = whole(
-        1, MAX_UNIT, help="Number of slaves, counted from 1, the one next to port A"
-    )
+    n_slaves: int = whole(1, MAX_UNIT, help="Number of slaves; slave 1 is next to port A")
     poll: Poll = part(Poll, "What the master asks each slave")
     closed: bool = switch(
-        "Whether the line goes on from the last slave to port B; otherwise it ends there, and the "
-        "master has port A only", default=True, kw_only=True,
+        "Whether the line continues from the last slave to port B; if not, the master has only "
+        "port A", default=True, kw_only=True,
     )  # fmt: skip
     isolators: bool = switch(
-        "Whether a shorted section is cut out at both of its ends, as a break would be; without "
-        "isolators, it takes with it every slave and port that it is connected to",
-        default=False, kw_only=True,
+        "Whether a short cuts out only its section, like a break; without isolators it silences "
+        "every slave and port connected to it", default=False, kw_only=True,
     )  # fmt: skip
     move: Literal["slave", "downstream"] = choice(
-        ("slave", "downstream"),
-        "Who is moved to the other port: the slave alone, or with it all that lie downstream of "
-        "it and are served through the same port", default="slave", kw_only=True,
+        ("slave", "downstream"), "Which slaves move to the other port: only the silent one, or "
+        "also all downstream of it on the same port", default="slave", kw_only=True,
     )  # fmt: skip
     failures: int = whole(
-        1, 100, help="Polls of a slave, each with all its retries, that must fail in a row before "
-        "the master asks it through the other port, with the same retries; if it is silent there "
-        "too, it is lost, and no longer polled", default=1, kw_only=True,
+        1, 100, help="Polls in a row, each with all retries, that a slave must leave unanswered "
+        "before the master asks through the other port; if it is silent there too, it is lost and "
+        "no longer polled", default=1, kw_only=True,
     )  # fmt: skip
     recheck: float = number(
-        1e-3, 1e6, "s", "Time without a failed try, not shorter than a scan, after which the "
-        "master tries once more what failed: the next slave in turn that is lost or served "
-        "through B gets one request through port A, without retries, and a lost one then another "
-        "through B. A slave that answers through A is served from there again, and the next one "
-        "is tried in the same scan", default=60.0, kw_only=True,
+        1e-3, 1e6, "s", "Time since the last failed try, at least a scan, after which the master "
+        "tries the next slave that is lost or served through B: one request through A without "
+        "retries, then for a lost slave one through B. If it answers through A, it is served from "
+        "there, and the next one is tried in the same scan", default=60.0, kw_only=True,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -294,10 +287,7 @@ class Loop(_Redundant):
     def _gaps(
         self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
     ) -> tuple[Floats, Floats, Floats]:
-        """Return the longest gap [s] of a slave that stays, one that is moved, and the last moved.
-
-        The arguments count slaves.
-        """
+        """Return the longest gap [s] of a slave that stays, one that moves and the last to move."""
         s, m, lo = (np.asarray(count, dtype=np.float64) for count in (stay, moved, lost))
         answered, silent = self.poll.time, self.poll.timeout_time
         f = self.failures
@@ -321,7 +311,7 @@ class Loop(_Redundant):
         failed = line_faults(faults)
         served = self.reach(failed).served
         n = self.n_slaves
-        # From port A on the left over the top and back to port B on the right of the master.
+        # From port A on the left, over the top, to port B on the right of the master.
         angle = np.linspace(-0.6 * np.pi, -2.4 * np.pi, n + 2)
         x, y = np.cos(angle), np.sin(angle)
         cables = [f for f in failed if isinstance(f, Break | Short)]
@@ -408,13 +398,12 @@ class DualChannel(_Redundant):
     move: ClassVar[str] = "slave"
     poll: Poll = part(Poll, "What the master asks")
     period: float = number(
-        0, 3600, "s", "From the begin of a poll to the next, not shorter than a poll; a poll that "
-        "takes longer delays the next one. The AMS of [1]_ polls once a second", default=1.0,
-        kw_only=True,
+        0, 3600, "s", "Time between the starts of two polls, at least that of a poll; a longer one "
+        "delays the next. The AMS of [1]_ polls once per second", default=1.0, kw_only=True,
     )  # fmt: skip
     failures: int = whole(
-        1, 100, help="Polls, each with all its retries, that must fail in a row before the master "
-        "asks on the other channel", default=1, kw_only=True,
+        1, 100, help="Polls in a row, each with all retries, that must fail before the master asks "
+        "on the other channel", default=1, kw_only=True,
     )  # fmt: skip
     recheck: float = number(
         1e-3, 1e6, "s", "As for `Loop`; not shorter than `period`", default=60.0, kw_only=True

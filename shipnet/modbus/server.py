@@ -52,12 +52,8 @@ def real_clock(speed: float = 1.0) -> Clock:
 class Server:
     """A server that listens inside its ``with`` block; `serve` returns it.
 
-    Attributes
-    ----------
-    slaves : dict of int to Slave
-        Slaves by unit id; they may be changed while the server listens.
-    port : int
-        TCP or UDP port in use; 0 on a serial line or when not listening.
+    `slaves` are the slaves by unit id, which may be changed while it listens; `port` is the TCP or
+    UDP port in use, 0 on a serial line or when not listening.
 
     Examples
     --------
@@ -87,83 +83,55 @@ class Server:
         return f"Server({len(self.slaves)} slave{'s'[: len(self.slaves) > 1]}, {where})"
 
     def __enter__(self) -> Server:
-        self._check_idle()
+        if self._thread is not None:
+            raise RuntimeError("the server listens already")
         ready: Future[None] = Future()
         self._thread = Thread(
-            target=lambda: asyncio.run(self._hold(ready)), name="shipnet Modbus server", daemon=True
+            target=lambda: asyncio.run(self._run(ready)), name="shipnet Modbus server", daemon=True
         )
         self._thread.start()
         try:
             ready.result()
         except BaseException:
-            self._finish()
+            self.__exit__()
             raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._finish()
-
-    async def __aenter__(self) -> Server:
-        """Listen in the running event loop."""
-        self._check_idle()
-        await self._open()
-        return self
-
-    async def __aexit__(self, *_: object) -> None:
-        """Stop, and close all connections."""
-        await self._close()
-
-    def _check_idle(self) -> None:
-        if self._listener is not None or self._thread is not None:
-            raise RuntimeError("the server listens already")
-
-    def _finish(self) -> None:
-        self._stop()
-        self._stop = lambda: None
         if self._thread is not None:
+            self._stop()
             self._thread.join()
             self._thread = None
 
-    async def _hold(self, ready: Future[None]) -> None:
-        loop, stopped = asyncio.get_running_loop(), asyncio.Event()
-        self._stop = lambda: loop.call_soon_threadsafe(stopped.set)
-        try:
-            await self._open()
-        except BaseException as problem:
-            self._stop = lambda: None
-            ready.set_exception(problem)
-            return
-        ready.set_result(None)
-        await stopped.wait()
-        await self._close()
-
-    async def _open(self) -> None:
-        clock = self._clock()
+    async def _run(self, ready: Future[None]) -> None:
+        """Listen until the end of the block."""
+        loop, stopped, clock = asyncio.get_running_loop(), asyncio.Event(), self._clock()
 
         def respond(request: Adu) -> Answer:
             return answer(self.slaves, request, clock(), serial=self._serial)
 
-        listener, why = self._make(respond), ""
+        listener = self._make(respond)
         try:
             await listener.listen()
         # A serial port that refuses its settings raises no OSError.
-        except Exception as problem:
+        except BaseException as problem:
             listener.close()
+            self._stop = lambda: None
             why = _cause(problem, listener)
-        if why:  # no exception keeps the frames, and with them a half-open port
-            raise OSError(f"cannot listen on {listener.place}: {why}")
+            ready.set_exception(OSError(f"cannot listen on {listener.place}: {why}"))
+            return
         self._listener, self.port = listener, listener.port
-
-    async def _close(self) -> None:
-        if self._listener is not None:
-            self._listener.close()
+        self._stop = lambda: loop.call_soon_threadsafe(stopped.set)
+        ready.set_result(None)
+        await stopped.wait()
+        listener.close()
         self._listener, self.port = None, 0
-        # The loop closes a transport, and ends a task, in its next turns.
+        # The loop closes transports in its next turns.
         for _ in range(3):
             await asyncio.sleep(0)
 
 
-def _cause(problem: Exception, listener: Listener) -> str:
+def _cause(problem: BaseException, listener: Listener) -> str:
     """Return why the server cannot listen; pyserial hides the system's error number in its text."""
     if isinstance(problem, gaierror | UnicodeError):
         return "unknown host"
@@ -192,7 +160,7 @@ def serve(
     wire_faults: WireFault | Iterable[WireFault] = (),
     rng: Any = 2024,
 ) -> Server:
-    """Return a server for simulated devices, for use in ``with`` or ``async with``.
+    """Return a server for simulated devices, for use in a ``with`` block.
 
     Parameters
     ----------

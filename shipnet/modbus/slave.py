@@ -100,7 +100,7 @@ class Registers:
         self.limits = dict(limits or {})
         for address, (low, high) in self.limits.items():
             if address not in self.holding_registers:
-                raise ArgumentError(f"limits names {address}, but there is no such register")
+                raise ArgumentError(f"limits has address {address}; holding_registers does not")
             check_whole(f"limits[{address}][0]", low, 0, 0xFFFF)
             check_whole(f"limits[{address}][1]", high, low, 0xFFFF)
 
@@ -281,7 +281,7 @@ class Slave:
             exception = refusal.exception
         except FrameError:
             exception = ExceptionCode.ILLEGAL_DATA_VALUE
-        # Whatever the device's own code raises, the bus gets an answer.
+        # The bus gets an answer whatever error the device's code raises.
         except Exception:
             logging.getLogger("shipnet.modbus.server").exception("the device failed")
             exception = ExceptionCode.SERVER_DEVICE_FAILURE
@@ -298,7 +298,7 @@ class Slave:
         if request.write_address is None:
             write("holding_registers", address, registers, time)
             return request.response()
-        # What cannot be read must not be written either, so the address is tried first.
+        # If the address cannot be read, nothing must be written.
         self.device.read("holding_registers", address, request.quantity, time)
         write("holding_registers", request.write_address, registers, time)
         return request.response(self._read("holding_registers", request, time))
@@ -306,7 +306,7 @@ class Slave:
     def _read(self, table: Table, request: Request, time: float) -> tuple[int, ...]:
         found = tuple(self.device.read(table, request.address, request.quantity, time))
         if len(found) != request.quantity:
-            raise ArgumentError(f"the device gave {len(found)} values of {request.quantity}")
+            raise ArgumentError(f"the device returned {len(found)} values, not {request.quantity}")
         return found
 
 

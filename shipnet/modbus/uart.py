@@ -109,7 +109,7 @@ class SerialLine:
             levels.append(np.append(bits, 1))
             begin = times[-1][-1] + pause
         time, level = np.concatenate(times), np.concatenate(levels).astype(np.float64)
-        # Of corners at one time the last one holds; a corner without a change is not a corner.
+        # Keep the last corner of each time, and only corners where the level changes.
         keep = np.append(np.diff(time) > 0, True)
         time, level = time[keep], level[keep]
         corner = np.append(True, np.diff(level) != 0)
@@ -209,7 +209,7 @@ class Waveform:
         value = np.asarray(self.level, dtype=np.float64)
         if at.ndim != 1 or at.shape != value.shape:
             raise ArgumentError(
-                f"time has the shape {at.shape} and level {value.shape}; they must be equal rows"
+                f"time has shape {at.shape}, level {value.shape}; make them equal rows"
             )
         if not (np.isfinite(at).all() and np.isfinite(value).all()):
             raise ArgumentError("time and level must be finite")
@@ -234,7 +234,7 @@ class Waveform:
         parity error.
         """
         line = self.line if receiver is None else receiver
-        # Of corners at one time the last one holds.
+        # Keep the last corner of each time.
         keep = np.append(np.diff(self.time) > 0, True)[: self.time.size]
         at, one = self.time[keep], self.level[keep] > self.threshold
         ticks = None if oversampling is None else check_whole("oversampling", oversampling, 4, 256)

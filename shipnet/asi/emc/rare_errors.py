@@ -223,11 +223,7 @@ def _sample(task: tuple[_Case, int], rng: np.random.Generator) -> dict[str, floa
 
 
 def _draw(
-    case: _Case,
-    how: _Proposal,
-    n: int,
-    rng: np.random.Generator,
-    credit: Floats | None = None,
+    case: _Case, how: _Proposal, n: int, rng: np.random.Generator, credit: Floats | None = None
 ) -> dict[str, float]:
     """Draw telegrams; return sums of their weights, and add to `credit` what each point found.
 
