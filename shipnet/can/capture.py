@@ -65,10 +65,7 @@ class _Rows(NamedTuple):
 
 
 def read_rows(line: Bytes, known: Integers) -> _Rows:
-    """Read frames, one per column of bits from the start of frame; `known` bits of each count.
-
-    The errors are those of `shipnet.can.frame.decode`.
-    """
+    """Read frames, one per column of bits, `known` bits each; the errors are those of `decode`."""
     width, n = line.shape
     every = np.arange(n)
     bits = np.zeros((width + 1, n), dtype=np.uint8)
@@ -277,17 +274,9 @@ def _too_few(file: str, rate: float, dt: float) -> InputError:
 class Capture:
     """Frames of a recorded line; `read_capture` returns it.
 
-    Attributes
-    ----------
-    log : Log
-        The correct frames, each with the time of its end from the first sample; `Log.faults`
-        describes the first 1000 others.
-    bit_rate : float
-        Bit rate, given or found [bit/s].
-    duration : float
-        Length of the record [s].
-    channel : str
-        Channel of the file.
+    `log` has the correct frames, each with the time of its end from the first sample; its
+    `Log.faults` describe the first 1000 others. `bit_rate` is given or found [bit/s], `duration`
+    the length of the record [s], and `channel` that of the file.
 
     Examples
     --------
@@ -394,20 +383,15 @@ def read_capture(
 
     Notes
     -----
-    A receiver as in [1]_, with one sample as time quantum, synchronises at the start of a frame and
-    at every edge to dominant. The place of an edge within its sample is unknown: the receiver tries
-    three places of the start of frame and keeps the best fit. With fewer than 4 samples per bit, an
-    edge may be as near to one bit as to the next. A wrong frame with such an edge is read again
-    with clocks 0.15 % fast and slow; if it is then correct, it is marked. This can hide a damaged
-    bit: of 18 419 frames with one flipped bit, 9 passed at 2 samples per bit (7 of them marked),
-    and none at 8.
+    A receiver as in ISO 11898-1, with one sample as time quantum, synchronises at the start of a
+    frame and at every edge to dominant. The place of an edge within its sample is unknown: the
+    receiver tries three places of the start of frame and keeps the best fit. With fewer than 4
+    samples per bit, an edge may be as near to one bit as to the next. A wrong frame with such an
+    edge is read again with clocks 0.15 % fast and slow; if it is then correct, it is marked. This
+    can hide a damaged bit: of 18 419 frames with one flipped bit, 9 passed at 2 samples per bit (7
+    of them marked), and none at 8.
 
     CAN FD frames and error flags count as faults: a recessive reserved bit, and six equal bits.
-
-    References
-    ----------
-    .. [1] Robert Bosch GmbH, "CAN Specification", version 2.0, 1991, part B, sections 8 and 9;
-       now in ISO 11898-1.
 
     Examples
     --------

@@ -100,9 +100,7 @@ class Registers:
         self.limits = dict(limits or {})
         for address, (low, high) in self.limits.items():
             if address not in self.holding_registers:
-                raise ArgumentError(
-                    f"limits has address {address}, which is not a holding register given"
-                )
+                raise ArgumentError(f"limits has address {address}; holding_registers does not")
             check_whole(f"limits[{address}][0]", low, 0, 0xFFFF)
             check_whole(f"limits[{address}][1]", high, low, 0xFFFF)
 
@@ -308,9 +306,7 @@ class Slave:
     def _read(self, table: Table, request: Request, time: float) -> tuple[int, ...]:
         found = tuple(self.device.read(table, request.address, request.quantity, time))
         if len(found) != request.quantity:
-            raise ArgumentError(
-                f"the device returned {len(found)} values; {request.quantity} were requested"
-            )
+            raise ArgumentError(f"the device returned {len(found)} values, not {request.quantity}")
         return found
 
 
@@ -337,16 +333,11 @@ def answer(
 
     Notes
     -----
-    Unit id 0 is a broadcast: all slaves execute a write, and none answers [1]_. If TCP slaves
-    include 0, both 0 and 255 mean the server itself [2]_. For a missing slave, a serial line stays
-    silent; in TCP, exception 11 reports that the target did not respond [3]_.
-
-    References
-    ----------
-    .. [1] "MODBUS over serial line specification and implementation guide", V1.02, 2006,
-       section 2.1.
-    .. [2] "MODBUS messaging on TCP/IP implementation guide", V1.0b, 2006, section 4.4.2.
-    .. [3] "MODBUS application protocol specification", V1.1b3, 2012, section 7.
+    Unit id 0 is a broadcast: all slaves execute a write, and none answers ("MODBUS over serial
+    line" V1.02, section 2.1). If TCP slaves include 0, both 0 and 255 mean the server itself
+    ("MODBUS messaging on TCP/IP" V1.0b, section 4.4.2). For a missing slave, a serial line stays
+    silent; in TCP, exception 11 reports that the target did not respond ("MODBUS application
+    protocol" V1.1b3, section 7).
 
     Examples
     --------
