@@ -82,13 +82,18 @@ class Call(IntEnum):
     '1aaaaa1S110'
     """
 
-    rule: Rule
+    _rule: Rule
 
     def __new__(cls, rule: Any) -> Call:
-        """Number the calls as they come."""
+        """Number the calls in their order."""
         call = int.__new__(cls, len(cls.__members__))
-        call._value_, call.rule = len(cls.__members__), rule
+        call._value_, call._rule = len(cls.__members__), rule
         return call
+
+    @property
+    def rule(self) -> Rule:
+        """Bits, wording and answer of the call; claims about them are model-based."""
+        return self._rule
 
     DATA_EXCHANGE = Rule(
         "data exchange", "0aaaaa0dddd", extended="0aaaaa0Sddd", lowest_address=1, answer="inputs",

@@ -106,17 +106,14 @@ class Analysis:
 
     Attributes
     ----------
-    messages : MessageSet
-        The messages.
     responses : mapping of float to ResponseTimes
         Response times by bit rate, the lowest rate first.
-    lowest : float
-        Lowest bit rate at which all deadlines are met [bit/s]; infinite if there is none.
+    lowest, lowest_in_best_order : float
+        Lowest bit rate at which the given order, or some priority order, meets all deadlines
+        [bit/s]; infinite if there is none.
     best : Assignment
         Best priority order at `lowest_in_best_order`, or at the highest bit rate if that is
         infinite.
-    lowest_in_best_order : float
-        Lowest bit rate at which some priority order meets all deadlines [bit/s].
 
     Examples
     --------

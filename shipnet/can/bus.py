@@ -55,10 +55,7 @@ class _Traffic:
         self.at = self.now = 0
 
     def send(self, most: int, until: int) -> list[int]:
-        """Send up to `most` frames that begin before `until`, and return their messages.
-
-        Even with `most` 0, what was released is queued.
-        """
+        """Queue releases, send up to `most` frames that begin before `until`, and return them."""
         due, items, length, waiting = self.due, self.item, self.length, self.waiting
         start, shift, mask = self.start, self.shift, self.mask
         newest, overwrite = self.newest, self.overwrite
@@ -95,11 +92,7 @@ class _Traffic:
 
 
 def send_undisturbed(releases: Releases, horizon: int) -> Integers:
-    """Return when each frame begins on a bus without errors.
-
-    The busy periods do not depend on the order of the frames. Each is a problem of its own, so
-    those of similar size are solved side by side.
-    """
+    """Return when each frame begins without errors; similar busy periods are solved together."""
     time, message, length = releases
     duration = length[message]
     done = np.cumsum(duration)

@@ -65,10 +65,7 @@ class _Rows(NamedTuple):
 
 
 def read_rows(line: Bytes, known: Integers) -> _Rows:
-    """Read frames, one per column of bits from the start of frame; `known` bits of each count.
-
-    The errors are those of `shipnet.can.frame.decode`.
-    """
+    """Read frames, one per column of bits, `known` bits each; the errors are those of `decode`."""
     width, n = line.shape
     every = np.arange(n)
     bits = np.zeros((width + 1, n), dtype=np.uint8)
@@ -277,17 +274,9 @@ def _too_few(file: str, rate: float, dt: float) -> InputError:
 class Capture:
     """Frames of a recorded line; `read_capture` returns it.
 
-    Attributes
-    ----------
-    log : Log
-        The correct frames, each with the time of its end from the first sample; `Log.faults`
-        describes the first 1000 others.
-    bit_rate : float
-        Bit rate, given or found [bit/s].
-    duration : float
-        Length of the record [s].
-    channel : str
-        Channel of the file.
+    `log` has the correct frames, each with the time of its end from the first sample; its
+    `Log.faults` describe the first 1000 others. `bit_rate` is given or found [bit/s], `duration`
+    the length of the record [s], and `channel` that of the file.
 
     Examples
     --------

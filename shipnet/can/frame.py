@@ -394,15 +394,9 @@ def decode(bits: str) -> Frame:
 class Arbitration(NamedTuple):
     """The outcome of an arbitration; `arbitrate` returns it.
 
-    Attributes
-    ----------
-    frames : tuple of Frame
-        The frames, in the order given.
-    bus : str
-        Bits on the bus from the start of frame to the last bit that can decide (IDE, or RTR of an
-        extended frame), including stuff bits.
-    stopped : tuple of int or None
-        For each frame the bit at which its sender stopped, counted from 0; None for the winner.
+    `bus` has the bits on the bus up to the last that can decide (IDE, or RTR of an extended frame),
+    including stuff bits. `stopped` has for each of the `frames` the bit at which its sender
+    stopped, counted from 0, or None for the winner.
 
     Examples
     --------

@@ -32,10 +32,7 @@ _KINDS = {
 def impossible(
     time: float, number: int, extended: bool, dlc: int, remote: bool = False, size: int = -1
 ) -> str:
-    """Return what no frame of classic CAN can have, or nothing.
-
-    `size` is the number of data bytes if they are not padded to eight.
-    """
+    """Return what classic CAN does not allow, or nothing; `size` is that of unpadded data."""
     highest = highest_id(extended)
     if not 0 <= number <= highest:
         return f"the identifier is {number:#x}; it must be 0..{highest:#x}"
@@ -232,12 +229,7 @@ class Log:
 class LogLoad:
     """How busy recorded buses were; `Log.load` returns it.
 
-    Attributes
-    ----------
-    frames : int
-        Number of frames counted.
-    left_out : int
-        Number of faults, CAN FD frames and error frames not counted; with any, the load is too low.
+    `left_out` counts faults, CAN FD frames and error frames; if there are any, the load is too low.
 
     Examples
     --------

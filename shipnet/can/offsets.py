@@ -54,10 +54,7 @@ def clocks(senders: list[str], periods: list[int]) -> Integers:
 
 
 def longest_responses(streams: Streams) -> list[int] | None:
-    """Return the longest response of each message, None if offsets do not help.
-
-    Raises `OverflowError` if the windows are too long.
-    """
+    """Return the longest response of each message, None if offsets do not help."""
     load = float((streams.frame / streams.period).sum())
     if load >= _HIGHEST_LOAD:
         return None
@@ -103,10 +100,7 @@ class _Clock:
         return gone
 
     def curve(self, span: int) -> tuple[Integers, Integers]:
-        """Return lengths of closed windows, and by how much their largest work grows there.
-
-        The worst windows begin with a latest release.
-        """
+        """Return lengths of closed windows, and by how much their largest work grows there."""
         begin = np.unique(self.latest[(self.latest >= 0) & (self.latest < self.hyperperiod)])
         first = np.searchsorted(self.event, begin, side="right") - 1
         count = np.searchsorted(self.event, begin + span, side="right") - first
@@ -235,7 +229,7 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
         uneven = [messages[place].name for place in mine if periods[place] % grain]
         if uneven:
             raise ArgumentError(
-                f"step is {step:g} s, but the period of {uneven[0]!r} is not a multiple"
+                f"step is {step:g} s; the period of {uneven[0]!r} is not a multiple"
             )
         slots = math.lcm(*(int(periods[place]) // grain for place in mine))
         if slots > 10**6:

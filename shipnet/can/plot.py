@@ -10,7 +10,7 @@ from matplotlib.patches import Rectangle
 from shipnet import style
 from shipnet.fields import check_whole
 
-#: Key of `style.FIELD` of each field; what is not named frames the rest.
+#: Key of `style.FIELD` of each field; others are part of the frame.
 _COLOURS = {
     "base identifier": "address",
     "identifier extension": "address",
@@ -24,7 +24,7 @@ _COLOURS = {
     "CRC sequence": "parity",
 }
 
-#: What is written below a narrow field instead of its name.
+#: Short names, written below narrow fields.
 _SHORT = {"CRC delimiter": "CRC del.", "ACK slot": "ACK", "ACK delimiter": "ACK del."}
 
 #: Height of a row, with its labels below the blocks and its level line above.
@@ -105,9 +105,9 @@ def plot_contest(
     ax: Axes | None,
     upto: int | None,
 ) -> Axes:
-    """Draw the bits of each sender, a row each, and the bus below.
+    """Draw the bits of each sender, one row each, and the bus below.
 
-    A sender is its name, its bits, which of them are stuff bits, and where it stopped, if it did.
+    A sender is its name, its bits, the places of stuff bits, and the bit where it stopped or None.
     """
     rows, total = len(senders), len(bus)
     last = total - 1 if upto is None else check_whole("upto", upto, 0, total - 1)

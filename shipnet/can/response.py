@@ -155,10 +155,7 @@ class Level:
         return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
 
     def responses(self, *, every: bool) -> Iterator[float]:
-        """Yield the longest response of every instance in a busy period, or of the first only.
-
-        An endless busy period yields a single infinity.
-        """
+        """Yield the longest responses in a busy period, or the first; one infinity if endless."""
         if every:
             ends = self.busy_period < math.inf
         else:
@@ -269,12 +266,10 @@ def _first_gaps(
 
 
 class ResponseTime(NamedTuple):
-    """The longest response time of a message, and what it consists of.
+    """The longest response time of a `message`, and what it consists of.
 
     Attributes
     ----------
-    message : Message
-        The message.
     frame_time : float
         Time that its frame takes [s].
     blocking : float
@@ -314,12 +309,7 @@ class ResponseTime(NamedTuple):
 class ResponseTimes(Named[ResponseTime]):
     """The longest response time of every message, the highest priority first.
 
-    Parameters
-    ----------
-    responses : iterable of ResponseTime
-        One per message, in order of priority.
-    bit_rate : float
-        Bit rate [bit/s].
+    `response_times` returns it; `bit_rate` is as given [bit/s].
 
     Examples
     --------
@@ -519,9 +509,7 @@ def response_times(
     ]
     if offsets:
         if method != "exact" or errors.burst or not bus.assumptions.own_jitter:
-            raise ArgumentError(
-                "offsets is True; that takes the exact method, no faults, and own_jitter"
-            )
+            raise ArgumentError("offsets is True; it needs the exact method, no faults, own_jitter")
         found = _with_offsets(bus, messages, found)
     return ResponseTimes(found, bit_rate)
 

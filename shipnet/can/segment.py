@@ -169,10 +169,6 @@ class Signals:
 
     Attributes
     ----------
-    segment : Segment
-        The line.
-    bit_rate : float
-        Bit rate [bit/s].
     t : ndarray of float, shape (n_t,)
         Times [s].
     sample_times : ndarray of float, shape (n_bits,)

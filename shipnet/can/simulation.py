@@ -32,18 +32,8 @@ MOST_FRAMES = 20_000_000
 class Run:
     """The events on a simulated bus; `simulate` returns it.
 
-    Attributes
-    ----------
-    system : MessageSet
-        The messages.
-    bit_rate : float
-        Bit rate [bit/s].
-    until : float
-        Simulated time [s].
-    faults : tuple
-        Faults that disturbed the bus.
-    load : float
-        Fraction of the time that the bus was busy, including error frames and intermission.
+    `system`, `bit_rate` [bit/s], `until` [s] and `faults` are as given. `load` is the fraction of
+    the time that the bus was busy, including error frames and intermission.
 
     Examples
     --------
@@ -287,8 +277,6 @@ class BatchRun:
 
     Attributes
     ----------
-    system : MessageSet
-        The messages.
     max_response, mean_response : ndarray of float, shape (n_sets, n_messages)
         Longest and mean response [s], messages in order of priority; NaN if nothing was sent.
     sent : ndarray of int, shape (n_sets, n_messages)

@@ -124,14 +124,8 @@ def _most(polls: Sequence[Poll], period: float, dead: int) -> int:
 class Scan:
     """One round of a master through all its slaves; `scan` returns it.
 
-    Attributes
-    ----------
-    polls : tuple of Poll
-        Requests to each slave, one after the other.
-    n_slaves, dead : int
-        Number of slaves, and how many of them do not answer.
-    limit : float or None
-        Longest time allowed for the scan [s].
+    Each of `n_slaves`, of which `dead` do not answer, gets the requests of `polls`; `limit` is the
+    longest time allowed [s], or None.
 
     Examples
     --------

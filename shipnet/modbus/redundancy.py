@@ -115,10 +115,8 @@ class _Redundant:
     def _check(self) -> None:
         """Raise unless the master rechecks at most once per scan."""
         if self.recheck < self.period * (1 - 1e-12):
-            raise ArgumentError(
-                f"recheck is {self.recheck:g} s; it must not be shorter than a scan, "
-                f"{self.period:g} s"
-            )
+            scan = f"{self.period:g} s, a scan"
+            raise ArgumentError(f"recheck is {self.recheck:g} s; it must be at least {scan}")
 
     def worst_gap(self, faults: Faults) -> Floats:
         """Return each slave's longest time between two answers that the faults can cause [s].
@@ -289,10 +287,7 @@ class Loop(_Redundant):
     def _gaps(
         self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
     ) -> tuple[Floats, Floats, Floats]:
-        """Return the longest gap [s] of a slave that stays, one that is moved, and the last moved.
-
-        The arguments count slaves.
-        """
+        """Return the longest gap [s] of a slave that stays, one that moves and the last to move."""
         s, m, lo = (np.asarray(count, dtype=np.float64) for count in (stay, moved, lost))
         answered, silent = self.poll.time, self.poll.timeout_time
         f = self.failures

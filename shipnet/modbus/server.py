@@ -52,12 +52,8 @@ def real_clock(speed: float = 1.0) -> Clock:
 class Server:
     """A server that listens inside its ``with`` block; `serve` returns it.
 
-    Attributes
-    ----------
-    slaves : dict of int to Slave
-        Slaves by unit id; they may be changed while the server listens.
-    port : int
-        TCP or UDP port in use; 0 on a serial line or when not listening.
+    `slaves` are the slaves by unit id, which may be changed while it listens; `port` is the TCP or
+    UDP port in use, 0 on a serial line or when not listening.
 
     Examples
     --------

@@ -27,7 +27,7 @@ KINDS = ("poll", "switch", "probe")
 _POLL, _SWITCH, _PROBE = range(3)
 
 #: Colours of the parts of a try.
-_OUTCOME = {"request": "C0", "response": "C2", "no response": style.LIMIT["color"]}
+_OUTCOME = {"request": "C0", "response": "C5", "no response": style.LIMIT["color"]}
 Try = tuple[float, int, int, int, bool]  #: Start [s], slave from 0, port, kind, answered.
 
 
@@ -153,18 +153,7 @@ class Master:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A simulated master; `simulate` returns it.
-
-    Parameters
-    ----------
-    system : Loop or DualChannel
-        The simulated line.
-    faults : tuple of Fault
-        Its faults.
-    until : float
-        Time after which no try begins [s].
-    tries : list of tuple
-        Start [s], slave from 0, port, kind and outcome of each try; `events` shows them.
+    """A simulated master; `simulate` returns it, with `system`, `faults` and `until` [s] as given.
 
     Examples
     --------
@@ -228,10 +217,7 @@ class Run:
 
     @cached_property
     def gaps(self) -> Floats:
-        """Longest time between two answers of each slave, or from its last answer to the end [s].
-
-        It is the whole time if a slave never answers.
-        """
+        """Longest time without an answer of each slave, the end included [s]."""
         time, slave, _ = self._answers
         last = np.flatnonzero(np.diff(slave, append=-1))
         longest = np.full(self.system.n_slaves, self.until)
@@ -281,10 +267,7 @@ class Run:
         )
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return how far the line was used, if each slave's points need an `update` [s].
-
-        Data may be as old as the start of a try, and are known at its end.
-        """
+        """Return how far the line was used, if each slave's points need an `update` [s]."""
         check_scalar("update", update, "s", 1e-6, 1e6)
         events, poll = self.events(), self.system.poll
         good = events[events["answered"]]

@@ -100,9 +100,7 @@ class Registers:
         self.limits = dict(limits or {})
         for address, (low, high) in self.limits.items():
             if address not in self.holding_registers:
-                raise ArgumentError(
-                    f"limits has address {address}, which is not a holding register given"
-                )
+                raise ArgumentError(f"limits has address {address}; holding_registers does not")
             check_whole(f"limits[{address}][0]", low, 0, 0xFFFF)
             check_whole(f"limits[{address}][1]", high, low, 0xFFFF)
 
@@ -308,9 +306,7 @@ class Slave:
     def _read(self, table: Table, request: Request, time: float) -> tuple[int, ...]:
         found = tuple(self.device.read(table, request.address, request.quantity, time))
         if len(found) != request.quantity:
-            raise ArgumentError(
-                f"the device returned {len(found)} values; {request.quantity} were requested"
-            )
+            raise ArgumentError(f"the device returned {len(found)} values, not {request.quantity}")
         return found
 
 

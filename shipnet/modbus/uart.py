@@ -209,7 +209,7 @@ class Waveform:
         value = np.asarray(self.level, dtype=np.float64)
         if at.ndim != 1 or at.shape != value.shape:
             raise ArgumentError(
-                f"time has the shape {at.shape} and level {value.shape}; they must be equal rows"
+                f"time has shape {at.shape}, level {value.shape}; make them equal rows"
             )
         if not (np.isfinite(at).all() and np.isfinite(value).all()):
             raise ArgumentError("time and level must be finite")

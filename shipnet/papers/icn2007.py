@@ -247,7 +247,7 @@ def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
     if supply is not None:
         network = Network(plan.cables, {"0 m": Load(**supply)})
     nodes = [slave.node for slave in plan.slaves]
-    u = telegram_voltages(network, "0 m", nodes, RESPONSES, after=55e-6)
+    (u,) = telegram_voltages(network, "0 m", nodes, RESPONSES, after=55e-6)
     return bool((np.abs(u.sum(axis=-1)) < 1e-2 * np.abs(u).sum(axis=-1)).all())
 
 
@@ -272,7 +272,7 @@ def pulse_height(
     plan = line(length, slaves=(place,), terminator=terminator)
     dt, end = 50e-9, 2 * len(bits) * HALF_BIT
     node = plan.slaves[0].node
-    u = telegram_voltages(plan.network, "0 m", [node], bits, dt=dt, before=0, after=6.4e-6)
+    (u,) = telegram_voltages(plan.network, "0 m", [node], bits, dt=dt, before=0, after=6.4e-6)
     t = dt * np.arange(u.shape[-1])
     return float(np.abs(u[..., (t > 0.4 * end) & (t < 0.8 * end)]).max())
 

@@ -13,7 +13,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
 from shipnet.lazy import Axes, pd
 from shipnet.papers import judging
-from shipnet.papers.claims import PAPERS
+from shipnet.papers.judging import PAPERS
 from shipnet.papers.registry import FIGURES, TABLES
 
 

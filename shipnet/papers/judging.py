@@ -10,15 +10,30 @@ import importlib
 import math
 import re
 from collections.abc import Collection, Hashable, Mapping
+from functools import cache
 from typing import Any
 
-from shipnet import style
+from shipnet import datasets, style
 from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
 from shipnet.lazy import Axes, pd
-from shipnet.papers.claims import CONDITIONS, PAPERS, UNDECIDED, as_number, rows
 from shipnet.papers.registry import REGISTRY
+
+#: The papers by their keys, in the order in which they are shown.
+PAPERS: Mapping[str, str] = {
+    "kim2023": "Kim, Cho and Hyun, AS-Interface protocol utilization for smart ships, 2023",
+    "icn2007": "AS-Interface communication system for field networks (2), 2007",
+    "lee2012": "Lee and Kim, Distributed control system on dual field-bus for ship engine, 2012",
+    "chung1998": "Chung and Rhyu, Communication method for a ship main engine remote control, 1998",
+    "kim2014": "Kim and Yu, Electro hydraulic ballast remote valve control system, 2014",
+}
+
+#: Verdicts that are none: the note says what is missing.
+UNDECIDED = ("not verified", "not reproducible", "open")
+
+#: The condition under which a verdict holds without a qualification.
+AS_PRINTED = "as printed"
 
 #: Colour of each kind of treatment: the basis of what is judged, or why a claim is not.
 _COLOURS = {
@@ -212,6 +227,11 @@ def show(*claims: str) -> pd.DataFrame:
     return pd.DataFrame(shown, index=ids)
 
 
+def as_number(text: str) -> float:
+    """Return a printed number as a float; ``0x..`` is read as hexadecimal."""
+    return float(int(text, 16)) if text.lower().startswith("0x") else float(text)
+
+
 def match(published: float, computed: float, precision: float) -> str:
     """Compare a printed number with a computed one, by the unit of the last printed digit.
 
@@ -241,18 +261,24 @@ def load(papers: Collection[str] = tuple(PAPERS)) -> None:
             importlib.import_module(f"shipnet.papers.{paper}")
 
 
+@cache
+def _rows() -> list[dict[Hashable, Any]]:
+    """Return the rows of claims.csv."""
+    return datasets.read("claims.csv").to_dict("records")
+
+
 def _claims(paper: str | None) -> list[dict[Hashable, Any]]:
     """Return the rows of claims.csv for one paper or all."""
     if paper is not None:
         check_choice("paper", paper, PAPERS)
     papers = tuple(PAPERS) if paper is None else (paper,)
     load(papers)
-    return [claim for claim in rows() if claim["paper"] in papers]
+    return [claim for claim in _rows() if claim["paper"] in papers]
 
 
 def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
     """Return the rows of claims.csv with these ids, in the order given."""
-    known = {claim["id"]: claim for claim in rows()}
+    known = {claim["id"]: claim for claim in _rows()}
     if unknown := [id for id in ids if id not in known]:
         raise ArgumentError(
             f"no claim has the id {', '.join(unknown)}; ids look like {next(iter(known))!r}"
@@ -323,7 +349,7 @@ def _ours(row: Mapping[str, Any]) -> str:
 def _verdict(row: Mapping[str, Any]) -> str:
     """Return the verdict, its condition unless it is as printed, and why it differs."""
     said = str(row["verdict"] or row["kind"])
-    if row["holds_under"] not in ("", CONDITIONS[0]):
+    if row["holds_under"] not in ("", AS_PRINTED):
         said += f" ({row['holds_under']})"
     if said.startswith(("agrees", "ours", "context")):
         return said
