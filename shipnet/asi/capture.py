@@ -92,9 +92,9 @@ def transactions_of(
             column = f"{kind}_{name}" + "_V" * (name == "amplitude")
             table[column] = _pick(telegrams[name], rows, np.nan)
     table["request_error"], table["response_error"] = errors[request_error], errors[response_error]
-    parts = asked, request_error, calls.half >= 0, answered, response_error, calls.call
-    sizes = len(texts), len(errors), 2, len(texts), len(errors), len(titles)
-    key = np.ravel_multi_index(parts, sizes, mode="wrap")
+    # The bits of a request give its call.
+    sizes = len(texts), len(errors), len(texts), len(errors)
+    key = np.ravel_multi_index((asked, request_error, answered, response_error), sizes)
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
     some = table.iloc[first]
     sentences = map(
