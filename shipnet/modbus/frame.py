@@ -13,8 +13,7 @@ Framing = Literal["rtu", "tcp", "ascii"]
 
 #: Longest PDU [byte]: "MODBUS application protocol specification" V1.1b3, section 4.1; and highest
 #: address of a slave on a serial line: "MODBUS over serial line" V1.02, section 2.2.
-MAX_PDU = 253
-MAX_UNIT = 247
+MAX_PDU, MAX_UNIT = 253, 247
 RTU_BYTES, MBAP_BYTES = 3, 7  #: Bytes that a frame adds to its PDU: unit id and CRC; MBAP header.
 _HEXADECIMAL = frozenset(b"0123456789ABCDEFabcdef")
 
