@@ -546,11 +546,10 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
     """Say that home runs of given lengths are not weighed alike, if it makes a difference."""
     first = next(iter(designs.values()))
     iolist, site = first.iolist, first.site
-    kept = {
-        tag
-        for design in designs.values()
-        for tag in design.cables.query("kind == 'home run' and route_m != route_m")["b"]
-    }
+    kept = set[str]()
+    for design in designs.values():
+        cables = design.cables
+        kept.update(cables["b"][(cables["kind"] == "home run") & cables["route_m"].isna()])
     mine = iolist.points["tag"].isin(kept).to_numpy() & iolist.located
     if not mine.any():
         return

@@ -34,9 +34,7 @@ class Ramps:
     # A trapezoid is the minimum of two ramps, and a rule the minimum of its terms.
 
     def __init__(
-        self,
-        variables: Sequence[Variable],
-        antecedents: Iterable[Sequence[tuple[str, str]]],
+        self, variables: Sequence[Variable], antecedents: Iterable[Sequence[tuple[str, str]]]
     ) -> None:
         places = {variable.name: place for place, variable in enumerate(variables)}
         self._low = np.array([[variable.low] for variable in variables])
@@ -130,6 +128,8 @@ def arrays(names: Sequence[str], samples: Samples) -> dict[str, Floats]:
             given[name] = np.asarray(samples[name] if name in samples else np.nan, dtype=float)
         except (TypeError, ValueError):
             raise ArgumentError(f"{name} must be numbers, NaN where one is missing") from None
+    if len({x.shape for x in given.values()}) == 1:
+        return given
     try:
         return dict(zip(names, np.broadcast_arrays(*given.values()), strict=True))
     except ValueError:

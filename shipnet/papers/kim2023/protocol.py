@@ -306,7 +306,7 @@ def codes_tell_apart(*, labels: tuple[str, str] = ("1A", "1B")) -> bool:
 
 @check("kim2023-054", counter={"silence": 0.1})
 def outputs_are_reset(*, silence: float = 0.06) -> bool:
-    """Whether a slave resets its outputs if the master is silent so long [s]."""
+    """Whether a slave resets its outputs if the master is silent for this time [s]."""
     master = Master({"1": "S-0.F.F"})
     failure, standby = MasterFailure(start=0.1), Standby(master, silence=silence)
     run = simulate([Slave("1")], master, until=0.3, faults=failure, standby=standby)
