@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import floor, isinf, isnan, log10
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -16,11 +16,13 @@ from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.design.catalogue import LEVELS, Level, values_at, with_spare, words
 from shipnet.design.catalogue import cables as catalogue
-from shipnet.design.layout import Layout
 from shipnet.design.plot import plot_ranges
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_whole
 from shipnet.lazy import Axes, pd
+
+if TYPE_CHECKING:
+    from shipnet.design.designs import Design
 
 # Numbers as a table of a design shows them: counts whole, estimates with three digits
 
@@ -66,13 +68,13 @@ _DEVICES: dict[str, dict[str, tuple[str, ...]]] = {
 }
 
 
-def conductors_at_cabinet(design: Layout) -> int:
+def conductors_at_cabinet(design: Design) -> int:
     """Count the conductors in use in the cables that enter the cabinet."""
     runs = design.cables
     return int(runs["used"][runs["at_cabinet"]].sum())
 
 
-def items_of(design: Layout) -> dict[str, int]:
+def items_of(design: Design) -> dict[str, int]:
     """Count the parts and pieces of work of a design, by the names of what they cost."""
     analogue = design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
@@ -83,7 +85,7 @@ def items_of(design: Layout) -> dict[str, int]:
     return {name: number for name, number in items.items() if number}
 
 
-def _devices(design: Layout, analogue: Bools) -> dict[str, int]:
+def _devices(design: Design, analogue: Bools) -> dict[str, int]:
     bus_of = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     bus = [bus_of.get(segment, "") for segment in design.devices["segment"]]
     devices = design.devices
@@ -102,7 +104,7 @@ def _devices(design: Layout, analogue: Bools) -> dict[str, int]:
     return items
 
 
-def _second_interfaces(design: Layout) -> int:
+def _second_interfaces(design: Design) -> int:
     """Count the stations at which both lines of a redundant pair end."""
     ends: dict[str, set[str]] = {"A": set(), "B": set()}
     columns = (design.cables[name] for name in ("kind", "line", "a", "b"))
@@ -113,7 +115,7 @@ def _second_interfaces(design: Layout) -> int:
     return len(ends["A"] & ends["B"] & set(stations))
 
 
-def _channels(design: Layout, analogue: Bools) -> dict[str, int]:
+def _channels(design: Design, analogue: Bools) -> dict[str, int]:
     """Count the channels of the cabinet and of the stations, with the spare ones."""
     bus, spare = design.points["bus"].to_numpy(), design.settings.spare
     wired, station = bus == "hardwired", (bus == "CAN") | (bus == "Modbus RTU")
@@ -274,7 +276,7 @@ def ranges_of(quantities: Mapping[str, Quantities], figure: str) -> pd.DataFrame
 class Model:
     """The figures of one design as a function of what is assumed."""
 
-    def __init__(self, design: Layout) -> None:
+    def __init__(self, design: Design) -> None:
         self.items = items_of(design)
         self.assumptions = design.settings.assumptions
         self._at_cabinet = conductors_at_cabinet(design)
@@ -361,7 +363,7 @@ class Model:
                 yield (what, *getattr(cable, field), unit, cable.status, cable.source)
 
 
-def quantities(design: Layout) -> Quantities:
+def quantities(design: Design) -> Quantities:
     """Return what a design takes under the assumptions of its settings."""
     model = Model(design)
     table = pd.DataFrame({level: model.figures(others=level) for level in LEVELS})
@@ -375,7 +377,7 @@ def quantities(design: Layout) -> Quantities:
     )
 
 
-def bill_table(design: Layout) -> pd.DataFrame:
+def bill_table(design: Design) -> pd.DataFrame:
     """Return cables, parts and work of a design, at nominal; their costs add up to the total."""
     model = Model(design)
     cables, assumed = _by_cable(model), model.assumptions
@@ -408,7 +410,7 @@ def _by_cable(model: Model) -> pd.DataFrame:
 # Where the figures of designs lie when every assumption is drawn from its range ----------------
 
 
-def draw(designs: Mapping[str, Layout], *, rng: Rng, draws: int = 10_000) -> pd.DataFrame:
+def draw(designs: Mapping[str, Design], *, rng: Rng, draws: int = 10_000) -> pd.DataFrame:
     """Draw every assumption from its range, again and again, and return the figures."""
     models = {name: Model(design) for name, design in designs.items()}
     rng = check_rng(rng)
@@ -531,7 +533,7 @@ class Tornado:
         return f"{what}; what matters most: {', '.join(said) or 'nothing that is assumed'}"
 
 
-def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> Tornado:
+def tornado(designs: Mapping[str, Design], figure: str = "total_cost_eur") -> Tornado:
     """Take every assumption to its low and its high, one at a time.
 
     The figure is that of the lowest of the other designs less that of the first.

@@ -2,27 +2,101 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.util import find_spec
+from math import inf
 from os import PathLike
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
 
 from shipnet import style
 from shipnet.answers import Findings
 from shipnet.arguments import checked
 from shipnet.design import costs, drawing, failures, tables
 from shipnet.design.costs import Quantities
-from shipnet.design.layout import Layout, frame
+from shipnet.design.iolist import IoList
 from shipnet.design.plot import draw_cables
-from shipnet.design.points import PointTable
 from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.design.supply import supply_tables
+from shipnet.errors import ArgumentError
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv, as_workbook
+
+#: What a point can be connected by; "" if it fits nowhere.
+BUSES = ("hardwired", "AS-i", "CAN", "Modbus RTU", "")
+
+#: Kinds of devices. An auxiliary supply feeds the outputs of an AS-i line; the line itself feeds
+#: its modules.
+DEVICE_KINDS = (
+    "cabinet", "box", "module", "station", "master", "gateway", "repeater", "supply",
+    "auxiliary supply", "terminator",
+)  # fmt: skip
+
+#: Kinds of cables: from a device to a point, between devices of a segment, from the cabinet to a
+#: point, and from a supply to its segment or to a gateway.
+RUN_KINDS = ("drop", "trunk", "home run", "feeder")
+
+#: Lines of a trunk: a single one, and the two of a redundant pair.
+LINES = ("", "A", "B")
+
+#: The columns of each table with their types; a segment may have more.
+COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {
+        "points": {
+            "tag": "str", "bus": "str", "segment": "str", "device": "str", "address": "str",
+            "response_ms": "float", "fits": "bool",
+        },
+        "devices": {
+            "device": "str", "kind": "str", "segment": "str",
+            "x_m": "float", "y_m": "float", "z_m": "float",
+        },
+        "cables": {
+            "run": "str", "cable": "str", "a": "str", "b": "str", "segment": "str", "kind": "str",
+            "route_m": "float", "length_m": "float", "used": "int", "conductors": "int",
+            "at_cabinet": "bool", "line": "str", "way": "object",
+        },
+        "segments": {
+            "segment": "str", "bus": "str", "points": "int", "devices": "int", "length_m": "float",
+            "bus_time": "float", "capacity_used": "float", "response_ms": "float",
+            "slowest_update_ms": "float",
+        },
+        "reasons": {
+            "subject": "str", "limit": "str", "value": "float", "bound": "float", "unit": "str",
+            "text": "str",
+        },
+    }
+)  # fmt: skip
+
+
+_DTYPES = {"float": float, "int": np.int64, "bool": bool}
+
+
+def frame(table: str, rows: Any = ()) -> pd.DataFrame:
+    """Return a table of a design with its columns in order and of their types."""
+    types = COLUMNS[table]
+    if not isinstance(rows, pd.DataFrame | Mapping):
+        rows = list(rows)
+    made = pd.DataFrame(rows) if len(rows) else pd.DataFrame(columns=list(types))
+    if missing := [column for column in types if column not in made.columns]:
+        raise ArgumentError(f"{table} has no column {' and no column '.join(missing)}")
+    made = made[[*types, *made.columns.difference(types, sort=False)]].reset_index(drop=True)
+    for (column, kind), found in zip(types.items(), made.dtypes, strict=False):
+        dtype = np.dtype(_DTYPES.get(kind, object))
+        if found == dtype:
+            continue
+        try:
+            made[column] = made[column].astype(dtype)
+        except (TypeError, ValueError) as error:
+            raise ArgumentError(f"column {column} of {table} is not all {kind}: {error}") from None
+    return made
+
 
 #: The points of the example.
 _LIST = """\
@@ -38,18 +112,18 @@ _COLOURS = {"home run": "0.7", "drop": "0.8", "feeder": "C1", "trunk": "C0"}
 
 
 @checked
-@dataclass(frozen=True, eq=False, repr=False)
-class Design(Layout):
+@dataclass(frozen=True, eq=False)
+class Design:
     r"""One way to connect the points of an I/O list; `IoList.plan` makes one.
 
     Parameters
     ----------
     name : str
-        What tables and figures call it.
+        Its name in tables and figures.
     iolist : IoList
         The points.
     site : Site
-        Cabinet and trays, with the detour and the tails of cables.
+        Cabinet, trays, and the detour and tails of cables.
     points : pandas.DataFrame
         One row per point, in the order of the list: tag, bus, segment, device, address,
         response_ms, fits. A point that fits nowhere has no bus, and a row in `reasons`.
@@ -57,23 +131,23 @@ class Design(Layout):
         Cabinet, boxes, modules, stations, masters, repeaters, supplies: device, kind, segment,
         x_m, y_m, z_m, and at, the device in whose housing it is.
     cables : pandas.DataFrame
-        Every cable laid: run, its name; cable, its type in the catalogue; a and b, its ends;
-        segment, kind, route_m, length_m, used, conductors, at_cabinet, line, and way, its trays.
+        Every cable: run, its name; cable, its type in the catalogue; a and b, its ends; segment,
+        kind, route_m, length_m, used, conductors, at_cabinet, line, and way, its trays.
     segments : pandas.DataFrame
         Lines and loops: segment, bus, points, devices, length_m, bus_time and capacity_used as
         in `Utilisation`, response_ms and slowest_update_ms of the point nearest to its limit, and
-        what only one bus has.
+        columns of one bus.
     reasons : pandas.DataFrame
         Why something does not fit: subject, limit, value, bound, unit, text.
     settings : Settings, optional
-        Every limit, price and allowance that it was planned with.
+        The limits, prices and allowances of the plan.
     without_limits : Design, optional
-        The same way without the limits of rules on responses, if these made a difference.
+        The same option without the rules' limits on responses, if they made a difference.
 
     Raises
     ------
     ArgumentError
-        If the tables do not fit together; all faults at once.
+        If the tables contradict each other; the first ten faults.
 
     Examples
     --------
@@ -88,15 +162,55 @@ class Design(Layout):
     '15 checks, 12 not verified'
     """
 
+    name: str
+    iolist: IoList
+    site: Site
+    points: pd.DataFrame
+    devices: pd.DataFrame
+    cables: pd.DataFrame
+    segments: pd.DataFrame
+    reasons: pd.DataFrame
+    settings: Settings = field(default_factory=Settings)
     without_limits: Design | None = None
+
+    def __post_init__(self) -> None:
+        for table in COLUMNS:
+            object.__setattr__(self, table, frame(table, getattr(self, table)))
+        if "at" not in self.devices.columns:
+            inside = self.devices["kind"].isin(["master", "gateway"])
+            self.devices["at"] = inside.map({True: self.cabinet, False: ""})
+        faults = list(_faults(self))
+        if faults:
+            more = f"; and {len(faults) - 10} more" if len(faults) > 10 else ""
+            raise ArgumentError(f"design {self.name!r}: {'; '.join(faults[:10])}{more}")
+
+    def __repr__(self) -> str:
+        fit, length = int(self.points["fits"].sum()), self.cables["length_m"].sum()
+        return (
+            f"<{type(self).__name__} {self.name!r}: {fit} of {len(self.points)} points fit, "
+            f"{len(self.cables)} cables, {length:.0f} m>"
+        )
+
+    @property
+    def fits(self) -> bool:
+        """Whether every point is connected within the limits of its bus."""
+        return bool(self.points["fits"].all())
+
+    @property
+    def worst_response_ms(self) -> float:
+        """Longest response of the points that fit [ms]; NaN if none does."""
+        return float(self.points.loc[self.points["fits"], "response_ms"].max())
+
+    @property
+    def cabinet(self) -> str:
+        """Name of the cabinet among the devices, or "" if there is none."""
+        names = self.devices.loc[self.devices["kind"] == "cabinet", "device"]
+        return str(names.iloc[0]) if len(names) else ""
 
     @classmethod
     def example(cls, *, redundant: bool = False) -> Design:
-        """Return a design to follow by hand: two stations with two points each on a Modbus loop.
-
-        A redundant one has a second line on the other side of the ship.
-        """
-        iolist, nan = PointTable.parse(_LIST, "example"), float("nan")
+        """Return a small Modbus loop of two stations, with a second line if `redundant`."""
+        iolist, nan = IoList.parse(_LIST, "example"), float("nan")
         tags = list(iolist.points["tag"])
         stations = ["JB1", "JB1", "JB2", "JB2"]
         places = {"cabinet": 0.0, "master": 0.0, "JB1": 22.5, "JB2": 42.5}
@@ -138,7 +252,7 @@ class Design(Layout):
 
     def priced(self, settings: Settings) -> Design:
         """Return the same design under other prices."""
-        made = copy(self)  # with the failures, if they are known
+        made = copy(self)  # keeps the failures, if they are known
         object.__setattr__(made, "settings", settings)
         if self.without_limits is not None:
             object.__setattr__(made, "without_limits", self.without_limits.priced(settings))
@@ -149,7 +263,7 @@ class Design(Layout):
         return costs.quantities(self)
 
     def bill(self) -> pd.DataFrame:
-        """Return what has to be bought and laid: cables by type, devices, channels, glands."""
+        """Return the bill of cables by type, devices, channels and glands."""
         return costs.bill_table(self)
 
     def supplies(self) -> pd.DataFrame:
@@ -160,23 +274,23 @@ class Design(Layout):
         return supply_tables(self)[0]
 
     def voltages(self) -> pd.DataFrame:
-        """Return one row per device and line that a supply feeds: current, voltage and its drop."""
+        """Return one row per fed device and line: current, voltage and voltage drop."""
         return supply_tables(self)[1]
 
     def check(
         self, rules: RuleSet | str | PathLike[str] = "DNV", *, host_time: float | None = None
     ) -> Findings:
-        """Check the design against class rules; `host_time` [s] is that of the settings if None."""
+        """Check the design against class rules, with a host time [s] other than the settings'."""
         return check(self, self._failures, rules, host_time=host_time)
 
     def failures(self) -> pd.DataFrame:
-        """Return what each single failure costs, one row per failure, the worst one first."""
+        """Return the points lost by each single failure, the worst first."""
         ranked = self._failures.sort_values("points_lost", ascending=False, kind="stable")
         return ranked.reset_index(drop=True)
 
     @cached_property
     def _failures(self) -> pd.DataFrame:
-        """Every single failure: cables cut and shorted, trays, devices."""
+        """Every single failure: cut and shorted cables, trays, devices."""
         return failures.single_failures(self)
 
     def lost(
@@ -186,15 +300,14 @@ class Design(Layout):
         devices: Collection[str] = (),
         trays: Collection[str] = (),
     ) -> tuple[str, ...]:
-        """Return the tags of the points that several failures at once cost."""
+        """Return the tags of the points that several simultaneous failures cost."""
         return failures.lost(self, cables=cables, devices=devices, trays=trays)
 
     def tables(self) -> dict[str, pd.DataFrame]:
-        """Return what a yard builds from: cables, terminals, devices, points, bill.
+        """Return the tables that a yard builds from.
 
-        The cable schedule has one row per cable and its lengths add up to those of `quantities`;
-        the terminal plan one row per core; the points are those of the list, with their channels.
-        Supplies and what they feed, segments and reasons are as this class has them.
+        cables is the cable schedule, terminals the terminal plan with one row per core; then come
+        devices, points with their channels, supplies, voltages, segments, bill and reasons.
         """
         return tables.tables(self)
 
@@ -213,9 +326,9 @@ class Design(Layout):
         yield "settings.toml", self.settings.text().encode()
 
     def save(self, folder: str | PathLike[str]) -> None:
-        """Write every table as a CSV file, all as one workbook, drawing and settings into a folder.
+        """Write the tables as CSV files and a workbook, the drawing and the settings to a folder.
 
-        Files of these names are replaced. The workbook takes openpyxl.
+        Existing files are replaced. The workbook needs openpyxl.
         """
         tables.save_files(folder, self.files())
 
@@ -239,3 +352,43 @@ class Design(Layout):
         ax.autoscale_view()
         ax.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8)
         return ax
+
+
+def _faults(design: Design) -> Iterator[str]:
+    points, devices, runs = design.points, design.devices, design.cables
+    if points["tag"].tolist() != design.iolist.points["tag"].tolist():
+        yield "the tags of points differ from those of the list, or are in another order"
+    if (devices["kind"] == "cabinet").sum() != 1:
+        yield f"there are {(devices['kind'] == 'cabinet').sum()} cabinets; it must be one"
+    names = set(devices["device"])
+    for what, column in (
+        ("device", devices["device"]),
+        ("run", runs["run"]),
+        ("segment", design.segments["segment"]),
+    ):
+        yield from (f"{what} {name!r} appears twice" for name in column[column.duplicated()])
+    to_point = runs["kind"].isin(["drop", "home run"])
+    segments = {"", *design.segments["segment"]}
+    for what, values, known in (
+        ("bus", points["bus"], set(BUSES)),
+        ("device of a point", points["device"], {"", *names}),
+        ("segment of a point", points["segment"], segments),
+        ("kind of device", devices["kind"], set(DEVICE_KINDS)),
+        ("housing of a device", devices["at"], {"", *names}),
+        ("segment of a device", devices["segment"], segments),
+        ("kind of run", runs["kind"], set(RUN_KINDS)),
+        ("line of a run", runs["line"], set(LINES)),
+        ("segment of a run", runs["segment"], segments),
+        ("end of a run", runs["a"], names),
+        ("end of a run", runs.loc[~to_point, "b"], names),
+        ("point of a run", runs.loc[to_point, "b"], set(points["tag"])),
+    ):
+        unknown = dict.fromkeys(value for value in values if value not in known)
+        yield from (f"there is no {what} {value!r}" for value in unknown)
+    for run, length, used, conductors in zip(
+        runs["run"], runs["length_m"], runs["used"], runs["conductors"], strict=True
+    ):
+        if not 0 <= length < inf:
+            yield f"length of {run} is {length} m; it must be 0 or more"
+        if not 0 <= used <= conductors:
+            yield f"{run} uses {used} of {conductors} conductors"

@@ -6,15 +6,17 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Bools, Integers
-from shipnet.design.layout import Layout
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
+
+if TYPE_CHECKING:
+    from shipnet.design.designs import Design
 
 # What of a planned design is still reached when some of its cables are cut and devices dead
 
@@ -42,7 +44,7 @@ _CHUNK = 2**21
 class Reach:
     """A planned design as arrays: runs and devices are the rows of its tables."""
 
-    design: Layout
+    design: Design
 
     @cached_property
     def kinds(self) -> npt.NDArray[Any]:
@@ -411,7 +413,7 @@ def _nth(values: Integers) -> Iterator[Integers]:
 FAILURES = ("cut", "short", "tray", "device")
 
 
-def single_failures(design: Layout) -> pd.DataFrame:
+def single_failures(design: Design) -> pd.DataFrame:
     """Return what each single failure of a planned design costs."""
     reach = Reach(design)
     runs, devices = design.cables, design.devices
@@ -452,7 +454,7 @@ def single_failures(design: Layout) -> pd.DataFrame:
 
 
 def lost(
-    design: Layout,
+    design: Design,
     *,
     cables: Collection[str] = (),
     devices: Collection[str] = (),

@@ -9,7 +9,7 @@ from dataclasses import MISSING, asdict, dataclass, fields
 from functools import cache, cached_property
 from operator import ge, le, lt
 from os import PathLike
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.crc import Crc
 from shipnet.design.catalogue import cables
-from shipnet.design.layout import Layout
 from shipnet.design.supply import point_currents, supply_tables
 from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
 from shipnet.errors import ArgumentError, InputError
@@ -38,6 +37,9 @@ from shipnet.fields import (
 )
 from shipnet.lazy import pd
 from shipnet.tables import NUMBER, Sheet, frame_sheet, in_order, read_sheet, titled
+
+if TYPE_CHECKING:
+    from shipnet.design.designs import Design
 
 # What can be computed of a planned design for a rule: times, losses, lines, standards
 
@@ -81,7 +83,7 @@ APPLIES: Mapping[str, Callable[[pd.DataFrame], pd.Series[bool]]] = {
 class Facts:
     """A design with what several measures need of it."""
 
-    design: Layout
+    design: Design
     #: Every single failure.
     cuts: pd.DataFrame
     host_time: float
@@ -636,7 +638,7 @@ def _rules(sheet: Sheet) -> tuple[Rule, ...]:
         faults += [(row, f": {fault}") for fault in wrong]
     said = in_order(faults)
     names = Counter((rule.rule_set, rule.rule) for rule in rules)
-    said += [f"rule {name!r} stands twice" for (_, name), count in names.items() if count > 1]
+    said += [f"rule {name!r} appears twice" for (_, name), count in names.items() if count > 1]
     if said or not rules:
         raise InputError(sheet.source, *(said or ["has no rule; expected one row per rule"]))
     return tuple(rules)
@@ -673,7 +675,7 @@ def longest_responses(rules: Iterable[Rule], points: pd.DataFrame, host_time: fl
 
 
 def check(
-    design: Layout,
+    design: Design,
     failures: pd.DataFrame,
     rules: RuleSet | str | PathLike[str] = "DNV",
     *,

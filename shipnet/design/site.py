@@ -17,8 +17,8 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from shipnet import style
 from shipnet.arguments import checked
+from shipnet.design.iolist import IoList
 from shipnet.design.plot import draw_cables
-from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import number, part, record
@@ -47,7 +47,7 @@ class Tray:
 
 
 @checked
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Trays:
     r"""Cable trays of a ship as a graph, and the cabinets that have a name.
 
@@ -78,7 +78,7 @@ class Trays:
 
     nodes: Mapping[str, Place]
     trays: tuple[Tray, ...]
-    cabinets: Mapping[str, Place] = field(default_factory=dict)
+    cabinets: Mapping[str, Place] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
         faults = tray_faults(self.nodes, self.trays)
@@ -155,7 +155,7 @@ def tray_faults(nodes: Mapping[str, Place], trays: tuple[Tray, ...]) -> list[tup
         text = f"tray {tray.name!r} ends at {{!r}}, which is no node"
         faults += [(tray.name, text.format(end)) for end in unknown]
         if tray.name in seen:
-            faults.append((tray.name, f"tray {tray.name!r} stands twice"))
+            faults.append((tray.name, f"tray {tray.name!r} appears twice"))
         if not unknown and tuple(nodes[tray.a]) == tuple(nodes[tray.b]):
             faults.append((tray.name, f"tray {tray.name!r} has no length"))
         seen.add(tray.name)
@@ -192,7 +192,7 @@ def _trays(sheet: Sheet) -> Trays:
             wrong += [f", column {end}: is empty; expected a node" for end in ("from", "to")
                       if not cells[end]]  # fmt: skip
         elif name in places.get(kind, {}):
-            wrong.append(f": {kind} {name!r} stands twice")
+            wrong.append(f": {kind} {name!r} appears twice")
         place = {axis: _metres(cells[axis], comma) for axis in ("x_m", "y_m", "z_m")}
         if kind in places:
             wrong += [
@@ -477,7 +477,7 @@ class Found(NamedTuple):
         return said if self.settled else said + other
 
 
-def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0) -> Found:
+def find_cabinet(iolist: IoList, *, detour: float = 1.15, tails: float = 5.0) -> Found:
     """Find the place of the cabinet from home runs of known length."""
     length = iolist.points["home_run_m"].to_numpy(float)
     known = np.isfinite(length) & iolist.located
@@ -515,7 +515,7 @@ def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0
 
 
 def site_of(
-    iolist: PointTable,
+    iolist: IoList,
     cabinet: Where,
     trays: Trays | str | PathLike[str] | None,
     settings: Settings,

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,9 +20,11 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.rules import rule_limits
 from shipnet.design.catalogue import Cable, cables, read_assumptions
-from shipnet.design.layout import Layout
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
+
+if TYPE_CHECKING:
+    from shipnet.design.designs import Design
 
 #: What each signal draws from its station, by the name of the setting; the others draw nothing.
 LOADS: Mapping[str, str] = MappingProxyType(
@@ -115,7 +117,7 @@ def _rooted(parent: Indices, nodes: Indices) -> tuple[Indices, tuple[Indices, ..
     return root, tuple(nodes[of == level] for level in range(1, of.max(initial=0) + 1))
 
 
-def forest(design: Layout) -> Forest:
+def forest(design: Design) -> Forest:
     """Return the trees of a design; of a ring, the run that closes it is left out."""
     devices, runs, settings = design.devices, design.cables, design.settings
     kinds, count = devices["kind"].to_numpy(object), len(devices)
@@ -178,7 +180,7 @@ def slave_voltage() -> float:
 
 
 def _roots(
-    design: Layout,
+    design: Design,
     kinds: npt.NDArray[np.object_],
     at: Indices,
     master: Mapping[str, int],
@@ -215,14 +217,14 @@ def _roots(
     return supply
 
 
-def point_currents(design: Layout) -> pd.Series[float]:
+def point_currents(design: Design) -> pd.Series[float]:
     """Return what each point draws while it is on [A]."""
     draws = {name: getattr(design.settings.supply, kind) for name, kind in LOADS.items()}
     return design.iolist.points["signal"].map(draws).fillna(0.0).astype(float)
 
 
 def _loads(
-    design: Layout,
+    design: Design,
     kinds: npt.NDArray[np.object_],
     at: Indices,
     master: Mapping[str, int],
@@ -285,7 +287,7 @@ class Feeders(NamedTuple):
     weak: Sequence[tuple[str, float, float, str]]
 
 
-def sized(design: Layout) -> Feeders:
+def sized(design: Design) -> Feeders:
     """Return the cheapest feeders that meet voltage and current: thicker cables, or more supplies.
 
     Each cross-section has its least number of supplies, put nearer to their devices where the cable
@@ -339,7 +341,7 @@ def sized(design: Layout) -> Feeders:
     return Feeders(cable, nearer, set(nearer.values()) - feeding, weak)
 
 
-def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: Indices) -> Floats:
+def _spent(design: Design, trees: Forest, feeders: Indices, cable: Cable, own: Indices) -> Floats:
     """Return what the feeders of each tree cost with a cable, and supplies at some nodes [EUR].
 
     Prices are the nominal ones of the data files: a plan does not depend on what is assumed. One
@@ -402,7 +404,7 @@ def _cuts(
 # What a design's supplies give, and what arrives: two tables ------------------------------------
 
 
-def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
+def supply_tables(design: Design) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return one row per supply, and one per device that is fed, on each of its lines."""
     trees, devices, runs = forest(design), design.devices, design.cables
     (flow, drop), (_, shorted) = trees.solve(), trees.solve(short=True)

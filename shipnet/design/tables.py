@@ -8,7 +8,7 @@ from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
@@ -16,9 +16,11 @@ import pandas as pd
 
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.costs import bill_table
-from shipnet.design.layout import Layout
 from shipnet.design.supply import supply_tables
 from shipnet.signals import SIGNALS
+
+if TYPE_CHECKING:
+    from shipnet.design.designs import Design
 
 #: What the two conductors of a trunk carry, by bus, and those of every feeder.
 _WIRES: Mapping[str, tuple[str, str]] = MappingProxyType(
@@ -52,7 +54,7 @@ def zipped(named: Iterable[tuple[str, bytes]]) -> bytes:
     return stream.getvalue()
 
 
-def tables(design: Layout) -> dict[str, pd.DataFrame]:
+def tables(design: Design) -> dict[str, pd.DataFrame]:
     """Return the tables of a design by the names of their files, rows in a stable order."""
     supplies, voltages = supply_tables(design)
     return {
@@ -68,7 +70,7 @@ def tables(design: Layout) -> dict[str, pd.DataFrame]:
     }
 
 
-def schedule(design: Layout) -> pd.DataFrame:
+def schedule(design: Design) -> pd.DataFrame:
     """Return the cable schedule: one row per cable, as it is ordered, pulled and connected."""
     runs, known = design.cables, catalogue()
     at = dict(zip(design.devices["device"], design.devices["at"], strict=True))
@@ -93,7 +95,7 @@ def schedule(design: Layout) -> pd.DataFrame:
     )
 
 
-def devices(design: Layout) -> pd.DataFrame:
+def devices(design: Design) -> pd.DataFrame:
     """Return all devices with place, housing and bus address, and how many points they have."""
     connected = design.points[design.points["bus"] != ""]
     # An address begins with that of the device: a slave, a unit, or one of several messages.
@@ -108,7 +110,7 @@ def devices(design: Layout) -> pd.DataFrame:
     )  # fmt: skip
 
 
-def points(design: Layout) -> pd.DataFrame:
+def points(design: Design) -> pd.DataFrame:
     """Return all points of the list with the channel that each has, also those that do not fit."""
     columns = ["tag", "system", "type", "signal", "x_m", "y_m", "z_m", "update_ms"]
     listed, own = design.iolist.points[columns], design.points.drop(columns="tag")
@@ -122,7 +124,7 @@ def points(design: Layout) -> pd.DataFrame:
     )
 
 
-def terminals(design: Layout) -> pd.DataFrame:
+def terminals(design: Design) -> pd.DataFrame:
     """Return the terminal plan: one row per core, what it carries, and its terminal at each end.
 
     The terminals of each device are numbered from 1 in the order of the cables. Cores that meet in
@@ -169,7 +171,7 @@ def terminals(design: Layout) -> pd.DataFrame:
     )
 
 
-def _wires(design: Layout) -> Iterator[str]:
+def _wires(design: Design) -> Iterator[str]:
     """Return what each core of each cable is called: on a bus by its signal, else by its number."""
     bus = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     runs = design.cables
@@ -184,7 +186,7 @@ def _wires(design: Layout) -> Iterator[str]:
 _Joint: TypeAlias = tuple[list[tuple[int, int]], str]
 
 
-def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
+def _boxed(design: Design) -> Iterator[tuple[int, list[_Joint]]]:
     """Yield the row of each trunk of a box, and what meets each of its cores.
 
     The planner divides the points of a box among its trunks in their order, so the conductors in

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipnet.design.designs import Design
+from shipnet.design.designs import COLUMNS, Design, frame
 from shipnet.design.iolist import IoList
-from shipnet.design.layout import COLUMNS, frame
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 
@@ -66,20 +65,20 @@ def test_tables_are_copies_so_that_the_caller_s_stay_as_they_are(design):
 @pytest.mark.parametrize(
     ("table", "row", "column", "value", "message"),
     [
-        ("points", 1, "tag", "C", "the tags of points are not those of the list"),
+        ("points", 1, "tag", "C", "the tags of points differ from those of the list"),
         ("points", 0, "bus", "LIN", "there is no bus 'LIN'"),
         ("points", 0, "device", "M9", "there is no device of a point 'M9'"),
         ("points", 0, "segment", "AS-i 2", "there is no segment of a point 'AS-i 2'"),
         ("devices", 0, "kind", "box", "there are 0 cabinets"),
         ("devices", 2, "kind", "cabinet", "there are 2 cabinets"),
         ("devices", 2, "kind", "toaster", "there is no kind of device 'toaster'"),
-        ("devices", 2, "device", "master", "device 'master' stands twice"),
+        ("devices", 2, "device", "master", "device 'master' appears twice"),
         ("devices", 2, "segment", "x", "there is no segment of a device 'x'"),
         ("devices", 2, "at", "x", "there is no housing of a device 'x'"),
         ("cables", 0, "a", "M9", "there is no end of a run 'M9'"),
         ("cables", 0, "b", "A", "there is no end of a run 'A'"),
         ("cables", 1, "b", "M1", "there is no point of a run 'M1'"),
-        ("cables", 1, "run", "trunk", "run 'trunk' stands twice"),
+        ("cables", 1, "run", "trunk", "run 'trunk' appears twice"),
         ("cables", 1, "kind", "string", "there is no kind of run 'string'"),
         ("cables", 1, "line", "C", "there is no line of a run 'C'"),
         ("cables", 1, "segment", "C", "there is no segment of a run 'C'"),

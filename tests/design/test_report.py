@@ -175,7 +175,7 @@ def test_a_picture_does_not_hide_what_is_left_out():
                                    "y": 0.0, "z": 0.0}))  # fmt: skip
     rng = np.random.default_rng(1)
     page = far.compare(Design.example().site, ["home runs", "AS-i"], rng=rng).html()
-    assert "(2 DI) of no system." in Page(page).text
+    assert "(2 DI) of table, in no system." in Page(page).text
     named = ["AS-i (1 left out)" in figure for figure in pictures(page)[:4]]
     assert named == [True, True, True, False]  # the last one weighs whole options only
 
@@ -258,13 +258,14 @@ def test_it_is_told_if_home_runs_are_reckoned_otherwise_than_all_else(tmp_path, 
     points.write_text(LIST, encoding="utf-8")
     trays.write_text(TRAYS, encoding="utf-8")
     command = ["design", str(points), "--options", "home runs,CAN", "--cabinet"]
-    said = "Home runs keep the lengths of the list, 0.261 km for 8 points; from the cabinet at"
+    said = "Home runs keep the lengths of the list, 0.261 km for 8 points; computed like all"
     assert main([*command, "0,0,0"]) == 0
     assert said not in capsys.readouterr().out
     assert main([*command, "60,0,0"]) == 0
-    assert f"{said} 60, 0, 0 m, as all" in capsys.readouterr().out
+    assert f"{said} other cables, from the cabinet at 60, 0, 0 m" in capsys.readouterr().out
     assert main([*command, "0,0,0", "--trays", str(trays)]) == 0
-    assert f"{said} 0, 0, 0 m over the trays, as all" in capsys.readouterr().out
+    said += " other cables, from the cabinet at 0, 0, 0 m over the trays"
+    assert said in capsys.readouterr().out
 
 
 def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, capsys):

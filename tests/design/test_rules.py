@@ -304,7 +304,7 @@ def test_all_faults_of_a_file_are_told_at_once(tmp_path):
         "row 2: measure is 'respons'", "row 3: limit is 'fast'", "row 3: confirmed is 'perhaps'",
         "row 4: limit is -1;", "row 4: applies is 'pumps'", "row 4: bound is 'about'",
         "row 5: rule is ''", "row 6 has 8 cells; expected 7",
-        "rule 'e' stands twice",
+        "rule 'e' appears twice",
     ]  # fmt: skip
     assert len(told) == len(expected)
     assert all(t.startswith(e) for t, e in zip(told, expected, strict=True)), told
