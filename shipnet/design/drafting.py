@@ -119,7 +119,7 @@ def divided(
             labels = _apart(np.array([place(item) for item in group], dtype=float), parts)
             pieces = [
                 [item for item, label in zip(group, labels, strict=True) if label == own]
-                for own in dict.fromkeys(labels)
+                for own in dict.fromkeys(labels.tolist())
             ]
         elif parts > 1 and halve is not None:
             pieces = [[piece] for piece in halve(group[0])]
@@ -129,14 +129,14 @@ def divided(
     return done
 
 
-def _apart(xyz: Floats, parts: float) -> list[int]:
+def _apart(xyz: Floats, parts: float) -> Indices:
     if len(xyz) > _MANY:
-        return _halves(xyz).tolist()
+        return _halves(xyz).astype(np.intp)
     if parts < inf:
-        return balanced(xyz, min(ceil(parts), len(xyz))).tolist()
-    labels = fcluster(linkage(xyz, "complete", "cityblock"), 2, "maxclust")
+        return balanced(xyz, min(ceil(parts), len(xyz)))
+    labels = fcluster(linkage(xyz, "complete", "cityblock"), 2, "maxclust").astype(np.intp)
     # All may be in one place.
-    return (labels if len(np.unique(labels)) > 1 else np.arange(len(xyz)) % 2).tolist()
+    return labels if len(np.unique(labels)) > 1 else np.arange(len(xyz)) % 2
 
 
 def _first_centres(xyz: Floats, groups: int) -> Floats:
@@ -363,9 +363,12 @@ class Draft:
              "fits": self._point["bus"] != ""},
         )  # fmt: skip
         runs = self._runs(self._rows["cables"])
-        tables = (frame(t, self._rows[t]) for t in ("segments", "reasons"))
-        devices = frame("devices", self._rows["devices"])
-        laid = Design(name, self.iolist, self.site, points, devices, runs, *tables, self.settings)
+        devices, segments, reasons = (
+            frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")
+        )
+        laid = Design(
+            name, self.iolist, self.site, points, devices, runs, segments, reasons, self.settings
+        )
         wanted = sized(laid)
         if not wanted.cable:
             return laid
