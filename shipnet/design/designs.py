@@ -86,7 +86,7 @@ def frame(table: str, rows: Any = ()) -> pd.DataFrame:
     made = pd.DataFrame(rows) if len(rows) else pd.DataFrame(columns=list(types))
     if missing := [column for column in types if column not in made.columns]:
         raise ArgumentError(f"{table} has no column {' and no column '.join(missing)}")
-    made = made[[*types, *made.columns.difference(types, sort=False)]].reset_index(drop=True)
+    made = made[[*types, *made.columns.difference(list(types), sort=False)]].reset_index(drop=True)
     for (column, kind), found in zip(types.items(), made.dtypes, strict=False):
         dtype = np.dtype(_DTYPES.get(kind, object))
         if found == dtype:
