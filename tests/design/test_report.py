@@ -231,7 +231,7 @@ def test_the_command_finds_the_cabinet_and_says_so(tmp_path, capsys):
     points = tmp_path / "points.csv"
     points.write_text(LIST, encoding="utf-8")
     assert main(["design", str(points), "--options", "home runs"]) == 0
-    assert "the cabinet is taken to stand at" in capsys.readouterr().out
+    assert "the cabinet is assumed at" in capsys.readouterr().out
 
 
 TRAYS = (
@@ -276,7 +276,7 @@ def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, cap
     text = "tag,type,home run,box,box x,box y,box z,to box\nA,DI,30,J,50,0,0,4\n"
     points.write_text(text, encoding="utf-8")
     assert main(["design", str(points), "--options", "home runs"]) == 2
-    assert "give its place x, y, z in m" in capsys.readouterr().err
+    assert "give its position x, y, z in m" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -285,7 +285,7 @@ def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, cap
         (["nowhere.csv"], "nowhere.csv: cannot be read"),
         (["LIST", "--cabinet", "1,2"], "cabinet is '1,2'; it must be three numbers"),
         (["LIST", "--cabinet", "1,2,nan"], "cabinet is"),
-        (["LIST", "--mix", "DI"], "--mix is 'DI'; it must be such as DI=AS-i"),
+        (["LIST", "--mix", "DI"], "--mix is 'DI'; it must be WHAT=OPTION, such as DI=AS-i"),
         (["LIST", "--mix", "DI=CAN", "--mix", "DI=AS-i"], "--mix has 'DI' by CAN and by AS-i"),
         (
             ["LIST", "--mix", "XX=CAN"],
