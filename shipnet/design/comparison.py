@@ -56,7 +56,7 @@ CRITERIA = ("total_cost_eur", RESPONSE, "lost_by_failure")
 #: Lengths given by the list and our own may differ by this much per metre, unsaid; assumed.
 _ALIKE = 0.1
 
-#: How far a cable may fall short of the straight way, as both are rounded [m].
+#: How far a cable may fall short of the straight distance, as both are rounded [m].
 _ROUNDED = 0.2
 
 #: Columns whose lowest value is named, with words and unit.
@@ -532,7 +532,7 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
     if short := int((given < straight - _ROUNDED).sum()):
         yield (
             f"{short} home run{'s' * (short > 1)} of the list {'are' if short > 1 else 'is'} "
-            "shorter than the straight way to the cabinet, but kept."
+            "shorter than the straight distance to the cabinet, but kept."
         )
     if np.abs(own - given).sum() > _ALIKE * given.sum():
         cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
