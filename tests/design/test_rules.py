@@ -336,7 +336,7 @@ def test_a_file_that_is_none_is_told_so(text, fault, tmp_path):
     | st.text(max_size=200).map(lambda t: ("rule,measure,limit\n" + t).encode())
 )
 def test_any_bytes_are_rules_or_an_input_error(tmp_path_factory, data):
-    file = tmp_path_factory.mktemp("rules") / "any.csv"
+    file = tmp_path_factory.getbasetemp() / "any rules.csv"
     file.write_bytes(data)
     try:
         assert RuleSet.read(file)
