@@ -63,12 +63,14 @@ site: setup
 notebooks: setup
 	@$(PY) docs/notebooks.py store $(if $(filter 1,$(ACCEPT)),--accept)
 
-# The unit tests run the notebooks and compare what is stored, so the book need not run them again.
-# Types and book use one core each, so they run side by side; the others use all cores.
+# Lint and book fill the pauses of the unit tests; what they say comes at the end. The unit tests run
+# the notebooks and compare what is stored, so the book need not run them again.
 test: setup
-	@$(MAKE) --no-print-directory lint & lint=$$!; \
-	$(MAKE) --no-print-directory site STORED=--stored; site=$$?; wait $$lint && exit $$site
-	@$(MAKE) --no-print-directory unit browser
+	@mkdir -p build
+	@$(MAKE) --no-print-directory lint site STORED=--stored > build/test.log 2>&1 & others=$$!; \
+	trap "kill $$others" INT; $(MAKE) --no-print-directory unit; unit=$$?; \
+	wait $$others; others=$$?; cat build/test.log; exit $$((unit || others))
+	@$(MAKE) --no-print-directory browser
 	@echo "all tests passed"
 
 lint: setup
@@ -79,13 +81,13 @@ lint: setup
 	@$(BIN)/mypy --no-error-summary
 	@$(BIN)/lint-imports --no-logo
 
-# The browser tests come last and alone: a busy machine makes a browser slow. Two at a time, for
+# The browser tests come last and alone: a busy machine makes a browser slow. Three at a time, for
 # they mostly wait for a kernel to start.
 NBVAL := --nbval --nbval-current-env --nbval-sanitize-with=tests/nbval_sanitize.cfg \
          --nbval-cell-timeout=60
 UNIT  := $(BIN)/pytest -q -n logical --dist loadscope --doctest-modules $(NBVAL) \
          --ignore=tests/browser tests shipnet notebooks
-WEB   := $(BIN)/pytest -q -n 2 --dist load tests/browser
+WEB   := $(BIN)/pytest -q -n 3 --dist load tests/browser
 
 unit: setup
 	@echo "unit, property and doc tests, notebooks under strict nbval, wheel"

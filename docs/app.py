@@ -98,8 +98,8 @@ def voila(folder: Path, data: Path, *options: str) -> tuple[list[str], dict[str,
     if not any(option.startswith(PREHEAT) for option in options):
         # The next one waits until the page is there and its first moves are made.
         fixed += (f"{PREHEAT}=True", "--VoilaKernelManager.fill_delay=5")
-    kernels = str(ROOT / "docs" / "kernels.py")
-    return [sys.executable, kernels, "voila", *fixed, *options, str(folder)], environment
+    pool = str(ROOT / "docs" / "pool.py")
+    return [sys.executable, pool, *fixed, *options, str(folder)], environment
 
 
 def main(argv: list[str]) -> None:

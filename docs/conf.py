@@ -14,7 +14,7 @@ project = "shipnet"
 version = release = shipnet.__version__
 copyright = "the shipnet authors"
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "mathml"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "mathml", "captions"]
 
 # The notebooks arrive executed.
 nb_execution_mode = "off"

@@ -1,7 +1,5 @@
 """Kernels as forks of a process that has loaded the libraries, where a system can fork.
 
-    python docs/kernels.py PROGRAM [arguments]    run a program of Jupyter, with such kernels
-
 Most kernels take longer to load Jupyter, pandas, matplotlib and scipy than their notebook takes to
 compute. A fork has them at once and nothing of the package, and each is a process of its own.
 """
@@ -14,7 +12,6 @@ import gc
 import importlib
 import json
 import os
-import runpy
 import signal
 import subprocess
 import sys
@@ -63,12 +60,17 @@ class Kernel:
             os.kill(self.pid, number)
 
 
-def fork() -> None:
-    """Let the kernels that this process starts be forks, where the system can fork."""
+def fork(*, at_once: bool = False) -> None:
+    """Let the kernels that this process starts be forks, where the system can fork.
+
+    The libraries are loaded for the first kernel, or `at_once`.
+    """
     from jupyter_client.provisioning import local_provisioner
 
     if hasattr(os, "fork"):
         local_provisioner.launch_kernel = Kernel
+        if at_once:
+            _server()
 
 
 @cache
@@ -127,11 +129,4 @@ def _run(arguments: list[str], folder: str, environment: dict[str, str]) -> None
 if __name__ == "__main__":
     # What a notebook can import from a folder is from its own.
     del sys.path[0]
-    if sys.argv[1:]:
-        fork()
-        # The libraries are loaded while the program starts.
-        _server()
-        del sys.argv[0]
-        runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
-    else:
-        _serve()
+    _serve()

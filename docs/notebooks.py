@@ -19,10 +19,12 @@ import re
 import shutil
 import sys
 import time
+from base64 import b64decode, b64encode
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import cache
+from io import BytesIO
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -32,6 +34,7 @@ import nbformat
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 from nbformat import NotebookNode
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parent.parent
 INPUTS = ("shipnet", "data", "requirements.lock", "docs/kernels.py", "docs/notebooks.py")
@@ -89,8 +92,19 @@ def stable(notebook: NotebookNode) -> str:
                 merged[-1].text += output.text
             else:
                 merged.append(output)
+            if picture := output.get("data", {}).get("image/png"):
+                output.data["image/png"] = small(picture)
         cell.outputs = merged
     return nbformat.writes(notebook).rstrip("\n") + "\n"
+
+
+def small(picture: str) -> str:
+    """Return a PNG file in base64 with 256 colours, which look the same in a third of the bytes."""
+    image = Image.open(BytesIO(b64decode(picture))).convert("RGB")
+    file = BytesIO()
+    colours = image.quantize(method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    colours.save(file, "png", optimize=True)
+    return b64encode(file.getvalue()).decode()
 
 
 def _stream(output: NotebookNode) -> str | None:

@@ -1,9 +1,4 @@
-"""The command line: ``python -m shipnet``, also installed as ``shipnet``.
-
-A command returns its answer, which is printed, or written as data with ``--json``, and saved with
-``-o FILE`` in the form that the file's suffix names. Exit codes: 0 done and good, 1 done and the
-answer is bad, 2 could not be done.
-"""
+"""The command line: ``python -m shipnet``, also installed as ``shipnet``."""
 
 from __future__ import annotations
 
@@ -22,16 +17,11 @@ from shipnet.lazy import pd
 
 #: What the terminal shows of a transaction: title, column, width and digits.
 _TRANSACTION = (
-    ("ms", "start_ms", 9, 3),
-    ("", "master_pause_bit", 5, 1),
-    ("pauses", "slave_pause_bit", 6, 1),
-    ("req V", "request_amplitude_V", 7, 2),
-    ("resp V", "response_amplitude_V", 7, 2),
-    ("weakest", "request_weakest", 9, 2),
-    ("", "response_weakest", 5, 2),
-    ("ringing", "request_ringing", 9, 2),
-    ("", "response_ringing", 5, 2),
-)
+    ("ms", "start_ms", 9, 3), ("", "master_pause_bit", 5, 1), ("pauses", "slave_pause_bit", 6, 1),
+    ("req V", "request_amplitude_V", 7, 2), ("resp V", "response_amplitude_V", 7, 2),
+    ("weakest", "request_weakest", 9, 2), ("", "response_weakest", 5, 2),
+    ("ringing", "request_ringing", 9, 2), ("", "response_ringing", 5, 2),
+)  # fmt: skip
 
 #: Rows of a table that the terminal shows, and the part of a record that a figure shows [s].
 _ROWS = 40
@@ -141,9 +131,9 @@ def _decode(arguments: argparse.Namespace) -> Answer:
 def _answer(
     found: Any, numbers: Mapping[str, tuple[float, str]], text: str = "", **tables: pd.DataFrame
 ) -> Answer:
-    """Return what an answer of a front says, for the terminal with its tables that are not empty.
+    """Return an answer of a front for the terminal, with its tables that are not empty.
 
-    Findings are said in words, by `text`.
+    `text` replaces the table of findings.
     """
     look: dict[str, Any] = {"index": False, "na_rep": "-", "max_rows": _ROWS}
     blocks = [
@@ -430,18 +420,10 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command.
+    """Run one command and return its exit code.
 
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        The words after the program's name; those of the process if omitted.
-
-    Returns
-    -------
-    int
-        0 done and good; 1 done, and the answer is bad; 2 after a user's mistake, which standard
-        error reports, of a file with one line per fault; 130 after an interrupt.
+    That is 0 if it is done and good, 1 if it is done and the answer is bad, 2 after a user's
+    mistake, which standard error reports (one line per fault of a file), 130 after an interrupt.
     """
     parsed = _parser().parse_args(arguments)
     try:

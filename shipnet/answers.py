@@ -25,9 +25,9 @@ class Findings:
     Parameters
     ----------
     table : pandas.DataFrame
-        The columns `COLUMNS`, and any others behind them. `low` and `high` are the limits, NaN
-        where there is none; `verdict` is one of `VERDICTS`. A column `graded` says which rules
-        have a margin; one that is met or not has none.
+        The columns `COLUMNS`, then any others. `low` and `high` are the limits, NaN where there is
+        none; `verdict` is one of `VERDICTS`. A bool column `graded` says which met rules have a
+        margin.
 
     Raises
     ------
@@ -67,12 +67,11 @@ class Findings:
         return self._table.copy()
 
     def worst(self) -> pd.DataFrame:
-        """Return one row per rule, the nearest to its limit, or farthest beyond it.
+        """Return one row per rule, the nearest to its limit or farthest beyond it.
 
-        Indexed by rule, with the share of the limit that is left as `margin`: 0 on the limit,
-        negative beyond it, NaN where the rule has no number, or is not graded and met. Rules come
-        in the order of their margins; those without one come first if they are violated or not
-        verified, and last if they are met.
+        Indexed by rule and ordered by `margin`, the share of the limit that is left: 0 on it,
+        negative beyond it. It is NaN where a rule has no number, or is met and not graded; such
+        rules come last if met, else first.
         """
         import numpy as np
 
@@ -98,10 +97,10 @@ class Findings:
         """One line per rule that is violated or not verified, with the worst object."""
         lines = []
         for rule, row in self.worst().iterrows():
-            own = self._table[self._table["rule"] == rule]["verdict"]
-            number = int((own == row["verdict"]).sum())
             if row["verdict"] == "met":
                 continue
+            own = self._table[self._table["rule"] == rule]["verdict"]
+            number = int((own == row["verdict"]).sum())
             name, unit = str(rule).replace("_", " "), str(row["unit"])
             unit = "" if unit == "1" else f" {unit}"
             if row["verdict"] == "not verified" or row["margin"] != row["margin"]:
@@ -136,15 +135,15 @@ class Utilisation(NamedTuple):
     Attributes
     ----------
     bus_time : float
-        Share of the time in which a frame is on the wire. The silence between frames is not in
-        it, but the 3 bits of intermission on CAN are, as in every bus load.
+        Share of the time in which a frame is on the wire, without silences, but on CAN with the 3
+        bits of intermission.
     capacity_used : float
-        Largest share that is used of what a bus has: its addresses or stations, and its time.
-        Where a master polls, that is the time until it has asked for a point again, over the
-        update that the point needs; on CAN it is the bus time. Above 1 it is not enough.
+        Largest used share of what a bus has: its addresses or stations, and its time. Where a
+        master polls, that is the time between two polls of a point over the update that the point
+        needs; on CAN it is the bus time. Above 1 the bus is overloaded.
     worst_response : float
-        Longest time from a change at a point until the host knows of it [s]. The change waits
-        until it is asked for, or on CAN for the next period of its message.
+        Longest time from a change at a point until the host knows of it [s], the wait for the next
+        poll, or on CAN for the next period of its message, included.
     """
 
     bus_time: float
@@ -166,8 +165,8 @@ FORMS = (".csv", ".xlsx", ".json", ".png", ".svg")
 class Answer(NamedTuple):
     """What a command found: for people, for programs, and as a picture.
 
-    A file ``.csv`` has the first of the `tables`, a workbook and a folder have all. `forms` are
-    forms that only this answer has, or has otherwise, by their suffixes.
+    A file ``.csv`` has the first of the `tables`, a workbook or folder all of them. `forms` writes
+    other forms, by their suffixes.
     """
 
     ok: bool | None

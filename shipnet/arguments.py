@@ -17,8 +17,6 @@ from typing import Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origi
 from shipnet.errors import ArgumentError, FrameError, InputError
 from shipnet.fields import declared
 
-__all__ = ["checked"]
-
 T = TypeVar("T")
 
 
@@ -35,9 +33,9 @@ class _Rule(NamedTuple):
 def checked(made: T) -> T:
     """Check the arguments of a function, or of a class and its public methods, by annotation.
 
-    Classes, text, switches, paths, functions and collections of them are checked before the call.
-    The function itself checks its numbers, whose ranges it knows: where it fails and names none of
-    its arguments, an error names the one of a wrong type. Declared fields check themselves.
+    All but numbers are checked before the call. Numbers are the function's own task, as it knows
+    their ranges: if it fails and names no argument, an error names the first of a wrong type.
+    Declared fields check themselves.
     """
     if not isinstance(made, type):
         return _checked(made, ())  # type: ignore[no-any-return] # it is called as before

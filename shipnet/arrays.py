@@ -9,18 +9,6 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "Bools",
-    "Bytes",
-    "Complexes",
-    "Floats",
-    "Indices",
-    "Integers",
-    "Words",
-    "parts_of",
-    "release",
-]
-
 Bools: TypeAlias = npt.NDArray[np.bool_]
 Complexes: TypeAlias = npt.NDArray[np.complex128]
 Floats: TypeAlias = npt.NDArray[np.float64]

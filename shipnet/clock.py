@@ -8,8 +8,6 @@ from typing import Any
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, record
 
-__all__ = ["NEVER", "Fault", "as_faults", "nanoseconds"]
-
 #: A time later than all others [ns].
 NEVER = 1 << 62
 

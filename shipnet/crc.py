@@ -1,7 +1,7 @@
-"""Cyclic redundancy checks: one message at a time, or many rows at once.
+"""Cyclic redundancy checks of one message, or of many rows at once.
 
-The register is shifted by whole bytes through a table of 256 entries. Where an algorithm is
-reflected, a byte goes onto the line with its lowest bit first, and the register runs backwards.
+A table of 256 entries shifts the register by whole bytes. In a reflected algorithm the lowest bit
+of a byte comes first, and the register runs backwards.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ __all__ = ["CAN", "MODBUS", "Crc"]
 class Crc:
     """A cyclic redundancy check, with the parameters and names of G. Cook's catalogue.
 
-    The polynomial is without its highest term; where `reflected`, bytes go in, and the register
-    comes out, with the lowest bit first.
+    The polynomial omits its highest term.
 
     >>> hex(MODBUS.of(b"123456789"))
     '0x4b37'
@@ -33,7 +32,7 @@ class Crc:
     width: int = whole(8, 64, "bit", "Width of the register")
     polynomial: int = whole(0, 2**64 - 1, help="Polynomial")
     init: int = whole(0, 2**64 - 1, help="Register at the beginning", default=0)
-    xorout: int = whole(0, 2**64 - 1, help="What is added to the register at the end", default=0)
+    xorout: int = whole(0, 2**64 - 1, help="Added to the register at the end", default=0)
     reflected: bool = switch("Whether the lowest bit comes first", default=False)
 
     def _reversed(self, value: int) -> int:
@@ -64,13 +63,10 @@ class Crc:
     def of(self, data: npt.NDArray[np.uint8]) -> npt.NDArray[np.unsignedinteger]: ...
 
     def of(self, data: Any) -> Any:
-        """Return the check value of bytes, of bits as sent, or of every row of an array of bytes.
+        """Return the check value of bytes, of bits as sent, or of each row of an array of bytes.
 
-        Bits are characters 0 and 1, in any number; an array has one message per row, shape
-        (..., n_bytes). Where the register begins at 0, as that of CAN, leading zeros do not count:
-        rows of different length may be padded in front.
-
-        CAN checks all bits from the start of frame, here 19 and a byte of data:
+        Bits are a str of 0 and 1; an array has shape (..., n_bytes). If the register starts at 0,
+        as for CAN, leading zeros do not count, so rows may be padded in front.
 
         >>> CAN.of("0" + f"{0x7C0:011b}" + "0000001" + f"{0x7D:08b}")
         30
@@ -83,7 +79,7 @@ class Crc:
         if isinstance(data, str):
             if odd := set(data) - set("01"):
                 raise SymbolError(f"data has {min(odd)!r} among its bits; bits are 0 or 1")
-            # The bits that make no whole byte go first, so that the rest can pass by bytes.
+            # Bits beyond whole bytes go first, so that the rest can go by bytes.
             whole = len(data) % 8
             for bit in data[:whole]:
                 register = self._shifted(register, int(bit))
@@ -117,11 +113,10 @@ class Crc:
         return checks
 
     def undetected(self, payload: int = 6, flips: int = 2) -> int:
-        """Return how many patterns of one or two wrong bits pass the check, by trying all of them.
+        """Return how many patterns of one or two wrong bits the check does not detect.
 
-        The bits are those of 1..16 bytes of payload and of the CRC itself. On CAN that is before
-        bit stuffing: two wrong bits on the wire can remove one stuff bit and make another, which
-        shifts all between them and is far more than two wrong bits to the CRC.
+        All bits of 1..16 bytes of payload and of the CRC are tried. On CAN they are those before
+        stuffing: on the wire, two wrong bits can shift all bits between two stuff bits.
 
         The 64 single and 2016 double errors of a request of 8 bytes:
 
@@ -135,10 +130,10 @@ class Crc:
         return int((counts * (counts - 1) // 2).sum())
 
     def syndromes(self, n_bytes: int) -> npt.NDArray[np.int64]:
-        """Return by how much the check is wrong for each single wrong bit of bytes and their CRC.
+        """Return the error of the check value for each single wrong bit of bytes and their CRC.
 
-        What several wrong bits do is the sum of these, modulo 2. The bits of the bytes come first,
-        in order, then those of the CRC, the lowest first.
+        Several wrong bits add up modulo 2. The bits of the bytes come first, then those of the CRC,
+        the lowest first.
         """
         size = check_whole("n_bytes", n_bytes, 0, 4096)
         flips = np.packbits(np.eye(8 * size, dtype=np.uint8), axis=1)
@@ -146,8 +141,7 @@ class Crc:
         return np.append(data.astype(np.int64), 1 << np.arange(self.width))
 
 
-#: ISO 11898-1.
-CAN = Crc("CRC-15/CAN", 15, 0x4599)
+CAN = Crc("CRC-15/CAN", 15, 0x4599)  #: ISO 11898-1.
 
 #: "MODBUS over serial line" V1.02.
 MODBUS = Crc("CRC-16/MODBUS", 16, 0x8005, init=0xFFFF, reflected=True)

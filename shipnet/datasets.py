@@ -1,7 +1,4 @@
-"""Where the data files are: in the checkout, or inside the installed package.
-
-Nothing else in shipnet spells a data path. `data/SOURCES.md` says where each file comes from.
-"""
+"""Where the data files are: in the checkout, or inside the installed package."""
 
 from __future__ import annotations
 
@@ -53,13 +50,12 @@ def path(name: str) -> Path:
     Returns
     -------
     pathlib.Path
-        The file in the checkout when `shipnet` stands beside ``data/``, else the copy that the
-        wheel installed.
+        The file in the checkout if there is one, else the copy inside the installed package.
 
     Raises
     ------
     ArgumentError
-        If there is no such file; the message names those with the most similar names.
+        If there is no such file; the message names the most similar names.
 
     Examples
     --------
@@ -76,9 +72,7 @@ def path(name: str) -> Path:
 def read(name: str) -> pd.DataFrame:
     """Return a table among the data files as text, empty cells as empty strings.
 
-    The files transcribe what papers print, and print differs from value: ``0.40`` is not
-    ``0.4``, and ``03`` is not 3. So nothing is converted here; `pandas.to_numeric` does that
-    where a column is a number.
+    Nothing is converted, because a printed ``0.40`` is not ``0.4`` and ``03`` is not 3.
 
     Parameters
     ----------

@@ -1,7 +1,6 @@
 """What can be wrong with bits and bytes, one class per kind of fault.
 
-Every class carries a `code`, so that a batch function can return an array of codes where a
-scalar function raises. Code 0 means that nothing is wrong.
+A batch function returns the `code` of a class where a scalar function raises it; 0 is no fault.
 """
 
 import re
@@ -10,29 +9,11 @@ from importlib import import_module
 from typing import Any, ClassVar
 
 __all__ = [
-    "AcknowledgeError",
-    "AlternationError",
-    "ArgumentError",
-    "CrcError",
-    "EndBitError",
-    "FieldError",
-    "FormError",
-    "FrameError",
-    "InformationError",
-    "InputError",
-    "LengthError",
-    "MismatchError",
-    "ParityError",
-    "PauseError",
-    "SilenceError",
-    "StartBitError",
-    "StuffError",
-    "SymbolError",
-    "UnknownCallError",
-    "load_extra",
-    "name_of",
-]
-
+    "AcknowledgeError", "AlternationError", "ArgumentError", "CrcError", "EndBitError",
+    "FieldError", "FormError", "FrameError", "InformationError", "InputError", "LengthError",
+    "MismatchError", "ParityError", "PauseError", "SilenceError", "StartBitError", "StuffError",
+    "SymbolError", "UnknownCallError", "load_extra", "name_of",
+]  # fmt: skip
 
 #: Characters of a fault, of a message with several, and of a value that one quotes, beyond which
 #: the middle is left out.
@@ -177,9 +158,8 @@ class InputError(ValueError):
     def lines(self, most: int | None = None) -> list[str]:
         """Return up to `most` groups of faults, one per line, and a line that counts the others.
 
-        Faults that differ only in their rows, and in the value that they quote first, are one
-        group. Without `most`, every group is there with all its rows and values; else a line has at
-        most 300 characters, and the middle of what is longer is left out.
+        Faults of one group differ only in their rows and in the value that they quote first. With
+        `most`, a line has at most 300 characters.
         """
         groups = self._groups(most is not None)
         if most is None:
@@ -259,7 +239,7 @@ def name_of(code: int) -> str:
     Raises
     ------
     ArgumentError
-        If no class has this code; the message lists the codes there are.
+        If no class has this code.
 
     Examples
     --------

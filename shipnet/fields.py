@@ -1,8 +1,7 @@
-"""Numbers and choices that declare themselves: range, unit and meaning stand in one place.
+"""Fields that declare their range, unit and meaning in one place.
 
-A field of a record is declared once, and from the declaration come its check, the text of its
-error, its line in the documentation and in a settings file, and its widget. The functions
-``check_...`` do the same for one argument of a function.
+From the declaration come the check, its error text, the documentation, the settings file and the
+widget. The functions ``check_...`` check one argument of a function in the same way.
 """
 
 from __future__ import annotations
@@ -87,7 +86,7 @@ def check_trees(what: str, known: int | None, *values: Quantity | None) -> int |
 def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> int:
     """Return a whole number such as 3 or 3.0 as an int, or raise unless it is within its range.
 
-    `why` says what the range depends on; the message ends with it. A bool is not a number here.
+    `why` ends the message. A bool is not a number here.
     """
     try:
         whole = None if isinstance(value, bool) else index(value)
@@ -132,10 +131,10 @@ def check_rng(rng: Any) -> np.random.Generator:
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What a field declares; the base of the kinds that exist.
+    """What a field declares; the base of all kinds.
 
-    `help` is one sentence on what the field means, `label` what stands beside its control, and
-    `optional` says whether None is legal.
+    `help` says what the field means, `label` is written beside its control, and `optional` says
+    whether None is legal.
     """
 
     help: str = ""
@@ -448,14 +447,13 @@ def record(
 
 
 @dataclass_transform(
-    frozen_default=True,
-    field_specifiers=(number, whole, choice, switch, text, series, part, field),
+    frozen_default=True, field_specifiers=(number, whole, choice, switch, text, series, part, field)
 )
 def record(kind: type[T] | None = None, /, **options: bool) -> Any:
-    """Make a frozen dataclass whose declared fields are checked when an instance is made.
+    """Make a frozen dataclass that checks its declared fields, before any own ``__post_init__``.
 
-    A ``__post_init__`` of its own runs after the checks. The class docstring gets its Parameters
-    and Raises sections from the declarations, unless it has them already.
+    The declarations become the Parameters and Raises sections of the class docstring, unless it has
+    them already.
     """
 
     def make(kind: type[T]) -> type[T]:

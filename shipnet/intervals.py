@@ -1,7 +1,6 @@
-"""Intervals of confidence for counted events: shares of trials, and rates.
+"""Confidence intervals for counted events: shares of trials, and rates.
 
-Their limits are quantiles of a beta and of a gamma distribution, which `scipy.special` has:
-`scipy.stats` would give the same after a second of loading.
+They use `scipy.special`, because `scipy.stats` takes a second to load.
 """
 
 from __future__ import annotations
@@ -16,10 +15,10 @@ from shipnet.errors import ArgumentError
 def share_interval(
     hits: npt.ArrayLike, trials: npt.ArrayLike, *, confidence: float = 0.95
 ) -> tuple[Floats, Floats]:
-    """Return the ends of the interval of Clopper and Pearson for a share; no trials leave 0..1.
+    """Return the ends of the Clopper-Pearson interval for a share; no trials leave 0..1.
 
-    It covers the true share at least as often as `confidence` says. C. J. Clopper, E. S. Pearson,
-    "The use of confidence or fiducial limits", Biometrika 26 (1934), 404-413.
+    It covers the true share with at least this `confidence`. C. J. Clopper, E. S. Pearson, "The use
+    of confidence or fiducial limits", Biometrika 26 (1934), 404-413.
     """
     from scipy.special import betaincinv
 
@@ -38,7 +37,7 @@ def event_interval(
 ) -> tuple[Floats, Floats]:
     """Return the ends of the exact interval for the rate of independent events.
 
-    `exposure` is for how long they were counted, in any unit. F. Garwood, "Fiducial limits for the
+    `exposure` is how long they were counted, in any unit. F. Garwood, "Fiducial limits for the
     Poisson distribution", Biometrika 28 (1936), 437-442.
     """
     from scipy.special import gammaincinv

@@ -1,7 +1,7 @@
 """Many independent tasks: one by one while that is short, else in processes or on a Dask cluster.
 
-The random numbers of a task depend on its place alone, and results come in the order of the tasks.
-So neither workers nor chunks, losses or a restart can move a bit of them.
+A task's random numbers depend on its place alone, and results come in the order of the tasks, so
+the results do not depend on where they were computed.
 """
 
 from __future__ import annotations
@@ -30,8 +30,6 @@ from typing import Any
 from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.fields import check_whole
-
-__all__ = ["compute", "points_of", "save_whole", "teller"]
 
 #: Processes are started once they save so much [s]; a chunk of tasks takes so long [s].
 _WORTHWHILE, _CHUNK = 4.0, 1.0
@@ -81,17 +79,16 @@ def compute(
         Called as ``function(task)``, or as ``function(task, rng)`` if there is a seed. For a
         `folder` it must be importable, not a lambda.
     tasks : iterable
-        What it is called with; no task may depend on another.
+        What it is called with.
     seed : int, optional
-        0..2^63 - 1; gives each task a random generator of its own, which depends on the seed and
-        the place of the task.
+        0..2^63 - 1; each task gets a random generator that depends on the seed and its place.
     client : None, int, str or distributed.Client, optional
         Where the tasks run. None stays here, and starts a process per core once that saves more
         than 4 s; 1 stays here; 2..1024 is the number of processes; a text is the address of a Dask
         scheduler. Processes and Dask need ``pip install "shipnet[cluster]"``.
     folder : path, optional
-        Where results are kept, as JSON; the same call goes on there after a stop. Results must
-        then be numbers, text, lists or dicts; a tuple comes back as a list.
+        Where results are kept, as JSON, so that the same call resumes after a stop. They must be
+        numbers, text, lists or dicts; a tuple comes back as a list.
     progress : bool or callable, optional
         ``progress(done, total)`` is called as results arrive. True shows a bar, False none; by
         default a terminal shows one after 2 s.
@@ -117,7 +114,7 @@ def compute(
 
     Notes
     -----
-    What a lost worker was doing is given to another. Bits are the same for the same version of
+    Another worker takes over the tasks of a lost one. Bits are the same for the same version of
     numpy on processors of the same kind. Each worker should use one thread for linear algebra:
     processes started here, and Dask's own workers, have ``OMP_NUM_THREADS=1``.
 

@@ -54,10 +54,7 @@ SIGNALS: Mapping[str, Signal] = {
 
 @cache
 def spellings(of: str) -> Mapping[str, tuple[tuple[str, str], ...]]:
-    """Return what lists call columns, types or signals: by plain word, what it means as written.
-
-    A word may have several meanings.
-    """
+    """Return what lists call columns, types or signals: by plain word, its meanings as written."""
     known = {"signal": SIGNALS, "type": KINDS}.get(of, ())
     found: dict[str, dict[str, str]] = {plain(name): {name: name} for name in known}
     with datasets.path("iolist_words.csv").open(newline="", encoding="utf-8") as stream:

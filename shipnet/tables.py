@@ -1,9 +1,7 @@
 """Tables as people keep them: CSV files of any spreadsheet, and Excel workbooks.
 
-They are read as rows of text, and written so that no text becomes a formula. What the rows mean is
-for the caller. This module reads them, and says where each one is. A workbook is read with openpyxl
-as a file from a stranger: formulas are never evaluated, a part with a DTD is refused, and the size
-of archive and sheets is bounded.
+They are read as rows of text, and written so that no text becomes a formula. A workbook is not
+trusted: formulas are never evaluated, a part with a DTD is refused, and sizes are bounded.
 """
 
 from __future__ import annotations
@@ -52,7 +50,7 @@ _TOP = 50
 class Remark:
     """What was noticed while a table was read, and in which rows.
 
-    A `doubt` says that the rows may not mean what was made of them; a `detail` is for a table.
+    A `doubt` says that the rows may mean something else; a `detail` is only for a table.
     """
 
     what: str
@@ -71,10 +69,10 @@ class Remark:
 class Sheet:
     """A row of titles and the rows below it, as text without blanks around it.
 
-    `top` and the rows are numbered as a spreadsheet shows them, from 1. `separator` is what stood
-    between the cells, ``""`` in a workbook, and `sheet` the name of its sheet. `odd` says of a
-    cell, by row number and place from 0, what it is if neither text nor a plain number; `hidden`,
-    `struck` and `above` (the titles) are numbers of rows, and `remarks` say how the file was read.
+    `top` and the rows are numbered as a spreadsheet shows them, from 1. `separator` stood between
+    the cells (``""`` in the workbook's `sheet`). `odd` says what a cell is, by row number and place
+    from 0, if neither text nor a plain number; `hidden`, `struck` and `above` (the titles) are
+    numbers of rows, and `remarks` say how the file was read.
     """
 
     source: str
@@ -95,8 +93,7 @@ def titled(
 ) -> tuple[list[tuple[int, dict[str, str]]], list[tuple[int, str]]]:
     """Return number and cells by column of each row, and what is wrong with other rows, by number.
 
-    `known` are the columns, each with what an empty cell means; those of None must be there. Case
-    and blanks of a title do not matter.
+    `known` are the columns, with what an empty cell means, or None for those that must be there.
     """
     titles = ["_".join(title.lower().split()) for title in sheet.titles]
     faults = [
@@ -149,8 +146,8 @@ def text_of(data: bytes) -> str:
 def _decoded(data: bytes) -> tuple[str, str]:
     """Return the text of a file and its encoding; a byte that this does not know is replaced.
 
-    charset-normalizer, which has no fixed choice of encodings, took five of nine short lists for
-    Big5 or cp775, so the few that spreadsheets write are tried in turn.
+    charset-normalizer took five of nine short lists for Big5 or cp775, so the few encodings that
+    spreadsheets write are tried in turn.
     """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16", errors="replace"), "utf-16"
@@ -182,8 +179,8 @@ def parse_sheet(
 ) -> Sheet:
     """Split text into rows and cells separated by commas, semicolons or tabs.
 
-    `is_titles` says how well cells serve as titles, 0 if not at all; the best of the first 50 rows
-    is the row of titles, by default the first that is not blank. `what` names it in an error.
+    `is_titles` grades cells as titles, 0 if they are none; the best of the first 50 rows is the row
+    of titles, by default the first that is not blank. `what` names it in an error.
     """
     if "\0" in text:
         raise InputError(source, "is not text: it holds zero bytes; expected a CSV file")
@@ -246,9 +243,9 @@ def read_sheet(
 ) -> Sheet:
     """Read a CSV file or a sheet of an Excel workbook; the content decides, not the name.
 
-    Without `sheet`, that sheet is read which is not hidden and has the best row of titles; a remark
-    names it and the others. A formula is the value that was saved with it. Cells merged downwards
-    hold the same in each of their rows. `is_titles` and `what` are as in `parse_sheet`.
+    Without `sheet`, the visible sheet with the best row of titles is read, and a remark names it.
+    A formula is the value saved with it; merged cells hold the same in each of their rows.
+    `is_titles` and `what` are as in `parse_sheet`.
     """
     source, data = str(path), read_bytes(path)
     if data[:4] == b"PK\x03\x04":
@@ -402,10 +399,7 @@ class _Workbook:
             yield _Row(number, texts, odd)
 
     def layout(self, title: str) -> tuple[list[tuple[int, int, int]], frozenset[int]]:
-        """Return the merged cells of a sheet, and its hidden rows.
-
-        Merged cells are given by first row, last row and column, from 0.
-        """
+        """Return merged cells, as first row, last row and column from 0, and hidden rows."""
         from openpyxl.worksheet.cell_range import CellRange
 
         # openpyxl leaves them out when it reads row by row, to keep little in memory.

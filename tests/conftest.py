@@ -26,7 +26,6 @@ gc.disable()
 
 def pytest_collection_finish() -> None:
     """Keep the garbage collector from what was collected."""
-    gc.collect()
     gc.freeze()
     gc.enable()
     gc.set_threshold(50_000, 20, 20)

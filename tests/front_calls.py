@@ -201,7 +201,7 @@ def of_engine():
     layout, registers = engine.CanLayout(points), engine.RegisterMap(points)
     run = engine.simulate(system, until=0.5)
     good = {
-        "points": points, "frames": layout.encode(values), "values": values, "name": "x",
+        "points": points, "values": values, "name": "x",
         "step": 0.1, "error": 255, "point": points[0], "registers": registers.encode(values),
         "n_analogue": 4, "signal": values, "code": values, "wire": "open", "tag": points[0].tag,
         "box": "JB1", "condition": points[0].condition, "quantity": points[0].quantity,

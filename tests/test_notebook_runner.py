@@ -1,13 +1,17 @@
 """docs/notebooks.py on notebooks of a few cells."""
 
 import os
+from base64 import b64decode, b64encode
+from io import BytesIO
 from pathlib import Path
 
 import nbformat
+import numpy as np
 import pytest
 from jupyter_client.launcher import launch_kernel
 from jupyter_client.provisioning import local_provisioner
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
+from PIL import Image
 
 from docs import notebooks
 
@@ -207,6 +211,36 @@ def test_changes_of_a_figure():
         return new_notebook(cells=[cell])
 
     assert list(notebooks.changes(notebook("old"), notebook("new"))) == [(1, "figure changed")]
+
+
+FIGURE = """import matplotlib.pyplot as plt
+from shipnet import style
+style.use()
+plt.imshow([[1, 2], [3, 4]], cmap="viridis", interpolation="bicubic")
+plt.show()
+"""
+
+
+def test_a_figure_is_stored_with_twice_its_dots_and_few_colours(tmp_path):
+    path = write(tmp_path, "a.ipynb", code(FIGURE, "a"))
+    one, again = (notebooks.execute(path).text for _ in range(2))
+    assert one == again
+    output = nbformat.reads(one, 4).cells[1].outputs[0]
+    image = Image.open(BytesIO(b64decode(output.data["image/png"])))
+    shown = output.metadata["image/png"]
+    assert (image.width // 2, image.height // 2) == (shown["width"], shown["height"])
+    assert shown["height"] > 250
+    assert image.mode == "P"
+
+
+def test_few_colours_look_the_same():
+    rng = np.random.default_rng(1)
+    drawn = rng.choice([0, 114, 255], (40, 60, 3)).astype(np.uint8)
+    drawn[:, :30] = np.linspace(0, 255, 40, dtype=np.uint8)[:, None, None]
+    file = BytesIO()
+    Image.fromarray(drawn).save(file, "png")
+    small = Image.open(BytesIO(b64decode(notebooks.small(b64encode(file.getvalue()).decode()))))
+    assert np.abs(np.asarray(small.convert("RGB"), int) - drawn).max() <= 16
 
 
 def stems(*files):

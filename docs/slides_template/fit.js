@@ -53,7 +53,7 @@ const fit = (() => {
   function fits(slide, least) {
     const images = [...slide.querySelectorAll("img")];
     const resize = (scale) => images.forEach((image) => {
-      image.style.width = `${Math.min(scale * image.naturalWidth, WIDTH)}px`;
+      image.style.width = `${Math.min(scale * image.getAttribute("width"), WIDTH)}px`;
     });
     let [low, high] = [least, MOST];
     for (let k = 0; images.length && k < 8; k++) {

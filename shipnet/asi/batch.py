@@ -1,8 +1,6 @@
-"""Telegrams by the million: requests and responses as arrays of words.
+"""Telegrams by the million, as arrays of words: a telegram's first bit is the highest of its word.
 
-A word is a telegram as an unsigned number, its first bit on the line the highest. The functions
-raise nothing for a bad telegram: an array of codes of `shipnet.errors` says which are bad and
-why. They agree with `shipnet.asi.telegram` on every one of the 2**14 and 2**7 words.
+A bad telegram raises nothing; an array of error codes of `shipnet.errors` names its fault.
 """
 
 from __future__ import annotations
@@ -27,19 +25,19 @@ from shipnet.errors import (
 )
 from shipnet.lazy import pd
 
-#: Stands in a field that has no value: no half, or a telegram that could not be read.
+#: Value of a field that has none: no half, or a telegram that could not be read.
 NONE = -1
 
 Codes = npt.NDArray[np.uint8]
 
 
 class Requests(NamedTuple):
-    """A batch of requests, one array per field, all of the shape of the words.
+    """A batch of requests, one array per field, all of the same shape.
 
     Attributes
     ----------
     error : ndarray of uint8
-        0, or a code of `shipnet.errors`; the other fields are then -1.
+        0, or a code of `shipnet.errors`, where the other fields are -1.
     call : ndarray of int8
         Value of `Call`.
     address : ndarray of int8
@@ -66,10 +64,9 @@ class Requests(NamedTuple):
 
     @classmethod
     def parse(cls, words: npt.ArrayLike, *, extended: npt.ArrayLike = False) -> Requests:
-        """Parse words of 14 bits, the first bit on the line the highest; raise for none.
+        """Parse words of 14 bits; none of them raises an error.
 
-        `extended` says, for all or for each word, whether the addressed slave works in extended
-        addressing; see `Request.parse`.
+        `extended` says, for all or for each word, whether the slave uses extended addressing.
         """
         words = _integers("words", words)
         mode = np.asarray(extended)
@@ -90,7 +87,7 @@ class Requests(NamedTuple):
 
     @property
     def words(self) -> npt.NDArray[np.uint16]:
-        """The telegrams; 0, which is none, where the fields make no request."""
+        """The telegrams; 0 where the fields do not make a request."""
         return encode_requests(self.call, self.address, self.data, self.half)[0]
 
     def table(self) -> pd.DataFrame:
@@ -111,7 +108,7 @@ class Requests(NamedTuple):
 
 @cache
 def _meanings() -> npt.NDArray[np.int8]:
-    """Call, address, data and half of all 2 x 2**11 information words, `NONE` if unknown."""
+    """Return call, address, data and half of all 2 x 2**11 information words, `NONE` if unknown."""
     meaning = np.full((2, 2**11, 4), NONE, dtype=np.int8)
     information = np.arange(2**11)[:, np.newaxis]
     bits, address = information >> np.arange(10, -1, -1) & 1, information[:, 0] >> 5 & 31
@@ -122,12 +119,10 @@ def _meanings() -> npt.NDArray[np.int8]:
         data = bits[:, letters == "d"] @ (1 << np.arange((letters == "d").sum())[::-1])
         known &= data >= int(call is Call.ASSIGN_ADDRESS)
         known &= (address >= call.rule.lowest_address) | ("a" not in letters)
-        half = np.full(address.shape, NONE)
-        if "s" in letters or "S" in letters:
-            b_slave = bits[:, letters == "s"].any(axis=1) | (bits[:, letters == "S"] == 0).any(
-                axis=1
-            )
-            half = np.where(b_slave, 1, 0 if extended else NONE)
+        b_slave = (bits[:, letters == "s"] == 1).any(axis=1)
+        b_slave |= (bits[:, letters == "S"] == 0).any(axis=1)
+        selects = extended and ("s" in letters or "S" in letters)
+        half = np.where(b_slave, 1, 0 if selects else NONE)
         calls = np.full(address.shape, call)
         meaning[extended, known] = np.column_stack([calls, address, data, half])[known]
     return meaning
@@ -135,12 +130,13 @@ def _meanings() -> npt.NDArray[np.int8]:
 
 @cache
 def _words() -> npt.NDArray[np.uint16]:
-    """Request of every call, address, data and half, `NONE` being the last half; 0 if illegal."""
+    """Return the requests by call, address, data and half; `NONE` is the last half, 0 illegal."""
     words = np.zeros((len(Call), 32, 32, 3), dtype=np.uint16)
     information = np.arange(2**11)
     for meaning in _meanings():
         known = meaning[:, 0] != NONE
-        words[tuple(meaning[known].T)] = (information << 2 | _parity(information) << 1 | 1)[known]
+        parity = np.bitwise_count(information) & 1
+        words[tuple(meaning[known].T)] = (information << 2 | parity << 1 | 1)[known]
     return words
 
 
@@ -151,14 +147,10 @@ def _integers(name: str, values: npt.ArrayLike) -> Integers:
     return array.astype(np.int64)
 
 
-def _parity(words: Integers) -> Integers:
-    return np.bitwise_count(words) & 1
-
-
 def _frame_errors(words: Integers, length: int) -> Codes:
-    """Return the codes of the frame's own rules; the last written is the first checked."""
+    """Return the error codes of the frames; the code that is written last is checked first."""
     error = np.zeros(words.shape, dtype=np.uint8)
-    error[_parity(words >> 1) == 1] = ParityError.code
+    error[np.bitwise_count(words >> 1) & 1 == 1] = ParityError.code
     error[words & 1 == 0] = EndBitError.code
     error[words >> (length - 1) == 1] = StartBitError.code
     error[(words < 0) | (words >> length > 0)] = LengthError.code
@@ -171,13 +163,9 @@ def encode_requests(
     data: npt.ArrayLike = 0,
     half: npt.ArrayLike = NONE,
 ) -> tuple[npt.NDArray[np.uint16], Codes]:
-    """Encode many requests at once."""
-    fields = np.broadcast_arrays(
-        _integers("call", call),
-        _integers("address", address),
-        _integers("data", data),
-        _integers("half", half),
-    )
+    """Encode many requests: return their words, 0 if illegal, and their error codes."""
+    given = {"call": call, "address": address, "data": data, "half": half}
+    fields = np.broadcast_arrays(*(_integers(name, values) for name, values in given.items()))
     table = _words()
     legal = fields[3] >= NONE
     for field, size, low in zip(fields, table.shape, (0, 0, 0, NONE), strict=True):
@@ -187,7 +175,7 @@ def encode_requests(
 
 
 def parse_responses(words: npt.ArrayLike) -> tuple[npt.NDArray[np.int8], Codes]:
-    """Parse many responses at once."""
+    """Parse many responses: return their data, -1 if unreadable, and their error codes."""
     words = _integers("words", words)
     error = _frame_errors(words, RESPONSE_BITS)
     data = np.where(error == 0, words >> 2 & 15, NONE).astype(np.int8)

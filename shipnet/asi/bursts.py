@@ -1,7 +1,7 @@
-"""Find the telegrams in a recorded voltage: resample it, follow its baseline, group its pulses.
+"""Find the telegrams in a recorded voltage: resample it, remove its baseline, group its pulses.
 
-A burst is a row of pulses with silence before and after it. From the peak of its first pulse to
-that of its last one it takes 78 us if it is a request, and 36 us if it is a response.
+A burst is a row of pulses between silences. From the first to the last peak, a request takes
+78 us and a response 36 us.
 """
 
 from __future__ import annotations
@@ -22,31 +22,30 @@ from shipnet.errors import ArgumentError
 
 Singles = npt.NDArray[np.float32]
 
-#: Silence that ends a telegram [s]. Two half-bits in a row are never empty, so pulses are 6 us
-#: apart at most, and 9 us where one is lost; from a telegram's last pulse to the first of the next
-#: one it takes 6 us more than the pause, which is 1 bit time or more: 12 us.
+#: Silence that ends a telegram [s]. Pulses of a telegram are at most 6 us apart, or 9 us if one is
+#: lost; two telegrams are at least 12 us apart: 6 us more than the shortest pause.
 SILENCE = 3.5 * HALF_BIT
 
-#: Samples a second to work with: the pulses end at 0.7 MHz, twelve samples a half-bit are ample.
+#: Lowest sampling rate after resampling [Hz]; the spectrum of pulses ends at 0.7 MHz.
 _RATE = 4e6
 
-#: Length of the pieces in which a record is worked through [samples], of what overlaps, and of a
-#: stretch whose mean is its baseline [s]: the pulses of a telegram add up to 0.
+#: Length of the pieces of a record [samples], their overlap [s], and the stretches whose mean is
+#: the baseline [s], since the pulses of a telegram add up to 0.
 _PIECE, _OVERLAP, _STRETCH = 2**20, 240e-6, 250e-6
 
 #: Zeros around a piece, for telegrams that it cuts off [s].
 _MARGIN = 110e-6
 
-#: Pulses smaller than this part of their neighbours are ringing. The largest signal allowed is 2.7
+#: Pulses smaller than this share of their neighbours are ringing. The largest legal signal is 2.7
 #: times the smallest, so no telegram is that small beside another one.
 _RINGING = 0.2
 
-#: Peak of the first pulse to peak of the last one [s].
+#: Time from the first peak to the last one [s].
 _SPANS = {bits: (2 * bits - 2) * HALF_BIT for bits in (RESPONSE_BITS, REQUEST_BITS)}
 
 
 class Sampling(NamedTuple):
-    """How a record is resampled: mean of so many samples, then so many up, so many down."""
+    """How a record is resampled: a mean of samples, then a rational change of the rate."""
 
     dt: float
     mean: int
@@ -55,7 +54,7 @@ class Sampling(NamedTuple):
 
     @classmethod
     def of(cls, dt: float) -> Sampling:
-        """Choose for records of any rate: 4 to 8 million samples a second."""
+        """Return a resampling to 4 to 8 million samples per second."""
         # The mean of neighbours has its zeros where it folds: a cheap first step from high rates.
         mean = max(1, int(1 / (dt * 5 * _RATE) + 1e-9))
         rate = 1 / (dt * mean)
@@ -68,7 +67,7 @@ class Sampling(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A stretch of the record, resampled, its baseline at 0."""
+    """A stretch of the record, resampled and without its baseline."""
 
     #: The voltage with `margin` zeros on both sides, and the voltage filtered.
     around: Singles
@@ -78,11 +77,6 @@ class Piece(NamedTuple):
     step: float
     begin: float
     end: float
-
-    @property
-    def x(self) -> Singles:
-        """The voltage."""
-        return self.around[self.margin : self.margin + len(self.y)]
 
 
 class Bursts(NamedTuple):
@@ -103,7 +97,7 @@ class Bursts(NamedTuple):
 def pieces(
     u: Floats, dt: float, *, length: int = _PIECE, only: Indices | None = None
 ) -> Iterator[Piece]:
-    """Work through a record in overlapping pieces, so that memory stays bounded."""
+    """Yield overlapping pieces of a record, so that memory stays bounded."""
     sampling = Sampling.of(dt)
     group = sampling.mean * sampling.down
     length = -(-length // group) * group
@@ -112,7 +106,7 @@ def pieces(
     numbers = range(-(-len(u) // length)) if only is None else only
     most = min(len(u), length + 2 * overlap)
     for place, number in enumerate(numbers):
-        # Memory that is used again costs nothing; that of chosen pieces stays theirs.
+        # The pieces of a whole record share their memory; chosen pieces own theirs.
         if place == 0 or only is not None:
             v = np.empty(most + _spare(sampling), np.float32)
             whole = np.zeros((2, most * sampling.up // group + 2 * margin), np.float32)
@@ -130,7 +124,7 @@ def pieces(
 
 
 def _spare(sampling: Sampling) -> int:
-    """Return how many samples more than a record has `resample` needs."""
+    """Return how many samples `resample` needs in addition to a record's."""
     _, mean, up, down = sampling
     return 5 * max(len(_lowpass(mean, up, down)), 16 * mean * down)
 
@@ -138,8 +132,8 @@ def _spare(sampling: Sampling) -> int:
 def resample(
     u: Floats, sampling: Sampling, room: Singles | None = None, out: Singles | None = None
 ) -> Singles:
-    """Return the voltage less a constant at the rate that `sampling` says; work in `room`."""
-    # Single precision resolves 2 uV on 30 V, but only if a filter need not swallow the 30 V.
+    """Return the resampled voltage without a constant; `room` and `out` are memory to use."""
+    # Single precision resolves 2 uV on 30 V, but filters lose that unless the 30 V are removed.
     offset = _middle(u, 512)
     _, mean, up, down = sampling
     taps = _lowpass(mean, up, down)
@@ -149,10 +143,10 @@ def resample(
     v = np.empty(whole, np.float32) if room is None else room[:whole]
     own = v[front : front + used]
     np.subtract(u[:used], offset, out=own, casting="same_kind")
-    # A sum of squares sees any sample that is not a number, and is the fastest look at them all.
+    # A sum of squares is the fastest test for NaN in any sample.
     if np.isnan(own @ own):
         np.nan_to_num(own, copy=False, nan=_middle(u, 4096) - offset)
-    # Beyond its ends the record goes on as it is there on average: a step would look like a pulse.
+    # The record continues with the median near its ends, since a step would look like a pulse.
     around = max(1, round(30e-6 / (sampling.dt * mean))) * mean
     for end, beyond in ((own[:around], v[:front]), (own[-around:], v[front + used :])):
         beyond[:] = np.median(end.reshape(-1, mean).mean(axis=1)) if used else 0.0
@@ -160,7 +154,7 @@ def resample(
 
 
 def _middle(u: npt.NDArray[Any], looks: int) -> float:
-    """Return the median of some samples; 0 without any."""
+    """Return the median of some samples; 0 if there are none."""
     some = u[:: max(1, len(u) // looks)]
     some = some[~np.isnan(some)]
     return float(np.median(some)) if some.size else 0.0
@@ -168,8 +162,8 @@ def _middle(u: npt.NDArray[Any], looks: int) -> float:
 
 @cache
 def _lowpass(mean: int, up: int, down: int) -> Singles:
-    """Return an anti-alias filter: 60 dB where something could fold into the pulses' 0.7 MHz."""
-    # From 4 MS/s on, all above rate - 0.7 MHz may fold; below, the recorder has folded already.
+    """Return an anti-alias filter: 60 dB where noise could fold into the pulses' 0.7 MHz."""
+    # From 4 MS/s up, all above rate - 0.7 MHz may fold; below, the recorder has folded it already.
     half = 8 * up if up > 1 else 3 * down if down > 1 else 0
     k = np.arange(-half, half + 1)
     taps = np.sinc(k / max(up, down)) * np.kaiser(len(k), 5.65)
@@ -177,14 +171,14 @@ def _lowpass(mean: int, up: int, down: int) -> Singles:
 
 
 def _flatten(x: Singles, step: float) -> None:
-    """Take off the baseline: the mean, or its course if the record is long enough to have one."""
+    """Remove the baseline: the mean of each stretch, or of the record if it is short."""
     stretch = round(_STRETCH / step)
     count = len(x) // stretch
     if count < 3:
         x -= x.mean(dtype=np.float64) if len(x) else 0
         return
     means = x[: count * stretch].reshape(count, stretch).mean(axis=1)
-    # Linear from the middle of a stretch to that of the next one, and on to both ends.
+    # Linear from the middle of a stretch to that of the next one, and extended to both ends.
     means = np.concatenate([2 * means[:1] - means[1:2], means, 2 * means[-1:] - means[-2:-1]])
     ramp = (np.arange(stretch, dtype=np.float32) + 0.5) / stretch
     lines = np.stack([means[:-1], np.diff(means)], axis=1)
@@ -195,25 +189,21 @@ def _flatten(x: Singles, step: float) -> None:
 
 @cache
 def _pulse(step: float) -> Singles:
-    """Return the shape of a pulse, as `shipnet.asi.receiver.matched_filter` has it."""
+    """Return the shape of a pulse, as in `shipnet.asi.receiver.matched_filter`."""
     half = int(HALF_BIT / step / 2)
     shape = np.cos(np.pi * np.arange(-half, half + 1) * step / HALF_BIT) ** 2
     return np.asarray(shape / (shape**2).sum(), np.float32)
 
 
 def smallest_pulses(sample: list[Piece]) -> Iterator[float]:
-    """Estimate from a few pieces below which voltage nothing is a pulse, one guess at a time."""
-    blocks = [
-        np.abs(piece.y[: len(piece.y) // 100 * 100]).reshape(-1, 100).max(axis=1)
-        for piece in sample
-    ]
-    largest = np.sort(np.concatenate(blocks)) if blocks else np.zeros(0)
-    if not largest.size:
+    """Yield estimates of the smallest pulse from a few pieces, the likeliest first."""
+    blocks = [piece.y[: len(piece.y) // 100 * 100].reshape(-1, 100) for piece in sample]
+    if not any(block.size for block in blocks):
         return
-    # Not the largest of all: that may be an impulse.
+    largest = np.sort(np.concatenate([np.abs(block).max(axis=1) for block in blocks]))
+    # The largest of all may be an impulse.
     few = largest[-min(4, 1 + largest.size // 2)]
-    typical = [float(few), *np.quantile(largest, [0.9, 0.75, 0.5]).tolist()]
-    for size in typical:
+    for size in [float(few), *np.quantile(largest, [0.9, 0.75, 0.5]).tolist()]:
         yield max(0.1 * size, min(5 * _noise(sample, size), 0.4 * size))
 
 
@@ -256,7 +246,7 @@ def _fits(span: npt.NDArray[np.floating]) -> Bools:
 
 
 def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
-    """Return where the voltage peaks between two crossings of the minimum, and the peaks."""
+    """Return where the voltage peaks beyond the minimum, one peak per pulse, and the peaks."""
     rises, falls = np.ones((2, len(y) + 1), dtype=bool)
     np.greater(y[1:], y[:-1], out=rises[1:-1])
     np.less(y[1:], y[:-1], out=falls[1:-1])
@@ -264,7 +254,7 @@ def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
     high, low = y > minimum, y < -minimum
     at = np.flatnonzero((high & rises[:-1] & ~rises[1:]) | (low & falls[:-1] & ~falls[1:]))
     height = y[at].astype(np.float64)
-    # Two of one sign in a row are one pulse, unless it is quiet between them: the larger counts.
+    # Of two peaks of one sign without quiet between them, only the larger is a pulse.
     again = np.flatnonzero((height[1:] > 0) == (height[:-1] > 0))
     if again.size:
         new = np.ones(at.size, dtype=bool)
@@ -280,7 +270,7 @@ def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
 def _rejoin(
     start: Indices, first: Indices, last: Indices, step: float
 ) -> tuple[Indices, Indices, Indices]:
-    """Join two bursts that are the halves of one telegram with a hole of four half-bits."""
+    """Join two bursts that are the halves of one telegram with a gap of four half-bits."""
     if len(first) < 2:
         return start, first, last
     whole = _fits((last - first) * step)
@@ -293,36 +283,35 @@ def _rejoin(
 
 # Bursts received ------------------------------------------------------------------------------
 
-#: Length of a piece by which the record is measured [s], and how many there are.
+#: Length [s] and number of the pieces from which limit and polarity are found.
 _SAMPLE, _SAMPLES = 2e-3, 8
 
-#: Most pieces that are looked at to choose those, and telegrams that are received at a time.
+#: Most pieces from which these are chosen, and telegrams that are received together.
 _LOOKS, _TOGETHER = 512, 2000
 
-#: Batches of telegrams that are put together.
+#: Batches of telegrams that are joined to one.
 _PARTS = 40
 
-#: Largest voltage that is taken for one [V].
+#: Largest legal voltage [V].
 LARGEST = 1e9
 
-#: Samples from before the first peak and after the last slot that the receiver gets [s].
+#: What the receiver gets before the first peak and after the last slot [s].
 _BEFORE, _BEHIND = 5e-6, 1e-6
 
-#: The first pulse is looked for from this part of its own height on; ringing stays below.
+#: Threshold for the first pulse, relative to its height; ringing is smaller.
 _FIRST_PULSE = 0.4
 
-#: Recording that begins or ends so near to a telegram may have missed a pulse of it [s]: pulses
-#: are two half-bits apart at most.
+#: Within this time of an edge of the record, a telegram may lack a pulse [s].
 _NEAR = 2.5 * HALF_BIT
 
-#: Fewest pulses that are reported as a broken telegram; with fewer it is a disturbance.
+#: Fewest pulses of a broken telegram; a burst of fewer is a disturbance.
 _FEWEST_PULSES = 5
 
 
-#: A telegram of a record: its start, its first and its last pulse [s], its length [bit], its word
-#: and which bits of it are known, its error code, its first pulse [V], its weakest pulse and its
-#: ringing as in `Reception`, whether the burst fits a telegram, and the edge of the record that it
-#: touches: 1 the front, 2 the back, 0 none.
+#: A telegram: its start, first and last pulse [s], its length [bit], its word and a mask of the
+#: known bits, its error code, its first pulse [V], its weakest pulse and ringing as in
+#: `Reception`, whether the burst fits a telegram, and the edge of the record that it touches: 1 the
+#: front, 2 the back, 0 none.
 _TELEGRAM = np.dtype(
     [
         *((name, np.float64) for name in ("start", "first", "last")),
@@ -336,7 +325,7 @@ Telegrams: TypeAlias = "np.recarray[Any, Any]"
 
 
 def _joined(parts: list[Telegrams]) -> Telegrams:
-    """Put batches together, in the order of time."""
+    """Join batches, in the order of time."""
     whole = np.concatenate(parts).view(np.recarray)
     if (np.diff(whole.first) < 0).any():
         whole = whole[np.argsort(whole.first, kind="stable")].view(np.recarray)
@@ -344,15 +333,15 @@ def _joined(parts: list[Telegrams]) -> Telegrams:
 
 
 class Found(NamedTuple):
-    """What is in a record."""
+    """The telegrams of a record."""
 
     telegrams: Telegrams
-    #: When recording ends, at the end and before what is missing [s].
+    #: When recording ends, at the end and before gaps [s].
     ends: Floats
     inverted: bool
-    #: Voltage below which nothing counted as a pulse [V].
+    #: Smallest pulse [V].
     minimum: float
-    #: Bursts of too few pulses for a telegram.
+    #: Number of bursts with too few pulses for a telegram.
     disturbances: int
 
 
@@ -370,7 +359,6 @@ def find_telegrams(u: Floats, dt: float, threshold: float, minimum: float | None
         first = piece.start + bursts.first * piece.step
         last = piece.start + bursts.last * piece.step
         own = (first >= piece.begin) & (first < piece.end)
-        # What is cut off may be short.
         cut_front = _distance(first, begins, "right") < _NEAR
         cut_back = -_distance(last, ends, "left") < _NEAR
         whole = bursts.pulses >= np.where(cut_front | cut_back, 2, _FEWEST_PULSES)
@@ -388,12 +376,12 @@ def find_telegrams(u: Floats, dt: float, threshold: float, minimum: float | None
 
 
 def _liveliest(u: Floats, dt: float) -> Indices:
-    """Choose up to 8 short pieces with much going on, to take the measure of the record."""
+    """Choose up to 8 short pieces with large changes of voltage."""
     length = round(_SAMPLE / dt)
     count = -(-len(u) // length)
     if count <= _SAMPLES:
         return np.arange(count)
-    # A look at every 2 us or so finds the pieces with telegrams; a long record is not read twice.
+    # A sample every 2 us or so finds the pieces with telegrams without reading the record twice.
     stride = max(1, round(2e-6 / dt))
     some = np.unique(np.linspace(0, len(u) // length - 1, _LOOKS).astype(np.intp))
     swing = np.zeros(len(some))
@@ -406,15 +394,12 @@ def _liveliest(u: Floats, dt: float) -> Indices:
 
 
 def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
-    """Return when recording begins and when it ends, at the ends and around what is missing [s].
-
-    Raises ArgumentError if a voltage is too large.
-    """
+    """Return when recording begins and when it ends, at its ends and around gaps [s]."""
     changes: list[Indices] = []
     missing = False
     for low, part in parts_of(u):
         nothing = np.zeros(1, dtype=bool)
-        # A sum of squares is the fastest look at all samples; only then at each.
+        # A sum of squares is the fastest test of all samples.
         with np.errstate(over="ignore", invalid="ignore"):
             fine = part.dtype.kind == "f" and part @ part <= LARGEST**2
         if not fine:
@@ -428,7 +413,7 @@ def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
         missing = bool(nothing[-1])
     change = np.concatenate([*changes, [len(u)] * missing]).astype(np.intp)
     since, until = change[::2], change[1::2]
-    # A few samples that are missing break nothing.
+    # A few missing samples do no harm.
     long = (until - since) * dt > HALF_BIT
     return np.append(0, until[long]) * dt, np.append(since[long], len(u)) * dt
 
@@ -436,13 +421,13 @@ def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
 def _distance(
     times: npt.NDArray[np.floating], edges: Floats, side: Literal["left", "right"]
 ) -> npt.NDArray[np.floating]:
-    """Return the time since the last edge ("right"), or since the next one, which is negative."""
+    """Return the time since the last edge ("right"), or the negative time to the next ("left")."""
     place = np.searchsorted(edges, times, side) - (side == "right")
     return times - edges[np.clip(place, 0, len(edges) - 1)]
 
 
 def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> tuple[float, int]:
-    """Return the limit and the polarity with which most telegrams of a sample are right."""
+    """Return the limit and the polarity with which most telegrams of a sample are correct."""
     best, most = (0.0, 1), -1
     for minimum in limits:
         found = [find_bursts(piece, minimum) for piece in sample]
@@ -454,7 +439,7 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
             sign: sum(int((Pulses(sign * some).check()[1] == 0).sum()) for some in slots)
             for sign in (1, -1)
         }
-        # The first pulse is negative: if no telegram is right, this is the next best evidence.
+        # If no telegram is correct, the first pulses decide, which are negative.
         heights = sum(int(np.sign(bursts.height).sum()) for bursts in found)
         sign = -1 if (right[-1], heights) > (right[1], 0) else 1
         if right[sign] > most:
@@ -465,43 +450,39 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
 
 
 class _Cut(NamedTuple):
-    """Telegrams of one length, cut out of a piece: a row of samples each, and when it begins."""
+    """Telegrams of one length, cut out of a piece: the samples of each, and when they begin [s]."""
 
     bits: int
     step: float
-    rows: Floats
+    rows: npt.NDArray[Any]
     begin: Floats
     first: Floats
     last: Floats
-    #: Size of the first pulse, in which a telegram is measured: so it needs no common limit.
+    #: Height of the first pulse, by which the samples are divided [V].
     unit: Floats
     fits: Bools
     edge: Integers
 
 
 def _cut(piece: Piece, bursts: Bursts, edge: Integers, sign: int = 1) -> list[_Cut]:
-    """Cut the requests and the responses out of a piece; a sign of -1 turns them over."""
+    """Cut the requests and the responses out of a piece; a sign of -1 inverts them."""
     parts = []
     before, behind = round(_BEFORE / piece.step), round(_BEHIND / piece.step)
-    lengths = {n: before + round(2 * n * HALF_BIT / piece.step) + behind for n in _SPANS}
-    # Beyond the ends of the record nothing was heard.
     around = piece.around[piece.margin - before :]
-    for n_bits, length in lengths.items():
-        chosen = bursts.bits == n_bits
-        first = bursts.first[chosen]
-        unit = np.abs(bursts.height[chosen])
-        rows = np.lib.stride_tricks.sliding_window_view(around, length)[first]
+    for n_bits in _SPANS:
+        length = before + round(2 * n_bits * HALF_BIT / piece.step) + behind
+        own, which = bursts.where(bursts.bits == n_bits), edge[bursts.bits == n_bits]
+        unit = np.abs(own.height)
+        rows = np.lib.stride_tricks.sliding_window_view(around, length)[own.first]
         rows /= sign * unit.astype(np.float32)[:, np.newaxis]
-        begin, first, last = (
-            piece.start + at * piece.step for at in (first - before, first, bursts.last[chosen])
-        )
-        fits = bursts.fits[chosen]
-        parts.append(_Cut(n_bits, piece.step, rows, begin, first, last, unit, fits, edge[chosen]))
+        places: tuple[Any, ...] = (own.first - before, own.first, own.last)
+        begin, first, last = (piece.start + at * piece.step for at in places)
+        parts.append(_Cut(n_bits, piece.step, rows, begin, first, last, unit, own.fits, which))
     return parts
 
 
 def _by_length(parts: list[_Cut]) -> Iterator[tuple[int, _Cut]]:
-    """Put together all requests, and all responses."""
+    """Join all requests, and all responses."""
     for n_bits in _SPANS:
         same = [some for some in parts if some.bits == n_bits]
         if same:
@@ -511,13 +492,13 @@ def _by_length(parts: list[_Cut]) -> Iterator[tuple[int, _Cut]]:
 
 
 def _heard(cut: _Cut, threshold: float) -> Reception:
-    """Receive what was cut out."""
+    """Receive the telegrams that were cut out."""
     minimum = min(_FIRST_PULSE, threshold)
     return receive(cut.rows, cut.step, cut.bits, threshold=threshold, minimum=minimum)
 
 
 def _received(parts: list[_Cut], threshold: float) -> Telegrams:
-    """Decode telegrams, requests and responses each in one go."""
+    """Decode telegrams: all requests together, and all responses."""
     telegrams = [np.recarray(0, dtype=_TELEGRAM)]
     for n_bits, cut in _by_length(parts):
         received = _heard(cut, threshold)

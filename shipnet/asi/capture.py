@@ -1,4 +1,4 @@
-"""Recorded line voltages decoded: telegrams, transactions, and what they say of the network."""
+"""Recorded line voltages decoded: telegrams, transactions, and what they show of the network."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.rules import rule_limits
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
 from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS
-from shipnet.errors import ArgumentError, name_of
+from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.lazy import Axes, pd
 from shipnet.line.waveform import Waveform
 
 if TYPE_CHECKING:
     from shipnet.asi.plan import Plan
 
-#: What the columns of errors hold beside "ok" and the names of the classes.
+#: What the columns of errors hold besides "ok" and the names of error classes.
 CUT_OFF, NO_ANSWER = "cut off", "no answer"
 
 #: Longest pause after a request in which its response begins [bit], with room for its pulses'
@@ -37,24 +37,28 @@ CUT_OFF, NO_ANSWER = "cut off", "no answer"
 _MASTER_PAUSE = MASTER_PAUSE_BITS[1] + 0.5
 _SLAVE_PAUSE = 500e-6 / BIT_TIME
 
-Strings = npt.NDArray[np.object_]
+#: What the columns of errors hold: the error codes of telegrams, then what no telegram says.
+_STATES = [*map(name_of, range(SilenceError.code + 1)), CUT_OFF, NO_ANSWER, ""]
 
 
 def transactions_of(
     telegrams: Telegrams, ends: Floats, extended: Collection[int] = ()
 ) -> pd.DataFrame:
-    """Pair requests with responses, and say what they mean."""
+    """Pair requests with responses, and return what they mean."""
     cut, asks, answers = _roles(telegrams)
     request, response = _pairs(asks, answers)
-    states = _names(telegrams.error)
-    states[cut] = CUT_OFF
-    request_error, response_error = _pick(states, request, ""), _pick(states, response, "")
+    states = np.where(cut, _STATES.index(CUT_OFF), telegrams.error)
+    nothing = _STATES.index("")
+    request_error, response_error = (
+        _pick(states, request, nothing),
+        _pick(states, response, nothing),
+    )
 
-    words = np.where(request_error == "ok", _pick(telegrams.word, request, 0), -1)
+    readable = request_error == 0
+    words = np.where(readable, _pick(telegrams.word, request, 0), -1)
     calls = Requests.parse(words, extended=np.isin(words >> 7 & 31, list(extended)))
-    readable = request_error == "ok"
-    request_error[readable] = _names(calls.error[readable])
-    replies = np.where(response_error == "ok", _pick(telegrams.word, response, 0), -1)
+    request_error[readable] = calls.error[readable]
+    replies = np.where(response_error == 0, _pick(telegrams.word, response, 0), -1)
     data, _ = parse_responses(replies)
 
     # A request at the end of the record has no answer yet.
@@ -62,54 +66,53 @@ def transactions_of(
     rest = np.append(ends, np.inf)[np.searchsorted(ends, start)] - start
     room = (REQUEST_BITS + MASTER_PAUSE_BITS[1] + RESPONSE_BITS) * BIT_TIME
     asks = np.array([call.rule.answer is not None for call in Call] + [False])[calls.call]
-    alone = (response < 0) & (request_error == "ok") & asks
-    response_error[alone] = np.where(rest[alone] < room, CUT_OFF, NO_ANSWER)
+    alone = (response < 0) & (request_error == 0) & asks
+    response_error[alone] = np.where(
+        rest[alone] < room, _STATES.index(CUT_OFF), _STATES.index(NO_ANSWER)
+    )
 
-    titles = np.array([*(call.rule.title for call in Call), ""], dtype=object)
-    texts = _texts(telegrams)
-    requests, responses = _pick(texts, request, ""), _pick(texts, response, "")
+    # Few texts differ: a column takes its own from them by number.
+    titles, errors = pd.Index([*(call.rule.title for call in Call), ""]), pd.Index(_STATES)
+    texts, which = _texts(telegrams)
+    asked, answered = (_pick(which, rows, len(texts) - 1) for rows in (request, response))
     # Column by column: of a long record, only one is there twice.
     table = pd.DataFrame(
         {"start_s": np.where(request >= 0, start, _pick(telegrams.start, response, np.nan))}
     )
-    table["request"] = requests
+    table["request"] = texts[asked]
     table["call"] = titles[calls.call]
     table["address"] = _nullable(calls.address)
-    table["half"] = np.array(["A", "B", ""], dtype=object)[calls.half]
+    table["half"] = pd.Index(["A", "B", ""])[calls.half]
     table["request_data"] = _nullable(calls.data)
-    table["response"] = responses
+    table["response"] = texts[answered]
     table["response_data"] = _nullable(data)
     table["master_pause_bit"], table["slave_pause_bit"] = _pauses(telegrams, request, response, cut)
     for name in ("amplitude", "weakest", "ringing"):
         for kind, rows in (("request", request), ("response", response)):
             column = f"{kind}_{name}" + "_V" * (name == "amplitude")
             table[column] = _pick(telegrams[name], rows, np.nan)
-    table["request_error"] = request_error
-    table["response_error"] = response_error
-    parts = zip(
-        requests, request_error, (calls.half >= 0).tolist(),
-        responses, response_error, calls.call.tolist(), strict=True,
+    table["request_error"], table["response_error"] = errors[request_error], errors[response_error]
+    parts = asked, request_error, calls.half >= 0, answered, response_error, calls.call
+    sizes = len(texts), len(errors), 2, len(texts), len(errors), len(titles)
+    key = np.ravel_multi_index(parts, sizes, mode="wrap")
+    _, first, which = np.unique(key, return_index=True, return_inverse=True)
+    some = table.iloc[first]
+    sentences = map(
+        _in_words, some["request"], some["request_error"], (calls.half[first] >= 0).tolist(),
+        some["response"], some["response_error"], calls.call[first].tolist(),
     )  # fmt: skip
-    table["text"] = np.array([_in_words(*part) for part in parts], dtype=object)
+    table["text"] = pd.Categorical(list(sentences))[which]
     return table
 
 
-def _names(codes: npt.NDArray[Any]) -> Strings:
-    """Return the names of error codes."""
-    known, which = np.unique(codes, return_inverse=True)
-    return np.array([name_of(code) for code in known.tolist()], dtype=object)[which]
-
-
-def _pick(field: npt.NDArray[Any], index: Indices, missing: object) -> npt.NDArray[Any]:
+def _pick(field: npt.NDArray[Any], index: Indices, missing: float) -> npt.NDArray[Any]:
     """Return elements of a field, and `missing` where the index is -1."""
-    end = np.empty(1, dtype=field.dtype)
-    end[0] = missing
-    return np.concatenate([field, end])[index]
+    return np.where(index < 0, missing, field[index])
 
 
 def _roles(telegrams: Telegrams) -> tuple[Bools, Bools, Bools]:
     """Return which telegrams are cut off, which are requests, and which answer one."""
-    # From the last pulse to the next first one it takes a bit time more than the pause.
+    # The time from the last pulse to the next first one is a bit time more than the pause.
     pause = np.diff(telegrams.first, prepend=np.nan)
     pause[1:] = (telegrams.first[1:] - telegrams.last[:-1]) / BIT_TIME - 1
     broken = (telegrams.error > 0) | ~telegrams.fits
@@ -137,7 +140,7 @@ def _pauses(
     telegrams: Telegrams, request: Indices, response: Indices, cut: Bools
 ) -> tuple[Floats, Floats]:
     """Return the pauses after requests and after responses [bit], NaN where there is none."""
-    # What is cut off has lost its start, so it cannot be measured from there.
+    # A telegram that is cut off at its front has lost its start.
     begins = np.where(cut & (telegrams.edge == 1), np.nan, telegrams.start)
     asked, answered = _pick(begins, request, np.nan), _pick(begins, response, np.nan)
     master = (answered - asked) / BIT_TIME - REQUEST_BITS
@@ -147,29 +150,31 @@ def _pauses(
     return master, slave
 
 
-def _texts(telegrams: Telegrams) -> Strings:
-    """Return the telegrams as strings of 0 and 1, with ? where no pulse gave a bit."""
+def _texts(telegrams: Telegrams) -> tuple[pd.Index[str], Indices]:
+    """Return the different telegrams and "" as the last one, and which one each telegram is.
+
+    They are strings of 0 and 1, with ? where no pulse gave a bit.
+    """
     mask = (1 << REQUEST_BITS) - 1
     key = telegrams.length.astype(np.int64) << REQUEST_BITS | telegrams.known
-    different, which = np.unique(key << REQUEST_BITS | telegrams.word, return_inverse=True)
+    which, different = pd.factorize(key << REQUEST_BITS | telegrams.word)
     texts = []
     for code in different.tolist():
         length = code >> 2 * REQUEST_BITS
         bits, heard = f"{code & mask:0{length}b}", f"{code >> REQUEST_BITS & mask:0{length}b}"
         pairs = zip(bits, heard, strict=True)
         texts.append("".join(bit if one == "1" else "?" for bit, one in pairs))
-    return np.array(texts, dtype=object)[which]
+    return pd.Index([*texts, ""]), which
 
 
 def _nullable(values: npt.NDArray[np.int8]) -> pd.api.extensions.ExtensionArray:
     return pd.arrays.IntegerArray(values.astype(np.int64), values == NONE)
 
 
-@cache
 def _in_words(
     request: str, request_error: str, extended: bool, response: str, response_error: str, call: int
 ) -> str:
-    """Say in one line what was asked and what was answered, or what went wrong."""
+    """Return one line on what was asked and answered, or what went wrong."""
     parts = []
     if request_error == "ok":
         parts.append(str(Request.parse(request, extended=extended)))
@@ -187,44 +192,36 @@ def _in_words(
     return "; ".join(parts)
 
 
-#: Least voltage of a supply that is not a power fail [V] (Bihl+Wiedemann's tuner); below the last
-#: one nothing was recorded but the signal.
+#: Lowest supply voltage that is not a power fail [V] (Bihl+Wiedemann's tuner), and the voltage
+#: below which the record is AC coupled.
 POWER_FAIL, _COUPLED = 18.5, 5.0
 
 
 @cache
-def _level() -> tuple[float, float]:
-    """Return the sizes of a first pulse that is in order [V]: half of those peak to peak."""
+def _limits() -> tuple[float, float, float, float]:
+    """Return the limits of a first pulse, half of those peak to peak, and of the supply [V]."""
     limits = rule_limits()
-    return limits["low"]["signal_level_least"] / 2, limits["high"]["signal_level_most"] / 2
+    low, high = limits["low"], limits["high"]
+    level = low["signal_level_least"] / 2, high["signal_level_most"] / 2
+    return *level, low["slave_voltage"], high["supply_voltage"]
 
 
-@cache
-def _supply() -> tuple[float, float]:
-    """Return the voltages of a supply that are in order at any place of a line [V]."""
-    limits = rule_limits()
-    return limits["low"]["slave_voltage"], limits["high"]["supply_voltage"]
-
-
-#: A master repeats a request at once [s]; later than this it is the next cycle.
+#: A master repeats a request within this time [s]; a later one belongs to the next cycle.
 _AT_ONCE = 1e-3
 
-#: A request and the one read without the cable are the same if they begin this near [s].
+#: A request and the one read without the cable are the same if they begin this close [s].
 _SAME = 4e-6
 
-#: Calls by which a master looks for new slaves; nobody need answer them.
+#: Calls by which a master looks for new slaves; they need no answer.
 _IDENTIFICATION = [
     call.rule.title
     for call in (Call.READ_IO_CONFIGURATION, Call.READ_ID, Call.READ_ID1, Call.READ_ID2)
 ]
 
-#: Failed tries in a row after which a master drops a slave: two in each of three cycles.
-_DROPPED = 6
-
 #: Share of repetitions up to which a line is green, and yellow (P+F, AS-i 3.0 command interface).
 _LIGHTS = 0.01, 0.05
 
-#: Stands for the slave where a telegram has no address that can be read.
+#: The slave of a telegram whose address cannot be read.
 UNKNOWN = "unknown"
 
 _FINE = ["ok", "", CUT_OFF]
@@ -287,7 +284,7 @@ def summarise(capture: Capture) -> Summary:
 
 
 def _repeated(transactions: pd.DataFrame) -> Bools:
-    """Return which rows ask again what the row before them asked in vain."""
+    """Return which rows repeat a request that failed in the row before."""
     request = transactions["request"].to_numpy()
     start = transactions["start_s"].to_numpy()
     failed = (
@@ -304,14 +301,14 @@ def _repeated(transactions: pd.DataFrame) -> Bools:
 
 
 def _cycle_time(transactions: pd.DataFrame, asked: pd.DataFrame) -> float:
-    """Return the time after which a slave is asked for data again [s]."""
+    """Return the median time after which a slave is asked for data again [s]."""
     data = (asked["call"] == "data exchange").to_numpy()
     times = transactions["start_s"][data].groupby(asked["slave"][data]).diff().dropna()
     return float(times.median()) if len(times) else float("nan")
 
 
 def _who(capture: Capture) -> pd.DataFrame:
-    """Return which slave each transaction is with, and the call, read without the cable if bad."""
+    """Return slave and call of each transaction; bad requests are read without the cable."""
     rows = capture.transactions
     address = rows["address"].astype(object).fillna(NONE).to_numpy(np.int64)
     half, calls = rows["half"].tolist(), rows["call"].tolist()
@@ -326,7 +323,7 @@ def _who(capture: Capture) -> pd.DataFrame:
     start = rows["start_s"].to_numpy()
     near = np.minimum(np.searchsorted(there, start - _SAME), len(there) - 1)
     near[~(np.abs(start - there[near]) < _SAME) | (read.error[near] > 0) | ~bad] = -1
-    # What was heard the same way elsewhere was meant the same way.
+    # A request with the same bits elsewhere means the same.
     texts = rows["request"].tolist()
     meant = {texts[row]: int(near[row]) for row in np.flatnonzero(near >= 0)}
     for row in np.flatnonzero(bad & rows["request"].isin(meant).to_numpy()):
@@ -357,12 +354,8 @@ def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
             "ringing": heard["response_ringing"].max(),
         }
     )
-    order = sorted(table.index, key=lambda name: (*_place(name), name))
+    order = sorted(table.index, key=lambda name: (name == UNKNOWN, len(name.rstrip("AB")), name))
     return table.loc[order].rename_axis("slave")
-
-
-def _place(name: str) -> tuple[bool, int]:
-    return name == UNKNOWN, 0 if name == UNKNOWN else int(name.rstrip("AB"))
 
 
 #: Longest time between two samples [s]: three samples a half-bit.
@@ -377,22 +370,20 @@ class Capture:
     Attributes
     ----------
     transactions : pandas.DataFrame
-        One row a transaction, in the order of time:
+        One row per transaction, in the order of time:
 
         - ``start_s``: start of the request, or of the response if there is no request, from the
           first sample [s];
         - ``request``, ``response``: bits in the order sent; ``?`` where there was no pulse,
           ``""`` without a telegram;
         - ``call``, ``address``, ``half`` ("A", "B" or ""), ``request_data``, ``response_data``:
-          what they say; empty for a bad telegram;
+          their meaning; empty for a bad telegram;
         - ``master_pause_bit``, ``slave_pause_bit``: pauses after request and response [bit];
-        - ``request_amplitude_V``, ``response_amplitude_V``: size of the first pulse;
-        - ``request_weakest``, ``response_weakest``, ``request_ringing``, ``response_ringing``: as
-          in `shipnet.asi.receiver.Reception`, over the largest pulse;
-        - ``request_error``, ``response_error``: ``"ok"``, a class of `shipnet.errors`,
-          ``"cut off"`` at an end of the record, ``"no answer"``, or ``""`` where no telegram is
-          expected;
-        - ``text``: the transaction in words.
+        - ``request_amplitude_V`` and so on: size of the first pulse;
+        - ``request_weakest``, ``request_ringing`` and so on: as in `Reception`;
+        - ``request_error``, ``response_error``: "ok", a class of `shipnet.errors`, "cut off" at an
+          end of the record, "no answer", or "" where no telegram is expected;
+        - ``text``: the transaction in words; like the bits, a categorical column.
     duration : float
         Length of the record [s].
     inverted : bool
@@ -404,7 +395,7 @@ class Capture:
     wave : shipnet.line.Waveform
         The record.
     extended : tuple of int
-        Addresses that hold A/B slaves, as given.
+        Addresses that hold A/B slaves.
 
     Examples
     --------
@@ -443,8 +434,7 @@ class Capture:
     def slaves(self) -> pd.DataFrame:
         """One row per slave that was asked: answers, errors, level, evenness and ringing.
 
-        Requests that cannot be read, and are not those of one slave beyond doubt, are in the row
-        ``"unknown"``.
+        Requests that cannot be attributed to one slave are in the row ``"unknown"``.
         """
         return self.summary().slaves
 
@@ -462,32 +452,25 @@ class Capture:
         return abs(self._middle) if abs(self._middle) > _COUPLED else float("nan")
 
     def check(self, plan: Plan | None = None) -> Findings:
-        """Judge what was heard, requests and responses apart: level, evenness, ringing, errors.
+        """Judge level, evenness, ringing and errors of requests and responses.
 
-        Level is the size of the first pulse: half of 3 to 8 V peak to peak. Bad telegrams count in
-        the evenness and ringing. The supply is judged if the record is DC coupled. With a `plan`
-        every slave in it must have answered.
+        The level is the size of the first pulse: half of 3 to 8 V peak to peak. The supply is
+        judged if the record is DC coupled. With a `plan` every slave in it must have answered.
         """
         return Findings(_judged(self, plan))
 
     def causes(self) -> pd.DataFrame:
-        """Return the probable causes of what is wrong with the line, the likeliest first.
+        """Return the probable causes of a faulty line, the likeliest first.
 
-        Returns
-        -------
-        pandas.DataFrame
-            Indexed by cause, empty on a line that is in order: `slave`, if it is about one;
-            `share` of the violated findings of `check` that it explains, 0..1; and the `evidence`.
-            The causes are a cable too long or a stub, a second supply, a supply inductance that is
-            missing or wrong, interference, a duplicate address, a weak slave and a reversed probe.
+        The table is indexed by cause and empty for a good line: `slave`, if it concerns one;
+        `share` of the violated findings of `check` that it explains, 0..1; and the `evidence`. The
+        causes are a cable too long or a stub, a second supply, a supply inductance missing or
+        wrong, interference, a duplicate address, a weak slave and a reversed probe.
 
-        Notes
-        -----
-        The voltage of the requests over their nominal current of 60 mA is the impedance that they
-        meet: supply and cable as a resistance, an inductance and a capacitance. Two supplies halve
-        the first two; a long cable or a stub adds capacitance and echoes. A scope at a slave
-        instead of the master shows the same, less exactly. The rules were found on simulated lines
-        and are tested on others: that verifies them, but a real line may differ.
+        The rules look at the impedance that the requests meet: two supplies halve its resistance
+        and inductance; a long cable or a stub adds capacitance and echoes. A scope at a slave
+        shows it less exactly. The rules were found on simulated lines and tested on others; a real
+        line may differ.
 
         Examples
         --------
@@ -507,14 +490,10 @@ class Capture:
         return ranked(found, broken, self.inverted)
 
     def counters(self) -> pd.DataFrame:
-        """Return what masters and analysers count, computed from the record.
+        """Return the counters of masters and analysers: `value`, `light` and `meaning`.
 
-        Returns
-        -------
-        pandas.DataFrame
-            Indexed by counter: `value`, `light` and `meaning`. The light of the share of
-            repetitions is green up to 1 %, yellow up to 5 % and red above; that of other counters
-            is green at 0. A value is NaN, without a light, where the record cannot show it.
+        The light of the share of repetitions is green up to 1 %, yellow up to 5 % and red above;
+        other counters are green at 0. A value that the record cannot show is NaN, without a light.
 
         Examples
         --------
@@ -528,10 +507,9 @@ class Capture:
     def plot(
         self, ax: Axes | None = None, *, start: float = 0.0, stop: float | None = None
     ) -> Axes:
-        """Draw the record from `start` to `stop` [s] with the telegrams that were found in it.
+        """Draw the record from `start` to `stop` [s] with its telegrams shaded and their bits.
 
-        Each is shaded, with its bits above it; one with an error has the error's name above them.
-        Two lines show the least size of a first pulse.
+        An error's name is above the bits. Two lines show the least size of a first pulse.
         """
         ax = style.axes(ax, figsize=(10, 3.2))
         u, dt = self.wave.u, self.wave.dt
@@ -546,12 +524,12 @@ class Capture:
 
         zero = 0.0 if np.isnan(self.supply_voltage) else self._middle
         colour, dashes = style.LIMIT["color"], style.LIMIT["linestyle"]
-        least, _ = _level()
+        least = _limits()[0]
         for sign in (1, -1):
             ax.axhline(zero + sign * least, color=colour, linestyle=dashes)
         ax.text(
             1.01, zero - least, f"{least:g} V", transform=ax.get_yaxis_transform(),
-            color=colour, va="center", fontsize=8,
+            color=colour, va="center",
         )  # fmt: skip
         ends = ax.get_xaxis_transform()
         for row in self.transactions.to_dict("records"):
@@ -567,20 +545,10 @@ class Capture:
                 ax.axvspan(
                     begin * 1e6, (begin + length) * 1e6, color=colour, alpha=0.5, linewidth=0
                 )
-                ax.text(
-                    middle * 1e6,
-                    1.02,
-                    bits,
-                    transform=ends,
-                    ha="center",
-                    family="monospace",
-                    fontsize=7,
-                )
+                there: dict[str, Any] = {"transform": ends, "ha": "center"}
+                ax.text(middle * 1e6, 1.02, bits, family="monospace", **there)
                 if error != "ok":
-                    ax.text(
-                        middle * 1e6, 1.1, error, transform=ends, ha="center", fontsize=7,
-                        color=style.LIMIT["color"],
-                    )  # fmt: skip
+                    ax.text(middle * 1e6, 1.1, error, color=style.LIMIT["color"], **there)
         ax.set(xlim=(start * 1e6, stop * 1e6), xlabel="time [us]", ylabel="voltage [V]")
         return ax
 
@@ -596,7 +564,7 @@ class Capture:
 
     @cached_property
     def _restored(self) -> Restored:
-        """The first 40 ms with the cable taken off, from which bad requests can be read."""
+        """The first 40 ms with the cable removed, from which bad requests can be read."""
         rows = self.transactions
         asked = rows[(rows["request"].str.len() == REQUEST_BITS) & rows["start_s"].notna()]
         good = rows[rows["request_error"] == "ok"]
@@ -606,7 +574,7 @@ class Capture:
 
     @cached_property
     def _asked(self) -> pd.DataFrame:
-        """Which slave each transaction is with, and the call; bad requests too where possible."""
+        """Slave and call of each transaction, of bad requests where possible."""
         return _who(self)
 
     @cached_property
@@ -620,7 +588,7 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
     volts, read = capture.supply_voltage, float(capture.telegrams)
     rows = [("telegrams", "line", read, 1.0, nan, "", "telegrams read")]
     if volts == volts:
-        rows.append(("supply voltage", "supply", volts, *_supply(), "V", "at the scope"))
+        rows.append(("supply voltage", "supply", volts, *_limits()[2:], "V", "at the scope"))
     asked = table[~table["request_error"].isin(["", CUT_OFF])]
     level, weakest = asked["request_amplitude_V"].min(), asked["request_weakest"].min()
     bad = float((asked["request_error"] != "ok").sum())
@@ -629,8 +597,8 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
         if name != UNKNOWN:
             heard.append(("response", f"slave {name}", *values))
     for kind, who, level, weakest, ringing, bad in heard:
-        # At the master's own end a request may be larger than anybody hears it.
-        least, most = _level()
+        # At the master's own end a request may be larger than anywhere else.
+        least, most, *_ = _limits()
         most = most if kind == "response" else nan
         for what, value, low, high, unit in (
             ("level", level, least, most, "V"),
@@ -662,7 +630,8 @@ def _counted(capture: Capture) -> pd.DataFrame:
     data = (call == "data exchange") & (slave != UNKNOWN)
     failed = (~request.isin(_FINE) | ~response.isin(_FINE))[data].groupby(slave[data])
     runs = [run for _, tries in failed for run in "".join(map("01".__getitem__, tries)).split("0")]
-    dropped = sum(len(run) >= _DROPPED for run in runs)
+    # A master drops a slave after two failed tries in each of three cycles.
+    dropped = sum(len(run) >= 6 for run in runs)
     unexpected = table["text"].str.endswith("where none is expected")
     asked = int((table["request"] != "").sum())
     nan = float("nan")
@@ -670,7 +639,7 @@ def _counted(capture: Capture) -> pd.DataFrame:
     rows = [
         ("power fail", _power_fails(capture), f"times that the supply falls below {POWER_FAIL} V"),
         ("earth fault", nan, "not seen between the two wires; measure each against earth"),
-        ("slave failure", dropped, f"slaves that failed {_DROPPED} tries in a row"),
+        ("slave failure", dropped, "slaves that failed 6 tries in a row"),
         ("missing slave frames", int(silent.sum()), "no response"),
         ("bad slave frames", int((~response.isin([*_FINE, NO_ANSWER])).sum()), "bad responses"),
         ("protocol errors", int(unexpected.sum()), "responses that the call does not expect"),
@@ -687,7 +656,7 @@ def _counted(capture: Capture) -> pd.DataFrame:
 
 
 def _power_fails(capture: Capture) -> float:
-    """Return how often the supply is too low for a quarter of a millisecond; NaN if AC coupled."""
+    """Return how often the supply is too low for 250 us; NaN if AC coupled."""
     if np.isnan(capture.supply_voltage):
         return float("nan")
     length = max(1, min(len(capture.wave.u), round(250e-6 / capture.wave.dt)))
@@ -714,9 +683,8 @@ def decode(
     Parameters
     ----------
     record : path, Waveform or array_like of float, shape (n_t,)
-        A scope's file, as `shipnet.line.Waveform.read` takes it, or the voltage between the two
-        wires, either way round, on the 30 V of the supply or without [V]. NaN where nothing was
-        recorded.
+        A scope's file, as `shipnet.line.Waveform.read` takes it, or the voltage between the wires
+        in either polarity, with or without the supply's 30 V [V]; NaN where nothing was recorded.
     dt : float, optional
         Sampling interval, 0.1e-9..1e-6 [s]; for samples only, which need it.
     channel : str, optional
@@ -724,17 +692,16 @@ def decode(
     sample_interval : float, optional
         Time between two samples [s]; it overrides what a file says.
     threshold : float, default 0.5
-        What counts as a pulse, over the size of the telegram's first pulse, between 0 and 1.
+        What counts as a pulse, over the size of the telegram's first one, between 0 and 1.
     extended : collection of int, optional
-        Addresses that hold A/B slaves; nothing on the line tells (see `Request.parse`).
+        Addresses that hold A/B slaves, which the line does not show (see `Request.parse`).
     minimum : float, optional
-        Voltage below which nothing is a pulse [V]; estimated from the noise in the pauses and
-        from the size of the pulses if omitted.
+        Voltage below which nothing is a pulse [V]; estimated from noise and pulses if omitted.
 
     Returns
     -------
     Capture
-        Table and summary. What is not AS-i gives an empty table, or errors only.
+        Table and summary; a record that is not AS-i gives an empty table, or errors only.
 
     Raises
     ------
@@ -745,15 +712,14 @@ def decode(
 
     Notes
     -----
-    The record is brought to 4..8 MS/s and freed of its baseline. A telegram ends where no pulse
-    follows for 10.5 us; its length says whether it is a request or a response, and then
-    `shipnet.asi.receiver.receive` decodes all of a piece at once. Of the two polarities the one
-    is right in which more telegrams are free of errors, since the first pulse is negative. A
-    response belongs to a request if it begins within 10 bit times after its end.
+    The record is resampled to 4..8 MS/s and its baseline subtracted. A telegram ends where no pulse
+    follows for 10.5 us; its length says whether it is a request or a response. Of the two
+    polarities, the one in which more telegrams are free of errors is taken. A response belongs to a
+    request if it begins within 10 bit times after its end.
 
     Examples
     --------
-    >>> from shipnet.asi.modulation import Modulation
+    >>> from shipnet.asi import Modulation
     >>> t = np.arange(0, 300e-6, 1e-7)
     >>> current = Modulation("00101010111001").current(t, start=2e-5)
     >>> current += Modulation("0011001").current(t, start=12.2e-5)

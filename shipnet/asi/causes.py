@@ -1,10 +1,9 @@
-"""Why a line is faulty: what its requests meet on the cable, and the causes that explain it.
+"""Causes of a faulty line, from its impedance and its slaves.
 
-A receiver looks at a telegram through the cable. Here the cable is taken off: the voltage's
-spectrum over that of an undistorted telegram is the size of the line's impedance, and a passive
-impedance has no phase but the least that its size allows, so one filter restores the pulses. The
-requests that can be read then, beside the voltage as it was recorded, give the impedance that the
-master feeds: supply and cable as one resistance, inductance and capacitance in parallel.
+The voltage's spectrum divided by that of an undistorted telegram is the magnitude of the line's
+impedance. A passive impedance has the minimum phase for its magnitude, so one filter restores the
+pulses. The requests that can then be read and the recorded voltage give the impedance at the
+master: supply and cable as one resistance, inductance and capacitance in parallel.
 """
 
 from __future__ import annotations
@@ -22,31 +21,30 @@ from shipnet.asi.modulation import Modulation
 from shipnet.asi.telegram import REQUEST_BITS, frame
 from shipnet.lazy import pd
 
-#: How much of a record is looked at [s], and the shortest that says something.
+#: Longest part of a record that is used, and shortest record that suffices [s].
 _LONGEST, _SHORTEST = 40e-3, 0.5e-3
 
-#: Stretches of which spectra are taken, and how much of the line's memory is taken off [s].
+#: Length of the stretches for spectra, and of the line's echoes that are removed [s].
 _STRETCH, _MEMORY = 128e-6, 40e-6
 
-#: Where a telegram has its energy [Hz].
+#: Frequency band of telegrams [Hz].
 _BAND = 25e3, 550e3
 
-#: A request and the silence around it, from so much before its start [s]; damping [nepers].
+#: Start before a request, and length of the window around it [s]; damping [nepers].
 _BEFORE, _WINDOW, _DAMPING = 5e-6, 100e-6, 3.0
 
-#: Fewest requests from which an impedance is computed, and most.
+#: Fewest and most requests from which an impedance is computed.
 _FEWEST, _MOST = 3, 64
 
-
-#: How much later restored telegrams seem to begin, since nothing is restored outside the band [s].
+#: Possible delays of restored telegrams, because nothing is restored outside the band [s].
 _LATE = np.arange(0.5e-6, 1.5e-6, 50e-9)
 
 
 class Impedance(NamedTuple):
-    """What a sender's current meets: resistance, inductance and capacitance in parallel.
+    """Impedance at the master: resistance, inductance and capacitance in parallel.
 
     `misfit` is the share of the voltage that these three do not explain: echoes. `stray` is the
-    share of the power in the requests' band that follows no request: noise and interference.
+    share of the power in the requests' band that is noise or interference.
     """
 
     resistance: float
@@ -63,9 +61,9 @@ def _requests() -> Modulation:
 
 
 def without_cable(x: Floats, step: float, asked: Floats) -> Floats:
-    """Return a record with its pulses restored.
+    """Return a record with its pulses restored, from the spectrum of the requests at `asked` [s].
 
-    The spectrum is that of the requests that begin at the times `asked`, or of everything.
+    Without such times it is the spectrum of the whole record.
     """
     n = 2 * round(_STRETCH / step / 2)
     if len(asked):
@@ -83,7 +81,7 @@ def without_cable(x: Floats, step: float, asked: Floats) -> Floats:
     gain[inside] = np.log(meant / found) / 2
     low, high = np.flatnonzero(inside)[[0, -1]]
     gain[:low], gain[high + 1 :] = gain[low], gain[high] - 2.5
-    # The filter of least phase: fold the cepstrum, and let what rings longer fade.
+    # The minimum-phase filter: fold the cepstrum, and fade out longer echoes.
     lag = np.arange(n)
     fold = np.where(lag == 0, 1.0, np.where(lag < n // 2, 2.0, 0.0))
     fold *= 0.5 + 0.5 * np.cos(np.pi * np.minimum(lag * step / _MEMORY, 1))
@@ -93,7 +91,7 @@ def without_cable(x: Floats, step: float, asked: Floats) -> Floats:
 
 
 class Restored(NamedTuple):
-    """The beginning of a record, and the requests that can be read with the cable taken off."""
+    """The beginning of a record, and the requests that can be read once its pulses are restored."""
 
     #: The voltage at a lower rate, less its median [V], when it begins, and its step [s].
     x: Floats
@@ -106,16 +104,16 @@ class Restored(NamedTuple):
 
     @property
     def short(self) -> bool:
-        """Whether it says nothing of the line."""
+        """Whether it is too short to show the line's impedance."""
         return len(self.x) * self.step < _SHORTEST
 
 
 def restored(
     u: Floats, dt: float, asked: Floats, start: Floats, words: Integers, inverted: bool
 ) -> Restored:
-    """Read requests in the part of a record from shortly before the first one was `asked` [s].
+    """Read requests in the part of a record from shortly before the first one at `asked` [s].
 
-    Those that were read as they are, with their `start` and `words`, stay if they are more.
+    The requests with `start` and `words`, which were read without restoring, stay if they are more.
     """
     low = max(0, int((asked[0] - 1e-3) / dt)) if len(asked) else 0
     sampling = Sampling.of(dt)
@@ -126,8 +124,8 @@ def restored(
     best = Restored(x - middle, since, step, start, words, inverted)
     asked = asked - since
     asked = asked[(asked > _BEFORE) & (asked < len(x) * step - _STRETCH)]
-    # Responses from afar have another spectrum than requests; if those are not found, nothing but
-    # the whole record is left.
+    # Distant responses have another spectrum than requests, so the whole record is only used if
+    # the requests are not found.
     for times in (asked, asked[:0]):
         if best.short:
             break
@@ -143,7 +141,7 @@ def restored(
 
 
 def measured(part: Restored) -> Impedance | None:
-    """Return the impedance that requests meet, if enough can be read."""
+    """Return the impedance at the master, if enough requests can be read."""
     begin = part.start - part.since - _BEFORE
     inside = np.flatnonzero((begin > 0) & (begin < len(part.x) * part.step - _WINDOW))
     if len(inside) < _FEWEST:
@@ -193,35 +191,34 @@ DUPLICATE = "duplicate address"
 WEAK = "weak slave"
 REVERSED = "reversed probe"
 
-#: More is not on a line that meets the rules [F]: 100 m at 80 nF/km (Lapp), 62 slaves and a master
-#: at 50 pF.
+#: Largest capacitance of a line that meets the rules [F]: 100 m at 80 nF/km (Lapp), 62 slaves and
+#: a master at 50 pF.
 _MOST_CAPACITANCE = 100 * 80e-12 + 63 * 50e-12
 
-#: From this share of echoes on, or of foreign power, a request meets more than its line should be.
+#: Largest shares of echoes and of foreign power on a healthy line.
 _ECHOES, _STRAY = 0.12, 0.1
 
-#: Levels of a slave, over that of the others, that are not those of one healthy slave.
+#: Lowest and highest level of a healthy slave, relative to the others.
 _WEAKER, _LOUDER = 0.65, 1.5
 
-#: Least size of a first pulse that is in order [V].
+#: Smallest legal first pulse [V].
 _LEAST = 1.5
 
-#: Voltages too small for a signal, though the supply is on [V]: 40 % of the smallest legal pulse,
-#: which noise of 0.2 V exceeds in less than a hundredth of the time.
+#: Largest voltage of a silent line [V]: 40 % of the smallest legal pulse, which noise of 0.2 V
+#: exceeds less than 1 % of the time.
 _NOTHING = 0.6
 
 
 class Found(NamedTuple):
-    """A cause with its evidence."""
+    """A cause with its evidence, and the slave that it concerns, if it is not the whole line."""
 
     cause: str
     evidence: str
-    #: The slave it is about, or all objects.
     slave: str = ""
 
 
 def ranked(found: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.DataFrame:
-    """Return causes as a table, those first that explain most of the violated findings."""
+    """Return causes as a table, sorted by the share of the violated findings that they explain."""
     rows = []
     for one in found:
         own = broken["object"] == f"slave {one.slave}"
@@ -239,30 +236,30 @@ def ranked(found: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.DataF
 def line_causes(
     part: Restored, rows: pd.DataFrame, answering: int, bursts: int, supply: float
 ) -> list[Found]:
-    """Return what is wrong with cable or supply, which every sender feels.
+    """Return the causes in cable or supply, which affect every sender.
 
-    `rows` are all transactions, `answering` counts the slaves, `bursts` counts what cannot be
-    read as a telegram, and `supply` is its voltage [V], NaN if unknown.
+    `rows` are all transactions, `answering` is the number of slaves, `bursts` that of bursts that
+    are not telegrams, and `supply` the supply voltage [V], NaN if unknown.
     """
     found = measured(part)
     if found is None:
         level = np.quantile(np.abs(part.x), 0.99) if len(part.x) else 0.0
         unread = bursts + int((~rows["request_error"].isin(["ok", ""])).sum())
         if level > _NOTHING and unread >= 2 * _FEWEST:
-            said = f"{unread} telegrams cannot be read, not even with the cable's echoes taken off"
+            said = f"{unread} telegrams cannot be read, even with the cable's echoes removed"
             return [Found(CABLE, said)]
         silent = level < _NOTHING and not (rows["response_error"] == "ok").any()
         if silent and supply == supply and not part.short:
             said = (
                 f"{supply:.0f} V but no pulse above {_NOTHING} V: an ordinary supply without "
-                "decoupling short-circuits all signals (a silent master looks alike)"
+                "decoupling short-circuits all signals (a silent master looks the same)"
             )
             return [Found(INDUCTANCE, said)]
         return []
     r, inductance, c, misfit, stray = found
     nominal = [float(part) for part in POWER_SUPPLY.shunt[:2]]
     own = [(answering + 1) * float(part) for part in DEVICE.shunt[:2]]
-    # How many supplies the resistance stands for, and how many the inductance.
+    # Resistance and inductance as numbers of supplies in parallel.
     damped, fed = (1 / r - own[0]) / nominal[0], (1 / inductance - own[1]) / nominal[1]
     seen = f"requests meet {r:.0f} ohm beside {inductance * 1e6:.0f} uH"
     usual = f"one supply has {1 / nominal[0]:.0f} ohm beside {1e6 / nominal[1]:.0f} uH"
@@ -271,7 +268,7 @@ def line_causes(
     if stray > _STRAY:
         said = f"{stray:.0%} of the power during requests is foreign to them"
         return [Found(INTERFERENCE, said)]
-    # A second supply far away counts less, but the levels are low.
+    # A distant second supply counts less, but lowers the levels.
     low = rows["response_amplitude_V"].median() < _LEAST
     if fed > (1.15 if low else 1.4) and 0.6 < damped / fed < 1.6:
         return [Found(SECOND, f"{seen}; {usual}, and half of a decoupling looks like two")]
@@ -295,7 +292,7 @@ def line_causes(
 
 
 def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
-    """Return what is wrong with single slaves, and what comes and goes."""
+    """Return the causes at single slaves, and interference."""
     level = slaves["amplitude_V"]
     usual = float(level.median())
     found = []
@@ -304,9 +301,7 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
         said = f"its level is {slave['amplitude_V']:.2f} V, that of most slaves {usual:.2f} V"
         others = level.drop([label]).max()
         if slave["amplitude_V"] > max(_LOUDER * usual, 1.35 * others):
-            said += (
-                f"; {int(slave['errors'])} of its answers are bad, as of two that answer at once"
-            )
+            said += f"; {int(slave['errors'])} of its answers are bad, as if two slaves answered"
             found.append(Found(DUPLICATE, said, str(label)))
         elif slave["amplitude_V"] < _WEAKER * usual:
             found.append(Found(WEAK, said, str(label)))
@@ -314,18 +309,13 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
     bad = bad[(bad > 0) & ~bad.index.isin([one.slave for one in found])]
     silent = slaves.index[(slaves["answers"] == 0) & (slaves["requests"] > 2)]
     if bursts and not len(bad) and not found and len(silent) == 1:
-        said = (
-            f"no answer can be read, but there are {bursts} bursts that cannot be read as telegrams"
-        )
+        said = f"no answer can be read, but there are {bursts} bursts that are not telegrams"
         return [Found(WEAK, said, str(silent[0]))]
     one = bad.index[0] if len(bad) == 1 else ""
     if one and slaves["errors"][one] == bad[one] >= 3:
-        said = f"all {int(bad[one])} bad telegrams are its answers, as of two that answer at once"
+        said = f"all {int(bad[one])} bad telegrams are its answers, as if two slaves answered"
         found.append(Found(DUPLICATE, said, str(one)))
     elif len(bad) or (bursts and not found):
-        said = (
-            f"{int(bad.sum())} bad telegrams at {len(bad)} slaves, which come and go; "
-            f"{bursts} bursts that cannot be read as telegrams"
-        )
-        found.append(Found(INTERFERENCE, said))
+        where = f"{int(bad.sum())} intermittent bad telegrams at {len(bad)} slaves"
+        found.append(Found(INTERFERENCE, f"{where}; {bursts} bursts that are not telegrams"))
     return found

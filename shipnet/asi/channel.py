@@ -22,14 +22,13 @@ from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_whole
 from shipnet.lazy import pd
 
-# The record: one row per transaction, packed while a simulation runs, unpacked afterwards. A row
-# is three numbers: when it began, how long the master waited for the response, and everything
-# else in the bits of one integer. Writing them costs a simulation little.
+# The record has one row per transaction: its start, how long the master waited for the response,
+# and everything else in the bits of one integer, which is quick to write in a simulation.
 
 #: Where each field begins above the 16 bits of `PreparedRequest.code`.
 ATTEMPT, PHASE, OUTCOME, RESPONSE, EXECUTED, STANDBY = 16, 19, 22, 26, 31, 32
 
-#: Stands in the field of the response where there is none.
+#: Response where there is none.
 NO_RESPONSE = 16
 
 #: Labels of slaves by five bits of address and two of half.
@@ -47,12 +46,6 @@ class Record:
         self.pause = array("d")
         self.code = array("q")
         self.cycles: list[tuple[int, int]] = []
-
-    def put(self, start: float, pause: float, code: int) -> None:
-        """Add a row."""
-        self.start.append(start)
-        self.pause.append(pause)
-        self.code.append(code)
 
     def field(self, shift: int, bits: int) -> Integers:
         """Return one packed field of all rows."""
@@ -117,18 +110,11 @@ class Record:
         )
 
 
-# Disturbances: drawn ahead, one byte per slave, request of a cycle and attempt at it.
-#     bit 0       the slave does not understand the request
-#     bit 1       it did not understand the request before, which went to another slave
-#     bits 2..7   0, or 1..32: which of the 32 disturbances of one pulse hits the response
+#: Bits of a disturbance: the slave does not understand the request, or did not understand the one
+#: before it, which went to another slave. Bits 2..7 hold 0 or the number of the variant below.
+REQUEST_LOST, MISSED = 1, 2
 
-#: The slave does not understand the request.
-REQUEST_LOST = 1
-
-#: The slave did not understand the request before this one, which went to another slave.
-MISSED = 2
-
-#: Disturbances of one pulse of a response; they are counted from 1 in bits 2..7.
+#: Disturbances of one pulse of a response, counted from 1.
 VARIANTS = len(ONE_PULSE_CODES[0])
 
 #: The requests of a cycle: data exchange, management, inclusion.
@@ -140,10 +126,9 @@ Bytes = npt.NDArray[np.uint8]
 def draw_disturbances(
     rng: np.random.Generator, n_cycles: int, rates: Sequence[tuple[float, float]], attempts: int
 ) -> Bytes:
-    """Return bytes of shape (n_cycles, 3, n_slaves, attempts) for independent disturbances.
+    """Return independent disturbances as bytes of shape (n_cycles, 3, n_slaves, attempts).
 
-    `rates` are the probabilities for each slave that it does not understand a request, and that
-    the master does not understand its response.
+    `rates` are the probabilities, per slave, that a request and that a response is lost.
     """
     drawn = np.zeros((n_cycles, PLANES, len(rates), attempts), dtype=np.uint8)
     plane = (n_cycles, PLANES, attempts)
@@ -155,9 +140,6 @@ def draw_disturbances(
             variant = rng.integers(1, VARIANTS + 1, plane, dtype=np.uint8) << 2
             drawn[..., slave, :] |= np.where(rng.random(plane) < garbled, variant, 0)
     return drawn
-
-
-# Slaves at their places ------------------------------------------------------------------------
 
 
 class Station:
@@ -174,19 +156,19 @@ class Station:
         self.name = slave.label
         #: Probabilities that a request, and a response, is lost.
         self.rates = (0.0, 0.0)
-        #: Whether disturbances that were drawn do not count now.
+        #: Whether drawn disturbances are ignored now.
         self.quiet = False
         #: Replies that will be lost, by the call that they answer.
         self.lost_replies: dict[Call, int] = {}
-        #: For how many reasons it is without supply.
+        #: Number of reasons for which it has no supply.
         self.cuts = 0
-        #: Numbers of the last request to it, and of the first since it was switched on.
+        #: Numbers of the last request to it and of the first since it was switched on.
         self.heard, self.since = -1, 1
         #: Where its disturbances begin in those of a request.
         self.offset = 0
 
     def check_pause(self, transaction: Transaction, late: float = 0.0) -> None:
-        """Raise if an answer could come so late that it comes after the next request."""
+        """Raise if an answer could come after the end of the next request."""
         pause = self.pause + transaction.unsynchronised + late
         most = transaction.timeout + REQUEST_BITS
         if not (late >= 0 and pause < most):
@@ -220,8 +202,6 @@ class Stations(dict[str, list[Station]]):
         )
 
 
-# The line --------------------------------------------------------------------------------------
-
 _NEVER = float("inf")
 _NAN = float("nan")
 _EXECUTED = 1 << EXECUTED
@@ -234,7 +214,7 @@ _Route: TypeAlias = tuple[Station, RunningSlave, Callable[[RunningSlave, int, fl
 
 
 class MasterStops(Exception):
-    """The master falls silent: for good, or for a failure of the supply that ends at a time [s]."""
+    """The master falls silent until a time [s], infinity for good."""
 
     def __init__(self, until: float) -> None:
         super().__init__(until)
@@ -244,10 +224,8 @@ class MasterStops(Exception):
 class Channel:
     """The line between a master and its slaves: takes a request, brings a reply, keeps the time.
 
-    Only the slaves at the address of a request are looked at, as all others let it pass. What the
-    others hear is made up for when their turn comes: a slave is out of step if the request just
-    before its own was lost on it. A test lets every slave hear every telegram and finds no
-    difference.
+    Only the slaves at the address of a request are looked at. A slave that lost the request just
+    before its own is out of step; a test that lets every slave hear everything finds no difference.
     """
 
     def __init__(
@@ -257,11 +235,8 @@ class Channel:
         attempts: int,
         rng: np.random.Generator,
     ) -> None:
-        self.stations, self.transaction, self.record = (
-            list(stations),
-            transaction,
-            Record(transaction),
-        )
+        self.stations, self.transaction = list(stations), transaction
+        self.record = Record(transaction)
         self._tail = RESPONSE_BITS + transaction.slave_pause
         self._put_start = self.record.start.append
         self._put_pause = self.record.pause.append
@@ -278,7 +253,7 @@ class Channel:
         self._scheduled = 0
         self._next = _NEVER
         self._number = 0
-        #: Number of the last request that a late answer spoilt, and the answer on its way.
+        #: Number of the last request that a late answer garbled, and the answer on its way.
         self._spoilt = -1
         self._ghost: tuple[str, float] | None = None
         self.locate()
@@ -289,33 +264,32 @@ class Channel:
         return self.time * self.transaction.bit_time
 
     def schedule(self, seconds: float, action: Callable[[], None]) -> None:
-        """Have something happen at a time [s]; what is scheduled first happens first."""
+        """Schedule an action for a time [s]; of two at one time, the first scheduled goes first."""
         self._scheduled += 1
         entry = (seconds / self.transaction.bit_time, self._scheduled, action)
         heapq.heappush(self._events, entry)
         self._next = self._events[0][0]
 
     def happen(self, until: float) -> None:
-        """Carry out what is due up to a time [bit]."""
+        """Carry out the actions due up to a time [bit]."""
         while self._events and self._events[0][0] <= until:
             action = heapq.heappop(self._events)[2]
             self._next = self._events[0][0] if self._events else _NEVER
             action()
 
     def stop_master(self, until: float) -> None:
-        """Have the master fall silent now; see `MasterStops`."""
+        """Stop the master; see `MasterStops`."""
         raise MasterStops(until)
 
     def locate(self) -> None:
-        """Find out anew which slave is at which address; the entry after the last holds all."""
+        """List the slaves of each address anew; the entry after the last holds all."""
         there = [s for s in self.stations if s.slave.powered]
-        there = [s for s in there if not s.slave.programming]
         self._at = [[s for s in there if s.slave.address == address] for address in range(32)]
         self._at.append(there)
         self._routes: dict[PreparedRequest, list[_Route]] = {}
 
     def _route(self, order: PreparedRequest) -> list[_Route]:
-        """Return who takes a request for its own, and what each does with it."""
+        """Return who takes a request for its own, and what each does."""
         route = []
         for station in self._at[order.station]:
             said = order.reads[station.slave.kind]
@@ -325,7 +299,7 @@ class Channel:
         return route
 
     def switch(self, station: Station, on: bool, time: float) -> None:
-        """Give a slave its supply, or take it away, at a time [s]; the last cause to end counts."""
+        """Switch a slave's supply at a time [s]; it is on again when all causes have ended."""
         station.cuts += -1 if on else 1
         if station.cuts == 0:
             station.slave.switch_on()
@@ -335,7 +309,7 @@ class Channel:
         self.locate()
 
     def begin(self, phase: Phase, cycle: int) -> None:
-        """Hear of the begin of a phase, as the observer of a master."""
+        """Take note of a phase, as the observer of a master."""
         self._fields = phase << PHASE | self.standby << STANDBY
         if phase < Phase.DATA_EXCHANGE:
             self._base = -1
@@ -349,7 +323,7 @@ class Channel:
             self._base += self._plane
 
     def _in_chunk(self, cycle: int) -> int:
-        """Have the disturbances of a cycle ready, and return its number among them."""
+        """Draw disturbances when a chunk begins, and return the number of a cycle in it."""
         if cycle % _CHUNK == 0 or not self._bytes:
             self._bytes = self._draw(_CHUNK).tobytes()
         return cycle % _CHUNK
@@ -430,7 +404,7 @@ class Channel:
         return reply
 
     def _readable(self, order: PreparedRequest, start: float) -> bool:
-        """Whether a request can be read although a late answer falls upon it."""
+        """Whether a request can be read although a late answer collides with it."""
         assert self._ghost is not None
         bits, begin = self._ghost
         self._ghost = None
@@ -442,7 +416,7 @@ class Channel:
     def _resolve(
         self, order: PreparedRequest, end: float, replies: list[tuple[int, float, int, Station]]
     ) -> tuple[int, float, float, int]:
-        """Return what the master makes of replies: the reply, first and last pause, error."""
+        """Return the reply that the master reads, the first and last pause, and the error."""
         heard = []
         for data, pause, what, station in replies:
             left = station.lost_replies.get(order.request.call, 0)
@@ -457,7 +431,7 @@ class Channel:
         first, last = min(h[1] for h in heard), max(h[1] for h in heard)
         data, error = heard[0][0], 0
         if len(heard) > 1:
-            # Half-bits count from the first of the answers; order does not matter.
+            # Half-bits count from the first answer.
             telegrams = sorted((_ANSWERS[d], round(2 * (pause - first))) for d, pause, _ in heard)
             bits, error = collide(tuple(telegrams), RESPONSE_BITS)
             data = int(bits[1:5], 2) if bits else data

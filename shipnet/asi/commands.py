@@ -1,6 +1,6 @@
-"""What a host may ask of a master besides the data: one request per cycle, in its management phase.
+"""Commands of the host to a master, which sends one request per cycle in its management phase.
 
-A command is given to `simulate` with its time; what became of it is in `Run.commands`.
+`simulate` takes a command with its time; `Run.commands` reports the outcome.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ class ChangeAddress:
 
     Notes
     -----
-    While the slave is at address 0 no other may be there: both would take the new address. So
-    the command fails while the LDS holds slave 0, or holds the new label.
+    The command fails while the LDS holds the new label or slave 0: two slaves at address 0 would
+    both take the new address.
 
     References
     ----------
@@ -66,7 +66,7 @@ class ChangeAddress:
     """
 
     old: str = text('Label of the slave, "0" for a new one')
-    new: str = text("Label that it gets")
+    new: str = text("New label")
 
     def __post_init__(self) -> None:
         slave_key(self.old, "old")
@@ -75,10 +75,12 @@ class ChangeAddress:
 
     def run(self, lists: Lists) -> Task[str]:
         """Yield the requests."""
-        old, new = _detected(lists, self.old), slave_key(self.new)[0]
+        old, (new, half) = _detected(lists, self.old), slave_key(self.new)
         identity = lists.detected[old]
-        if identity.profile.extended != (slave_key(self.new)[1] is not None):
-            raise CommandFailed(f"slave {self.old} is {identity.profile}, not fit for {self.new}")
+        if identity.profile.extended != (half is not None):
+            raise CommandFailed(
+                f"label {self.new} does not fit slave {self.old}: {identity.profile}"
+            )
         neighbour = lists.detected.get(new ^ 1)
         alone = neighbour is None or (neighbour.profile.extended and identity.profile.extended)
         if new in lists.detected or (old >> 1 != new >> 1 and not alone):
@@ -86,14 +88,14 @@ class ChangeAddress:
         if old:
             if 0 in lists.detected:
                 raise CommandFailed("a slave without an address is in the LDS")
-            # Nobody polls the slave on its way; if it stays, the inclusion phase finds it.
+            # The slave is not polled meanwhile; if it keeps its address, the inclusion phase
+            # finds it.
             lists.forget(old)
-            half = half_of(old, identity.profile)
-            yield prepared(Call.DELETE_ADDRESS, old >> 1, half=half)
+            yield prepared(Call.DELETE_ADDRESS, old >> 1, half=half_of(old, identity.profile))
             # The reply may be lost although the address is deleted: ask at address 0.
             found = yield from identify(0)
             if found is None or found.profile != identity.profile:
-                raise CommandFailed(f"slave {self.old} did not give its address up")
+                raise CommandFailed(f"slave {self.old} did not delete its address")
             lists.note(0, found)
         if not (yield from move(lists, self.new)):
             raise CommandFailed(f"slave {self.old} was not found at {self.new}")
@@ -113,7 +115,7 @@ class _OfSlave:
 
 @record
 class ReadCodes(_OfSlave):
-    """Read the codes of a slave, be it in a list or not.
+    """Read the codes of a slave, whether it is in a list or not.
 
     Examples
     --------
@@ -151,7 +153,7 @@ class ReadStatus(_OfSlave):
 
 @record
 class WriteParameter(_OfSlave):
-    """Write the parameter of a slave in the LDS, now and whenever it is activated again.
+    """Write the parameter of a slave in the LDS, now and at each later activation.
 
     Examples
     --------
@@ -198,10 +200,8 @@ class ResetSlave(_OfSlave):
 class BroadcastReset:
     """Reset all slaves at once; none answers.
 
-    Notes
-    -----
-    A slave that was reset takes no data before it gets its parameters. The master drops each
-    after the usual failures and takes it in again, one after the other.
+    A slave that was reset refuses data until it gets its parameters: the master drops the slaves
+    after the usual failures and includes them again, one by one.
 
     Examples
     --------

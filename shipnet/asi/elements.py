@@ -1,4 +1,4 @@
-"""What is clamped to the cable besides masters and slaves: supply, repeater, terminator."""
+"""Devices on the cable other than masters and slaves: supply, repeater, terminator."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from shipnet.fields import number, part, record, text
 from shipnet.line.network import CableRun as CableRun
 from shipnet.line.network import Load, check_node
 
-#: Current of a slave unless it is given [A], from Schneider's AS-i help D-SA-0011271: 65 mA on
-#: average. Masters and repeaters are assumed to draw the same.
+#: Default current of a slave [A], from Schneider's AS-i help D-SA-0011271: 65 mA on average.
+#: Masters and repeaters are assumed to draw the same.
 CURRENT = 0.065
 
-#: What a slave or a master loads the line with: r [ohm], l [H] and c [F] in parallel, the limits
-#: that the SAP5S/SAP51 data sheet (2012, p. 29) sets for an A/B slave.
+#: Load of a slave or a master, the limits of the SAP5S/SAP51 data sheet (2012, p. 29) for an A/B
+#: slave.
 DEVICE = Load(r=13.5e3, l=13.5e-3, c=50e-12)
 
 #: The decoupling of the power supply, 39 ohm beside 50 uH in each wire: assumed after IEC 62026-2.
@@ -20,9 +20,7 @@ POWER_SUPPLY = Load(r=78.0, l=100e-6)
 
 @record
 class Supply:
-    """A power supply with its decoupling.
-
-    Its load on the signal is by default 39 ohm beside 50 uH in each wire.
+    """A power supply with its decoupling, by default 39 ohm beside 50 uH in each wire.
 
     Examples
     --------
@@ -32,8 +30,8 @@ class Supply:
 
     node: str = text("Where it is")
     voltage: float = number(1, 60, "V", "Voltage", default=30.0)
-    rating: float = number(0.01, 100, "A", "Most current that it delivers", default=8.0)
-    load: Load = part(Load, "What the signal meets", default=POWER_SUPPLY, kw_only=True)
+    rating: float = number(0.01, 100, "A", "Maximum current", default=8.0)
+    load: Load = part(Load, "Load on the signal", default=POWER_SUPPLY, kw_only=True)
 
     def __post_init__(self) -> None:
         check_node(self.node)
@@ -44,13 +42,10 @@ class Supply:
 
 @record
 class Repeater:
-    """A repeater: it couples two segments, and passes telegrams but no current.
+    """A repeater: it couples two segments and passes telegrams but no current.
 
-    Notes
-    -----
-    Which end lies toward the master follows from the plan. No maker's figure for the delay was
-    found, so it is one bit time: two such repeaters just fit the time-out of 10 bit times, three do
-    not. The current is assumed to be that of a slave.
+    We found no maker's figure for the delay, so the default is one bit time: two such repeaters
+    meet the time-out of 10 bit times, three exceed it. The current is assumed to equal a slave's.
 
     Examples
     --------
@@ -61,7 +56,7 @@ class Repeater:
     a: str = text("Node in one segment")
     b: str = text("Node in the other segment")
     delay: float = number(0, 1e-3, "s", "Delay in one direction", default=6e-6)
-    current: float = number(0, 10, "A", "What it draws from either segment", default=CURRENT)
+    current: float = number(0, 10, "A", "Current from each segment", default=CURRENT)
 
     def __post_init__(self) -> None:
         check_node(self.a)
@@ -73,10 +68,9 @@ class Repeater:
 
 @record
 class Terminator:
-    """A terminator or extension plug: a resistance that only the signal meets.
+    """A terminator or extension plug: a resistance behind a capacitor, so only for the signal.
 
-    A capacitor keeps the supply away from it. The default resistance is assumed: the wave impedance
-    of the cable.
+    The default resistance is assumed: the wave impedance of the cable.
 
     Examples
     --------

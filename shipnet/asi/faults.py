@@ -1,8 +1,7 @@
-"""What can go wrong on a line.
+"""Faults of a line, from a `start` to a `stop` in simulated seconds.
 
-Every fault has a `start`, 0 by default, and a `stop`, never by default: seconds from the start of
-the simulation. Slaves are named by the label that they have then, such as ``"5A"``. Two slaves at
-one address need no fault: give the simulation both.
+Slaves are named by their label at time 0, such as ``"5A"``. Two slaves at one address need no
+fault: give the simulation both.
 """
 
 from __future__ import annotations
@@ -32,10 +31,10 @@ __all__ = [
 
 @record
 class LineFault(Fault):
-    """What all faults of a line share: that they can be put upon it."""
+    """A fault of a line."""
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Have the fault begin, and end, on a line."""
+        """Schedule the start and the end of the fault."""
         raise NotImplementedError
 
 
@@ -54,8 +53,8 @@ class _OfSlave(LineFault):
 class TelegramErrors(_OfSlave):
     """Telegrams to and from a slave are disturbed at random.
 
-    A request may be its own or another's. Of a response one pulse, chosen at random, is disturbed;
-    the error class follows.
+    The slave misses requests, to itself or to another slave. In a response, one random pulse is
+    disturbed, which decides the error class.
 
     Examples
     --------
@@ -73,7 +72,7 @@ class TelegramErrors(_OfSlave):
     )
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Set the probabilities; the disturbances are drawn by the channel."""
+        """Set the probabilities, from which the channel draws the disturbances."""
         for station in stations[self.slave]:
             if station.rates != (0.0, 0.0):
                 raise ArgumentError(f"slave {self.slave} has telegram errors twice; give one")
@@ -100,7 +99,7 @@ class DeadSlave(_OfSlave):
 
 @record
 class BrokenCable(LineFault):
-    """All slaves farther away than a place lose supply and signal.
+    """All slaves beyond a place lose supply and signal.
 
     Examples
     --------
@@ -118,7 +117,7 @@ class BrokenCable(LineFault):
 
 @record
 class SupplyDip(LineFault):
-    """The supply of all segments fails until `stop`, which must be given: all slaves reset.
+    """The supply of all segments fails until `stop`, which must be given; all slaves reset.
 
     Examples
     --------
@@ -129,10 +128,10 @@ class SupplyDip(LineFault):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.stop == inf:
-            raise ArgumentError("stop is inf s; it must be finite, when the supply comes back")
+            raise ArgumentError("stop is inf s; it must be finite: when the supply comes back")
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Switch all slaves off, and on again; tell the master."""
+        """Switch all slaves off, and on again, and notify the master."""
         _switch(channel, stations.all, self.start, self.stop)
         channel.schedule(self.start, partial(channel.stop_master, self.stop))
 
@@ -141,9 +140,9 @@ class SupplyDip(LineFault):
 class LateAnswer(_OfSlave):
     """A slave answers later than it should.
 
-    An answer that starts after the master's time-out is not heard as an answer. It falls upon
-    the next request instead, which no slave then understands, but for one case in 360 in which all
-    its pulses coincide with those of the request.
+    An answer that starts after the master's time-out overlaps the next request, and no slave then
+    understands that request, except in one case in 360, where all pulses of the answer coincide
+    with those of the request.
 
     Examples
     --------
@@ -151,7 +150,7 @@ class LateAnswer(_OfSlave):
     8.0
     """
 
-    bits: float = number(0, 100, "bit", "How much later")
+    bits: float = number(0, 100, "bit", "Additional delay")
 
     def apply(self, channel: Channel, stations: Stations) -> None:
         """Delay the answers."""
@@ -175,7 +174,7 @@ class LostReply(_OfSlave):
     count: int = whole(1, 10**9, "", "How many replies are lost from `start` on", default=1)
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Have the replies lost, beginning with the first after `start`."""
+        """Lose replies, beginning with the first after `start`."""
         for station in stations[self.slave]:
             for time, count in ((self.start, self.count), (self.stop, 0)):
                 if time < inf:
@@ -185,7 +184,7 @@ class LostReply(_OfSlave):
 
 @record
 class PeripheryFault(_OfSlave):
-    """A slave reports a fault of what is connected to it: status bit S1.
+    """A slave reports a fault of a connected device: status bit S1.
 
     Examples
     --------

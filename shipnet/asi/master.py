@@ -1,8 +1,7 @@
-"""A master: how it deals with its slaves, its lists, its tasks and its phases.
+"""A master: its settings, lists, tasks and phases.
 
-Inside, a slave has a key, twice its address plus 1 for a B slave; the host sees labels. A task
-yields requests, one after the other, and is sent each reply: four bits, or `SILENT` or `FAULTY`.
-Who leads it decides about repetitions, and whether it takes one cycle or many.
+Internally a slave has a key, twice its address plus 1 for a B slave; the host sees labels. A task
+yields requests and is sent each reply: four bits, `SILENT` or `FAULTY`.
 """
 
 from __future__ import annotations
@@ -23,18 +22,18 @@ from shipnet.line.network import check_node
 
 @record
 class Master:
-    """A master: how it deals with its slaves, and where it is.
+    """A master: how it treats its slaves, and where it is.
 
     Raises
     ------
     ArgumentError
-        If a value is out of its range, or a label does not fit its profile.
+        If a value is out of range, or a label does not fit its profile.
 
     Notes
     -----
-    Two tries in each of three cycles are the six tries after which an analyser counts a slave
-    as lost [1]_. *Read I/O configuration* asks whether anybody is there: silence is not repeated,
-    a faulty answer is. The operating phases are those of [2]_.
+    By default a slave is dropped after two tries in each of three cycles: the six tries after
+    which an analyser counts it as lost [1]_. *Read I/O configuration* is repeated after a faulty
+    answer, but not after silence. The operating phases are those of [2]_.
 
     References
     ----------
@@ -48,13 +47,13 @@ class Master:
     """
 
     projected: Mapping[str, Profile | str] | None = part(
-        Mapping, "The slaves that should be there, label and profile: in protected mode the master "
-        "activates these only; omitted, in configuration mode, it activates all",
+        Mapping, "Profiles of the projected slaves by label: the master activates these only "
+        "(protected mode); if omitted, it activates all slaves (configuration mode)",
         default=None, optional=True,
     )  # fmt: skip
     outputs: Mapping[str, int] = part(
-        Mapping, "What each slave is sent, 0..15, or 0..7 for an A/B slave; all bits set if not "
-        "named", default_factory=dict, kw_only=True,
+        Mapping, "Outputs of each slave by label, 0..15, or 0..7 for an A/B slave; by default all "
+        "bits are set", default_factory=dict, kw_only=True,
     )  # fmt: skip
     parameters: Mapping[str, int] = part(
         Mapping, "Parameter bits of each slave, likewise", default_factory=dict, kw_only=True
@@ -67,24 +66,24 @@ class Master:
         default=3, kw_only=True,
     )  # fmt: skip
     automatic_addressing: bool = switch(
-        "Whether a new slave at address 0 takes the place of the only one missing, if its profile "
-        "is the same; in protected mode only", default=False, kw_only=True,
+        "Whether a new slave at address 0 replaces the only missing slave, if its profile is the "
+        "same; in protected mode only", default=False, kw_only=True,
     )  # fmt: skip
     status_poll: bool = switch(
-        "Whether the management phase asks one slave after the other for its status while the host "
-        "has no commands; it finds the periphery faults (LPF)", default=True, kw_only=True,
+        "Whether the management phase reads the slaves' status in turn while the host has no "
+        "commands, which finds periphery faults (LPF)", default=True, kw_only=True,
     )  # fmt: skip
     readmit: bool = switch(
         "Whether the inclusion phase asks at the addresses of slaves that were dropped",
         default=True, kw_only=True,
     )  # fmt: skip
     monitors_supply: bool = switch(
-        "Whether the master sees that the supply fails, stops, and starts again after it",
+        "Whether the master stops when the supply fails, and starts again afterwards",
         default=True, kw_only=True,
     )  # fmt: skip
     node: str = text("Where it is; needed in a plan", default="", kw_only=True)
     current: float = number(
-        0, 10, "A", "What it draws from the line; assumed to be that of a slave", default=CURRENT,
+        0, 10, "A", "Current from the line, assumed to be that of a slave", default=CURRENT,
         kw_only=True,
     )  # fmt: skip
 
@@ -97,15 +96,15 @@ class Master:
             key, half = slave_key(label)
             if profile.extended != (half is not None) or key < 2:
                 raise ArgumentError(
-                    f"slave {label} is projected as {profile}; an A/B slave has A or B in its "
-                    "label, a standard slave neither, and none has address 0"
+                    f"slave {label} is projected as {profile}; the label of an A/B slave must have "
+                    "A or B, that of a standard slave must not, and the address must be 1..31"
                 )
             projected[label] = profile
         if self.protected:
             object.__setattr__(self, "projected", projected)
         elif self.automatic_addressing:
             raise ArgumentError(
-                "automatic_addressing is True, but without projected slaves none is missing"
+                "automatic_addressing is True, but there are no projected slaves; it needs them"
             )
         for what, values in (("output", self.outputs), ("parameter", self.parameters)):
             checked = {label: check_bits(what, label, value) for label, value in values.items()}
@@ -129,41 +128,33 @@ def check_bits(what: str, label: str, value: int) -> int:
 
 
 class Identity(NamedTuple):
-    """What a slave says of itself: its profile, and extended ID code 1, or -1 without one."""
+    """Profile of a slave, and its extended ID code 1, or -1 without one."""
 
     profile: Profile
     id1: int
 
 
-class Change(NamedTuple):
-    """A slave enters or leaves one of the lists LDS, LAS and LPF at a time [s]."""
-
-    time: float
-    list: str
-    slave: str
-    present: bool
-
-
 def half_of(key: int, profile: Profile) -> Half | None:
-    """Return the half of a slave."""
+    """Return the half of a slave, A or B; None for a standard slave and at address 0."""
     if not profile.extended or key < 2:
         return None
     return "B" if key & 1 else "A"
 
 
 class Lists:
-    """LPS, LDS, LAS and LPF, and the data of the host."""
+    """The lists LPS, LDS, LAS and LPF, and the data of the host."""
 
     def __init__(self, settings: Master) -> None:
         self.protected = settings.protected
         self.projected = cast("dict[str, Profile]", dict(settings.projected or {}))
         self.clock: Callable[[], float] = lambda: 0.0
-        self.changes: list[Change] = []
+        #: When [s] a slave entered a list (True) or left it: LDS, LAS or LPF.
+        self.changes: list[tuple[float, str, str, bool]] = []
         self._outputs, self._parameters = dict(settings.outputs), dict(settings.parameters)
         self.clear()
 
     def clear(self) -> None:
-        """Empty all lists but the LPS."""
+        """Empty all lists except the LPS."""
         self.detected: dict[int, Identity] = {}
         #: The request that carries the outputs of each active slave.
         self.polls: dict[int, PreparedRequest] = {}
@@ -171,11 +162,6 @@ class Lists:
         self.left: set[int] = set()
         self._periphery: set[int] = set()
         self._plan()
-
-    @property
-    def lps(self) -> list[str]:
-        """Labels of the projected slaves."""
-        return sorted(self.projected, key=lambda label: slave_key(label)[0])
 
     @property
     def lds(self) -> list[str]:
@@ -187,35 +173,29 @@ class Lists:
         """Labels of the active slaves."""
         return [self.label(key) for key in sorted(self.polls)]
 
-    @property
-    def config_ok(self) -> bool:
-        """Whether exactly the projected slaves are there, with the projected profiles."""
-        found = {self.label(key): identity.profile for key, identity in self.detected.items()}
-        return found == self.projected and self.las == self.lps
-
     def label(self, key: int) -> str:
         """Return the label of a slave by its key."""
         known = self.detected.get(key)
         return label_of(key, extended=known is not None and known.profile.extended)
 
     def set_output(self, slave: str, value: int) -> None:
-        """Set what a slave is sent from now on."""
+        """Set the outputs that a slave is sent from now on."""
         key = slave_key(slave)[0]
         self._outputs[slave] = check_bits("output", slave, value)
         if key in self.polls and self.label(key) == slave:
             self._set_poll(key, value)
 
     def set_parameter(self, slave: str, value: int) -> None:
-        """Set the parameter that a slave gets when it is next activated; values as for outputs."""
+        """Set the parameter that a slave is sent at its next activation."""
         self._parameters[slave] = check_bits("parameter", slave, value)
 
     def parameter(self, key: int) -> int:
-        """Return the parameter of a detected slave: as set, or all bits set."""
+        """Return the parameter of a detected slave; by default all bits are set."""
         all_set = (1 << self.detected[key].profile.output_bits) - 1
         return self._parameters.get(self.label(key), all_set) & all_set
 
     def wanted(self, key: int) -> bool:
-        """Whether a detected slave is meant to be active."""
+        """Whether a detected slave should be active."""
         profile = self.detected[key].profile
         return key > 1 and (not self.protected or self.projected.get(self.label(key)) == profile)
 
@@ -237,19 +217,19 @@ class Lists:
         self._plan()
 
     def _set_poll(self, key: int, outputs: int) -> None:
-        """Send outputs from now on; an A/B slave takes the lower three bits."""
+        """Prepare the request with a slave's outputs; an A/B slave takes the lower three bits."""
         profile = self.detected[key].profile
         data = outputs & (1 << profile.output_bits) - 1
         self.polls[key] = prepared(Call.DATA_EXCHANGE, key >> 1, data, half_of(key, profile))
 
     def periphery(self, key: int, faulty: bool) -> None:
-        """Enter a slave into the LPF, or strike it off."""
+        """Enter a slave into the LPF, or remove it."""
         if faulty != (key in self._periphery):
             (self._periphery.add if faulty else self._periphery.discard)(key)
             self._change("LPF", key, faulty)
 
     def forget(self, key: int) -> None:
-        """Strike a slave off LDS, LAS and LPF; the host reads nothing from it."""
+        """Remove a slave from LDS, LAS and LPF; the host reads nothing from it."""
         self.periphery(key, False)
         self.inputs.pop(key, None)
         if self.polls.pop(key, None):
@@ -269,19 +249,19 @@ class Lists:
         )
 
     def _change(self, which: str, key: int, present: bool) -> None:
-        self.changes.append(Change(self.clock(), which, self.label(key), present))
+        self.changes.append((self.clock(), which, self.label(key), present))
 
 
 # Tasks -----------------------------------------------------------------------------------------
 
-#: Replies that are no data: nothing came in time, and something came that breaks a rule.
+#: Replies without data: no answer in time, and an invalid answer.
 SILENT, FAULTY = -1, -2
 
 T = TypeVar("T")
 Task: TypeAlias = Generator[PreparedRequest, int, T]
 
-#: Questions whether a slave has stored its address: enough for 15 ms with the shortest cycle,
-#: which has one management and one inclusion request, 26 and 24 bit times.
+#: How often a master asks whether a slave has stored its address: enough for 15 ms with the
+#: shortest cycle, which has one management and one inclusion request, 26 and 24 bit times.
 _PATIENCE = 100
 
 
@@ -300,7 +280,7 @@ def identify(key: int) -> Task[Identity | None]:
 
 
 def activate(lists: Lists, key: int) -> Task[bool]:
-    """Send a detected slave its parameters and first outputs, if it is meant to be active."""
+    """Send a detected slave its parameters and first outputs if it should be active."""
     if not lists.wanted(key):
         return False
     profile = lists.detected[key].profile
@@ -317,7 +297,7 @@ def activate(lists: Lists, key: int) -> Task[bool]:
 
 
 def move(lists: Lists, label: str) -> Task[bool]:
-    """Give the slave at address 0 a label: its half first, if it has one, then its address."""
+    """Give the slave at address 0 a label: first its half, if it has one, then its address."""
     identity = lists.detected[0]
     key, half = slave_key(label)
     wanted = identity.id1 & 7 | (8 if half == "B" else 0)
@@ -335,7 +315,7 @@ def move(lists: Lists, label: str) -> Task[bool]:
 
 
 def wait_for_storing(address: int, half: Half | None) -> Task[None]:
-    """Ask a slave for its status until it says that it has stored its address or ID code 1."""
+    """Read a slave's status until it has stored its address or ID code 1."""
     for _ in range(_PATIENCE):
         status = yield prepared(Call.READ_STATUS, address, half=half)
         if status >= 0 and not status & 1:
@@ -346,7 +326,7 @@ def wait_for_storing(address: int, half: Half | None) -> Task[None]:
 
 
 class Phase(IntEnum):
-    """The phases of a master, in the order in which it goes through them."""
+    """The phases of a master, in their order."""
 
     OFFLINE = 0
     DETECTION = 1
@@ -357,21 +337,21 @@ class Phase(IntEnum):
 
 
 class Observer(Protocol):
-    """Who wants to know what a master is at, and tells it the time."""
+    """An object that gives a master the time and is notified of its phases."""
 
     @property
     def seconds(self) -> float:
         """The simulated time [s]."""
 
     def begin(self, phase: Phase, cycle: int) -> None:
-        """Hear of the begin of a phase."""
+        """Be notified that a phase begins."""
 
 
 class Command(Protocol):
-    """What the host asks of a master: one request a cycle, in the management phase."""
+    """A command of the host: one request per cycle, in the management phase."""
 
     def run(self, lists: Lists) -> Task[str]:
-        """Yield orders, take replies, and return in words what came of it."""
+        """Yield requests, take replies, and return the outcome in words."""
 
 
 class CommandFailed(Exception):
@@ -379,10 +359,7 @@ class CommandFailed(Exception):
 
 
 class RunningMaster:
-    """A master at work: a generator that yields each request it sends and is sent the reply.
-
-    Nothing here knows of slaves or of a line, so it can be led by a simulation or by a test.
-    """
+    """A running master; a simulation or a test takes its requests and sends it the replies."""
 
     def __init__(self, settings: Master) -> None:
         self.settings, self.lists = settings, Lists(settings)
@@ -400,7 +377,7 @@ class RunningMaster:
         self._queue.append(command)
 
     def run(self, observer: Observer, active: Mapping[str, int] | None = None) -> Task[None]:
-        """Yield one request after the other and take the replies."""
+        """Yield requests and take replies; begin with slaves that are `active`, if given."""
         lists = self.lists
         self._observer = observer
         lists.clock = lambda: observer.seconds
@@ -444,14 +421,14 @@ class RunningMaster:
     def _take_over(self, active: Mapping[str, int]) -> None:
         for label, outputs in active.items():
             if label not in self.lists.projected:
-                raise ArgumentError(f"slave {label} is active, but not projected")
+                raise ArgumentError(f"slave {label} is active; it must be projected, too")
             key = slave_key(label)[0]
             self.lists.note(key, Identity(self.lists.projected[label], -1))
             self.lists.join(key, 0)
             self.lists.set_output(label, outputs)
 
     def _again(self, what: PreparedRequest, reply: int) -> Task[int]:
-        """Repeat a request whose reply failed."""
+        """Repeat a request after a failed reply."""
         for attempt in range(1, self.repetitions + 1):
             self.attempt = attempt
             reply = yield what
@@ -461,7 +438,7 @@ class RunningMaster:
         return reply
 
     def _send(self, what: PreparedRequest) -> Task[int]:
-        """Send a request, and again if need be."""
+        """Send a request, and repeat it if necessary."""
         reply = yield what
         probing = what.request.call is Call.READ_IO_CONFIGURATION and reply == SILENT
         if reply < 0 and what.expects and not probing:
@@ -469,7 +446,7 @@ class RunningMaster:
         return reply
 
     def _through(self, task: Task[T]) -> Task[T]:
-        """Carry a task out from begin to end, without waiting for the next cycle."""
+        """Carry out a whole task without waiting for the next cycle."""
         reply: int | None = None
         while True:
             try:
@@ -494,7 +471,7 @@ class RunningMaster:
             self.lists.left.add(key)
 
     def _detect(self) -> Task[None]:
-        """Ask at all addresses who is there."""
+        """Look for a slave at every address."""
         self._begin(Phase.DETECTION)
         for key in range(64):
             if self._can_be(key):
@@ -503,12 +480,12 @@ class RunningMaster:
                     self.lists.note(key, identity)
 
     def _can_be(self, key: int) -> bool:
-        """Whether a slave can be here: no half at address 0, and no B beside a standard slave."""
+        """Whether a slave can have a key: no B slave at address 0 or beside a standard slave."""
         first = self.lists.detected.get(key & ~1)
         return key != 1 and (not key & 1 or first is None or first.profile.extended)
 
     def _manage(self) -> Task[None]:
-        """Send at most one request: of the host's command, or for a slave's status."""
+        """Send at most one request: for the host's command, or for a slave's status."""
         if self._command is None and self._queue:
             command = self._queue.popleft()
             self._advance(command, command.run(self.lists), None)
@@ -526,7 +503,7 @@ class RunningMaster:
                 self.lists.periphery(self._turn, bool(status & 2))
 
     def _advance(self, command: Command, task: Task[str], reply: int | None) -> None:
-        """Take a command on to its next request, or to its end."""
+        """Advance a command to its next request or to its end."""
         try:
             self._command = (command, task, next(task) if reply is None else task.send(reply))
             return
@@ -541,9 +518,8 @@ class RunningMaster:
         """Send one request: to the next vacant address, or to a slave that was found there."""
         if self._admission is None:
             task = self._admit(self._vacant())
-            what = next(task)
-        else:
-            task, what = self._admission
+            self._admission = task, next(task)
+        task, what = self._admission
         reply = yield from self._send(what)
         try:
             self._admission = (task, task.send(reply))
@@ -560,7 +536,7 @@ class RunningMaster:
                 return self._probe
 
     def _admit(self, key: int) -> Task[bool]:
-        """Identify whoever is at an address, and take it in, one request a cycle."""
+        """Identify and activate the slave at an address, with one request per cycle."""
         lists = self.lists
         identity = yield from identify(key)
         if identity is None:

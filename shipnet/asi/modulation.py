@@ -1,14 +1,10 @@
 """Alternating pulse modulation: bits -> Manchester levels -> send current -> pulses, and back.
 
-A bit is two half-bits of 3 us. Manchester coding makes a 0 fall and a 1 rise in its middle; the
-sender draws more current at the low level, and the inductors of the power supply turn every change
-of current into a voltage pulse: a rising current gives a negative one. So a telegram is a row of
-*slots*, one per half-bit, each with a pulse -1, +1 or none: the odd slots always hold one (the
-middle of a bit), the even ones only between two equal bits, and the signs alternate.
-
-A telegram of n bits fills 2 n slots; two more must stay empty after it. Seven checks together
-accept the telegrams and nothing else: the tests prove it by exhaustion. Where telegrams overlap,
-the currents of their senders add up, and pulses of opposite sign cancel.
+A bit is two half-bits of 3 us. In Manchester code, a 0 falls and a 1 rises in its middle. The
+sender draws more current at the low level, and the supply's inductors turn each rise of current
+into a negative voltage pulse, each fall into a positive one. A telegram of n bits has 2 n *slots*,
+one per half-bit: a pulse of alternating sign in each odd slot (the middle of a bit) and in the even
+slots between two equal bits. Two empty slots must follow.
 """
 
 from __future__ import annotations
@@ -96,8 +92,8 @@ def _violations(columns: Signs) -> Bools:
     telegram, after = columns[1:-2], columns[-2:]
     middles = telegram[::2]
     empty = telegram == 0
-    # Summed up, the pulses are the send current upside down. It has two levels, so the sum never
-    # spans more than one step; two pulses of one sign in a row make it span two.
+    # The sum of the pulses is the inverted send current, which has two levels; two pulses of one
+    # sign in a row make it span two steps.
     level = np.cumsum(telegram, axis=0, dtype=np.int8)
     span = np.maximum(level.max(axis=0), 0) - np.minimum(level.min(axis=0), 0)
     return np.stack(
@@ -114,23 +110,20 @@ def _violations(columns: Signs) -> Bools:
 
 
 def check_columns(columns: Signs) -> tuple[Signs, Codes]:
-    """Return the bits, in front, and the codes of slots along the first axis."""
+    """Return the bits along the first axis, and the error codes."""
     error = np.zeros(columns.shape[1:], dtype=np.uint8)
     failed = _violations(columns)
-    # The last written is the first checked.
+    # The code that is written last is checked first.
     for kind, fails in reversed(list(zip(CLASSES.values(), failed, strict=True))):
         error[fails] = kind.code
     middles = columns[1:-2:2]
     return np.where(middles == 0, NONE, middles > 0).astype(np.int8), error
 
 
-# Objects ---------------------------------------------------------------------------------------
-
-
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Modulation:
-    r"""Alternating pulse modulation of bits: levels, send current, its spectrum, and the pulses.
+    r"""Alternating pulse modulation of bits: levels, send current, its spectrum, and pulses.
 
     .. math:: i(t) = I_0 \sum_j d_j \, \rho\left(\frac{t}{T_h} - j\right), \qquad
               \rho(x) = x - \frac{\sin 2 \pi x}{2 \pi}
@@ -138,12 +131,12 @@ class Modulation:
     Parameters
     ----------
     bits : str, sequence of str, or array_like of int, shape (..., n)
-        Zeros and ones, the first on the line first: one telegram, or several of one length.
+        The bits, 0 or 1, of one telegram or of several of one length.
 
     Raises
     ------
     ArgumentError
-        If something other than 0 and 1 is among the bits, or telegrams differ in length.
+        If a bit is not 0 or 1, or telegrams differ in length.
 
     References
     ----------
@@ -167,10 +160,10 @@ class Modulation:
             raise ArgumentError("bits must be telegrams of one length") from None
         if array.dtype.kind == "U" and array.size:
             lengths = np.char.str_len(array)
-            if lengths.min() != lengths.max():
+            least, most = lengths.min(), lengths.max()
+            if least != most:
                 raise ArgumentError(
-                    "bits must be telegrams of one length, but have "
-                    f"{lengths.min()} to {lengths.max()}"
+                    f"bits must be telegrams of one length, but have {least} to {most}"
                 )
             array = np.ascontiguousarray(array).view("U1").reshape(*array.shape, -1)
             array = np.where(np.isin(array, ("0", "1")), array == "1", 2)
@@ -192,7 +185,7 @@ class Modulation:
 
     @property
     def levels(self) -> Signs:
-        """Manchester level of each half-bit, 1 for high: a 0 is high then low, a 1 the opposite."""
+        """Manchester level of each half-bit, 1 for high: a 0 is high, then low."""
         return np.stack([1 - self.bits, self.bits], axis=-1).reshape(*self.bits.shape[:-1], -1)
 
     @property
@@ -207,10 +200,7 @@ class Modulation:
         return Pulses(-self.steps)
 
     def current(self, t: npt.ArrayLike, *, start: float = 0.0) -> Floats:
-        """Return the current that the sender draws at times t [s], of a telegram from `start` [A].
-
-        It swings by 60 mA; data sheets say 55 to 68 mA.
-        """
+        """Return the send current at times t [s] of a telegram that begins at `start` [s], in A."""
         begin = check_scalar("start", start, "s", -1e9, 1e9)
         since, steps = (np.asarray(t, dtype=float) - begin) / HALF_BIT, self.steps
         return SEND_CURRENT * (steps @ ramp(since - np.arange(steps.shape[-1])[:, np.newaxis]))
@@ -227,23 +217,23 @@ class Modulation:
         return np.asarray(SEND_CURRENT * ramp_spectrum(s) / s * (steps @ np.exp(-np.outer(at, s))))
 
     def spectrum(self, f: npt.ArrayLike) -> Floats:
-        """Return the spectrum of the slope of the current at frequencies f [Hz], above 0 [A].
+        """Return the spectrum of the current's slope at frequencies f above 0 [Hz], in A.
 
-        The voltage of a telegram is proportional to the slope, on which its pulses rest.
+        The voltage of a telegram is proportional to this slope.
         """
         s = 2j * np.pi * np.asarray(f, dtype=float)
         return np.abs(s * self.transform(s))
 
     @staticmethod
     def pulse_spectrum(f: npt.ArrayLike) -> Floats:
-        """Return the spectrum of one pulse at frequencies f [Hz], over that at 0; 667 kHz is 0."""
+        """Return the spectrum of one pulse at frequencies f [Hz], relative to that at 0."""
         return np.abs(ramp_spectrum(2j * np.pi * np.asarray(f, dtype=float)))
 
     def plot(self, wave: Waveform, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
         """Draw one telegram and its voltage on the line, and return the axes.
 
-        Three axes show levels, current and voltage, as icn2007's Figs 7a and 7b; six, also made
-        if none are given, show all steps from bits to pulses and back, as kim2023's Table 3.
+        Three axes show levels, current and voltage, as icn2007's Figs 7a and 7b. Six, the default,
+        show all steps from bits to pulses and back, as kim2023's Table 3.
         """
         if axes is None:
             six = style.axes(nrows=6, figsize=(7, 9), sharex=True)
@@ -255,15 +245,16 @@ class Modulation:
             )
         bits, t = self.text, wave.t
         edges = np.arange(2 * len(bits) + 1) * HALF_BIT * 1e6
-        current = self.current(t) * 1e3
+        signals = [(1e3 * self.current(t), "C1", "current [mA]"), (u[0], "C2", "voltage [V]")]
+        middle = axes[1:] if len(axes) == 3 else axes[2:4]
+        for ax, (values, colour, label) in zip(middle, signals, strict=True):
+            ax.plot(t * 1e6, values, color=colour)
+            ax.set(ylabel=label)
+        axes[-1].set_xlabel("time [us]")
         if len(axes) == 3:
             axes[0].step(edges, [*self.levels, 1], where="post")
             _write_bits(axes[0], bits, 1.25, va="baseline")
             axes[0].set(ylabel="level [1]", ylim=(-0.2, 1.7))
-            axes[1].plot(t * 1e6, current, color="C1")
-            axes[1].set(ylabel="current [mA]")
-            axes[2].plot(t * 1e6, u[0], color="C2")
-            axes[2].set(ylabel="voltage [V]", xlabel="time [us]")
             return axes
         pulses = self.pulses
         for ax, row, what in [
@@ -274,14 +265,11 @@ class Modulation:
             ax.set(ylabel="level [1]", ylim=(-0.2, 1.2), title=what)
         axes[1].step(edges, [*self.levels, self.levels[-1]], where="post", color="C0")
         axes[1].set(ylabel="level [1]", ylim=(-0.2, 1.2), title="2 Manchester code")
-        axes[2].plot(t * 1e6, current, color="C1")
-        axes[2].set(ylabel="current [mA]", title="3 send current")
-        axes[3].plot(t * 1e6, u[0], color="C2")
-        axes[3].set(ylabel="voltage [V]", title="4 voltage on the line")
+        axes[2].set_title("3 send current")
+        axes[3].set_title("4 voltage on the line")
         slots = np.flatnonzero(pulses)
         axes[4].stem((slots + 0.5) * HALF_BIT * 1e6, pulses.signs[slots], basefmt="0.7")
         axes[4].set(ylabel="pulse [1]", ylim=(-1.4, 1.4), title="5 pulses that the receiver takes")
-        axes[5].set_xlabel("time [us]")
         return axes
 
 
@@ -304,13 +292,13 @@ class Pulses:
     Parameters
     ----------
     signs : str or array_like of int, shape (..., n)
-        -1, 0 or +1; as text, the characters ``-``, ``0`` and ``+``. To be decoded, a telegram of
-        n bits has 2 n of them, and two more for the silence after it, which may be left out.
+        -1, 0 or +1, or ``-``, ``0`` and ``+`` in a text. A telegram of n bits has 2 n signs,
+        which two zeros for the silence after it may follow.
 
     Raises
     ------
     ArgumentError
-        If another value is among the signs.
+        If a sign is another value.
 
     References
     ----------
@@ -318,14 +306,14 @@ class Pulses:
 
     Examples
     --------
-    A lost pulse rarely breaks one rule alone:
+    A lost pulse rarely violates only one rule:
 
     >>> Pulses("0-+-0+-+0-+-0+").decode()
     '0011001'
     >>> Pulses("0-+-0+-00-+-0+00").broken
     ('alternation', 'pause', 'information', 'parity')
 
-    The answers 6 and 5 at once: where they differ, pulses cancel.
+    Two answers at once, 6 and 5; pulses of opposite sign cancel:
 
     >>> Modulation("0011001").pulses + Modulation("0010101").pulses
     0-+-0+-000+-0+
@@ -352,7 +340,7 @@ class Pulses:
     def __array__(
         self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
     ) -> npt.NDArray[Any]:
-        """Return the signs, so that numpy takes pulses for an array."""
+        """Return the signs, so that numpy can use pulses as an array."""
         return np.array(self.signs, dtype=dtype, copy=bool(copy) or None)
 
     @property
@@ -362,10 +350,7 @@ class Pulses:
 
     @property
     def _columns(self) -> Signs:
-        """The signs with the silence after the telegrams; half-bits run along the first axis.
-
-        Along that axis numpy works on many telegrams at a time.
-        """
+        """The signs with the silence after the telegrams; half-bits come first, for speed."""
         signs, lengths = self.signs, (2 * RESPONSE_BITS, 2 * REQUEST_BITS)
         if signs.shape[-1] in lengths:
             signs = np.pad(signs, [(0, 0)] * (signs.ndim - 1) + [(0, 2)])
@@ -387,7 +372,7 @@ class Pulses:
         return np.ascontiguousarray(np.moveaxis(_violations(self._columns), 0, -1))
 
     def decode(self) -> str:
-        """Return the bits of one telegram, or raise the FrameError of the first broken rule."""
+        """Return the bits of one telegram, or raise the FrameError of the first violated rule."""
         pulse: list[int] = self._one(self._columns).tolist()
         last = len(pulse) - 3
         slot = [f"slot {j} holds {_SIGN[sign]}" for j, sign in enumerate(pulse)]
@@ -427,7 +412,7 @@ class Pulses:
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """Names of all the rules that one telegram breaks, in the order of the checks."""
+        """Names of the rules that one telegram violates, in the order of the checks."""
         failed = _violations(self._one(self._columns))
         return tuple(name for name, fails in zip(CLASSES, failed, strict=True) if fails)
 
@@ -438,13 +423,13 @@ class Pulses:
         return CLASSES[broken[0]].__name__ if broken else "ok"
 
     def __add__(self, other: Pulses) -> Pulses:
-        """Return what a receiver finds where two telegrams overlap: opposite signs cancel."""
+        """Return the pulses of two overlapping telegrams: opposite signs cancel."""
         if not isinstance(other, Pulses) or other.signs.shape != self.signs.shape:
             return NotImplemented
         return Pulses(np.sign(self.signs + other.signs))
 
     def plot(self, ax: Axes | None = None, *, faults: Sequence[int] = ()) -> Axes:
-        """Draw the pulses of one telegram half-bit by half-bit, those numbered in `faults` red."""
+        """Draw the pulses of one telegram; those in the slots `faults` are red."""
         ax = style.axes(ax)
         for slot, pulse in enumerate(self.signs):
             colour = style.LIMIT["color"] if slot in faults else "C0"
@@ -462,7 +447,7 @@ class Pulses:
 
 @lru_cache(maxsize=4096)
 def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, int]:
-    """Return what a receiver reads where telegrams overlap, each with the slot of its start."""
+    """Return bits and error code of overlapping telegrams, each with the slot of its start."""
     total = np.zeros(2 * n_bits + 2, dtype=np.int64)
     for telegram, start in telegrams:
         pulses = Modulation(telegram).pulses.signs
@@ -473,19 +458,16 @@ def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, i
     return ("", int(error)) if error else ("".join(map(str, bits)), 0)
 
 
-def _one_pulse_codes() -> tuple[tuple[int, ...], ...]:
+def _one_pulse_codes() -> list[list[int]]:
     table = []
     for word in np.pad(Modulation(RESPONSES).pulses.signs, ((0, 0), (0, 2))):
-        wrong = [
-            np.where(np.arange(word.size) == slot, value, word)
-            for slot in range(word.size)
-            for value in (-1, 0, 1)
-            if value != word[slot]
-        ]
-        table.append(tuple(Pulses(wrong).check()[1].tolist()))
-    return tuple(table)
+        hit = np.eye(word.size, dtype=bool)[:, np.newaxis]
+        all_values = np.where(hit, np.array([[-1], [0], [1]]), word)
+        wrong = all_values[(all_values != word).any(axis=-1)]
+        table.append(Pulses(wrong).check()[1].tolist())
+    return table
 
 
-#: For each answer 0..15 the error codes of its 32 disturbances of one slot: a pulse lost, turned
-#: round or added, in any of the 16 half-bits that its receiver looks at. None of them is 0.
+#: The error codes of each answer 0..15 with one slot disturbed: a pulse is lost, inverted or
+#: added in one of the 16 half-bits. None of the 32 codes is 0.
 ONE_PULSE_CODES = _one_pulse_codes()

@@ -1,7 +1,7 @@
-"""The plan of an AS-i installation: which elements there are, and what hangs together.
+"""The plan of an AS-i installation: its elements, and how they are connected.
 
-Cables that meet at nodes make a *segment*, one electrical network; segments coupled by repeaters
-make a *line*, which one master asks. A plan may hold several lines: a ship has more than one.
+Cables that meet at nodes form a *segment*, one electrical network. Segments coupled by repeaters
+form a *line*, which one master polls. A plan may have several lines.
 """
 
 from __future__ import annotations
@@ -75,27 +75,27 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
     "repeater": ("D", "C1", 6),
     "terminator": ("|", "0.2", 14),
     "slave": ("o", "C0", 4),
-    "slave, passed": ("o", "C2", 4),
-    "slave, failed": ("o", LIMIT["color"], 4),
+    "slave, passed": ("o", "C0", 4),
+    "slave, failed": ("X", LIMIT["color"], 7),
 }
 
-#: Most slaves that are named one by one.
+#: Most slaves that a drawing labels.
 _NAMED = 12
 
 
 @checked
 @dataclass(frozen=True, repr=False)
 class Plan:
-    """An installation: cables, and what is clamped to them.
+    """An installation: cables and the devices on them.
 
     Parameters
     ----------
     cables : iterable of CableRun
         At least one.
     masters : iterable of Master, optional
-        One per line; another number breaks a rule, but can be planned.
+        One per line; any other number violates a rule.
     supplies : iterable of Supply, optional
-        One per segment, likewise.
+        One per segment; any other number violates a rule.
     slaves : iterable of Slave, optional
         Slaves.
     repeaters : iterable of Repeater, optional
@@ -106,10 +106,9 @@ class Plan:
     Raises
     ------
     ArgumentError
-        If the elements do not make a network. All faults are named: a cable that lies there
-        already or closes a second ring in its segment, a device without a node or at one that no
-        cable reaches, a repeater with both ends in one segment, or by which a telegram could come
-        two ways.
+        If the elements do not form a network: two cables connect the same nodes, a segment has
+        two rings, a device has no node or one without a cable, a repeater has both ends in one
+        segment, or telegrams have two paths. All such faults are named.
 
     Examples
     --------
@@ -151,69 +150,54 @@ class Plan:
             yield from getattr(self, name)
 
     def __str__(self) -> str:
-        counts = {
-            "master": len(self.masters),
-            "slave": len(self.slaves),
-            "repeater": len(self.repeaters),
-            "segment": len(self.segments),
-        }
-        return ", ".join(f"{n} {name}{'s' if n != 1 else ''}" for name, n in counts.items())
+        parts = [("master", self.masters), ("slave", self.slaves), ("repeater", self.repeaters)]
+        counts = [(name, len(some)) for name, some in [*parts, ("segment", self.segments)]]
+        return ", ".join(f"{n} {name}{'s' if n != 1 else ''}" for name, n in counts)
 
     def __repr__(self) -> str:
         return f"<Plan: {self}>"
 
-    # What hangs together -----------------------------------------------------------------------
+    # Structure ---------------------------------------------------------------------------------
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
         """Segments in the order of their first cable."""
-        groups = Groups()
+        groups, lines = Groups(), Groups()
         for cable in self.cables:
             groups.join(cable.a, cable.b)
-        lines = Groups()
+        ends = [(one, node) for one in self.repeaters for node in (one.a, one.b)]
         for repeater in self.repeaters:
             lines.join(groups.leader(repeater.a), groups.leader(repeater.b))
         leaders = list(dict.fromkeys(groups.leader(cable.a) for cable in self.cables))
-        numbers = {
-            line: n for n, line in enumerate(dict.fromkeys(lines.leader(x) for x in leaders))
-        }
+        order = list(dict.fromkeys(map(lines.leader, leaders)))
 
         def within(elements: Iterable[_E], leader: str) -> tuple[_E, ...]:
             return tuple(e for e in elements if groups.leader(nodes_of(e)[0]) == leader)
 
         # From each line's first master outward, repeater by repeater.
         reached: dict[str, tuple[str, tuple[Repeater, ...], float]] = {}
-        waiting: list[tuple[str, tuple[Repeater, ...], float]] = []
-        started = set()
         for master in self.masters:
-            line = lines.leader(groups.leader(master.node))
-            if line not in started:
-                started.add(line)
-                waiting.append((master.node, (), 0.0))
-        while waiting:
-            head, path, lead = waiting.pop(0)
-            here = groups.leader(head)
-            reached[here] = (head, path, lead)
-            metres = shortest_paths(within(self.cables, here), head)
-            for repeater in self.repeaters:
-                for near, far in ((repeater.a, repeater.b), (repeater.b, repeater.a)):
+            if groups.leader(master.node) in reached:
+                continue
+            waiting: list[tuple[str, tuple[Repeater, ...], float]] = [(master.node, (), 0.0)]
+            while waiting:
+                head, path, lead = waiting.pop(0)
+                here = groups.leader(head)
+                reached[here] = (head, path, lead)
+                metres = shortest_paths(within(self.cables, here), head)
+                for repeater, near in ends:
+                    far = repeater.b if near == repeater.a else repeater.a
                     if groups.leader(near) == here and groups.leader(far) not in reached:
                         waiting.append((far, (*path, repeater), lead + metres[near]))
-
         return tuple(
             Segment(
-                numbers[lines.leader(leader)],
+                order.index(lines.leader(leader)),
                 within(self.cables, leader),
                 within(self.masters, leader),
                 within(self.supplies, leader),
                 within(self.slaves, leader),
                 within(self.terminators, leader),
-                tuple(
-                    (repeater, node)
-                    for repeater in self.repeaters
-                    for node in (repeater.a, repeater.b)
-                    if groups.leader(node) == leader
-                ),
+                tuple(end for end in ends if groups.leader(end[1]) == leader),
                 *reached.get(leader, (None, (), 0.0)),
             )
             for leader in leaders
@@ -222,20 +206,17 @@ class Plan:
     @property
     def lines(self) -> tuple[tuple[Segment, ...], ...]:
         """The segments of each line."""
-        count = 1 + max(segment.line for segment in self.segments)
-        return tuple(
-            tuple(segment for segment in self.segments if segment.line == line)
-            for line in range(count)
-        )
+        numbers = dict.fromkeys(segment.line for segment in self.segments)
+        return tuple(tuple(one for one in self.segments if one.line == n) for n in numbers)
 
     def only(self, what: str) -> Segment:
-        """Return the one segment of a plan of one segment, or raise; `what` wants to know."""
+        """Return the segment of a plan of one segment; else raise an error about `what`."""
         if len(self.segments) != 1:
             raise ArgumentError(f"{what} is of one segment; the plan has {len(self.segments)}")
         return self.segments[0]
 
     def only_line(self, what: str) -> tuple[Segment, ...]:
-        """Return the segments of a plan of one line, or raise; `what` wants to know."""
+        """Return the segments of a plan of one line; else raise an error about `what`."""
         if len(self.lines) != 1:
             raise ArgumentError(f"{what} is of one line; the plan has {len(self.lines)}")
         return self.lines[0]
@@ -243,7 +224,7 @@ class Plan:
     # Other plans -------------------------------------------------------------------------------
 
     def renamed(self, prefix: str) -> Plan:
-        """Return the same plan with a prefix before the name of each node."""
+        """Return the same plan with a prefix before each node's name."""
 
         def moved(element: Element) -> Element:
             ends = [name for name in ("node", "a", "b") if hasattr(element, name)]
@@ -263,10 +244,9 @@ class Plan:
     ) -> Plan:
         """Return this plan with another one downstream of a repeater at one of its nodes.
 
-        The repeater takes the place of the other plan's one master. `prefix` is put before the
-        names of the other plan's nodes; its slaves keep their order and halves, and their
-        addresses begin at `first`, by default after those in use here. Raises ArgumentError if
-        an address goes beyond 31, if the names clash, or unless the other plan has one master.
+        The repeater replaces the other plan's only master. The names of the other plan's nodes
+        get the `prefix`; the addresses of its slaves begin at `first`, by default after those in
+        use here.
         """
         downstream = other.renamed(prefix)
         if len(downstream.masters) != 1:
@@ -288,10 +268,10 @@ class Plan:
         return plan_of([*self, *kept, *moved, link])
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the plan as a CSV file, from which `read_plan` makes the same plan."""
+        """Write the plan as a CSV file, which `read_plan` reads."""
         write_elements(list(self), path)
 
-    # What it does ------------------------------------------------------------------------------
+    # Evaluation --------------------------------------------------------------------------------
 
     def check(
         self,
@@ -302,17 +282,15 @@ class Plan:
     ) -> PlanFindings:
         """Check the plan against every rule of AS-i.
 
-        `wanted_cycle` is the time within which every slave shall be heard again [s]: without it
-        the rule ``update_time`` is left out. A `transaction` takes 26 bit times unless given;
-        `limits` has the form of `rule_limits`. What cannot be computed of a segment is one row
-        ``voltages_and_signals`` that is ``not verified`` and says why: voltages need one supply
-        per segment, signals and delays a master on the line.
+        Each slave must be polled within `wanted_cycle` [s]; if omitted, the rule ``update_time``
+        is left out. `limits` has the form of `rule_limits`. A segment without exactly one supply
+        or without a master on its line has a row ``voltages_and_signals``, ``not verified``, that
+        says why.
 
-        Signals are judged by the worst of all responses and of three requests, which is stricter
-        than `quality`, which judges the responses. They rest on nominal cables and on assumed
-        decoupling, send current and repeaters: they tell which slave is the critical one better
-        than by how many millivolts it passes. The length of 500 m between two slaves is not a rule
-        of its own: it follows from two repeaters to either side of a master in the middle.
+        Signals are the worst of all responses and of three requests (`quality` judges responses
+        only). They depend on nominal cables and on assumed decoupling, send current and repeaters,
+        so they show the critical slave better than its margin in millivolts. The limit of 500 m
+        between two slaves follows from two repeaters on either side of a master in the middle.
         """
         return PlanFindings(check_lines(self.lines, wanted_cycle, transaction, limits), self)
 
@@ -332,16 +310,15 @@ class Plan:
     ) -> Waveform:
         """Return the voltages of telegrams between the master and each slave, or one node.
 
-        By default all 16 responses are sent; `telegrams` may also be one telegram, or the bits of
-        several of one length. By reciprocity the voltage is what the master hears of a slave and
-        what the slave hears of the master. It is the signal alone, without the 30 V of the
+        `telegrams` is one telegram or the bits of several of one length; by default all 16
+        responses. The voltage holds for both directions. It is the signal without the 30 V of the
         supply, sampled every `dt` [s], a whole fraction of 3 us, from `before` the telegram to
         `after` its end [s]. The plan must have one segment with a master.
         """
         segment = self.only("waveform")
-        nodes = tuple(node for _, node in segment.listeners) if node is None else (node,)
-        words = RESPONSES if telegrams is None else telegrams
-        wave = segment.waveform(words, nodes, dt=dt, before=before, after=after)
+        nodes = [node for _, node in segment.listeners] if node is None else [node]
+        words = RESPONSES if telegrams is None else getattr(telegrams, "bits", telegrams)
+        (wave,) = segment.waveforms(nodes, words, dt=dt, before=before, after=after)
         return wave if node is None else replace(wave, u=wave.u[0], names=())
 
     def record(
@@ -357,37 +334,13 @@ class Plan:
     ) -> LineWaveform:
         """Return what a scope records while the master polls the slaves of a plan of one segment.
 
-        The cables decide who hears whom: a slave answers what it receives, and the master repeats
-        what fails, drops slaves, and looks for new ones. All slaves are active at the start, and
-        their inputs change at random.
+        Each slave answers what it receives; the master repeats requests, drops slaves and looks
+        for new ones. All slaves are active at the start, and their inputs change at random.
 
-        Parameters
-        ----------
-        duration : float, default 20e-3
-            Length of the record, 1e-3..0.2 [s].
-        node : str, optional
-            Where the scope is; at the master if omitted.
-        dt : float, default 250e-9
-            Sampling interval, 50e-9..500e-9 and a whole fraction of 3e-6 [s].
-        weak : mapping of str to float, optional
-            Send current of slaves by their label, over the nominal 60 mA, 0..10.
-        disturbance : Disturbance, optional
-            One of `shipnet.asi.emc`, heard everywhere alike.
-        amplitude : float, default 0.0
-            Its amplitude [V].
-        rng : int or numpy.random.Generator, optional
-            Source of the inputs, of the slaves' delays and of the disturbance.
-
-        Returns
-        -------
-        shipnet.line.Waveform
-            Voltage between the two wires, on that of the supply [V].
-
-        Raises
-        ------
-        ArgumentError
-            If a value is out of range, a label or node is not in the plan, or the plan has more
-            than one segment, no master or no slave.
+        The record has a `duration` of 1e-3..0.2 [s], sampled every `dt`, 50e-9..500e-9 and a whole
+        fraction of 3e-6 [s], at `node`, by default the master's. `weak` has the send currents of
+        slaves by label, relative to 60 mA, 0..10. A `disturbance` of `shipnet.asi.emc` with an
+        `amplitude` [V] is heard at all nodes alike.
 
         Examples
         --------
@@ -402,23 +355,20 @@ class Plan:
         )  # fmt: skip
 
     def quality(self) -> Quality:
-        """Return how the 16 responses come over from each slave of a plan of one segment.
-
-        `check` judges three requests as well, and is stricter.
-        """
-        slaves = self.only("quality").slaves
-        found = self.only("quality").quality([slave.node for slave in slaves])
-        return found._replace(slaves=tuple(slave.label for slave in slaves))
+        """Return how the 16 responses arrive from each slave of a plan of one segment."""
+        segment = self.only("quality")
+        found = segment.quality([slave.node for slave in segment.slaves], RESPONSES)
+        return found._replace(slaves=tuple(slave.label for slave in segment.slaves))
 
     def error_rates(
         self, noise_density: float, *, receivers: Mapping[str, Receiver] = RECEIVERS
     ) -> pd.DataFrame:
         """Return how often white noise costs a telegram, in a plan of one segment with a master.
 
-        The noise has a one-sided `noise_density` at every receiver [V per root hertz]. One row per
-        slave and receiver: `minimum_V` of the receiver; `request` and `response`, the probability
-        that one is not received as it was sent; `exchange`, that either is not. They are NaN where
-        `emc.error_rate` cannot say; `why` has the reason.
+        The noise has a one-sided `noise_density` at every receiver [V per root hertz]. The table
+        has one row per slave and receiver: its `minimum_V`, and the probabilities that a `request`,
+        a `response`, or either (`exchange`) is not received correctly. They are NaN where
+        `emc.error_rate` cannot compute them; `why` has the reason.
         """
         from shipnet.asi.emc.error_rates import error_rate
 
@@ -428,14 +378,13 @@ class Plan:
         for place, slave in enumerate(self.slaves):
             own = [replace(wave, u=wave.u[place], names=()) for wave in waves]
             for name, receiver in receivers.items():
-                request = response = np.nan
                 why = ""
                 try:
                     request, response = (
                         error_rate(wave, noise_density, receiver=receiver).item() for wave in own
                     )
                 except ArgumentError as reason:
-                    why = str(reason)
+                    request, response, why = np.nan, np.nan, str(reason)
                 exchange = request + response - request * response
                 rows.append((slave.label, name, receiver.minimum, request, response, exchange, why))
         columns = ["slave", "receiver", "minimum_V", "request", "response", "exchange", "why"]
@@ -443,32 +392,28 @@ class Plan:
 
     @property
     def voltages(self) -> dict[str, float]:
-        """Voltage of the supply left at each node [V]; each segment needs one supply."""
-        return {
-            node: volts for segment in self.segments for node, volts in segment.voltages.items()
-        }
+        """Supply voltage at each node [V]; each segment needs one supply."""
+        return dict(pair for segment in self.segments for pair in segment.voltages.items())
 
     @property
     def cycle(self) -> Cycle:
-        """How a plan of one line is polled."""
+        """Polling cycle of a plan of one line."""
         used = self._addresses()
         pairs = sum(number > 1 for number in used.values())
         return Cycle(len(used) + pairs, pairs=pairs)
 
     def _addresses(self) -> Counter[int]:
-        line = self.only_line("cycle")
-        slaves = [slave for segment in line for slave in segment.slaves if slave.address]
-        return Counter(slave.address for slave in slaves)
+        self.only_line("cycle")
+        return Counter(slave.address for slave in self.slaves if slave.address)
 
     def response_times(
         self, *, direction: Direction = "in", repetitions: int = 0, host: float = 0.0
     ) -> pd.DataFrame:
-        """Return how soon and how late the host knows of a change at each slave.
+        """Return the response times of each slave of a plan of one line.
 
-        One row per slave of a plan of one line: `best_s`, `typical_s` and `worst_s`, as
-        `Cycle.response_time` has them, with the slave's profile, channels and conversion, and
-        `update_s`, after which the slave is heard again. They are NaN where nobody knows how a
-        profile transfers its values; `why` says so.
+        `best_s`, `typical_s` and `worst_s` are those of `Cycle.response_time`, `update_s` is that
+        of `Cycle.update_time`. They are NaN, with a reason in `why`, if it is not known how a
+        profile transfers its values.
         """
         used, cycle = self._addresses(), self.cycle
         again = check_whole("repetitions", repetitions, 0, 10_000)
@@ -490,9 +435,9 @@ class Plan:
         return table.rename_axis("slave")
 
     def utilisation(self, update: float, *, repetitions: int = 0, host: float = 0.0) -> Utilisation:
-        """Return how far a plan of one line is used, where each point needs an `update` [s].
+        """Return the use of a plan of one line if each point needs an `update` [s].
 
-        `repetitions` and `host` as in `response_times`; NaN where that has one.
+        `repetitions` and `host` are those of `Cycle.response_time`.
         """
         check_scalar("update", update, "s", 1e-6, 1e6)
         times = self.response_times(repetitions=repetitions, host=host)
@@ -501,11 +446,10 @@ class Plan:
         return Utilisation(float(self.cycle.bus_time), float(np.max(shares)), float(worst))
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
-        """Draw the plan to scale along the cable, the slaves in the colour of their verdict.
+        """Draw the plan to scale along the cable; slaves that violate a rule are red crosses.
 
-        A slave that violates a rule is red, a segment that does has red cable. A cable that
-        closes a ring is dashed, a repeater is joined to both of its nodes. Up to 12 slaves are
-        named.
+        A segment that violates a rule has red cable. A cable that closes a ring is dashed. Up to
+        12 slaves are labelled.
         """
         ax = style.axes(ax)
         table = None if findings is None else findings.table()
@@ -524,71 +468,52 @@ class Plan:
             if placed.closing is not None:
                 ax.plot(*(placed.closing + origin[:, np.newaxis]), "--", color=colour, zorder=1)
             top += placed.lowest - 1.5
-        for master in self.masters:
-            points["master"].append(places[master.node])
-        for supply in self.supplies:
-            points["supply"].append(places[supply.node])
-        for terminator in self.terminators:
-            points["terminator"].append(places[terminator.node])
+        devices: tuple[Any, ...] = (*self.masters, *self.supplies, *self.terminators)
+        for device in devices:
+            points[type(device).__name__.lower()].append(places[device.node])
         for repeater in self.repeaters:
             ends = np.array([places[repeater.a], places[repeater.b]])
             ax.plot(*ends.T, ":", color="C1", zorder=1)
-            # Clear of the branches that hang on the upper one.
+            # Clear of the branches at the upper node.
             points["repeater"].append(ends[ends[:, 1].argmin()] + [0, 0.75])
         for slave in self.slaves:
-            verdict = (
-                "slave"
-                if table is None
-                else f"slave, {'failed' if str(slave) in failed else 'passed'}"
-            )
-            points[verdict].append(places[slave.node])
+            verdict = ", failed" if str(slave) in failed else ", passed"
+            points["slave" + ("" if findings is None else verdict)].append(places[slave.node])
         if len(self.slaves) <= _NAMED:
             for node in dict.fromkeys(slave.node for slave in self.slaves):
                 labels = " ".join(slave.label for slave in self.slaves if slave.node == node)
                 ax.annotate(
                     labels, tuple(places[node]), (0, 6), textcoords="offset points",
-                    ha="center", fontsize=8,
+                    ha="center",
                 )  # fmt: skip
         for label, (marker, colour, size) in _MARKS.items():
-            if points[label]:
-                x, y = np.transpose(points[label])
-                ax.plot(
-                    x,
-                    y,
-                    marker=marker,
-                    color=colour,
-                    markersize=size,
-                    linestyle="none",
-                    label=label,
-                )
-        ax.set(
-            xlabel="distance from the master [m]",
-            yticks=[],
-            ylim=(1.04 * top + 0.7, 0.8 - 0.04 * top),
-        )
+            if points[label] or (table is not None and label.startswith("slave,")):
+                look = {"marker": marker, "color": colour, "markersize": size, "linestyle": "none"}
+                ax.plot(*np.reshape(points[label], (-1, 2)).T, label=label, **look)
+        ax.spines["left"].set_visible(False)
+        ax.set(xlabel="distance from the master [m]", yticks=[])
+        ax.set_ylim(1.04 * top + 0.7, 0.8 - 0.04 * top)
         style.legend(ax, 6)
         return ax
 
 
 class PlanFindings(Findings):
-    """What the rules say of a plan; the drawing shows it."""
+    """The findings of a plan, which its drawing shows."""
 
     def __init__(self, table: pd.DataFrame, plan: Plan) -> None:
         super().__init__(table)
         self.plan = plan
 
     def plot(self, *, ax: Axes | None = None) -> Axes:
-        """Draw the plan; what violates a rule is red."""
+        """Draw the plan; slaves that violate a rule are red crosses."""
         return self.plan.plot(self, ax=ax)
 
 
 def plan_of(elements: Iterable[Element]) -> Plan:
     """Return the plan of elements in any order."""
     given = list(elements)
-    parts: dict[str, list[Any]] = {
-        name: [one for one in given if isinstance(one, kind)] for name, kind in _KINDS.items()
-    }
-    return Plan(**parts)
+    kinds: list[Any] = [[one for one in given if isinstance(one, kind)] for kind in _KINDS.values()]
+    return Plan(*kinds)
 
 
 @checked
@@ -598,10 +523,9 @@ def read_plan(path: str | PathLike[str]) -> Plan:
     Parameters
     ----------
     path : path
-        File with a row of column titles, upper or lower case, and one row an element. Separated
-        by commas, semicolons or tabs; with semicolons or tabs a decimal comma is understood.
-        UTF-8 with or without a mark, UTF-16 with a mark, or Windows-1252. Blank rows are skipped.
-        Or an Excel workbook with such a sheet.
+        Table with column titles and one row per element: an Excel workbook, or text separated by
+        commas, semicolons or tabs in UTF-8, UTF-16 with a mark, or Windows-1252. With semicolons
+        or tabs, numbers may have decimal commas.
 
     Returns
     -------
@@ -611,8 +535,8 @@ def read_plan(path: str | PathLike[str]) -> Plan:
     Raises
     ------
     InputError
-        If the file cannot be read, or does not describe a network: every fault with its row,
-        column and value, and what was expected.
+        If the file cannot be read or does not describe a network; all faults are named with row,
+        column, value and what was expected.
 
     Examples
     --------
@@ -628,7 +552,7 @@ def read_plan(path: str | PathLike[str]) -> Plan:
 
 
 class Comparison:
-    """Qualities of several plans, by name."""
+    """Qualities of several plans by name."""
 
     def __init__(self, qualities: Mapping[Any, Quality]) -> None:
         self.qualities = dict(qualities)
@@ -637,11 +561,8 @@ class Comparison:
         good = int(self.within_tolerance.sum())
         return f"<Comparison: {len(self.qualities)} plans, {good} within tolerance>"
 
-    def table(self, *, by_slave: bool = False) -> pd.DataFrame:
-        """Return the worst slave of each plan, one row per plan, or one row per slave of each."""
-        if by_slave:
-            parts = {name: one.table() for name, one in self.qualities.items()}
-            return pd.DataFrame(pd.concat(parts, names=["plan"]))
+    def table(self) -> pd.DataFrame:
+        """Return the worst value of all slaves, one row per plan."""
         rows = {
             name: (
                 len(q.received), q.received.min(), q.level_least.min(), q.evenness.min(),
@@ -655,7 +576,7 @@ class Comparison:
 
     @property
     def within_tolerance(self) -> Bools:
-        """Which plans keep all their slaves within both tolerances."""
+        """Which plans have all slaves within both tolerances."""
         return np.array([bool(one.within_tolerance.all()) for one in self.qualities.values()])
 
     def plot(self, ax: Axes | None = None, *, label: str = "", **line: Any) -> Axes:
@@ -666,36 +587,28 @@ class Comparison:
         ax = style.axes(ax)
         table = self.table()
         name = f", {label}" if label else ""
-        for column, colour, what in (
-            ("evenness", "C0", "weakest pulse"),
-            ("ringing", "C1", "ringing"),
-        ):
-            ax.plot(x, 100 * table[column], color=colour, label=what + name, **line)
+        ax.plot(x, 100 * table["evenness"], color="C0", label="weakest pulse" + name, **line)
+        ax.plot(x, 100 * table["ringing"], color="C1", label="ringing" + name, **line)
         style.limit(ax, 100 * TOLERANCE.evenness, "weakest pulse,\nat least")
         style.limit(ax, 100 * TOLERANCE.ringing, "ringing,\nat most")
         ax.set(ylabel="share of the largest pulse [%]", ylim=(0, 112))
-        style.legend(ax)
+        style.legend(ax, 2)
         return ax
 
 
 @checked
 def compare(plans: Mapping[Any, Plan]) -> Comparison:
-    """Compare how the responses of slaves come over in several plans.
+    """Compare how the responses of slaves arrive in several plans.
 
     Parameters
     ----------
     plans : mapping of str or float to Plan
-        The plans, each of one segment, by name or by what differs, such as the length [m].
+        At least one plan, each of one segment, by name or by a number such as the length [m].
 
     Returns
     -------
     Comparison
-        It has ``table(by_slave=False)``, ``within_tolerance`` and ``plot(ax)``.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no plan.
+        It has ``table()``, ``within_tolerance`` and ``plot(ax)``.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What a slave says of itself: ports, identity, profile and status."""
+"""What a slave reports about itself: profile, ports and status."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Port = Literal["IN", "OUT", "I/O", "TRI"]
 _PORTS: dict[str, Port] = {"I": "IN", "O": "OUT", "B": "I/O", "T": "TRI"}
 
 # Ports D0..D3 for the codes 0..F, from OMRON CQM1-ARM21 manual W357 (1999), p. 63, and the
-# SAP5S/SAP51 data sheet (2012), p. 39: I input, O output, B both, T without function.
+# SAP5S/SAP51 data sheet (2012), p. 39: I input, O output, B both, T no function.
 _CODES = "IIII IIIO IIIB IIOO IIBB IOOO IBBB BBBB OOOO OOOI OOOB OOII OOBB OIII OBBB TTTT"
 
 #: The ports D0..D3 for every I/O configuration code 0..15.
@@ -31,9 +31,7 @@ _STATUS = ("address or ID code still volatile", "periphery fault", "reserved", "
 def describe_io_configuration(code: int) -> str:
     """Return what the ports of an I/O configuration code do."""
     ports = IO_CONFIGURATIONS[check_whole("code", code, 0, 15)]
-    if ports[0] == "TRI":
-        return "no port has a function"
-    return f"ports D0..D3 {' '.join(ports)}"
+    return "no port has a function" if "TRI" in ports else f"ports D0..D3 {' '.join(ports)}"
 
 
 def describe_status(status: int) -> str:
@@ -45,7 +43,7 @@ def describe_status(status: int) -> str:
 
 @record(slots=True)
 class Profile:
-    """A slave's profile, as its nameplate prints it: ``S-7.A.E``.
+    """A slave's profile, printed on its nameplate as ``S-7.A.E``.
 
     Examples
     --------
@@ -70,7 +68,7 @@ class Profile:
 
     @property
     def output_bits(self) -> int:
-        """Output bits in one request: an A/B slave gives one of four up for the select bit."""
+        """Output bits in one request: for an A/B slave, the select bit takes one of the four."""
         return 3 if self.extended else 4
 
     def __str__(self) -> str:
@@ -80,7 +78,7 @@ class Profile:
     @classmethod
     @lru_cache(maxsize=256)
     def parse(cls, text: str | Profile) -> Profile:
-        """Read the nameplate form; a profile is returned as it is."""
+        """Return the profile of a nameplate; a profile is returned unchanged."""
         if isinstance(text, Profile):
             return text
         found = re.fullmatch(r"[Ss]-([0-9A-Fa-f])\.([0-9A-Fa-f])(?:\.([0-9A-Fa-f]))?", text)
@@ -92,7 +90,7 @@ class Profile:
 
     @property
     def ports(self) -> tuple[Port, ...]:
-        """What the ports D0..D3 do: ``"IN"``, ``"OUT"``, ``"I/O"`` or ``"TRI"``, no function."""
+        """What the ports D0..D3 do: ``"IN"``, ``"OUT"``, ``"I/O"``, or ``"TRI"`` for nothing."""
         return IO_CONFIGURATIONS[self.io]
 
     @classmethod
@@ -105,21 +103,17 @@ class Profile:
     def plot_table(cls, ax: Axes | None = None) -> Axes:
         """Draw the ports of the 16 I/O configuration codes as a grid, one column per code."""
         ax = style.axes(ax, figsize=(8, 2))
-        colours = {
-            "IN": style.FIELD["address"],
-            "OUT": style.FIELD["information"],
-            "I/O": style.FIELD["parity"],
-            "TRI": style.FIELD["frame"],
-        }
+        fields = {"IN": "address", "OUT": "information", "I/O": "parity", "TRI": "frame"}
         for code, ports in enumerate(IO_CONFIGURATIONS):
             for row, port in enumerate(ports):
-                style.box(ax, code, row, 1, 1, facecolor=colours[port], edgecolor="white")
-                ax.text(code + 0.5, row + 0.5, port, ha="center", va="center", fontsize=8)
+                colour = style.FIELD[fields[port]]
+                style.box(ax, code, row, 1, 1, facecolor=colour, edgecolor="white")
+                ax.text(code + 0.5, row + 0.5, port, ha="center", va="center")
         codes = range(len(IO_CONFIGURATIONS))
         ax.set_xticks([code + 0.5 for code in codes], [f"{code:X}" for code in codes])
         ax.set_yticks([row + 0.5 for row in range(4)], [f"D{row}" for row in range(4)])
-        ax.set(xlim=(0, len(codes)), ylim=(4, 0), xlabel="I/O configuration code [hexadecimal]")
-        ax.set_ylabel("port")
+        ax.set(xlim=(0, len(codes)), ylim=(4, 0), ylabel="port")
+        ax.set_xlabel("I/O configuration code [hexadecimal]")
         ax.grid(visible=False)
         ax.tick_params(length=0)
         ax.spines[:].set_visible(False)

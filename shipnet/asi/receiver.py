@@ -1,8 +1,7 @@
 """Line voltage -> pulses -> bits: the receiver of a master or a slave, for many telegrams at once.
 
-The receiver waits for the first pulse, takes its size as the measure of all others, looks at the
-line once every half-bit after it, and calls a pulse what is larger than half of the first. What it
-finds goes through the seven checks of `shipnet.asi.modulation`.
+It waits for the first pulse, looks at the line once every half-bit after it, and takes for a pulse
+what is larger than half of the first. The seven checks of `shipnet.asi.modulation` follow.
 """
 
 from __future__ import annotations
@@ -33,11 +32,11 @@ RNGLike = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence 
 #: Voltage below which nothing counts [V]: 30 % of 1.5 V, the smallest signal of 3 V peak to peak.
 MINIMUM = 0.45
 
-#: Sampling intervals that are taken [s]: the longest leaves three samples a half-bit, the shortest
-#: makes a pulse 3000 samples long, and anything finer only costs time.
+#: Legal sampling intervals [s]: the longest leaves three samples per half-bit; anything finer than
+#: the shortest, 3000 samples per pulse, only costs time.
 _DT = (1e-9, 1e-6)
 
-#: Samples worked on at a time: they and what is made of them stay in a core's own cache.
+#: Samples worked on at a time: they and the results stay in a core's own cache.
 _SAMPLES = 2**18
 
 #: Taps from which on a transform filters faster than products with matrices.
@@ -46,16 +45,15 @@ _LONG = 64
 #: Blocks that are multiplied at a time, so that all stay in a core's own cache.
 _BLOCKS = 2**10
 
-#: From the first sample above the minimum the first pulse peaks within this many half-bits: one
-#: for the filtered pulse, which is two long, and the delay of the supply's 78 ohm || 100 uH.
+#: The first pulse peaks within this many half-bits of the first sample above the minimum: one for
+#: the filtered pulse, which is two long, and the delay of the supply's 78 ohm || 100 uH.
 _REACH = 1.25
 
-
-#: A telegram that is listened for has its first pulse by then [s].
+#: Time by which most telegrams have had their first pulse [s].
 _EARLY = 16e-6
 
 #: Relative difference below which two heights are equal, and voltage below which a sample is zero
-#: [V]: no decision depends on how a sum was rounded.
+#: [V], so that no decision depends on rounding.
 _EVEN, _LEAST = 1e-9, 1e-9
 
 
@@ -64,7 +62,7 @@ class Disturbance(Protocol):
 
     @property
     def quantity(self) -> str:
-        """What its amplitude is, in words; noise names its bandwidth."""
+        """What its amplitude measures, in words."""
 
     def voltage(
         self,
@@ -82,29 +80,27 @@ class Disturbance(Protocol):
 class Reception(NamedTuple):
     """What a receiver made of a batch of telegrams; the leading axes are those of the voltage.
 
-    Where nothing was received, the code is that of `SilenceError`, the bits are -1, the slots 0
-    and the other fields NaN. `weakest` and `ringing` are taken from the samples by which the
-    receiver decides, so from filtered ones if it filters; `amplitude` never is: the filter raises
-    what the supply made longer than a sin^2 pulse, by a fifth on a line of 100 m.
+    Where nothing was received, the error is that of `SilenceError`, bits are -1, slots 0 and the
+    other fields NaN.
 
     Attributes
     ----------
     bits : ndarray of int8, shape (..., n_bits)
-        The bits, and -1 where there is none; to be trusted only where `error` is 0.
+        The bits, -1 where there is none; valid only where `error` is 0.
     error : ndarray of uint8, shape (...)
         0, or a code of `shipnet.errors`.
     start : ndarray of float, shape (...)
-        When the telegram starts [s] after the first sample, 1.5 half-bits before the peak of its
-        first pulse. The supply delays the pulses: on a line it is about 1 us late.
+        Start of the telegram after the first sample [s], 1.5 half-bits before the peak of its first
+        pulse. The supply delays the pulses: on a line it is about 1 us late.
     amplitude : ndarray of float, shape (...)
-        Size of the first pulse on the line [V]: its largest sample, before any filter.
+        Largest sample of the first pulse on the line, before any filter [V].
     weakest : ndarray of float, shape (...)
-        Smallest pulse over largest pulse, 0..1.
+        Smallest pulse over largest pulse, as the receiver decides, so filtered if it filters.
     ringing : ndarray of float, shape (...)
-        Largest voltage in a slot without a pulse over largest pulse; the slots after the first
-        pulse count, the two after the telegram too.
+        Largest voltage over largest pulse, likewise, in the slots without a pulse from the first
+        pulse to two slots after the telegram.
     slots : ndarray of int8, shape (..., 2 n_bits + 2)
-        The signs of the pulses that were found, -1, 0 or +1.
+        Signs of the pulses: -1, 0 or +1.
 
     Examples
     --------
@@ -124,12 +120,12 @@ class Reception(NamedTuple):
 
     @property
     def pulses(self) -> Pulses:
-        """The pulses that were found, with the silence after the telegram."""
+        """The pulses, with the silence after the telegram."""
         return Pulses(self.slots)
 
     @property
     def within_tolerance(self) -> Bools:
-        """Which telegrams came without an error and with pulses as even as they should be."""
+        """Which telegrams have no error and stay within `TOLERANCE`."""
         even = (self.weakest >= TOLERANCE.evenness) & (self.ringing <= TOLERANCE.ringing)
         return np.asarray((self.error == 0) & even)
 
@@ -168,12 +164,10 @@ class Tolerance(NamedTuple):
     ringing: float
 
 
-#: What a receiver copes with. kim2023, section 3.4, allows "35 %" of error in amplitude and 30 %
-#: of overshoot. Read as pulses down to 65 % of the largest, both numbers follow from a comparator
-#: at 45 % to 55 % of the first pulse (SAP5S/SAP51 data sheet, 2012, p. 31). If the first pulse is
-#: the largest, the smallest must pass the highest threshold: 0.55 < 0.65. If the first pulse is
-#: the smallest, ringing must stay under the lowest one: 0.45 x 0.65 = 0.29, which is 0.30. Pulses
-#: down to 35 % would be lost: 0.35 < 0.45.
+#: What a receiver tolerates. kim2023, section 3.4, allows an amplitude error of "35 %" and 30 % of
+#: overshoot. Read as pulses down to 65 % of the largest, both follow from a comparator at 45 % to
+#: 55 % of the first pulse (SAP5S/SAP51 data sheet, 2012, p. 31): the smallest pulse must pass the
+#: highest threshold, 0.55 < 0.65, and ringing stay below the lowest one, 0.45 x 0.65 = 0.29.
 TOLERANCE = Tolerance(evenness=0.65, ringing=0.30)
 
 
@@ -183,9 +177,8 @@ class Receiver:
     """The receiver of a master or a slave, by the four settings with which it decides.
 
     The first pulse decides, not the largest so far, as in [1]_. A wide `window` catches the
-    flanks of the neighbours: on a line of 150 m, 0.25 costs telegrams that 0.1 receives. The
-    default `minimum` is 30 % of 1.5 V, half of the smallest legal signal of 3 V peak to peak. In
-    noise it should be four times the standard deviation of what is decided on, or the noise ahead
+    flanks of the neighbours: on a line of 150 m, 0.25 costs telegrams that 0.1 receives. In noise
+    `minimum` should be four times the standard deviation of what is decided on, or noise ahead
     of a telegram is taken for its first pulse. `RECEIVERS` has some by name, with the `source` of
     their numbers.
 
@@ -204,9 +197,12 @@ class Receiver:
     """
 
     threshold: float = number(
-        0, 1, "", "What counts as a pulse, over the size of the first pulse; not 0 or 1",
+        0,
+        1,
+        "",
+        "What counts as a pulse, over the size of the first pulse; not 0 or 1",
         default=0.5,
-    )  # fmt: skip
+    )
     window: float = number(
         0, 0.5, "half-bits", "The largest sample this near to the middle of a slot counts",
         default=0.1,
@@ -220,12 +216,12 @@ class Receiver:
             raise ArgumentError(f"threshold is {self.threshold}; it must lie between 0 and 1")
 
     def receive(self, wave: Waveform) -> Reception:
-        """Receive telegrams of known length; a bad one raises nothing, its `error` is its code."""
+        """Receive telegrams of known length; a bad one has an `error` and raises nothing."""
         return receive(wave.u, wave.dt, wave.bits.shape[-1], **asdict(self))
 
 
-#: Receivers by name. One that hears weak signals takes noise for a telegram, and one that does not
-#: loses weak signals. No data sheet that we read prints a chip's own voltage.
+#: Receivers by name: a sensitive one takes noise for telegrams, another one loses weak signals. No
+#: data sheet that we read gives a chip's own voltage.
 RECEIVERS: Mapping[str, Receiver] = MappingProxyType(
     {
         "sensitive": Receiver(
@@ -253,18 +249,12 @@ class Waveform(line_waveform.Waveform):
 
     Parameters
     ----------
-    u : ndarray of float, shape (..., n_t)
-        Voltage [V]; the axis before the last one is that of the telegrams, if there are several,
-        and the one before it that of the slaves.
+    u : ndarray of float, shape (n_t,), (n_telegrams, n_t) or (n_slaves, n_telegrams, n_t)
+        Voltage [V].
     dt, start, names, description
         As for `shipnet.line.Waveform`; names are those of the slaves.
     bits : ndarray of int, shape (n_bits,) or (n_telegrams, n_bits)
-        What was sent; 7 or 14 bits.
-
-    Raises
-    ------
-    ArgumentError
-        If the shapes do not fit.
+        The 7 or 14 bits that were sent.
 
     Examples
     --------
@@ -301,7 +291,7 @@ class Waveform(line_waveform.Waveform):
         return (receiver or Receiver()).receive(self)
 
     def eye(self, points: int = 61) -> Eye:
-        """Lay all half-bits of the telegrams over each other, each `points` long."""
+        """Lay all half-bits of the telegrams over each other, each with `points` samples."""
         from scipy.ndimage import map_coordinates
 
         count = check_whole("points", points, 2, 10_000)
@@ -318,7 +308,7 @@ class Waveform(line_waveform.Waveform):
                 f"u ends after {rows.shape[1] * self.dt:.3g} s; a telegram and its silence last "
                 f"until {place.max() * self.dt:.3g} s"
             )
-        # A row off by one would blend two telegrams, so the row coordinate is a whole number.
+        # A whole number as the row coordinate: anything else would blend two telegrams.
         row = np.broadcast_to(np.arange(len(rows))[:, np.newaxis, np.newaxis], place.shape)
         folded = map_coordinates(rows - rows.mean(axis=1, keepdims=True), [row, place], order=1)
         folded /= np.abs(folded).max(axis=(1, 2), keepdims=True)
@@ -328,7 +318,7 @@ class Waveform(line_waveform.Waveform):
     def disturbed(
         self, disturbance: Disturbance, amplitude: float, rng: RNGLike | None = None
     ) -> Waveform:
-        """Return the waveform with a disturbance on every telegram, such as ``emc.Noise()``."""
+        """Return the waveform with a disturbance such as ``emc.Noise()`` on every telegram."""
         rows = self.u.reshape(-1, self.u.shape[-1])
         added = self.disturbance(disturbance, amplitude, check_rng(rng), len(rows))
         return replace(self, u=(rows + added).reshape(self.u.shape))
@@ -336,7 +326,7 @@ class Waveform(line_waveform.Waveform):
     def disturbance(
         self, disturbance: Disturbance, amplitude: float, rng: np.random.Generator, size: int
     ) -> Floats:
-        """Return the voltages of a disturbance on several records like this one."""
+        """Return the voltages of a disturbance for some records like this one."""
         begin, end = self.span
         span = -self.start + begin, round(end - self.start, 12)
         return disturbance.voltage(self.t - self.start, amplitude, rng, size, span=span)
@@ -355,7 +345,7 @@ def matched_filter(u: npt.ArrayLike, dt: float) -> Floats:
 
 
 def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Reception:
-    """Receive telegrams of known length, one a row of samples; `settings` are a receiver's."""
+    """Receive telegrams of known length, one per row; `settings` are those of a receiver."""
     receiver = Receiver(**settings)
     u = _checked(u, dt)
     _check_bit_count(n_bits)
@@ -399,7 +389,7 @@ def _checked(u: npt.ArrayLike, dt: float) -> npt.NDArray[np.floating]:
 @lru_cache(maxsize=64)
 def _pulse_shape(n_t: int, dt: float) -> Floats:
     """Return the taps of the matched filter."""
-    # A record shorter than the filter meets only the filter's middle; half a half-bit away it is 0.
+    # A short record meets only the filter's middle; half a half-bit away the filter is 0.
     half = min(ceil(HALF_BIT / dt / 2 - 1e-9) - 1, n_t - 1)
     q = np.arange(-half, half + 1)
     return np.asarray(np.cos(np.pi * q * dt / HALF_BIT) ** 2 * (8 / 3 * dt / HALF_BIT))
@@ -407,8 +397,8 @@ def _pulse_shape(n_t: int, dt: float) -> Floats:
 
 def _means(u: Floats, n_t: int) -> Floats:
     """Return the mean of the first samples of each row; refuse what is not finite."""
-    # The sum of squares is the fastest look at every sample. It is finite only if all of them are
-    # and if none is so large that a sum or a product further on could overflow.
+    # The sum of squares is the fastest check of all samples: it is finite only if they all are, and
+    # none is so large that a later sum or product could overflow.
     flat = u.ravel()
     with np.errstate(all="ignore"):
         fine = np.isfinite(flat @ flat)
@@ -423,14 +413,14 @@ def _means(u: Floats, n_t: int) -> Floats:
 
 
 def _wider(u: npt.NDArray[np.floating], more: int) -> Floats:
-    """Return a copy of rows with zeros after each."""
+    """Return a copy of rows with more zeros after each."""
     wide = np.zeros((len(u), u.shape[1] + more))
     wide[:, : u.shape[1]] = u
     return wide
 
 
 def _columns(u: Floats, mean: Floats, taps: Floats, end: int, after: int = 0) -> Floats:
-    """Return the first columns of rows less their mean, filtered, and zeros `after` them."""
+    """Return the first columns of rows minus their mean, filtered, and zeros `after` them."""
     count, half = len(u), len(taps) // 2
     x = np.zeros((count, half + end + max(half, after)))
     stop = min(u.shape[1], end + half)
@@ -459,7 +449,7 @@ def filtered(
     down: int = 1,
     out: npt.NDArray[Any] | None = None,
 ) -> npt.NDArray[Any]:
-    r"""Filter a row, by products of its blocks with matrices; beyond its end are zeros.
+    r"""Filter a row by products of its blocks with matrices; beyond its end are zeros.
 
     .. math:: y_i = \sum_k h_{u k - d i} \, x_k, \qquad i = 0 \ldots size - 1
     """
@@ -489,7 +479,7 @@ def _band(taps: bytes, kind: str, outputs: int, up: int = 1, down: int = 1) -> n
 
 
 def _windows(rows: Floats, length: int, begin: Indices) -> Floats:
-    """Return runs of samples of contiguous rows; they begin so far after the first sample."""
+    """Return runs of samples of contiguous rows that `begin` this far after the first sample."""
     shape = max(0, rows.size - length + 1), length
     step = rows.strides[1:] * 2
     return np.lib.stride_tricks.as_strided(rows, shape, step, writeable=False)[begin]
@@ -511,11 +501,8 @@ def _near(u: Floats, places: Indices, reach: int, taps: Floats) -> Floats:
 def _decide(
     u: npt.NDArray[Any], dt: float, n_bits: int, receiver: Receiver
 ) -> tuple[npt.NDArray[Any], ...]:
-    """Return start, amplitude, weakest, ringing and slots of rows.
-
-    Slots run along the first axis in here. Only what decides is filtered: the first columns, and
-    what is near to the middles of the slots.
-    """
+    """Return start, amplitude, weakest, ringing and slots of rows; slots along the first axis."""
+    # Only what decides is filtered: the first columns, and what is close to the middles of slots.
     (count, n_t), samples = u.shape, HALF_BIT / dt
     taps = _pulse_shape(n_t, dt) if receiver.matched else np.ones(1)
     half, reach = len(taps) // 2, int(receiver.window * samples + 1e-9)
@@ -533,7 +520,7 @@ def _decide(
             break
     flat, at = y.ravel(), start + np.arange(0, y.size, y.shape[1])
     sign = np.sign(flat.take(at))
-    # Only samples of the first one's sign: the next pulse may already be the larger one.
+    # Only samples of its sign: the next pulse may be larger.
     top = (_windows(y, near, at) * sign[:, np.newaxis]).argmax(axis=-1)
     start += top
     at += top
@@ -544,7 +531,7 @@ def _decide(
     inner = (start > 0) & (start < last) & (left >= 0) & (right >= 0) & (left + right > 0)
     peak = start + np.divide(0.5 * (left - right), left + right, out=np.zeros(count), where=inner)
 
-    # A peak in the middle between two samples stays there whatever its last digits are.
+    # A peak halfway between two samples stays there whatever its last digits are.
     even = np.rint(peak * 2**30) / 2**30
     middle = np.rint(even + samples * np.arange(2 * n_bits + 1)[:, np.newaxis]).astype(np.intp)
     farthest, inside = middle.max(initial=0) + reach, np.minimum(middle, last)
@@ -559,7 +546,7 @@ def _decide(
         # After the end of the record nothing was heard.
         offset = np.arange(-reach, reach + 1)[:, np.newaxis, np.newaxis]
         np.copyto(heard, level, where=np.maximum(middle, middle + offset) > last)
-    # The larger one of both signs; slot 0 lies before the first pulse: nothing counts there.
+    # The larger of both signs. Slot 0, before the first pulse, does not count.
     high, low = (np.ascontiguousarray(f(heard, axis=0)) for f in (np.max, np.min))
     high -= level
     np.subtract(level, low, out=low)
@@ -570,12 +557,12 @@ def _decide(
     slots = np.zeros((2 * n_bits + 2, count), dtype=np.int8)
     np.multiply(2 * positive.view(np.int8) - 1, filled, out=slots[1:])
 
-    # The largest of all is a pulse, unless there is none.
+    # The largest is a pulse, unless there is none.
     largest = np.where(silent, np.nan, absolute.max(axis=0))
     empty = ~filled
     smallest = (absolute + 1e300 * empty).min(axis=0)
     absolute *= empty
-    # On the line the pulse peaks a little later than after the symmetric filter.
+    # On the line the pulse peaks a little later than behind the symmetric filter.
     reach = int(samples / 4)
     places = np.minimum(np.maximum(start + np.arange(-reach, reach + 1)[:, np.newaxis], 0), last)
     around = u.ravel().take(places + np.arange(0, u.size, u.shape[1]))
@@ -597,7 +584,7 @@ class Eye(NamedTuple):
     gaps: Floats  # half-bits without one after the first pulse, shape (n_gaps, n)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw all half-bits over each other with the tolerances: icn2007's Fig 8."""
+        """Draw all half-bits over each other with the tolerances, as in icn2007's Fig 8."""
         ax = style.axes(ax)
         t = self.t * 1e6
         for rows, colour, label in [(self.pulses, "C0", "pulse"), (self.gaps, "C1", "no pulse")]:

@@ -1,4 +1,4 @@
-"""What a scope records of a segment: running master and slaves, telegram by telegram."""
+"""Records of a scope on a segment whose master and slaves run, telegram by telegram."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 #: How long a change of current is heard [s]: longer than a line without damping rings.
 _RINGS = 250e-6
 
-#: A slave that is in step begins its answer up to this much late [s] (A2SI data sheet).
+#: Largest delay of the answer of a slave that is in step [s] (A2SI data sheet).
 _LATE = 0.5e-6
 
 #: Silence ahead of the first request [s], and what a receiver gets around a telegram [s].
@@ -35,7 +35,7 @@ _TIMES = Transaction()
 
 
 class _Recorder:
-    """A line on which everybody hears what the cables make of it."""
+    """A line on which every device hears what the cables make of a telegram."""
 
     def __init__(
         self, segment: Segment, node: str, size: int, dt: float, weak: Mapping[str, float]
@@ -57,11 +57,11 @@ class _Recorder:
                 return np.asarray(-z * SEND_CURRENT * ramp_spectrum(s) / s)
 
             u = record_of(change, round(_RINGS / dt), dt, F_MAX)
-            # What is left at the end must fade, or it would be heard as a step.
+            # The end must fade, or it would be heard as a step.
             return u * np.minimum(1, 2 * np.linspace(1, 0, u.shape[-1]))
 
-        #: One change of the master's current at each slave and the scope; by reciprocity the first
-        #: are those of the slaves at the master. Then those of the slaves at the scope.
+        #: One change of the master's current at each slave and the scope, which by reciprocity is
+        #: also that of the slaves at the master; then those of the slaves at the scope.
         self.asked = heard(segment.head, places)
         self.scope = self.asked[:-1] if node == segment.head else heard(node, rows)
         self.strength = np.array([weak.get(slave.label, 1.0) for slave in segment.slaves])
@@ -75,7 +75,7 @@ class _Recorder:
         return self.at * self.dt
 
     def begin(self, phase: Phase, cycle: int) -> None:
-        """Hear of a phase, as the observer of a master."""
+        """Ignore a phase, as the observer of a master."""
 
     def put(self, rows: slice, telegram: Floats, start: int) -> None:
         """Add a telegram at some places."""
@@ -83,13 +83,13 @@ class _Recorder:
         self.u[rows, start : start + telegram.shape[-1]] += telegram[..., :room]
 
     def request(self, bits: str) -> Floats:
-        """Return a request as the slaves and the scope hear it; most are sent again and again."""
+        """Return a request as the slaves and the scope hear it; most are sent repeatedly."""
         if bits not in self.known:
             self.known[bits] = self.telegram(self.asked, bits)
         return self.known[bits]
 
     def telegram(self, change: Floats, bits: str) -> Floats:
-        """Return a telegram of which one change of current is heard like this."""
+        """Return a telegram from what is heard of one change of current."""
         steps = Modulation(bits).steps
         u = np.zeros((*change.shape[:-1], change.shape[-1] + len(steps) * self.slot), np.float32)
         for place in np.flatnonzero(steps) * self.slot:
@@ -97,14 +97,14 @@ class _Recorder:
         return u
 
     def bits(self, rows: slice, start: int, count: int) -> list[str]:
-        """Return what receivers make of a telegram; nothing of a bad one."""
+        """Return the bits that receivers read, "" of a bad telegram."""
         end = start + round((2 * count * HALF_BIT + _AFTER) / self.dt)
         heard = receive(self.u[rows, start - round(_BEFORE / self.dt) : end], self.dt, count)
         texts = ("".join(map(str, row)) for row in heard.bits.tolist())
         return ["" if error else text for text, error in zip(texts, heard.error, strict=True)]
 
     def transact(self, request: str, rng: np.random.Generator) -> int:
-        """Send a request, have the slaves answer as they hear it, and return the reply."""
+        """Send a request, let the slaves answer what they hear, and return the reply."""
         start, count, bit = self.at, len(self.slaves), 2 * self.slot
         self.put(slice(count + 1), self.request(request), start)
         end = start + REQUEST_BITS * bit
@@ -140,7 +140,7 @@ def record_segment(
     amplitude: float,
     rng: RNGLike | None,
 ) -> Waveform:
-    """Return what a scope at a node records; `Plan.record` says how."""
+    """Return the record of a scope at a node; see `Plan.record`."""
     duration = check_scalar("duration", duration, "s", 1e-3, 0.2)
     dt = check_scalar("dt", dt, "s", 50e-9, 500e-9)
     labels = [slave.label for slave in segment.slaves]
@@ -161,7 +161,7 @@ def record_segment(
     request = next(program)
     while line.at + round(400e-6 / dt) < size:
         request = program.send(line.transact(request.bits, random))
-    # Of several supplies only the voltage at their own terminals is known.
+    # With several supplies only the voltage at their own terminals is known.
     several = len(segment.supplies) > 1
     volts = segment.supplies[0].voltage if several else segment.voltages[node]
     u = line.u[-2].astype(np.float64) + volts

@@ -1,8 +1,4 @@
-"""Does a plan meet the rules of AS-i? Each rule on each object, with its limit and its source.
-
-The limits are data, `asi_plan_rules.csv`. The values that are compared with them are computed here,
-from the segments of a plan, their voltages and their waveforms.
-"""
+"""The rules of AS-i, checked on each object of a plan; the limits are in `asi_plan_rules.csv`."""
 
 from __future__ import annotations
 
@@ -19,27 +15,27 @@ from shipnet.asi.timing import BIT_TIME, MASTER_PAUSE_BITS, Cycle, Transaction
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
 
-#: A value that is on its limit but for rounding meets the rule.
+#: Relative rounding error by which a value may exceed its limit.
 _SLACK = 1e-9
 
-#: One row of the table before it is judged: rule, object, value, highest if the object has a
-#: limit of its own, why.
+#: One row of the table without its verdict: rule, object, value, an upper limit of the object
+#: itself, why.
 _Row = tuple[str, str, float, float | None, str]
 
 
 def rule_limits() -> pd.DataFrame:
-    """Return the limits of all rules with their sources, to be looked at or changed.
+    """Return the limits of all rules with their sources, which may be changed for `Plan.check`.
 
     Returns
     -------
     pandas.DataFrame
         Indexed by rule: `object`, `low`, `high`, `unit`, `graded`, `source`, `note`. A limit is
-        NaN where there is none, or where the user or the object sets it. A rule that is not graded
-        is met or not, and has no margin.
+        NaN if there is none, or if the user or the object sets it. A rule that is not graded has
+        no margin.
 
     Examples
     --------
-    A line may have 20 m more, by whatever means:
+    Allow a line 20 m more:
 
     >>> limits = rule_limits()
     >>> limits.loc["cable_length", "high"] += 20
@@ -65,29 +61,31 @@ def check_lines(
     transaction: Transaction | None,
     limits: pd.DataFrame | None,
 ) -> pd.DataFrame:
-    """Check the lines of a plan against every rule; `Plan.check` says how."""
+    """Return the findings of `Plan.check`."""
     if wanted_cycle is not None and not 0 < wanted_cycle < np.inf:
         raise ArgumentError(f"wanted_cycle is {wanted_cycle!r} s; it must be positive")
-    bounds = rule_limits() if limits is None else limits
-    _check_limits(bounds)
+    published = _published()
+    bounds = published if limits is None else limits
+    missing = [name for name in published.index if name not in bounds.index]
+    missing += [name for name in published.columns if name not in bounds.columns]
+    if missing:
+        raise ArgumentError(f"limits lack {', '.join(missing)}")
     transaction = Transaction() if transaction is None else transaction
     rows = (row for line in lines for row in _rows(line, wanted_cycle, transaction))
     table = pd.DataFrame(rows, columns=["rule", "object", "value", "own", "why"])
-    table["value"] = table["value"].astype(float)
+    value = table["value"] = table["value"].astype(float)
     table = table.join(bounds.drop(columns="object"), on="rule")
     table["high"] = table["own"].astype(float).fillna(table["high"])
     low, high = table["low"].fillna(-np.inf), table["high"].fillna(np.inf)
-    met = (table["value"] >= low - _SLACK * low.abs()) & (
-        table["value"] <= high + _SLACK * high.abs()
-    )
+    met = value.between(low - _SLACK * low.abs(), high + _SLACK * high.abs())
     known = np.where(met, "met", "violated")
-    table["verdict"] = np.where(table["value"].isna(), "not verified", known)
+    table["verdict"] = np.where(value.isna(), "not verified", known)
     table["why"] = table["why"].where(table["why"] != "", table["note"])
     return table[[*COLUMNS, "graded"]]
 
 
 def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:
-    """Return whether `check_lines` finds every rule met; stop at the first that is not."""
+    """Return whether every rule is met, without checking those after the first violation."""
     ends = limits["low"].fillna(-np.inf), limits["high"].fillna(np.inf)
     bounds = dict(zip(limits.index, zip(*ends, strict=True), strict=True))
     for line in lines:
@@ -97,14 +95,6 @@ def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:
             if not low - _SLACK * abs(low) <= value <= high + _SLACK * abs(high):
                 return False
     return True
-
-
-def _check_limits(bounds: pd.DataFrame) -> None:
-    published = _published()
-    missing = [name for name in published.index if name not in bounds.index]
-    missing += [name for name in published.columns if name not in bounds.columns]
-    if missing:
-        raise ArgumentError(f"limits lack {', '.join(missing)}")
 
 
 def _rows(
@@ -147,14 +137,9 @@ def _address_rows(line: tuple[Segment, ...]) -> Iterator[_Row]:
     for slave in slaves:
         name = str(slave)
         yield "address", name, slave.address, None, ""
-        # A standard slave answers whichever half is asked.
-        others = [
-            other
-            for other in slaves
-            if other is not slave
-            and other.address == slave.address
-            and (None in (other.half, slave.half) or other.half == slave.half)
-        ]
+        # A standard slave answers requests to either half.
+        same = [one for one in slaves if one.address == slave.address and one is not slave]
+        others = [one for one in same if None in (one.half, slave.half) or one.half == slave.half]
         yield "sharing", name, len(others), None, ", ".join(map(str, others))
         odd = (slave.half is not None) != slave.kind.extended
         yield "half", name, int(odd), None, f"profile {slave.profile}" if odd else ""
@@ -181,9 +166,9 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
 
 @cache
 def _slowest_answer() -> float:
-    """Return the silence before a slave that was not synchronous answers [s]."""
+    """Return the longest silence before the answer of a slave that is not synchronous [s]."""
     times = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
-    # From edge to edge in the middle of two bits; half a bit of either is not silence.
+    # The time is between the middles of two bits, so one bit time of it is not silence.
     return float(times["edge to edge, asynchronous, most"]) * 1e-6 - BIT_TIME
 
 

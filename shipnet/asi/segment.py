@@ -1,8 +1,6 @@
-"""A segment of a plan: cables that meet at nodes, one electrical network.
+"""A segment of a plan, one electrical network: its supply voltages, telegrams and their quality.
 
-It says which voltage of the supply is left at each node, which voltages telegrams make there, and
-how well they come over. The voltages of telegrams are the signal alone: the 30 V on which it rides
-are left out.
+The voltages of telegrams are those of the signal, without the 30 V of the supply.
 """
 
 from __future__ import annotations
@@ -23,25 +21,22 @@ from shipnet.asi.master import Master
 from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
 from shipnet.asi.receiver import TOLERANCE, Waveform, receive
 from shipnet.asi.slave import Slave
-from shipnet.asi.telegram import RESPONSES, Request, Response
+from shipnet.asi.telegram import RESPONSES
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import pd
 from shipnet.line.network import CableRun, Load, Network
 from shipnet.line.waveform import F_MAX, laplace_grid, record_of, synthesize
 
-#: What a plan is made of.
+#: What a plan consists of.
 Element: TypeAlias = CableRun | Master | Supply | Slave | Terminator | Repeater
 
-#: Requests that stand for all 2048: the first makes the least signal, as its pulses are the
-#: fewest; runs of ones and of zeros make the most uneven one. A test tries them all.
+#: The worst of all 2048 requests: the first has the fewest pulses and so the least signal; runs
+#: of ones and of zeros make the most uneven signal. A test tries all requests.
 PROBES = ("01010101010101", "01111111111111", "00011111111111")
 
-#: For judging telegrams: when they begin in their record, and the silence around them [s].
-_START, _SILENCE = 5e-6, 60e-6
-
-#: A change of current fades in this time [s], if no more than a share is left at its end. The less
-#: the damping [nepers], the less grows what the highest frequency leaves out.
+#: A change of current has faded after this time [s] if at most this share of it is left. With
+#: less damping [nepers], the error of the limited bandwidth grows less.
 _FADED, _LEFT, _DAMPING = 32e-6, 1e-6, 4.0
 
 # Telegrams as voltages -------------------------------------------------------------------------
@@ -51,34 +46,18 @@ def telegram_voltages(
     network: Network,
     master: str,
     nodes: Sequence[str],
-    bits: str | Sequence[str] | npt.ArrayLike,
-    *,
+    *bits: str | Sequence[str] | npt.ArrayLike,
     dt: float = 250e-9,
     before: float = 6.5e-6,
     after: float = 18.5e-6,
     f_max: float = F_MAX,
-) -> Floats:
-    """Return the voltages of telegrams between the master and nodes, (n_nodes, n_words, n_t).
-
-    By reciprocity the master hears of a node what the node hears of the master. At the default
-    `f_max` [Hz] every voltage is within 5e-5 of its node's peak, on lines, stubs, stars and trees
-    of up to 300 m, with a supply or without.
-    """
-    return _voltages(network, master, nodes, [Modulation(bits)], dt, before, after, f_max)[0]
-
-
-def _voltages(
-    network: Network,
-    master: str,
-    nodes: Sequence[str],
-    telegrams: Sequence[Modulation],
-    dt: float,
-    before: float,
-    after: float,
-    f_max: float = F_MAX,
 ) -> list[Floats]:
-    """Return `telegram_voltages` of telegrams of several lengths, by one sweep of the network."""
-    many = [np.atleast_2d(code.steps).astype(float) for code in telegrams]
+    """Return the voltages of each batch of telegrams of one length, (n_nodes, n_words, n_t).
+
+    They are those at the nodes if the master sends, and at the master if the nodes send. At the
+    default `f_max` [Hz] the error is at most 5e-5 of a node's peak on networks of up to 300 m.
+    """
+    many = [np.atleast_2d(Modulation(batch).steps).astype(float) for batch in bits]
     before = check_scalar("before", before, "s", 0, 1.0)
     after = check_scalar("after", after, "s", 0, 1.0)
     dt = check_scalar("dt", dt, "s", 1e-9, 1e-6)
@@ -92,8 +71,8 @@ def _voltages(
     def change(s: Complexes) -> Complexes:
         return np.asarray(network.transfer(master, s)[..., rows, :] * _sent(before, s.tobytes()))
 
-    # One change of current, heard from each node; a telegram is a row of such changes. It soon
-    # fades behind a supply; what rings on is computed as long as the longest record.
+    # A telegram is a row of equal changes of current. One change soon fades if there is a supply;
+    # if it rings on, it is computed for the length of the longest record.
     short = ceil((before + _FADED) / dt)
     grid = short * dt, f_max, _DAMPING
     heard = synthesize(change(laplace_grid(*grid)), short, short * dt, _DAMPING)
@@ -113,17 +92,16 @@ def _voltages(
 
 @lru_cache(maxsize=16)
 def _sent(before: float, frequencies: bytes) -> Complexes:
-    """Return the spectrum of a change of the current that a sender draws, some time from 0."""
+    """Return the spectrum of a change of a sender's current at the time `before`."""
     s = np.frombuffer(frequencies, complex)
     return np.asarray(-SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before))
 
 
 class Quality(NamedTuple):
-    """How telegrams come over between a master and each slave: the worst over all of them.
+    """How telegrams arrive between a master and each slave: the worst of all telegrams.
 
-    By reciprocity a slave hears of the master what the master hears of it, if both send with the
-    same current, so it serves both directions. The send current does not depend on the voltage
-    here; a real sender may clip.
+    It holds for both directions if master and slave send with the same current. Senders do not
+    clip here; a real one may.
 
     Attributes
     ----------
@@ -134,9 +112,9 @@ class Quality(NamedTuple):
     ringing : ndarray of float, shape (n_slaves,)
         Largest voltage without a pulse over largest pulse; 1 if none is received.
     received : ndarray of float, shape (n_slaves,)
-        Share of the telegrams that are received as they were sent, 0..1.
+        Share of the telegrams that are received correctly, 0..1.
     slaves : tuple of str
-        The slaves.
+        Labels of the slaves.
 
     Examples
     --------
@@ -159,37 +137,31 @@ class Quality(NamedTuple):
         return f"Quality({good} within tolerance; {worst})"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per slave, as a table."""
+        """Return one row per slave."""
         columns = ["level_least_Vpp", "level_most_Vpp", "evenness", "ringing", "received"]
         index = pd.Index(self.slaves or range(1, len(self.received) + 1), name="slave")
         return pd.DataFrame(dict(zip(columns, self[:5], strict=True)), index=index)
 
     @property
     def within_tolerance(self) -> Bools:
-        """Which slaves have pulses as even and gaps as still as they should be."""
-        return np.asarray(
-            (self.evenness >= TOLERANCE.evenness) & (self.ringing <= TOLERANCE.ringing)
-        )
+        """Which slaves meet the tolerances of evenness and of ringing."""
+        even, quiet = self.evenness >= TOLERANCE.evenness, self.ringing <= TOLERANCE.ringing
+        return np.asarray(even & quiet)
 
 
 def quality_of(*waves: Waveform) -> Quality:
-    """Return how the telegrams of waveforms come over at each of the nodes that they share."""
-    levels, weakest, ringing, right = [], [], [], []
+    """Return how the telegrams of waveforms arrive at each of their common nodes."""
+    parts = []
     for wave in waves:
         heard = receive(wave.u, wave.dt, wave.bits.shape[-1])
-        levels.append(np.ptp(wave.u, axis=-1))
-        weakest.append(np.nan_to_num(heard.weakest, nan=0.0))
-        ringing.append(np.nan_to_num(heard.ringing, nan=1.0))
-        right.append((heard.error == 0) & (heard.bits == wave.bits).all(axis=-1))
-    level = np.concatenate(levels, axis=1)
+        right = (heard.error == 0) & (heard.bits == wave.bits).all(axis=-1)
+        weakest, ringing = np.nan_to_num(heard.weakest), np.nan_to_num(heard.ringing, nan=1.0)
+        parts.append(np.stack([np.ptp(wave.u, axis=-1), weakest, ringing, right]))
+    level, weakest, ringing, right = np.concatenate(parts, axis=2)
     return Quality(
-        level.min(axis=1),
-        level.max(axis=1),
-        np.concatenate(weakest, axis=1).min(axis=1),
-        np.concatenate(ringing, axis=1).max(axis=1),
-        np.concatenate(right, axis=1).mean(axis=1),
-        waves[0].names,
-    )
+        level.min(axis=1), level.max(axis=1), weakest.min(axis=1), ringing.max(axis=1),
+        right.mean(axis=1), waves[0].names,
+    )  # fmt: skip
 
 
 # Segments -------------------------------------------------------------------------------------
@@ -197,19 +169,18 @@ def quality_of(*waves: Waveform) -> Quality:
 
 @dataclass(frozen=True)
 class Segment:
-    """One electrical network of a plan, with the elements in it."""
+    """One electrical network of a plan with its elements."""
 
-    #: Number of the line that it belongs to, from 0.
+    #: Number of its line, from 0.
     line: int
     cables: tuple[CableRun, ...]
     masters: tuple[Master, ...]
     supplies: tuple[Supply, ...]
     slaves: tuple[Slave, ...]
     terminators: tuple[Terminator, ...]
-    #: Repeaters at it, each with its node in this segment.
+    #: Repeaters, each with its node in this segment.
     ports: tuple[tuple[Repeater, str], ...]
-    #: Node through which telegrams come from the master: the master's own or that of a repeater;
-    #: None if the line has no master.
+    #: Node of the master, or of the repeater toward it; None if the line has no master.
     head: str | None
     #: Repeaters between the master and this segment.
     path: tuple[Repeater, ...]
@@ -221,47 +192,40 @@ class Segment:
 
     @property
     def length(self) -> float:
-        """Cable in it, all branches added up [m]."""
+        """Total length of its cables [m]."""
         return sum(float(cable.length) for cable in self.cables)
 
     @property
-    def draws(self) -> tuple[tuple[str, float], ...]:
-        """Node and current [A] of each master, slave and repeater at it."""
+    def draws(self) -> list[tuple[str, float]]:
+        """Node and current [A] of each master, slave and repeater."""
         own: tuple[Master | Slave, ...] = (*self.masters, *self.slaves)
-        return (
-            *((device.node, device.current) for device in own),
-            *((node, repeater.current) for repeater, node in self.ports),
-        )
+        draws = [(device.node, device.current) for device in own]
+        return draws + [(node, repeater.current) for repeater, node in self.ports]
 
     @property
     def current(self) -> float:
-        """What all its devices draw together [A]."""
+        """Total current of its devices [A]."""
         return sum(current for _, current in self.draws)
-
-    @property
-    def onward(self) -> tuple[tuple[Repeater, str], ...]:
-        """Repeaters that lead away from the master, each with its node in this segment."""
-        return tuple(port for port in self.ports if port[1] != self.head)
 
     @cached_property
     def distances(self) -> dict[str, float]:
-        """Shortest way along the cable from `head` to each node [m]; empty without a head."""
+        """Shortest distance along the cable from `head` to each node [m]; empty without a head."""
         return {} if self.head is None else shortest_paths(self.cables, self.head)
 
     @property
     def reach(self) -> float:
-        """Longest way along the cable from the master to a node [m]; 0 without a master."""
+        """Longest distance along the cable from the master to a node [m]; 0 without a master."""
         return self.lead + max(self.distances.values(), default=0.0)
 
     @property
-    def listeners(self) -> tuple[tuple[str, str], ...]:
-        """Name and node of each slave, then of each repeater that leads on."""
-        slaves = ((str(slave), slave.node) for slave in self.slaves)
-        return (*slaves, *((str(repeater), node) for repeater, node in self.onward))
+    def listeners(self) -> list[tuple[str, str]]:
+        """Name and node of each slave, then of each repeater that leads away from the master."""
+        onward = [(str(repeater), node) for repeater, node in self.ports if node != self.head]
+        return [(str(slave), slave.node) for slave in self.slaves] + onward
 
     @cached_property
     def network(self) -> Network:
-        """Its cables and loads as a network."""
+        """Its cables and loads."""
         given = [(device.node, device.load) for device in self.slaves]
         given += [(device.node, DEVICE) for device in self.masters]
         given += [(node, DEVICE) for _, node in self.ports]
@@ -274,10 +238,7 @@ class Segment:
 
     @cached_property
     def voltages(self) -> dict[str, float]:
-        """Voltage of the supply left at each node [V]; devices draw their current whatever it is.
-
-        Raises ArgumentError unless the segment has exactly one supply.
-        """
+        """Supply voltage at each node [V], at constant currents; the segment needs one supply."""
         if len(self.supplies) != 1:
             raise ArgumentError(f"{self} has {len(self.supplies)} supplies; it must be one")
         drawn: dict[str, float] = {}
@@ -287,49 +248,32 @@ class Segment:
         point = self.network.operating_point(supply.node, supply.voltage, drawn)
         return {node: float(volts) for node, volts in point.voltage.items()}
 
-    def waveform(
-        self,
-        telegrams: Request | Response | str | Sequence[str],
-        nodes: tuple[str, ...],
-        *,
-        dt: float = 250e-9,
-        before: float = 6.5e-6,
-        after: float = 18.5e-6,
-    ) -> Waveform:
-        """Return the voltages of telegrams between `head` and nodes; t = 0 is their start."""
-        words = telegrams.bits if isinstance(telegrams, Request | Response) else telegrams
-        return self._waveforms([words], nodes, dt, before, after)[0]
-
-    def _waveforms(
-        self, words: Sequence[Any], nodes: tuple[str, ...], dt: float, before: float, after: float
+    def waveforms(
+        self, nodes: Sequence[str], *words: Any, dt: float, before: float, after: float
     ) -> list[Waveform]:
+        """Return the voltages of each batch of telegrams between `head` and nodes, from t = 0."""
         if self.head is None:
             raise ArgumentError(f"{self} has no head; its line needs a master")
         if not nodes:
             raise ArgumentError(f"{self} has no slave; one must send or hear")
-        codes = [Modulation(some) for some in words]
-        found = _voltages(self.network, self.head, nodes, codes, dt, before, after)
+        bits = [Modulation(batch).bits for batch in words]
+        found = telegram_voltages(
+            self.network, self.head, nodes, *bits, dt=dt, before=before, after=after
+        )
         return [
-            Waveform(
-                u if c.bits.ndim == 2 else u[:, 0], dt, start=-before, names=nodes, bits=c.bits
-            )
-            for u, c in zip(found, codes, strict=True)
+            Waveform(u if b.ndim == 2 else u[:, 0], dt, start=-before, names=tuple(nodes), bits=b)
+            for u, b in zip(found, bits, strict=True)
         ]
 
     def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
-        """Return how telegrams come over between `head` and nodes, of which some may be equal.
-
-        They are the 16 responses unless `words` has others, each entry of telegrams of one length.
-        """
-        places = tuple(dict.fromkeys(nodes))
-        found = quality_of(
-            *self._waveforms(words or (RESPONSES,), places, 250e-9, _START, _SILENCE - _START)
-        )
+        """Return how batches of telegrams arrive between `head` and nodes, which may be equal."""
+        places = list(dict.fromkeys(nodes))
+        found = quality_of(*self.waveforms(places, *words, dt=250e-9, before=5e-6, after=55e-6))
         rows = [places.index(node) for node in nodes]
         return Quality._make([*(values[rows] for values in found[:5]), tuple(nodes)])
 
     def signals(self) -> Quality:
-        """Return the worst of all 16 responses and of the requests `PROBES` for each listener."""
+        """Return the worst of the 16 responses and of the requests `PROBES` for each listener."""
         nodes = [node for _, node in self.listeners]
         if self.head is not None and not nodes:
             none = np.empty(0)
@@ -341,7 +285,7 @@ class Segment:
 
 
 class Groups:
-    """Disjoint groups of names, found by union; this module is needed before scipy is loaded."""
+    """Disjoint groups of names (union-find; scipy is not loaded when plans are read)."""
 
     def __init__(self) -> None:
         self._parent: dict[str, str] = {}
@@ -357,14 +301,14 @@ class Groups:
         return name
 
     def join(self, a: str, b: str) -> bool:
-        """Make one group of two; return whether they were two."""
+        """Join two groups; return whether they were different."""
         a, b = self.leader(a), self.leader(b)
         self._parent[b] = a
         return a != b
 
 
 def shortest_paths(cables: Iterable[CableRun], start: str) -> dict[str, float]:
-    """Return the shortest way along cables from a node to each that they reach [m]."""
+    """Return the shortest distance along cables from a node to each connected node [m]."""
     near: dict[str, list[tuple[str, float]]] = {}
     for cable in cables:
         near.setdefault(cable.a, []).append((cable.b, float(cable.length)))
@@ -381,14 +325,13 @@ def shortest_paths(cables: Iterable[CableRun], start: str) -> dict[str, float]:
 
 
 def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
-    """Return each element that keeps others from being a network, and why."""
+    """Return each element that prevents the plan from being a network, and the reason."""
     faults: list[tuple[Element, str]] = []
     groups, lines = Groups(), Groups()
     laid = set()
     closing = []
-    for cable in elements:
-        if not isinstance(cable, CableRun):
-            continue
+    cables = [element for element in elements if isinstance(element, CableRun)]
+    for cable in cables:
         ends = frozenset((cable.a, cable.b))
         if ends in laid:
             faults.append((cable, f"{cable} lies there already"))
@@ -405,17 +348,15 @@ def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
         if isinstance(element, CableRun):
             continue
         loose = [node for node in nodes_of(element) if node not in groups]
-        faults += [
-            (element, f"{element}: no cable reaches its node {node}" if node else
-             f"{element} has no node; a plan needs to know where it is")
-            for node in loose
-        ]  # fmt: skip
+        for node in loose:
+            fault = f": no cable reaches its node {node}" if node else " has no node; it needs one"
+            faults.append((element, f"{element}{fault}"))
         if isinstance(element, Repeater) and not loose:
             a, b = groups.leader(element.a), groups.leader(element.b)
             if a == b:
                 faults.append((element, f"{element} has both ends in one segment"))
             elif not lines.join(a, b):
-                faults.append((element, f"{element} gives telegrams a second way around"))
+                faults.append((element, f"{element} gives telegrams a second path"))
     return faults
 
 

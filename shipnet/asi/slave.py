@@ -1,14 +1,4 @@
-"""A slave: its label, what it is, what it reads and remembers, and what it answers.
-
-What a request means depends on who reads it: the bits that carry four outputs to a standard slave
-carry three outputs and a select bit to an A/B slave. A `PreparedRequest` is read once for each of
-the three kinds of slave and remembers what each of them makes of its bits.
-
-The receive states are a table: state and event -> next state. A slave reads requests
-only in the state RECEIVE. What it reads decides whether it keeps step with the master (SYNCHRONOUS)
-or has to look for the next pause (ASYNCHRONOUS). icn2007, data link layer, section 3, describes the
-table in words and refers to a Fig 3.19 that it does not print.
-"""
+"""A slave: its label, profile and receive states, and how it answers requests."""
 
 from __future__ import annotations
 
@@ -19,7 +9,7 @@ from dataclasses import field
 from enum import Enum
 from functools import cache
 from math import inf
-from typing import Literal, cast
+from typing import Any
 
 from shipnet import style
 from shipnet.arguments import checked
@@ -29,12 +19,12 @@ from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
 from shipnet.asi.telegram import Answer, Call, Half, Request, Response
 from shipnet.asi.timing import ADDRESSES, CHANNELS, CONVERSION
 from shipnet.errors import ArgumentError, FrameError, UnknownCallError
-from shipnet.fields import check_whole, number, record, switch, text, whole
+from shipnet.fields import check_whole, number, record, text, whole
 from shipnet.lazy import Axes, pd
 from shipnet.line.network import Load, check_node
 
-#: After this time without data or parameters a slave resets itself [s]: SAP5S/SAP51 data sheet
-#: rev. 3.1, 2012, p. 47. The AS2702 (rev. C, 2001, p. 13) does it after 50 ms to 100 ms.
+#: A slave resets itself after this time without data or parameters [s]: SAP5S/SAP51 data sheet
+#: rev. 3.1, 2012, p. 47. The AS2702 does so after 50 ms to 100 ms (rev. C, 2001, p. 13).
 WATCHDOG = 94.2e-3
 
 #: Longest time that a slave takes to store its address [s]: Siemens, "IE/AS-INTERFACE LINK PN IO",
@@ -46,15 +36,12 @@ WRITE_TIME = 15e-3
 
 
 def slave_key(label: str, name: str = "slave") -> tuple[int, Half | None]:
-    """Return the key of a label, twice the address plus 1 for a B slave, and its half.
-
-    Errors say which argument it is by its `name`.
-    """
+    """Return the key of a label, twice the address plus 1 for a B slave, and its half."""
     found = _key_and_half(label) if isinstance(label, str) else None
     if found is None:
         raise ArgumentError(
-            f"{name} is {label!r}; it must be '1'..'31', with A or B behind it for an A/B slave, "
-            "or '0'"
+            f"{name} is {label!r}; it must be '0', or '1'..'31', followed by A or B for an A/B "
+            "slave"
         )
     return found
 
@@ -69,19 +56,19 @@ def _key_and_half(label: str) -> tuple[int, Half | None] | None:
 
 
 def label_of(key: int, *, extended: bool) -> str:
-    """Return the label of a slave by its key; an A/B slave with an address has A or B in it."""
+    """Return the label of a slave by its key; that of an A/B slave with an address has A or B."""
     return f"{key >> 1}{'AB'[key & 1] if extended and key > 1 else ''}"
 
 
 @checked
 @record
 class Slave:
-    """A slave: its address, what it is, and where it is.
+    """A slave: its address, its profile, and where it is.
 
-    ID code A in its profile makes it an A/B slave; without an ID code 2 it is one from before
-    specification 2.1, which answers neither request for an extended ID code. If the profile is
-    omitted, it has four inputs: ``S-0.A.F`` with a half in the label, else ``S-0.F.F``. Its load
-    on the cable is by default that of the limits of a chip's data sheet.
+    ID code A in the profile makes it an A/B slave. Without an ID code 2 it predates specification
+    2.1 and does not answer requests for extended ID codes. If the profile is omitted, the slave
+    has four inputs: ``S-0.A.F`` with A or B in the label, else ``S-0.F.F``. Its default load on
+    the cable is the limit of a chip's data sheet.
 
     Examples
     --------
@@ -90,10 +77,10 @@ class Slave:
     >>> Slave("5").profile, Slave("5A").profile
     (Profile(io=0, id=15, id2=15), Profile(io=0, id=10, id2=15))
 
-    What it makes of each telegram that it hears; an empty one is a pause:
+    How it reacts to the telegrams that it hears; an empty one is a pause:
 
-    >>> from shipnet.asi.telegram import Request
-    >>> request = Request.read_id(21).bits
+    >>> from shipnet import asi
+    >>> request = asi.Request.read_id(21).bits
     >>> heard = Slave("21", "S-3.F.F").listen([request, "", request])
     >>> heard["state"].tolist()
     ['asynchronous', 'receive', 'synchronous']
@@ -101,12 +88,12 @@ class Slave:
     ['silence', '', 'answer to read ID code: 1111 (F)']
     """
 
-    label: str = text("Address, 1 to 31 with A or B behind it for an A/B slave; 0 for a new one")
+    label: str = text("Address, 1 to 31, followed by A or B for an A/B slave; 0 for a new slave")
     profile: Profile | str = ""
     node: str = text("Where it is; needed in a plan", default="", kw_only=True)
-    inputs: int = whole(0, 15, help="What its input ports read", default=0, kw_only=True)
+    inputs: int = whole(0, 15, help="State of its input ports", default=0, kw_only=True)
     current: float = number(
-        0, 10, "A", "What it draws from the line, sensors included", default=CURRENT, kw_only=True
+        0, 10, "A", "Current from the line, sensors included", default=CURRENT, kw_only=True
     )
     id1: int | None = whole(
         0, 15, help="Extended ID code 1 (up to 7 for an A/B slave; all bits set if omitted)",
@@ -120,14 +107,13 @@ class Slave:
         0, inf, "s", "Time to store an address or ID code 1", default=WRITE_TIME, kw_only=True
     )
     channels: int = whole(
-        1, CHANNELS, help="Analogue values that it transfers, if its profile is one for values",
+        1, CHANNELS, help="Analogue values that it transfers, if its profile is for values",
         default=1, kw_only=True,
     )  # fmt: skip
     conversion: float = number(
-        0, 10, "s", "Time to convert an analogue value; makers print 20 to 60 ms",
+        0, 10, "s", "Time to convert an analogue value; makers state 20 to 60 ms",
         default=CONVERSION, kw_only=True,
     )  # fmt: skip
-    locked: bool = switch("Whether its maker closed the program mode", default=True, kw_only=True)
     load: Load = field(default=DEVICE, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -152,14 +138,13 @@ class Slave:
 
     @property
     def half(self) -> Half | None:
-        """Which half of the address is its own; None for a standard slave."""
+        """Its half of the address, A or B; None for a standard slave."""
         return slave_key(self.label)[1]
 
     def listen(self, telegrams: Iterable[str]) -> pd.DataFrame:
-        """Return what the slave makes of telegrams that it hears one after the other.
+        """Return the receive `state` after each telegram, and the `answer` in words.
 
-        One row per telegram: `telegram`, the receive `state` after it, and the `answer` in words.
-        An empty telegram is a pause, as it follows a response.
+        An empty telegram is the pause after a response.
         """
         running, rows = RunningSlave(self), []
         for bits in telegrams:
@@ -173,43 +158,33 @@ class Slave:
 
     @staticmethod
     def plot_states(ax: Axes | None = None) -> Axes:
-        """Draw the receive states of any slave from their table: icn2007's figure 3.19.
+        """Draw the receive states with the events between them: icn2007's figure 3.19.
 
-        A box per state, an arrow from state to state with the events that lead along it, and
-        after a slash what the slave does.
+        A slash precedes what the slave does at the event.
         """
         ax = style.axes(ax, figsize=(7.5, 2.6))
-        for state, x in _X.items():
-            style.box(
-                ax,
-                x - _HALF_WIDTH,
-                -_HALF_HEIGHT,
-                2 * _HALF_WIDTH,
-                2 * _HALF_HEIGHT,
-                facecolor=style.FIELD["address"],
-                edgecolor="0.3",
-            )
-            ax.text(x, 0, state.value.upper(), ha="center", va="center", fontsize=8)
+        box = {"facecolor": style.FIELD["address"], "edgecolor": "0.3"}
+        middles = dict(zip(State, (0.0, 6.0, 12.0), strict=True))
+        for state, x in middles.items():
+            style.box(ax, x - 1.2, -0.5, 2.4, 1.0, **box)
+            ax.text(x, 0, state.value.upper(), ha="center", va="center")
         words = defaultdict(list)
         for (state, event), following in TRANSITIONS.items():
-            # A pause after a response is a pause: where any will do, it need not be named.
+            # Where any pause leads on, the pause after a response need not be named.
             if event is Event.SLAVE_PAUSE and (state, Event.PAUSE) in TRANSITIONS:
                 continue
             doing = f" / {ACTIONS[event]}" if event in ACTIONS else ""
             words[state, following].append(event.value + doing)
         for (begin, end), said in words.items():
             # Arrows out of RECEIVE run above those back to it, with their words outside.
-            lane = _LANE if begin is State.RECEIVE else -_LANE
-            side = 1 if _X[end] > _X[begin] else -1
-            x0, x1 = _X[begin] + side * _HALF_WIDTH, _X[end] - side * _HALF_WIDTH
+            up = 1 if begin is State.RECEIVE else -1
+            side = 1 if middles[end] > middles[begin] else -1
+            x0, x1 = middles[begin] + side * 1.2, middles[end] - side * 1.2
             arrow = {"arrowstyle": "-|>", "mutation_scale": 12, "color": "0.3"}
-            ax.annotate(
-                "", (x1, lane), (x0, lane), arrowprops={**arrow, "shrinkA": 0, "shrinkB": 0}
-            )
-            ax.text(
-                (x0 + x1) / 2, lane + (0.08 if lane > 0 else -0.08), "\n".join(said), ha="center",
-                va="bottom" if lane > 0 else "top", fontsize=7,
-            )  # fmt: skip
+            arrow |= {"shrinkA": 0, "shrinkB": 0}
+            ax.annotate("", (x1, up * 0.22), (x0, up * 0.22), arrowprops=arrow)
+            placed: dict[str, Any] = {"ha": "center", "va": "bottom" if up > 0 else "top"}
+            ax.text((x0 + x1) / 2, up * 0.3, "\n".join(said), **placed)
         return style.bare(ax, (-1.4, 13.4), (-0.9, 1.6))
 
     def __str__(self) -> str:
@@ -218,19 +193,14 @@ class Slave:
 
 # Requests as slaves read them ------------------------------------------------------------------
 
-Kind = Literal[0, 1, 2]
-
-#: The kinds of slave by what they make of the select bit: a standard slave, an A and a B slave.
+#: The kinds of slave by their half: a standard slave, an A and a B slave. The bits that carry four
+#: outputs to a standard slave carry three outputs and the select bit to an A/B slave.
 KINDS: tuple[Half | None, ...] = (None, "A", "B")
 
+#: Calls that can change which slave is at which address.
 _MOVING = (
-    Call.ASSIGN_ADDRESS,
-    Call.WRITE_ID1,
-    Call.DELETE_ADDRESS,
-    Call.RESET,
-    Call.BROADCAST_RESET,
-    Call.ENTER_PROGRAM_MODE,
-)
+    Call.ASSIGN_ADDRESS, Call.WRITE_ID1, Call.DELETE_ADDRESS, Call.RESET, Call.BROADCAST_RESET,
+)  # fmt: skip
 
 
 class PreparedRequest:
@@ -238,14 +208,13 @@ class PreparedRequest:
 
     __slots__ = ("bits", "code", "expects", "moves", "reads", "request", "station")
 
-    #: Who is asked: the address in it, and 32 for the broadcast, which goes to all.
+    #: The address in it, or 32 for the broadcast, which goes to all slaves.
     station: int
-    #: Call, address, half and data in 16 bits: 4, 5, 2 and 5 of them from the lowest up.
+    #: Call, address, half and data in 4, 5, 2 and 5 bits, from the lowest up.
     code: int
-    #: What a standard slave, an A and a B slave at this address read; None where the bits are not
-    #: a request to it.
+    #: What each of the `KINDS` of slave at this address reads; None if it is not addressed.
     reads: tuple[Request | None, ...]
-    #: Whether the call has an answer at all, and whether it can change who is at which address.
+    #: Whether the call has an answer, and whether it is one of `_MOVING`.
     expects: bool
     moves: bool
 
@@ -265,15 +234,14 @@ def _read(bits: str, kind: int) -> Request | None:
         request = Request.parse(bits, extended=kind > 0)
     except UnknownCallError:
         return None
-    # A slave without an address is of no half yet, as a master does not know what it meets there;
-    # the calls without a select bit go to it, or to everybody.
+    # At address 0 the select bit does not count: a master does not know which slave is there.
     meant = request.address == 0 or request.half is None or request.half == KINDS[kind]
     return request if meant else None
 
 
 @cache
 def prepared(call: Call, address: int, data: int = 0, half: Half | None = None) -> PreparedRequest:
-    """Return a request made ready; the same one whenever it is asked for."""
+    """Return a prepared request, the same object for the same arguments."""
     return PreparedRequest(Request(call, address, data, half))
 
 
@@ -300,14 +268,15 @@ class Event(Enum):
     SILENT = "call without answer"
 
 
-#: What a slave does when it hears an event in the state RECEIVE; it does nothing else.
+#: What a slave does when it hears an event in the state RECEIVE.
 ACTIONS = {Event.OWN: "answer", Event.SILENT: "obey"}
 
-#: The state that follows. Whoever is not named here stays where it is: an asynchronous slave reads
-#: nothing, and a synchronous one lets the pause before a response and the response itself pass.
-#: icn2007 describes ERROR, FOREIGN, UNKNOWN and OWN, and the way out of ASYNCHRONOUS. The way
-#: out of SYNCHRONOUS is our reading: taken at the pause *before* a response, it would make every
-#: slave read the response as a faulty request, and none would ever answer in step.
+#: The state after an event; at all others the slave keeps its state. An asynchronous slave reads
+#: nothing, and a synchronous one ignores the pause before a response and the response.
+#: icn2007, data link layer, section 3, describes ERROR, FOREIGN, UNKNOWN and OWN, and how a slave
+#: leaves ASYNCHRONOUS; it refers to a Fig 3.19 that it does not print. How a slave leaves
+#: SYNCHRONOUS is our reading: if it did so at the pause *before* a response, every slave would
+#: read the response as a faulty request, and none would ever answer in step.
 TRANSITIONS = {
     (State.ASYNCHRONOUS, Event.PAUSE): State.RECEIVE,
     (State.ASYNCHRONOUS, Event.SLAVE_PAUSE): State.RECEIVE,
@@ -320,29 +289,20 @@ TRANSITIONS = {
 }
 
 
-#: Middle of each state's box; half its width and height, and how far arrows keep from its middle.
-_X = {State.ASYNCHRONOUS: 0.0, State.RECEIVE: 6.0, State.SYNCHRONOUS: 12.0}
-_HALF_WIDTH, _HALF_HEIGHT, _LANE = 1.2, 0.5, 0.22
-
-
 # The slave -------------------------------------------------------------------------------------
 
 #: Output and parameter bits after a reset: all set, the ports switched off (AS2702, p. 13).
 DEFAULT = 0xF
 
-_NEVER = float("inf")
-
 
 class RunningSlave:
-    """What a slave remembers while it runs; times are simulated [s] and must not run backwards.
+    """The state of a slave while it runs; times are simulated [s] and must not run backwards."""
 
-    After a reset a slave keeps its outputs off and does not answer *data exchange* until a
-    *write parameter* has come: the flag Data_Exchange_Disable of ZMD AG, "SAP5S/SAP51", data
-    sheet rev. 3.1, 2012, pp. 39, 46, 47. Ports that are outputs are echoed in the response, p. 39.
-    While it stores, it is silent to calls that would store something else. If it loses its supply
-    meanwhile, it comes back at address 0 with its memory error flag set: our reading of the
-    warning in Siemens, "IE/AS-INTERFACE LINK PN IO", manual, p. 169.
-    """
+    # ZMD AG, "SAP5S/SAP51", data sheet rev. 3.1, 2012, pp. 39, 46, 47: after a reset a slave keeps
+    # its outputs off and does not answer *data exchange* until a *write parameter* has come (flag
+    # Data_Exchange_Disable), and echoes the ports that are outputs. Siemens, "IE/AS-INTERFACE LINK
+    # PN IO", manual, p. 169, warns of a loss of supply while a slave stores; we read it so that
+    # the slave comes back at address 0 with its memory error flag set.
 
     def __init__(self, settings: Slave) -> None:
         self.settings, self.profile = settings, settings.kind
@@ -355,14 +315,13 @@ class RunningSlave:
         if settings.half == "B":
             self.id1 |= 8
         self.address, self.inputs = settings.address, settings.inputs
-        self.watchdog, self.write_time = settings.watchdog, settings.write_time
-        self.locked = settings.locked
+        self.watchdog = settings.watchdog
 
         ports = IO_CONFIGURATIONS[self.profile.io]
         self._in_mask = sum(1 << bit for bit, port in enumerate(ports) if port in ("IN", "I/O"))
         self._echo_mask = sum(1 << bit for bit, port in enumerate(ports) if port == "OUT")
         self._stored = (self.address, self.id1)
-        self._writing_until = -_NEVER
+        self._writing_until = -inf
         self.powered = True
         self.periphery_fault = self.memory_error = False
         #: When the watchdog reset the slave [s].
@@ -370,9 +329,9 @@ class RunningSlave:
         self._start()
 
     def _start(self) -> None:
-        """Come up as after switching on: out of step with the master."""
+        """Begin as after switching on: out of step with the master."""
         self.state = State.ASYNCHRONOUS
-        self.synchronised = self.programming = False
+        self.synchronised = False
         self._settle()
 
     def _settle(self) -> None:
@@ -381,14 +340,14 @@ class RunningSlave:
         self.kind = self._kind()
         self.outputs = self.parameter = DEFAULT
         self.active = False
-        self._expires = _NEVER
+        self._expires = inf
 
-    def _kind(self) -> Kind:
-        return cast("Kind", 1 + (self.id1 >> 3) if self.extended else 0)
+    def _kind(self) -> int:
+        return 1 + (self.id1 >> 3) if self.extended else 0
 
     @property
     def half(self) -> Half | None:
-        """Which half of its address an A/B slave takes; None for a standard slave."""
+        """The half of its address, A or B; None for a standard slave."""
         return KINDS[self.kind]
 
     @property
@@ -402,23 +361,21 @@ class RunningSlave:
         return volatile | self.periphery_fault << 1 | self.memory_error << 3
 
     def switch_off(self, time: float = 0.0) -> None:
-        """Take the supply away at a time [s]; what is being stored is lost with the address."""
+        """Disconnect the supply at a time [s]; a slave that is storing loses its address."""
         if self._stores(time):
             self._stored = (0, self._stored[1])
             self.memory_error = True
-            self._writing_until = -_NEVER
+            self._writing_until = -inf
         self.powered = False
         self._settle()
 
     def switch_on(self) -> None:
-        """Give the supply back."""
+        """Connect the supply again."""
         self.powered = True
         self._start()
 
     def pause(self, event: Event = Event.SLAVE_PAUSE) -> None:
-        """Hear a pause."""
-        if event not in (Event.PAUSE, Event.SLAVE_PAUSE):
-            raise ArgumentError(f"event is {event}; it must be Event.PAUSE or Event.SLAVE_PAUSE")
+        """Hear a pause: `Event.PAUSE` or `Event.SLAVE_PAUSE`."""
         self._step(event)
 
     def _step(self, event: Event) -> None:
@@ -428,7 +385,7 @@ class RunningSlave:
         self.state = following
 
     def hear(self, bits: str, time: float = 0.0) -> Response | None:
-        """Hear one telegram."""
+        """Hear one telegram and return the answer, None for silence."""
         if not self.powered or self.state is not State.RECEIVE:
             return None
         try:
@@ -445,13 +402,13 @@ class RunningSlave:
         if not everybody and (request.address != self.address or other_half):
             self._step(Event.FOREIGN)
             return None
-        data = self.obey(request, time)
+        data = OBEY[request.call](self, request.data, time)
         unanswered = Event.SILENT if request.call.rule.answer is None else Event.UNKNOWN
         self._step(Event.OWN if data != NONE else unanswered)
         return Response(data, request.call) if data != NONE else None
 
     def rest(self, time: float) -> None:
-        """Let the time pass up to `time` [s]: the watchdog may reset the slave meanwhile."""
+        """Let time pass up to `time` [s]; the watchdog may reset the slave."""
         if time > self._expires:
             self.trips.append(self._expires)
             self._settle()
@@ -466,12 +423,6 @@ class RunningSlave:
         self._expires = time + self.watchdog
         return self.inputs & self._in_mask | outputs & self._echo_mask
 
-    def obey(self, request: Request, time: float) -> int:
-        """Carry out a request that is meant for this slave."""
-        if self.programming:
-            return NONE
-        return OBEY[request.call](self, request.data, time)
-
     def _write_parameter(self, data: int, time: float) -> int:
         if self.address == 0:
             return NONE
@@ -484,25 +435,23 @@ class RunningSlave:
     def _stores(self, time: float) -> bool:
         return time < self._writing_until
 
-    def _store(self, address: int, id1: int, answer: Answer, time: float) -> int:
-        if self.address != 0 or self._stores(time):
-            return NONE
-        self.address, self.id1 = self._stored = address, id1
+    def _store(self, address: int, id1: int, time: float) -> None:
+        self._stored, self.id1 = (address, id1), id1
         self.kind = self._kind()
-        self._writing_until = time + self.write_time
-        return answer
+        self._writing_until = time + self.settings.write_time
 
     def _assign(self, data: int, time: float) -> int:
-        return self._store(data, self.id1, Answer.DONE, time)
+        if self.address != 0 or self._stores(time):
+            return NONE
+        self.address = data
+        self._store(data, self.id1, time)
+        return Answer.DONE
 
     def _write_id1(self, data: int, time: float) -> int:
         if self.profile.id2 is None or self.address != 0 or self._stores(time):
             return NONE
         # The address stays deleted, whatever the memory holds.
-        self.id1 = data
-        self.kind = self._kind()
-        self._stored = (self._stored[0], data)
-        self._writing_until = time + self.write_time
+        self._store(self._stored[0], data, time)
         return Answer.ERASED
 
     def _delete(self, data: int, time: float) -> int:
@@ -510,7 +459,7 @@ class RunningSlave:
             return NONE
         self.address = 0
         self.active = False
-        self._expires = _NEVER
+        self._expires = inf
         return Answer.ERASED
 
     def _reset(self, data: int, time: float) -> int:
@@ -521,14 +470,9 @@ class RunningSlave:
         self._settle()
         return NONE
 
-    def _program(self, data: int, time: float) -> int:
-        if self.address == 0 and not self.locked:
-            self._settle()
-            self.programming = True
-        return NONE
 
-
-#: What each call does, in the order of `Call`; the data and the time are its arguments.
+#: What each call does, in the order of `Call`; the data and the time are its arguments. Makers
+#: lock the program mode, so no slave enters it.
 OBEY: tuple[Callable[[RunningSlave, int, float], int], ...] = (
     RunningSlave.exchange,
     RunningSlave._write_parameter,
@@ -542,5 +486,5 @@ OBEY: tuple[Callable[[RunningSlave, int, float], int], ...] = (
     lambda slave, data, time: NONE if slave.profile.id2 is None else slave.profile.id2,
     lambda slave, data, time: slave.status(time),
     RunningSlave._broadcast,
-    RunningSlave._program,
+    lambda slave, data, time: NONE,
 )

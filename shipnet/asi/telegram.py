@@ -5,22 +5,11 @@
 
 The parity bit makes the number of ones even, counted from the start bit up to and including the
 parity bit; the end bit does not count (claim kim2023-040 weighs the other reading).
-
-Each of the 13 calls is a pattern of the eleven bits between the start bit and the parity bit:
-
-    0 1   a fixed bit
-    a     a bit of the slave's address
-    d     a bit of the data that the call carries
-    s S   the select bit of an A/B slave (A 0, B 1), as it is and inverted
-
-The patterns, one under the other, are the table of requests; encoding, decoding, the batch
-functions and the printed tables are all read from them.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
@@ -54,7 +43,11 @@ class Answer(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """How one call looks on the line."""
+    """How one call looks on the line: a pattern of the bits between start bit and parity bit.
+
+    0 and 1 are fixed bits, ``a`` is a bit of the address and ``d`` one of the data; ``s`` is the
+    select bit of an A/B slave (A 0, B 1), and ``S`` the same bit inverted.
+    """
 
     title: str
     pattern: str
@@ -68,13 +61,10 @@ class Rule:
         """Return the pattern for an A/B slave, or for a standard one."""
         return self.extended if extended and self.extended else self.pattern
 
-    def reader(self, extended: bool) -> re.Pattern[str]:
-        """Return an expression with a group per letter of the pattern."""
-        return _reader(self.layout(extended))
-
 
 @cache
 def _reader(layout: str) -> re.Pattern[str]:
+    """Return an expression with a group per letter of a pattern."""
     return re.compile(re.sub(r"([adsS])\1*", lambda n: f"(?P<{n[1]}>[01]{{{len(n[0])}}})", layout))
 
 
@@ -95,76 +85,52 @@ class Call(IntEnum):
     _rule: Rule
 
     def __new__(cls, rule: Any) -> Call:
-        """Number the calls as they come."""
+        """Number the calls in their order."""
         call = int.__new__(cls, len(cls.__members__))
         call._value_, call._rule = len(cls.__members__), rule
         return call
 
     @property
     def rule(self) -> Rule:
-        """Bits, wording and answer of this call."""
+        """Bits, wording and answer of the call; claims about them are model-based."""
         return self._rule
 
     DATA_EXCHANGE = Rule(
-        "data exchange",
-        "0aaaaa0dddd",
-        "data exchange with slave {slave}: outputs {bits} ({data:X})",
-        extended="0aaaaa0Sddd",
-        lowest_address=1,
-        answer="inputs",
-    )
+        "data exchange", "0aaaaa0dddd", extended="0aaaaa0Sddd", lowest_address=1, answer="inputs",
+        says="data exchange with slave {slave}: outputs {bits} ({data:X})",
+    )  # fmt: skip
     WRITE_PARAMETER = Rule(
-        "write parameter",
-        "0aaaaa1dddd",
-        "write parameter {bits} ({data:X}) to slave {slave}",
-        extended="0aaaaa1Sddd",
-        symbol="P",
-        lowest_address=1,
-        answer="parameter",
-    )
+        "write parameter", "0aaaaa1dddd", extended="0aaaaa1Sddd", lowest_address=1, symbol="P",
+        says="write parameter {bits} ({data:X}) to slave {slave}", answer="parameter",
+    )  # fmt: skip
     ASSIGN_ADDRESS = Rule(
-        "assign address",
-        "000000ddddd",
-        "assign address {data} to the slave at address 0",
-        symbol="A",
-        answer=Answer.DONE,
-    )
+        "assign address", "000000ddddd", symbol="A", answer=Answer.DONE,
+        says="assign address {data} to the slave at address 0",
+    )  # fmt: skip
     WRITE_ID1 = Rule(
-        "write extended ID code 1",
-        "1000000dddd",
-        "write extended ID code 1 {bits} ({data:X}) to the slave at address 0",
-        symbol="ID",
-        answer=Answer.ERASED,
-    )
+        "write extended ID code 1", "1000000dddd", symbol="ID", answer=Answer.ERASED,
+        says="write extended ID code 1 {bits} ({data:X}) to the slave at address 0",
+    )  # fmt: skip
     DELETE_ADDRESS = Rule(
-        "delete address",
-        "1aaaaa0s000",
-        "delete the address of slave {slave}",
-        lowest_address=1,
-        answer=Answer.ERASED,
-    )
+        "delete address", "1aaaaa0s000", lowest_address=1, answer=Answer.ERASED,
+        says="delete the address of slave {slave}",
+    )  # fmt: skip
     RESET = Rule("reset slave", "1aaaaa1S100", "reset slave {slave}", answer=Answer.DONE)
     READ_IO_CONFIGURATION = Rule(
-        "read I/O configuration",
-        "1aaaaa1s000",
-        "read the I/O configuration of slave {slave}",
-        answer="I/O configuration",
-    )
+        "read I/O configuration", "1aaaaa1s000", answer="I/O configuration",
+        says="read the I/O configuration of slave {slave}",
+    )  # fmt: skip
     READ_ID = Rule(
         "read ID code", "1aaaaa1s001", "read the ID code of slave {slave}", answer="ID code"
     )
     READ_ID1 = Rule(
-        "read extended ID code 1",
-        "1aaaaa1s010",
-        "read extended ID code 1 of slave {slave}",
-        answer="extended ID code 1",
-    )
+        "read extended ID code 1", "1aaaaa1s010", answer="extended ID code 1",
+        says="read extended ID code 1 of slave {slave}",
+    )  # fmt: skip
     READ_ID2 = Rule(
-        "read extended ID code 2",
-        "1aaaaa1s011",
-        "read extended ID code 2 of slave {slave}",
-        answer="extended ID code 2",
-    )
+        "read extended ID code 2", "1aaaaa1s011", answer="extended ID code 2",
+        says="read extended ID code 2 of slave {slave}",
+    )  # fmt: skip
     READ_STATUS = Rule(
         "read status", "1aaaaa1S110", "read the status of slave {slave}", answer="status"
     )
@@ -172,9 +138,7 @@ class Call(IntEnum):
         "broadcast reset", "11111110101", "broadcast reset of all slaves, without answer"
     )
     ENTER_PROGRAM_MODE = Rule(
-        "enter program mode",
-        "10000011101",
-        "enter program mode at address 0, without answer",
+        "enter program mode", "10000011101", "enter program mode at address 0, without answer"
     )
 
 
@@ -183,45 +147,34 @@ class Call(IntEnum):
 #: Bits of a master's request, and of a slave's response.
 REQUEST_BITS, RESPONSE_BITS = 14, 7
 
-#: Parts of the telegrams: label, number of bits, key of `style.FIELD`.
-REQUEST_PARTS = (
-    ("ST", 1, "frame"),
-    ("CB", 1, "control"),
-    ("address A4..A0", 5, "address"),
-    ("information I4..I0", 5, "information"),
-    ("PB", 1, "parity"),
-    ("EB", 1, "frame"),
-)
-RESPONSE_PARTS = (
-    ("ST", 1, "frame"),
-    ("I3..I0", 4, "information"),
-    ("PB", 1, "parity"),
-    ("EB", 1, "frame"),
-)
+#: Parts of a telegram by its number of bits: label, number of bits, key of `style.FIELD`.
+_PARTS = {
+    REQUEST_BITS: (
+        ("ST", 1, "frame"), ("CB", 1, "control"), ("address A4..A0", 5, "address"),
+        ("information I4..I0", 5, "information"), ("PB", 1, "parity"), ("EB", 1, "frame"),
+    ),
+    RESPONSE_BITS: (
+        ("ST", 1, "frame"), ("I3..I0", 4, "information"), ("PB", 1, "parity"), ("EB", 1, "frame"),
+    ),
+}  # fmt: skip
 
 
-def plot_telegram(
-    bits: str,
-    *,
-    ax: Axes | None = None,
-    start: float = 0.0,
-    parts: Sequence[tuple[str, int, str]] | None = None,
-) -> Axes:
+def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> Axes:
     """Draw a telegram as a row of coloured bits with its level line above."""
-    ax = style.axes(ax)
-    parts = parts or {REQUEST_BITS: REQUEST_PARTS, RESPONSE_BITS: RESPONSE_PARTS}.get(len(bits))
-    if parts is None:
+    ax = style.axes(ax, figsize=(7.5, 2.2))
+    if len(bits) not in _PARTS:
         raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
     place = start
-    for label, length, colour in parts:
+    for label, length, colour in _PARTS[len(bits)]:
         style.box(ax, place, 0, length, 1, facecolor=style.FIELD[colour], edgecolor="0.3")
-        ax.text(place + length / 2, -0.22, label, ha="center", va="top", fontsize=8)
+        ax.text(place + length / 2, -0.22, label, ha="center", va="top")
         place += length
     for index, bit in enumerate(bits):
         ax.text(start + index + 0.5, 0.5, bit, ha="center", va="center", family="monospace")
     edges = [start + index for index in range(len(bits) + 1)]
     levels = [1.35 + 0.5 * int(bit) for bit in bits]
     ax.step(edges, [*levels, levels[-1]], where="post", color="C0")
+    ax.set(xlabel="time [bit]", yticks=[], ylim=(-0.75, 2.1))
     return ax
 
 
@@ -230,7 +183,7 @@ _PLACES = ["CB", "A4", "A3", "A2", "A1", "A0", "I4", "I3", "I2", "I1", "I0"]
 
 
 def frame(information: str) -> str:
-    """Put start, parity and end bit around the information bits."""
+    """Return a telegram: start, parity and end bit around the information bits."""
     return f"0{information}{information.count('1') % 2}1"
 
 
@@ -239,7 +192,7 @@ def _call(value: Call | int) -> Call:
 
 
 def information_of(bits: str, length: int, what: str) -> str:
-    """Check a telegram from outside to inside and return its information bits."""
+    """Return the information bits of a telegram, or raise the FrameError of its first fault."""
     check_kind("bits", bits, str)
     if len(bits) != length:
         raise LengthError(f"a {what} has {length} bits, but {bits!r} has {len(bits)}")
@@ -268,12 +221,12 @@ class Response:
     data : int
         The four information bits, 0..15.
     call : Call, optional
-        The call that is answered; it gives the bits their meaning.
+        The call that is answered, which gives the bits their meaning.
 
     Raises
     ------
     ArgumentError
-        If `data` is outside 0..15, or if `call` is one that no slave answers.
+        If `data` is out of range, or no slave answers `call`.
 
     Examples
     --------
@@ -298,17 +251,9 @@ class Response:
         """The 7 bits in the order in which they are sent."""
         return frame(f"{self.data:04b}")
 
-    @property
-    def expected(self) -> bool:
-        """Whether the data are what the standard fixes for the call; True where it fixes none."""
-        answer = self.call.rule.answer if self.call is not None else None
-        return not isinstance(answer, Answer) or self.data == answer
-
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the response as coloured bits, with its level line above; x is in bit times."""
-        ax = plot_telegram(self.bits, ax=style.axes(ax, figsize=(7.5, 2.2)))
-        ax.set(xlabel="time [bit]", yticks=[], ylim=(-0.75, 2.1))
-        return ax
+        """Draw the response as coloured bits with its level line above; x is in bit times."""
+        return plot_telegram(self.bits, ax)
 
     def __str__(self) -> str:
         if self.call is None:
@@ -320,7 +265,7 @@ class Response:
         if answer == "status":
             return f"{head}{self.data:04b}, {describe_status(self.data)}"
         if isinstance(answer, Answer):
-            ending = "done" if self.expected else f"but the standard asks for {answer:X}"
+            ending = "done" if self.data == answer else f"but the standard asks for {answer:X}"
             return f"{head}{self.data:X}, {ending}"
         what = "" if str(answer) in self.call.rule.title else f"{answer} "
         return f"{head}{what}{self.data:04b} ({self.data:X})"
@@ -333,14 +278,7 @@ class Response:
     @classmethod
     def fields(cls) -> pd.DataFrame:
         """Return the fields of a response with lengths and values: kim2023's Table 6."""
-        start, end = _start_and_end(RESPONSE_BITS)
-        rows = [
-            ("ST", "start bit", 1, *start, ""),
-            ("I0~I3", "information", 4, "", "", ""),
-            ("PB", "parity bit", 1, "", "", _parity_counts(RESPONSE_BITS)),
-            ("EB", "end bit", 1, *end, ""),
-        ]
-        return _field_table(rows)
+        return _fields(RESPONSE_BITS, ("I0~I3", "information", 4, "", "", ""))
 
     @classmethod
     def all(cls) -> tuple[Response, ...]:
@@ -364,15 +302,14 @@ class Request:
     Parameters
     ----------
     call : Call
-        Which of the 13 calls.
+        One of the 13 calls.
     address : int
         Address of the slave, 0..31; 0 is a slave without an address, 31 also the broadcast.
     data : int, default 0
-        The data that the call carries: output bits 0..15 (0..7 for an A/B slave), parameter bits
-        likewise, the new address 1..31, or the extended ID code 1 0..15; else 0.
+        The data that the call carries: output or parameter bits 0..15 (0..7 for an A/B slave),
+        the new address 1..31, or the extended ID code 1 0..15; else 0.
     half : {"A", "B"}, optional
-        Which of the two slaves that share an address in extended addressing; None for a
-        standard slave.
+        Which of the two A/B slaves at an address; None for a standard slave.
 
     Raises
     ------
@@ -381,10 +318,9 @@ class Request:
 
     Notes
     -----
-    Select is sent as it is in delete address and the four read calls, and inverted in data
-    exchange, write parameter, reset and read status, so that with select 0 every request equals
-    the one that a master before specification 2.1 sends to a standard slave. Claim kim2023-047
-    shows where the paper's table differs.
+    The select bit is inverted in data exchange, write parameter, reset and read status, so that
+    with select 0 every request equals the one that a master before specification 2.1 sends to a
+    standard slave. Claim kim2023-047 shows where the paper's table differs.
 
     References
     ----------
@@ -394,7 +330,7 @@ class Request:
 
     Examples
     --------
-    From [2]_, the example of section 3.4 with the parity bit that the rule asks for:
+    The example of [2]_ with the parity bit that the rule requires:
 
     >>> request = Request.data_exchange(21, 0xE)
     >>> request.bits
@@ -434,16 +370,10 @@ class Request:
     @property
     def bits(self) -> str:
         """The 14 bits in the order in which they are sent."""
-        address = iter(f"{self.address:05b}")
-        data = iter(self._data_bits)
-        select = int(self.half == "B")
-        sent = {
-            "a": lambda: next(address),
-            "d": lambda: next(data),
-            "s": lambda: str(select),
-            "S": lambda: str(1 - select),
-        }
-        return frame("".join(sent[c]() if c in sent else c for c in self._layout))
+        layout = self._layout.replace("aaaaa", f"{self.address:05b}")
+        layout = layout.replace("d" * layout.count("d"), self._data_bits)
+        is_b = self.half == "B"
+        return frame(layout.replace("s", str(int(is_b))).replace("S", str(int(not is_b))))
 
     @property
     def _data_bits(self) -> str:
@@ -452,14 +382,12 @@ class Request:
 
     @property
     def slave(self) -> str:
-        """The slave as its label on board says it: ``"21"``, ``"21A"``, ``"21B"``."""
+        """The slave's label: ``"21"``, ``"21A"``, ``"21B"``."""
         return f"{self.address}{self.half or ''}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the request as coloured bits, with its level line above; x is in bit times."""
-        ax = plot_telegram(self.bits, ax=style.axes(ax, figsize=(7.5, 2.2)))
-        ax.set(xlabel="time [bit]", yticks=[], ylim=(-0.75, 2.1))
-        return ax
+        """Draw the request as coloured bits with its level line above; x is in bit times."""
+        return plot_telegram(self.bits, ax)
 
     def __str__(self) -> str:
         return self.call.rule.says.format(slave=self.slave, data=self.data, bits=self._data_bits)
@@ -479,7 +407,7 @@ class Request:
         information = information_of(bits, REQUEST_BITS, "request")
         check_kind("extended", extended, bool)
         for call in Call:
-            found = call.rule.reader(extended).fullmatch(information)
+            found = _reader(call.rule.layout(extended)).fullmatch(information)
             if found is None:
                 continue
             parts = found.groupdict()
@@ -492,9 +420,8 @@ class Request:
             if parts.get("s") == "1" or parts.get("S") == "0":
                 half = "B"
             elif extended and parts.keys() & {"s", "S"}:
-                half = (
-                    "A"  # without extended addressing only a select bit that is set says anything
-                )
+                # Without extended addressing, only a select bit that is set has a meaning.
+                half = "A"
             return cls(call, address, data, half)
         raise UnknownCallError(
             f"request {bits}: no call has control bit {information[0]}, address "
@@ -526,12 +453,12 @@ class Request:
 
     @classmethod
     def delete_address(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request that puts a slave, address 1..31, back to address 0."""
+        """Return a request that sets a slave, address 1..31, back to address 0."""
         return cls(Call.DELETE_ADDRESS, address, half=half)
 
     @classmethod
     def reset(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request that puts a slave, address 0..31, into its initial state."""
+        """Return a request that resets a slave, address 0..31, to its initial state."""
         return cls(Call.RESET, address, half=half)
 
     @classmethod
@@ -566,16 +493,16 @@ class Request:
 
     @classmethod
     def enter_program_mode(cls) -> Request:
-        """Return the request that opens the chip's production mode at address 0; no answer."""
+        """Return the request that opens the chip's program mode at address 0; no answer."""
         return cls(Call.ENTER_PROGRAM_MODE, 0)
 
     @classmethod
     @checked
     def table(cls, *, extended: bool = True) -> pd.DataFrame:
-        """Return all requests bit by bit, kim2023's Table 5, to A/B slaves or to standard ones.
+        """Return all requests bit by bit, to A/B slaves or to standard ones: kim2023's Table 5.
 
-        One row per call and one column per bit; a cell is 0 or 1 where the bit is fixed, else the
-        name of what it carries. ``S`` is the select bit, ``~S`` its inverse.
+        A cell is 0 or 1 where the bit is fixed, else the name of what it carries: ``S`` is the
+        select bit, ``~S`` its inverse.
         """
         rows = {}
         for call in Call:
@@ -596,25 +523,27 @@ class Request:
 
     @classmethod
     def fields(cls) -> pd.DataFrame:
-        """Return the fields of a request with lengths and values: kim2023's Table 4.
-
-        What the values 0 and 1 mean is found by asking the decoder and the patterns of the calls.
-        """
-        by_control = {
-            bit: " ".join(call.name for call in Call if call.rule.pattern[0] == bit) for bit in "01"
-        }
-        rows = [
-            ("ST", "start bit", 1, *_start_and_end(REQUEST_BITS)[0], ""),
-            ("CB", "control bit", 1, by_control["0"], by_control["1"], ""),
+        """Return the fields of a request with lengths and values: kim2023's Table 4."""
+        zero, one = (
+            " ".join(call.name for call in Call if call.rule.pattern[0] == bit) for bit in "01"
+        )
+        return _fields(
+            REQUEST_BITS,
+            ("CB", "control bit", 1, zero, one, ""),
             ("A0~A4", "address", 5, "", "", ""),
             ("I0~I4", "information", 5, "", "", ""),
-            ("PB", "parity bit", 1, "", "", _parity_counts(REQUEST_BITS)),
-            ("EB", "end bit", 1, *_start_and_end(REQUEST_BITS)[1], ""),
-        ]
-        return _field_table(rows)
+        )
 
 
-def _field_table(rows: list[tuple[str, str, int, str, str, str]]) -> pd.DataFrame:
+def _fields(length: int, *inner: tuple[str, str, int, str, str, str]) -> pd.DataFrame:
+    """Return the fields of a telegram; the decoder decides what start, parity and end bit mean."""
+    start, end = _start_and_end(length)
+    rows = [
+        ("ST", "start bit", 1, *start, ""),
+        *inner,
+        ("PB", "parity bit", 1, "", "", _parity_counts(length)),
+        ("EB", "end bit", 1, *end, ""),
+    ]
     columns = ["symbol", "field", "length_bit", "value_0", "value_1", "ones_even_over"]
     return pd.DataFrame(rows, columns=columns).set_index("symbol")
 

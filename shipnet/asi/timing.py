@@ -1,22 +1,16 @@
-"""How long a transaction and a cycle take, and how late the host learns of a change.
+"""Length of a transaction and of a cycle, and response times.
 
-A transaction is a request, the master pause, a response and the slave pause, counted in bit times
-of 6 us. The end of a pause is the start of the next telegram's first bit.
-
-In every cycle the master asks each address once, then sends one management request and looks for
-one new slave. An address that an A and a B slave share is asked once per cycle like any other, the
-two slaves by turns: each of them is heard every second cycle.
-
-Four bits pass in a cycle, so the profiles for analogue values cut a value into pieces, each type
-of transfer (CTT) in its own way. How many exchanges a value takes is data, from
-`asi_analogue_profiles.csv`; of CTT4 no maker prints it.
+A transaction is a request, the master pause, a response and the slave pause, in bit times of 6 us.
+In every cycle the master polls each address once, then sends one management request and looks for
+one new slave. An A and a B slave that share an address take turns: each is polled every second
+cycle.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -36,25 +30,11 @@ BIT_TIME = 6e-6
 #: Shortest and longest legal pause between request and response [bit].
 MASTER_PAUSE_BITS = (2.0, 10.0)
 
-#: Longest pause that a master may leave before its next request [s], from OMRON manual W357, p. 5.
+#: Longest pause before a master's next request [s], from OMRON manual W357, p. 5.
 LONGEST_SLAVE_PAUSE = 500e-6
-
 
 #: User bits of one exchange in each direction.
 USER_BITS = 4
-
-
-class Span(NamedTuple):
-    """One part of a transaction: its name, its start and its length, both in bit times."""
-
-    name: str
-    start: float
-    length: float
-
-    @property
-    def end(self) -> float:
-        """Where the part ends [bit]."""
-        return self.start + self.length
 
 
 @checked
@@ -64,10 +44,9 @@ class Transaction:
 
     Notes
     -----
-    Published lengths are 150 us (25 bit times), 153, 154 and 156 us (26 bit times): the pauses
-    make the difference, so they are parameters. The default is the longest of them. A synchronous
-    slave answers after 2 to 3 bit times, one that is not synchronous needs two more [2]_. In
-    undisturbed operation the pause after a response is 1.5 to 2 bit times long.
+    Published lengths are 150 us (25 bit times), 153, 154 and 156 us (26 bit times, the default);
+    they differ in the pauses. A synchronous slave answers after 2 to 3 bit times, any other slave
+    after two more [2]_. The pause after a response is normally 1.5 to 2 bit times long.
 
     References
     ----------
@@ -77,7 +56,7 @@ class Transaction:
 
     Examples
     --------
-    From [1]_, 156 us a transaction:
+    From [1]_, 156 us per transaction:
 
     >>> round(Transaction().duration * 1e6)
     156
@@ -89,7 +68,7 @@ class Transaction:
     slave_pause: float = number(0, 1e9, "bit times", "Pause after the response", default=2.0)
     bit_time: float = number(1e-12, 1e3, "s", "Length of a bit", default=BIT_TIME)
     unsynchronised: float = number(
-        0, 10, "bit times", "How much later a slave answers that is not synchronised",
+        0, 10, "bit times", "Additional delay of a slave that is not synchronised",
         default=2.0, kw_only=True,
     )  # fmt: skip
     timeout: float = number(
@@ -98,20 +77,9 @@ class Transaction:
     )  # fmt: skip
 
     @property
-    def spans(self) -> tuple[Span, Span, Span, Span]:
-        """The four parts in the order in which they pass."""
-        response = REQUEST_BITS + self.master_pause
-        return (
-            Span("request", 0.0, REQUEST_BITS),
-            Span("master pause", REQUEST_BITS, self.master_pause),
-            Span("response", response, RESPONSE_BITS),
-            Span("slave pause", response + RESPONSE_BITS, self.slave_pause),
-        )
-
-    @property
     def bits(self) -> float:
         """Length from one request to the next [bit]."""
-        return self.spans[-1].end
+        return REQUEST_BITS + self.master_pause + RESPONSE_BITS + self.slave_pause
 
     @property
     def duration(self) -> float:
@@ -120,11 +88,11 @@ class Transaction:
 
     @property
     def unanswered(self) -> float:
-        """Length of a request that no slave answers, up to the next one [bit]."""
+        """Time from a request that no slave answers to the next request [bit]."""
         return REQUEST_BITS + self.timeout
 
     def check_line(self) -> None:
-        """Raise unless a master may leave such a pause before its next request, 1 bit to 500 us."""
+        """Raise unless the pause before the next request is 1 bit time to 500 us."""
         longest = LONGEST_SLAVE_PAUSE / self.bit_time
         if not 1 <= self.slave_pause <= longest:
             raise ArgumentError(
@@ -133,18 +101,14 @@ class Transaction:
 
     @property
     def net_rate(self) -> float:
-        """User bits of one exchange, four each way, over its length [bit/s]."""
+        """User bits of one exchange, four in each direction, divided by its length [bit/s]."""
         return 2 * USER_BITS / self.duration
 
     def efficiency(self, user_bits: npt.ArrayLike = USER_BITS) -> Floats:
-        """Return the share of the line that carries `user_bits` each way.
-
-        AS-i takes one transaction per 4 bits; the rates of buses are left out, since a share of
-        the line is compared, not its speed.
-        """
+        """Return the share of the time that carries `user_bits` in each direction."""
         n = np.asarray(user_bits)
         if n.dtype.kind not in "iu" or not (n >= 1).all():
-            raise ArgumentError(f"user_bits is {user_bits!r}; it must be whole numbers from 1 on")
+            raise ArgumentError(f"user_bits is {user_bits!r}; it must be whole numbers, 1 or more")
         return np.asarray(2 * n / (self.bits * -(-n // USER_BITS)))
 
     def plot(
@@ -152,35 +116,26 @@ class Transaction:
     ) -> Axes:
         """Draw a request, both pauses and a response on one time axis: kim2023's Fig 5.
 
-        Telegrams may be given as bits, right or wrong; x is in bit times, microseconds on top.
+        Telegrams may also be bits, valid or not.
         """
         ax = style.axes(ax, figsize=(8, 2.6))
-        telegrams = {
-            "request": request if isinstance(request, str) else request.bits,
-            "response": response if isinstance(response, str) else response.bits,
-        }
-        for span in self.spans:
-            if span.name in telegrams:
-                plot_telegram(telegrams[span.name], ax=ax, start=span.start)
+        arrow = {"arrowstyle": "<->", "color": "0.3", "shrinkA": 0, "shrinkB": 0}
+        pause = {"facecolor": style.FIELD["pause"], "edgecolor": "0.3", "linestyle": ":"}
+        start = 0.0
+        for name, length, telegram in [
+            ("request", REQUEST_BITS, request), ("master pause", self.master_pause, None),
+            ("response", RESPONSE_BITS, response), ("slave pause", self.slave_pause, None),
+        ]:  # fmt: skip
+            if telegram is None:
+                style.box(ax, start, 0, length, 1, **pause)
             else:
-                style.box(
-                    ax,
-                    span.start,
-                    0,
-                    span.length,
-                    1,
-                    facecolor=style.FIELD["pause"],
-                    edgecolor="0.3",
-                    linestyle=":",
-                )
-            ax.annotate(
-                "", (span.start, 2.35), (span.end, 2.35),
-                arrowprops={"arrowstyle": "<->", "color": "0.3", "shrinkA": 0, "shrinkB": 0},
-            )  # fmt: skip
-            ax.text(
-                (span.start + span.end) / 2, 2.5, f"{span.name}\n{span.length:g} bit",
-                ha="center", va="bottom", fontsize=8,
-            )  # fmt: skip
+                bits = telegram if isinstance(telegram, str) else telegram.bits
+                plot_telegram(bits, ax, start=start)
+            end = start + length
+            ax.annotate("", (start, 2.35), (end, 2.35), arrowprops=arrow)
+            label = f"{name}\n{length:g} bit"
+            ax.text((start + end) / 2, 2.5, label, ha="center", va="bottom")
+            start = end
         ax.set(xlim=(-0.5, self.bits + 0.5), ylim=(-0.75, 3.6), yticks=[], xlabel="time [bit]")
         ax.grid(visible=False)
         ax.spines["left"].set_visible(False)
@@ -195,26 +150,25 @@ class Transaction:
 
 # Cycles ---------------------------------------------------------------------------------------
 
-#: Addresses that slaves can be given: five bits without address 0.
+#: Addresses of slaves: five bits without address 0.
 ADDRESSES = 31
 
-#: What an exchange takes unless said otherwise.
 _USUAL = Transaction()
 
-#: Most transactions of one kind that are taken; no cycle comes near.
+#: Largest legal number of management, inclusion or repeated requests; no cycle comes near.
 _MOST = 10_000
 
 #: Most channels of a slave for analogue values.
 CHANNELS = 4
 
-#: Longest conversion of an analogue value that makers print, of 20 to 60 ms per channel [s].
+#: Conversion time of an analogue value, the longest that makers state (20 to 60 ms) [s].
 CONVERSION = 60e-3
 
 Direction = Literal["in", "out"]
 
 
 class ResponseTime(NamedTuple):
-    """Time from a change at a slave to the host's knowing of it [s].
+    """Time from a change at a slave until the host receives it [s].
 
     `typical` is the mean over changes at random times, on a line without repetitions.
     """
@@ -234,31 +188,29 @@ class Cycle:
     Parameters
     ----------
     slaves : int or array_like of int, default 31
-        Slaves n, 0..62. Numbers may be arrays, which broadcast against each other.
+        Number of slaves n, 0..62. All numbers may be arrays, which broadcast.
     pairs : int or array_like of int, optional
-        Addresses that an A and a B slave share, so many that 31 addresses are enough. As few as
-        can be if omitted: n - 31.
+        Addresses that an A and a B slave share, at least and by default n - 31.
     transaction : Transaction, default Transaction()
-        What one exchange takes, T; 26 bit times by default.
+        One exchange, of length T.
     management, inclusion : int or array_like of int, default 1
-        Requests m and i of the management and of the inclusion phase in a cycle.
+        Requests m and i of the management and inclusion phases per cycle, 0..10000.
     repetitions : int or array_like of int, default 0
-        Telegrams k that must be sent once more.
+        Requests k that are repeated, 0..10000.
     minimum : float, default 0
-        Time below which the master does not begin the next cycle [s].
+        Shortest cycle of the master [s].
 
     Raises
     ------
     ArgumentError
-        If a number is not whole or out of its range.
+        If a number is not whole or out of range.
 
     Notes
     -----
-    The makers print the same formula with different additions. OMRON [1]_ adds two requests to
-    any number of slaves. Schneider adds two, but one at 31 slaves [2]_: there is no address left
-    where a new slave could be found, which is ``inclusion=0``. Schneider's masters do not go below
-    3 ms [3]_, which is ``minimum=3e-3``. The specification's "5 ms for 31 slaves" needs
-    transactions of 25 bit times; with 26 it is 5.148 ms.
+    OMRON [1]_ adds two requests to any number of slaves. Schneider adds only one at 31 slaves
+    [2]_, because no address is left for a new slave: ``inclusion=0``. Schneider's masters have
+    cycles of 3 ms or more [3]_: ``minimum=3e-3``. The specification's "5 ms for 31 slaves" needs
+    transactions of 25 bit times; 26 bit times give 5.148 ms.
 
     References
     ----------
@@ -273,7 +225,7 @@ class Cycle:
     >>> round(Cycle(31).time * 1e6), round(Cycle(31, inclusion=0).time * 1e6)
     (5148, 4992)
 
-    62 slaves take no longer, but each is heard every other cycle:
+    62 slaves take as long, but each is polled every other cycle:
 
     >>> Cycle(62).time == Cycle(31).time, f"{Cycle(62).update_time() * 1e3:.3f} ms"
     (True, '10.296 ms')
@@ -305,13 +257,13 @@ class Cycle:
 
     @property
     def addresses(self) -> int | Integers:
-        """Addresses that are asked in each cycle."""
+        """Addresses that are polled in each cycle."""
         used = np.asarray(self.slaves) - np.asarray(self.pairs)
         return used if used.ndim else int(used)
 
     @property
     def time(self) -> float | Floats:
-        """Time in which the master asks every address once [s]."""
+        """Time in which the master polls every address once [s]."""
         requests = np.asarray(self.addresses)
         for extra in (self.management, self.inclusion, self.repetitions):
             requests = requests + np.asarray(extra)
@@ -319,7 +271,7 @@ class Cycle:
 
     @property
     def bus_time(self) -> float | Floats:
-        """Share of the time in which a telegram is on the line; no new slave answers."""
+        """Share of the time when a telegram is on the line, if no new slave answers."""
         asked = np.asarray(self.addresses) + np.asarray(self.management) + self.repetitions
         bits = asked * (REQUEST_BITS + RESPONSE_BITS) + np.asarray(self.inclusion) * REQUEST_BITS
         time = np.asarray(self.time)
@@ -334,9 +286,9 @@ class Cycle:
         direction: Direction = "in",
         paired: npt.ArrayLike | None = None,
     ) -> float | Floats:
-        """Return the time after which a slave's bits, or its values, are heard again [s].
+        """Return the time after which a slave's bits or values are updated [s].
 
-        The arguments are those of `response_time`; by default it is that of the slowest slave.
+        The arguments are those of `response_time`.
         """
         shared = np.asarray(self.pairs) > 0 if paired is None else np.asarray(paired)
         if shared.dtype.kind != "b":
@@ -358,22 +310,20 @@ class Cycle:
         repetitions: npt.ArrayLike = 0,
         host: float = 0.0,
     ) -> ResponseTime:
-        """Return how soon and how late the host knows of a change, or a slave of an output.
+        """Return the response times to a change of an input, or of an output.
 
-        Waiting, conversion and transfer are in it. A slave for single bits looks at its inputs
-        when the request ends. At best the change comes just before: pause and response pass. At
-        worst it comes just after, and waits for the next request to this slave, every second
-        cycle if it shares its address (`paired`; the slowest slave if omitted). Delays of the
-        input itself, a filter or a relay, come on top.
+        A slave for single bits reads its inputs when the request ends. At best the change comes
+        just before. At worst it comes just after, and waits for the slave's next request: the next
+        cycle, or the one after that if the slave shares its address (`paired`, the default if the
+        cycle has pairs). Delays of the input itself, such as a filter, come on top.
 
-        A slave for values, which its `profile` says, converts its `channels` in turn all the time,
-        each in `conversion` [s], and transfers the newest values in turn; a value is that of the
-        end of its conversion, and is taken when the transfer before it ends. At worst the change
-        comes just after a conversion, whose successor misses a whole round of transfers. Siemens
-        counts one round more, lost to synchronising (SlimLine analogue module, manual).
+        A slave whose `profile` is for values converts its `channels` in turn, each in `conversion`
+        [s], and transfers the newest values in turn. At worst the change comes just after a
+        conversion, and the next value misses a whole round of transfers. Siemens adds another
+        round, lost to synchronising (SlimLine analogue module, manual).
 
-        The `host` looks at the master's image so often [s]. Every one of the `repetitions` makes
-        the worst case later by one transaction.
+        The `host` reads the master's image at this interval [s]. Each of the `repetitions` delays
+        the worst case by one transaction.
         """
         late = _whole("repetitions", repetitions, _MOST) * self.transaction.duration
         each = check_scalar("conversion", conversion, "s", 0, 1e9)
@@ -391,52 +341,39 @@ class Cycle:
         return ResponseTime(*map(_plain, times))
 
 
-def cycle_time(
-    slaves: npt.ArrayLike = ADDRESSES,
-    *,
-    pairs: npt.ArrayLike | None = None,
-    transaction: Transaction = _USUAL,
-    management: npt.ArrayLike = 1,
-    inclusion: npt.ArrayLike = 1,
-    repetitions: npt.ArrayLike = 0,
-    minimum: float = 0.0,
-) -> float | Floats:
-    """Return the time in which the master asks every address once: `Cycle.time`.
+def cycle_time(slaves: npt.ArrayLike = ADDRESSES, **options: Any) -> float | Floats:
+    """Return the time in which the master polls every address once: `Cycle.time`.
 
     Parameters
     ----------
-    slaves, pairs, transaction, management, inclusion, repetitions, minimum
-        As for `Cycle`.
+    slaves : int or array_like of int, default 31
+        Number of slaves, 0..62.
+    **options
+        The other arguments of `Cycle`.
 
     Returns
     -------
     float or ndarray of float
-        Cycle time [s]; the arguments broadcast against each other.
-
-    Raises
-    ------
-    ArgumentError
-        As `Cycle`.
+        Cycle time [s].
 
     Examples
     --------
-    From OMRON's manual W357, p. 5, 31 slaves:
-
     >>> cycle_time(31)
     0.005148
     """
-    return Cycle(
-        slaves, pairs=pairs, transaction=transaction, management=management, inclusion=inclusion,
-        repetitions=repetitions, minimum=minimum,
-    ).time  # fmt: skip
+    return Cycle(slaves, **options).time
 
 
 # Values of more than four bits -----------------------------------------------------------------
 
 
+# Four bits pass in an exchange, so the profiles for analogue values cut a value into pieces, each
+# type of transfer (CTT) in its own way. No maker publishes how many exchanges CTT4 takes.
+
+
 @cache
 def _analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
-    """Return the exchanges that a value takes, 0 if unknown: by profile, direction and size."""
+    """Return the exchanges per value, 0 if unknown: by profile, direction and size."""
     found: dict[tuple[str, str], dict[int, int]] = {}
     for row in datasets.read("asi_analogue_profiles.csv").to_dict("records"):
         sizes = found.setdefault((row["profile"], row["direction"]), {})
@@ -446,7 +383,7 @@ def _analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
 
 @lru_cache(maxsize=256)
 def _sizes(profile: Profile | str, direction: str) -> dict[int, int]:
-    """Return the exchanges by the size of a value; S-7.3.C counts as S-7.3 without its own rows."""
+    """Return the exchanges by the size of a value; S-7.3.C has those of S-7.3 and its own."""
     profile = Profile.parse(profile)
     general, own = f"S-{profile.io:X}.{profile.id:X}", str(profile)
     known = _analogue_profiles()
@@ -460,7 +397,7 @@ def transfers_values(profile: Profile | str) -> bool:
 
 
 def exchanges(profile: Profile | str, direction: Direction = "in") -> int:
-    """Return how many exchanges the largest value of a slave takes, or its bits: one."""
+    """Return the exchanges that a slave's largest value takes; single bits take one."""
     sizes = _sizes(profile, direction)
     if not sizes and not transfers_values(profile):
         return 1
@@ -471,15 +408,10 @@ def exchanges(profile: Profile | str, direction: Direction = "in") -> int:
     return sizes[max(sizes)]
 
 
-# Checks ----------------------------------------------------------------------------------------
-
-
 def _whole(name: str, value: npt.ArrayLike, high: int) -> Integers:
     array = np.asarray(value)
-    if (
-        array.dtype.kind not in "iuf"
-        or not ((array >= 0) & (array <= high) & (array % 1 == 0)).all()
-    ):
+    numbers = array.dtype.kind in "iuf"
+    if not numbers or not ((array >= 0) & (array <= high) & (array % 1 == 0)).all():
         raise ArgumentError(f"{name} is {value!r}; it must be whole numbers 0..{high}")
     return array.astype(np.int64)
 

@@ -1,8 +1,4 @@
-"""Plans of the usual topologies: a line, a star at the end of a trunk, a ring.
-
-They are the topologies that icn2007, section 4, allows. Slaves are addressed in the order in which
-they are placed: up to 31 are standard slaves, more share addresses as A and B.
-"""
+"""Plans of the topologies of icn2007, section 4: a line, a star at the end of a trunk, a ring."""
 
 from __future__ import annotations
 
@@ -42,20 +38,19 @@ def line(
     length : float
         Length of the cable [m].
     slaves : int or sequence of float, default 0
-        How many slaves, at equal distances with the last one at the end, or the place of each,
-        0..length [m]; up to 62.
+        Number of slaves, evenly spaced with the last one at the end, or the place of each,
+        0..length [m]; up to 62. Addresses follow this order.
     pairs : int, optional
-        Addresses that an A and a B slave share, by the slaves placed last; the others have one
-        each. At least n - 31 and at most n / 2 of n slaves. If omitted, as few as can be, and all
-        slaves are A/B slaves if any are.
+        Addresses that an A and a B slave share, from n - 31 to n / 2 of n slaves; the last slaves
+        share. If omitted, as few as possible, and all slaves are A/B slaves if any are.
     master, supply : float, default 0
-        Places of the master and of the power supply of 30 V [m].
+        Places of the master and of the 30 V power supply [m].
     cable : str or shipnet.line.Cable, default "as-i 1.5"
-        Type of the cable, or a cable of your own.
+        Type of the cable, or a cable.
     current : float, default 0.065
-        What each slave draws, 0..10 [A].
+        Current of each slave, 0..10 [A].
     terminator : float, optional
-        Resistance across the far end, as an extension plug has it, 1..1e6 [ohm].
+        Resistance of an extension plug at the far end, 1..1e6 [ohm].
 
     Returns
     -------
@@ -65,7 +60,7 @@ def line(
     Raises
     ------
     ArgumentError
-        If a place is not on the cable, there are too many slaves, or a value is out of range.
+        If a place is not on the cable, or a value is out of range.
 
     Examples
     --------
@@ -96,33 +91,33 @@ def star(
     cable: str | Cable = "as-i 1.5",
     current: float = CURRENT,
 ) -> Plan:
-    """Return a plan whose cable fans out at its end.
+    """Return a plan whose cable branches at its end.
 
     Parameters
     ----------
     trunk : float
-        Length of the cable to the hub of the star, 0 if it lies at the master [m].
+        Length of the cable to the hub of the star; 0 if the hub is at the master [m].
     legs : sequence of float
         Length of each leg, with a slave at its end [m].
     along : int or sequence of float, default ()
-        How many more slaves on the trunk, or the place of each, 0..trunk [m]. They come first.
+        Slaves on the trunk, as the slaves of `line`; their addresses come first.
     pairs, master, supply, cable, current
-        As for `line`; the places are 0..trunk [m].
+        As for `line`.
 
     Returns
     -------
     Plan
-        Its nodes are named ``"0 m"``, ``"45 m"`` and so on along the trunk, and ``"leg 1"`` and
-        so on at the ends of the legs.
+        Its nodes are ``"0 m"``, ``"45 m"`` and so on along the trunk, and ``"leg 1"`` and so on
+        at the ends of the legs.
 
     Raises
     ------
     ArgumentError
-        If a place is not on the trunk, there are too many slaves, or a value is out of range.
+        If a place is not on the trunk, or a value is out of range.
 
     Examples
     --------
-    icn2007's 90 m with a star of 62 slaves; 10 m are left for its legs:
+    icn2007's star of 62 slaves after 90 m, which leaves 10 m for the legs:
 
     >>> plan = star(90, [10 / 62] * 62)
     >>> len(plan.slaves), round(plan.segments[0].length, 6)
@@ -136,22 +131,14 @@ def star(
         if not 0 <= place <= trunk:
             raise ArgumentError(f"the {what} is at {place} m; it must be 0..{trunk:g} m")
     places = sorted({0.0, float(trunk), *(float(place) for _, place in named)})
-    cables = [
-        CableRun(_node(near), _node(far), far - near, cable) for near, far in pairwise(places)
-    ]
-    ends = [f"leg {number}" for number, _ in enumerate(legs, 1)]
-    cables += [CableRun(_node(trunk), end, leg, cable) for end, leg in zip(ends, legs, strict=True)]
+    cables = [CableRun(_node(a), _node(b), b - a, cable) for a, b in pairwise(places)]
+    ends = {f"leg {number}": leg for number, leg in enumerate(legs, 1)}
+    cables += [CableRun(_node(trunk), end, leg, cable) for end, leg in ends.items()]
     nodes = [*map(_node, along), *ends]
     labels = assign_addresses(len(nodes), pairs=pairs)
-    return Plan(
-        cables,
-        masters=[Master(node=_node(master))],
-        supplies=[Supply(_node(supply))],
-        slaves=[
-            Slave(label, node=node, current=current)
-            for label, node in zip(labels, nodes, strict=True)
-        ],
-    )
+    placed = zip(labels, nodes, strict=True)
+    slaves = [Slave(label, node=node, current=current) for label, node in placed]
+    return Plan(cables, [Master(node=_node(master))], [Supply(_node(supply))], slaves)
 
 
 @checked
@@ -164,27 +151,27 @@ def ring(
     cable: str | Cable = "as-i 1.5",
     current: float = CURRENT,
 ) -> Plan:
-    """Return a plan whose cable comes back to the master: a passive ring.
+    """Return a plan whose cable returns to the master: a passive ring.
 
     Parameters
     ----------
     length : float
         Length of the cable around the ring [m].
     slaves : int or sequence of float
-        How many slaves, at equal distances, or the place of each, 0 to less than `length` [m].
+        Number of slaves, evenly spaced, or the place of each, 0 to less than `length` [m].
     pairs, supply, cable, current
         As for `line`.
 
     Returns
     -------
     Plan
-        Its nodes are named by their places; if one place is taken apart from the master's, the
-        last two cables meet halfway between it and the master.
+        Its nodes are named by their places. If there is only one place besides the master's, the
+        last two cables meet halfway between the two.
 
     Raises
     ------
     ArgumentError
-        If a place is not on the ring, or nothing is placed apart from the master.
+        If a place is not on the ring, or all places are the master's.
 
     Examples
     --------
@@ -199,17 +186,16 @@ def ring(
             f"the last place on the ring is {last} m; it must lie between 0 and {length} m"
         )
     there = line(last, slaves, pairs=pairs, supply=supply, cable=cable, current=current)
-    # With one cable there, two lead back, since two nodes have at most one between them.
-    back = [last, length] if len(there.cables) > 1 else [last, last + (length - last) / 2, length]
-    names = [*map(_node, back[:-1]), _node(0)]
-    closing = [
-        CableRun(names[k], names[k + 1], back[k + 1] - back[k], cable) for k in range(len(back) - 1)
-    ]
+    # Two nodes have at most one cable between them, so a second one needs a node halfway.
+    halfway = [] if len(there.cables) > 1 else [last + (length - last) / 2]
+    back = pairwise([last, *halfway, length])
+    names = pairwise([*map(_node, (last, *halfway)), _node(0)])
+    closing = [CableRun(*ends, b - a, cable) for ends, (a, b) in zip(names, back, strict=True)]
     return plan_of([*there, *closing])
 
 
 def evenly_spaced(length: float, n: int) -> list[float]:
-    """Return n places at equal distances along a cable [m], the last one at its end."""
+    """Return n evenly spaced places along a cable [m], the last one at its end."""
     count = check_whole("n", n, 0, 10_000)
     check_scalar("length", length, "m", 0, 1e4)
     return [length * (k / count) for k in range(1, count + 1)]
@@ -222,27 +208,27 @@ def assign_addresses(
     shares: Sequence[bool] | None = None,
     need: Sequence[float] | None = None,
 ) -> list[str]:
-    """Return a label for each of n slaves: those that can wait longest share an address.
+    """Return the labels of n slaves, of which those that can wait longest share an address.
 
-    `pairs` addresses are shared, as few as can be if it is None; by slaves that `shares` lets, if
-    it is given, and by those with the longest `need`, or the last ones. If neither `pairs` nor
-    `shares` is given and some slaves must share, all others are A slaves, too.
+    `pairs` addresses are shared, by default as few as possible: by slaves of which `shares` is
+    True, those with the longest `need` first, or the last ones. If neither `pairs` nor `shares` is
+    given and some slaves must share, all others are A slaves, too.
     """
     able = list(range(n)) if shares is None else [k for k in range(n) if shares[k]]
+    most = len(able) // 2
+    if n - most > ADDRESSES:
+        raise ArgumentError(f"{n} slaves need {n - most} addresses; a line has {ADDRESSES}")
     least = max(0, n - ADDRESSES)
-    if n - len(able) // 2 > ADDRESSES:
-        least_needed = n - len(able) // 2
-        raise ArgumentError(f"{n} slaves need {least_needed} addresses; a line has {ADDRESSES}")
-    number = least if pairs is None else check_whole("pairs", pairs, least, len(able) // 2)
+    number = least if pairs is None else check_whole("pairs", pairs, least, most)
     if need is None:
         sharing = able[len(able) - 2 * number :]
     else:
         sharing = sorted(able, key=lambda place: -need[place])[: 2 * number]
-    alone_shares = set(able) if shares is not None or (pairs is None and number) else set()
+    lone_a = set(able) if shares is not None or (pairs is None and number) else set()
     labels = {}
     alone = [place for place in range(n) if place not in set(sharing)]
     for address, place in enumerate(alone, 1):
-        labels[place] = f"{address}A" if place in alone_shares else f"{address}"
+        labels[place] = f"{address}A" if place in lone_a else f"{address}"
     for rank, place in enumerate(sorted(sharing)):
         labels[place] = f"{len(alone) + 1 + rank // 2}{'AB'[rank % 2]}"
     return [labels[place] for place in range(n)]

@@ -1,10 +1,8 @@
 """An electro-hydraulic actuator: its numbers, its oil in closed form, its motor.
 
 The paper prints none of these numbers. They describe an actuator of common size for a butterfly
-valve of DN 100 to 150, chosen so that the operating point comes out near row 0 of the rule table;
-each is an assumption unless a source is given. Oil is taken as stiff: pressures follow the load at
-once. A flow q through the restrictor takes a pressure s^2 = (q/C)^2, so each balance of the pump is
-a quadratic equation in s: K s^2 + b s = c.
+valve of DN 100 to 150, chosen so that the operating point lies near row 0 of the rule table; each
+is an assumption unless a source is given.
 """
 
 from __future__ import annotations
@@ -30,13 +28,7 @@ def _number(low: float, high: float, unit: str, help: str, default: float) -> An
 class Actuator:
     """Reversible motor and pump, lock valve, cylinder with rack and pinion, butterfly valve.
 
-    Every number holds for all valves, or is an array with one value per valve.
-    `dataclasses.replace` makes another actuator of this one.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range, or if arrays differ in length.
+    Every number applies to all valves, or is an array with one value per valve.
 
     Examples
     --------
@@ -58,7 +50,7 @@ class Actuator:
         1e5, 1e8, "Pa", "Pressure at which the relief valve begins to open", 125e5
     )
     relief_slope: Quantity = _number(
-        1e-14, 1e-6, "m3/(s Pa)", "What the relief valve passes above that", 2e-10
+        1e-14, 1e-6, "m3/(s Pa)", "Flow through the relief valve per pressure above that", 2e-10
     )
     restrictor: Quantity = _number(
         1e-15, 1e-3, "m3/(s sqrt(Pa))",
@@ -84,23 +76,23 @@ class Actuator:
         1e-3, 1e4, "N m/A", "Shaft torque over active current", 4.15
     )
     pump_efficiency: Quantity = _number(0.05, 1, "", "Mechanical efficiency of the pump", 0.85)
-    friction: Quantity = _number(0, 1e4, "N m", "Torque that the pump needs beside that", 0.0)
+    friction: Quantity = _number(0, 1e4, "N m", "Additional torque that the pump needs", 0.0)
     voltage: Quantity = _number(1, 1e4, "V", "Line voltage, three phases", 400.0)
     no_load_loss: Quantity = _number(
-        0, 1e5, "W", "What the motor loses in iron, bearings and fan at any load", 60.0
+        0, 1e5, "W", "Losses of the motor in iron, bearings and fan at any load", 60.0
     )
     heat_capacity: Quantity = _number(1, 1e7, "J/K", "Heat capacity of the motor", 4000.0)
     cooling: Quantity = _number(
-        1e-3, 1e4, "W/K", "Heat that the motor gives off per kelvin above its surroundings", 6.4
+        1e-3, 1e4, "W/K", "Heat flow from the motor per kelvin above its surroundings", 6.4
     )
     ambient: Quantity = _number(
-        -40, 100, "degC", "Temperature around it; IACS UR M40, machinery spaces", 45.0
+        -40, 100, "degC", "Temperature of its surroundings; IACS UR M40, machinery spaces", 45.0
     )
     duty: Quantity = _number(
-        0, 1, "", "Part of the time that it ran before: type S3 15 % of IEC 60034-1", 0.15
+        0, 1, "", "Share of the time that it ran before: type S3 15 % of IEC 60034-1", 0.15
     )
     motor_time: Quantity = _number(
-        0.1, 3600, "s", "The controller stops a motor that has been running for so long", 20.0
+        0.1, 3600, "s", "The controller stops a motor that has run for this long", 20.0
     )
 
     def __post_init__(self) -> None:
@@ -113,18 +105,18 @@ class Actuator:
         if np.any(self.torque_constant > most):
             raise ArgumentError(
                 f"torque_constant is {np.max(self.torque_constant):g} N m/A; it must be at most "
-                f"{np.min(most):.3g} N m/A at this voltage and speed, else the shaft gives more "
+                f"{np.min(most):.3g} N m/A at this voltage and speed, or the shaft would give more "
                 "power than the motor takes"
             )
 
     @property
     def n_valves(self) -> int | None:
-        """For how many valves there are numbers; None if they hold for any."""
+        """Number of valves that the arrays describe; None without arrays."""
         return next((len(value) for value in self._arrays()), None)
 
     @property
     def stroke_volume(self) -> Quantity:
-        """Oil for a quarter turn [m3]."""
+        """Oil volume for a quarter turn [m3]."""
         return self.piston_area * self.pinion_radius * (pi / 2)
 
     def _arrays(self) -> list[Floats]:
@@ -132,10 +124,10 @@ class Actuator:
         return [value for value in values if isinstance(value, np.ndarray)]
 
 
-#: Opening over which the seat lets go, as a part of the quarter turn; our assumption.
+#: Opening over which the seating torque decays, as a part of the quarter turn; our assumption.
 _SEAT = 0.03
 
-#: Nodes of the quadrature over a stroke; with 48 the seat's exponential is good to 1e-9.
+#: Nodes of the quadrature over a stroke; with 48 the error of the seat's exponential is 1e-9.
 _NODES = 48
 
 
@@ -147,41 +139,31 @@ class Hydraulics(NamedTuple):
     flow: Floats
 
 
-def valve_torque(
-    actuator: Actuator, opening: npt.ArrayLike, direction: npt.ArrayLike = 1
-) -> Floats:
-    """Return the torque that a butterfly valve needs.
-
-    Bearing, seating and dynamic part as in AWWA M49, with an assumed shape: the torque of the flow
-    is highest, 0.61 of `dynamic_torque`, at an opening of 58 %.
-    """
-    x = np.minimum(np.maximum(np.asarray(opening, float), 0), 1)
-    flow = np.asarray(direction) * actuator.dynamic_torque * x * np.sin(np.pi * x) ** 2
-    friction = actuator.bearing_torque + actuator.seating_torque * np.exp(-x / _SEAT)
-    return np.asarray(np.maximum(friction + flow, 0.0))
-
-
 def load_pressure(
     actuator: Actuator, opening: npt.ArrayLike, direction: npt.ArrayLike = 1
 ) -> Floats:
     """Return the cylinder pressure that moves a valve."""
-    torque = valve_torque(actuator, opening, direction)
+    # Bearing, seating and dynamic torque as in AWWA M49, with an assumed shape: the torque of the
+    # flow is highest, 0.61 of `dynamic_torque`, at an opening of 58 %.
+    x = np.minimum(np.maximum(np.asarray(opening, float), 0), 1)
+    flow = np.asarray(direction) * actuator.dynamic_torque * x * np.sin(np.pi * x) ** 2
+    friction = actuator.bearing_torque + actuator.seating_torque * np.exp(-x / _SEAT)
+    torque = np.maximum(friction + flow, 0.0)
     return np.asarray(torque / (actuator.piston_area * actuator.pinion_radius))
 
 
 def hydraulics(actuator: Actuator, load: npt.ArrayLike) -> Hydraulics:
-    """Return pressures and flow for a load.
-
-    With the relief valve shut the pump gives :math:`D n - K p`, with it open
-    :math:`D n - (K + K_r) p + K_r p_r`; the smaller of both is right at any pressure. If the flow
-    past a standing piston needs less pressure than the load, the valve stands still.
-    """
+    """Return pressures and flow for a load."""
     return Oil(actuator).state(load)
 
 
 class Oil:
-    """The oil of an actuator, with what no load changes worked out once."""
+    """The oil of an actuator, with the terms that no load changes computed once."""
 
+    # Oil is taken as stiff, so pressures follow the load at once. With the relief valve shut the
+    # pump gives D n - K p, and with it open D n - (K + K_r) p + K_r p_r; the smaller one is right
+    # at any pressure. A flow q through the restrictor takes the pressure s^2 = (q/C)^2, so each
+    # balance is a quadratic equation in s: K s^2 + b s = c.
     def __init__(self, actuator: Actuator) -> None:
         a = actuator
         pumped = np.asarray(a.displacement) * a.speed
@@ -189,7 +171,7 @@ class Oil:
         supplies = (pumped, pumped + np.asarray(a.relief_slope) * a.relief_pressure)
         self._balances = tuple(zip(leaks, supplies, strict=True))
         self._restrictor, self._piston_leak = a.restrictor, a.piston_leak
-        # The pressure at which all that passes the lock valve leaks past the piston.
+        # The pressure at which all the flow through the lock valve leaks past the piston.
         self._blocked = np.asarray(np.inf)
         for leak, supply in self._balances:
             s = _root(leak, a.restrictor * (1 + leak / a.piston_leak), supply)
@@ -209,7 +191,7 @@ class Oil:
 
 
 def velocity(actuator: Actuator, opening: npt.ArrayLike, direction: npt.ArrayLike = 1) -> Floats:
-    """Return how fast a valve turns while its motor runs."""
+    """Return the speed of a valve while its motor runs."""
     flow = hydraulics(actuator, load_pressure(actuator, opening, direction)).flow
     return np.asarray(flow / np.asarray(actuator.stroke_volume))
 
@@ -218,7 +200,7 @@ def move_time(actuator: Actuator, begin: float, end: float) -> Floats:
     """Return how long a valve takes from one opening to another."""
     first, last = check_scalar("begin", begin, "", 0, 1), check_scalar("end", end, "", 0, 1)
     low, high = min(first, last), max(first, last)
-    # Two panels: the seat, which lets go within a few hundredths, needs its own nodes.
+    # Two panels: the seat, whose torque decays within a few hundredths, needs its own nodes.
     edge = min(max(10 * _SEAT, low), high)
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     x = np.concatenate(
@@ -240,7 +222,7 @@ def stroke_time(actuator: Actuator, direction: int = 1) -> Floats:
 
 
 def _root(a: npt.ArrayLike, b: npt.ArrayLike, c: npt.ArrayLike) -> Floats:
-    """Return the positive s of a s^2 + b s = c, without cancellation where a or c is small."""
+    """Return the positive s of a s^2 + b s = c, exact even where a or c is small."""
     return np.asarray(2 * np.asarray(c) / (b + np.sqrt(np.square(b) + 4 * np.multiply(a, c))))
 
 
@@ -257,22 +239,19 @@ def motor_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
 
 
 def electric_power(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    r"""Return what the running motor takes from the mains, :math:`\sqrt{3} U I_a + P_0`.
-
-    The active current :math:`I_a` carries the power, the magnetising current carries none.
-    """
+    """Return the power that the running motor takes, carried by its active current only."""
     drawn = np.sqrt(3) * actuator.voltage * _active_current(actuator, pump_pressure)
     return np.asarray(drawn + actuator.no_load_loss)
 
 
 def losses(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    """Return what becomes heat in motor and pump: all that the oil does not carry away."""
+    """Return the heat in motor and pump: all the power that the oil does not carry away."""
     pressure = np.asarray(pump_pressure, float)
     given = np.asarray(actuator.displacement) * actuator.speed * pressure
     return np.asarray(electric_power(actuator, pressure) - given)
 
 
 def steady_temperature(actuator: Actuator) -> Floats:
-    """Return how warm the motor is after many strokes at its duty."""
+    """Return the temperature of the motor after many strokes at its duty."""
     pressure = hydraulics(actuator, load_pressure(actuator, 0.5)).pump_pressure
     return actuator.ambient + actuator.duty * losses(actuator, pressure) / actuator.cooling

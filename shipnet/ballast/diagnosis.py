@@ -1,7 +1,7 @@
-"""What the sensors of valves read over time, and what the rule table says of it, and why.
+"""What the sensors of valves read over time, and what the rule table concludes from it, and why.
 
-That it finds the faults of our own simulator verifies code: those faults are made to fit the rules.
-It does not validate the method.
+Finding the faults of our own simulator verifies the code, because those faults are made to fit the
+rules. It does not validate the method.
 """
 
 from __future__ import annotations
@@ -22,48 +22,48 @@ from shipnet.ballast.plant import Movement, Plant
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import CHANNELS, position_speed, stroke_speed
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
-from shipnet.fuzzy.firing import check_method
+from shipnet.fields import check_choice, check_scalar, check_whole
+from shipnet.fuzzy.firing import METHODS
 from shipnet.fuzzy.rules import Decision, Firing, RuleBase
 from shipnet.lazy import Axes, pd
 
-#: What 100 % of the operating display is for each sensor, in its unit.
+#: Full scale of each sensor in the operating display, in its unit.
 _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
 
-#: Shorter travels than this say little about a whole stroke [%]; our choice.
+#: Least travel from which the time of a whole stroke is estimated [%]; our choice.
 _SHORTEST = 20.0
 
-#: Valve readings whose strengths are held at once: 12 rules of them take 25 MB.
+#: Valve readings whose strengths are held at once: those of 12 rules take 25 MB.
 _AT_ONCE = 2**18
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What was read, one row per instant, as `simulate` returns it.
+    """What the sensors read, one row per instant, as `simulate` returns it.
 
     Parameters
     ----------
     time : ndarray of float, shape (n_times,)
-        When [s]; not evenly spaced if it was idle in between.
+        Instants [s], not evenly spaced.
     readings : ndarray of float, shape (n_times, 5, n_valves)
         FP, OP [bar], MC [A], OT [degC], VPos [%].
     speed : ndarray of float, shape (n_times, n_valves)
-        By how much VPos has changed within the last second, up or down [%/s].
+        Change of VPos, up or down, within the last second [%/s].
     ran : ndarray of float, shape (n_times, n_valves)
-        For how long the motor has been running in its direction [s]; NaN while it is off.
+        How long the motor has been running in its direction [s]; NaN while it is off.
     moving, active : ndarray of bool, shape (n_times, n_valves)
-        The valve turns; a command has not been fulfilled.
+        Whether the valve turns, and whether a command is not fulfilled yet.
     opening : ndarray of float, shape (n_times, n_valves)
-        True opening, 0..1, which no sensor knows.
+        True opening, 0..1, which no sensor reads.
     movements : tuple of Movement
-        Runs of motors that ended meanwhile.
+        Runs of motors that ended.
 
     Examples
     --------
     >>> from shipnet.ballast import Command, simulate
     >>> run = simulate(1, [Command("open", 1.0)], until=12)
-    >>> run.VPos[::20, 0].round().tolist()
+    >>> run.samples["VPos"][::20, 0].round().tolist()
     [0.0, 11.0, 33.0, 56.0, 78.0, 100.0, 100.0]
     """
 
@@ -81,34 +81,9 @@ class Run:
         """Number of valves."""
         return int(self.readings.shape[2])
 
-    @property
-    def FP(self) -> Floats:
-        """Pump pressure, shape (n_times, n_valves) [bar]."""
-        return self.readings[:, 0]
-
-    @property
-    def OP(self) -> Floats:
-        """Operating pressure, shape (n_times, n_valves) [bar]."""
-        return self.readings[:, 1]
-
-    @property
-    def MC(self) -> Floats:
-        """Motor current, shape (n_times, n_valves) [A]."""
-        return self.readings[:, 2]
-
-    @property
-    def OT(self) -> Floats:
-        """Motor temperature, shape (n_times, n_valves) [degC]."""
-        return self.readings[:, 3]
-
-    @property
-    def VPos(self) -> Floats:
-        """Valve position, shape (n_times, n_valves) [%]."""
-        return self.readings[:, 4]
-
     @cached_property
     def DVPos(self) -> Floats:
-        """Speed of VPos, NaN unless the motor has been running for the whole second [%/s]."""
+        """Speed of VPos [%/s], NaN unless the motor has been running for the whole second."""
         return stroke_speed(self.speed, self.ran)
 
     @cached_property
@@ -118,7 +93,7 @@ class Run:
 
     @property
     def samples(self) -> dict[str, Floats]:
-        """All channels by their name in the rule table, DVPos included."""
+        """All sensors by their name in the rule table and DVPos, shape (n_times, n_valves) each."""
         found = {channel.name: self.readings[:, k] for k, channel in enumerate(CHANNELS)}
         return found | {"DVPos": self.DVPos}
 
@@ -136,12 +111,11 @@ class Run:
         return pd.concat(tables, names=["valve"])
 
     def strokes(self) -> pd.DataFrame:
-        """Return one row per run of a motor that has ended, from what sensors and clock say.
+        """Return one row per run of a motor that has ended, as sensors and clock report it.
 
-        ``valve``, ``action``, ``start_s``, ``end_s``, ``outcome``; ``duration_s``;
-        ``travel_percent`` of VPos; ``stroke_s``, the time of a whole stroke at that speed (NaN for
-        a way of less than 20 %); medians ``FP_bar``, ``MC_A`` and maxima ``OP_max_bar``,
-        ``OT_max_degC`` while the motor ran.
+        Besides the times and the outcome: ``stroke_s``, the time of a whole stroke at that speed
+        (NaN if the travel is less than 20 %), medians ``FP_bar``, ``MC_A`` and maxima
+        ``OP_max_bar``, ``OT_max_degC`` while the motor ran.
         """
         strokes = stroke_rows(self)
         rows = np.full((len(strokes), 5), np.nan)
@@ -150,7 +124,7 @@ class Run:
             if last - first < 1:
                 continue
             seen = self.readings[first:last, :, moved.valve]
-            # The reading after the end is that of the place where it stopped.
+            # The next reading is that of the place where the valve stopped.
             place = self.readings[min(last, self.time.size - 1), 4, moved.valve]
             row[0] = abs(place - seen[0, 4])
             row[1:3] = np.median(seen[:, [0, 2]], axis=0)
@@ -170,16 +144,16 @@ class Run:
         n: int = 5,
         threshold: float = 0.5,
     ) -> Diagnosis:
-        """Diagnose all valves at all instants; the rules are those of the paper by default.
+        """Diagnose all valves at all instants, by default with the rules of the paper.
 
         A code is active if its rule fired in `k` or more of the last `n` instants. `method` is
-        ``fuzzy``, ``midpoint`` or ``crisp``; with the last, which takes the table as printed, DVPos
-        counts at any time, with the others while a command is active only.
+        ``fuzzy``, ``midpoint`` or ``crisp``. Only ``crisp``, the table as printed, evaluates DVPos
+        while no command is active.
         """
         return diagnose_run(self, rules, method=method, k=k, n=n, threshold=threshold)
 
     def plot(self, valve: int = 1, ax: Axes | None = None) -> Axes:
-        """Draw the sensors of a valve over time in percent of full scale, after Figure 12."""
+        """Draw the sensors of a valve over time in percent of full scale, as in Figure 12."""
         ax = style.axes(ax)
         frame = self.valve(valve)
         ax.fill_between(
@@ -188,12 +162,12 @@ class Run:
         )  # fmt: skip
         for place, channel in enumerate(CHANNELS):
             full = _FULL[channel.name]
-            said = f"{channel.name}, 100 % = {full:g} {channel.unit}"
-            if channel.name == "VPos":
-                said = "VPos"
+            said = "VPos"
+            if channel.name != "VPos":
+                said = f"{channel.name}, 100 % = {full:g} {channel.unit}"
             ax.plot(frame.index, 100 * frame[channel.column] / full, color=f"C{place}", label=said)
         ax.set(xlabel="time [s]", ylabel="of full scale [%]")
-        ax.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize="small", frameon=False)
+        ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
         return ax
 
     def __repr__(self) -> str:
@@ -212,7 +186,7 @@ def stroke_rows(run: Run) -> pd.DataFrame:
 
 
 class Recorder:
-    """Keeps what the sensors of a plant read while something else moves its time on."""
+    """Keeps what the sensors of a plant read while other code advances its time."""
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
@@ -220,7 +194,7 @@ class Recorder:
         self._first = len(plant.movements)
 
     def take(self) -> None:
-        """Keep what is read now; twice at the same time counts once."""
+        """Keep the present readings, once per instant."""
         plant = self.plant
         if self._rows and self._rows[-1][0] == plant.time:
             return
@@ -230,7 +204,7 @@ class Recorder:
 
     @property
     def run(self) -> Run:
-        """What was kept."""
+        """The readings so far."""
         if not self._rows:
             raise ArgumentError("nothing has been recorded")
         columns = [np.array(column) for column in zip(*self._rows, strict=True)]
@@ -243,31 +217,31 @@ class Recorder:
 
 
 class Tail(NamedTuple):
-    """The last instants of a run, copied, for the diagnosis of the run that follows it."""
+    """The last instants of a run, copied, with which the diagnosis of the next run begins."""
 
     samples: dict[str, Floats]
     active: Bools
 
 
 def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats]:
-    """Return the values of the rules' variables; DVPos only while commanded, or always."""
+    """Return the values of the rules' variables, DVPos only while commanded or at any time."""
     found = run.samples | {"Time": run.ran}
     found["DVPos"] = run.speed if any_time else np.where(run.active, run.DVPos, np.nan)
-    strange = [name for name in base.names if name not in found]
-    if strange:
-        raise ArgumentError(f"rules speak of {', '.join(strange)}; a run has {', '.join(found)}")
+    unknown = [name for name in base.names if name not in found]
+    if unknown:
+        raise ArgumentError(f"rules use {', '.join(unknown)}; a run has {', '.join(found)}")
     return {name: found[name] for name in base.names}
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What is reported of every valve at every instant, as `Run.diagnose` returns it.
+    """What is reported for every valve at every instant, as `Run.diagnose` returns it.
 
     Parameters
     ----------
     run : Run
-        What was read.
+        The readings.
     base : shipnet.fuzzy.RuleBase
         The rules.
     method : str
@@ -275,22 +249,21 @@ class Diagnosis:
     k, n : int
         A code is active if its rule fired in `k` of the last `n` instants.
     threshold : float
-        Strength from which on a rule fires.
+        Lowest strength at which a rule fires.
     samples : dict of str to ndarray, shape (n_times, n_valves)
-        The values of each variable; NaN where it does not count.
+        The values of each variable; NaN where they are not evaluated.
     active : ndarray of bool, shape (n_times, n_valves, n_rules)
         Which codes are active, in the order of ``base.codes``; valve 1 comes first.
     before : ndarray of bool, shape (n_valves, n_rules)
         Which codes were active before the first instant.
     tail : Tail
-        What the diagnosis of the run that follows needs.
+        What the diagnosis of the following run needs.
 
     Notes
     -----
-    V2 asks for no change of position. But for ``crisp`` that counts only while a command is active,
-    its target is not reached, and the motor has been running for a second; else a healthy valve at
-    rest would have a leaking piston. ``midpoint`` and ``fuzzy`` with a threshold of 0.5 decide the
-    same.
+    V2 means no change of position. Except for ``crisp``, it is evaluated only while a command is
+    active and after the motor has run for a second; otherwise a healthy valve at rest would appear
+    to have a leaking piston. ``midpoint`` decides as ``fuzzy`` with a threshold of 0.5.
 
     Examples
     --------
@@ -300,8 +273,6 @@ class Diagnosis:
     >>> found = run.diagnose()
     >>> found
     Diagnosis(2 valves, valve 2: V1)
-    >>> found.commands()[["valve", "active", "top_fault", "delay_s"]].round(1).values.tolist()
-    [[1, '', 'normal', nan], [2, 'V1', 'V1', 0.2]]
     >>> found.explain(2, 2.0)
     'V1 1.00: FP 126.7 bar high 1.00, OP 10 bar high 1.00'
     """
@@ -324,13 +295,13 @@ class Diagnosis:
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
-        """The first of the active codes, ``normal`` or ``unknown``; shape (n_times, n_valves)."""
+        """The active code of the highest priority, or ``normal``; shape (n_times, n_valves)."""
         silent = np.logical_and.reduce([np.isnan(self.samples[name]) for name in self.base.names])
         return self.base.top_codes(self.active, silent)
 
     @cached_property
     def onset(self) -> Bools:
-        """Where a code becomes active that was not before, shape as `active`."""
+        """Where a code becomes active, shape as `active`."""
         new = self.active.copy()
         new[1:] &= ~self.active[:-1]
         new[:1] &= ~self.before
@@ -338,13 +309,13 @@ class Diagnosis:
 
     @cached_property
     def alarm_times(self) -> Floats:
-        """When each code became active first, shape (n_valves, n_rules) [s]; NaN if it did not."""
+        """When each code first became active [s], shape (n_valves, n_rules); NaN if it did not."""
         if not self.time.size:
             return np.full(self.active.shape[1:], np.nan)
         return np.where(self.active.any(axis=0), self.time[self.active.argmax(axis=0)], np.nan)
 
     def alarms(self) -> pd.DataFrame:
-        """One row for every time a code becomes active, in order of time."""
+        """Return one row for every time a code becomes active, in order of time."""
         rows, valves, places = np.nonzero(self.onset)
         return pd.DataFrame(
             {
@@ -356,7 +327,7 @@ class Diagnosis:
         )
 
     def commands(self, settle: float = 5.0) -> pd.DataFrame:
-        """Return what the master would show after every command."""
+        """Return what the master shows for every command up to `settle` seconds after its end."""
         wait = check_scalar("settle", settle, "s", 0, 3600)
         table = stroke_rows(self.run)[["valve", "action", "start_s", "end_s", "outcome"]].copy()
         found = np.zeros((len(table), len(self.base.codes)), bool)
@@ -382,14 +353,14 @@ class Diagnosis:
         return _fire(self.base, {name: x[:, k] for name, x in self.samples.items()}, self.method)
 
     def decision(self, valve: int) -> Decision:
-        """Return what was decided for one valve: its table, its reasons, a picture over time."""
+        """Return what was decided for one valve over time."""
         return Decision(self.firing(valve), self.threshold, self.active[:, self._place(valve)])
 
     def explain(self, valve: int, time: float) -> str:
-        """Return why a valve is diagnosed as it is at a time [s], in one sentence.
+        """Return in one sentence why a valve is diagnosed as it is at a time [s].
 
-        The last instant that is not after it counts. A code that fires, but not for long enough, is
-        not active yet.
+        It is based on the last instant that is not later. A code that has fired in fewer than `k`
+        instants is not active yet.
         """
         if not self.time.size:
             raise ArgumentError(f"time is {time!r}; the run has no instants")
@@ -400,20 +371,20 @@ class Diagnosis:
         return Decision(firing, self.threshold, self.active[row : row + 1, k]).explain(0)
 
     def is_active(self, valve: int, code: str) -> Bools:
-        """Return at which instants a code is active."""
+        """Return the instants at which a code is active, as a mask."""
         return np.asarray(self.active[:, self._place(valve), self._column(code)])
 
     def first_alarm(self, valve: int, code: str) -> float:
-        """Return when a code became active first [s]; NaN if it did not."""
+        """Return when a code first became active [s]; NaN if it did not."""
         return float(self.alarm_times[self._place(valve), self._column(code)])
 
     def n_alarms(self, valve: int, code: str | None = None) -> int:
-        """Return how often a code, or any, became active that was not before."""
+        """Return how often a code, or any code, became active."""
         mine = self.onset[:, self._place(valve)]
         return int(mine.sum() if code is None else mine[:, self._column(code)].sum())
 
     def plot(self, valve: int = 1, ax: Axes | None = None) -> Axes:
-        """Draw the greatest strength of each rule, and what was found, after Figure 13."""
+        """Draw the greatest firing strength of each rule, and the diagnosis, as in Figure 13."""
         ax = style.axes(ax)
         base = self.base
         strength = self.firing(valve).strength.max(axis=0)
@@ -422,7 +393,7 @@ class Diagnosis:
         places = np.arange(len(base.codes))
         ax.barh(places, strength, color=colours)
         names = [f"{rule.english or rule.flag} ({rule.code})" for rule in base.rules]
-        ax.set_yticks(places, names, fontsize="small")
+        ax.set_yticks(places, names)
         ax.invert_yaxis()
         ax.axvline(self.threshold, color="0.3", linestyle=":", linewidth=1)
         ax.set(xlim=(0, 1.02), xlabel="greatest firing strength [-]")
@@ -430,7 +401,7 @@ class Diagnosis:
         others = f", also {', '.join(found[1:])}" if found[1:] else ""
         ax.set_title(
             f"diagnosis: {found[0]}{others}" if found else "diagnosis: normal", loc="left",
-            fontsize="medium", color=style.LIMIT["color"] if found else "C2",
+            color=style.LIMIT["color"] if found else "C2",
         )  # fmt: skip
         return ax
 
@@ -458,9 +429,9 @@ def diagnose_run(
     threshold: float = 0.5,
     earlier: Tail | None = None,
 ) -> Diagnosis:
-    """Diagnose all valves at all instants of a run, which may go on where `earlier` ends."""
+    """Diagnose all valves at all instants of a run, which may continue the run of `earlier`."""
     base = rules if rules is not None else rule_base()
-    check_method(method)
+    check_choice("method", method, METHODS)
     window = check_whole("n", n, 1, 1000)
     own = rule_inputs(run, base, any_time=method == "crisp")
     before = np.zeros((run.n_valves, len(base.rules)), bool)
@@ -472,7 +443,7 @@ def diagnose_run(
     n_times = run.time.size
     active = np.empty((n_times, run.n_valves, len(base.rules)), bool)
     size = max(_AT_ONCE // run.n_valves, window)
-    # Also decided when there is nothing to decide, so that wrong arguments are refused.
+    # Also runs once without instants, so that wrong arguments are refused.
     for start in range(0, max(n_times, 1), size):
         first = max(kept + start - window + 1, 0)
         part = {name: x[first : kept + start + size] for name, x in samples.items()}
@@ -505,31 +476,24 @@ def diagnose(
         Values of FP and OP [bar], MC [A], OT [degC], VPos [%] and DVPos [%/s] by name. One that is
         left out is missing, as is NaN, and a rule that needs it does not fire.
     method : {"fuzzy", "crisp", "midpoint"}, default "fuzzy"
-        How the rules are read: with ramps, as comparisons as printed, or as comparisons in the
+        How the rules are read: with ramps, with comparisons as printed, or with comparisons in the
         middle of the ramps.
     threshold : float, default 0.5
-        Strength from which on a rule counts, above 0, up to 1.
+        Lowest strength at which a rule fires, above 0 and up to 1.
     rules : shipnet.fuzzy.RuleBase, optional
         The rules; `rule_base` if omitted.
     **values : float
-        Readings by keyword, in place of or beside `readings`.
+        Readings by keyword, besides or instead of `readings`.
 
     Returns
     -------
     shipnet.fuzzy.Decision
         The top fault, all active codes, and why.
 
-    Raises
-    ------
-    ArgumentError
-        If there is no such sensor or method, or a value is not a number.
-
     Examples
     --------
     >>> diagnose(FP=125, OP=4, MC=4)
     Decision(P1 1.00: FP 125 bar high 1.00, MC 4 A over 1.00; also V1 1.00; missing OT VPos DVPos)
-    >>> diagnose(FP=90, OP=2, MC=1.2, OT=50, VPos=50, DVPos=11).top.item()
-    'normal'
     """
     base = rules if rules is not None else rule_base()
     given: dict[str, Any] = {} if readings is None else dict(readings)

@@ -1,7 +1,7 @@
 """A fleet for months as labelled Parquet files: a data set for research on diagnosis.
 
 It is synthetic: faults and sensors are those of our own simulator. A task is a block of valves for
-all days; its valves are commanded together, so that one step of numpy serves all of them.
+all days, which are commanded together, so that numpy steps them together.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import pd
 from shipnet.parallel import Progress, compute, save_whole
 
-#: Valves per block. It belongs to the data: the valves of a block are commanded together.
+#: Valves per block. It shapes the data, because the valves of a block are commanded together.
 BLOCK = 50
 
 _DAY = 86400.0
@@ -33,15 +33,15 @@ _DAY = 86400.0
 #: Midnight before the first day.
 _EPOCH = np.datetime64("2026-01-01", "ms")
 
-#: Commands come before this time of the day, a minute apart at least, so that no motor runs at
-#: midnight [s]; the last value is the share of the valves that each command moves.
+#: Commands end before this time of day, at least a minute apart, so that no motor runs at midnight
+#: [s]; each command moves this share of the valves.
 _LAST, _APART, _SHARE = 82_800.0, 60.0, 0.9
 
-#: A fault appears at once, or grows in steps: days of growth, number of steps, and days from full
-#: growth to repair. Our assumptions.
+#: A fault appears at once or grows in steps: days of growth, number of steps, and days from full
+#: growth to repair; our assumptions.
 _GROWS, _STEPS, _REPAIR = (5.0, 60.0), 5, (1.0, 10.0)
 
-#: How far the valves differ, as for `fault_trials`.
+#: Differences among the valves, as for `fault_trials`.
 _VARIETY = 0.02
 
 
@@ -59,14 +59,14 @@ class _Block(NamedTuple):
 
 
 class _History(NamedTuple):
-    """The faults of a valve, one after the other, and each step of them."""
+    """The faults of a valve, one after another, and the steps of each."""
 
     rows: list[tuple[str, float, float, float]]
     steps: list[tuple[float, str, float]]
 
     @classmethod
     def drawn(cls, days: int, rate: float, rng: np.random.Generator) -> _History:
-        """Return healthy times of random length, with a random fault after each."""
+        """Return healthy periods of random length, each followed by a random fault."""
         rows, steps, now = [], [(0.0, "", 0.0)], 0.0
         while (now := now + rng.exponential(365.25 / rate) if rate else np.inf) < days:
             code, slow = str(rng.choice(list(FAULTS))), bool(rng.integers(2))
@@ -96,7 +96,7 @@ class _History(NamedTuple):
 
 
 def _orders(block: _Block, day: int, rng: np.random.Generator) -> list[Command]:
-    """Return the commands of a day, which open and close in turn."""
+    """Return the commands of a day, alternately to open and to close."""
     spread = np.sort(rng.uniform(0, _LAST - _APART * block.strokes, block.strokes))
     times = day * _DAY + np.round(spread + _APART * np.arange(block.strokes), 1)
     orders = []
@@ -109,7 +109,7 @@ def _orders(block: _Block, day: int, rng: np.random.Generator) -> list[Command]:
 def _days(
     block: _Block, plant: Plant, rng: np.random.Generator
 ) -> Iterator[tuple[int, Run, Diagnosis]]:
-    """Simulate and diagnose day by day, each from midnight to the last reading before the next."""
+    """Simulate and diagnose each day from midnight to the last reading before the next."""
     earlier = None
     pause = max(round(block.idle_step / plant.step), 1)
     size = 2 * round(_DAY / plant.step / pause) + 1000 * (block.strokes + 1)
@@ -127,7 +127,7 @@ def _days(
 
 
 def _written(block: _Block, rng: np.random.Generator) -> dict[str, int]:
-    """Write the files of a block and return how much it was; this is the task."""
+    """Write the files of a block and return their counts; this is the task."""
     history = [_History.drawn(block.days, block.faults_per_year, rng) for _ in range(block.valves)]
     faults = [fault for valve, mine in enumerate(history, 1) for fault in mine.faults(valve)]
     system = spread_valves(block.valves, _VARIETY, None, rng)
@@ -160,10 +160,8 @@ def _written(block: _Block, rng: np.random.Generator) -> dict[str, int]:
         table = labelled(valve, np.tile(run.time, n_valves), {**values, **flags})
         save(table, "samples", folder)
         moved = found.commands().sort_values(["valve", "start_s"])
-        seconds = {
-            "duration_s": moved["end_s"] - moved["start_s"], "delay_s": moved["delay_s"],
-        }  # fmt: skip
         words = {name: moved[name] for name in ("action", "outcome", "active", "top_fault")}
+        seconds = {"duration_s": moved["end_s"] - moved["start_s"], "delay_s": moved["delay_s"]}
         columns = {name: column.to_numpy() for name, column in {**words, **seconds}.items()}
         place, start = moved["valve"].to_numpy(int) - 1, moved["start_s"].to_numpy(float)
         save(labelled(place, start, columns), "strokes", folder)
@@ -175,7 +173,7 @@ def _written(block: _Block, rng: np.random.Generator) -> dict[str, int]:
 
 
 class _Writer:
-    """Writes tables of a block as files that appear whole, marked as synthetic."""
+    """Writes tables of a block as complete files that are marked as synthetic."""
 
     def __init__(self, block: _Block) -> None:
         from shipnet import __version__
@@ -191,7 +189,7 @@ class _Writer:
         about = {name: str(value) for name, value in self._about.items()}
         made = made.replace_schema_metadata({**made.schema.metadata, **about})
         path = Path(self._block.folder, *folders, f"block-{self._block.number:04d}.parquet")
-        # The times of a valve rise in even steps; all else has few values.
+        # The times of a valve rise in even steps; the other columns have few distinct values.
         others = [name for name in made.column_names if name != "time"]
         steps = {"time": "DELTA_BINARY_PACKED"} if "time" in made.column_names else None
         write = partial(self._parquet.write_table, made, compression="zstd")
@@ -212,36 +210,34 @@ def write_fleet(
     client: Any = None,
     progress: bool | Progress | None = None,
 ) -> pd.DataFrame:
-    """Simulate a fleet for months, with faults, and write it as labelled Parquet files by day.
+    """Simulate a fleet with faults for months, and write it as labelled Parquet files by day.
 
     Parameters
     ----------
     folder : path
-        Where the files go. The same call goes on there after a stop; another one is refused.
+        Folder for the files. The same call continues there after a stop; another one is refused.
     valves : int, default 1000
-        How many, 1..100000; 50 make a block, which one worker simulates.
+        Number of valves, 1..100000; 50 are a block, which one worker simulates.
     days : int, default 365
-        For how long, 1..3650.
+        Number of days, 1..3650.
     faults_per_year : float, default 2
-        Mean number of faults of a valve in a year of health, 0..50; each is one of `FAULTS`.
+        Mean number of faults per valve and year of health, 0..50; each is one of `FAULTS`.
     strokes : int, default 6
-        Commands per day, which open and close the valves of a block in turn, 0..100.
+        Commands per day, alternately to open and to close the valves of a block, 0..100.
     idle_step : float, default 60
         Time between two readings while no motor of the block runs, 1..3600 [s]; else it is 0.1 s.
     seed : int, default 2024
-        Source of the random numbers, 0..2^63 - 1.
+        Seed of the random numbers, 0..2^63 - 1.
     client, progress
         As in `shipnet.compute`; progress is reported block by block.
 
     Returns
     -------
     pandas.DataFrame
-        One row per block: ``valves``, ``faults``, ``samples``, ``strokes``, and its ``bytes``.
+        One row per block: ``valves``, ``faults``, ``samples``, ``strokes``, and ``bytes``.
 
     Raises
     ------
-    ArgumentError
-        If an argument is out of its range.
     InputError
         If the folder cannot be written, or holds another fleet.
     ImportError
@@ -250,12 +246,12 @@ def write_fleet(
     Notes
     -----
     ``samples/day=2026-01-01/block-0000.parquet`` has one row per valve and reading: ``valve``,
-    ``time`` in UTC, the channels with their units, whether its motor is ``running`` and a command
-    is ``active``, and as truth the ``label``, the code of the fault that is there or empty, and its
-    ``severity``, 0..1. ``strokes/`` has one row per run of a motor and what the rule table says of
-    it, ``faults/`` one per fault: when it starts, how long it grows, in five steps, and when it is
-    repaired. Every file says in its metadata that it is synthetic: a method that finds these faults
-    is verified, not validated.
+    ``time`` in UTC, the channels with their units, whether the motor is ``running`` and a command
+    ``active``, and as truth the ``label``, the code of the present fault or empty, and its
+    ``severity``, 0..1. ``strokes/`` has one row per run of a motor with the diagnosis by the rule
+    table, ``faults/`` one per fault: when it starts, how long it grows, in five steps, and when it
+    is repaired. Every file states in its metadata that it is synthetic: finding these faults
+    verifies a method, but does not validate it.
 
     Examples
     --------
@@ -280,5 +276,5 @@ def write_fleet(
         _written, blocks, seed=source, client=client, folder=where / "done", progress=progress
     )
     for torn in where.glob("*/**/.block-*"):
-        torn.unlink()  # of writers that were killed
+        torn.unlink()  # left by a writer that was killed
     return pd.DataFrame(found).set_index("block")

@@ -1,7 +1,7 @@
-"""Valves that can be talked to: a test bed in simulated time, its acceptance tests, real servers.
+"""Valves that answer: a test bed in simulated time, its acceptance tests, real servers and clients.
 
 The test bed is that of Figure 15: a PC, the master and five slaves on a loop; S3 fills a tank, S5
-has the fault simulator. The plant is ours; what the real test bed measured is not printed.
+has the fault simulator. The plant is ours; the measurements of the real test bed are not printed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from shipnet.ballast.registers import (
     N_REGISTERS,
     Code,
     RegisterMap,
-)
+)  # fmt: skip
 from shipnet.ballast.scan import READ_STATUS, System, status_poll
 from shipnet.ballast.slave import ValveDevice, ValveRegisters, valve_slaves
 from shipnet.errors import FrameError
@@ -47,14 +47,14 @@ class _Image(ValveRegisters):
         self.station, self.unit = station, unit
 
     def status(self, time: float) -> Sequence[int]:
-        """Return the status that came last; exception 11 before the first."""
+        """Return the status that arrived last; exception 11 before the first."""
         for status in reversed(self.station.shown):
             if status.unit == self.unit:
                 return status.registers
         raise DeviceError(ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND)
 
     def command(self, value: int, time: float) -> None:
-        """Send a command on to the slave, and its exception back."""
+        """Forward a command to the slave, and its exception back."""
         response = self.station.write(value, self.unit).response
         if not response:
             raise DeviceError(ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND)
@@ -63,13 +63,10 @@ class _Image(ValveRegisters):
 
 
 class Gateway:
-    """What the master answers a PC.
+    """The master as a server for a PC, as in section 3.5 of the paper."""
 
-    Section 3.5 of the paper: the PC watches a slave and commands it through the master. Whether
-    the master answers from memory or asks the slave is not printed; here it answers at once,
-    because a scan keeps the line busy.
-    """
-
+    # The paper does not print whether the master asks the slave. Here it answers from memory,
+    # because a scan keeps the line busy.
     def __init__(self, station: Station) -> None:
         self.station = station
         self.slaves = {
@@ -85,27 +82,16 @@ class Gateway:
         return tcp_frame(request.unit_id, pdu, request.transaction_id or 0) if pdu else b""
 
 
-@dataclass
-class Tank:
-    """A tank whose level [m] follows from the opening of its valve."""
-
-    level: float = 0.0
-
-    def fill(self, opening: float, duration: float) -> None:
-        """Let water in, up to 0.01 m3/s, onto 0.2 m2."""
-        self.level += 0.01 * (1 - cos(pi * opening / 2)) * duration / 0.2
-
-
-#: Slaves of Figure 15; that with the tank, and that with the fault simulator.
+#: The slaves of Figure 15, the one with the tank and the one with the fault simulator.
 N_SLAVES, _TANK, _SIMULATOR = 5, 3, 5
 
-#: A healthy valve opens or closes within this; row 0 of the rule table [s].
+#: Time in which a healthy valve opens or closes; row 0 of the rule table [s].
 _STROKE = 10.0
 
-#: How long a valve is watched after its stroke [s], and the tolerance of a position [%].
+#: Time for which a valve is observed after its stroke [s], and the tolerance of a position [%].
 _SETTLE, _NEAR = 5.0, 1.5
 
-#: Faults that show at the closed end: the valve is open, and closes.
+#: Faults that show at the closed end: the test closes the valve instead of opening it.
 _CLOSING = ("S2", "Pos2", "Pos4")
 
 #: Kinds of test, in the order of section 4.
@@ -126,24 +112,18 @@ class Step(NamedTuple):
 class TestBed:
     """The test bed of Figure 15: five valves, line, master, gateway to a PC, and a tank on valve 3.
 
-    Its time moves on with `wait`.
+    Its time advances with `wait`; `level` is the level of the tank [m].
 
     Parameters
     ----------
     fault : str, optional
-        Code of the rule table: what the fault simulator on valve 5 imitates; nothing if omitted.
+        Code of the fault that the simulator on valve 5 imitates; none if omitted.
     opening : float, default 0
-        Where all valves are at first, 0..1.
+        Opening of all valves at the beginning, 0..1.
     bit_rate : float, default 9600
-        Of the line [bit/s], with 8E1 characters; the paper prints 2400 to 115200 bit/s.
+        Bit rate of the line [bit/s], with 8E1 characters; the paper prints 2400 to 115200 bit/s.
     rng : Generator, int or None, optional
-        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; there is none if
-        omitted.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
+        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; no noise if omitted.
 
     Examples
     --------
@@ -151,11 +131,11 @@ class TestBed:
     >>> bed.command(3, "open")
     'done'
     >>> bed.wait(12.0)
-    >>> bed.position(3), round(bed.tank.level, 3)
+    >>> bed.position(3), round(bed.level, 3)
     (100.0, 0.313)
     """
 
-    # pytest takes a class of this name for one of tests.
+    # Otherwise pytest would collect this class as a test.
     __test__ = False
 
     def __init__(
@@ -172,7 +152,7 @@ class TestBed:
         self.plant = Plant(system, faults, rng)
         self.station = Station(self.plant)
         self.gateway, self.recorder = Gateway(self.station), Recorder(self.plant)
-        self.tank = Tank()
+        self.level = 0.0
 
     def __repr__(self) -> str:
         return f"TestBed({self.time:.1f} s, {self.screen()!r})"
@@ -189,40 +169,40 @@ class TestBed:
         return device
 
     def wait(self, duration: float) -> None:
-        """Let time pass [s]: the master scans, the tank fills, the sensors are recorded."""
+        """Let time pass [s] while the master scans, the tank fills and the sensors are recorded."""
         end, plant = self.time + check_scalar("duration", duration, "s", 0, 1e8), self.plant
         while self.time < end:
             self.recorder.take()
             before, since = plant.opening[_TANK - 1], plant.time
             self.station.run_until(min(self.time + plant.step, end))
-            now = plant.opening[_TANK - 1]
-            self.tank.fill((before + now) / 2, plant.time - since)
+            # Up to 0.01 m3/s flows into a tank of 0.2 m2.
+            opening = (before + plant.opening[_TANK - 1]) / 2
+            self.level += 0.01 * (1 - cos(pi * opening / 2)) * (plant.time - since) / 0.2
         self.recorder.take()
 
     def position(self, valve: int) -> float:
-        """Return the position that the master shows of a valve [%]."""
+        """Return the position of a valve on the master's screen [%]."""
         return float(self.screen()[valve].position_percent)
 
     def command(self, valve: int, action: str | float) -> str:
         """Send a command from the master; return ``done``, or why it was not carried out.
 
-        `action` is ``open``, ``close``, a position [%], or one of the modes ``manual`` and
-        ``auto``.
+        `action` is ``open``, ``close``, a position [%], or the mode ``manual`` or ``auto``.
         """
         unit = check_whole("valve", valve, 1, N_SLAVES)
         return self.station.command(action, unit).outcome
 
     def screen(self) -> Screen:
-        """Return what the master shows now."""
+        """Return the present screen of the master."""
         return self.station.seen.screen()
 
     @property
     def run(self) -> Run:
-        """What the sensors of the valves have read so far."""
+        """The readings of the valves' sensors so far."""
         return self.recorder.run
 
     def serve(self, **options: Any) -> Server:
-        """Return a real server, for a ``with`` block, that answers as the master answers the PC."""
+        """Return a real server, for a ``with`` block, that answers a PC as the master does."""
         return serve_slaves(self.gateway.slaves, clock=lambda: self.time, **options)
 
 
@@ -239,15 +219,14 @@ def acceptance_tests(
     Parameters
     ----------
     diagnosed_by : {"slave", "master"}, default "slave"
-        Who applies the rules: the slave, to its own readings ten times a second, or the master, to
-        what the registers brought it once a scan.
+        Who applies the rules: the slave to its own readings ten times a second, or the master to
+        the registers it reads once per scan.
     tests : iterable of str, optional
-        Which of ``manual``, ``remote``, ``PC`` and ``diagnosis``; all if omitted.
+        Some of ``manual``, ``remote``, ``PC`` and ``diagnosis``; all if omitted.
     bit_rate : float, default 9600
-        Of the line [bit/s].
+        Bit rate of the line [bit/s].
     rng : Generator, int or None, optional
-        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; there is none if
-        omitted.
+        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; no noise if omitted.
 
     Returns
     -------
@@ -255,18 +234,12 @@ def acceptance_tests(
         One row per step: ``test``, ``step``, what was ``expected`` and ``found``, and whether it
         ``passed``.
 
-    Raises
-    ------
-    ArgumentError
-        If an argument is not as above.
-
     Notes
     -----
     The paper prints that all tests were passed, but neither steps nor criteria; these are ours. A
-    fault is found when its code is among those active after the command, because the rules are
-    nested. The slave's status has room for one code; it passes if its row is that of the fault, or
-    of a rule that implies it. The faults are made to fit the rules, so this verifies code and does
-    not validate a method. The master misses what the position byte cannot carry: below 0 %.
+    fault is found if its code is among those active after the command, because the rules are
+    nested. The slave's status holds one code; it passes if it is that of the fault, or of a rule
+    that implies it. The master misses positions below 0 %, which the position byte cannot carry.
 
     Examples
     --------
@@ -292,7 +265,7 @@ def acceptance_tests(
 
 
 def _manual(make: Callable[..., TestBed]) -> list[Step]:
-    """Move every valve by its switches, while commands of the master are refused."""
+    """Move every valve by its switches, while the master's commands are refused."""
     bed, steps = make(), []
     for unit in range(1, N_SLAVES + 1):
         device = bed.device(unit)
@@ -318,7 +291,7 @@ def _manual(make: Callable[..., TestBed]) -> list[Step]:
 
 
 def _remote(make: Callable[..., TestBed]) -> list[Step]:
-    """Open, set and close every valve from the master."""
+    """Open, position and close every valve from the master."""
     bed, steps = make(), []
     for unit in range(1, N_SLAVES + 1):
         echo = bed.command(unit, "open")
@@ -337,7 +310,7 @@ def _pc(make: Callable[..., TestBed]) -> list[Step]:
     registers = bed.station.registers
 
     def frame(unit: int, code: Code | None = None) -> bytes:
-        """Return a command, or a query for the status, as the PC sends it."""
+        """Return a command, or a status request, as the PC sends it."""
         if code is None:
             return Request.read_input_registers(FIRST_REGISTER, N_REGISTERS).tcp(unit, unit)
         value = registers.command(code)
@@ -350,25 +323,25 @@ def _pc(make: Callable[..., TestBed]) -> list[Step]:
         bed.wait(_STROKE)
         shown = float(bed.gateway.answer(frame(unit))[9])
         steps.append(_at("PC", f"S{unit} open", shown, 100))
-    level = bed.tank.level
+    level = bed.level
     bed.gateway.answer(frame(_TANK, Code.CLOSE))
     bed.wait(_STROKE + _SETTLE)
-    full = bed.tank.level
+    full = bed.level
     bed.wait(_SETTLE)
     found = f"{'rose' if full > level > 0 else 'did not rise'}, " + (
-        "then held" if bed.tank.level == full else "then did not hold"
+        "then held" if bed.level == full else "then did not hold"
     )
     steps.append(_same("PC", "tank of S3 after closing", "rose, then held", found))
     return steps
 
 
 def _diagnosis(make: Callable[..., TestBed], code: str | None, by: str) -> list[Step]:
-    """Let the simulator imitate a fault, move the valve, and see what is reported."""
+    """Let the simulator imitate a fault, move the valve, and check what is reported."""
     closing = code in _CLOSING
     bed = make(fault=code, opening=float(closing))
     bed.wait(1.0)
     bed.command(_SIMULATOR, "close" if closing else "open")
-    # A valve that does not arrive runs until its motor time is over.
+    # A valve that does not reach its target runs until its motor time is over.
     while bed.plant.running.any():
         bed.wait(1.0)
     bed.wait(_SETTLE)
@@ -387,7 +360,7 @@ def _diagnosis(make: Callable[..., TestBed], code: str | None, by: str) -> list[
     steps = [Step("diagnosis", step, expected, said, expected in said.split())]
     if by == "master":
         return steps
-    # The slave finds it by itself, and reports the row of the table in its status.
+    # The slave also finds it by itself, and reports the row of the table in its status.
     seen = bed.screen()[_SIMULATOR]
     shown = f"fault {seen['fault']}" if seen["state"] == "fault" else str(seen["state"])
     right = [f"fault {row}" for row in _rows(base, code)] if code else ["open"]
@@ -396,7 +369,7 @@ def _diagnosis(make: Callable[..., TestBed], code: str | None, by: str) -> list[
 
 
 def _rows(base: RuleBase, code: str) -> list[int]:
-    """Return the row of a code, then those of the rules that cannot fire without its own."""
+    """Return the row of a code, then those of the rules that fire only if its rule does."""
     own = set(base.rule(code).antecedent)
     rows = [row for row, rule in enumerate(base.rules, 1) if own <= set(rule.antecedent)]
     return sorted(rows, key=lambda row: base.codes[row - 1] != code)
@@ -426,16 +399,15 @@ def serve(
     Parameters
     ----------
     n_valves : int, default 64
-        Number of valves, 1..247, which is that of their unit ids.
+        Number of valves, 1..247; they have the unit ids from 1.
     faults : Fault or iterable of Fault, optional
-        What is wrong with them, by model time.
+        Faults of the valves, in model time.
     speed : float, default 1
         Model seconds per real second, 0..1e4.
     rng : Generator, int or None, optional
-        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; there is none if
-        omitted.
+        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; no noise if omitted.
     watchdog : float, optional
-        A motor stops when its valve has had no request for so long, 0.1..3600 [s] of the valves;
+        A motor stops when its valve has had no request for this long, 0.1..3600 [s] of model time;
         never if omitted.
     **options
         As `shipnet.modbus.serve` takes them: transport, host, port, wire_faults, and for a serial
@@ -448,8 +420,6 @@ def serve(
 
     Raises
     ------
-    ArgumentError
-        If an argument is out of its range.
     ImportError
         For RTU, if pymodbus or pyserial is missing.
 
@@ -465,14 +435,14 @@ def serve(
     return serve_slaves(valve_slaves(plant), clock=real_clock(factor), **options)
 
 
-#: Takes unit id and request, returns the response: a `Link`, or `ModelValves`.
+#: Takes unit id and request and returns the response: a `Link`, or `ModelValves`.
 Ask: TypeAlias = Callable[[int, Request], Response]
 
 _MBAP = 7
 
 
 class Link:
-    """A connection to a server, to be called with unit id and request, or closed."""
+    """A connection to a server, called with unit id and request."""
 
     def __init__(self, address: str, port: int, timeout: float = 1.0) -> None:
         self.where, self._last = f"{address}, port {port}", 0
@@ -490,7 +460,7 @@ class Link:
                 head = self._receive(_MBAP)
                 body = self._receive(int.from_bytes(head[4:6], "big") - 1)
                 adu = decode(head + body, "tcp")
-                # The answer to a request that timed out is not for this one.
+                # The response to a request that timed out is skipped.
                 if adu.transaction_id == self._last:
                     return Response.parse(adu.pdu, request)
         except (OSError, FrameError) as problem:
@@ -517,21 +487,16 @@ class ModelValves:
     Parameters
     ----------
     n_valves : int, default 16
-        How many valves, 1..247.
+        Number of valves, 1..247.
     faults : tuple of Fault, optional
-        What is wrong with them, and when it begins.
+        Their faults.
     rng : numpy.random.Generator, optional
-        Source of the sensors' noise; without it they have none.
+        Draws the noise of the sensors; no noise if omitted.
 
     Attributes
     ----------
     time : float
-        Model time [s]; it only moves on.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
+        Model time [s]; it may only increase.
 
     Examples
     --------
@@ -567,14 +532,12 @@ class Client:
     port : int, default 5020
         Its port.
     n_valves : int, default 16
-        How many valves are read, 1..247.
+        Number of valves that are read, 1..247.
     timeout : float, default 1
-        How long to wait for a connection, or for an answer [s].
+        Time to wait for a connection or a response [s].
 
     Raises
     ------
-    ArgumentError
-        If `n_valves` is out of range.
     OSError
         If there is no answer, when the client is made or used; the message is a sentence.
 
@@ -600,7 +563,7 @@ class Client:
 
     @classmethod
     def over(cls, ask: Ask, n_valves: int = 16) -> Client:
-        """Return a client that asks in another way, such as `ModelValves`."""
+        """Return a client that sends its requests another way, such as to `ModelValves`."""
         client = cls.__new__(cls)
         client.n_valves = check_whole("n_valves", n_valves, 1, MAX_UNIT)
         client._ask = ask
@@ -620,7 +583,7 @@ class Client:
     def command(self, valve: int, action: str | float) -> str:
         """Command a valve: ``open``, ``close``, ``manual``, ``auto`` or a position, 0..100 [%].
 
-        Return what was done, or why the valve refuses, as a sentence.
+        Return in a sentence what was done, or why the valve refuses.
         """
         unit = check_whole("valve", valve, 1, MAX_UNIT)
         request = Request.write_single_register(
@@ -634,7 +597,7 @@ class Client:
         return f"valve {unit}: {said}"
 
     def read(self) -> Readout:
-        """Read all valves; one that answers with an exception is left out."""
+        """Read all valves; one that answers with an exception has no values."""
         words, units = [], []
         for unit in range(1, self.n_valves + 1):
             response = self._ask(unit, READ_STATUS)
@@ -646,18 +609,18 @@ class Client:
         return Readout(status.table().set_axis(units).reindex(valves))
 
     def screen(self) -> Screen:
-        """Read all valves, and return them as the master would show them."""
+        """Read all valves and return them as the master would show them."""
         return self.read().screen
 
     def status(self, valve: int) -> pd.Series:
-        """Read one valve, and return what it says, as text with units."""
+        """Read one valve and return its values as text with units."""
         unit = check_whole("valve", valve, 1, self.n_valves)
         return pd.Series(self.read().numbers(unit), name=f"valve {unit}", dtype=object)
 
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """What valves answered: `rows` of `Status.table` by valve, NaN for one that did not answer."""
+    """The answers of valves: `rows` of `Status.table` by valve, NaN for one without an answer."""
 
     rows: pd.DataFrame
 
@@ -668,7 +631,7 @@ class Readout:
         return Screen.of(self.rows, silent=silent, age=np.where(silent, np.inf, 0.0), time=0.0)
 
     def numbers(self, valve: int) -> dict[str, str]:
-        """Return what one valve says, as text with units; nothing if it did not answer."""
+        """Return the values of one valve as text with units; nothing if it did not answer."""
         row = self.rows.loc[valve]
         if pd.isna(row["fault"]):
             return {}

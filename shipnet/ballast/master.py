@@ -1,7 +1,7 @@
 """The master: it scans its valves, sends commands in between, and shows what it received.
 
-Everything goes through the registers of the slaves and the time that frames take on the line; the
-two ports and their faults are those of `shipnet.modbus`.
+All of it goes through the slaves' registers and takes the time of frames on the line; the two ports
+and their faults are those of `shipnet.modbus`.
 """
 
 from __future__ import annotations
@@ -35,29 +35,30 @@ from shipnet.modbus.polling import Poll
 from shipnet.modbus.simulation import LOST, A, Master, Try
 from shipnet.modbus.slave import Slave, answer
 
-#: What a valve can be on the screen. The first that holds counts.
+#: States of a valve on the screen; the first that holds counts.
 STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")
 
 #: Colour of each state on the screen, in the order of the legend.
 STATE_COLOURS = {
-    "open": "C2",
-    "closed": "C0",
-    "part open": "C9",
-    "moving": "C1",
-    "fault": style.LIMIT["color"],
-    "silent": "0.35",
-    "not seen": "0.8",
-}
+    "open": "C2", "closed": "C0", "part open": "C9", "moving": "C1",
+    "fault": style.LIMIT["color"], "silent": "0.35", "not seen": "0.8",
+}  # fmt: skip
+
+#: Hatches of what an operator has to notice, also without colours.
+_HATCHES = {"fault": "xxxx", "silent": "...."}
+
+#: In wider rows, valves have neither their position nor their number.
+_NUMBERED = 20
 
 #: A valve within this of an end counts as open or closed [%]; the paper does not say.
 _END = 1.0
 
-#: A motor runs whose current is sent as two steps of its register or more; one may be noise [A].
+#: Least current of a running motor [A]: two steps of its register, because one may be noise.
 LEAST_CURRENT = 0.15
 
 
 class Shown(NamedTuple):
-    """A status that came back."""
+    """A status that was received: when it was read, and from when it is shown."""
 
     unit: int
     read: float
@@ -75,16 +76,11 @@ class Write(NamedTuple):
     response: bytes
 
     @property
-    def answered(self) -> bool:
-        """Whether the command came back as it was sent."""
-        return self.response[:1] == b"\x06"
-
-    @property
     def outcome(self) -> str:
         """``done``, ``no answer``, or the name of the exception."""
         if not self.response:
             return "no answer"
-        if self.answered:
+        if self.response[:1] == b"\x06":
             return "done"
         return ExceptionCode(self.response[1]).name.replace("_", " ").lower()
 
@@ -92,16 +88,16 @@ class Write(NamedTuple):
 @checked
 @dataclass(frozen=True, eq=False)
 class Screen:
-    """Every valve as the master shows it at a time.
+    """Every valve as the master shows it at one time.
 
     Parameters
     ----------
     shown : pandas.DataFrame
         Indexed by ``valve``: ``position_percent`` and ``age_s`` (NaN and inf before the first
-        status), ``fault`` as the slave reports it, and ``state``. A valve is silent whose last try
-        before this time was in vain.
+        status), ``fault`` as the slave reports it, and ``state``. A valve is silent if it did not
+        answer the last request.
     time : float
-        When [s].
+        Time [s].
 
     Examples
     --------
@@ -119,10 +115,7 @@ class Screen:
 
     @classmethod
     def of(cls, rows: pd.DataFrame, *, silent: Bools, age: Floats, time: float) -> Screen:
-        """Return the screen that shows the last status of each valve, valve 1 first.
-
-        The `rows` are those of `Status.table`, NaN where nothing has come.
-        """
+        """Return the screen of the last statuses, rows of `Status.table`, NaN for one not seen."""
         position = rows["VPos_percent"].to_numpy()
         fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
         conditions = [
@@ -130,11 +123,9 @@ class Screen:
             position >= 100 - _END, position <= _END,
         ]  # fmt: skip
         columns = {
-            "position_percent": position,
-            "age_s": age,
-            "fault": fault,
+            "position_percent": position, "age_s": age, "fault": fault,
             "state": np.select(conditions, STATES[:-1], STATES[-1]),
-        }
+        }  # fmt: skip
         index = pd.RangeIndex(1, position.size + 1, name="valve")
         return cls(pd.DataFrame(columns, index=index), time)
 
@@ -154,93 +145,84 @@ class Screen:
     def plot(
         self, selected: int | None = None, ax: Axes | None = None, *, columns: int = 32
     ) -> Axes:
-        """Draw a bar and a number per valve, coloured by its state; the selected one is framed."""
+        """Draw a bar per valve, coloured by its state; the selected one is framed.
+
+        Where they are wide enough, each has its position and its number.
+        """
         ax = style.axes(ax)
         units = self.shown.index.to_numpy()
         if selected is not None:
             selected = check_whole("selected", selected, 1, len(units))
         wide = min(len(units), check_whole("columns", columns, 1, 1000))
         rows = -(-len(units) // wide)
-        size = 9 if wide <= 20 else 6
         places = np.arange(len(units))
         x, y = places % wide, rows - 1 - places // wide
         position, framed = self.shown["position_percent"].to_numpy(float), units == selected
-        colours = [STATE_COLOURS[state] for state in self.shown["state"]]
+        states = self.shown["state"].tolist()
         ax.bar(
-            x, 0.62, 0.84, y, color="0.94", linewidth=np.where(framed, 2.0, 0.5),
-            edgecolor=["k" if frame else "0.7" for frame in framed],
+            x, 0.62, 0.84, y, color="0.94", edgecolor="0.6", linewidth=0.5,
+            hatch=[_HATCHES.get(state, "") for state in states],
         )  # fmt: skip
         part = 0.62 * np.clip(np.nan_to_num(position), 0, 100) / 100
-        # A strip of colour is left of a closed valve.
-        ax.bar(x, np.maximum(part, 0.05), 0.84, y, color=colours)
-        for place, unit in enumerate(units):
-            said = "-" if np.isnan(position[place]) else f"{position[place]:.0f}"
-            where = x[place], y[place]
-            texts = (
-                ax.text(where[0], where[1] + 0.33, said, ha="center", va="center", fontsize=size),
-                ax.text(
-                    where[0], where[1] - 0.04, str(unit), ha="center", va="top", fontsize=size - 1,
-                    color="0.4",
-                ),
-            )  # fmt: skip
-            for text in texts:
-                # It lies within the axes, and hundreds of them take long to measure.
-                text.set_in_layout(False)
-        ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[], yticks=[])
+        # A closed valve keeps a strip of colour.
+        ax.bar(x, np.maximum(part, 0.05), 0.84, y, color=[STATE_COLOURS[state] for state in states])
+        ax.bar(x[framed], 0.62, 0.84, y[framed], fill=False, edgecolor="k", linewidth=2)
+        ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[])
+        if wide <= _NUMBERED:
+            ax.set_yticks([])
+            for place, (unit, percent) in enumerate(zip(units, position, strict=True)):
+                words = "-" if np.isnan(percent) else f"{percent:.0f}"
+                above = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+                ax.text(x[place], y[place] + 0.33, words, ha="center", va="center", bbox=above)
+                ax.text(x[place], y[place] - 0.04, str(unit), ha="center", va="top", color="0.4")
+            ax.text(1, 1.02, "position [%]", transform=ax.transAxes, ha="right", va="bottom")
+        else:
+            ax.set_yticks(y[::wide] + 0.31, [f"from {unit}" for unit in units[::wide]])
+            ax.tick_params(length=0)
         ax.grid(False)
-        for spine in ax.spines.values():
-            spine.set_visible(False)
-        present = [state for state in STATE_COLOURS if (self.shown["state"] == state).any()]
+        ax.spines[:].set_visible(False)
+        present = [state for state in STATE_COLOURS if state in states]
         for state in present:
-            ax.fill_between([], [], color=STATE_COLOURS[state], label=state)
-        ax.legend(
-            loc="lower left", bbox_to_anchor=(0, 1), ncols=len(present), frameon=False,
-            fontsize="small",
-        )  # fmt: skip
-        ax.text(
-            1,
-            1.02,
-            "position [%]",
-            transform=ax.transAxes,
-            ha="right",
-            va="bottom",
-            fontsize="small",
-        )
+            ax.fill_between(
+                [], [], facecolor=STATE_COLOURS[state], edgecolor="0.9",
+                hatch=_HATCHES.get(state), label=state,
+            )  # fmt: skip
+        ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=len(present))
         return ax
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class MasterRun:
-    """What a master received of its valves, as `simulate` returns it for a system with a poll.
+    """What a master received from its valves, as `simulate` returns it for a system with a poll.
 
     Parameters
     ----------
     n_valves : int
-        Number of valves, which is that of their unit ids; they count from 1.
+        Number of valves; their unit ids count from 1.
     poll : Poll
         The poll of their line.
     registers : RegisterMap
-        How statuses are read.
+        The meaning of the statuses.
     duration : float
         End time [s].
     shown : list of Shown
-        Statuses in the order in which they came.
+        Statuses in the order in which they arrived.
     writes : list of Write
         Commands in the order in which they were sent.
     tries : list of tuple
         Polls: start, valve from 0 on, port, kind, answered.
     write_time : float
-        What a command costs that is answered at once [s].
+        Duration of a command that is answered [s].
 
     Examples
     --------
-    A master with 50 valves at 9600 bit/s opens one; its position is up to a scan old:
+    A master with 50 valves at 9600 bit/s opens one; its position is up to one scan old:
 
     >>> from shipnet.ballast.scan import System, status_poll
     >>> from shipnet.ballast.simulation import simulate
     >>> run = simulate(System(50, status_poll(9600)), [Command("open", 3.0, valves=7)], until=15)
-    >>> run.received(7).VPos[:, 0].tolist()
+    >>> run.received(7).samples["VPos"][:, 0].tolist()
     [0.0, 0.0, 4.0, 22.0, 40.0, 58.0, 76.0, 93.0, 100.0, 100.0]
     >>> run.screen(7.2)
     Screen(7.2 s: 1 moving, 49 closed)
@@ -257,7 +239,7 @@ class MasterRun:
 
     @cached_property
     def answers(self) -> pd.DataFrame:
-        """One row a status: ``unit``, ``read_s``, ``shown_s``, readings, flags, ``fault``."""
+        """One row per status: ``unit``, ``read_s``, ``shown_s``, readings, flags, ``fault``."""
         unit, read, time = self._columns
         words = np.array([s.registers for s in self.shown], np.int64).reshape(-1, 4)
         table = pd.DataFrame({"unit": unit, "read_s": read, "shown_s": time})
@@ -265,7 +247,7 @@ class MasterRun:
 
     @cached_property
     def commands(self) -> pd.DataFrame:
-        """One row a command: ``unit``, ``value``, ``sent_s``, ``free_s``, ``outcome``."""
+        """One row per command: ``unit``, ``value``, ``sent_s``, ``free_s``, ``outcome``."""
         rows = [(w.unit, f"0x{w.value:04X}", w.time, w.end, w.outcome) for w in self.writes]
         return pd.DataFrame(rows, columns=["unit", "value", "sent_s", "free_s", "outcome"])
 
@@ -276,43 +258,38 @@ class MasterRun:
         return unit, times[:, 0], times[:, 1]
 
     def ages(self, times: npt.ArrayLike) -> Floats:
-        """Return how old what the master shows of each valve is."""
+        """Return the age of the status that is shown of each valve, (n_times, n_valves) [s]."""
         looked = np.atleast_1d(np.asarray(times, float))
         last = self._last(looked)
         read = np.append(self._columns[1], -np.inf)
         return np.asarray(looked[:, np.newaxis] - read[last])
 
     @property
-    def longest_age(self) -> Floats:
-        """Greatest age of what was shown of each valve, shape (n_valves,) [s]."""
+    def oldest(self) -> float:
+        """Greatest age of a status of any valve while it was shown [s]."""
         shown = self.answers[["unit", "read_s", "shown_s"]]
-        # A status is shown until the next of its valve, the last one until the end.
+        if shown["unit"].nunique() < self.n_valves:
+            return inf
+        # A status is shown until the next one of its valve, the last one until the end.
         until = shown.groupby("unit")["shown_s"].shift(-1).fillna(self.duration)
-        longest = (until - shown["read_s"]).groupby(shown["unit"]).max()
-        units = range(1, self.n_valves + 1)
-        return np.asarray(longest.reindex(units, fill_value=np.inf), float)
+        return float((until - shown["read_s"]).max())
 
     def screen(self, time: float | None = None) -> Screen:
-        """Return what the master shows at a time [s]; at the end if omitted."""
+        """Return what the master shows at a time [s], by default at the end."""
         at = self.duration if time is None else check_scalar("time", time, "s", 0, 1e9)
         last = self._last(np.array([at]))[0]
         rows = self.answers.reindex(np.where(last < len(self.shown), last, -1))
         return Screen.of(rows, silent=self._silent(at), age=self.ages([at])[0], time=at)
 
-    @property
-    def oldest(self) -> float:
-        """Greatest age of what was shown of any valve [s]."""
-        return float(np.max(self.longest_age))
-
     def received(self, valve: int) -> Run:
-        """Return the readings of one valve as the master received them, an instant per scan.
+        """Return the readings of one valve as the master received them, one instant per scan.
 
-        The command counts as active while the motor runs, by its current, and the position last
-        sent is not reached.
+        A command counts as active while the motor current shows that the motor runs and the
+        commanded position is not reached.
         """
         target = np.nan
         for write in self.writes:
-            if write.unit == valve and write.answered:
+            if write.unit == valve and write.outcome == "done":
                 code, position = self.registers.decode_command(write.value)
                 ends = {Code.OPEN: 100.0, Code.CLOSE: 0.0}
                 target = ends.get(code, float(position))
@@ -350,95 +327,75 @@ class MasterRun:
 
 
 class Station(Master):
-    """A master with two ports, its line and the valves on it, whose time only moves on.
+    """A master with two ports, its line and the valves on it, whose time only advances."""
 
-    Section 3.3 of the paper: the command goes out between two polls, and with its echo the master
-    scans on. Not printed, and assumed: a command is sent once, through the port that serves the
-    slave, for without an answer the master does not know whether the valve moves; the slave takes
-    its readings at the end of the request. An answer that comes after its timeout garbles the
-    transaction that it falls into.
-    """
-
+    # Section 3.3 of the paper: the command goes out between two polls, and the scan continues after
+    # its echo. Our assumptions: a command is sent once, through the port that serves the slave,
+    # because without an answer the master does not know whether the valve moves; the slave takes
+    # its readings at the end of the request.
     def __init__(self, plant: Plant, faults: Iterable[Fault] = ()) -> None:
         self.plant, system = plant, plant.system
         super().__init__(system.loop, tuple(faults))
         self.registers = RegisterMap()
         self.slaves: dict[int, Slave] = valve_slaves(plant)
-        self.at_end, poll = system.answer_at_end, system.loop.poll
-        timeout = poll.timeout if system.command_timeout is None else system.command_timeout
-        self._command = command_poll(poll.line, processing=poll.processing, timeout=timeout)
+        self._command = command_poll(system.loop.poll)
         self.shown: list[Shown] = []
         self.writes: list[Write] = []
         self._position: dict[int, int] = {}
-        self._late: dict[int, float] = {}
         self._next = self._skipped = 0
 
     @property
     def seen(self) -> MasterRun:
-        """What the master has seen up to now."""
+        """What the master has received so far."""
         return MasterRun(
             self.n, self.rule.poll, self.registers, self.time, list(self.shown),
             list(self.writes), list(self.tries), float(self._command.time),
         )  # fmt: skip
 
     def run_until(self, time: float) -> None:
-        """Scan on; the last transaction that begins before `time` is carried out in full."""
+        """Continue the scan; the last transaction that begins before `time` is completed."""
         while self.time < time:
             before = self.time
             self.turn(self._next)
             self._next = (self._next + 1) % self.n
             self._skipped = 0 if self.time > before else self._skipped + 1
             if self._skipped == self.n:
-                # All are lost: nothing happens before the next try is due.
+                # No slave can be reached: nothing happens before the next try is due.
                 self.time = min(max(self.last_failure + self.rule.recheck, before), time)
                 self._skipped = 0
         self.plant.run_until(self.time)
 
     def command(self, action: str | float, unit: int) -> Write:
-        """Send a command now, and wait for its answer: an action, a mode, or a position [%]."""
+        """Send a command now and wait for its answer: an action, a mode, or a position [%]."""
         if unit not in self.slaves:
             raise ArgumentError(f"unit is {unit!r}; it must be 1..{self.n}")
         if action == "stop":
-            raise ArgumentError("action is 'stop'; Table 2 has no code for it, 'manual' stops too")
+            raise ArgumentError("action is 'stop'; Table 2 has no code for it, use 'manual'")
         return self.write(self.registers.encode_command(action, self._position.get(unit, 0)), unit)
 
     def write(self, value: int, unit: int) -> Write:
-        """Send a value for the command register now, and wait for its answer."""
+        """Send a value for the command register now and wait for its answer."""
         port = self.port[unit - 1]
         begin, poll = self.time, self._command
         arrives = begin + poll.line.frame_time(poll.request_size)
+        done = arrives + poll.shortest_timeout
         request = Request.write_single_register(COMMAND_REGISTER, value)
-        response, end = b"", arrives + poll.timeout
+        response, self.time = b"", arrives + poll.timeout
         if self._holds(begin, arrives, unit, port):
-            response = answer(self.slaves, Adu(unit, request.pdu), arrives, serial=True).pdu
-            waits = self.at_end and response[:1] == b"\x06"
-            started = self.plant.started[unit - 1]
-            ready = max(self._stopped(unit, started, end), arrives) if waits else arrives
-            done = ready + poll.shortest_timeout
-            if done <= end + 1e-9 and self._holds(arrives, done, unit, port):
-                end = done + poll.line.t35
-            else:
-                response = b""
-                if waits:
-                    self._late[unit] = started
-        self.time = end
-        write = Write(begin, end, unit, value, response)
-        self.writes.append(write)
-        return write
+            echo = answer(self.slaves, Adu(unit, request.pdu), arrives, serial=True).pdu
+            if self._holds(arrives, done, unit, port):
+                response, self.time = echo, done + poll.line.t35
+        self.writes.append(Write(begin, self.time, unit, value, response))
+        return self.writes[-1]
 
     def attempt(self, slave: int, port: int, kind: int) -> bool:
-        """Ask a slave for its status, from its devices; return whether it answered."""
+        """Poll a slave for its status; return whether it answered."""
         start, unit, line = self.time, slave + 1, self.rule.poll.line
         read = start + line.frame_time(self.rule.poll.request_size)
-        garbled = self._garbled(start, read)
         pdu = b""
-        if not garbled and self.paths.hold(start, read, slave, port):
+        # The slave takes its readings before the plant advances beyond them.
+        if self.paths.hold(start, read, slave, port):
             pdu = answer(self.slaves, Adu(unit, READ_STATUS.pdu), read, serial=True).pdu
-        # The slave takes its readings before the plant moves on, lest it sees what comes later.
-        if garbled or self._garbled(read, start + self.needed):
-            self.tries.append((start, slave, port, kind, False))
-            self.time = self.last_failure = start + self.unanswered
-            return False
         if not super().attempt(slave, port, kind):
             return False
         words = tuple(int.from_bytes(pdu[k : k + 2], "big") for k in (2, 4, 6, 8))
@@ -448,45 +405,12 @@ class Station(Master):
         return True
 
     def _holds(self, start: float, end: float, unit: int, port: int) -> bool:
-        """Return whether a path is whole; a lost slave is tried through port A."""
+        """Return whether a path is intact; a lost slave is tried through port A."""
         return self.paths.hold(start, end, unit - 1, A if port == LOST else port)
-
-    def _stopped(self, unit: int, started: float, latest: float) -> float:
-        """Let time pass until the motor stops that was started then, or until `latest`.
-
-        Return when it stopped, inf if it still runs. The plant does not move on beyond that, so
-        that the next request finds it as it is then.
-        """
-        k, plant = unit - 1, self.plant
-        while plant.running[k] and plant.started[k] == started:
-            plant.run_until(plant.time)
-            stop = plant.stop_time(k)
-            if stop <= latest:
-                return stop
-            if plant.time + plant.step > latest:
-                return inf
-            plant.advance()
-        ends = [m.end for m in plant.movements if m.valve == k and m.start == started]
-        return max([started, *ends])
-
-    def _garbled(self, start: float, end: float) -> bool:
-        """Return whether an answer that nobody waits for falls into this time."""
-        serial, garbled = self.rule.poll.line, False
-        for unit, started in list(self._late.items()):
-            begins = self._stopped(unit, started, end) + serial.t35
-            lasts = serial.frame_time(self._command.response_size)
-            if begins < end:
-                garbled |= begins + lasts > start
-                del self._late[unit]
-        return garbled
 
 
 def operate(
-    plant: Plant,
-    commands: Iterable[Command] = (),
-    *,
-    until: float,
-    faults: Iterable[Fault] = (),
+    plant: Plant, commands: Iterable[Command] = (), *, until: float, faults: Iterable[Fault] = ()
 ) -> MasterRun:
     """Let a master scan its valves and send commands at their times."""
     end = check_scalar("until", until, "s", 0, 1e5)
@@ -504,7 +428,7 @@ def operate(
 def scan_fleet(
     system: System, commands: Iterable[Command], faults: Iterable[Fault], until: float, rng: Any
 ) -> MasterRun:
-    """Simulate the valves of a system and their masters, each with its share of the valves."""
+    """Simulate the valves of a system and their masters, each with its part of the valves."""
     shares = system.valve_addresses()["master"].value_counts(sort=False).tolist()
     orders, several = list(commands), list(faults)
     own = [fault for fault in several if isinstance(fault, ValveFault)]
@@ -543,11 +467,11 @@ def scan_fleet(
 
 
 def received_run(seen: MasterRun, unit: int, *, target: float) -> Run:
-    """Return the readings of one valve as the master was sent them."""
+    """Return the readings of one valve as its statuses reported them."""
     unit = check_whole("valve", unit, 1, seen.n_valves)
     rows = seen.answers[seen.answers["unit"] == unit]
     if rows.empty:
-        raise ArgumentError(f"valve is {unit}; nothing has come from it")
+        raise ArgumentError(f"valve is {unit}; it has sent no status")
     time = rows["read_s"].to_numpy()
     readings = rows[[c.column for c in CHANNELS]].to_numpy()[:, :, np.newaxis]
     running, place = readings[:, 2] >= LEAST_CURRENT, readings[:, 4]

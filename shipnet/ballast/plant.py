@@ -1,9 +1,8 @@
 """Commands, faults, and valves that carry them out: relays, limit switches, sensors, step by step.
 
-Opening and motor temperature are the state; pressures and current follow from them at every
-instant. What a fault changes is our reading: the paper says how it was seen, not what was broken.
-The values at severity 1 are chosen so that the rule of the fault is met; a diagnosis that finds
-them verifies code, it does not validate the rules.
+The changes that a fault makes are our reading: the paper says how it was seen, not what was broken.
+At severity 1 they meet the rule of the fault, so a diagnosis that finds them verifies the code, not
+the rules.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from shipnet.ballast.actuator import (
     losses,
     motor_current,
     steady_temperature,
-)
+)  # fmt: skip
 from shipnet.ballast.registers import check_action
 from shipnet.ballast.scan import System, as_system
 from shipnet.ballast.sensors import CHANNELS
@@ -41,19 +40,18 @@ from shipnet.fields import (
     choice,
     number,
     record,
-)
+)  # fmt: skip
 
-#: What a command may ask for, besides a position.
+#: The commands besides a position.
 ACTIONS = ("open", "close", "stop")
 
-#: The last valve of a group starts so long before the next group is commanded [s]: room for the
-#: longest run of a motor.
+#: Time from the command to one group to the next [s]: room for the longest run of a motor.
 _GROUP_PAUSE = 30.0
 
-#: A valve so near to the position asked for does not start [%]; our assumption.
+#: A valve this close to the commanded position does not start [%]; our assumption.
 DEAD_BAND = 0.5
 
-#: Where the readings of temperature and position stand.
+#: Places of temperature and position among the readings.
 _OT, _VPOS = 3, 4
 
 
@@ -66,7 +64,7 @@ def _numbers(valves: int | Iterable[int] | None) -> tuple[int, ...] | None:
 
 
 def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
-    """Return the places of these valves among `n_valves`, counted from 0."""
+    """Return the places of these valves among `n_valves`, from 0."""
     known = range(1, n_valves + 1) if valves is None else _numbers(valves) or ()
     return [check_whole("one of valves", valve, 1, n_valves) - 1 for valve in known]
 
@@ -76,8 +74,8 @@ def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
 class Command:
     """A command to some valves.
 
-    The `action` is ``open``, ``close``, ``stop`` or the position to go to, 0..100 [%]; `valves`
-    are numbers counted from 1, and None is all.
+    The `action` is ``open``, ``close``, ``stop`` or a position to go to, 0..100 [%]; `valves` are
+    numbers from 1, and None means all.
 
     Examples
     --------
@@ -88,7 +86,7 @@ class Command:
     """
 
     action: str | float
-    time: float = number(0, 1e9, "s", "When it is given", default=0.0)
+    time: float = number(0, 1e9, "s", "Time at which it is given", default=0.0)
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:
@@ -97,16 +95,16 @@ class Command:
 
     @property
     def position(self) -> float | None:
-        """Where to go [%]; None without a position."""
+        """The position to go to [%]; None for another command."""
         return None if isinstance(self.action, str) else self.action
 
     @property
     def kind(self) -> str:
-        """The action in a word: ``open``, ``close``, ``stop`` or ``position``."""
+        """The action in one word: ``open``, ``close``, ``stop`` or ``position``."""
         return self.action if isinstance(self.action, str) else "position"
 
     def mask(self, n_valves: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Return which of this number of valves are meant, valve 1 first."""
+        """Return which of this many valves it commands, valve 1 first."""
         count = check_whole("n_valves", n_valves, 1, 10_000)
         meant = np.zeros(count, bool)
         meant[_places(self.valves, count)] = True
@@ -122,11 +120,11 @@ class Command:
         group: int = 16,
         rng: Any = None,
     ) -> list[Command]:
-        """Return a random plan in which all valves open and close in turn, a group at a time.
+        """Return a random plan in which all valves open and close in turn, one group at a time.
 
-        There are `operations` commands per valve up to the time `until` [s], to groups of `group`
-        valves 30 s apart. Groups keep short how long any motor runs: while one does, all valves are
-        read at 10 Hz. The paper prints no plan; this one is our assumption.
+        Each valve gets `operations` commands up to the time `until` [s], in groups of `group`
+        valves 30 s apart, because while any motor runs all valves are read at 10 Hz. The paper
+        prints no plan; this one is our assumption.
         """
         valves = check_whole("n_valves", n_valves, 1, 10_000)
         times = check_whole("operations", operations, 1, 1000)
@@ -148,8 +146,8 @@ class Command:
         return plan
 
 
-#: What severity s makes of a number: a factor that grows evenly or by powers, a factor without
-#: bound, or something added. Severity 0 leaves the number as it is, to the last bit.
+#: How severity s changes a number: in proportion, by powers, towards infinity, or by an amount.
+#: Severity 0 leaves the number as it is, to the last bit.
 _LAWS = {
     "linear": lambda number, value, s: number * (1 + (value - 1) * s),
     "power": lambda number, value, s: number * value**s,
@@ -159,14 +157,14 @@ _LAWS = {
 
 
 class Change(NamedTuple):
-    """What a fault does to one number."""
+    """The effect of a fault on one number."""
 
     target: str
     law: str
     value: float
 
 
-#: Meaning and changes by the code of the rule table.
+#: Meaning and changes of each fault, by its code in the rule table.
 FAULTS: dict[str, tuple[str, tuple[Change, ...]]] = {
     "G1": ("pressure gauge reads too high", (Change("FP", "added", 125.0),)),
     "P1": (
@@ -199,21 +197,12 @@ _SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
 class Fault(TimedFault):
     """A fault of some valves.
 
-    The `valves` are numbers counted from 1, and None is all. When a fault ends, a valve stays where
-    the fault left it. A motor that is not cooled from time 0 on has been so for long, and is as
-    warm as that makes it.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such code, or a number is out of its range.
+    The `valves` are numbers from 1, and None means all. When a fault ends, a valve stays where the
+    fault left it. A motor without cooling from time 0 begins as warm as its earlier strokes make
+    it.
 
     Examples
     --------
-    >>> Fault("V3")
-    Traceback (most recent call last):
-        ...
-    shipnet.errors.ArgumentError: code is 'V3'; it must be one of 'G1', 'P1', 'P2', 'V1', 'V2', ...
     >>> fault = Fault.parse("3:P2:0.5")
     >>> fault.code, fault.severity, fault.valves
     ('P2', 0.5, (3,))
@@ -221,7 +210,7 @@ class Fault(TimedFault):
 
     code: str = choice(tuple(FAULTS), "Code of the rule table")
     severity: float | Floats = number(
-        0, 1, "", "0 healthy to 1; an array has one value for each of `valves`", default=1.0,
+        0, 1, "", "0 is healthy; an array has one value for each of `valves`", default=1.0,
         many=True,
     )  # fmt: skip
     valves: int | Iterable[int] | None = None
@@ -231,21 +220,19 @@ class Fault(TimedFault):
         object.__setattr__(self, "valves", _numbers(self.valves))
 
     def severities(self, n_valves: int) -> Floats:
-        """Return how severe it is for each valve, shape (n_valves,)."""
+        """Return the severity for each valve, shape (n_valves,)."""
         count = check_whole("n_valves", n_valves, 1, 10_000)
         mine = _places(self.valves, count)
         if np.ndim(self.severity) and np.size(self.severity) != len(mine):
-            raise ArgumentError(
-                f"severity of {self.code} has {np.size(self.severity)} values for {len(mine)} "
-                "valves"
-            )
+            size = np.size(self.severity)
+            raise ArgumentError(f"severity of {self.code} has {size} values for {len(mine)} valves")
         found = np.zeros(count)
         found[mine] = self.severity
         return found
 
     @classmethod
     def parse(cls, fault: str, n_valves: int = 247) -> Fault:
-        """Return the fault that a text such as ``3:V1:0.8`` names: valve, code and severity."""
+        """Return the fault of a text such as ``3:V1:0.8``: valve, code and severity."""
         parts, most = fault.split(":"), check_whole("n_valves", n_valves, 1, 10_000)
         try:
             if len(parts) not in (2, 3):
@@ -272,10 +259,10 @@ class Fault(TimedFault):
         severity: float | tuple[float, float] = 1.0,
         rng: Any = None,
     ) -> list[Fault]:
-        """Return faults that appear at random times up to `until` [s], each on its own valve.
+        """Return faults that begin at random times up to `until` [s], each on a different valve.
 
-        All `codes` come up equally often but for one; `severity` is one for all, or the lowest and
-        the highest, 0..1.
+        All `codes` occur equally often, give or take one; `severity` is one for all, or the lowest
+        and the highest, 0..1.
         """
         known = [check_choice("one of codes", code, FAULTS) for code in codes]
         if not known:
@@ -298,7 +285,7 @@ class Fault(TimedFault):
 
 
 def faulty(actuator: Actuator, faults: Iterable[Fault], n_valves: int) -> tuple[Actuator, Floats]:
-    """Return what faults make of an actuator and its sensors, once they have begun."""
+    """Return an actuator with faults, and the offsets of its sensors."""
     n = check_whole("n_valves", n_valves, 1, 10_000)
     offsets = np.zeros((len(CHANNELS), n))
     numbers: dict[str, Any] = {}
@@ -327,22 +314,12 @@ class Movement(NamedTuple):
     outcome: str
 
 
-class _Step(NamedTuple):
-    """How valves turn between two readings: how fast, for how long, and which stop, and why."""
-
-    speed: Floats
-    lasted: Floats
-    late: Bools
-    arrives: Bools
-    at_limit: Bools
-
-
 class Plant:
-    """Valves whose state is known at one time, which only moves on.
+    """Valves whose state is known at one time, which only advances.
 
-    Commands and faults take effect at the first reading not before their time. Between two
-    readings a valve turns with the speed of the middle of its way. The controller is quicker than
-    `step`: a valve stops where it should, not at the next reading. A limit switch feels the true
+    Opening and motor temperature are the state. Commands and faults take effect at the first
+    reading not before their time. Between two readings a valve turns with the speed of the middle
+    of its way, and stops where it should, not at the next reading. A limit switch feels the true
     end; a position is judged by the potentiometer.
     """
 
@@ -368,7 +345,7 @@ class Plant:
         self._load: Floats | None
         self._driven: Hydraulics | None
         self._change()
-        # The strokes before were those of a healthy valve, but perhaps without cooling.
+        # Earlier strokes were those of a healthy valve, but perhaps without cooling.
         before = replace(self._healthy, cooling=self._actuator.cooling)
         self.temperature = np.broadcast_to(steady_temperature(before), n).copy()
         self.readings, self._measured, self._stale = np.zeros((5, n)), -1, True
@@ -380,11 +357,11 @@ class Plant:
 
     @property
     def _busy(self) -> bool:
-        return bool(np.count_nonzero(self.running))  # in a fifth of the time of any()
+        return bool(np.count_nonzero(self.running))  # takes a fifth of the time of any()
 
     @property
     def run_time(self) -> Floats:
-        """For how long each motor has been running at this reading [s]; NaN if it is off."""
+        """How long each motor has been running at this reading [s]; NaN if it is off."""
         return np.where(self.running, (self.ran - 1) * self.step, np.nan)
 
     def ticks(self, time: float) -> int:
@@ -392,7 +369,7 @@ class Plant:
         return ceil(time / self.step - 1e-6)
 
     def order(self, command: Command) -> None:
-        """Carry out a command now, whatever time it names."""
+        """Carry out a command now, at whatever time it is due."""
         meant = command.mask(self.n_valves)
         outcome = "stopped" if command.kind == "stop" else "replaced"
         self._stop(meant & self.running, self.time, outcome)
@@ -430,7 +407,7 @@ class Plant:
         return self.readings
 
     def advance(self, ticks: int = 1) -> None:
-        """Let time pass, and motors stop where they should; one tick while a motor runs."""
+        """Let time pass, and stop motors where they should; one tick while a motor runs."""
         heat: npt.ArrayLike = 0.0
         if self._busy:
             if self._stale or self._measured != self.tick:
@@ -441,7 +418,7 @@ class Plant:
         self._pass(ticks)
 
     def rest(self, count: int, ticks: int) -> Floats:
-        """Read the sensors and let time pass, again and again, while nothing happens."""
+        """Read the sensors repeatedly while nothing happens."""
         truth = np.repeat((self._truth() + self._offsets)[np.newaxis], count, axis=0)
         aim, fading = self._cooling(ticks, 0.0)
         for row in truth:
@@ -453,7 +430,7 @@ class Plant:
         return readings
 
     def _cooling(self, ticks: int, heat: npt.ArrayLike) -> tuple[Floats, Floats]:
-        """Return where the temperatures tend to, and how much of the way is left."""
+        """Return the final temperatures, and the fraction of the difference that remains."""
         cooling = np.asarray(self._actuator.cooling)
         aim = np.asarray(self._actuator.ambient + heat / cooling)
         return aim, np.exp(-cooling * (ticks * self.step) / self._actuator.heat_capacity)
@@ -464,7 +441,7 @@ class Plant:
             self._change()
 
     def run_until(self, time: float) -> Floats:
-        """Let time pass up to the last reading that is not after a time."""
+        """Let time pass up to the last reading that is not later."""
         last = floor(time / self.step + 1e-6)
         while self.tick < last:
             jump = 1 if self._busy else min(last, self._next_change) - self.tick
@@ -473,14 +450,8 @@ class Plant:
             self.measure()
         return self.readings
 
-    def stop_time(self, valve: int) -> float:
-        """Return when a motor that runs stops before the next reading; inf if it does not [s]."""
-        step = self._next_step()
-        stops = step.late | step.arrives
-        return float(self.time + step.lasted[valve]) if stops[valve] else inf
-
-    def _next_step(self) -> _Step:
-        """Return how the valves turn until the next reading, which their state now decides."""
+    def _turn(self) -> Floats:
+        """Move the valves for a step; return the mean heat of each motor [W]."""
         dt, way = self.step, self.direction
         now, volume = self._state(), self._volume
         half = self.opening + way * now.flow / volume * dt / 2
@@ -500,12 +471,6 @@ class Plant:
             lasted = np.where(late, np.maximum(self.deadline - self.time, 0.0), lasted)
             arrives &= ~late
         at_limit = arrives & (to_limit <= np.where(np.isnan(to_target), np.inf, to_target))
-        return _Step(speed, lasted, late, arrives, at_limit)
-
-    def _turn(self) -> Floats:
-        """Move the valves for a step; return the mean heat of each motor [W]."""
-        now, way = self._state(), self.direction
-        speed, lasted, late, arrives, at_limit = self._next_step()
         moved = self.opening + way * speed * lasted * self.running
         self.opening = np.where(at_limit, way > 0, np.minimum(np.maximum(moved, 0), 1))
         self._load = self._driven = None
@@ -527,25 +492,25 @@ class Plant:
         self.running &= ~which
 
     def _loaded(self) -> Floats:
-        """Return the pressure that the valves ask for, where they stand."""
+        """Return the load pressure of the valves in their present positions."""
         if self._load is None:
             self._load = load_pressure(self._actuator, self.opening, self.direction)
         return self._load
 
     def _state(self) -> Hydraulics:
-        """Return the oil where the valves stand, as if all motors ran."""
+        """Return the state of the oil in the present positions, as if all motors ran."""
         if self._driven is None:
             self._driven = self._oil.state(self._loaded())
         return self._driven
 
     def _truth(self) -> Floats:
-        """Return what ideal sensors would read now, offsets left out."""
+        """Return the readings of ideal sensors, without offsets."""
         a, on = self._actuator, self.running
         truth = np.zeros((5, self.n_valves))
         busy, resting = self._busy, np.asarray(a.trapped)
         if busy or np.count_nonzero(resting):
             load = self._loaded()
-            # The lock valve keeps a stuck valve's load too, which has no bound: what is finite.
+            # The lock valve also holds the load of a stuck valve, if it is finite.
             kept = np.where(resting > 0, np.where(np.isfinite(load), load, 0.0) * resting, 0.0)
             truth[1] = kept / 1e5
             if busy:
@@ -558,9 +523,9 @@ class Plant:
         return truth
 
     def _change(self) -> None:
-        """Let the faults act that have begun and not ended."""
+        """Apply the faults that have begun and not ended."""
         for fault in self.faults:
-            fault.severities(self.n_valves)  # refuses a valve that is not there before it is due
+            fault.severities(self.n_valves)  # refuses an unknown valve before the fault is due
         now = self.tick * self.step + 1e-6 * self.step
         due = [fault for fault in self.faults if fault.start <= now < fault.stop]
         self._actuator, self._offsets = faulty(self._healthy, due, self.n_valves)

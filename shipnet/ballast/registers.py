@@ -1,7 +1,7 @@
 """The registers of a valve: command codes, scales, and a status of four registers.
 
 The paper prints no scales, and its tables disagree about the status bits and the command codes; a
-`RegisterMap` says which version is meant.
+`RegisterMap` chooses a version.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from shipnet.errors import ArgumentError, FieldError
 from shipnet.fields import check_scalar, check_whole, choice, record
 from shipnet.lazy import pd
 
-#: How the codes of Table 2 can be read: column of the data file, base of its numbers.
+#: Readings of the codes of Table 2: column of the data file, base of its numbers.
 CODE_READINGS = {
     "flag sum": ("code_flag_sum", 10),
     "one bit": ("code_one_bit", 10),
@@ -34,7 +34,7 @@ CODE_READINGS = {
 
 
 class Code(Enum):
-    """What a command register asks for; the names are those of Table 2."""
+    """The commands of a register, by their names in Table 2."""
 
     MANUAL = "Manual"
     AUTO = "Auto"
@@ -56,13 +56,13 @@ def command_codes(reading: str) -> dict[Code, int]:
 #: Input registers of the status; Tables 1 and 3 of the paper.
 FIRST_REGISTER, N_REGISTERS = 0x4020, 4
 
-#: Largest number of steps that a byte holds, and what it holds when a sensor says nothing. The
-#: paper names no such value; without one a dead sensor reads as the end of its scale.
+#: The largest number of steps in a byte, and the byte of a missing value. The paper names none;
+#: without one a dead sensor reads as the end of its scale.
 HIGHEST, MISSING = 0xFE, 0xFF
 
 
 class Scale(NamedTuple):
-    """The register and bits of a reading, and how large its step is."""
+    """The register and bits of a reading, and its step."""
 
     channel: str
     register: int
@@ -70,7 +70,7 @@ class Scale(NamedTuple):
     step: float
 
 
-#: In the order of the channels. The bytes are those of Table 3, the steps are our assumption.
+#: In the order of the channels. The bytes are those of Table 3, the steps our assumption.
 SCALES = (
     Scale("FP", 0x4022, 0, 1.0),
     Scale("OP", 0x4023, 0, 0.1),
@@ -83,7 +83,7 @@ SCALES = (
 def whole_steps(
     values: Floats, highest: npt.ArrayLike, missing: npt.ArrayLike | None = None
 ) -> tuple[Integers, Bools]:
-    """Return values as whole numbers that fit, and where they did not."""
+    """Return values as whole numbers that fit, and which did not."""
     unknown = np.isnan(values)
     rounded = np.rint(np.where(unknown, highest, values))
     kept = np.minimum(np.maximum(rounded, 0), highest)
@@ -94,18 +94,17 @@ def whole_steps(
 #: Holding register of the command; Tables 1 and 2 of the paper.
 COMMAND_REGISTER = 0x4001
 
-#: Step of the operating time [s]; our assumption, as all scales are.
+#: Step of the operating time [s]; our assumption, like all scales.
 _TIME_STEP = 0.1
 
 #: Step of each reading, shape (5, 1).
 _STEPS = np.array([[scale.step] for scale in SCALES])
 
-#: What is sent at most, and instead of NaN, by the longest operating time; each shape (6, 1).
+#: Greatest number of steps, and the value sent for NaN, by the longest operating time; (6, 1) each.
 _HIGHEST = {last: np.array([[HIGHEST]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
-
 _MISSING = {last: np.array([[MISSING]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
 
-#: What a step of each reading, and of the operating time, adds to each register, shape (4, 6).
+#: The amount that one step of each reading, and of the operating time, adds to each register.
 _PLACES = np.zeros((N_REGISTERS, len(SCALES) + 1), np.int64)
 
 for _k, _scale in enumerate(SCALES):
@@ -113,19 +112,19 @@ for _k, _scale in enumerate(SCALES):
 
 _PLACES[1, -1] = 1
 
-#: Bits of Manual, Auto, Close and Open, from the first of them on.
+#: Bits of Manual, Auto, Close and Open, counted from the first of them.
 _FLAGS = np.array([1, 2, 4, 8])
 
 
 class Packed(NamedTuple):
-    """What a slave sends."""
+    """Registers that a slave sends, and which readings did not fit."""
 
     registers: Words
     saturated: Bools
 
 
 class Status(NamedTuple):
-    """What a master reads."""
+    """A status that a master has read."""
 
     readings: Floats
     manual: Bools
@@ -147,11 +146,6 @@ class Status(NamedTuple):
 class RegisterMap:
     """A reading of Tables 2 and 3.
 
-    Raises
-    ------
-    ArgumentError
-        If a field has another value.
-
     Examples
     --------
     >>> registers = RegisterMap().encode([[90.06], [2.07], [1.2], [50.2], [40]], close=False,
@@ -165,9 +159,9 @@ class RegisterMap:
     status: str = choice(
         ("table 3", "table 2"),
         "Places of Manual, Auto, Close and Open in the low byte of 0x4020: Bit2 to Bit5 as in "
-        "table 3, or Bit0 to Bit3 as in the response of table 2. The number of the fault, whose "
-        "place neither prints, is then in the high byte of 0x4021 or in Bit4 to Bit7; the "
-        "operating time has the other 8 bits of 0x4021, or all 16", default="table 3",
+        "table 3, or Bit0 to Bit3 as in the response of table 2. The fault number, whose place "
+        "neither prints, is then in the high byte of 0x4021 or in Bit4 to Bit7; the operating time "
+        "has the other 8 bits of 0x4021, or all 16", default="table 3",
     )  # fmt: skip
     codes: str = choice(
         tuple(CODE_READINGS),
@@ -185,7 +179,7 @@ class RegisterMap:
         fault: npt.ArrayLike = 0,
         operating_time: npt.ArrayLike = 0.0,
     ) -> Packed:
-        """Return the registers of many valves."""
+        """Return the registers of many valves, whose readings have the shape (5, n_valves)."""
         values = np.asarray(readings, float)
         if values.ndim != 2 or len(values) != len(SCALES):
             raise ArgumentError(f"readings have the shape {values.shape}; it must be (5, n_valves)")
@@ -196,13 +190,15 @@ class RegisterMap:
         try:
             given = np.asarray(fault)
             faults = np.empty(n, given.dtype)
-            # An assignment costs a tenth of broadcast_to, and a slave is packed at every poll.
+            # Assignment takes a tenth of the time of broadcast_to, and every poll packs a slave.
             flags[1], flags[2], flags[3], times[:], faults[:] = (
                 auto, close, open, operating_time, given,
             )  # fmt: skip
         except (TypeError, ValueError):
-            names = "auto, close, open, fault or operating_time"
-            raise ArgumentError(f"{names} does not fit {n} valves") from None
+            raise ArgumentError(
+                "auto, close, open, fault and operating_time must be one value, or one for each of "
+                f"{n} valves"
+            ) from None
         if faults.dtype.kind not in "iu" or np.count_nonzero((faults < 0) | (faults > 12)):
             raise ArgumentError(f"fault is {fault!r}; it must be a whole number 0..12")
         flags[0] = ~flags[1]
@@ -217,7 +213,7 @@ class RegisterMap:
         return Packed(registers.T.astype(np.uint16), saturated.T)
 
     def decode(self, registers: npt.ArrayLike) -> Status:
-        """Return what registers say."""
+        """Return the statuses that rows of four registers hold."""
         rows = np.asarray(registers)
         if rows.ndim != 2 or rows.shape[1] != N_REGISTERS or rows.dtype.kind not in "iu":
             raise ArgumentError("registers must be rows of four whole numbers")
@@ -244,7 +240,7 @@ class RegisterMap:
     def encode_command(self, action: str | float, now: float = 0.0) -> int:
         """Return the command register for ``open``, ``close``, ``manual``, ``auto`` or a position.
 
-        A position, 0..100 [%], is rounded to a whole number; the code depends on whether it lies
+        A position, 0..100 [%], is rounded to a whole number; its code depends on whether it is
         below the position `now`.
         """
         codes = {c.value.lower(): c for c in (Code.OPEN, Code.CLOSE, Code.MANUAL, Code.AUTO)}
@@ -255,30 +251,25 @@ class RegisterMap:
         return self.command(Code.POSITION_CLOSE if whole < last else Code.POSITION_OPEN, whole)
 
     def table(self, sensors: Sensors | None = None) -> pd.DataFrame:
-        """Return where each reading is sent, in which step, and the largest error that follows.
+        """Return where and in which steps each reading is sent, and its largest error.
 
-        The largest error is that of converter and register together, within the scale of the sensor
-        and of the byte.
+        The error is that of converter and register together, within the scales of both.
         """
         converter = (sensors if sensors is not None else Sensors()).step
         rows = [
-            {
-                "channel": scale.channel,
-                "unit": channel.unit,
-                "register": f"0x{scale.register:04X}",
-                "byte": "high" if scale.shift else "low",
-                "step": scale.step,
-                "highest": HIGHEST * scale.step,
-                "missing": MISSING,
-                "converter_step": step,
-                "largest_error": (scale.step + step) / 2,
-            }
+            (
+                scale.channel, channel.unit, f"0x{scale.register:04X}",
+                "high" if scale.shift else "low", scale.step, HIGHEST * scale.step, MISSING, step,
+                (scale.step + step) / 2,
+            )
             for scale, channel, step in zip(SCALES, CHANNELS, converter, strict=True)
-        ]
-        return pd.DataFrame(rows).set_index("channel")
+        ]  # fmt: skip
+        columns = ["channel", "unit", "register", "byte", "step", "highest", "missing"]
+        columns += ["converter_step", "largest_error"]
+        return pd.DataFrame(rows, columns=columns).set_index("channel")
 
     def decode_command(self, value: int) -> tuple[Code, int]:
-        """Return what a command register asks for."""
+        """Return the command of a register, and its position [%]."""
         word = check_whole("value", value, 0, 0xFFFF)
         position, number = word >> 8, word & 0xFF
         meant = [code for code, known in command_codes(self.codes).items() if known == number]
@@ -297,7 +288,7 @@ class RegisterMap:
 
 
 def check_action(action: Any, words: Iterable[str]) -> str | float:
-    """Return one of these actions, or the position to go to [%]; raise if it is neither."""
+    """Return one of these actions, or a position to go to [%]; raise for anything else."""
     if isinstance(action, str) and action in words:
         return action
     plain = isinstance(action, Real) and not isinstance(action, bool)

@@ -13,10 +13,10 @@ from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import Rule, Term, Variable
 from shipnet.lazy import pd
 
-#: The test values as printed, and with the misprints corrected; the words of the data file.
+#: The versions of the test values, and their names in the data file.
 VERSIONS = {"printed": "printed", "corrected": "meant"}
 
-#: What is assumed of the sensors that a row does not print.
+#: Assumptions for the sensors whose values a row does not print.
 FILLS = ("absent", "normal", "physical")
 
 
@@ -27,19 +27,14 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
     Parameters
     ----------
     slow_stroke : float, optional
-        Time [s], 1..3600, from which on a stroke is slow: adds a variable ``Time``, for how long
-        the motor has been running, and a rule T1, last in rank. The rule is ours: the table names
-        no fault for a slow valve, but prints a stroke of up to 10 s. Its ramp is 1 s wide.
+        Time from which a stroke is slow [s], 1..3600. It adds a variable ``Time``, the running time
+        of the motor, and a rule T1 of the lowest rank, with a ramp of 1 s. The rule is ours: the
+        table has no fault for a slow valve, but prints a stroke of up to 10 s.
 
     Returns
     -------
     shipnet.fuzzy.RuleBase
         Comparisons as printed; ramps, units, universes and priorities are our assumption.
-
-    Raises
-    ------
-    ArgumentError
-        If `slow_stroke` is out of range.
 
     Examples
     --------
@@ -48,8 +43,6 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
     ('G1', 'P1', 'P2', 'V1', 'V2', 'S1', 'S2', 'O1', 'Pos1', 'Pos2', 'Pos3', 'Pos4')
     >>> str(base["MC"]["run"].crisp), base["MC"]["run"].corners
     ('0 < x < 2.5', (0.05, 0.15, 2.0, 3.0))
-    >>> rule_base(slow_stroke=10).ranking[-1]
-    'T1'
     """
     files = (datasets.path(f"kim2014_assumed_{what}.csv") for what in ("rules", "terms"))
     base = read_rules(*files)
@@ -72,19 +65,14 @@ def rule_vectors(version: str = "corrected", *, fill: str = "absent") -> pd.Data
     version : {"corrected", "printed"}, default "corrected"
         With the misprints corrected, or as printed.
     fill : {"absent", "normal", "physical"}, default "absent"
-        What a sensor reports that a row does not print: nothing; its normal value; or what it
-        reports in the state of the plant that the row describes.
+        The reading of a sensor that a row does not print: none; its normal value; or that of the
+        plant in the state that the row describes.
 
     Returns
     -------
     pandas.DataFrame
-        One row per test, indexed by the code that the paper names; one column per variable, NaN
-        where it is missing. `shipnet.fuzzy.RuleBase.check` takes it.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such version or fill.
+        One row per test, indexed by the code that the paper names, for
+        `shipnet.fuzzy.RuleBase.check`; one column per variable, NaN where it is missing.
 
     Examples
     --------

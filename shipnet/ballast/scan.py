@@ -1,9 +1,9 @@
-"""The scan of a master: how long it takes to ask all valves, and how old what it shows can be."""
+"""The scan of a master: how long it takes to poll all valves, and how old a shown value can be."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import KW_ONLY, field
+from dataclasses import KW_ONLY, field, replace
 from typing import Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.registers import COMMAND_REGISTER, FIRST_REGISTER, N_REGISTERS
 from shipnet.ballast.sensors import Sensors
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, choice, number, record, switch, whole
+from shipnet.fields import check_whole, choice, number, record, whole
 from shipnet.lazy import pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import Request
@@ -22,13 +22,13 @@ from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 
-#: Usual bit rates within the 2400 to 115200 bit/s of both controllers; the paper, section 3.
+#: Usual bit rates within the 2400 to 115200 bit/s of both controllers in section 3 of the paper.
 BIT_RATES = (2400, 4800, 9600, 19200, 38400, 57600, 115200)
 
-#: What a scan asks of each valve: input registers 0x4020 to 0x4023.
+#: The request of a scan to each valve: input registers 0x4020 to 0x4023.
 READ_STATUS = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 
-#: "Display of fully updated screen views", as DNV-OS-D202 has it [s].
+#: Limit for the "display of fully updated screen views" in DNV-OS-D202 [s].
 _SCREEN = 2.0
 
 
@@ -48,7 +48,7 @@ def status_poll(
         Bit rate [bit/s] of a line with 8E1 characters, or the settings of the line. The paper
         prints neither.
     processing : float, default 0
-        How long a slave, and the master after it, work on top of the silences [s].
+        Time that slave and master need per transaction besides the silences [s].
     timeout : float, default 1
         Response time-out of the master [s].
     retries : int, default 0
@@ -58,11 +58,6 @@ def status_poll(
     -------
     Poll
         Request of 8 bytes, response of 13, for `System`.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of its range.
 
     Examples
     --------
@@ -74,25 +69,20 @@ def status_poll(
     return Poll(READ_STATUS, serial, processing=processing, timeout=timeout, retries=retries)
 
 
-def command_poll(serial: SerialLine, *, processing: float = 0.0, timeout: float = 1.0) -> Poll:
-    """Return the write that commands a valve; its response is the echo."""
+def command_poll(poll: Poll) -> Poll:
+    """Return the write that commands a valve, sent once like a poll; its response is the echo."""
     request = Request.write_single_register(COMMAND_REGISTER, 0)
-    return Poll(request, serial, processing=processing, timeout=timeout)
+    return replace(poll, request=request, retries=0)
 
 
 @checked
 @record(eq=False)
 class System:
-    """Valves; with a poll also the line and the master that scans them.
+    """Valves, and with a poll also the line and the master that scans them.
 
     Without `poll`, such as `status_poll` returns, the valves are commanded and read directly. More
-    than 247 valves are shared among masters. `opening` is where the valves are at first, 0..1, one
-    number or one per valve.
-
-    Raises
-    ------
-    ArgumentError
-        If the number of valves is out of range, or not that of the actuator.
+    than 247 valves are divided among several masters. `opening` is where the valves are at first,
+    0..1, one number or one per valve.
 
     Examples
     --------
@@ -101,7 +91,7 @@ class System:
     """
 
     n_valves: int = whole(
-        1, 10_000, help="How many; as many as `actuator` has numbers for, or 1, if omitted",
+        1, 10_000, help="Number of valves; that of `actuator`, or 1, if omitted",
         default=None, optional=True,
     )  # fmt: skip
     poll: Poll | None = None
@@ -113,18 +103,10 @@ class System:
     move: Literal["slave", "downstream"] = choice(
         ("slave", "downstream"),
         "What the master moves to its other port when a slave does not answer: the slave alone, or "
-        "with it all that lie downstream of it", default="slave",
-    )  # fmt: skip
-    answer_at_end: bool = switch(
-        "Whether a slave answers a command when the valve has arrived, as the paper prints it, "
-        "else at once", default=False,
-    )  # fmt: skip
-    command_timeout: float | None = number(
-        0, 3600, "s", "How long the master waits for the answer to a command; as `poll` if omitted",
-        default=None, optional=True,
+        "also all that lie downstream of it", default="slave",
     )  # fmt: skip
     watchdog: float | None = number(
-        0.1, 3600, "s", "A motor stops that has had no request for so long; never if omitted",
+        0.1, 3600, "s", "A motor stops after this time without a request; never if omitted",
         default=None, optional=True,
     )  # fmt: skip
 
@@ -132,7 +114,7 @@ class System:
         known = self.actuator.n_valves
         count = known or 1 if self.n_valves is None else self.n_valves
         if known not in (None, count):
-            raise ArgumentError(f"n_valves is {count}; the actuator has numbers for {known}")
+            raise ArgumentError(f"n_valves is {count}; it must be that of the actuator, {known}")
         place = np.asarray(self.opening, float)
         if place.shape not in ((), (count,)) or not ((place >= 0) & (place <= 1)).all():
             raise ArgumentError(
@@ -153,21 +135,20 @@ class System:
         return Loop(self.n_valves, self.poll, move=self.move)
 
     def worst_age(self, *, commands: int = 0) -> float:
-        """Return how old the position that the master shows can be while all valves answer [s].
+        """Return how old a shown position can be while all valves answer [s].
 
-        `commands` are sent within one scan.
+        `commands` is the number of commands sent within one scan.
         """
         system, poll = self.loop, self.loop.poll
-        write = command_poll(poll.line, processing=poll.processing, timeout=poll.timeout)
         count = check_whole("commands", commands, 0, 1000)
-        return system.period + count * write.time + poll.shortest_timeout
+        return system.period + count * command_poll(poll).time + poll.shortest_timeout
 
     def scan_times(self, bit_rates: Iterable[float] = BIT_RATES) -> pd.DataFrame:
-        """Return how long transactions and scans take, a row per bit rate.
+        """Return how long transactions and scans take, one row per bit rate.
 
-        ``scan_s`` is that of the largest share of a master, ``halves_s`` that of a loop cut in the
-        middle whose ports scan at once, ``valves_in_2_s`` how many valves a master updates within
-        the 2 s in which DNV-OS-D202 asks for a full screen.
+        ``scan_s`` is the scan of the master with the most valves, ``halves_s`` that of a loop cut
+        in the middle whose ports scan at once, ``valves_in_2_s`` the number of valves that a master
+        updates within the 2 s in which DNV-OS-D202 requires a full screen.
         """
         given = self.poll if self.poll is not None else status_poll()
         masters = -(-self.n_valves // MAX_UNIT)
@@ -175,25 +156,20 @@ class System:
         rows = {}
         for rate in bit_rates:
             serial = SerialLine(rate, given.line.character)
-            # A timeout that any processing fits into; nothing times out here.
+            # With this time-out, any processing time is possible; nothing times out here.
             read = status_poll(serial, processing=given.processing, timeout=3600)
-            write = command_poll(serial, processing=given.processing, timeout=3600)
             rows[rate] = (
-                1e3 * read.time,
-                1e3 * write.time,
-                masters,
-                read.scan_time(largest),
-                read.scan_time(-(-largest // 2)),
-                read.scan_time(largest) + read.shortest_timeout,
+                1e3 * read.time, 1e3 * command_poll(read).time, masters, read.scan_time(largest),
+                read.scan_time(-(-largest // 2)), read.scan_time(largest) + read.shortest_timeout,
                 read.max_slaves(_SCREEN),
-            )
+            )  # fmt: skip
         columns = ["read_ms", "write_ms", "masters", "scan_s", "halves_s", "worst_age_s"]
         columns += ["valves_in_2_s"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("bit_rate")
 
     def valve_addresses(self) -> pd.DataFrame:
-        """Return the master and the unit id of each valve, shared out evenly and in order."""
+        """Return the master and the unit id of each valve, divided evenly and in order."""
         shares = np.array_split(np.arange(self.n_valves), -(-self.n_valves // MAX_UNIT))
         rows = [
             (master, unit)
@@ -206,6 +182,6 @@ class System:
 
 def as_system(system: System | int) -> System:
     """Return a system, or plain valves of this number."""
-    return (
-        system if isinstance(system, System) else System(check_whole("system", system, 1, 10_000))
-    )
+    if isinstance(system, System):
+        return system
+    return System(check_whole("system", system, 1, 10_000))

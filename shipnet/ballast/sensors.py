@@ -1,4 +1,4 @@
-"""What a valve's slave measures: channels and their limits, sensors, the speed of the position.
+"""What a valve's slave measures: its channels and sensors, and the speed of the position.
 
 The paper prints no units; bar, bar, A, degC and percent are our reading (claim kim2014-038).
 """
@@ -28,7 +28,7 @@ class Channel(NamedTuple):
     column: str
 
 
-#: The five sensors, in the order in which every array of readings has them.
+#: The five sensors, in the order of every array of readings.
 CHANNELS = (
     Channel("FP", "pump pressure", "bar", "FP_bar"),
     Channel("OP", "operating pressure", "bar", "OP_bar"),
@@ -64,12 +64,12 @@ def _rules() -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-#: Over how long the change of the position is taken [s]; the paper does not say.
+#: Time over which the change of the position is taken [s]; the paper does not say.
 WINDOW = 1.0
 
 
 def position_speed(time: Floats, position: Floats) -> Floats:
-    """Return how fast the position has changed within the window, up or down."""
+    """Return the change of the position within the window, up or down, per second."""
     then = np.searchsorted(time, time - WINDOW + 1e-9) - 1
     speed = np.full(position.shape, np.nan)
     known = then >= 0
@@ -79,7 +79,7 @@ def position_speed(time: Floats, position: Floats) -> Floats:
 
 
 def stroke_speed(speed: Floats, ran: npt.ArrayLike) -> Floats:
-    """Return a speed where the motor has been running for the whole window, else NaN."""
+    """Return a speed where the motor has been running for the whole window, and NaN elsewhere."""
     return np.where(np.asarray(ran) >= WINDOW - 1e-9, speed, np.nan)
 
 
@@ -103,20 +103,14 @@ class Sensors:
     low, high : tuple of float
         Ends of the scales; by default 0..160 bar, 0..10 bar, 0..6 A, 0..150 degC, -20..120 %.
     noise : tuple of float
-        Standard deviations; by default 0.5 bar, 0.03 bar, 0.02 A, 0.3 degC, 0.1 %.
+        Standard deviations, 0 or more; by default 0.5 bar, 0.03 bar, 0.02 A, 0.3 degC, 0.1 %.
     bits : int or None, default 12
         Resolution of the converter, 1..24; None converts without steps.
 
-    Raises
-    ------
-    ArgumentError
-        If a scale is empty, a deviation negative, or there are not five of each.
-
     Notes
     -----
-    The paper prints 12 bits and five channels; scales and noise are our assumptions. The
-    potentiometer turns beyond both ends, else it could not show the 105 % and -5 % of the paper's
-    tests.
+    The paper prints 12 bits and five channels; scales and noise are our assumptions. The scale of
+    the position includes the 105 % and -5 % of the paper's tests.
 
     Examples
     --------
@@ -131,10 +125,18 @@ class Sensors:
 
     def __post_init__(self) -> None:
         for name in ("low", "high", "noise"):
-            object.__setattr__(self, name, _five(name, getattr(self, name)))
+            values: Any = getattr(self, name)
+            try:
+                five = tuple(float(value) for value in values)
+            except (TypeError, ValueError):
+                five = ()
+            if len(five) != 5 or any(value != value for value in five):
+                names = ", ".join(_NAMES)
+                raise ArgumentError(f"{name} is {values!r}; it must be five numbers, {names}")
+            object.__setattr__(self, name, five)
         for name, low, high, noise in zip(_NAMES, self.low, self.high, self.noise, strict=True):
             if not low < high:
-                raise ArgumentError(f"scale of {name} is {low:g}..{high:g}; it must not be empty")
+                raise ArgumentError(f"scale of {name} is {low:g}..{high:g}; its ends must rise")
             if not 0 <= noise < np.inf:
                 raise ArgumentError(f"noise of {name} is {noise:g}; it must be 0 or more")
         if self.bits is not None and not np.isfinite([self.low, self.high]).all():
@@ -142,19 +144,19 @@ class Sensors:
 
     @classmethod
     def ideal(cls) -> Sensors:
-        """Return sensors without noise, ends and steps."""
+        """Return sensors without noise, limits and steps."""
         return cls((-np.inf,) * 5, (np.inf,) * 5, (0.0,) * 5, None)
 
     @property
     def step(self) -> Floats:
-        """Step of the converter, shape (5,), in the units of the channels; 0 without one."""
+        """Step of the converter, shape (5,), in the units of the channels; 0 without bits."""
         if self.bits is None:
             return np.zeros(5)
         return np.asarray((np.array(self.high) - self.low) / (2**self.bits - 1))
 
     @cached_property
     def _scale(self) -> _Scale:
-        """The numbers as columns of shape (5, 1): every reading needs them."""
+        """The numbers as columns of shape (5, 1), which every reading needs."""
         rows = (self.low, self.high, self.noise, self.step)
         return _Scale(*(np.array(row)[:, np.newaxis] for row in rows))
 
@@ -170,13 +172,3 @@ class Sensors:
         if self.bits is None:
             return np.asarray(values)
         return np.asarray(np.rint((values - scale.low) / scale.step) * scale.step + scale.low)
-
-
-def _five(name: str, values: Any) -> tuple[float, ...]:
-    try:
-        found = tuple(float(value) for value in values)
-    except (TypeError, ValueError):
-        found = ()
-    if len(found) != 5 or any(value != value for value in found):
-        raise ArgumentError(f"{name} is {values!r}; it must be five numbers, {', '.join(_NAMES)}")
-    return found

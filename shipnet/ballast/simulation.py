@@ -1,4 +1,4 @@
-"""Commands and faults over time, for many valves: what their sensors read."""
+"""Commands and faults over time, and what the sensors of many valves read."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def blocks(
     rng: Any = None,
     size: int = 2000,
 ) -> Iterator[Run]:
-    """Simulate valves piece by piece, for runs that do not fit into memory."""
+    """Simulate valves in consecutive runs, for a time that does not fit into memory."""
     plant = Plant(system, faults, rng)
     last = plant.ticks(check_scalar("until", until, "s", 0, 1e8))
     idle = check_scalar("idle_step", idle_step, "s", plant.step, 3600)
@@ -62,31 +62,25 @@ def simulate(
     system : System or int
         The valves; a number stands for plain valves that are commanded and read directly.
     commands : iterable of Command, optional
-        Their commands, in any order. A master sends one for each valve, between two polls.
+        Their commands, in any order. A master sends them one by one, between two polls.
     faults : Fault or iterable of Fault, optional
-        Their faults, and when each begins; also faults of the line (`shipnet.modbus`).
+        Faults of the valves, and with a master of the line (`shipnet.modbus`).
     until : float
         End time, 0..1e8 [s]; with a master 0..1e5 [s].
     idle_step : float, optional
         Time between two readings while no motor runs, `step`..3600 [s]; that of the system if
-        omitted. Without a master only.
+        omitted. It applies without a master only.
     rng : Generator, int or None, optional
-        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; there is no noise if
-        omitted.
+        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; no noise if omitted.
 
     Returns
     -------
     Run or MasterRun
         Readings, flags and movements; with a master what it received and showed.
 
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range, or names a valve that is not there.
-
     Examples
     --------
-    Four valves open; the pump of the last leaks:
+    Four valves open; the pump of the last one leaks:
 
     >>> leak = Fault("P2", 0.5, valves=4)
     >>> run = simulate(4, [Command("open")], faults=leak, until=20, rng=2024)
@@ -124,7 +118,7 @@ def simulate_valves(
 def record(
     plant: Plant, orders: list[Command], events: list[int], last: int, pause: int, size: int
 ) -> Iterator[Run]:
-    """Step the plant until its last tick, and yield what it read."""
+    """Advance the plant to its last tick, and yield its readings."""
     n, window = plant.n_valves, ceil(WINDOW / plant.step - 1e-6)
     before, since = np.empty((0, n)), np.empty(0)
     due = given = 0

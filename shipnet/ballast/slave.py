@@ -1,7 +1,6 @@
 """A valve as a Modbus slave: its registers, its switches, its diagnosis, its watchdog.
 
-Time is that of the model and comes with every request, so the same slave works behind a real server
-and in a simulation.
+Each request brings the model time, so the same slave works in a real server and in a simulation.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from shipnet.ballast.registers import (
     N_REGISTERS,
     Code,
     RegisterMap,
-)
+)  # fmt: skip
 from shipnet.ballast.rule_table import rule_base
 from shipnet.ballast.sensors import CHANNELS, WINDOW, position_speed, stroke_speed
 from shipnet.errors import ArgumentError, FieldError
@@ -33,7 +32,7 @@ _LEAST, _WINDOW = 3, 5
 
 
 class Monitor:
-    """Applies the rules to every reading of a plant's sensors, for all its valves at once."""
+    """Applies the rules to every reading of a plant's sensors, for all valves together."""
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
@@ -46,12 +45,12 @@ class Monitor:
         plant.watchers.append(self._look)
 
     def row(self, valve: int) -> int:
-        """Return what the status says: the row of the first code in rank that was found, or 0."""
+        """Return the row of the highest-ranked code that was found, 0 if none."""
         found = self.found[valve, self._ranked]
         return int(self._ranked[found.argmax()]) + 1 if np.count_nonzero(found) else 0
 
     def report(self, valve: int, row: int) -> None:
-        """Take a code for found, and no other, and begin to count anew."""
+        """Replace the codes found for a valve by one, or none, and begin to count again."""
         place = check_whole("row", row, 0, len(self.base.rules))
         self.found[valve] = False
         for fired in self._fired:
@@ -60,13 +59,13 @@ class Monitor:
             self.found[valve, place - 1] = True
 
     def _look(self) -> None:
-        """Apply the rules to the present reading; another at the same time takes its place."""
+        """Apply the rules to the present reading; a second one at the same time replaces it."""
         plant = self.plant
         if self._places and self._places[-1][0] == plant.time:
             self._places.pop()
             self._fired.pop()
         self._places.append((plant.time, plant.readings[4]))
-        # The speed needs the last reading that is a window old, and the present one.
+        # The speed needs the present reading and the last one that is at least a window old.
         while len(self._places) > 1 and self._places[1][0] < plant.time - WINDOW + 1e-9:
             self._places.popleft()
         self._fired.append(self._fires())
@@ -77,7 +76,7 @@ class Monitor:
         plant, speed = self.plant, np.full(self.plant.n_valves, np.nan)
         calm = not np.count_nonzero(plant.active)
         if calm and self._calm is not None and np.array_equal(plant.readings, self._calm[0]):
-            # Without noise, most readings of a fleet at rest are the one before.
+            # Without noise, most readings of a fleet at rest equal the one before.
             return self._calm[1].copy()
         if not calm:
             ends = (self._places[0], self._places[-1])
@@ -96,7 +95,7 @@ _FUNCTIONS = frozenset({4, 6})
 
 
 class ValveRegisters:
-    """What a valve has on the line: a status to read, and a command to write."""
+    """The registers of a valve: a status to read, and a command to write."""
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> Sequence[int]:
         """Return registers of the status."""
@@ -116,43 +115,25 @@ class ValveRegisters:
         raise NotImplementedError
 
     def command(self, value: int, time: float) -> None:
-        """Carry out what a command register asks for."""
+        """Carry out the command of a register."""
         raise NotImplementedError
 
 
 class ValveDevice(ValveRegisters):
-    """One valve of a plant as a device behind `shipnet.modbus.server`.
+    """One valve of a plant as a device for `shipnet.modbus.server`."""
 
-    Figures 9 and 10 of the paper, as far as its text goes: in auto mode the master commands,
-    in manual mode the switches; a write starts the motor in the direction of the position asked
-    for. The write is answered when the movement starts; `System.answer_at_end` is the other
-    reading. After code Manual, open, close and positions are refused too.
-    """
-
-    def __init__(
-        self,
-        plant: Plant,
-        valve: int = 0,
-        monitor: Monitor | None = None,
-    ) -> None:
+    # Figures 9 and 10 of the paper: the master commands in auto mode, the switches in manual mode,
+    # and a write starts the motor. Our reading: the write is answered when the movement starts, and
+    # after code Manual every movement is refused.
+    def __init__(self, plant: Plant, valve: int = 0, monitor: Monitor | None = None) -> None:
         self.plant = plant
         self.valve = check_whole("valve", valve, 0, plant.n_valves - 1)
         self.registers, self.watchdog = RegisterMap(), plant.system.watchdog
         self.local, self.auto = False, True
         self.monitor = monitor if monitor is not None else Monitor(plant)
-        self.saturated = dict.fromkeys([*(channel.name for channel in CHANNELS), "time"], False)
-
-    @property
-    def fault(self) -> int:
-        """Row of the rule table that the status reports, 0 for none."""
-        return self.monitor.row(self.valve)
-
-    @fault.setter
-    def fault(self, row: int) -> None:
-        self.monitor.report(self.valve, row)
 
     def status(self, time: float) -> list[int]:
-        """Return what the sensors read at a time, as registers."""
+        """Return the registers of the present readings."""
         self._attend(time)
         plant, k = self.plant, self.valve
         ran = plant.time - plant.started[k] if plant.running[k] else plant.last_run[k]
@@ -161,14 +142,13 @@ class ValveDevice(ValveRegisters):
             auto=self.auto and not self.local,
             close=plant.direction[k] < 0,
             open=plant.direction[k] > 0,
-            fault=self.fault,
+            fault=self.monitor.row(k),
             operating_time=ran,
         )
-        self.saturated = dict(zip(self.saturated, map(bool, packed.saturated[0]), strict=True))
         return [int(word) for word in packed.registers[0]]
 
     def command(self, value: int, time: float) -> None:
-        """Carry out what a command register asks for, if the mode allows it."""
+        """Carry out the command of a register, if the mode allows it."""
         try:
             code, position = self.registers.decode_command(value)
         except (FieldError, ArgumentError):
@@ -190,7 +170,7 @@ class ValveDevice(ValveRegisters):
         self._feed(time)
 
     def turn(self, action: str, time: float) -> None:
-        """Work the on-off-on switch beside the valve."""
+        """Turn the on-off-on switch beside the valve."""
         check_choice("action", action, ACTIONS)
         if not self.local and self.auto:
             raise ArgumentError("the valve is in auto mode; the switch works in manual mode only")
@@ -203,7 +183,7 @@ class ValveDevice(ValveRegisters):
         self.plant.order(Command(asked, valves=self.valve + 1))
 
     def _attend(self, time: float) -> None:
-        """Bring the plant to the time of a request, which the watchdog has seen then."""
+        """Advance the plant to the time of a request, which resets the watchdog."""
         self.plant.run_until(time)
         self._feed(time)
 
@@ -215,7 +195,7 @@ class ValveDevice(ValveRegisters):
 
 
 def valve_slaves(plant: Plant) -> dict[int, Slave]:
-    """Return the valves of a plant as slaves, which `shipnet.modbus.server.serve` takes."""
+    """Return the valves of a plant as slaves for `shipnet.modbus.server.serve`."""
     if plant.n_valves > MAX_UNIT:
         raise ArgumentError(f"plant has {plant.n_valves} valves; there are {MAX_UNIT} unit ids")
     monitor = Monitor(plant)

@@ -1,8 +1,7 @@
 """Recorded strokes of hydraulic actuators: features, rules with limits from healthy ones, scores.
 
-The file form is that of the shipped recording, `vtnsi_actuator_strokes.npz`. Its sensors are not
-those of kim2014, so the rules use features that any actuator has, and every limit comes from
-healthy actuators other than the one under test.
+The sensors of the shipped recording are not those of kim2014, so the rules use features that any
+actuator has, and their limits come from healthy actuators other than the one under test.
 """
 
 from __future__ import annotations
@@ -26,28 +25,28 @@ from shipnet.intervals import share_interval
 from shipnet.lazy import pd
 from shipnet.line.scope_file import read_arrays
 
-#: Channels of a point: counts of the converter; of the accelerations ten times their standard
+#: Channels of a point in counts of the converter; each acceleration is ten times its standard
 #: deviation within the point.
 CHANNELS = (
     "angle", "pressure_1", "pressure_2", "pressure_3",
     "accel_1_std_x10", "accel_2_std_x10", "accel_3_std_x10",
 )  # fmt: skip
 
-#: What the strokes of a healthy actuator are called.
+#: The condition of a healthy actuator.
 HEALTHY = "healthy"
 
-#: Points per stroke. The actuator has stopped by `_STOPPED`, and the supply runs until `_HELD`.
+#: Points per stroke. The actuator has stopped by `_STOPPED`; the supply runs until `_HELD`.
 POINTS, _STOPPED, _HELD = 600, 200, 250
 
-#: Parts of the way: for speed and pressures in motion, and for bursts, which the ends also have.
+#: Parts of the way: for speed and pressures in motion, and for bursts, common at the ends.
 _STEADY, _INNER = (0.2, 0.8), (0.25, 0.8)
 
-#: Points of the running median above which a burst is measured, and the floor that is added before
-#: the logarithm, since a quiet point may be 0 [count].
+#: Points of the running median above which a burst is measured, and the value added before the
+#: logarithm, because a quiet point may be 0 [count].
 _NEAR, _FLOOR = 17, 0.3
 
-#: A limit is the largest of the healthy actuators' quantiles; above it a term rises to 1. The
-#: widths were chosen on the shipped recording.
+#: A limit is the largest of the healthy actuators' quantiles; above it a term rises to 1 within a
+#: width chosen on the shipped recording.
 _QUANTILE = 0.98
 _RULES = {
     "B1": ("burst_1", 3.0, 0.1, "Gear", "burst of acceleration 1"),
@@ -56,7 +55,7 @@ _RULES = {
     "F2": ("flow_closing", 10.0, 0.04, "Flow", "fast for its pressure when it closes"),
 }
 
-#: Takes the table of the strokes that are known, and that of those to judge; says which to report.
+#: Takes the tables of the known strokes and of those to judge; returns which of these to report.
 Judge = Callable[["pd.DataFrame", "pd.DataFrame"], npt.ArrayLike]
 
 
@@ -70,7 +69,7 @@ class Strokes:
     values : ndarray, shape (n, 600, 7)
         Points of each stroke: angle, three pressures, three accelerations, in raw counts.
     actuator, condition : ndarray of str, shape (n,)
-        Which actuator moved, and whether it was ``healthy`` or what was wrong with it.
+        The actuator that moved, and ``healthy`` or its fault.
     stroke : ndarray of int, shape (n,)
         Number of the stroke.
 
@@ -98,7 +97,7 @@ class Strokes:
 
     @cached_property
     def way(self) -> Floats:
-        """Share of the way that is done at each point, shape (n, 600); NaN if there is none."""
+        """The part of the way that is done at each point, shape (n, 600); NaN without movement."""
         angle = self.values[..., 0].astype(float)
         span = (np.median(angle[:, -_STOPPED:], axis=1) - angle[:, 0])[:, np.newaxis]
         moved, way = span != 0, np.full_like(angle, np.nan)
@@ -109,12 +108,12 @@ class Strokes:
         """Return one row of features per stroke, in points and raw counts.
 
         ``opening`` says whether the angle rose. ``dead_time`` lasts until 2 % of the way,
-        ``stroke_time`` from 5 to 95 %. Between 20 and 80 % are taken: the median difference of the
-        two chamber pressures, ``moving_difference``; the ``roughness`` of the speed; and the median
-        of each ``vibration``, a decimal logarithm. A ``burst`` is how far it stands out of its
-        surroundings between 25 and 80 %, at ``burst_place``. At rest are taken the
-        ``holding_pressure``, its ``decay``, and the ``supply_ripple``. ``flow_opening`` and
-        ``flow_closing`` are the speed per root of the holding pressure, NaN in the other direction.
+        ``stroke_time`` from 5 to 95 %. From 20 to 80 % of the way: the median difference of the two
+        chamber pressures, ``moving_difference``; the ``roughness`` of the speed; and the median of
+        each ``vibration``, a decimal logarithm. A ``burst`` is its largest excess over the
+        surroundings between 25 and 80 %, at ``burst_place``. At rest: the ``holding_pressure``, its
+        ``decay``, and the ``supply_ripple``. ``flow_opening`` and ``flow_closing`` are the speed
+        per root of the holding pressure, NaN in the other direction.
         """
         return self._features.copy()
 
@@ -132,7 +131,7 @@ class Strokes:
         inner = moves & (way > _INNER[0]) & (way < _INNER[1])
 
         def reached(share: float) -> Floats:
-            """Return when a share of the way is done, between two points."""
+            """Return when a part of the way is done, interpolated between points."""
             after = np.maximum((way >= share).argmax(axis=1), 1)
             before, now = way[every, after - 1], way[every, after]
             return np.asarray(after - 1 + (share - before) / (now - before))
@@ -140,9 +139,9 @@ class Strokes:
         def typical(x: Floats) -> Floats:
             return pd.DataFrame(np.where(steady, x, np.nan)).median(axis=1).to_numpy()
 
+        way_counts = np.abs(np.median(angle[:, -_STOPPED:], axis=1) - angle[:, 0])
         with np.errstate(divide="ignore", invalid="ignore"):
-            span = (_STEADY[1] - _STEADY[0]) * np.abs(np.median(angle[:, -_STOPPED:], axis=1)
-                                                      - angle[:, 0])  # fmt: skip
+            span = (_STEADY[1] - _STEADY[0]) * way_counts
             speed = span / (reached(_STEADY[1]) - reached(_STEADY[0]))
             flow = speed / np.sqrt(high[:, 150:_STOPPED].mean(axis=1))
             jerk = np.where(steady[:, 2:], np.diff(angle, 2, axis=1), np.nan)
@@ -175,8 +174,8 @@ class Strokes:
     def rules(self, without: str = "") -> RuleBase:
         """Return rules whose limits come from the healthy actuators, `without` one.
 
-        A limit is the largest of their 98 % quantiles. The crisp rule asks for more than that; the
-        graded term rises from there, and the fuzzy rule fires from its middle on.
+        A limit is the largest of their 98 % quantiles. The crisp rule fires above it; the graded
+        term rises from there, and the fuzzy rule fires from its middle.
         """
         features = self._features
         healthy = features[(features["condition"] == HEALTHY) & (features["actuator"] != without)]
@@ -185,8 +184,7 @@ class Strokes:
         if limits.isna().any():
             missing = ", ".join(limits.index[limits.isna()])
             raise ArgumentError(
-                f"without is {without!r}; no other healthy actuator has {missing}, from which "
-                "limits come"
+                f"without is {without!r}; no other healthy actuator has {missing} for the limits"
             )
         variables, rules = [], []
         for place, (code, (name, top, width, flag, says)) in enumerate(_RULES.items(), start=1):
@@ -205,15 +203,15 @@ class Strokes:
     ) -> pd.DataFrame:
         """Return how many strokes of each actuator are reported by rules that never saw it.
 
-        Limits come from the healthy actuators of `reference` but the one under test; the shipped
-        recording if omitted. `judges` are other methods by name: each is called once per actuator,
-        with the features of all others of `reference`, healthy and not, and with those of its
-        strokes, and returns which to report.
+        Limits come from the healthy actuators of `reference`, by default the shipped recording,
+        except the one under test. `judges` are other methods by name: each is called once per
+        actuator with the features of all others of `reference`, healthy or not, and those of its
+        own strokes, and returns which to report.
 
         Indexed by ``method``, ``report`` (a flag of the rules, or any), ``actuator`` and
-        ``condition``: ``strokes``, those ``reported``, and their share ``rate`` with the ends
-        ``low`` and ``high`` of its interval. Of healthy strokes the rate is one of false alarms. A
-        stroke without any movement is reported.
+        ``condition``: ``strokes``, those ``reported``, and their share ``rate`` with its interval
+        ``low`` to ``high``. For healthy strokes the rate is that of false alarms. A stroke without
+        movement is reported.
         """
         others = dict(judges or {})
         source = reference if reference is not None else _shipped()
@@ -253,30 +251,28 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
     Parameters
     ----------
     path : path, optional
-        An ``.npz`` file of the form of the shipped recording, which is read if omitted: ``values``
-        of shape (strokes, 600, 7), the names of its ``channels``, and for each stroke the
-        ``actuator``, its ``condition``, ``healthy`` or a fault, and the number of the ``stroke``.
+        An ``.npz`` file like the shipped recording, which is read if omitted: ``values`` of shape
+        (strokes, 600, 7), the names of its ``channels``, and for each stroke the ``actuator``, its
+        ``condition``, ``healthy`` or a fault, and the number of the ``stroke``.
 
     Returns
     -------
     Strokes
-        The strokes, with `Strokes.table` of their features, `Strokes.rules` and `Strokes.scores`.
+        The strokes.
 
     Raises
     ------
     InputError
-        If the file cannot be read, or is not of this form.
+        If the file cannot be read, or does not have this form.
 
     Notes
     -----
-    Others made the shipped recording on rotary actuators of the kind that turns ship valves,
-    15 000 in-lbf [1]_: three healthy ones, one with a damaged gear, one with a leaking seal. A
-    stroke of 3000 samples was reduced to 600 points, each the mean of five samples; of the
-    accelerations it is ten times their standard deviation. Values are raw counts. Units and the
-    period of the samples are not published.
+    The shipped recording was made by others on rotary actuators of the kind that turns ship
+    valves, 15 000 in-lbf [1]_: three healthy ones, one with a damaged gear, one with a leaking
+    seal. Each stroke of 3000 samples was reduced to 600 points, the mean of five samples or, for
+    accelerations, ten times their standard deviation. Values are raw counts; units and sampling
+    period are not published.
 
-    `Strokes.scores` of another file takes its limits from the shipped recording, but from no
-    actuator of the same name.
 
     References
     ----------
@@ -284,7 +280,7 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
 
     Examples
     --------
-    Which share of the strokes is reported, by rules that never saw the actuator:
+    The share of the strokes that is reported, by rules that never saw the actuator:
 
     >>> strokes = read_strokes()
     >>> fuzzy = strokes.scores().loc["fuzzy", "any"]
@@ -319,5 +315,5 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
 
 @cache
 def _shipped() -> Strokes:
-    """Return the shipped recording, whose features are computed once."""
+    """Return the shipped recording, so that its features are computed once."""
     return read_strokes()

@@ -1,9 +1,7 @@
 """How good the diagnosis is: trials with each fault, false alarms, and a fleet watched for a day.
 
-The indices have the names of the DAMADICS benchmark; `Trials` and `FleetReport` define them.
-
-The faults are those of our own simulator, made to fit the rules: a high rate verifies code, it does
-not validate the method. The fleet shows how long a fault waits for a command that reveals it.
+The faults are those of our own simulator and are made to fit the rules: a high rate verifies the
+code, it does not validate the method.
 """
 
 from __future__ import annotations
@@ -33,7 +31,7 @@ from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
 
-#: What stands behind the numbers.
+#: What the numbers are based on.
 BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
 
 #: A year [s].
@@ -42,14 +40,14 @@ _YEAR = 365.25 * 86400
 #: A trial: rest, open, rest, close, rest [s]. A motor may run for 20 s.
 _OPEN, _CLOSE, _END = 5.0, 35.0, 65.0
 
-#: Instants of a block: what 3328 valves read in it takes 27 MB.
+#: Instants per block: the readings of 3328 valves then take 27 MB.
 _BLOCK = 100
 
 
 def spread_valves(
     n_valves: int, spread: float, sensors: Sensors | None, rng: np.random.Generator
 ) -> System:
-    """Return valves that differ from each other as new ones do."""
+    """Return valves that differ from each other as new ones do, by our assumption."""
     n = check_whole("n_valves", n_valves, 1, 10_000)
     sigma = check_scalar("spread", spread, "", 0, 0.5)
     usual = Actuator()
@@ -71,18 +69,17 @@ class Trials:
     ----------
     rows : pandas.DataFrame
         One row per trial and method: ``method``, ``fault``, ``valve``, ``severity``; the codes
-        ``active`` at any time of it, their ``top_fault``; whether any code was active
-        (``detected``), its own (``named``), and its own was on top (``isolated``); and
-        ``detection_time_s`` and ``isolation_time_s``, 0 if it was so before the first command, NaN
-        if never.
+        ``active`` at any time, and their ``top_fault``; whether any code was active (``detected``),
+        its own code was (``named``), and its own code was on top (``isolated``);
+        ``detection_time_s`` and ``isolation_time_s`` from the first command, 0 if before it, NaN if
+        never.
 
     Notes
     -----
     The indices are those of the DAMADICS benchmark [1]_, whose text was not available to us; we
     define them as follows. *Detection time*: until any code is active. *Isolation time*: until the
-    fault's own code is active, if it is the top fault of the trial. Both are counted from the first
-    command, since before it most faults do not show. *Isolability*: the share of the detected
-    faults that are isolated. *Sensitivity*: the least severity that was detected.
+    fault's own code is active, if it is the top fault of the trial. *Isolability*: the share of the
+    detected faults that are isolated. *Sensitivity*: the least severity that was detected.
 
     References
     ----------
@@ -91,20 +88,18 @@ class Trials:
 
     Examples
     --------
-    With the motor off, a position far too high is a switch error as well, of higher rank:
+    With the motor off, a position far too high is also a switch error, which ranks higher:
 
     >>> trials = fault_trials(["S1", "Pos3"], n_valves=9, methods=["fuzzy"], rng=2024)
     >>> trials.confusion().loc["Pos3"].to_dict()
     {'S1': 9, 'Pos3': 0}
-    >>> trials.rates().loc[("fuzzy", "S1"), ["n", "isolated", "isolated_low"]].round(3).tolist()
-    [9.0, 1.0, 0.664]
     """
 
     rows: pd.DataFrame
 
     @property
     def basis(self) -> str:
-        """What stands behind the numbers."""
+        """What the numbers are based on."""
         return BASIS
 
     def __repr__(self) -> str:
@@ -120,10 +115,10 @@ class Trials:
     def rates(self, *, confidence: float = 0.95) -> pd.DataFrame:
         """Return how often faults were found, indexed by method and fault.
 
-        Number ``n``; the shares ``detected``, ``named`` and ``isolated``, each with the ends
-        ``_low`` and ``_high`` of its interval; ``isolability``, ``sensitivity``, and the medians of
-        ``detection_time_s`` and ``isolation_time_s``. For ``normal`` valves ``detected`` is the
-        share with a false alarm, and ``isolated`` the share without one.
+        The number ``n``; the shares ``detected``, ``named`` and ``isolated`` with the ends ``_low``
+        and ``_high`` of their intervals; ``isolability``, ``sensitivity``, and median
+        ``detection_time_s`` and ``isolation_time_s``. Of ``normal`` valves, ``detected`` is the
+        share with a false alarm and ``isolated`` the share without one.
         """
         groups = self.rows.groupby(["method", "fault"], sort=False)
         table = pd.DataFrame({"n": groups.size()})
@@ -138,21 +133,18 @@ class Trials:
         table["sensitivity"] = found["severity"].min()
         for name in ("detection_time_s", "isolation_time_s"):
             table[name] = groups[name].median()
-        table.attrs["basis"] = BASIS
         return table
 
     def confusion(self, method: str = "fuzzy") -> pd.DataFrame:
-        """Return how many trials of each fault (rows) had which top fault (columns)."""
+        """Return the number of trials by fault (rows) and top fault (columns)."""
         check_choice("method", method, self.rows["method"].unique())
         mine = self.rows[self.rows["method"] == method]
         order = list(dict.fromkeys([*mine["fault"], *sorted(mine["top_fault"].unique())]))
         counted = pd.crosstab(mine["fault"], mine["top_fault"])
-        table = counted.reindex(index=list(mine["fault"].unique()), columns=order, fill_value=0)
-        table.attrs["basis"] = BASIS
-        return table
+        return counted.reindex(index=list(mine["fault"].unique()), columns=order, fill_value=0)
 
     def plot(self, method: str = "fuzzy", ax: Axes | None = None) -> Axes:
-        """Draw the confusion as shares of the rows."""
+        """Draw the confusion in percent of each row."""
         table = self.confusion(method)
         ax = style.axes(ax)
         count = table.to_numpy(float)
@@ -162,8 +154,8 @@ class Trials:
         ax.autoscale(False)
         for row, column in np.argwhere(table.index.to_numpy()[:, None] == table.columns.to_numpy()):
             ax.bar(column, 1, 1, row - 0.5, fill=False, edgecolor="0.3", linewidth=1)
-        ax.set_xticks(range(len(table.columns)), [str(name) for name in table.columns], fontsize=8)
-        ax.set_yticks(range(len(table.index)), [str(name) for name in table.index], fontsize=8)
+        ax.set_xticks(range(len(table.columns)), [str(name) for name in table.columns])
+        ax.set_yticks(range(len(table.index)), [str(name) for name in table.index])
         ax.set(xlabel="top-ranked fault [% of the row]", ylabel="fault of the valve")
         return ax
 
@@ -189,21 +181,21 @@ def fault_trials(
     codes : iterable of str, optional
         Faults; ``normal`` means healthy valves. All of them if omitted.
     n_valves : int, default 256
-        Valves with each fault; 10000 in all at most.
+        Valves with each fault; at most 10000 in all.
     severity : float or array_like of float, shape (n_valves,), default 1
         How severe the faults are, 0..1.
     methods : iterable of str, optional
-        Methods of diagnosis: ``crisp``, ``midpoint`` and ``fuzzy`` if omitted. They see the same
-        sensors.
+        Methods of diagnosis, of the same readings: ``crisp``, ``midpoint`` and ``fuzzy`` if
+        omitted.
     rules : shipnet.fuzzy.RuleBase, optional
         The rules; those of the paper if omitted.
     k, n : int, default 3 and 5
         A code is active if its rule fired in `k` or more of the last `n` instants.
     spread : float, default 0.02
-        How far the valves differ: standard deviation of the logarithm of pump leak, restrictor and
-        bearing torque, 0..0.5; our assumption.
+        Standard deviation of the logarithm of pump leak, restrictor and bearing torque among the
+        valves, 0..0.5; our assumption.
     sensors : Sensors, optional
-        What measures; `Sensors` with its defaults if omitted.
+        The sensors; `Sensors` with its defaults if omitted.
     rng : Generator, int or None
         Draws valves and noise of the sensors, as `numpy.random.default_rng` takes it.
 
@@ -212,15 +204,10 @@ def fault_trials(
     Trials
         One row per trial and method.
 
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
     Notes
     -----
-    The fault is there from the beginning. The valve rests closed for 5 s, opens, rests, gets the
-    command to close 30 s later, and is watched for 30 s more.
+    The fault is present from the beginning. The valve rests closed for 5 s, opens, is commanded to
+    close 30 s later, and is observed for 30 s more.
 
     Examples
     --------
@@ -234,8 +221,7 @@ def fault_trials(
         each = np.broadcast_to(np.asarray(severity, float), valves)
     except (TypeError, ValueError):
         raise ArgumentError(
-            f"severity is {severity!r}; it must be 0..1, one for all or one for each of {valves} "
-            "valves"
+            f"severity is {severity!r}; it must be 0..1, one or one for each of {valves} valves"
         ) from None
     severities = np.tile(each, len(wanted))
     base = rules if rules is not None else rule_base()
@@ -279,7 +265,7 @@ def fault_trials(
 def _diagnosed(
     runs: Iterable[Run], rules: RuleBase | None, methods: Iterable[str], **options: Any
 ) -> Iterator[dict[str, Diagnosis]]:
-    """Diagnose blocks that follow each other, each by every method."""
+    """Diagnose consecutive blocks, each by every method."""
     tails: dict[str, Tail] = {}
     for run in runs:
         found = {
@@ -295,7 +281,7 @@ def _some(name: str, words: str | Iterable[str], known: Collection[str]) -> list
     if not given:
         raise ArgumentError(f"{name} is empty; it must have one or more")
     if len(given) > 10_000:
-        raise ArgumentError(f"{name} has {len(given)} words; it must have 10000 at most")
+        raise ArgumentError(f"{name} has {len(given)} words; it may have up to 10000")
     return [check_choice(f"one of {name}", word, known) for word in given]
 
 
@@ -314,45 +300,36 @@ def false_alarms(
     confidence: float = 0.95,
     rng: Any,
 ) -> pd.DataFrame:
-    """Let healthy valves work, and count what is reported of them.
+    """Let healthy valves work, and count the faults reported for them.
 
     Parameters
     ----------
     n_valves : int, default 256
-        How many, 1..10000.
+        Number of valves, 1..10000.
     until : float, default 3600
-        For how long, `period`..1e7 [s].
+        End time, `period`..1e7 [s].
     period : float, default 600
         Time between two commands, which open and close all valves in turn, 60..1e6 [s].
-    methods, rules, k, n
+    methods, rules, k, n, spread, sensors
         As for `fault_trials`.
-    spread : float, default 0.02
-        How far the valves differ, as for `fault_trials`.
-    sensors : Sensors, optional
-        What measures; `Sensors` with its defaults if omitted.
     confidence : float, default 0.95
-        Of the intervals.
+        Confidence level of the intervals.
     rng : Generator, int or None
-        Draws valves and noise of the sensors, as `numpy.random.default_rng` takes it.
+        As for `fault_trials`.
 
     Returns
     -------
     pandas.DataFrame
-        Indexed by ``method``: ``commands``; those with an ``alarmed`` period, their share
-        ``per_command`` with ``_low`` and ``_high``; ``valve_years``, the ``alarms`` in them (a top
-        fault that follows normal), and ``per_valve_year`` with ``_low`` and ``_high``; and the
-        ``false_detection_rate``, the share of the time during which a fault is reported.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
+        Indexed by ``method``: ``commands``; the number of periods with an alarm, ``alarmed``, and
+        their share ``per_command`` with ``_low`` and ``_high``; ``valve_years``, the ``alarms`` in
+        them (a top fault that follows normal), and ``per_valve_year`` with ``_low`` and ``_high``;
+        and ``false_detection_rate``, the share of the time during which a fault is reported.
 
     Notes
     -----
-    Sensors are read every second, and ten times as often while a motor runs. A period lasts from a
-    command to the next. Noise is white here, sensors neither drift nor age: a lower bound of what a
-    ship would see.
+    Sensors are read every second, and ten times as often while a motor runs. A period lasts from
+    one command to the next. The noise is white, and sensors neither drift nor age, so the rates are
+    a lower bound for a ship.
 
     Examples
     --------
@@ -370,7 +347,7 @@ def false_alarms(
     alarms, reported = dict.fromkeys(wanted, 0), dict.fromkeys(wanted, 0.0)
     quiet = {method: np.ones((1, valves), bool) for method in wanted}
     system = spread_valves(valves, spread, sensors, generator)
-    # The last period is whole: it ends just before the next command would come.
+    # The last period is whole: it ends just before the next command would be due.
     end = starts[-1] + every - 0.1
     runs = blocks(system, orders, until=end, rng=generator, size=max(2**19 // valves, 1))
     last = 0.0
@@ -390,24 +367,14 @@ def false_alarms(
     commands, years = starts.size * valves, valves * (starts.size * every) / _YEAR
     share = share_interval(hits, np.full(hits.shape, commands), confidence=confidence)
     rate = event_interval(seen, years, confidence=confidence)
-    table = pd.DataFrame(
-        {
-            "commands": commands,
-            "alarmed": hits,
-            "per_command": hits / commands,
-            "per_command_low": share[0],
-            "per_command_high": share[1],
-            "valve_years": years,
-            "alarms": seen,
-            "per_valve_year": seen / years,
-            "per_valve_year_low": rate[0],
-            "per_valve_year_high": rate[1],
-            "false_detection_rate": [reported[method] / (valves * last) for method in wanted],
-        },
-        index=pd.Index(wanted, name="method"),
-    )
-    table.attrs["basis"] = BASIS
-    return table
+    columns = {
+        "commands": commands, "alarmed": hits, "per_command": hits / commands,
+        "per_command_low": share[0], "per_command_high": share[1], "valve_years": years,
+        "alarms": seen, "per_valve_year": seen / years, "per_valve_year_low": rate[0],
+        "per_valve_year_high": rate[1],
+        "false_detection_rate": [reported[method] / (valves * last) for method in wanted],
+    }  # fmt: skip
+    return pd.DataFrame(columns, index=pd.Index(wanted, name="method"))
 
 
 #: Columns of `FleetReport.faults`, and their types.
@@ -421,18 +388,18 @@ _FAULT_COLUMNS = {
 @checked
 @dataclass(frozen=True, eq=False)
 class FleetReport:
-    """What was found of a fleet, as `run_fleet` returns it.
+    """What was found in a fleet, as `run_fleet` returns it.
 
     Parameters
     ----------
     n_valves : int
         Number of valves.
     duration : float
-        How long [s].
+        Duration [s].
     n_samples : int
-        Valve readings of all five sensors that were diagnosed.
+        Diagnosed readings of all five sensors of a valve.
     injected : list of Fault
-        The faults, and when each began.
+        The faults.
     commands : DataFrame
         One row per run of a motor: ``valve``, ``action``, ``start_s``, ``end_s``, ``outcome``.
     alarms : DataFrame
@@ -443,25 +410,14 @@ class FleetReport:
 
     Notes
     -----
-    The indices are those of the DAMADICS benchmark [1]_, whose text was not available to us; we
-    define them as follows. *Detection time*: from the beginning of the fault until a code of its
-    valve becomes active. *Isolation time*: until its own code becomes the top fault. A fault shows
-    during strokes and may be silent between them, so the first such moment counts; `Trials` asks
-    for the top of all codes of a trial. *True-detection rate*: the share of the time of the fault
-    during which its valve has a top fault. *False-detection rate*: the same share of the time of
-    valves on which nothing is wrong yet. *Isolability*: the share of the detected faults that are
-    isolated. *Sensitivity*: the least severity that was detected. A fault whose own code is active,
-    perhaps beside a higher one, is *named*; that word is ours.
-
-    References
-    ----------
-    .. [1] M. Bartys, R. Patton, M. Syfert, S. de las Heras, J. Quevedo, "Introduction to the
-       DAMADICS actuator FDI benchmark study", Control Engineering Practice 14 (2006), 577-596.
+    The indices are those of `Trials`, with times counted from the beginning of the fault. A fault
+    may show only during strokes, so a fault is isolated when its own code first becomes the top
+    fault of its valve. *True-detection rate*: the share of the time of the fault during which its
+    valve has a top fault.
 
     Examples
     --------
-    >>> report = run_fleet(2, [Command("open", 60.0)], faults=Fault("V1", valves=2), until=120)
-    >>> report
+    >>> run_fleet(2, [Command("open", 60.0)], faults=Fault("V1", valves=2), until=120)
     FleetReport(2 valves, 0.0333333 h, 1 faults, 1 detected, 0 false alarms)
     """
 
@@ -474,7 +430,7 @@ class FleetReport:
     signals: pd.DataFrame
 
     def faults(self) -> pd.DataFrame:
-        """One row per fault and valve, in order of time."""
+        """Return one row per fault and valve, in order of time."""
         rows = []
         for fault in self.injected:
             severities = fault.severities(self.n_valves)
@@ -498,53 +454,35 @@ class FleetReport:
                         command, alarm - command,
                     )
                 )  # fmt: skip
-        # Types of a report without faults: what counts and compares them must work there too.
+        # A table without rows needs the same types.
         return pd.DataFrame(rows, columns=list(_FAULT_COLUMNS)).astype(_FAULT_COLUMNS)
 
-    def _reported(self, low: npt.ArrayLike, high: npt.ArrayLike, signals: pd.DataFrame) -> float:
-        """Return for how long faults are reported between two times, one or one per row [s]."""
+    def _reported(self, low: float, high: float, signals: pd.DataFrame) -> float:
+        """Return how long faults are reported between two times [s]."""
         ends = signals.groupby("valve")["time_s"].shift(-1).fillna(self.duration)
         spans = np.clip(ends, low, high) - np.clip(signals["time_s"], low, high)
         return float(spans[~signals["top_fault"].isin([NORMAL, UNKNOWN])].sum())
 
-    def _begins(self) -> npt.NDArray[np.float64]:
-        """Return from when on something is wrong with each valve [s]; inf if nothing is."""
+    def false_alarms(self) -> pd.DataFrame:
+        """Return the alarms of valves without a fault so far; columns as `alarms`."""
         begin = np.full(self.n_valves, np.inf)
         for fault in self.injected:
             sick = fault.severities(self.n_valves) > 0
             begin[sick] = np.minimum(begin[sick], fault.start)
-        return begin
-
-    def false_alarms(self) -> pd.DataFrame:
-        """Alarms of valves on which nothing was wrong yet; columns as `alarms`."""
-        alarms: pd.DataFrame = self.alarms
-        begin = self._begins()[alarms["valve"].to_numpy(int) - 1]
-        wrong = alarms["time_s"].to_numpy() < begin
-        false: pd.DataFrame = alarms.loc[wrong].reset_index(drop=True)
-        return false
-
-    def false_detection_rate(self) -> float:
-        """Return the share of the time of valves without a fault during which one is reported."""
-        begin = np.minimum(self._begins(), self.duration)
-        ends = begin[self.signals["valve"].to_numpy(int) - 1]
-        healthy = begin.sum()
-        return self._reported(0.0, ends, self.signals) / healthy if healthy else np.nan
+        false = self.alarms["time_s"].to_numpy() < begin[self.alarms["valve"].to_numpy(int) - 1]
+        alarms: pd.DataFrame = self.alarms[false].reset_index(drop=True)
+        return alarms
 
     def summary(self) -> pd.DataFrame:
-        """One row per code: counts of ``faults``, ``detected``, ``named``, ``isolated``; indices.
-
-        The times are medians, and ``true_detection_rate`` is the mean.
-        """
+        """Return one row per code: counts, median times and the mean ``true_detection_rate``."""
         groups = self.faults().groupby("code", sort=False)
         table: pd.DataFrame = groups.agg(
-            faults=("code", "size"),
-            detected=("detection_time_s", "count"),
-            named=("named", "sum"),
-            isolated=("isolation_time_s", "count"),
+            faults=("code", "size"), detected=("detection_time_s", "count"),
+            named=("named", "sum"), isolated=("isolation_time_s", "count"),
             detection_time_s=("detection_time_s", "median"),
             isolation_time_s=("isolation_time_s", "median"),
             true_detection_rate=("true_detection_rate", "mean"),
-        )
+        )  # fmt: skip
         table["isolability"] = table["isolated"] / table["detected"].where(table["detected"] > 0)
         found = self.faults().dropna(subset="detection_time_s")
         table["sensitivity"] = found.groupby("code")["severity"].min()
@@ -569,7 +507,7 @@ class FleetReport:
         )
 
     def false_alarm_rate(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Return the interval of the rate of false alarms, per valve and year."""
+        """Return the confidence interval of the rate of false alarms per valve and year."""
         years = self.n_valves * self.duration / _YEAR
         low, high = event_interval(len(self.false_alarms()), years, confidence=confidence)
         return float(low), float(high)
@@ -595,10 +533,10 @@ class FleetReport:
         ax.plot(start / hour, rows, "o", color=red, markersize=5, label="fault appears")
         found = faults["detection_time_s"].notna().to_numpy()
         ax.plot(known[found] / hour, rows[found], "D", color="C2", markersize=6, label="reported")
-        ax.set_yticks(rows, names, fontsize="small")
+        ax.set_yticks(rows, names)
         ax.invert_yaxis()
         ax.set(xlabel="time [h]", xlim=(0, self.duration / hour))
-        ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, frameon=False, fontsize="small")
+        ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4)
         return ax
 
 
@@ -616,12 +554,12 @@ def run_fleet(
     method: str = "fuzzy",
     **options: Any,
 ) -> FleetReport:
-    """Simulate a fleet block by block, and diagnose it on the way; alarms are kept, samples not.
+    """Simulate and diagnose a fleet block by block; alarms are kept, samples are not.
 
     Parameters
     ----------
     system : System or int
-        The valves; a number stands for plain valves. They are read directly, without a master.
+        The valves, which are read directly, without a master; a number stands for plain valves.
     commands : iterable of Command
         Commands to the valves, such as `Command.random` returns.
     faults : Fault or iterable of Fault, optional
@@ -629,14 +567,13 @@ def run_fleet(
     until : float, default 86400
         End time, up to 1e8 [s].
     rng : Generator, int or None, optional
-        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; there is none if
-        omitted.
+        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; no noise if omitted.
     idle_step : float, default 1
         Time between two readings while no motor runs; it is 0.1 s while one does [s].
     rules : shipnet.fuzzy.RuleBase, optional
         Those of the paper if omitted.
     size : int, default 2000
-        Most instants of a block, which sets the memory; 1..1e6.
+        Instants per block, which determines the memory needed; 1..1e6.
     method : {"fuzzy", "midpoint", "crisp"}, default "fuzzy"
         How the rules are read.
     **options
@@ -645,21 +582,16 @@ def run_fleet(
     Returns
     -------
     FleetReport
-        When each fault appeared, and when it was diagnosed; false alarms.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
+        When each fault began and when it was diagnosed; false alarms.
 
     Notes
     -----
-    A motor that is not cooled (O1) needs many strokes in a row to reach the 90 degC of its rule:
-    with six a day it never does.
+    A motor that is not cooled (O1) reaches the 90 degC of its rule only after many strokes in a
+    row: with six a day it never does.
 
     Examples
     --------
-    Two hours of eight valves, which are opened and closed; two of them break:
+    Eight valves are opened and closed for two hours; two of them fail:
 
     >>> rng = np.random.default_rng(2024)
     >>> plan = Command.random(8, until=7200, operations=4, group=4, rng=rng)

@@ -1,7 +1,7 @@
 """Pumps that wear out, as synthetic data, and their remaining life, predicted from a trend.
 
-The law of wear, its rates and the noise are assumptions, and one predictor uses that law: what is
-found here is an upper bound of what can be found on a ship.
+The law of wear, its rates and the noise are assumptions, and one predictor uses that law, so the
+results are an upper bound of what is possible on a ship.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from shipnet.fuzzy.firing import persistent
 from shipnet.fuzzy.terms import Term
 from shipnet.lazy import Axes, pd
 
-#: A stroke may take so long [s]: row 0 of the rule table.
+#: The longest stroke of a healthy valve [s]: row 0 of the rule table.
 LIMIT = 10.0
 
-#: Leaks that a stroke time is computed for; between them it is interpolated, to 1e-6 s.
+#: Number of leaks for which a stroke time is computed; interpolation between them errs by 1e-6 s.
 _GRID = 2001
 
 
@@ -40,13 +40,13 @@ class Wear:
     Parameters
     ----------
     rate : ndarray of float, shape (n_valves,)
-        By how much the logarithm of the leak grows with a stroke.
+        Growth of the logarithm of the leak per stroke.
     leak : ndarray of float, shape (n_strokes, n_valves)
         True leak [m3/(s Pa)].
     FP : ndarray of float, shape (n_strokes, n_valves)
-        Median of the pump pressure in each stroke, as read [bar].
+        Median reading of the pump pressure in each stroke [bar].
     stroke_time : ndarray of float, shape (n_strokes, n_valves)
-        As read [s].
+        Measured time of each stroke [s].
     life : ndarray of float, shape (n_valves,)
         True number of strokes until one takes 10 s.
 
@@ -78,8 +78,8 @@ class Wear:
     ) -> Wear:
         """Return synthetic data of pumps whose leak grows by a constant factor per stroke.
 
-        The rates of growth, 1e-6..1 per stroke, have the median `rate` and the standard deviation
-        `spread` of their logarithm; `noise` are the standard deviations of FP [bar] and of the
+        The growth rates, 1e-6..1 per stroke, have the median `rate` and the standard deviation
+        `spread` of their logarithm; `noise` is the standard deviations of FP [bar] and of the
         stroke time [s].
         """
         generator = check_rng(rng)
@@ -91,7 +91,7 @@ class Wear:
         usual = Actuator()
         rates = median * np.exp(sigma * generator.standard_normal(n))
         exponent = rates * np.arange(strokes)[:, np.newaxis]
-        # Beyond this no oil reaches the cylinder.
+        # With a larger leak, no oil reaches the cylinder.
         leak = usual.pump_leak * np.exp(np.minimum(exponent, 12.0))
         pressure = mid_pressure(leak)
         grid = np.linspace(0.0, float(exponent.max(initial=0.0)) + 1e-9, _GRID)
@@ -114,14 +114,14 @@ class Wear:
         )
 
     def pressure(self, valve: int) -> Floats:
-        """Return the pump pressure of one valve, as read in each stroke [bar]."""
+        """Return the pump pressure readings of one valve, one per stroke [bar]."""
         return np.asarray(self.FP[:, self._place(valve)])
 
     def alarms(self, *, k: int = 3, n: int = 5) -> pd.DataFrame:
-        """Return the true life of each valve, and the stroke at which rules report it.
+        """Return the true life of each valve, and the strokes at which rules report it.
 
-        ``P2`` is FP below 2.5 bar, ``T1`` (ours) a stroke longer than 10 s, each in `k` of the last
-        `n` strokes; NaN if the rule never reports.
+        ``P2`` is FP below 2.5 bar, and ``T1`` (ours) a stroke longer than 10 s, each in `k` of the
+        last `n` strokes; NaN if the rule never fires.
         """
 
         def first(fires: Bools) -> Floats:
@@ -136,10 +136,10 @@ class Wear:
     def predict(
         self, valve: int, at: int, *, predictor: str = "leak", window: int = 200
     ) -> Prediction:
-        """Predict from the first `at` strokes, of which the last `window` count, how many are left.
+        """Predict from the last `window` of the first `at` strokes how many are left.
 
-        `predictor` is ``leak`` (pump leak from FP by the inverted model, its logarithm straight),
-        ``stroke time`` or ``FP membership`` (both straight in the number of strokes).
+        `predictor` is ``leak`` (the pump leak from FP by the inverted model, with a straight
+        logarithm), ``stroke time`` or ``FP membership`` (both straight in the number of strokes).
         """
         k = self._place(valve)
         check_choice("predictor", predictor, PREDICTORS)
@@ -152,7 +152,7 @@ class Wear:
     def predictions(self, at: int, *, predictor: str = "leak", window: int = 200) -> pd.DataFrame:
         """Return the strokes left of every valve after `at` strokes, indexed by ``valve``.
 
-        ``remaining`` with its interval ``low`` to ``high``, and the ``true`` number.
+        The prediction ``remaining`` has the interval ``low`` to ``high``; ``true`` is the truth.
         """
         rows = {
             valve: self.predict(valve, at, predictor=predictor, window=window).remaining
@@ -163,7 +163,7 @@ class Wear:
         return table.rename_axis("valve")
 
     def life_table(self, valve: int = 1, at: Iterable[int] = (20, 50, 100, 200)) -> pd.DataFrame:
-        """Return the strokes left of one valve, predicted after some numbers of ``strokes``."""
+        """Return the strokes left of one valve, predicted after each number of ``strokes``."""
         k = self._place(valve)
         rows = {now: (*self.predict(valve, now).remaining, self.life[k] - now) for now in at}
         columns = ["remaining", "low", "high", "true"]
@@ -175,10 +175,9 @@ class Wear:
     ) -> pd.DataFrame:
         """Compare the remaining life that each predictor gives with the true one.
 
-        Indexed by ``predictor`` and ``part`` of the true life at which it predicts: number of
-        ``valves``, share with a trend ``found``; quantiles ``p05``, ``median``, ``p95`` of the
-        predicted over the true life; share ``within_20`` percent; share whose interval ``covers``
-        the truth.
+        Indexed by ``predictor`` and by the ``part`` of the true life at which it predicts: the
+        number of ``valves``; the share with a trend, ``found``; quantiles of predicted over true
+        life; the share ``within_20`` percent; and the share whose interval ``covers`` the truth.
         """
         index, rows = [], []
         for predictor in PREDICTORS:
@@ -189,9 +188,8 @@ class Wear:
                     now = int(share * life)
                     if not _FEWEST <= now <= len(self.FP):
                         continue
-                    left = self.predict(
-                        valve + 1, now, predictor=predictor, window=window
-                    ).remaining
+                    given = self.predict(valve + 1, now, predictor=predictor, window=window)
+                    left = given.remaining
                     ratios.append(left.estimate / (life - now))
                     covers.append(left.low <= life - now <= left.high)
                 ratio = np.array(ratios, float)
@@ -201,17 +199,15 @@ class Wear:
                 near = (np.abs(found - 1) <= 0.2).sum() / n
                 rows.append((ratio.size, found.size / n, *spread, near, sum(covers) / n))
                 index.append((predictor, part))
-        return pd.DataFrame(
-            rows,
-            columns=["valves", "found", "p05", "median", "p95", "within_20", "covers"],
-            index=pd.MultiIndex.from_tuples(index, names=["predictor", "part"]),
-        )
+        titles = ["valves", "found", "p05", "median", "p95", "within_20", "covers"]
+        places = pd.MultiIndex.from_tuples(index, names=["predictor", "part"])
+        return pd.DataFrame(rows, places, titles)
 
     def _place(self, valve: int) -> int:
         return check_whole("valve", valve, 1, self.life.size) - 1
 
     def _indicator(self, predictor: str, rows: slice, k: int) -> tuple[Floats, float, str]:
-        """Return the values that a predictor extrapolates, their limit, and what they are."""
+        """Return the values that a predictor extrapolates, their limit, and their name."""
         if predictor == "stroke time":
             return self.stroke_time[rows, k], LIMIT, "stroke time [s]"
         pressure = self.FP[rows, k]
@@ -239,7 +235,7 @@ class Prediction:
         return f"Prediction(valve {self.valve} after {self.at} strokes: {what})"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw what was read, its trend with the interval, and the limit."""
+        """Draw the readings, their trend with its interval, and the limit."""
         ax = style.axes(ax)
         trend, strokes = self.trend, np.arange(self.at)
         values, limit, label = self.wear._indicator(
@@ -249,7 +245,7 @@ class Prediction:
         ax.axhline(limit, **style.LIMIT, linewidth=1, label="limit")  # type: ignore[arg-type]
         if trend.found:
             found, last = trend.crossing(limit), self.at - 1
-            # A crossing far away, or in the past, does not set the scale.
+            # A crossing far away, or in the past, does not determine the scale.
             end = found.estimate if last < found.estimate < 5 * last else last
             stop = 1.25 * end
             grid = np.linspace(0, stop, 200)
@@ -277,14 +273,14 @@ class Prediction:
 
 @cache
 def limit_leak() -> float:
-    """Return the leak of the pump at which a stroke takes as long as it may."""
+    """Return the leak of the pump at which a stroke takes 10 s."""
     from scipy.optimize import brentq
 
     usual = Actuator()
 
     def late(log_factor: float) -> float:
         worn = replace(usual, pump_leak=usual.pump_leak * np.exp(log_factor))
-        # A valve that stops is later than any limit.
+        # A valve that stops exceeds any limit.
         return min(float(stroke_time(worn)), 1e6) - LIMIT
 
     return float(usual.pump_leak * np.exp(brentq(late, 0.0, 10.0, xtol=1e-10)))
@@ -302,14 +298,14 @@ def leak_from_pressure(pressure: npt.ArrayLike) -> Floats:
 
 
 def mid_pressure(leak: npt.ArrayLike) -> Floats:
-    """Return the pump pressure of the usual valve, half open, for leaks of any shape."""
+    """Return the pump pressure of the default valve, half open, for leaks of any shape [bar]."""
     leaks = np.asarray(leak, float)
     worn = replace(Actuator(), pump_leak=leaks.reshape(-1))
     state = hydraulics(worn, load_pressure(worn, 0.5))
     return np.asarray(state.pump_pressure / 1e5).reshape(leaks.shape)
 
 
-#: Confidence of the intervals of a trend, and of the test whether there is one.
+#: Confidence level of the intervals of a trend, and of the test for a trend.
 CONFIDENCE = 0.95
 
 
@@ -323,12 +319,12 @@ class Crossing(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Trend:
-    """A straight line through points, by least squares, or that there is none."""
+    """A straight line through points, by least squares."""
 
-    #: Whether the line is that of the logarithm.
+    #: Whether the line describes the logarithm.
     logarithmic: bool
     slope: float
-    #: Half the interval of the slope, and that of the line in its centre.
+    #: Half-widths of the intervals of the slope, and of the line at its centre.
     slope_margin: float
     margin: float
     centre: tuple[float, float]
@@ -338,7 +334,7 @@ class Trend:
 
     @property
     def found(self) -> bool:
-        """Whether there is a trend, at this confidence."""
+        """Whether the slope is significant."""
         return self.p_value < 1 - CONFIDENCE
 
     @property
@@ -354,17 +350,17 @@ class Trend:
         )
 
     def at(self, x: npt.ArrayLike) -> Floats:
-        """Return the line."""
+        """Return the values of the line."""
         return self._back(self.centre[1] + self.slope * (np.asarray(x, float) - self.centre[0]))
 
     def band(self, x: npt.ArrayLike) -> tuple[Floats, Floats]:
-        """Return the interval of the line."""
+        """Return the ends of the interval of the line."""
         u = np.asarray(x, float) - self.centre[0]
         line, wide = self.centre[1] + self.slope * u, np.hypot(self.margin, self.slope_margin * u)
         return self._back(line - wide), self._back(line + wide)
 
     def crossing(self, limit: float) -> Crossing:
-        """Return where the line reaches a limit, and within which x it may."""
+        """Return where the line reaches a limit, with its interval."""
         if not self.found:
             return Crossing(nan, nan, inf)
         goal = float(np.log(limit)) if self.logarithmic else limit
@@ -379,9 +375,9 @@ class Trend:
 
 
 def remaining_life(trend: Trend, limit: float, now: float) -> Crossing:
-    """Return how long it takes from now on until a trend rises to a limit."""
+    """Return how long a trend takes from now to rise to a limit."""
     found = trend.crossing(limit)
-    # Without a trend its slope says nothing: the level counts.
+    # Without a trend the slope means nothing, and the median counts.
     if (trend.at(now) if trend.found else trend.median) >= limit:
         return Crossing(0.0, 0.0, 0.0)
     if not trend.found:
@@ -392,7 +388,7 @@ def remaining_life(trend: Trend, limit: float, now: float) -> Crossing:
 
 
 def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) -> Trend:
-    """Fit a trend to points; those are left out that are NaN or have no logarithm."""
+    """Fit a trend to the points that are not NaN, or for a logarithmic trend are above 0."""
     from scipy.special import stdtr, stdtrit  # scipy.stats takes a second to import
 
     places, values = np.asarray(x, float), np.asarray(y, float)
@@ -400,13 +396,13 @@ def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) 
     places, values = places[known], values[known]
     n = places.size
     if n < 5:
-        raise ArgumentError(f"the readings have {n} points of a trend; it needs 5 or more")
+        raise ArgumentError(f"the readings have {n} valid points; a trend needs 5 or more")
     if logarithmic:
         values = np.log(values)
     middle = float(np.median(values))
     median = float(np.exp(middle)) if logarithmic else middle
     if np.ptp(values) == 0:
-        # All alike: no test can say anything, and there is nothing to say.
+        # If all values are equal, there is nothing to test.
         centre = float(np.median(places)), float(values[0])
         return Trend(logarithmic, 0.0, 0.0, 0.0, centre, 1.0, n, median)
     centre = float(places.mean()), float(values.mean())
@@ -423,15 +419,11 @@ def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) 
     )
 
 
-#: A set for FP [bar] that spans all between its normal value and the limit of rule P2; ours.
+#: A set for FP [bar] that spans the range from its normal value to the limit of rule P2; ours.
 WORN = Term("worn", (-inf, -inf, 2.5, 90.0), "x < 2.5", "worn")
 
-#: What the remaining life is predicted from, and how.
-PREDICTORS = {
-    "FP membership": "membership of FP in the set worn, straight in the number of strokes",
-    "stroke time": "stroke time, straight in the number of strokes",
-    "leak": "pump leak from FP by the inverted model, its logarithm straight",
-}
+#: What the remaining life may be predicted from.
+PREDICTORS = ("FP membership", "stroke time", "leak")
 
-#: Strokes without which no prediction is tried.
+#: Least number of strokes for a prediction.
 _FEWEST = 10

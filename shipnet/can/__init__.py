@@ -1,7 +1,7 @@
-"""CAN: frames to the bit, messages and their response times, the bus simulated, logs, the cable.
+"""CAN: frames, messages and their response times, a simulated bus, logs and the cable.
 
-Times are in seconds and bit rates in bit/s; columns of tables name their units. The live
-interface of python-can is also called ``can``: import it under another name beside this one.
+Times are in seconds and bit rates in bit/s; columns of tables name their units. python-can is also
+called ``can``: import one of the two under another name.
 """
 
 import lazy_loader

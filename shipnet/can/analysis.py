@@ -1,4 +1,4 @@
-"""One message set of any file: what it needs of its bus, and whether a log shows it."""
+"""Message sets from any file: the bit rate they need, and whether a log follows the plan."""
 
 from __future__ import annotations
 
@@ -12,30 +12,22 @@ from typing import Any
 
 import numpy as np
 
-from shipnet import style
 from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Octets
 from shipnet.can.log import Log, hexadecimal
 from shipnet.can.log_files import log_kind, read_log
-from shipnet.can.messages import (
-    BIT_RATES,
-    Message,
-    MessageSet,
-    bus_load,
-    read_list,
-)
+from shipnet.can.messages import BIT_RATES, Message, MessageSet, bus_load, read_list
 from shipnet.can.response import Assignment, Assumptions, ResponseTimes, audsley, response_times
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 
-#: Most that a clock on a CAN bus may be wrong: Bosch, CAN specification 2.0, part B, section 9.
+#: Largest error of a clock on a CAN bus: Bosch, CAN specification 2.0, part B, section 9.
 CLOCK_TOLERANCE = 0.0158
 
-#: Time stamps have microseconds [s].
-_STAMP = 1e-6
+_STAMP = 1e-6  #: Resolution of time stamps [s].
 
 
 @checked
@@ -46,28 +38,25 @@ def read_messages(
     period: float | None = None,
     strict: bool = True,
 ) -> MessageSet:
-    """Read a message set from a file: a list as CSV or Excel, a DBC file, or a log.
+    """Read a message set from a CSV, Excel or DBC file, or from a log.
 
     Parameters
     ----------
     path : path
-        A CSV file or an Excel workbook with a row of column titles and one row per message
-        (separated by commas, semicolons or tabs; UTF-8, UTF-16 with a mark, or Windows-1252), a
-        ``.dbc`` file, which needs cantools, or a log, as `read_log` takes it.
+        A CSV file or Excel workbook with a row of titles and one row per message (separated by
+        commas, semicolons or tabs; UTF-8, UTF-16 with a mark, or Windows-1252), a ``.dbc`` file,
+        which needs cantools, or a log, as `read_log` takes it.
     columns : mapping of str to str, optional
-        Names of the columns for titles of a list that are not understood: ``{"Every":
-        "period_ms"}``. Columns are ``name``, ``arbitration_id``, ``dlc``, ``period_ms`` and, if
-        wanted, ``deadline_ms``, ``jitter_ms``, ``offset_ms``, ``extended``, ``sender``, ``bits``,
-        and ``note`` for all that is to be left out. Usual titles are understood: times with their
-        unit (``Cycle time [s]``), identifiers in hexadecimal (``CAN-ID (hex)``), ``Node`` for the
-        sender. Without ``extended``, an identifier above 0xFFFF or of eight hexadecimal digits has
-        29 bits.
+        Columns of titles that are not understood: ``{"Every": "period_ms"}``. Columns are ``name``,
+        ``arbitration_id``, ``dlc``, ``period_ms``; optionally ``deadline_ms``, ``jitter_ms``,
+        ``offset_ms``, ``extended``, ``sender``, ``bits``; and ``note`` for any to ignore. Common
+        titles are understood, such as ``Cycle time [s]`` and ``CAN-ID (hex)``.
     period : float, optional
         Period of messages for which the file has none [s].
     strict : bool, default True
-        Whether a fault of a DBC file raises. Otherwise messages are kept whose signals overlap or
-        do not fit, messages that cannot be in a set are left out (CAN FD, no cycle time, a name or
-        identifier twice), and `MessageSet.overlooked` lists each of these faults.
+        Whether faults of a DBC file are errors. If not, messages with overlapping or oversized
+        signals are kept, others are left out (CAN FD, no cycle time, a duplicate name or
+        identifier), and `MessageSet.overlooked` lists these faults.
 
     Returns
     -------
@@ -77,21 +66,20 @@ def read_messages(
     Raises
     ------
     InputError
-        If the file cannot be read, or does not describe a message set: every fault with its row,
-        column and value, and what was expected.
+        If the file cannot be read or is not a message set. The error lists every fault with its
+        row, column, value and what was expected.
     ImportError
-        If the file needs a package that is not installed; the message says how to install it.
+        If the file needs a package that is not installed.
 
     Notes
     -----
-    The period of a message in a DBC file is its attribute ``GenMsgCycleTime``, in ms; 0 means
-    that none is given. Signals are checked and not kept, so a set is never written as DBC: cantools
-    decodes signals, and writes them.
+    Without ``extended``, an identifier above 0xFFFF or of eight hexadecimal digits has 29 bits. In
+    a DBC file the period is ``GenMsgCycleTime`` [ms]; 0 means none. Signals are checked but not
+    kept.
 
-    The messages of a log are named by their identifiers. The period is the mean time between two
-    frames, the jitter how far their times are from even ones, waiting for the bus included, and
-    the data bytes are the most that were seen. A message with one frame has the `period`; without
-    it, it is left out, as `MessageSet.overlooked` says.
+    Messages of a log are named by their identifiers. The period is the mean time between two
+    frames, the jitter their deviation from even times, including waits for the bus, and the data
+    bytes the most seen. A message with one frame has the `period`, or is left out.
 
     Examples
     --------
@@ -114,22 +102,18 @@ def read_messages(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Analysis:
-    """What a message set needs of its bus; `analyse` makes it.
+    """The bit rate and priority order that a message set needs; `analyse` returns it.
 
     Attributes
     ----------
-    messages : MessageSet
-        The messages.
     responses : mapping of float to ResponseTimes
-        The longest response times by bit rate, the lowest rate first.
-    lowest : float
-        Lowest of the bit rates at which all deadlines are met [bit/s]; infinite if there is none.
+        Response times by bit rate, the lowest rate first.
+    lowest, lowest_in_best_order : float
+        Lowest bit rate at which the given order, or some priority order, meets all deadlines
+        [bit/s]; infinite if there is none.
     best : Assignment
-        The best order of priority at `lowest_in_best_order`, or at the highest of the bit rates if
-        that is infinite.
-    lowest_in_best_order : float
-        Lowest of the bit rates at which some order of priority meets all deadlines [bit/s]: what a
-        change of identifiers gains.
+        Best priority order at `lowest_in_best_order`, or at the highest bit rate if that is
+        infinite.
 
     Examples
     --------
@@ -148,10 +132,10 @@ class Analysis:
     def table(self) -> pd.DataFrame:
         """Return one row per bit rate, the lowest first, indexed by ``bit_rate_kbit_per_s``.
 
-        ``load_percent`` of the longest frames; ``late``, how many messages may be late, and
-        ``first_late``, the most urgent of them; ``critical``, the message whose response takes most
-        of its deadline, and ``critical_percent``, how much; ``some_order`` says whether any order
-        of priority meets all deadlines.
+        ``load_percent`` is that of the longest frames; ``late`` counts messages that may be late,
+        and ``first_late`` is the most urgent of them; the response of ``critical`` takes
+        ``critical_percent`` of its deadline, more than any other; ``some_order`` says whether any
+        priority order meets all deadlines.
         """
         rows = []
         for rate, found in self.responses.items():
@@ -167,12 +151,12 @@ class Analysis:
 
     @property
     def at_lowest(self) -> ResponseTimes:
-        """Response times at `lowest`, or at the highest of the bit rates if that is infinite."""
+        """Response times at `lowest`, or at the highest bit rate if that is infinite."""
         return self.responses.get(self.lowest) or self.responses[max(self.responses)]
 
     @property
     def ok(self) -> bool:
-        """Whether all deadlines are met at one of the bit rates."""
+        """Whether some bit rate meets all deadlines."""
         return self.lowest < math.inf
 
     @property
@@ -185,7 +169,7 @@ class Analysis:
         return f"{len(self.messages)} messages, lowest bit rate: {given}, in the best order: {best}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the longest response of each message against its deadline, as `at_lowest` has it."""
+        """Draw the longest response of each message and its deadline at `at_lowest`."""
         ax = self.at_lowest.plot(ax)
         ax.set_xlabel(f"time at {self.at_lowest.bit_rate / 1e3:g} kbit/s [ms]")
         return ax
@@ -203,33 +187,30 @@ def analyse(
     assumptions: Assumptions | None = None,
     faults: ErrorBound | None = None,
 ) -> Analysis:
-    """Return load, response times, lowest bit rate and best order of a message set.
+    """Return load, response times, lowest bit rate and best priority order of a message set.
 
     Parameters
     ----------
     messages : MessageSet, Log or path
-        The messages, or what they are found in: a log or its file, as `read_log` takes it, or a
-        message list or DBC file, as `read_messages` takes it.
+        The messages, a log, or a file, as `read_messages` takes it.
     bit_rates : float or iterable of float, default `BIT_RATES`
-        Bit rates to look at, 1000..1000000 [bit/s], whole numbers.
+        Bit rates, whole numbers 1000..1000000 [bit/s].
     period : float, optional
         Period of messages for which a file or a log has none [s].
     assumptions : Assumptions, optional
         How long frames are, and what counts as the response.
     faults : ErrorBound, optional
-        How many errors hit the bus; none if not given.
+        Number of errors on the bus; none by default.
 
     Returns
     -------
     Analysis
-        One row per bit rate in its table; what is late, and what another order gains.
+        Late messages per bit rate, and what another priority order gains.
 
     Raises
     ------
-    ArgumentError
-        If an argument is out of its range.
     InputError
-        If a file cannot be read, or does not describe a message set.
+        If a file cannot be read or is not a message set.
 
     Examples
     --------
@@ -262,7 +243,7 @@ def analyse(
 
 
 def _messages(source: MessageSet | Log | str | PathLike[str], period: float | None) -> MessageSet:
-    """Return the messages that a set, a log or a file holds."""
+    """Return the messages of a set, a log or a file."""
     if period is not None:
         check_scalar("period", period, "s", 1e-6, 1e5)
     if isinstance(source, str | PathLike):
@@ -270,70 +251,42 @@ def _messages(source: MessageSet | Log | str | PathLike[str], period: float | No
     return source.messages(period=period) if isinstance(source, Log) else source
 
 
-# A plan and a log ------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class LogComparison:
-    """How the frames of a log differ from a plan; `compare` makes it.
+    """How a log differs from a plan; `compare` returns it.
 
     Examples
     --------
     >>> from shipnet import can
-    >>> messages = can.example()
-    >>> log = can.simulate(messages, 125e3, until=10.0).log()
-    >>> can.compare(messages.replace("speed", period=0.02), log)
+    >>> log = can.simulate(can.example(), 125e3, until=10.0).log()
+    >>> can.compare(can.example().replace("speed", period=0.02), log)
     LogComparison(10 messages, 1 faster)
     """
 
     _table: pd.DataFrame
 
     def table(self) -> pd.DataFrame:
-        """Return one row per message, by priority, then one per identifier that the plan lacks.
+        """Return one row per message, then one per unplanned identifier, indexed by ``name``.
 
-        Indexed by ``name``: ``arbitration_id``, how many ``frames``, the planned ``period_ms``,
-        the ``shortest_ms`` and ``mean_ms`` time between two frames, the ``longest_ms`` without one,
-        from the first frame of the log to its last, and the ``verdict``.
+        ``period_ms`` is planned; ``shortest_ms`` and ``mean_ms`` are times between two frames, and
+        ``longest_ms`` is the longest time without one, including both ends of the log.
         """
         return self._table.copy()
 
     @property
     def ok(self) -> bool | None:
-        """Whether all is as planned; None if it may be, but the log is too short to show it."""
+        """Whether all is as planned; None if the log is too short to tell."""
         odd = set(self._table["verdict"]) - {"as planned"}
         return None if odd == {"not seen"} else not odd
 
     @property
     def verdict(self) -> str:
-        """The answer in one line: how many messages, and how many of them are not as planned."""
+        """The number of messages, and how many deviate from the plan."""
         said = self._table["verdict"]
         counts = Counter(word for words in said for word in words.split(", "))
         planned = len(said) - counts["unknown"]
         odd = [f"{counts[word]} {word}" for word in _WORDS if counts[word]]
         return f"{planned} messages, {', '.join(odd) or 'all as planned'}"
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the times between frames of each message, as a share of its period."""
-        ax, table = style.axes(ax), self._table
-        spans = table[["shortest_ms", "mean_ms", "longest_ms"]].div(table["period_ms"], axis=0)
-        names = []
-        for place, (name, verdict) in enumerate(table["verdict"].items()):
-            planned = verdict == "as planned"
-            colour = "C0" if planned else style.LIMIT["color"]
-            low, mean, high = spans.iloc[place]
-            if mean == mean:
-                ax.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.45)
-                ax.plot(mean, place, "o", color=colour)
-            names.append(str(name) if planned else f"{name}: {verdict}")
-        ax.axvline(1.0, color="0.5", linewidth=1, zorder=0)
-        drawn = spans[spans["mean_ms"].notna()].to_numpy()
-        left, right = drawn[drawn > 0].min(initial=0.5), drawn.max(initial=2.0)
-        ax.set(xlim=(0.8 * left, 1.2 * right), ylim=(len(table) - 0.4, -0.6))
-        style.logarithmic(ax.xaxis)
-        ax.set_yticks(range(len(table)), names)
-        ax.set_xlabel("time between frames / planned period")
-        ax.grid(visible=False, axis="y")
-        return ax
 
     def __repr__(self) -> str:
         return f"LogComparison({self.verdict})"
@@ -350,39 +303,37 @@ def compare(
     *,
     period: float | None = None,
 ) -> LogComparison:
-    r"""Return what a log shows of planned messages: missing, late, faster, unknown.
+    r"""Compare a log with planned messages: which are missing, late, faster or unknown.
 
     Frame :math:`k` of a message comes between :math:`k T` and :math:`k T + D` after the first
-    event, with its period :math:`T` and its deadline :math:`D`. So :math:`n + 1` frames are
+    event, with period :math:`T` and deadline :math:`D`. So :math:`n + 1` frames are
 
     .. math:: \text{late after } n T (1 + \epsilon) + D, \qquad
               \text{faster within } n T (1 - \epsilon) - D
 
-    where :math:`\epsilon` = 1.58 % is the most that a clock on the bus may be wrong [1]_. A jitter
-    above the deadline takes its place.
+    where :math:`\epsilon` = 1.58 % is the largest error of a clock on the bus [1]_. A jitter above
+    the deadline replaces it.
 
     Parameters
     ----------
     messages : MessageSet, Log or path
-        The plan: messages, or a list, a DBC file or another log, as `read_messages` takes it.
+        The planned messages, or a file or another log that has them.
     log : Log or path
-        The log or its file, as `read_log` takes it. Frames of all its buses count. Without time
-        stamps it shows only what is missing, unknown or of another length.
+        The log or its file; all its buses count. Without time stamps it shows only messages that
+        are missing, unknown or of another length.
     period : float, optional
-        Period of messages for which the file of the plan has none [s].
+        Period of planned messages for which the file has none [s].
 
     Returns
     -------
     LogComparison
-        One row per message in its table, with a verdict: ``as planned``, or one or several of
-        ``late`` (or silent for longer than :math:`T (1 + \epsilon) + D`, also at the beginning or
-        end of the log), ``faster`` and ``other length``; ``missing``; ``not seen``, if the log is
-        too short to miss it; ``unknown`` for identifiers that are not in the plan.
+        One row per message, with a verdict: ``as planned``; one or more of ``late`` (also if silent
+        for longer than :math:`T (1 + \epsilon) + D` at either end of the log), ``faster`` and
+        ``other length``; ``missing``, or ``not seen`` if the log is too short to tell; ``unknown``
+        for identifiers that are not planned.
 
     Raises
     ------
-    ArgumentError
-        If an argument is not what it must be.
     InputError
         If a file cannot be read.
 
@@ -394,13 +345,11 @@ def compare(
     --------
     >>> from shipnet import can
     >>> plan = can.MessageSet([m for m in can.example() if m.name != "alarm"])
-    >>> plan = can.MessageSet([*plan, can.Message("new", 0x700, 8, 0.1)])
     >>> found = can.compare(plan, can.simulate(can.example(), 125e3, until=10.0).log())
     >>> found
-    LogComparison(10 messages, 1 missing, 1 unknown)
-    >>> table = found.table()
-    >>> table.loc[table["verdict"] != "as planned", ["frames", "verdict"]].to_dict("index")
-    {'new': {'frames': 0, 'verdict': 'missing'}, '0x080': {'frames': 100, 'verdict': 'unknown'}}
+    LogComparison(9 messages, 1 unknown)
+    >>> found.table().loc["0x080", ["frames", "verdict"]].to_dict()
+    {'frames': 100, 'verdict': 'unknown'}
     """
     plan = _messages(messages, period)
     found = log if isinstance(log, Log) else read_log(log)
@@ -427,7 +376,7 @@ def compare(
 
 
 def _differences(message: Message, times: Floats, codes: Octets, silence: float) -> list[str]:
-    """Return in which ways the frames of a message are not as planned."""
+    """Return how the frames of a message differ from the plan."""
     slack = max(message.deadline, message.jitter) + _STAMP
     slow, fast = (message.period * (1 + sign * CLOCK_TOLERANCE) for sign in (1, -1))
     if not len(times):
@@ -440,5 +389,5 @@ def _differences(message: Message, times: Floats, codes: Octets, silence: float)
 
 
 def _rise(values: Floats) -> float:
-    """Return by how much a value exceeds any one before it."""
+    """Return the largest rise of a value above an earlier one."""
     return float((values - np.minimum.accumulate(values)).max())

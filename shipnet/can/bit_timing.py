@@ -1,7 +1,7 @@
-"""How a bit is divided into time quanta: the settings of a controller, and what they allow.
+"""Bit timing: the settings of a controller, and what they allow.
 
-A bit is a synchronisation segment of one quantum, a propagation segment, and two phase segments;
-the bus is read between the phase segments.
+A bit has a synchronisation segment of one quantum, a propagation segment and two phase segments;
+the bus is sampled between the phase segments.
 """
 
 from __future__ import annotations
@@ -35,46 +35,37 @@ def bit_timings(
     Parameters
     ----------
     clock : float
-        Clock of the controller, 1e6 to 16e6 [Hz].
+        Clock of the controller, 1e6..16e6 [Hz].
     bit_rate : float
-        Wanted bit rate, 1e3 to 1e6 [bit/s].
+        Wanted bit rate, 1e3..1e6 [bit/s].
     sample_point : float, default 0.75
-        Wanted place of the sample in the bit, between 0 and 1.
+        Wanted sample point as a fraction of the bit, 0.001..0.999.
     tolerance : float, default 0
-        Largest error of the bit rate, 0..0.05.
+        Largest relative error of the bit rate, 0..0.05.
     loop_delay : float, default 150e-9
-        Delay of one node from its output over its transceiver back to its input [s];
-        optocouplers count as well.
+        Delay of a node from its output through the transceiver to its input, including
+        optocouplers, 0..1 [s].
     delay_per_metre : float, default 5e-9
-        Delay of the line [s/m]; 5 ns/m is usual for twisted pairs.
+        Propagation delay of the line, 1e-12..1 [s/m].
 
     Returns
     -------
     pandas.DataFrame
-        One row per setting: ``prescaler`` (BRP + 1), ``tq_ns``, ``quanta`` per bit, ``prs``,
-        ``phs1``, ``phs2`` and ``sjw`` in quanta, ``sample_point_percent``,
-        ``bit_rate_bit_per_s``, ``error_percent``, the registers ``canbt1``, ``canbt2``,
-        ``canbt3`` as hexadecimals, ``oscillator_tolerance_percent`` (how far each of two clocks
-        may be off) and ``longest_bus_m`` (what the propagation segment allows). Sorted by the
-        distance from the wanted sample point, then by the error of the bit rate, then by the
-        number of quanta, the most first, then by the jump width, the widest first. Empty if there
-        is none.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of range.
+        One row per setting: ``prescaler``, ``tq_ns``, ``quanta`` per bit, ``prs``, ``phs1``,
+        ``phs2`` and ``sjw`` in quanta, ``sample_point_percent``, ``bit_rate_bit_per_s``,
+        ``error_percent``, registers ``canbt1`` to ``canbt3``, ``oscillator_tolerance_percent``
+        (largest error of each clock) and ``longest_bus_m`` (for the propagation segment). Sorted by
+        distance from the wanted sample point, error, most quanta and widest jump.
 
     Notes
     -----
-    Phase segment 2 has two quanta or more and is no longer than phase segment 1; the jump width
-    is no longer than either [1]_. With a prescaler of 1 the controller samples one quantum
-    earlier than the segments say and cannot sample three times, as the table of [2]_ has it; with
-    any other prescaler, bit SMP is set here, as it is there.
+    Phase segment 2 has at least two quanta and at most those of phase segment 1; the jump width
+    exceeds neither [1]_. With prescaler 1 the controller samples one quantum early and only once,
+    as in the table of [2]_; otherwise bit SMP is set.
 
-    With N quanta per bit, the clocks may each be off by the smaller of what an error frame and
-    what resynchronisation within ten bits allow [3]_; the propagation segment holds the delay of
-    the line there and back and that of both nodes:
+    With N quanta per bit, each clock may be off by the smaller of what an error frame and
+    resynchronisation within ten bits allow [3]_. The propagation segment covers the delay of the
+    line in both directions and that of both nodes:
 
     .. math:: \Delta f \le \frac{\min(PS_1, PS_2)}{2 (13 N - PS_2)}, \quad
               \Delta f \le \frac{SJW}{20 N}, \quad
@@ -82,12 +73,12 @@ def bit_timings(
 
     References
     ----------
-    .. [1] Atmel, "AT90CAN128", data sheet 4250E, 2004, p. 236; and R. Bosch GmbH, "CAN
-       specification 2.0", 1991, section 10, for the jump width.
+    .. [1] Atmel, "AT90CAN128", data sheet 4250E, 2004, p. 236; jump width: R. Bosch GmbH, "CAN
+       specification 2.0", 1991, section 10.
     .. [2] Atmel, "ATmega16/32/64/M1/C1", data sheet 7647O, 2015, tables 16-2 and section 16.10,
        the same CAN controller.
     .. [3] F. Hartwich, A. Bassemir (Robert Bosch GmbH), "The configuration of the CAN bit
-       timing", 6th international CAN conference, 1999; the two conditions of ISO 11898-1.
+       timing", 6th international CAN conference, 1999.
 
     Examples
     --------
@@ -112,7 +103,7 @@ def bit_timings(
     )
     brp, before, one, two, jump = (axis.ravel() for axis in grid)
     total = 1 + before + one + two
-    # A quotient of round numbers may miss its value by a rounding.
+    # The margin allows for rounding.
     legal = (
         (total >= _QUANTA[0])
         & (total <= _QUANTA[1])
@@ -151,7 +142,7 @@ def bit_timings(
 
 
 def longest_bus(bit_rate: float) -> float:
-    """Return the longest bus that a maker of controllers allows at a bit rate.
+    """Return the longest bus at a bit rate, as a maker of controllers publishes it.
 
     Parameters
     ----------
@@ -161,17 +152,12 @@ def longest_bus(bit_rate: float) -> float:
     Returns
     -------
     float
-        Length of the trunk at the next higher of the published bit rates [m].
-
-    Raises
-    ------
-    ArgumentError
-        If the bit rate is out of range.
+        Length of the trunk at the next higher published bit rate [m].
 
     Notes
     -----
-    20 m at 1 Mbit/s to 5000 m at 10 kbit/s, from the documentation of the Beckhoff BX5100; 1 Mbit/s
-    is with optocouplers. What a setting of your own controller allows is in `bit_timings`.
+    From 20 m at 1 Mbit/s (with optocouplers) to 5000 m at 10 kbit/s: documentation of the Beckhoff
+    BX5100. `bit_timings` gives the length for your own controller.
 
     Examples
     --------
@@ -191,7 +177,7 @@ def _longest_bus(rate: float) -> float:
 def oscillator_tolerance(
     quanta: npt.ArrayLike, phs1: npt.ArrayLike, phs2: npt.ArrayLike, sjw: npt.ArrayLike
 ) -> Floats:
-    """Return how far two clocks may each be off with legal settings, as a fraction."""
+    """Return the largest relative error of each clock for legal settings."""
     n, one, two, jump = (np.asarray(value, dtype=float) for value in (quanta, phs1, phs2, sjw))
     return np.asarray(np.minimum(np.minimum(one, two) / (2 * (13 * n - two)), jump / (20 * n)))
 

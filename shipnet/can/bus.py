@@ -1,7 +1,7 @@
-"""What the bus does next, event by event, in whole nanoseconds.
+"""The events on a CAN bus, one after the other, in whole nanoseconds.
 
-The most important frame that waits when the bus falls free is sent, and nothing interrupts it.
-All releases of an instant are gathered before the arbitration, because all nodes begin together.
+When the bus becomes free, the waiting frame of highest priority is sent without interruption. All
+releases at one instant take part in the same arbitration.
 """
 
 from __future__ import annotations
@@ -17,42 +17,35 @@ from shipnet.can.faults import BitErrors, ErrorAt, Simulated
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import NEVER, nanoseconds
 
-#: In place of the start of a frame that never began.
-WAITING, OVERWRITTEN = -1, -2
+WAITING, OVERWRITTEN = -1, -2  #: Stand for the start of a frame that never began.
 
-#: Counts from which a node is error passive, and off the bus; Bosch CAN specification 2.0,
-#: part B, section 8.
-PASSIVE, BUS_OFF = 128, 256
-
-#: Sequences of recessive bits that a node off the bus waits for, and their length [bit]; as above.
-RECOVERY_SEQUENCES, SEQUENCE_BITS = 128, 11
-
-#: Bits that an error passive node lets pass after its own frame, part B, section 3.2.5.
-SUSPEND_BITS = 8
+#: Error counts from which a node is error passive, and bus off; the recessive sequences that a
+#: node waits for when bus off, and their length [bit]; and the bits that an error passive node lets
+#: pass after its own frame: Bosch, CAN specification 2.0, part B, sections 8 and 3.2.5.
+PASSIVE, BUS_OFF, RECOVERY_SEQUENCES, SEQUENCE_BITS, SUSPEND_BITS = 128, 256, 128, 11, 8
 
 
 class Releases(NamedTuple):
-    """Frames that ask for the bus, in the order of their release, and lengths by message."""
+    """Frames that request the bus, in order of release, and the frame length of each message."""
 
     time: Integers
     message: Integers
     length: Integers
 
 
-#: Busy periods of a size that are rather worked on frame by frame than side by side.
-_FEW = 30
+_FEW = 30  #: Fewest busy periods of one size that are solved side by side.
 
 
 class _Traffic:
-    """Frames in the order of their release, and how far a bus has come with them."""
+    """Frames in order of release, and the progress of the bus through them."""
 
     def __init__(self, releases: Releases, overwrite: bool) -> None:
         number = len(releases.time)
         self.shift = number.bit_length()
         self.mask = (1 << self.shift) - 1
-        # Lists, as a loop reads them faster than arrays.
+        # A loop reads lists faster than arrays.
         self.due = [*releases.time.tolist(), NEVER]
-        #: Priority and place in one number: the smallest is the next to be sent.
+        #: Priority and index in one number; the smallest is sent next.
         self.item = (releases.message << self.shift | np.arange(number)).tolist()
         self.length = releases.length.tolist()
         self.overwrite = overwrite
@@ -62,10 +55,7 @@ class _Traffic:
         self.at = self.now = 0
 
     def send(self, most: int, until: int) -> list[int]:
-        """Send at most `most` frames that begin before `until`, without errors.
-
-        Return their messages. Even if `most` is 0, what was released is put to what waits.
-        """
+        """Queue releases, send up to `most` frames that begin before `until`, and return them."""
         due, items, length, waiting = self.due, self.item, self.length, self.waiting
         start, shift, mask = self.start, self.shift, self.mask
         newest, overwrite = self.newest, self.overwrite
@@ -102,11 +92,7 @@ class _Traffic:
 
 
 def send_undisturbed(releases: Releases, horizon: int) -> Integers:
-    """Return when each frame begins on a bus without errors.
-
-    Whatever the order of the frames, the bus is busy in the same periods. Each is a problem of its
-    own, so those of about one size are solved side by side.
-    """
+    """Return when each frame begins without errors; similar busy periods are solved together."""
     time, message, length = releases
     duration = length[message]
     done = np.cumsum(duration)
@@ -119,11 +105,11 @@ def send_undisturbed(releases: Releases, horizon: int) -> Integers:
         if len(periods) < _FEW:
             continue
         left[periods] = False
-        # The longest first, so that those which still go on are the first ones.
+        # The longest first, so that those still going on are the first columns.
         periods = periods[np.argsort(-size[periods], kind="stable")]
         begin, number, row = first[periods], size[periods], np.arange(most)[:, np.newaxis]
         frame = np.minimum(begin + row, len(time) - 1)
-        # Time, priority and place in one number: of all frames, the least is sent.
+        # Time, priority and index in one number; the smallest is sent.
         rank = message[frame] * most + row
         shift = int(rank.max()).bit_length()
         gone = most * int(length.max()) + 1 << shift
@@ -147,26 +133,23 @@ def send_undisturbed(releases: Releases, horizon: int) -> Integers:
     return start
 
 
-# The bus with errors ---------------------------------------------------------------------------
-
-
 class Nodes:
-    """Nodes of a bus: their error counters, and the times before which they rest."""
+    """Error counters of the nodes, and when each may send again."""
 
     def __init__(self, number: int) -> None:
         self.tec, self.rec = [0] * number, [0] * number
-        #: Recessive sequences that each node off the bus still waits for.
+        #: Recessive sequences that each node in bus off still waits for.
         self.missing: dict[int, int] = {}
         self.rest_until = [0] * number
-        #: How often each node went off the bus.
+        #: How often each node went bus off.
         self.bus_off = [0] * number
-        #: Good frames of each node that the counters do not hold yet.
+        #: Good frames of each node that its counters do not include yet.
         self.good = [0] * number
-        #: Whether no node is error passive, off the bus or at rest: no counter matters then.
+        #: Whether no node is error passive, bus off or resting, so that counters do not matter.
         self.calm = True
 
     def failed(self, sender: int) -> None:
-        """Count an error in a frame of a node, which may take it off the bus."""
+        """Count an error in a node's frame; it may put the node in bus off."""
         self.settle()
         for node in range(len(self.tec)):
             if node != sender and node not in self.missing:
@@ -178,7 +161,7 @@ class Nodes:
             self.rest_until[sender] = NEVER
 
     def settle(self) -> None:
-        """Count the good frames."""
+        """Add the good frames to the counters."""
         total = sum(self.good)
         if not total:
             return
@@ -190,10 +173,7 @@ class Nodes:
         self.good = [0] * len(self.good)
 
     def sent(self, sender: int, now: int, suspended: int) -> None:
-        """Note what a frame of a node, good or not, has made of the nodes.
-
-        An error passive sender rests until `suspended`.
-        """
+        """Update the nodes after a frame; an error passive sender rests until `suspended`."""
         self.settle()
         if self.state(sender) == "error passive":
             self.rest_until[sender] = suspended
@@ -201,7 +181,7 @@ class Nodes:
         self.calm = not (self.missing or passive or max(self.rest_until) > now)
 
     def come_back(self, sequences: int, now: int) -> None:
-        """Count recessive sequences, and let nodes return that have seen enough of them."""
+        """Count recessive sequences, and let nodes return that have waited for enough of them."""
         for node in list(self.missing):
             self.missing[node] -= sequences
             if self.missing[node] <= 0:
@@ -218,30 +198,20 @@ class Nodes:
 
 
 class Failure(NamedTuple):
-    """A frame that was destroyed."""
+    """A destroyed frame: its times [ns], the disturbed bit, and its sender's state afterwards."""
 
     release: int
     start: int
     free: int
-    """when the bus was free again [ns]"""
     bit: int
-    """which bit was disturbed, 0 the start of frame"""
     tec: int
-    """transmit error counter afterwards"""
     state: str
 
 
 def send(
-    releases: Releases,
-    horizon: int,
-    sender: Integers,
-    faults: tuple[Simulated, ...],
-    bit: int,
-    rng: np.random.Generator,
-    recover: bool,
-    *,
-    overwrite: bool,
-) -> tuple[Integers, list[Failure], Nodes]:
+    releases: Releases, horizon: int, sender: Integers, faults: tuple[Simulated, ...], bit: int,
+    rng: np.random.Generator, recover: bool, *, overwrite: bool,
+) -> tuple[Integers, list[Failure], Nodes]:  # fmt: skip
     """Return when each frame begins, which failed, and the nodes at the end."""
     owner = sender.tolist()
     nodes = Nodes(max(owner) + 1)
@@ -289,7 +259,7 @@ def send(
         if nodes.calm and clear and now < min(horizon, struck - longest):
             sent = traffic.send(clear, min(horizon, struck - longest))
             clear -= len(sent)
-            if failures:  # else all counters are 0 and stay so
+            if failures:  # otherwise all counters remain 0
                 for rank in sent:
                     nodes.good[owner[rank]] += 1
             continue
@@ -310,14 +280,14 @@ def send(
         else:
             for fault, gap in zip(random, gaps, strict=True):
                 begin, end = fault.span
-                # How many bits of the frame pass before the first that is disturbed.
+                # Bits of the frame that pass before the first disturbed one.
                 hit = gap - 1 + max(-((now - begin) // bit), 0)
                 if hit < broken and now + hit * bit < end:
                     broken, error_bits = hit, fault.bits
             clear, gaps = next(chances)
         good = broken == open_bits
         traffic.now = now + (traffic.length[rank] if good else (broken + 1 + error_bits) * bit)
-        # Delimiter, end of frame and intermission are one sequence of 11 recessive bits.
+        # Delimiter, end of frame and intermission make one sequence of 11 recessive bits.
         counted = traffic.now
         if nodes.missing and recover:
             nodes.come_back(1, counted)
@@ -336,16 +306,15 @@ def send(
     return np.array(start, dtype=np.int64), failures, nodes
 
 
-#: Chances that are drawn at a time.
-_BLOCK = 4096
+_BLOCK = 4096  #: Random numbers drawn at a time.
 
 
 def _chances(
     rates: list[float], bits: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, list[int]]]:
-    """Yield how many attempts go well, and after how many bits each fault hits the next one.
+    """Yield how many attempts succeed, and after how many bits each fault hits the next one.
 
-    Only frames of `bits` bits are examined. At the end of a block the next fault is not known yet.
+    Only frames of `bits` bits are examined; the end of a block yields no next fault.
     """
     if not rates:
         yield NEVER, []
@@ -358,18 +327,14 @@ def _chances(
         yield _BLOCK - tried, []
 
 
-# Many sets of offsets --------------------------------------------------------------------------
-
-
-#: Messages times sets that are worked on at a time: they stay in a core's own cache.
-_CELLS = 40_000
+_CELLS = 40_000  #: Messages times sets solved at a time; they fit into a core's own cache.
 
 
 def send_batch(
     first: Integers, period: Integers, length: Integers, horizon: int
 ) -> tuple[Integers, Integers, Integers]:
     """Return largest response, sum of responses and frames sent, by message and set."""
-    # In the largest common tick, times are often short enough for 32 bits.
+    # In ticks of the greatest common divisor, times often fit 32 bits.
     tick = int(np.gcd.reduce(np.r_[first.ravel(), period, length, horizon]))
     parts = np.array_split(first // tick, max(1, round(first.size / _CELLS)), axis=1)
     solved = [_send_part(part, period // tick, length // tick, horizon // tick) for part in parts]
@@ -383,9 +348,9 @@ def _send_part(
     number, shift = len(period), (len(period) - 1).bit_length()
     latest = max(int(first.max(initial=0)), horizon) + 2 * int(period.max()) + int(length.max())
     kind = np.int32 if latest << shift < 2**31 else np.int64
-    # Time and priority in one number: of all next frames, the least is sent.
+    # Time and priority in one number; the smallest of all next frames is sent.
     rank = np.arange(number)
-    # In C order, so that flattening copies nothing.
+    # In C order, flattening copies nothing.
     head = np.ascontiguousarray(first << shift, dtype=kind)
     step = (period << shift).astype(kind)
     busy = ((length << shift) - rank).astype(kind)

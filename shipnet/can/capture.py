@@ -1,8 +1,7 @@
-"""Recorded CAN lines: frames from levels or voltages, each right or with its fault.
+"""CAN frames from the recorded levels or voltages of a line, each correct or with its fault.
 
-Only the edges are looked at. All frames go at once through a receiver as ISO 11898 describes it:
-hard synchronisation at the start of frame, resynchronisation at edges to dominant, with one sample
-as time quantum. So one step is made per edge of a frame, for all frames.
+Only edges are examined. A receiver as in ISO 11898, with one sample as time quantum, takes one step
+per edge of a frame, for all frames at once.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import numpy.typing as npt
 from shipnet import style
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Bytes, Floats, Indices, Integers
-from shipnet.can.frame import CRC_BITS, RUN, TAIL, check_bit_rate, head
+from shipnet.can.frame import CRC_BITS, HEADS, RUN, TAIL, check_bit_rate
 from shipnet.can.lengths import CHUNK, frame_length
 from shipnet.can.log import Log, hexadecimal
 from shipnet.can.messages import BIT_RATES
@@ -37,36 +36,22 @@ from shipnet.errors import (
 from shipnet.lazy import Axes, pd
 from shipnet.line.scope_file import Edges, bit_time, read_edges
 
-#: Bit rates that are tried when none is given: those of CANopen and NMEA 2000, and of vehicles.
+#: Bit rates tried by default: those of CANopen, NMEA 2000 and vehicles.
 _RATES = (*BIT_RATES, 100e3 / 3, 250e3 / 3, 2e6 / 21, 100e3, 200e3, 400e3, 800e3)
+_TRIED = 40_000  #: Number of edges on which they are compared.
+_FEWEST = 1.9  #: Fewest samples per bit, with a margin for inaccurate clocks.
+_IDLE = 9.5  #: Recessive bits before a start of frame; one may begin in the third of intermission.
+_EDGES, _BITS = 160, 176  #: Most edges and bits of a frame; the longest frame has 157 bits.
+_JUMP = 0.2  #: Most bits by which one edge shifts the sampling.
+_PLACES = (0.0, 0.42, -0.42)  #: Places of the start of frame in its sample that are tried in turn.
 
-#: Fewest samples per bit, with room for clocks that are off.
-_FEWEST = 1.9
-
-#: Recessive bits before a start of frame [bit]: a node may start in the third of intermission.
-_IDLE = 9.5
-
-#: Edges of a frame, and its bits, that are looked at; the longest frame has 157 bits.
-_EDGES, _BITS = 160, 176
-
-#: Bits to which an edge may shift the sampling of those that follow.
-_JUMP = 0.2
-
-#: Edges on which candidates for the bit rate are compared.
-_TRIED = 40_000
-
-#: Places of the start of frame within its sample that are tried, the middle one first.
-_PLACES = (0.0, 0.42, -0.42)
-
-#: Clocks that are tried where two samples per bit leave a choice, and the samples that do not.
+#: Clocks tried for ambiguous edges, and the samples per bit above which none is ambiguous.
 _CLOCKS, _CLEAR = (1 - 0.0015, 1.0, 1 + 0.0015), 4
-
-#: How many frames are read, and how many faults of a capture are described.
-_FRAMES, _FAULTS = 2**18, 1000
+_FRAMES, _FAULTS = 2**18, 1000  #: Most frames that are read, and most faults that are described.
 
 
 class _Rows(NamedTuple):
-    """What rows of bits hold, one entry per frame; places and lengths are in bits on the line."""
+    """Contents of rows of bits, one entry per frame; places and lengths are in bits on the line."""
 
     error: Bytes
     place: Integers  # bit that breaks the rule, -1 without an error
@@ -80,10 +65,7 @@ class _Rows(NamedTuple):
 
 
 def read_rows(line: Bytes, known: Integers) -> _Rows:
-    """Read frames, one per column of bits from the start of frame on; `known` bits of each count.
-
-    The errors are those of `shipnet.can.frame.decode`, for all frames at once.
-    """
+    """Read frames, one per column of bits, `known` bits each; the errors are those of `decode`."""
     width, n = line.shape
     every = np.arange(n)
     bits = np.zeros((width + 1, n), dtype=np.uint8)
@@ -93,7 +75,7 @@ def read_rows(line: Bytes, known: Integers) -> _Rows:
     for place, bit in enumerate(line):
         due, same = run == RUN, bit == last
         sixth[due & same & (sixth == width)] = place
-        # What follows a stuff bit is written over it.
+        # The bit after a stuff bit overwrites it.
         bits[kept, every], at[kept, every] = bit, place
         kept += ~due
         run = np.where(same, run + 1, 1).astype(np.uint8)
@@ -107,9 +89,7 @@ def read_rows(line: Bytes, known: Integers) -> _Rows:
         return np.asarray(2 ** np.arange(len(part))[::-1] @ part.astype(np.int64))
 
     extended = bits[13] == 1
-    start = np.where(
-        extended, sum(map(len, head(True).values())), sum(map(len, head(False).values()))
-    )
+    start = np.where(extended, *(sum(map(len, one.values())) for one in reversed(HEADS)))
     number = np.where(extended, value(np.concatenate([bits[1:12], bits[14:32]])), value(bits[1:12]))
     remote = np.where(extended, bits[32], bits[12]) == 1
     dlc = value(field(start - 4, 4))
@@ -145,14 +125,14 @@ def read_rows(line: Bytes, known: Integers) -> _Rows:
 
 
 class _Line:
-    """The edges of a bus: which lead to dominant, and where frames begin for a bit time."""
+    """The edges of a bus, and where frames begin at a given bit time."""
 
     def __init__(self, edges: Edges, bit: float) -> None:
         self.edges, self.bit = edges, bit
         places = edges.places
         runs = np.diff(places, prepend=0.0, append=edges.samples)
         level = (np.arange(len(runs)) + edges.first) % 2
-        # Only a recessive line is quiet for long; the first and the last run may go on outside.
+        # Only a recessive line is quiet for long; the first and the last run may be cut off.
         long = level[runs >= _IDLE * bit]
         recessive = int(2 * np.count_nonzero(long) >= len(long))
         falling = level[:-1] == recessive
@@ -174,10 +154,11 @@ class _Line:
         self.late = (means[1] - means[0]) / 2
 
     def receive(self, chosen: Indices, clock: float) -> tuple[Integers, Floats, Bools]:
-        """Return the bits before each edge, (edges, ways, frames), the misfit of each way, doubts.
+        """Return bits before each edge, (edges, ways, frames), the misfit of each way, and doubts.
 
-        A way is a place of the start of frame within its sample. An edge is off by its distance
-        from the sample that has a bit boundary; it is in doubt if as near to the next bit.
+        A way is a place of the start of frame within its sample. The misfit of an edge is its
+        distance from the sample with the bit boundary; an edge is in doubt if the next bit is as
+        near.
         """
         places, count = self.edges.places, self.count[chosen]
         most, bit, half = int(count.max(initial=1)), self.bit * clock, self.edges.width / 2
@@ -203,7 +184,7 @@ class _Line:
         return bits, misfit, doubt
 
     def rows(self, chosen: Indices, bits: Integers) -> _Rows:
-        """Read the frames whose edges come after these numbers of bits, (edges, frames)."""
+        """Read the frames from the number of bits before each edge, (edges, frames)."""
         n = len(chosen)
         ends = np.minimum(np.cumsum(bits, axis=0), _BITS)
         flips = np.zeros((_BITS + 1, n), dtype=np.uint8)
@@ -214,7 +195,7 @@ class _Line:
         return read_rows(line, known + np.rint(self.quiet[chosen] / self.bit).astype(np.int64))
 
     def read(self) -> tuple[_Rows, Bools]:
-        """Return all frames, and which of them were read only at a second attempt."""
+        """Return all frames, and which of them needed a second attempt."""
         order = np.argsort(self.count, kind="stable")
         parts = [
             self._read(order[begin : begin + CHUNK]) for begin in range(0, len(order) or 1, CHUNK)
@@ -228,15 +209,14 @@ class _Line:
         return rows, again
 
     def _read(self, chosen: Indices) -> tuple[_Rows, Bools]:
-        """Return these frames, which come by their number of edges."""
+        """Read these frames, sorted by their number of edges."""
         bits, misfit, doubt = self.receive(chosen, 1.0)
         rows = self.rows(chosen, bits[:, misfit.argmin(axis=0), np.arange(len(chosen))])
         again = np.zeros(len(chosen), dtype=bool)
         left = np.flatnonzero((rows.error > 0) & doubt)
         if not len(left) or self.bit >= _CLEAR:
             return rows, again
-        # An edge half a bit off is as near to one bit as to the next: senders that are a little
-        # fast or slow, best fit first.
+        # An edge half a bit off is ambiguous: try slightly fast and slow clocks, best fit first.
         tried = [self.receive(chosen[left], clock) for clock in _CLOCKS]
         ways = np.concatenate([bits for bits, _, _ in tried], axis=1)
         for way in np.argsort(np.concatenate([misfit for _, misfit, _ in tried]), axis=0):
@@ -252,7 +232,7 @@ class _Line:
 
 
 def _found_rate(file: str, edges: Edges) -> float:
-    """Return the bit rate at which the most frames are right: a usual one, or what fits."""
+    """Return the bit rate at which most frames are correct: a common one, or the best fit."""
     if len(edges.places) < 4:
         raise InputError(file, "too few changes of level to find the bit rate; state it")
     part = edges._replace(places=edges.places[:_TRIED])
@@ -292,19 +272,11 @@ def _too_few(file: str, rate: float, dt: float) -> InputError:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Capture:
-    """Frames of a recorded line; `read_capture` makes it.
+    """Frames of a recorded line; `read_capture` returns it.
 
-    Attributes
-    ----------
-    log : Log
-        The frames without a fault, each with the time at which it ended, counted from the first
-        sample; its `Log.faults` describe the others (the first 1000).
-    bit_rate : float
-        Bit rate, as given or found [bit/s].
-    duration : float
-        Length of the record [s].
-    channel : str
-        Channel of the file.
+    `log` has the correct frames, each with the time of its end from the first sample; its
+    `Log.faults` describe the first 1000 others. `bit_rate` is given or found [bit/s], `duration`
+    the length of the record [s], and `channel` that of the file.
 
     Examples
     --------
@@ -323,20 +295,19 @@ class Capture:
     def table(self) -> pd.DataFrame:
         """Return one row per frame, wrong ones included.
 
-        ``start_s`` and ``end_s`` from the first sample; ``arbitration_id``, ``extended``,
-        ``remote``, ``dlc`` and ``data``, empty where a fault comes before the end of the CRC;
-        ``bits`` on the line from start to end of frame, ``stuff_bits`` among them; ``error`` (ok,
-        or a class of `shipnet.errors`) and ``place``, the bit where it was found, -1 without one.
-        ``second_reading``: whether the frame is right only if an edge that lies between two bits
-        is taken for the other one; a frame with a wrong bit may pass for right there.
+        What follows a fault before the end of the CRC is empty. ``bits`` counts from start to end
+        of frame, including ``stuff_bits``; ``error`` is ok or a class of `shipnet.errors`, and
+        ``place`` the bit where it was found, -1 without an error. ``second_reading`` marks frames
+        that are correct only if an ambiguous edge belongs to the other bit; they may hide a wrong
+        bit.
         """
         return self._table.copy()
 
     def loads(self) -> pd.DataFrame:
-        """Return the bits and the load of the right frames as measured, and as formulas have them.
+        """Return the bits and the load of the correct frames, measured and by formula.
 
-        Rows: ``measured`` on the line, from start to end of frame; ``with intermission``; and with
-        intermission the lengths of `frame_length` with stuffing ``none``, ``mean`` and ``worst``.
+        Rows: ``measured`` from start to end of frame; ``with intermission``; and `frame_length`
+        with stuffing ``none``, ``mean`` and ``worst``.
         """
         right = self._table[self._table["error"] == "ok"]
         size = np.where(self.log.remote, 0, np.minimum(self.log.dlc, 8))
@@ -350,7 +321,7 @@ class Capture:
         return table
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw when each message was on the bus, one row per identifier, faults in the last."""
+        """Draw when each message was on the bus, one row per identifier and one for faults."""
         ax, table = style.axes(ax), self._table
         keys = self.log.keys
         for row, key in enumerate(np.unique(keys).tolist()):
@@ -384,57 +355,52 @@ def read_capture(
     channel: str | None = None,
     sample_interval: float | None = None,
 ) -> Capture:
-    """Read the frames of a recorded line: logic levels, or sampled voltages.
+    """Read the frames of a recorded line from logic levels or sampled voltages.
 
     Parameters
     ----------
     path : path
-        A session of sigrok (``.sr``), a CSV or other text of a logic analyser or scope, with levels
-        at even times or only the changes with their times, or ``.npy`` or ``.npz`` of levels or
-        voltages, as `shipnet.line.Waveform.read` takes them. The voltage may be that of CAN_H,
-        CAN_L, their difference or a receiver's output: the level at which the line rests is
-        recessive.
+        A sigrok session (``.sr``), text of a logic analyser or scope with levels or changes of
+        level, or ``.npy`` or ``.npz`` of levels or voltages, as `shipnet.line.Waveform.read` takes
+        them: of CAN_H, CAN_L, their difference or a receiver. The idle level is recessive.
     bit_rate : float, optional
-        Bit rate, 1000..1e6 [bit/s]; found from the edges if omitted.
+        Bit rate, 1000..1e6 [bit/s]; by default found from the edges.
     channel : str, optional
-        Title or number of the channel; the one that changes most often if omitted.
+        Title or number of the channel; by default the one that changes most often.
     sample_interval : float, optional
-        Time between two samples [s]; it overrides what the file says.
+        Time between two samples [s]; it overrides that of the file.
 
     Returns
     -------
     Capture
-        Every frame that begins in the record, right or with its fault. A line that rests has none.
+        Every frame that begins in the record, correct or with its fault.
 
     Raises
     ------
     InputError
-        If the file cannot be read or gives no times, it has fewer than 1.9 samples per bit or more
-        than 2**18 frames, or the bit rate is not given and there are too few edges to find it.
-    ArgumentError
-        If an argument is out of its range.
+        If the file cannot be read or gives no times, if it has fewer than 1.9 samples per bit or
+        more than 2**18 frames, or if there are too few edges to find the bit rate.
 
     Notes
     -----
-    A receiver as [1]_ describes it, with one sample as time quantum, synchronises at the start of
-    a frame and again at every edge from recessive to dominant. It allows for the place of an edge
-    within its sample, which is not seen: of three places of the start of frame the one is taken
-    that fits the edges best. Where samples are scarce, fewer than 4 per bit, an edge may be as near
-    to one bit as to the next; a frame that is wrong and has such an edge is read again by receivers
-    that are 0.15 % fast and slow, and a reading that is right is marked. So a damaged bit can be
-    read away: of 18 419 frames with one flipped bit 9 passed for right at 2 samples per bit, 7 of
-    them marked, and none at 8.
+    A receiver as in [1]_, with one sample as time quantum, synchronises at the start of a frame and
+    at every edge to dominant. The place of an edge within its sample is unknown: the receiver tries
+    three places of the start of frame and keeps the best fit. With fewer than 4 samples per bit, an
+    edge may be as near to one bit as to the next. A wrong frame with such an edge is read again
+    with clocks 0.15 % fast and slow; if it is then correct, it is marked. This can hide a damaged
+    bit: of 18 419 frames with one flipped bit, 9 passed at 2 samples per bit (7 of them marked),
+    and none at 8.
 
-    CAN FD frames and error flags are faults: a recessive reserved bit, and six equal bits.
+    CAN FD frames and error flags count as faults: a recessive reserved bit, and six equal bits.
 
     References
     ----------
     .. [1] Robert Bosch GmbH, "CAN Specification", version 2.0, 1991, part B, sections 8 and 9;
-       ISO 11898-1 took them over.
+       now in ISO 11898-1.
 
     Examples
     --------
-    Two seconds of a boat's NMEA 2000 bus, two samples per bit:
+    Two seconds of a boat's NMEA 2000 bus, at two samples per bit:
 
     >>> from shipnet import datasets
     >>> read_capture(datasets.path("sigrok_nmea2000_snippet.sr"))

@@ -1,9 +1,4 @@
-"""What goes wrong on a bus: bit errors to simulate, and a bound on errors to analyse.
-
->>> from shipnet.can.faults import BitErrors, ErrorAt, ErrorBound
->>> BitErrors(1e-5), ErrorAt(2e-3), ErrorBound(interval=0.1)
-(BitErrors(rate=1e-05), ErrorAt(time=0.002, bits=23), ErrorBound(interval=0.1, burst=1, bits=31))
-"""
+"""Faults on a CAN bus: bit errors for simulations, and a bound on errors for analyses."""
 
 from __future__ import annotations
 
@@ -19,10 +14,9 @@ from shipnet.fields import number, record, whole
 
 __all__ = ["ERROR_BITS", "BitErrors", "ErrorAt", "ErrorBound"]
 
-#: What each error costs beside the frame that is sent again [bit], by the analysis that says so,
-#: for `ErrorBound.bits`. Frames here end with their intermission, so it is not part of these:
-#: Broster et al. count frames without it, and 29 bits for an error. The least that holds on a bus
-#: is two error flags of 6 bits and a delimiter of 8.
+#: What each error costs beside the retransmission [bit], by analysis, for `ErrorBound.bits`. Frames
+#: here include their intermission; Broster et al. count frames without it, and 29 bits per error.
+#: The least on any bus is two error flags of 6 bits and a delimiter of 8.
 ERROR_BITS: Mapping[str, int] = MappingProxyType(
     {"Tindell 1995": 31, "Davis 2007": 31, "Broster 2002": 26, "least": 20}
 )
@@ -30,9 +24,9 @@ ERROR_BITS: Mapping[str, int] = MappingProxyType(
 
 @record(repr=False)
 class BitErrors(Fault):
-    """Bits are disturbed at random while the fault lasts, independently of each other, to simulate.
+    """Random, independent bit errors while the fault lasts, for simulations.
 
-    All nodes see the error, so the frame is destroyed at its first disturbed bit and sent again.
+    All nodes see the error; the frame is destroyed at its first wrong bit and sent again.
 
     Examples
     --------
@@ -57,7 +51,7 @@ class BitErrors(Fault):
 
 @record
 class ErrorAt:
-    """One bit is disturbed at a given time, to simulate; between frames it does no harm.
+    """One bit error at a given time, for simulations; between frames it does no harm.
 
     Examples
     --------
@@ -74,16 +68,15 @@ class ErrorAt:
 @checked
 @record
 class ErrorBound:
-    r"""The most errors that hit the bus in any time :math:`t`, to analyse.
+    r"""The most errors on the bus in any time :math:`t`, for analyses.
 
     .. math:: F(t) = n_{burst} + \left\lceil \frac{t}{T_{interval}} \right\rceil - 1, \qquad
               E(t) = F(t) \left( n_{err} \tau + \max_{k \in hep(m)} C_k \right)
 
     Notes
     -----
-    The 31 bits are those of [1]_. The tables of [2]_ come out with
-    ``bits=ERROR_BITS["Broster 2002"]``, the method ``"1994"`` and
-    ``Assumptions(intermission="between", foreign_bits=3)``.
+    The 31 bits are from [1]_. For the tables of [2]_ use ``bits=ERROR_BITS["Broster 2002"]``,
+    method ``"1994"`` and ``Assumptions(intermission="between", foreign_bits=3)``.
 
     References
     ----------
@@ -123,5 +116,4 @@ class ErrorBound:
 
 Simulated: TypeAlias = BitErrors | ErrorAt
 
-#: A bus without errors.
-NO_ERRORS = ErrorBound(math.inf, 0)
+NO_ERRORS = ErrorBound(math.inf, 0)  #: A bus without errors.

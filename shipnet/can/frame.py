@@ -1,12 +1,7 @@
-"""Frames of classic CAN: their bits on the line, how a receiver reads them, who wins the bus.
+"""Frames of classic CAN: their bits on the line, how a receiver reads them, which one wins the bus.
 
-Stuff bits may follow any bit from the start of frame up to the last of the CRC sequence: after
-five equal bits a transmitter sends one of the other value, which counts as the first of the next
-run. From the CRC delimiter on, every bit has a fixed value.
-
-In arbitration a 0 is dominant: it wins over every 1 that is sent at the same time, so the bus
-carries the least of the bits. A sender that reads a 0 where it sent a 1 stops, and the others
-never notice.
+A transmitter inserts an inverted stuff bit after five equal bits, up to the end of the CRC
+sequence. In arbitration, 0 is dominant and wins over any 1 sent at the same time.
 """
 
 from __future__ import annotations
@@ -34,42 +29,20 @@ from shipnet.errors import (
 from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import Axes
 
-# The layout of a frame -----------------------------------------------------------------------
-
-#: Bits of the CRC sequence.
-CRC_BITS = CRC.width
-
-#: Recessive bits between the end of a frame and the start of the next, at least.
-INTERMISSION = 3
+CRC_BITS = CRC.width  #: Bits of the CRC sequence.
+INTERMISSION = 3  #: Recessive bits between the end of a frame and the start of the next, at least.
 
 #: Fields after the CRC sequence, and their bits on a bus where a receiver acknowledges.
 TAIL = (("CRC delimiter", "1"), ("ACK slot", "0"), ("ACK delimiter", "1"), ("EOF", "1111111"))
 
-# Bits that a transmitter may choose are "x"; reserved bits are dominant.
-_BASE = {
-    "SOF": "0",
-    "base identifier": "x" * 11,
-    "RTR": "x",
-    "IDE": "0",
-    "r0": "0",
-    "DLC": "xxxx",
-}
+# "x" marks bits that a transmitter chooses; reserved bits are dominant.
+_BASE = {"SOF": "0", "base identifier": "x" * 11, "RTR": "x", "IDE": "0", "r0": "0", "DLC": "xxxx"}
 _EXTENDED = {
-    "SOF": "0",
-    "base identifier": "x" * 11,
-    "SRR": "1",
-    "IDE": "1",
-    "identifier extension": "x" * 18,
-    "RTR": "x",
-    "r1": "0",
-    "r0": "0",
-    "DLC": "xxxx",
-}
+    "SOF": "0", "base identifier": "x" * 11, "SRR": "1", "IDE": "1",
+    "identifier extension": "x" * 18, "RTR": "x", "r1": "0", "r0": "0", "DLC": "xxxx",
+}  # fmt: skip
 
-
-def head(extended: bool) -> dict[str, str]:
-    """Return the fields before the data."""
-    return dict(_EXTENDED if extended else _BASE)
+HEADS = (_BASE, _EXTENDED)  #: The fields before the data, without and with an extended identifier.
 
 
 def highest_id(extended: bool) -> int:
@@ -78,14 +51,13 @@ def highest_id(extended: bool) -> int:
 
 
 def payload(dlc: int, remote: bool = False) -> int:
-    """Return how many bytes of data a frame with this data length code carries."""
-    dlc = check_whole("dlc", dlc, 0, 15)
+    """Return how many data bytes a frame with this data length code carries."""
     return 0 if remote else min(dlc, 8)
 
 
 def stuffed_region(n_bytes: int, extended: bool) -> int:
-    """Return how many bits of a frame are subject to stuffing, stuff bits not counted."""
-    return sum(map(len, head(extended).values())) + 8 * n_bytes + CRC_BITS
+    """Return how many bits of a frame are subject to stuffing, not counting the stuff bits."""
+    return sum(map(len, HEADS[extended].values())) + 8 * n_bytes + CRC_BITS
 
 
 def check_bit_rate(bit_rate: float, low: float = 1000.0) -> float:
@@ -93,16 +65,12 @@ def check_bit_rate(bit_rate: float, low: float = 1000.0) -> float:
     return check_scalar("bit_rate", bit_rate, "bit/s", low, 1e6)
 
 
-# Bit stuffing ----------------------------------------------------------------------------------
-
-#: Equal bits in a row after which a stuff bit is sent.
-RUN = 5
+RUN = 5  #: Number of equal bits after which a stuff bit is sent.
 
 
 def stuff_places(bits: str) -> list[int]:
-    """Return where stuff bits go."""
-    places = []
-    last, run = "", 0
+    """Return how many bits come before each stuff bit."""
+    places, last, run = [], "", 0
     for place, bit in enumerate(bits, start=1):
         run = run + 1 if bit == last else 1
         last = bit
@@ -114,7 +82,7 @@ def stuff_places(bits: str) -> list[int]:
 
 @checked
 def stuff(bits: str) -> str:
-    """Return bits with their stuff bits, as they go onto the line.
+    """Return bits with stuff bits inserted, as they are sent.
 
     Parameters
     ----------
@@ -124,12 +92,7 @@ def stuff(bits: str) -> str:
     Returns
     -------
     str
-        The bits and the stuff bits; one after the last bit is included.
-
-    Raises
-    ------
-    ArgumentError
-        If `bits` holds anything else.
+        The bits and the stuff bits, including one due after the last bit.
 
     Examples
     --------
@@ -138,22 +101,15 @@ def stuff(bits: str) -> str:
     """
     if set(bits) - {"0", "1"}:
         raise ArgumentError(f"bits is {bits!r}; it must be text of 0 and 1")
-    parts = []
-    begin = 0
+    parts, begin = [], 0
     for place in stuff_places(bits):
         parts += [bits[begin:place], "10"[int(bits[place - 1])]]
         begin = place
     return "".join([*parts, bits[begin:]])
 
 
-# Frames ----------------------------------------------------------------------------------------
-
-
 class Field(NamedTuple):
-    """One field of a frame: its bits as a number, and where it is without and with stuff bits.
-
-    On the line a stuff bit belongs to the field whose bit it follows.
-    """
+    """A field of a frame: its value, and its place without and with (`line_`) stuff bits."""
 
     name: str
     value: int
@@ -170,44 +126,36 @@ class Frame:
     Parameters
     ----------
     arbitration_id : int
-        Arbitration id, 0..2047, or 0..2**29 - 1 if `extended`. The lower goes first.
+        Arbitration id, 0..2047, or 0..2**29 - 1 if `extended`; the lowest has the highest priority.
     data : bytes, default b""
-        Up to 8 bytes; none in a remote frame.
+        0..8 bytes; a remote frame has none.
     extended : bool, default False
         Whether the arbitration id has 29 bits instead of 11.
     remote : bool, default False
-        Whether the frame asks for data instead of carrying them.
+        Whether the frame requests data instead of carrying them.
     dlc : int, optional
-        Data length code, 0..15; the number of data bytes if omitted. 9 to 15 mean 8 bytes, and
-        in a remote frame it says how many are asked for.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range, or `data` and `dlc` do not fit each other.
+        Data length code, 0..15; by default the number of data bytes. 9..15 mean 8 bytes. In a
+        remote frame it is the number of bytes requested.
 
     Notes
     -----
-    The acknowledge slot is dominant, as on a bus where at least one receiver is alive. CAN 2.0
-    part A also forbade seven recessive bits at the beginning of an id; ISO 11898-1 does not.
+    The acknowledge slot is dominant, as on a bus with at least one receiver. CAN 2.0 part A also
+    forbade ids that begin with seven recessive bits; ISO 11898-1 does not.
 
     References
     ----------
-    .. [1] Robert Bosch GmbH, "CAN Specification", version 2.0, 1991.
-    .. [2] R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, "Controller Area Network (CAN)
+    .. [1] R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, "Controller Area Network (CAN)
        schedulability analysis: refuted, revisited and revised", Real-Time Systems 35, 2007.
 
     Examples
     --------
-    The longest frame that there is with 8 bytes and an id of 11 bits; the bound of [2]_ is 135:
+    The longest frame with 8 bytes and an 11-bit id; the bound of [1]_ is 135 bits:
 
     >>> frame = Frame(0x078, bytes.fromhex("01E1E1E1E1E1E00F"))
-    >>> frame.stuff_bits, len(frame.bits), frame.length
-    (22, 130, 133)
     >>> frame
     Frame(078#01E1E1E1E1E1E00F)
-    >>> frame.bits[:30]
-    '000001111100000100100000100000'
+    >>> frame.stuff_bits, len(frame.bits), frame.length
+    (22, 130, 133)
     """
 
     arbitration_id: int
@@ -222,9 +170,9 @@ class Frame:
             if not isinstance(flag, bool | np.bool_):
                 raise ArgumentError(f"{name} is {flag!r}; it must be True or False")
             object.__setattr__(self, name, bool(flag))
-        why = f" for an id of {29 if self.extended else 11} bits"
+        bits = 29 if self.extended else 11
         number = check_whole(
-            "arbitration_id", self.arbitration_id, 0, highest_id(self.extended), why
+            "arbitration_id", self.arbitration_id, 0, 2**bits - 1, f" for an id of {bits} bits"
         )
         if not isinstance(self.data, bytes | bytearray | memoryview):
             raise ArgumentError(f"data is {self.data!r}; it must be bytes, at most 8")
@@ -241,7 +189,7 @@ class Frame:
         object.__setattr__(self, "dlc", dlc)
 
     def _checked_parts(self) -> dict[str, str]:
-        """Fields and bits that the CRC is taken over."""
+        """Return the fields that the CRC covers, and their bits."""
         number = f"{self.arbitration_id:0{29 if self.extended else 11}b}"
         chosen = {
             "base identifier": number[:11],
@@ -249,15 +197,15 @@ class Frame:
             "RTR": f"{self.remote:b}",
             "DLC": f"{self.dlc:04b}",
         }
-        parts = {name: chosen.get(name, fixed) for name, fixed in head(self.extended).items()}
+        parts = {name: chosen.get(name, fixed) for name, fixed in HEADS[self.extended].items()}
         if self.data:
             parts["data"] = "".join(f"{byte:08b}" for byte in self.data)
         return parts
 
     @property
     def crc(self) -> int:
-        """The check value of 15 bits, over the bits from start of frame to the last of the data."""
-        return CRC.of("".join(self._checked_parts().values()))
+        """The check value of 15 bits over all bits before it."""
+        return int(self.unstuffed[-CRC_BITS:], 2)
 
     @property
     def unstuffed(self) -> str:
@@ -267,16 +215,16 @@ class Frame:
 
     @property
     def bits(self) -> str:
-        """All bits on the line from start of frame to end of frame, with the stuff bits."""
+        """All bits on the line from start to end of frame, including stuff bits."""
         return stuff(self.unstuffed) + "".join(bits for _, bits in TAIL)
 
     @property
     def length(self) -> int:
-        """Bits that the frame takes of the bus, with the 3 bits of intermission after it."""
+        """Number of bits on the bus, including stuff bits and the 3 bits of intermission."""
         return len(self.bits) + INTERMISSION
 
     def frame_time(self, bit_rate: float) -> float:
-        """Return how long the frame keeps the bus busy, intermission included [s]."""
+        """Return how long the frame and its intermission occupy the bus [s]."""
         return self.length / check_bit_rate(bit_rate)
 
     @property
@@ -286,28 +234,24 @@ class Frame:
 
     @property
     def stuff_positions(self) -> tuple[int, ...]:
-        """Which of `bits` are stuff bits, counted from 0."""
+        """Indices of the stuff bits in `bits`, counted from 0."""
         return tuple(place + k for k, place in enumerate(stuff_places(self.unstuffed)))
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """The fields in the order in which they are sent; a field without bits is left out."""
-        checked = self._checked_parts()
-        parts = checked | {"CRC sequence": f"{self.crc:0{CRC_BITS}b}"} | dict(TAIL)
+        """The fields with at least one bit, in the order sent."""
+        sequence = {"CRC sequence": self.unstuffed[-CRC_BITS:]}
         places = stuff_places(self.unstuffed)
-        fields = []
-        start = 0
-        for name, bits in parts.items():
+        fields, start = [], 0
+        for name, bits in (self._checked_parts() | sequence | dict(TAIL)).items():
             end = start + len(bits)
             on_line, after = (at + bisect_right(places, at) for at in (start, end))
-            fields.append(
-                Field(name, int(bits, 2), start, len(bits), on_line, after - on_line),
-            )
+            fields.append(Field(name, int(bits, 2), start, len(bits), on_line, after - on_line))
             start = end
         return tuple(fields)
 
-    def plot(self, ax: Axes | None = None, *, bits_per_row: int = 44) -> Axes:
-        """Draw the frame as rows of coloured bits with the level on the line above."""
+    def plot(self, ax: Axes | None = None, *, bits_per_row: int = 30) -> Axes:
+        """Draw the bits in rows, coloured by field, with the level on the line above."""
         from shipnet.can.plot import plot_fields
 
         fields = [(field.name, field.line_start, field.line_length) for field in self.fields]
@@ -323,21 +267,15 @@ class Frame:
         return f"{number}#{content}" + (f"_{self.dlc:X}" if self.dlc > 8 else "")
 
 
-# Reading ---------------------------------------------------------------------------------------
-
-
 class _Line:
-    """The bits that arrive, read field by field without their stuff bits."""
+    """A receiver's place in the bits of a frame, and what it has read without stuff bits."""
 
     def __init__(self, bits: str) -> None:
-        self.bits = bits
-        self.position = 0
-        self.last = ""
-        self.run = 0
-        self.read = ""
+        self.bits, self.position = bits, 0
+        self.last, self.run, self.read = "", 0, ""
 
     def raw(self, field: str) -> str:
-        """Return the next bit as it is."""
+        """Return the next bit, stuff bit or not."""
         if self.position >= len(self.bits):
             raise LengthError(f"the bits end before bit {self.position}, in the {field}")
         bit = self.bits[self.position]
@@ -349,17 +287,15 @@ class _Line:
         return bit
 
     def skip_stuff_bit(self, field: str) -> None:
-        """Read the stuff bit if one is due."""
+        """Read a stuff bit if one is due."""
         if self.run == RUN:
             bit = self.raw(field)
             if self.run > RUN:
-                raise StuffError(
-                    f"bit {self.position - 1}, {field}: a sixth {bit} in a row instead of a stuff "
-                    "bit"
-                )
+                what = f"a sixth {bit} in a row instead of a stuff bit"
+                raise self.fault(StuffError, field, what)
 
     def take(self, field: str, length: int) -> str:
-        """Return the bits of a field that is subject to stuffing."""
+        """Return the bits of a field without stuff bits."""
         taken = ""
         for _ in range(length):
             self.skip_stuff_bit(field)
@@ -381,47 +317,32 @@ class _Line:
 
 @checked
 def decode(bits: str) -> Frame:
-    """Read the frame that a stream of bits begins with.
+    """Read the frame at the beginning of a string of bits.
 
     Parameters
     ----------
     bits : str
-        Characters 0 (dominant) and 1, from start of frame on, with stuff bits. What follows the
-        end of frame is not looked at.
+        Characters 0 (dominant) and 1, from the start of frame, with stuff bits. Anything after the
+        end of frame is ignored.
 
     Returns
     -------
     Frame
-        What was sent. Its `bits` equal those given, except perhaps the last of end of frame.
+        The frame. Its `bits` equal those given, except perhaps the last bit of the end of frame.
 
     Raises
     ------
-    StartBitError
-        If the first bit is recessive.
-    StuffError
-        If six bits in a row are equal between start of frame and the CRC delimiter.
-    CrcError
-        If the CRC sequence is not the one computed.
-    FormError
-        If a reserved bit or a delimiter or the end of frame has the wrong value.
-    AcknowledgeError
-        If the acknowledge slot is recessive.
-    LengthError
-        If the bits end before the frame does.
-    SymbolError
-        If a character of the frame is neither 0 nor 1.
-    ArgumentError
-        If `bits` is not a str.
+    StartBitError, StuffError, FormError, CrcError, AcknowledgeError
+        If the frame breaks a rule of CAN; the message names the first wrong bit, counted from 0,
+        and its field. A wrong CRC is reported after its last bit.
+    LengthError, SymbolError
+        If the bits end before the frame does, or a character is neither 0 nor 1.
 
     Notes
     -----
-    Faults are found in the order in which they pass on the line, and the first is raised; its
-    message names the bit, counted from 0, and the field. The CRC is checked when its last bit has
-    passed. A receiver ignores the last bit of end of frame, which signals an overload condition if
-    it is dominant [1]_.
-
-    The specification lets receivers accept reserved bits of either value. Here they are refused,
-    because a `Frame` cannot hold them: on today's buses they mean CAN FD.
+    A receiver ignores the last bit of the end of frame; a dominant one signals overload [1]_. The
+    specification lets receivers accept either value of a reserved bit. Here a recessive one is a
+    `FormError`, because on today's buses it marks CAN FD.
 
     References
     ----------
@@ -430,7 +351,7 @@ def decode(bits: str) -> Frame:
     Examples
     --------
     >>> line = Frame(0x123, b"ship").bits
-    >>> decode(line + "111")
+    >>> decode(line)
     Frame(123#73686970)
     >>> decode(line[:20] + "000000" + line[26:])
     Traceback (most recent call last):
@@ -456,9 +377,8 @@ def decode(bits: str) -> Frame:
     received = int(line.take("CRC sequence", CRC_BITS), 2)
     line.skip_stuff_bit("CRC sequence")
     if received != expected:
-        raise line.fault(
-            CrcError, "CRC sequence", f"received {received:#06x}, but computed {expected:#06x}"
-        )
+        what = f"received {received:#06x}, but computed {expected:#06x}"
+        raise line.fault(CrcError, "CRC sequence", what)
     for field, fixed in TAIL:
         for place, right in enumerate(fixed, start=1):
             if line.raw(field) == right or (field == "EOF" and place == len(fixed)):
@@ -470,23 +390,13 @@ def decode(bits: str) -> Frame:
     return Frame(int(number, 2), content, extended, remote == "1", dlc)
 
 
-# Arbitration -----------------------------------------------------------------------------------
-
-
 @checked
 class Arbitration(NamedTuple):
-    """How frames that began together settled who goes on.
+    """The outcome of an arbitration; `arbitrate` returns it.
 
-    Attributes
-    ----------
-    frames : tuple of Frame
-        Who took part.
-    bus : str
-        Bits on the bus, stuff bits among them, from the start of frame to the last that can
-        decide: IDE, of an extended frame RTR.
-    stopped : tuple of int or None
-        For each frame the bit at which its sender stopped, 0 the start of frame; None for the
-        winner.
+    `bus` has the bits on the bus up to the last that can decide (IDE, or RTR of an extended frame),
+    including stuff bits. `stopped` has for each of the `frames` the bit at which its sender
+    stopped, counted from 0, or None for the winner.
 
     Examples
     --------
@@ -500,63 +410,52 @@ class Arbitration(NamedTuple):
 
     @property
     def winner(self) -> Frame:
-        """The frame that goes on."""
+        """The frame that wins."""
         return self.frames[self.stopped.index(None)]
 
     def plot(
         self, names: Sequence[str] = (), ax: Axes | None = None, *, upto: int | None = None
     ) -> Axes:
-        """Draw what each sender puts on the bus, one row each, and the bus below.
+        """Draw the bits of each sender, one row each, above the bits on the bus.
 
-        `names` are the labels of the rows, by default the frames as text; `upto` is the last bit
-        to show.
+        `names` labels the rows, by default with the frames; `upto` is the last bit shown.
         """
         from shipnet.can.plot import plot_contest
 
         if names and len(names) != len(self.frames):
             raise ArgumentError(f"there are {len(names)} names for {len(self.frames)} frames")
-        rows = [
-            (name, frame.bits, set(frame.stuff_positions), stopped)
-            for name, frame, stopped in zip(
-                names or map(str, self.frames), self.frames, self.stopped, strict=True
-            )
-        ]
-        return plot_contest(rows, self.bus, ax, upto)
+        stuffed = [set(frame.stuff_positions) for frame in self.frames]
+        bits = [frame.bits for frame in self.frames]
+        rows = zip(names or map(str, self.frames), bits, stuffed, self.stopped, strict=True)
+        return plot_contest(list(rows), self.bus, ax, upto)
 
 
 @checked
 def arbitrate(frames: Sequence[Frame]) -> Arbitration:
-    """Send frames that begin together, bit by bit, until one is left.
+    """Send frames that begin together, bit by bit, until one remains.
 
     Parameters
     ----------
     frames : sequence of Frame
-        One or more; no two with the same id, length of the id and kind.
+        One or more; no two with the same id, id length and kind.
 
     Returns
     -------
     Arbitration
-        What was on the bus, and at which bit each sender stopped.
-
-    Raises
-    ------
-    ArgumentError
-        If `frames` is empty, holds anything but frames, or two of them do not differ before
-        their data.
+        The bits on the bus, and where each sender stopped.
 
     Notes
     -----
-    The bus is taken to be short: within a bit time every node has read the same level.
+    Every node reads the same level within the bit time, as on a short bus [1]_.
 
     References
     ----------
-    .. [1] Robert Bosch GmbH, "CAN Specification", version 2.0, 1991, section 1, bus values and
-       arbitration.
+    .. [1] Robert Bosch GmbH, "CAN Specification", version 2.0, 1991, section 1.
 
     Examples
     --------
-    0x200 sends its first 1 in bit 2, where the others send 0; 0x101 differs from 0x100 in the
-    last bit of the id, which is bit 12 on the bus, because a stuff bit is sent before it:
+    0x200 sends a 1 in bit 2, where the others send 0. 0x101 differs from 0x100 in the last bit of
+    the id, which is bit 12 on the bus because a stuff bit precedes it:
 
     >>> contest = arbitrate([Frame(0x200), Frame(0x101), Frame(0x100)])
     >>> contest.stopped, contest.bus
@@ -585,6 +484,6 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
 
 
 def _end(frame: Frame) -> int:
-    """Return how many bits of a frame, stuff bits included, can decide an arbitration."""
+    """Return how many bits of a frame, including stuff bits, can decide an arbitration."""
     last = "RTR" if frame.extended else "IDE"
     return 1 + next(field.line_start for field in frame.fields if field.name == last)

@@ -1,7 +1,6 @@
-"""How long CAN frames are: by formula, on average, at worst, and to the bit for millions of them.
+"""Lengths of CAN frames: by formula, on average, at worst, and to the bit for millions of them.
 
-Millions of frames are taken byte by byte: head, data, and the CRC sequence with one bit more. A
-table of states times bytes says how many stuff bits eight more bits cost.
+Frames are measured byte by byte: a table of states times bytes counts the stuff bits.
 """
 
 from __future__ import annotations
@@ -14,12 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Bools, Floats, Integers
-from shipnet.can.frame import (
-    INTERMISSION,
-    RUN,
-    TAIL,
-    stuffed_region,
-)
+from shipnet.can.frame import INTERMISSION, RUN, TAIL, stuffed_region
 from shipnet.crc import CAN as CRC
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
@@ -40,10 +34,7 @@ _MEAN_STUFF = (
 )
 
 #: Most stuff bits that any identifier and data of this format and length get, by the same route.
-_MOST_STUFF = (
-    (6, 7, 9, 12, 14, 15, 18, 21, 22),
-    (11, 13, 15, 17, 19, 21, 23, 25, 27),
-)
+_MOST_STUFF = ((6, 7, 9, 12, 14, 15, 18, 21, 22), (11, 13, 15, 17, 19, 21, 23, 25, 27))
 
 
 def _bits(most: Callable[[int, int, bool], float]) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -67,7 +58,7 @@ _TABLE: dict[Stuffing, tuple[tuple[float, ...], tuple[float, ...]]] = {
 
 
 def length_table(stuffing: Stuffing) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the lengths of frames by identifier (11 or 29 bits) and data bytes [bit]."""
+    """Return frame lengths by identifier (11 or 29 bits) and data bytes [bit]."""
     check_choice("stuffing", stuffing, _TABLE)
     return _TABLE[stuffing]
 
@@ -81,7 +72,7 @@ def frame_length(
 def frame_length(
     dlc: npt.ArrayLike, *, stuffing: Stuffing = "worst", extended: npt.ArrayLike = False
 ) -> float | Floats:
-    r"""Return the length of data frames, with the intermission after them.
+    r"""Return the length of data frames, including intermission.
 
     With :math:`g` = 34 stuffed bits without data (54 for a 29-bit identifier) and :math:`s` bytes:
 
@@ -93,27 +84,21 @@ def frame_length(
     dlc : int or array_like of int
         Data bytes, 0..8.
     stuffing : {"none", "mean", "attainable", "worst", "worst 1994"}, default "worst"
-        Which stuff bits count: none, their average over random identifiers and data, the most
-        that any identifier and data get, the bound of [1]_, or that of [2]_, which is too low.
+        Which stuff bits count: none, the mean over random identifiers and data, the most in any
+        frame, the bound of [1]_, or that of [2]_, which is too low.
     extended : bool or array_like of bool, default False
         Whether the identifier has 29 bits.
 
     Returns
     -------
-    int or float or ndarray of float, of the shape of the arguments broadcast
-        Length [bit]; whole except for ``"mean"``.
-
-    Raises
-    ------
-    ArgumentError
-        If a number of bytes is not a whole number 0..8, or `stuffing` is unknown.
+    int or float or ndarray of float
+        Length [bit], in the broadcast shape of the arguments; whole except for ``"mean"``.
 
     Notes
     -----
-    In the bound of [1]_ a stuff bit begins the next run, which [2]_ forgot. No frame gets that
-    long, because identifier, reserved bits and CRC cannot all be chosen: the longest standard
-    frame of 8 bytes has 133 bits. Real data are not random: eight zero bytes get 15 stuff bits, not
-    the mean of 3.3.
+    In the bound of [1]_ a stuff bit begins the next run, which [2]_ overlooked. No frame reaches
+    it, because identifier, reserved bits and CRC are not free: the longest standard frame has 133
+    bits. Real data are not random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
 
     References
     ----------
@@ -143,8 +128,6 @@ def frame_length(
     return np.asarray(columns[long.astype(np.intp), size.astype(np.intp)], dtype=np.float64)
 
 
-# Frames by the million -------------------------------------------------------------------------
-
 #: Frames worked on at a time: they and what is made of them stay in a core's own cache.
 CHUNK = 2**13
 
@@ -160,7 +143,7 @@ def measure_frames(
     extended: npt.ArrayLike = False,
     remote: npt.ArrayLike = False,
 ) -> Integers:
-    """Return the lengths of frames with these (n, 8) bytes of data, intermission included [bit]."""
+    """Return the lengths of frames with (n, 8) bytes of data, including intermission [bit]."""
     number, code, long, asks = (
         np.broadcast_to(np.asarray(values, dtype=kind), len(data))
         for values, kind in (
@@ -180,18 +163,18 @@ def measure_frames(
 def _measure(
     data: Octets, number: Integers, dlc: Integers, extended: Bools, remote: Bools
 ) -> Integers:
-    """Return the lengths of frames whose data are equally long."""
-    # SRR and IDE are the bits 26 and 25 of an extended frame's head.
+    """Return the lengths of frames with equally many data bytes."""
+    # In an extended frame, SRR and IDE are bits 26 and 25 of the head.
     long = number >> 18 << 27 | 3 << 25 | (number & 2**18 - 1) << 7
     head = np.where(extended, long, number << 7) | remote * 64 | dlc
-    # Row by row, so that each step goes along the frames.
+    # One row per byte, so that each step covers all frames.
     octets = np.empty((5 + data.shape[1] + 2, len(data)), dtype=np.uint8)
     octets[:5] = head.astype(">u8").view(np.uint8).reshape(-1, 8)[:, 3:].T
     octets[5:-2] = data.T
     check = CRC.of(octets[:-2].T).astype(np.uint16)
-    # Behind the check value, a bit that ends its last run fills up the last byte.
+    # After the check value, a bit that ends its last run completes the last byte.
     octets[-2:] = (check << 1 | ~check & 1).astype(">u2").view(np.uint8).reshape(-1, 2).T
-    # A mark before the start of frame, the bit 39 or 19 of the head, ends the zeros before it.
+    # A mark before the start of frame, in bit 39 or 19 of the head, ends the leading zeros.
     octets[0] |= extended * np.uint8(1 << 7)
     octets[2] |= ~extended * np.uint8(1 << 3)
     table = stuffing_table()

@@ -1,4 +1,4 @@
-"""Recorded CAN frames: written, their load, and what they should have been."""
+"""Recorded CAN frames, the load they make, and the messages they show."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 
-#: What the columns of a log may hold, by the kind of a numpy array.
+#: Kinds of numpy arrays that each column of a log may be.
 _KINDS = {
     "time": "fiu", "channel": "U", "arbitration_id": "iu", "extended": "b", "remote": "b",
     "dlc": "iu", "data": "iu",
@@ -32,10 +32,7 @@ _KINDS = {
 def impossible(
     time: float, number: int, extended: bool, dlc: int, remote: bool = False, size: int = -1
 ) -> str:
-    """Return what no frame of classic CAN can have, or nothing; each format is checked here.
-
-    `size` is the number of data bytes, if they are not filled up to eight.
-    """
+    """Return what classic CAN does not allow, or nothing; `size` is that of unpadded data."""
     highest = highest_id(extended)
     if not 0 <= number <= highest:
         return f"the identifier is {number:#x}; it must be 0..{highest:#x}"
@@ -49,7 +46,7 @@ def impossible(
 
 
 def hexadecimal(key: int) -> str:
-    """Return the identifier of a key, as `Log.keys` has it, with 3 or 8 digits."""
+    """Return the identifier of a key of `Log.keys`, with 3 or 8 digits."""
     return f"0x{key >> 1:0{8 if key & 1 else 3}X}"
 
 
@@ -61,7 +58,7 @@ class Log:
     Parameters
     ----------
     time : ndarray of float, shape (n,)
-        Time stamps [s]; all nan if the log has none.
+        Time stamps [s]; all NaN if the log has none.
     channel : ndarray of str, shape (n,)
         Bus of each frame.
     arbitration_id : ndarray of int, shape (n,)
@@ -71,18 +68,12 @@ class Log:
     dlc : ndarray of uint8, shape (n,)
         Data length codes.
     data : ndarray of uint8, shape (n, 8)
-        Data bytes; what a frame does not carry is 0.
+        Data bytes, padded with 0.
     faults : tuple of str, optional
-        What was wrong with the file and is left out.
+        Faults of the file; what they concern is left out.
     skipped : tuple of (float, str, str), optional
-        What was recorded beside frames of classic CAN and is left out, though nothing is wrong
-        with it: time [s], channel and kind, ``"CAN FD frame"`` or ``"error frame"``. The text of
-        the log counts them.
-
-    Raises
-    ------
-    ArgumentError
-        If the columns have different lengths or types, or hold what no frame can have.
+        Valid records that are not frames of classic CAN: time [s], channel and kind, ``"CAN FD
+        frame"`` or ``"error frame"``.
 
     Examples
     --------
@@ -123,12 +114,12 @@ class Log:
 
     @property
     def columns(self) -> tuple[Any, ...]:
-        """The seven columns, from `time` to `data`."""
+        """The columns from `time` to `data`."""
         return tuple(getattr(self, name) for name in _KINDS)
 
     @property
     def keys(self) -> Integers:
-        """One number per frame that says which message it is: twice the identifier, or one more."""
+        """Number of each frame's message: twice the identifier, plus 1 if extended."""
         return np.asarray(self.arbitration_id << 1 | self.extended)
 
     def __len__(self) -> int:
@@ -148,7 +139,7 @@ class Log:
             raise ArgumentError(f"the log has no time stamps; {what} needs them")
 
     def table(self) -> pd.DataFrame:
-        """Return one row per frame: its time, bus, identifier, kind, data length code and data."""
+        """Return one row per frame."""
         text = self.data.tobytes().hex(" ", 8).split() if len(self) else []
         size = np.where(self.remote, 0, np.minimum(self.dlc, 8))
         table = pd.DataFrame(dict(zip([*_KINDS][:6], self.columns, strict=False)))
@@ -156,7 +147,7 @@ class Log:
         return table.rename(columns={"time": "time_s"})
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the frames as ``candump -l`` does; the suffix must be ``.log``."""
+        """Write a ``.log`` file as ``candump -l`` does."""
         if Path(path).suffix.lower() != ".log":
             raise ArgumentError(f"path is {str(path)!r}; its suffix must be .log")
         self._check_times("a file of candump")
@@ -173,13 +164,11 @@ class Log:
                 file.write(f"({time:017.6f}) {channel} {name}#{rest}{raw}\n")
 
     def load(self, bit_rate: float, *, window: float = 1.0) -> LogLoad:
-        """Return how busy the buses were, over a sliding window and by identifier.
+        """Return how busy the buses were in a sliding window, and by identifier.
 
-        `bit_rate` is 5e3..1e6 [bit/s], which a log does not hold; `window` is the length of the
-        window [s]. A time stamp is taken as the end of its frame. The load of a window that begins
-        before the record counts over the whole window, so the first ones are low. What the log has
-        left out (its `faults` and `skipped`) is not counted: `LogLoad.frames` is the number of
-        frames that the load rests on, `LogLoad.left_out` the number of the others.
+        `bit_rate` is 5e3..1e6 [bit/s], `window` the length of the window [s]. A time stamp is the
+        end of its frame. A window that begins before the record counts in full, so the first loads
+        are low. Faults and skipped records do not count; `LogLoad.left_out` is their number.
         """
         rate = check_bit_rate(bit_rate, 5e3)
         window = check_scalar("window", window, "s", 1e-6, 1e9)
@@ -212,7 +201,7 @@ class Log:
         )
 
     def messages(self, *, period: float | None = None) -> MessageSet:
-        """Return the messages that the log shows, as `read_messages` makes them of its file."""
+        """Return the messages that the log shows, as `read_messages` does for its file."""
         self._check_times("a message set")
         if period is not None:
             check_scalar("period", period, "s", 1e-6, 1e5)
@@ -238,15 +227,9 @@ class Log:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LogLoad:
-    """How busy recorded buses were; `Log.load` makes it.
+    """How busy recorded buses were; `Log.load` returns it.
 
-    Attributes
-    ----------
-    frames : int
-        Number of frames that the load rests on.
-    left_out : int
-        Number of faults, CAN FD frames and error frames that the log left out. They took time on
-        the bus too, so the load is too low if there are any.
+    `left_out` counts faults, CAN FD frames and error frames; if there are any, the load is too low.
 
     Examples
     --------
@@ -265,7 +248,7 @@ class LogLoad:
 
     @property
     def frames(self) -> int:
-        """Number of frames that the load rests on."""
+        """Number of frames counted."""
         return len(self._windows)
 
     def total(self) -> pd.DataFrame:
@@ -273,7 +256,7 @@ class LogLoad:
         return self._total.copy()
 
     def table(self) -> pd.DataFrame:
-        """Return one row per identifier: its frames, bits, load, and load of its busiest window."""
+        """Return one row per identifier: its frames, bits, load and peak load."""
         return self._messages.copy()
 
     def windows(self) -> pd.DataFrame:
@@ -302,13 +285,10 @@ class LogLoad:
         return f"LogLoad({'; '.join(parts)})"
 
 
-# What a log says -------------------------------------------------------------------------------
-
-
 def _sliding(time: Floats, bits: Floats, window: float) -> Floats:
-    """Return the bits of the frames that ended within the window up to each of them."""
+    """Return the bits of the frames in the window that ends with each frame."""
     summed = np.concatenate([[0.0], np.cumsum(bits)])
-    # Stamps have microseconds: a frame exactly a window ago is out, in spite of roundings.
+    # Stamps have microseconds; a frame exactly one window ago is excluded in spite of rounding.
     first = np.searchsorted(time, time - window + 1e-7, side="left")
     last = np.searchsorted(time, time, side="right")
     return np.asarray(summed[last] - summed[first])

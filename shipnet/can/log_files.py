@@ -1,8 +1,7 @@
-"""Recorded CAN frames as programs store them: candump, CSV, ASC, BLF and TRC, known by content.
+"""Readers of CAN logs: candump, CSV, ASC, BLF and TRC, recognised by content.
 
-Every reader makes rows of what it finds, and one place checks them all. What is not a frame of
-classic CAN is set aside, with its place if something is wrong with it. python-can reads ASC and
-TRC; on a damaged BLF file it may never come to an end.
+Every reader returns rows, which one place checks. python-can reads ASC and TRC; its BLF reader may
+never finish on a damaged file.
 """
 
 from __future__ import annotations
@@ -31,21 +30,15 @@ from shipnet.can.log import Log, impossible
 from shipnet.can.messages import said
 from shipnet.errors import InputError, load_extra
 
-#: About how much of a file is worked on at once [byte], and how many rows.
-_BLOCK, _ROWS = 1 << 22, 1 << 16
+_BLOCK, _ROWS = 1 << 22, 1 << 16  #: Bytes and rows of a file that are processed at once.
+_FAULTS = 1000  #: Most faults of a file that are kept.
 
-#: How many faults of a file are kept.
-_FAULTS = 1000
-
-#: What is set aside though nothing is wrong with it.
-_FD, _ERROR = "CAN FD frame", "error frame"
-
-#: Data bytes that only CAN FD frames have.
-_FD_SIZES = (12, 16, 20, 24, 32, 48, 64)
+#: Valid records that are not frames of classic CAN, and data lengths that only CAN FD has.
+_FD, _ERROR, _FD_SIZES = "CAN FD frame", "error frame", (12, 16, 20, 24, 32, 48, 64)
 
 
 class _Row(NamedTuple):
-    """What a file holds of one frame; `kind` is what it is if not a frame of classic CAN."""
+    """A record of a file; `kind` says what it is if not a frame of classic CAN."""
 
     time: float | None
     channel: str
@@ -62,26 +55,26 @@ _DTYPES: tuple[Any, ...] = (float, str, np.int64, bool, bool, np.uint8, np.uint8
 
 
 class _Found:
-    """What was read of a file so far; a `unit` is what its frames are counted in."""
+    """The records of a file so far; `unit` is the unit of their places."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
         self.rows: list[tuple[Any, ...]] = []
-        #: Columns of a log, and the places of its frames; the first part has no frame.
+        #: Columns of a log and the places of its frames, in parts; the first part is empty.
         self.parts = [[np.zeros((0, 8) if k == 6 else 0, kind) for k, kind in enumerate(_DTYPES)]]
         self.skipped: list[tuple[float, str, str]] = []
         self.faults: list[tuple[int, str]] = []
         self.more = 0
 
     def fault(self, place: int, why: str, where: str = "") -> None:
-        """Note what is wrong at a place."""
+        """Note a fault at a place."""
         if len(self.faults) < _FAULTS:
             self.faults.append((place, f"{where or f'{self.unit} {place}'}: {why}"))
         else:
             self.more += 1
 
     def add(self, place: int, row: _Row) -> None:
-        """Take a row, or set it aside."""
+        """Add a row, or set it aside."""
         time = nan if row.time is None else row.time
         if row.kind:
             self.skipped.append((time, row.channel, row.kind))
@@ -98,7 +91,7 @@ class _Found:
             self.pack()
 
     def pack(self) -> None:
-        """Turn the rows into columns."""
+        """Convert the rows into columns."""
         if self.rows:
             columns: list[Any] = list(zip(*self.rows, strict=True))
             self.rows = []
@@ -109,7 +102,7 @@ class _Found:
             )
 
     def log(self) -> tuple[Log, int]:
-        """Return all that was found, and how many faults it does not name."""
+        """Return the log, and the number of faults that it does not name."""
         self.pack()
         every: list[Any] = [np.concatenate(column) for column in zip(*self.parts, strict=True)]
         time, channel, places = every[0], every[1], every[-1]
@@ -127,14 +120,14 @@ class _Found:
 
 
 def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
-    """Return the fewest places without which times never go backwards."""
+    """Return the fewest places to remove so that times never decrease."""
     if not np.any(np.diff(time) < 0):
         return np.zeros(0, dtype=np.intp)
-    # The longest sequence that never falls: the last place of the best one of each length.
+    # The longest non-decreasing sequence: the last place of the best one of each length.
     lasts: list[float] = []
     ends: list[int] = []
     before = np.full(len(time), -1)
-    # Backwards, so that of two equally good ones the earlier frames stay.
+    # Backwards, so that of two equally good sequences the earlier frames stay.
     for place, now in enumerate((-time[::-1]).tolist()):
         length = bisect_right(lasts, now)
         before[place] = ends[length - 1] if length else -1
@@ -154,34 +147,29 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     Parameters
     ----------
     path : str or path-like
-        A file of candump (``-l``, or what it prints, with or without times), a CSV file of
-        python-can or SavvyCAN, a BLF file, or an ASC or TRC file, for which python-can is needed.
-        What it is follows from its content, whatever its suffix.
+        A candump file (``-l``, or its printed output), a CSV file of python-can or SavvyCAN, a BLF
+        file, or an ASC or TRC file, which needs python-can. Its content decides, not its suffix.
     keep : bool, default False
-        Whether to keep what can be read of a damaged file; its `Log.faults` then say what is
-        missing.
+        Whether to keep what can be read of a damaged file; `Log.faults` lists what is missing.
 
     Returns
     -------
     Log
-        Its columns; a file without frames gives columns without rows. CAN FD frames and error
-        frames are not faults: they are in `Log.skipped`, whatever `keep` is.
+        The frames. CAN FD frames and error frames are not faults; they are in `Log.skipped`.
 
     Raises
     ------
     InputError
-        If the file is missing or of another kind, or, unless `keep`, if anything in it cannot be
-        a frame: an unreadable line, an identifier, data length or time that no frame has, data
-        that do not fit their length, or times that go backwards on a channel. The message gives
-        the numbers of the lines (of the frames in BLF).
+        If the file is missing or of another kind, or, unless `keep`, holds an unreadable line, an
+        impossible identifier, data length or time, data that do not match their length, or times
+        that decrease on a channel. The message names the lines, or the frames of BLF.
     ImportError
         If python-can is needed and missing.
 
     Notes
     -----
-    Lines of a text may be numbered; empty lines and comments after ``#``, ``;`` or ``//`` are
-    passed over. Where times go backwards, the fewest frames are left out that put them in order.
-    MDF (MF4) files are not read: asammdf turns them into ASC.
+    Line numbers, empty lines and comments after ``#``, ``;`` or ``//`` are ignored. Where times
+    decrease, the fewest frames are left out that restore the order. MDF (MF4) is not read.
 
     Examples
     --------
@@ -190,14 +178,10 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     ...     path = Path(folder, "bus.log")
     ...     _ = path.write_text("(12.5) can0 123#0102\n(12.6) can0 00000123#R\n")
     ...     log = read_log(path)
-    ...     _ = path.write_text("  can0  123   [2]  01 02\n  can0  124  [12]  00 ...\n")
-    ...     pasted = read_log(path)
     >>> log
     Log(2 frames in 0.1 s)
     >>> log.time.tolist(), log.dlc.tolist(), log.extended.tolist(), log.remote.tolist()
     ([12.5, 12.6], [2, 0], [False, True], [False, True])
-    >>> pasted
-    Log(1 frames without times, 1 CAN FD frames skipped)
     """
     file = Path(path)
     try:
@@ -220,7 +204,7 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     return log
 
 
-#: How the first lines of a text begin that tell its format.
+#: Beginnings of lines that identify a text format.
 _SIGNS = {
     "asc": re.compile(
         r"(date\s+\w+\s|base\s+(hex|dec)\b|begin\s+triggerblock|"
@@ -231,7 +215,7 @@ _SIGNS = {
 
 
 def log_kind(file: Path) -> str:
-    """Return the format of a log by its first lines or else its suffix, nothing if unknown."""
+    """Return the format of a log from its first lines or its suffix, "" if unknown."""
     with open(file, "rb") as stream:
         head = stream.read(1 << 14)
     if head[:4] == b"LOGG":
@@ -248,18 +232,16 @@ def log_kind(file: Path) -> str:
     return kind if kind in ("asc", "blf", "trc") else ""
 
 
-# Text of candump and tables ----------------------------------------------------------------------
-
-#: One line of a log as candump writes it and python-can, which adds the direction. A remote frame
-#: has R and perhaps its DLC in the place of its data.
+#: A line of ``candump -l`` or python-can, which adds the direction. A remote frame has R, perhaps
+#: with its DLC, in place of data.
 _PLAIN = re.compile(
     rb"^\((\d{1,10}\.\d{1,9})\) +(\S+) +([0-9A-Fa-f]{8}|[0-9A-Fa-f]{3})#"
     rb"(?:([Rr][0-8]?)|((?:[0-9A-Fa-f]{2}){0,8}))(?: [RT])?[ \t]*\r?$",
     re.M,
 )
 
-#: The same with all that candump prints instead: numbered lines, no time or a date, the length in
-#: brackets (two digits in CAN FD), and comments.
+#: Any line of candump: numbered, with or without a time or date, with the length in brackets (two
+#: digits in CAN FD), with a comment.
 _LINE = re.compile(
     r"\s*(?:\d+[:.)|]?\s*(?=[(A-Za-z]))?(?:\((?P<time>[^()]{1,40})\)\s+)?(?P<channel>\S{1,64})\s+"
     r"(?:[RT]X\s+[B-]\s+[E-]\s+)?(?P<id>[0-9A-Fa-f]{8}|[0-9A-Fa-f]{3})(?:"
@@ -270,10 +252,10 @@ _LINE = re.compile(
     re.S,
 )
 
-#: A line without a frame: a comment, or what ``candump -e`` says of an error.
+#: A line without a frame: a comment, or the explanation of an error by ``candump -e``.
 _COMMENT = re.compile(r"\s*(?:\#|;|//|$)|\t[a-z-]+\{")
 
-#: What a number must look like: Python's own readers also take underscores.
+#: Forms of a number; Python's own conversions also accept underscores.
 _DECIMAL = re.compile(r"\d{1,18}(\.\d{0,12})?")
 _DIGITS = re.compile(r"(?:0[xX])?[0-9A-Fa-f]{1,16}")
 
@@ -303,7 +285,7 @@ def _read_text(file: Path) -> _Found:
 
 
 def _take_plain(found: _Found, groups: list[tuple[bytes, ...]], first: int) -> None:
-    """Take lines that all have the plain form of candump, which leaves only their identifiers."""
+    """Add lines that are all in the plain form of candump; only identifiers need a check."""
     found.pack()
     times, names, numbers, asks, data = zip(*groups, strict=True)
     time = np.array(times).astype(float)
@@ -339,7 +321,7 @@ def _take_plain(found: _Found, groups: list[tuple[bytes, ...]], first: int) -> N
 
 
 def _candump(line: str) -> _Row:
-    """Read a line in any form of candump."""
+    """Return the frame in any line of candump."""
     match = _LINE.fullmatch(line)
     if match is None:
         raise ValueError(
@@ -369,7 +351,7 @@ def _candump(line: str) -> _Row:
 
 
 def _seconds(text: str) -> float:
-    """Return a time stamp of candump, in seconds or as a date, which is taken as UTC."""
+    """Return a time stamp of candump: seconds, or a date in UTC."""
     if re.match(r"\d{4}-\d\d-\d\d ", text):
         return datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()
     if not _DECIMAL.fullmatch(text.strip()):
@@ -378,7 +360,7 @@ def _seconds(text: str) -> float:
 
 
 def _table(line: str) -> Callable[[str], _Row] | None:
-    """Return what reads the rows below a row of titles, None if the line is not such a row."""
+    """Return a reader for the rows below a row of titles, None for any other line."""
     for separator in ",;\t":
         titles = [re.sub(r"[\W_]", "", title).lower() for title in line.split(separator)]
         if {"timestamp", "arbitrationid", "extended", "remote", "dlc", "data"} <= set(titles):
@@ -396,7 +378,7 @@ def _cells(
 
 
 def _cell(cells: dict[str, str], title: str, pattern: re.Pattern[str] = _DECIMAL) -> str:
-    """Return a cell that must have the form of a number."""
+    """Return a cell that must be a number."""
     cell = cells.get(title, "")
     if not pattern.fullmatch(cell):
         if cell.lower().strip("+-") in ("nan", "inf", "infinity"):
@@ -445,20 +427,18 @@ def _shown(text: str) -> str:
     return repr(text if len(text) <= 60 else text[:57] + "...")
 
 
-# Formats that python-can reads ------------------------------------------------------------------
-
-#: A line of an ASC file that has a time, a channel and an identifier, as frames have.
+#: A line of an ASC file with a time, a channel and an identifier.
 _ASC_FRAME = re.compile(r"\d+\.\d+\s+\d+\s+[0-9a-fA-F]+x?\s")
 
-#: What ends the header of an ASC file. python-can drops the line that it finds instead.
+#: Ends the header of an ASC file; python-can drops the line where it finds the end itself.
 _ASC_BODY = "no internal events logged\n"
 
-#: Types of lines in a TRC file: errors, and those that do not concern frames.
+#: Types of lines in a TRC file that are errors, and that are not frames.
 _TRC_ERRORS, _TRC_OTHERS = {"ER", "Error"}, {"ST", "EC", "EV", "Warng", "FFFFFFFF"}
 
 
 class _Lines(io.TextIOWrapper):
-    """A text file that counts its lines, and hands on those that python-can made nothing of."""
+    """A text file that counts its lines, and reports those without a frame."""
 
     def __init__(self, binary: Any, asc: bool, unused: Callable[[int, str], None]) -> None:
         super().__init__(binary, "utf-8-sig", errors="replace")
@@ -486,7 +466,7 @@ class _Lines(io.TextIOWrapper):
         return text
 
     def flush_line(self) -> None:
-        """Hand on the last line, unless a frame was found in it."""
+        """Report the last line, unless a frame was found in it."""
         if self.text:
             self.unused(self.line, self.text.strip())
         self.text = ""
@@ -517,7 +497,7 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 message = next(messages)
             except StopIteration:
                 break
-            # The readers raise whatever their parsing meets, and are at an end then.
+            # The readers raise any error of their parsers, and then end.
             except Exception as problem:
                 found.fault(stream.line, said(problem))
                 if stream.ended:
@@ -525,7 +505,7 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 stream.text, stream.in_body = "", False
                 messages = iter(reader)
                 continue
-            # python-can takes the code for a number of bytes in CAN FD, but here it is 9..15.
+            # python-can takes the code as a number of bytes in CAN FD, but here it is 9..15.
             dlc = can.util.len2dlc(message.dlc) if asc else message.dlc
             found.add(stream.line, _row(message, dlc))
             stream.text = ""
@@ -533,7 +513,7 @@ def _read_foreign(kind: str, file: Path) -> _Found:
 
 
 def _row(message: Any, dlc: int) -> _Row:
-    """Return a message of python-can as a row."""
+    """Convert a message of python-can."""
     kind = _ERROR if message.is_error_frame else _FD if message.is_fd else ""
     channel = "bus" if message.channel is None else str(message.channel)
     return _Row(
@@ -542,12 +522,11 @@ def _row(message: Any, dlc: int) -> _Row:
     )  # fmt: skip
 
 
-#: Objects of a BLF file: containers of others, and what may hold a frame: classic CAN in two
-#: forms, errors, and CAN FD in two forms.
+#: Objects of a BLF file: containers, frames and errors, and two forms of CAN FD among them.
 _CONTAINER, _FRAMES, _ERRORS, _FD_FORM, _FD_LONG = 10, (1, 86, 73, 100, 101), 73, 100, 101
 
-#: Most that a container holds, and an object in it [byte]; how much more than the file all
-#: containers together. Frames that are all alike, packed best, come to half of that.
+#: Most bytes in a container and an object, and in all containers relative to the file. The best
+#: packed frames, all alike, come to half of that.
 _LARGEST, _LARGEST_OBJECT, _RATIO = 1 << 24, 1 << 20, 20
 
 
@@ -564,7 +543,7 @@ def _read_blf(file: Path) -> _Found:
     try:
         at = datetime(year, month, day, hour, minute, second, 1000 * ms, tzinfo=UTC)
         begin = at.timestamp()
-    except ValueError:  # no date is all zeros
+    except ValueError:  # all zeros, without a date
         begin = 0.0
     left = _RATIO * len(data) + _LARGEST_OBJECT
 
@@ -596,7 +575,7 @@ def _read_blf(file: Path) -> _Found:
 
 
 def _object_row(kind: int, part: bytes, begin: float) -> _Row:
-    """Return a frame or an error of a BLF file as a row; its times count from its begin."""
+    """Return a frame or an error of a BLF file, with times relative to `begin`."""
     version, unit, stamp = unpack_from("<6xH8xI4xQ", part)
     if version not in (1, 2):
         raise StructError
@@ -619,7 +598,7 @@ def _object_row(kind: int, part: bytes, begin: float) -> _Row:
 
 
 class _Objects:
-    """The objects in bytes, their kinds first; afterwards `place` is where the rest begins."""
+    """The objects in bytes, with their kinds; afterwards `place` is where the rest begins."""
 
     def __init__(self, data: bytes, place: int, most: int, fault: Callable[[str], None]) -> None:
         self.data, self.place, self.most, self.fault = data, place, most, fault
@@ -627,7 +606,7 @@ class _Objects:
     def __iter__(self) -> Iterator[tuple[int, bytes]]:
         data = self.data
         while True:
-            # Objects are filled up to a multiple of four bytes.
+            # Objects are padded to a multiple of four bytes.
             at = data.find(b"LOBJ", self.place, self.place + 8)
             if at < 0:
                 if len(data) - self.place < 8:
@@ -653,7 +632,7 @@ class _Objects:
 
 
 def _unpacked(container: bytes, most: int, fault: Callable[[str], None]) -> bytes:
-    """Return what a container holds, at most `most` bytes."""
+    """Return the content of a container, at most `most` bytes."""
     method = int.from_bytes(container[16:18], "little")
     if method == 0:
         return container[32:]

@@ -1,12 +1,7 @@
-"""The messages of a bus: what each is, which goes first, how much they load it, and their files.
+"""Messages of a bus: their priorities, load and files.
 
-    name,arbitration_id,extended,dlc,period_ms,deadline_ms,jitter_ms,offset_ms,sender,bits
-    oil pressure,0x120,no,8,100,50,0.5,,JB1,
-
-In a file an identifier is decimal, or hexadecimal after 0x. An empty `deadline_ms` is the period,
-`jitter_ms` and `offset_ms` are 0, `extended` is no, `bits` follows from the data bytes. Columns
-may come in any order; those with a default may be left out. `note` is for remarks, which are not
-kept. Titles as yards write them are known too: `Message`, `CAN-ID (hex)`, `Cycle time [s]`.
+A file has the columns of `COLUMNS`, in any order; `note` is ignored. Identifiers are decimal, or
+hexadecimal after 0x. Common other titles are understood, such as ``CAN-ID (hex)``.
 """
 
 from __future__ import annotations
@@ -45,29 +40,19 @@ from shipnet.fields import (
     whole,
 )
 from shipnet.lazy import pd
-from shipnet.tables import (
-    NUMBER,
-    Sheet,
-    frame_sheet,
-    parse_sheet,
-    read_bytes,
-    read_sheet,
-    text_of,
-)
+from shipnet.tables import NUMBER, Sheet, frame_sheet, parse_sheet, read_bytes, read_sheet, text_of
 
 T = TypeVar("T")
 
-#: Bit rates in use [bit/s], with bus lengths from 5000 m down to 20 m: Beckhoff, BX5100
-#: documentation.
+#: Bit rates in use [bit/s]: Beckhoff, BX5100 documentation.
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 1_000_000)
 
-#: The times of a message.
-TIMES = ("period", "deadline", "jitter", "offset")
+TIMES = ("period", "deadline", "jitter", "offset")  #: The times of a message.
 
 
 @record(slots=True)
 class Message:
-    """A message that is sent again and again; its times are kept to the nanosecond.
+    """A periodic message; its times are stored to the nanosecond.
 
     Examples
     --------
@@ -76,32 +61,28 @@ class Message:
     (0.1, 0.00108)
     """
 
-    name: str = text("What it is called; printable text", most=1000)
+    name: str = text("Name; printable text", most=1000)
     arbitration_id: int = whole(
-        0, 2**29 - 1, "", "Identifier, up to 0x7FF unless `extended`; the lower goes first"
-    )
+        0, 2**29 - 1, "",
+        "Identifier, up to 0x7FF unless `extended`; the lowest has the highest priority",
+    )  # fmt: skip
     dlc: int = whole(0, 8, "", "Data bytes")
-    period: float = number(
-        1e-6, 1e5, "s", "Shortest time from one event that causes the message to the next"
-    )
+    period: float = number(1e-6, 1e5, "s", "Shortest time between two events that cause it")
     deadline: float = number(
-        1e-6, 1e5, "s",
-        "Longest time from the event to its arrival; the period by default. It may be longer "
-        "than the period", default=None, optional=True,
+        1e-6, 1e5, "s", "Longest time from the event to the end of the frame; the period by "
+        "default. It may exceed the period", default=None, optional=True,
     )  # fmt: skip
     jitter: float = number(
-        0, 1e5, "s", "Longest time from the event until the message is queued for sending",
-        default=0.0,
-    )  # fmt: skip
+        0, 1e5, "s", "Longest time from the event until the message is queued", default=0.0
+    )
     offset: float = number(
-        0, 1e5, "s",
-        "Time of the first event in a simulation; the analysis does without it, because no two "
-        "nodes share a clock", default=0.0,
+        0, 1e5, "s", "Time of the first event in a simulation; the analysis ignores it by "
+        "default, because no two nodes share a clock", default=0.0,
     )  # fmt: skip
     extended: bool = switch("Whether the identifier has 29 bits", default=False)
     sender: str = text("Node that sends it", default="", most=1000)
     bits: int | None = whole(
-        47, 160, "bit", "Length of the frame with intermission, if known better than by `dlc`",
+        47, 160, "bit", "Length of the frame with intermission, in place of that for `dlc`",
         default=None, optional=True,
     )  # fmt: skip
 
@@ -122,30 +103,30 @@ class Message:
 
     @property
     def priority(self) -> tuple[int, bool, int]:
-        """What arbitration compares; the smaller wins.
+        """Sort key of the arbitration; the smallest wins.
 
-        The first 11 bits of an identifier come first. A standard frame wins over an extended one
-        that begins like it, because its RTR bit is dominant where the other sends SRR.
+        The first 11 bits of the identifier decide first. If they are equal, a standard frame wins:
+        its RTR bit is dominant where an extended frame sends SRR.
         """
         if not self.extended:
             return self.arbitration_id, False, 0
         return self.arbitration_id >> 18, True, self.arbitration_id & 0x3FFFF
 
     def frame_length(self, stuffing: Stuffing = "worst") -> float:
-        """Return the length of its frame, intermission included [bit]."""
+        """Return the length of the frame with intermission [bit]."""
         return self.bits or length_table(stuffing)[self.extended][self.dlc]
 
     def frame_time(self, bit_rate: float, stuffing: Stuffing = "worst") -> float:
-        """Return how long its frame keeps the bus busy, intermission included [s]."""
+        """Return how long the frame and its intermission occupy the bus [s]."""
         return self.frame_length(stuffing) / check_bit_rate(bit_rate)
 
 
-#: What each field of a message declares, and the columns of a table; the first four must be there.
+#: Declared kind of each field of a message, and the columns of a table; the first four must exist.
 _KINDS = declared(Message)
 COLUMNS = tuple(f"{field}_ms" if field in TIMES else field for field in _KINDS)
 _NEEDED = COLUMNS[:4]
 
-#: Other titles of columns, without unit and signs.
+#: Other titles of columns, without unit and punctuation.
 _TITLES = {
     "name": "message messagename msg msgname framename",
     "arbitration_id": "id canid canidentifier identifier messageid msgid frameid cobid",
@@ -163,11 +144,12 @@ _TITLES = {
 }  # fmt: skip
 _SYNONYMS = {other: column for column, others in _TITLES.items() for other in others.split()}
 
-#: A title and its unit, in brackets or behind a sign; what makes milliseconds of each unit.
+#: A title and its unit, and the power of ten that converts each unit to ms. The pattern is slow for
+#: some titles longer than `_LONGEST`.
 _UNIT = re.compile(
     r"(.*?)[\s_]*(?:[\[(]|[\s_]|,|/|\bin\b)\s*(ms|s|us|\xb5s|hex|dec)\s*[\])]?", re.I
 )
-_LONGEST = 100  #: No title is longer; the pattern takes long for some that are.
+_LONGEST = 100
 _POWERS = {"ms": 0, "s": 3, "us": -3, "\xb5s": -3}
 
 _WHOLE = re.compile(r"[0-9]{1,12}(\.0)?|0[xX][0-9a-fA-F]{1,8}")
@@ -175,7 +157,7 @@ _YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": 
 
 
 def set_faults(messages: Iterable[Message]) -> list[tuple[int, str]]:
-    """Return the places of messages whose name or identifier is already taken, and why."""
+    """Return the indices of messages whose name or identifier is already taken, with the reason."""
     names: set[str] = set()
     taken: dict[tuple[int, bool, int], str] = {}
     faults = []
@@ -192,18 +174,18 @@ def set_faults(messages: Iterable[Message]) -> list[tuple[int, str]]:
 
 
 class Named(Sequence[T]):
-    """A sequence whose items are also found by their names."""
+    """A sequence whose items can also be found by name."""
 
     __slots__ = ()
     _items: tuple[T, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the items, in their order."""
+        """Names of the items, in order."""
         raise NotImplementedError
 
     def _place(self, name: str) -> int:
-        """Return the place of an item, or raise if there is none of the name."""
+        """Return the index of an item by its name."""
         if name not in self.names:
             raise ArgumentError(f"name is {name!r}; the messages are {', '.join(self.names)}")
         return self.names.index(name)
@@ -219,7 +201,7 @@ class Named(Sequence[T]):
     @overload
     def __getitem__(self, key: slice) -> tuple[T, ...]: ...
     def __getitem__(self, key: int | str | slice) -> T | tuple[T, ...]:
-        """Return an item by its place or its name, or some by a slice."""
+        """Return an item by index or name, or several by a slice."""
         return self._items[self._place(key) if isinstance(key, str) else key]
 
 
@@ -232,21 +214,13 @@ class MessageSet(Named[Message]):
     messages : iterable of Message
         In any order; names and identifiers must differ.
     overlooked : iterable of str, optional
-        Faults of the file that the set was read from, with `strict` switched off.
-
-    Raises
-    ------
-    ArgumentError
-        If it holds anything but messages, or two have the same name or identifier; the error
-        names all of them.
+        Faults of the file that were ignored while reading it.
 
     Examples
     --------
     >>> messages = MessageSet([Message("slow", 0x300, 8, 1.0), Message("fast", 0x100, 2, 0.01)])
     >>> messages
     MessageSet(2 messages: fast, slow)
-    >>> messages["slow"].period
-    1.0
     >>> messages.replace("slow", dlc=4).table()["dlc"].to_dict()
     {'fast': 2, 'slow': 4}
     """
@@ -285,9 +259,9 @@ class MessageSet(Named[Message]):
         return f"MessageSet({counted(self.names)}{faults})"
 
     def replace(self, name: str, **new: Any) -> MessageSet:
-        """Return the set with some fields of one message replaced.
+        """Return a copy with some fields of one message replaced.
 
-        A deadline equal to the period follows a new period.
+        If the deadline equals the period, it follows a new period.
         """
         place = self._place(name)
         known = Message.__dataclass_fields__
@@ -300,9 +274,9 @@ class MessageSet(Named[Message]):
         return MessageSet([*self[:place], changed, *self[place + 1 :]])
 
     def ordered(self, names: Iterable[str]) -> MessageSet:
-        """Return the same messages in another order of priority, all named, the highest first.
+        """Return the same messages in a new order of priority, given as all their names.
 
-        The identifiers of the set are shared out anew. Where some have 11 and some 29 bits, the
+        They share out the identifiers of the set. If both 11-bit and 29-bit identifiers occur, the
         first 11 bits count up from 0 instead.
         """
         order = list(names)
@@ -317,30 +291,26 @@ class MessageSet(Named[Message]):
             for message, identifier in zip(moved, new, strict=True)
         )
 
-    def deadline_monotonic(self, *, less_jitter: bool = False) -> MessageSet:
-        """Return the same messages in the order of their deadlines, the shortest first.
-
-        With `less_jitter` the order is that of deadline less jitter, the time left on the bus.
-        """
-        order = sorted(self, key=lambda m: m.deadline - (m.jitter if less_jitter else 0))
-        return self.ordered(message.name for message in order)
+    def deadline_monotonic(self) -> MessageSet:
+        """Return the same messages in the order of their deadlines, the shortest first."""
+        return self.ordered(m.name for m in sorted(self, key=lambda message: message.deadline))
 
     def table(self) -> pd.DataFrame:
-        """Return one row per message, indexed by name: its fields, times in ms."""
+        """Return one row per message, indexed by name: its fields, with times in ms."""
         columns: dict[str, list[Any]] = {}
         for column in COLUMNS[1:]:
             field = column.removesuffix("_ms")
             values = [getattr(message, field) for message in self]
-            # From whole nanoseconds 2.5 ms stay 2.5.
+            # Whole nanoseconds keep 2.5 ms exact.
             columns[column] = [nanoseconds(t) / 1e6 for t in values] if field in TIMES else values
         index = pd.Index(self.names, name="name", dtype=object)
         return pd.DataFrame(columns, index=index).astype({"bits": "Int64", "sender": object})
 
     @classmethod
     def from_table(cls, table: pd.DataFrame) -> MessageSet:
-        """Return the set that a table describes, with the columns of `table` or some of them.
+        """Return the set described by a table with the columns of `table`, or some of them.
 
-        A missing value takes its default. All the faults of a table are raised at once.
+        A missing value takes its default. One error reports all faults of the table.
         """
         if table.index.name == "name" and "name" not in table:
             table = table.reset_index()
@@ -350,13 +320,13 @@ class MessageSet(Named[Message]):
             raise ArgumentError(str(error)) from None
 
     @classmethod
-    def parse(cls, text: str, source: str = "text") -> MessageSet:
-        """Return the set that a text describes, written as a CSV file for `read_messages`."""
-        return _from_sheet(parse_sheet(text, source, is_titles=_is_titles), {}, None)
+    def parse(cls, text: str) -> MessageSet:
+        """Return the set described by text in the CSV form that `read_messages` takes."""
+        return _from_sheet(parse_sheet(text, "text", is_titles=_is_titles), {}, None)
 
     @property
     def text(self) -> str:
-        """The set as the text of a CSV file, every time to the nanosecond."""
+        """The set as CSV text, with times to the nanosecond."""
         stream = io.StringIO()
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(COLUMNS)
@@ -369,20 +339,17 @@ class MessageSet(Named[Message]):
         return stream.getvalue()
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write a CSV file from which `read_messages` makes the same set.
-
-        Its suffix must not be that of another format: a DBC file would lose its signals.
-        """
+        """Write a CSV file that `read_messages` reads; a suffix of DBC or Excel is refused."""
         if (suffix := Path(path).suffix.lower()) in (".dbc", ".xls", ".xlsm", ".xlsx"):
             raise ArgumentError(
-                f"path is {str(path)!r}; a CSV file has not the suffix {suffix}; to write a DBC "
-                "file, use cantools"
+                f"path is {str(path)!r}; a CSV file cannot have the suffix {suffix}; to write a "
+                "DBC file, use cantools"
             )
         Path(path).write_text(self.text, encoding="utf-8", newline="")
 
 
 def counted(names: Sequence[str]) -> str:
-    """Return how many messages there are, and the names of the first."""
+    """Return the number of messages, and the first three names."""
     some = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
     return f"{len(names)} message{'s' if len(names) != 1 else ''}{': ' if some else ''}{some}"
 
@@ -397,35 +364,28 @@ def bus_load(
 def bus_load(
     messages: MessageSet, bit_rate: npt.ArrayLike, stuffing: Stuffing = "worst"
 ) -> float | Floats:
-    r"""Return the share of the time that messages keep the bus busy.
+    r"""Return the fraction of time that messages occupy the bus.
 
     .. math:: U = \sum_m \frac{L_m}{T_m f_{bit}}
 
     Parameters
     ----------
     messages : MessageSet
-        The messages; the length of one with ``bits`` of its own is that.
+        The messages.
     bit_rate : float or array_like of float
         Bit rate, 1000..1000000 [bit/s].
     stuffing : {"none", "mean", "attainable", "worst", "worst 1994"}, default "worst"
-        Which stuff bits count, as in `frame_length`.
+        Which stuff bits count, as in `frame_length`; a message with its own ``bits`` has those.
 
     Returns
     -------
     float or ndarray of float
-        Load, 1 for a bus that is always busy; an array of the shape of `bit_rate`. What each
-        message contributes is in ``response_times(...).table()``.
-
-    Raises
-    ------
-    ArgumentError
-        If a bit rate is out of range, or `stuffing` is unknown.
+        Load, 1 if the bus is always busy; an array if `bit_rate` is one. The load per message is in
+        ``response_times(...).table()``.
 
     Examples
     --------
     >>> messages = MessageSet([Message("A", 1, 8, 5e-3), Message("B", 2, 8, 10e-3)])
-    >>> round(bus_load(messages, 125e3), 3)
-    0.324
     >>> bus_load(messages, [125e3, 250e3]).round(3).tolist()
     [0.324, 0.162]
     """
@@ -438,16 +398,15 @@ def bus_load(
 
 
 def message_lengths(messages: MessageSet, stuffing: Stuffing = "worst") -> Floats:
-    """Return the length of the frame of each message, intermission included [bit]."""
+    """Return the frame length of each message, including intermission [bit]."""
     table = length_table(stuffing)
     return np.array([m.bits or table[m.extended][m.dlc] for m in messages], dtype=np.float64)
 
 
 def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[Indices, int]:
-    """Return the first bit of each point in the data of a station, and how many bytes they fill.
+    """Return the first bit of each point in a station's data, and the number of bytes.
 
-    Analogue values come first, `bits` each, filled up to a whole byte; then the states, one bit
-    each. The data are sent in frames of eight bytes.
+    Analogue values come first, `bits` each and padded to a whole byte, then one bit per state.
     """
     analogue = np.asarray(analogue, dtype=bool)
     values, states = np.cumsum(analogue) - 1, np.cumsum(~analogue) - 1
@@ -456,9 +415,7 @@ def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[Indices, int]:
     return np.asarray(first, dtype=np.intp), start + -(-int((~analogue).sum()) // 8)
 
 
-# Files -----------------------------------------------------------------------------------------
-
-#: Synthetic: the messages of an engine's junction boxes and controls.
+#: Synthetic messages of an engine's junction boxes and controls.
 EXAMPLE = """name,arbitration_id,dlc,period_ms,deadline_ms,sender
 shutdown,0x010,1,50,5,safety
 speed,0x020,4,10,5,governor
@@ -475,31 +432,24 @@ bearings,0x300,8,1000,1000,JB3
 
 @checked
 def example(name: Literal["engine", "lee2012"] = "engine") -> MessageSet:
-    """Return a message set to try things with.
+    """Return an example message set.
 
     Parameters
     ----------
     name : {"engine", "lee2012"}, default "engine"
         ``"engine"``: ten synthetic messages of an engine's controls and junction boxes.
-        ``"lee2012"``: the points of the engine of lee2012, 16 bits each once a second, with
-        identifiers of our own.
+        ``"lee2012"``: the points of lee2012's engine, 16 bits each once per second, with our own
+        identifiers.
 
     Returns
     -------
     MessageSet
         The messages.
 
-    Raises
-    ------
-    ArgumentError
-        If the name is unknown.
-
     Examples
     --------
     >>> example()
     MessageSet(10 messages: shutdown, speed, fuel index, ...)
-    >>> len(example("lee2012")), sum(message.dlc for message in example("lee2012"))
-    (22, 164)
     """
     if name == "engine":
         return MessageSet.parse(EXAMPLE)
@@ -509,7 +459,7 @@ def example(name: Literal["engine", "lee2012"] = "engine") -> MessageSet:
 def read_list(
     path: Path, columns: Mapping[str, str] | None, period: float | None, strict: bool
 ) -> MessageSet:
-    """Return the set that a CSV file, an Excel workbook or a DBC file describes."""
+    """Return the set in a CSV, Excel or DBC file."""
     if path.suffix.lower() == ".dbc":
         return parse_dbc(text_of(read_bytes(path)), str(path), period, strict)
     sheet = read_sheet(path, is_titles=_is_titles)
@@ -519,11 +469,11 @@ def read_list(
 def parse_dbc(
     text: str, source: str, period: float | None = None, strict: bool = True
 ) -> MessageSet:
-    """Read the messages of the text of a DBC file through cantools."""
+    """Read the messages in the text of a DBC file, through cantools."""
     cantools = load_extra("cantools", "cantools")
     try:
         database = cantools.database.load_string(text, database_format="dbc", strict=False)
-    # cantools raises whatever its parsing meets.
+    # cantools raises any error that its parser meets.
     except Exception as problem:
         raise InputError(source, f"is not a DBC file: {said(problem)}") from None
     messages, faults, overlooked = [], [], []
@@ -536,7 +486,7 @@ def parse_dbc(
         try:
             message = Message(
                 found.name, found.frame_id, found.length, _cycle_time(found.cycle_time, period),
-                # cantools keeps senders of messages that are not sent as Vector__XXX.
+                # cantools uses Vector__XXX for the sender of messages that nobody sends.
                 extended=found.is_extended_frame, sender=found.senders[0] if found.senders else "",
             )  # fmt: skip
         except ArgumentError as fault:
@@ -555,7 +505,7 @@ def parse_dbc(
 
 
 def _cycle_time(given: object, period: float | None) -> float:
-    """Return a cycle time of a DBC file in seconds, or the period if it has none."""
+    """Return the cycle time in a DBC file [s], or the period if there is none."""
     try:
         cycle = float(str(given or 0)) / 1e3
     except ValueError:
@@ -568,39 +518,35 @@ def _cycle_time(given: object, period: float | None) -> float:
 
 
 def said(problem: Exception) -> str:
-    """Return what an exception says, in one line."""
+    """Return the text of an exception on one line."""
     text = " ".join(str(problem).split())
     return (text if len(text) <= 150 else text[:147] + "...") or type(problem).__name__
 
 
 def _is_titles(cells: Sequence[str]) -> int:
-    """Return how well cells serve as titles: above them there may be a heading, or comments."""
+    """Return how well cells serve as titles; a heading or comments may come before them."""
     if not any(cells) or cells[0].startswith("#"):
         return 0
     return 1 + sum(_Title.of(cell.lower()).column in (*COLUMNS, *TIMES) for cell in cells)
 
 
 def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) -> MessageSet:
-    """Make the set of a sheet, or raise all that is wrong with it."""
+    """Return the set in a sheet, or raise an error with all its faults."""
     titles = [title.lower() for title in sheet.titles]
     if missing := sorted(set(renamed) - set(titles)):
-        raise InputError(
-            sheet.source, f"no column {missing[0]!r}; the titles are {', '.join(titles)}"
-        )
+        known = ", ".join(titles)
+        raise InputError(sheet.source, f"no column {missing[0]!r}; the titles are {known}")
     read = [_Title.of(renamed.get(title, title)) for title in titles]
     columns = [title.column for title in read]
     usual = {} if period is None else {"period_ms": _milliseconds(period)}
     faults = []
-    legal = ", ".join(COLUMNS)
     for at, (column, title) in enumerate(zip(columns, titles, strict=True), start=1):
+        where = f"column {at}: title {title!r}"
         if column in TIMES:
-            unit = f"expected such as {column}_ms or {column} [s]"
-            faults.append(f"column {at}: title {title!r} has no unit; {unit}")
+            faults.append(f"{where} has no unit; expected such as {column}_ms or {column} [s]")
         elif column not in (*COLUMNS, "note"):
-            faults.append(
-                f"column {at}: title {title!r} is unknown; expected one of {legal}, or "
-                "note for a column to leave out"
-            )
+            legal = f"expected one of {', '.join(COLUMNS)}, or note for a column to leave out"
+            faults.append(f"{where} is unknown; {legal}")
     twice = sorted({title for title in columns if columns.count(title) > 1 and title != "note"})
     faults += [f"title {title!r} appears twice" for title in twice]
     faults += [f"no column {title}" for title in _NEEDED if title not in (*columns, *usual)]
@@ -612,9 +558,7 @@ def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) 
         if any(row[width:]):
             faults.append(f"{place} has {len(row)} cells; expected {width}")
             continue
-        filled = {
-            title.column: title.plain(cell) for title, cell in zip(read, row, strict=False) if cell
-        }
+        filled = {key.column: key.plain(cell) for key, cell in zip(read, row, strict=False) if cell}
         number = filled.get("arbitration_id", "")
         if "extended" not in columns and _WHOLE.fullmatch(number):
             long = len(number) == 10 or _whole(number) > 0xFFFF
@@ -627,7 +571,7 @@ def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) 
 
 
 class _Title(NamedTuple):
-    """Which column a title means, and how to read the cells below it."""
+    """The column that a title means, and how to read its cells."""
 
     column: str
     power: int = 0
@@ -635,7 +579,7 @@ class _Title(NamedTuple):
 
     @classmethod
     def of(cls, title: str) -> _Title:
-        """Return what a title in small letters means; one that is unknown means itself."""
+        """Return the meaning of a lower-case title; an unknown title stands for itself."""
         if title in COLUMNS:
             return cls(title)
         match = _UNIT.fullmatch(title) if len(title) < _LONGEST else None
@@ -647,7 +591,7 @@ class _Title(NamedTuple):
         return cls(plain if plain in (*COLUMNS, "note") else title, 0, unit == "hex")
 
     def plain(self, cell: str) -> str:
-        """Return a cell as it would be below the plain name of the column."""
+        """Return a cell in the unit and form of the column's standard title."""
         if self.power and NUMBER.fullmatch(cell):
             return f"{Decimal(cell).scaleb(self.power):f}"
         if self.column == "arbitration_id":
@@ -660,7 +604,7 @@ class _Title(NamedTuple):
 def _checked(
     source: str, found: list[tuple[str, Message]], faults: list[str], empty: str
 ) -> MessageSet:
-    """Return the set of messages found at places of a file, or raise all that is wrong."""
+    """Return the set of messages found at places in a file, or raise an error with all faults."""
     messages = [message for _, message in found]
     faults += [f"{found[number][0]}: {why}" for number, why in set_faults(messages)]
     if not messages and not faults:
@@ -671,15 +615,15 @@ def _checked(
 
 
 def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
-    """Make a message of the cells that are filled, or say all that keeps it from being one."""
+    """Return the message in the filled cells of a row, or the faults of the row."""
     faults = []
     fields: dict[str, Any] = {}
     for (field, kind), column in zip(_KINDS.items(), COLUMNS, strict=True):
         cell = cells.get(column, "")
         if cell:
-            fields[field] = _value(kind, cell)
+            fields[field], legal = _read_cell(field, kind, cell)
             if fields[field] is None:
-                faults.append(f"column {column}: {cell!r}; expected {_legal(field, kind)}")
+                faults.append(f"column {column}: {cell!r}; expected {legal}")
         elif column in _NEEDED:
             faults.append(f"column {column}: is empty; a message needs it")
     if not faults:
@@ -690,33 +634,25 @@ def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
     return None, faults
 
 
-def _value(kind: Kind, cell: str) -> Any:
-    """Return the value of a cell as its field declares it, None if it has none."""
+def _read_cell(field: str, kind: Kind, cell: str) -> tuple[Any, str]:
+    """Return the value of a cell, None if it is not legal, and in words what is legal."""
     if isinstance(kind, Number):
         time = float(Decimal(cell).scaleb(-3)) if NUMBER.fullmatch(cell) else -1
-        return time if kind.low <= time <= kind.high else None
+        legal = f"a number {kind.low * 1e3:g}..{kind.high * 1e3:g} ms"
+        return time if kind.low <= time <= kind.high else None, legal
     if isinstance(kind, Whole):
         whole = _whole(cell) if _WHOLE.fullmatch(cell) else -1
-        return whole if kind.low <= whole <= kind.high else None
+        identifier = "an identifier 0..0x7FF, or 0x1FFFFFFF if extended"
+        legal = identifier if field == "arbitration_id" else f"a whole number {kind.legal}"
+        return whole if kind.low <= whole <= kind.high else None, legal
     if isinstance(kind, Switch):
-        return _YES.get(cell.lower())
-    return cell if cell.isprintable() else None
+        return _YES.get(cell.lower()), "yes or no"
+    return cell if cell.isprintable() else None, "printable text"
 
 
 def _whole(cell: str) -> int:
-    """Return a whole number as tables have it: decimal, also with zeros in front, or with 0x."""
+    """Return a whole number from decimal digits, leading zeros allowed, or hexadecimal after 0x."""
     return int(cell.removesuffix(".0"), 16 if cell[:2] in ("0x", "0X") else 10)
-
-
-def _legal(field: str, kind: Kind) -> str:
-    """Return in words what a cell may hold."""
-    if field == "arbitration_id":
-        return "an identifier 0..0x7FF, or 0x1FFFFFFF if extended"
-    if isinstance(kind, Number):
-        return f"a number {kind.low * 1e3:g}..{kind.high * 1e3:g} ms"
-    if isinstance(kind, Whole):
-        return f"a whole number {kind.legal}"
-    return "yes or no" if isinstance(kind, Switch) else "printable text"
 
 
 def _milliseconds(time: float) -> str:

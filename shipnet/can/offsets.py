@@ -1,7 +1,7 @@
-"""Response times where messages of one sender share a clock, and offsets that shorten them.
+"""Response times if messages of one sender share a clock, and offsets that shorten them.
 
-All is counted in whole ticks. The phases of different clocks are free, so each other clock has its
-worst window by itself, and only the message's own clock is followed instance by instance.
+Times are whole ticks. Different clocks have free phases, so each other clock has its worst window,
+and only the message's own clock is followed instance by instance.
 """
 
 from __future__ import annotations
@@ -19,15 +19,11 @@ from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 
-#: Releases in a hyperperiod beyond which messages of a sender are taken as of several clocks: that
-#: is safe, as they have more freedom then.
+#: Most releases of a sender in a hyperperiod; messages beyond get a clock of their own, which is
+#: safe because it leaves them more freedom.
 MOST_RELEASES = 20_000
-
-#: Releases in a hyperperiod and the windows around it beyond which none of them is looked at.
-_MOST_EVENTS = 1_000_000
-
-#: Load from which the bounds without offsets are taken: the windows become too long.
-_HIGHEST_LOAD = 0.99
+_MOST_EVENTS = 1_000_000  #: Most releases in a hyperperiod and the windows around it.
+_HIGHEST_LOAD = 0.99  #: Load from which the windows are too long.
 
 
 class Streams(NamedTuple):
@@ -44,7 +40,7 @@ class Streams(NamedTuple):
 
 
 def clocks(senders: list[str], periods: list[int]) -> Integers:
-    """Return the clock of each message: that of its sender, or its own if it has none."""
+    """Return the clock of each message: its sender's, or its own if it has no sender."""
     found: list[int] = []
     newest: dict[str, tuple[int, list[int]]] = {}
     for place, (sender, period) in enumerate(zip(senders, periods, strict=True)):
@@ -58,16 +54,13 @@ def clocks(senders: list[str], periods: list[int]) -> Integers:
 
 
 def longest_responses(streams: Streams) -> list[int] | None:
-    """Return the longest response of each message from its event; None if offsets do not help.
-
-    Windows that are too long to look at raise an `OverflowError`.
-    """
+    """Return the longest response of each message, None if offsets do not help."""
     load = float((streams.frame / streams.period).sum())
     if load >= _HIGHEST_LOAD:
         return None
     jitter = streams.frame * (1 + streams.jitter / streams.period)
     blocked = max(int(streams.frame.max(initial=0)), streams.foreign)
-    # No busy period is longer; most are much shorter, so the window is doubled until it suffices.
+    # No busy period is longer; most are much shorter, so the window starts small and doubles.
     most = 2 * (int((blocked + jitter.sum()) / (1 - load)) + 2) + streams.tau
     span = int(4 * streams.frame.sum()) + 1
     while (found := _within(streams, min(span, most))) is None:
@@ -76,7 +69,7 @@ def longest_responses(streams: Streams) -> list[int] | None:
 
 
 class _Clock:
-    """Releases of messages of one clock, from `span` before 0 to `span` behind a hyperperiod."""
+    """Releases of one clock's messages, from `span` before 0 to `span` after a hyperperiod."""
 
     def __init__(self, streams: Streams, members: list[int], span: int, reach: int = 0) -> None:
         period, frame, jitter, offset = (column[members] for column in streams[:4])
@@ -102,15 +95,12 @@ class _Clock:
         self._gone = np.r_[0, np.cumsum(frame[which[late]])]
 
     def before(self, time: Integers) -> Integers:
-        """Return the work that is released before a time, whatever the jitter."""
+        """Return the work released before a time, whatever the jitter."""
         gone: Integers = self._gone[np.searchsorted(self.latest, time)]
         return gone
 
     def curve(self, span: int) -> tuple[Integers, Integers]:
-        """Return lengths of closed windows, and by how much the most work in them grows there.
-
-        A window may begin anywhere; the worst ones begin with a latest release.
-        """
+        """Return lengths of closed windows, and by how much their largest work grows there."""
         begin = np.unique(self.latest[(self.latest >= 0) & (self.latest < self.hyperperiod)])
         first = np.searchsorted(self.event, begin, side="right") - 1
         count = np.searchsorted(self.event, begin + span, side="right") - first
@@ -125,7 +115,7 @@ class _Clock:
 
 
 def _staircase(curves: list[tuple[Integers, Integers]]) -> tuple[Integers, Integers]:
-    """Return the lengths at which a sum of curves grows, and the work before each of them."""
+    """Return the lengths at which a sum of curves grows, and the work before each."""
     if not curves:
         return np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
     length, step = (np.concatenate(column) for column in zip(*curves, strict=True))
@@ -134,7 +124,7 @@ def _staircase(curves: list[tuple[Integers, Integers]]) -> tuple[Integers, Integ
 
 
 def _within(streams: Streams, span: int) -> list[int] | None:
-    """Return the longest responses if no busy period is longer than the span, else None."""
+    """Return the longest responses, None if a busy period is longer than the span."""
     curves: dict[int, tuple[Integers, Integers]] = {}
     members: dict[int, list[int]] = {}
     found = []
@@ -143,19 +133,19 @@ def _within(streams: Streams, span: int) -> list[int] | None:
         higher = members.get(clock, [])
         blocking = max(int(streams.frame[m + 1 :].max(initial=0)), streams.foreign)
         own = _Clock(streams, [*higher, m], span)
-        # Higher releases of the own clock must reach as far as the hyperperiod with the message.
+        # Higher releases of this clock must cover the hyperperiod that includes the message.
         above = _Clock(streams, higher, span + jitter, own.hyperperiod) if higher else None
         others = [curve for number, curve in curves.items() if number != clock]
         curves[clock] = own.curve(span)
 
-        # The longest busy period: all clocks at their worst, the message among them.
+        # The longest busy period: all clocks at their worst, including the message.
         length, work = _staircase([curves[clock], *others])
         ends = np.flatnonzero(blocking + work <= np.r_[np.where(length > 0, length, -1), span + 1])
         if not ends.size:
             return None
         busy = int(blocking + work[ends[0]])
 
-        # Pairs of an instance, and a begin of its busy period with the latest release of a frame.
+        # Pairs of an instance and the start of its busy period, at the latest release of a frame.
         mine = own.event[own.message == m]
         instance = mine[(mine >= 0) & (mine < own.hyperperiod)]
         begins = np.unique(own.latest)
@@ -168,7 +158,7 @@ def _within(streams: Streams, span: int) -> list[int] | None:
         if above is not None:
             constant = constant - above.before(begin)
 
-        # How long each is delayed: the least fixed point, from below.
+        # The delay of each pair: the least fixed point, from below.
         length, work = _staircase(others)
         delay, later = np.full(len(instance), -1), np.zeros(len(instance), dtype=np.int64)
         while (later > delay).any():
@@ -179,7 +169,7 @@ def _within(streams: Streams, span: int) -> list[int] | None:
                 later = later + above.work[np.searchsorted(above.event, begin + until)]
             if later.max() + streams.tau > span:
                 return None
-        # Else the bus is at rest before the instance.
+        # Otherwise the bus is idle before the instance.
         pending = delay >= instance - begin
         found.append(int((delay + frame - (instance - begin))[pending].max()))
         members[clock] = [*higher, m]
@@ -188,20 +178,20 @@ def _within(streams: Streams, span: int) -> list[int] | None:
 
 @checked
 def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
-    """Return the messages with offsets that keep those of one sender apart.
+    """Return the messages with offsets that separate those of one sender.
 
     Parameters
     ----------
     messages : MessageSet
         The messages. One without a sender keeps its offset.
     step : float, default 1e-3
-        Grid of the offsets, 1e-6..1 [s], such as the cycle of the senders' task. The period of a
-        message with a sender must be a multiple of it.
+        Grid of the offsets, 1e-6..1 [s], such as the cycle of the senders' task. Periods of
+        messages with a sender must be multiples of it.
 
     Returns
     -------
     MessageSet
-        The same messages with offsets of 0 or more, shorter than their periods.
+        The same messages with offsets from 0 to less than their periods.
 
     Raises
     ------
@@ -211,10 +201,9 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
 
     Notes
     -----
-    Sender by sender, the message with the shortest period first, each gets the offset around which
-    its sender sends least. That is a heuristic; `response_times` with ``offsets=True`` says what it
-    gains. Senders with many messages gain most, as a frame of each other sender may still come
-    first.
+    A heuristic: sender by sender, from the shortest period, each message gets the offset around
+    which its sender sends least. `response_times` with ``offsets=True`` shows the gain, which is
+    largest for senders with many messages.
 
     Examples
     --------
@@ -240,12 +229,12 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
         uneven = [messages[place].name for place in mine if periods[place] % grain]
         if uneven:
             raise ArgumentError(
-                f"step is {step:g} s, but the period of {uneven[0]!r} is not a multiple"
+                f"step is {step:g} s; the period of {uneven[0]!r} is not a multiple"
             )
         slots = math.lcm(*(int(periods[place]) // grain for place in mine))
         if slots > 10**6:
             raise ArgumentError(f"step is {step:g} s, but {sender!r} repeats after {slots} of them")
-        # How crowded each slot is: what is sent in it and, less and less, around it.
+        # How crowded each slot is: the frames in it, and with falling weight those around it.
         far = np.minimum(np.arange(slots), slots - np.arange(slots))
         near, load = np.fft.rfft(1 / (1 + far)), np.zeros(slots)
         for place in sorted(mine, key=lambda k: (periods[k], -length[k])):

@@ -10,7 +10,7 @@ from matplotlib.patches import Rectangle
 from shipnet import style
 from shipnet.fields import check_whole
 
-#: Key of `style.FIELD` of each field; what is not named frames the rest.
+#: Key of `style.FIELD` of each field; others are part of the frame.
 _COLOURS = {
     "base identifier": "address",
     "identifier extension": "address",
@@ -24,7 +24,7 @@ _COLOURS = {
     "CRC sequence": "parity",
 }
 
-#: What is written below a narrow field instead of its name.
+#: Short names, written below narrow fields.
 _SHORT = {"CRC delimiter": "CRC del.", "ACK slot": "ACK", "ACK delimiter": "ACK del."}
 
 #: Height of a row, with its labels below the blocks and its level line above.
@@ -56,7 +56,7 @@ def plot_fields(
             )
         )  # fmt: skip
         ax.text(
-            x + 0.5, 0.47 - row * _PITCH, bit, ha="center", va="center", fontsize=7,
+            x + 0.5, 0.47 - row * _PITCH, bit, ha="center", va="center",
             family="monospace",
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4} if own else None,
         )  # fmt: skip
@@ -66,7 +66,7 @@ def plot_fields(
     for row in range(rows):
         levels = [1.3 + 0.5 * int(bit) - row * _PITCH for bit in bits[row * width :][:width]]
         ax.step(range(len(levels) + 1), [*levels, levels[-1]], where="post", color="C0")
-        ax.text(-0.4, 0.47 - row * _PITCH, str(row * width), ha="right", va="center", fontsize=7)
+        ax.text(-0.4, 0.47 - row * _PITCH, str(row * width), ha="right", va="center")
     ax.set(
         xlim=(-2.2, min(width, len(bits)) + 0.3),
         ylim=(-(rows - 1) * _PITCH - 1.7, 2.1),
@@ -95,7 +95,7 @@ def _outline(ax: Axes, name: str, start: int, length: int, width: int) -> None:
     row, x = divmod(place, width)
     ax.text(
         x + size / 2, -0.12 - row * _PITCH, _SHORT.get(name, name), ha="center", va="top",
-        fontsize=7, rotation=90 if size < _NARROW else 0,
+        rotation=90 if size < _NARROW else 0,
     )  # fmt: skip
 
 
@@ -105,9 +105,9 @@ def plot_contest(
     ax: Axes | None,
     upto: int | None,
 ) -> Axes:
-    """Draw the bits of each sender, a row each, and the bus below.
+    """Draw the bits of each sender, one row each, and the bus below.
 
-    A sender is its name, its bits, which of them are stuff bits, and where it stopped, if it did.
+    A sender is its name, its bits, the places of stuff bits, and the bit where it stopped or None.
     """
     rows, total = len(senders), len(bus)
     last = total - 1 if upto is None else check_whole("upto", upto, 0, total - 1)
@@ -153,7 +153,7 @@ def _bits(ax: Axes, bits: str, stuffed: set[int], row: float) -> None:
             )
         )  # fmt: skip
         ax.text(
-            place + 0.5, row, bit, ha="center", va="center", fontsize=9, family="monospace",
+            place + 0.5, row, bit, ha="center", va="center", family="monospace",
             color="white" if dominant else "black", zorder=4,
             bbox={"facecolor": "#2b6ca3" if dominant else "white", "edgecolor": "none", "pad": 0.6}
             if own else None,

@@ -1,7 +1,7 @@
-"""CAN on its cable: what every node sees, and what it reads at its sample point.
+"""CAN on its cable: the voltage at every node, and the bits read at the sample point.
 
-A dominant driver is a voltage behind a resistance; a recessive one is off. So several drivers at
-once make a wired AND, and only the terminators discharge the line.
+A dominant driver is a voltage behind a resistance, and a recessive one is off: several drivers make
+a wired AND, and only the terminators discharge the line.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ DOMINANT, RECESSIVE = 0.9, 0.5
 @checked
 @record(repr=False)
 class Segment:
-    """A straight trunk with nodes at equal distances, counted from 1.
+    """A straight trunk with equally spaced nodes, counted from 1.
 
-    A node with a stub is at its far end; the tap on the trunk loads it like another node. `stubs`
-    holds the lengths of the stubs [m] by their nodes; `cable` is that of trunk and stubs, 120 ohm
-    and 5 ns/m without loss by default.
+    A node with a stub is at its far end, and the tap loads the trunk like another node. `stubs`
+    maps nodes to lengths [m]; `cable` is that of trunk and stubs, by default 120 ohm and 5 ns/m
+    without loss.
 
     Examples
     --------
-    Bits at 1 Mbit/s on 40 m, without the terminators: the line stays dominant.
+    Bits at 1 Mbit/s on 40 m; without terminators the line stays dominant.
 
     >>> from shipnet import can
     >>> can.Segment(40).send({1: "01001101"}, 1e6).table().loc[9, "read"]
@@ -68,7 +68,7 @@ class Segment:
             check_scalar(f"length of the stub at node {node}", metres, "m", 1e-3, 1e3)
 
     def point(self, node: int) -> str:
-        """Return where a node is in the network: on the trunk, or at the end of its stub."""
+        """Return the name of a node's point in the network."""
         number = check_whole("node", node, 1, self.nodes)
         return f"{'s' if number in self.stubs else 'b'}{number}"
 
@@ -98,24 +98,24 @@ class Segment:
         dt: float | None = None,
         start: float | None = None,
     ) -> Signals:
-        """Return what every node sees and reads while some of them send bits.
+        """Return the voltages and the bits that all nodes read while some send.
 
         Parameters
         ----------
         patterns : mapping of int to str
-            Bits that a node sends, 0 dominant; a node that is not named or has ended sends 1.
+            Bits by sending node, 0 dominant; all other nodes and later bits are 1.
         bit_rate : float
             Bit rate, 1e3..1e6 [bit/s].
         sample_point : float, default 0.75
-            Where in a bit the nodes read it, 0.01..0.99. Their clocks run with the first sender's.
+            Sample point as a fraction of the bit, 0.01..0.99, on the first sender's clock.
         edge : float, default 30e-9
-            Time in which a driver switches, up to half a bit [s].
+            Switching time of a driver, up to half a bit [s].
         voltage, resistance : float
             Differential voltage of a dominant driver [V], and its source resistance [ohm].
         dt : float, optional
-            Time step; by default it resolves the edge and divides the shortest delay [s].
+            Time step [s]; by default it resolves the edge and divides the shortest delay.
         start : float, optional
-            When the first bit begins; half a bit by default [s].
+            Start of the first bit [s]; half a bit by default.
         """
         rate = check_scalar("bit_rate", bit_rate, "bit/s", 1e3, 1e6)
         point = check_scalar("sample_point", sample_point, "", 0.01, 0.99)
@@ -142,7 +142,7 @@ class Segment:
                 for k in np.flatnonzero(steps):
                     x = np.clip((t - begin - k * bit) / rise, 0, 1)
                     g += steps[k] * (x - np.sin(2 * np.pi * x) / (2 * np.pi))
-                # Sums of steps may fall a rounding below zero.
+                # Rounding may make the sum of steps slightly negative.
                 return np.maximum(g, 0) / ohms
 
             drivers.append(Driver(name, voltage=volts, conductance=conductance))
@@ -165,20 +165,16 @@ class Segment:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Signals:
-    """Voltages on a line, and what is read from them; `Segment.send` makes it.
+    """Voltages on a line and the bits read from them; `Segment.send` returns it.
 
     Attributes
     ----------
-    segment : Segment
-        The line.
-    bit_rate : float
-        Bit rate [bit/s].
     t : ndarray of float, shape (n_t,)
         Times [s].
     sample_times : ndarray of float, shape (n_bits,)
-        Sample points [s], by a clock that begins with the first bit of the senders.
+        Sample points [s].
     sent : ndarray of int8, shape (n_bits,)
-        The wired AND of what was sent.
+        Wired AND of the bits sent.
     points : tuple of str
         Points of the network, the rows of the arrays below: b1, b2, ... on the trunk and s1, s2,
         ... at the ends of stubs.
@@ -213,15 +209,15 @@ class Signals:
 
     @property
     def wrong(self) -> list[int]:
-        """The nodes that do not read every bit as it was sent."""
+        """Nodes that do not read every bit as it was sent."""
         nodes = range(1, self.segment.nodes + 1)
         return [node for node in nodes if (self.bits[self.row(node)] != self.sent).any()]
 
     def table(self) -> pd.DataFrame:
-        """Return one row per node: what it reads, how often wrongly, and its worst samples.
+        """Return one row per node: the bits it reads, how many are wrong, and its worst samples.
 
-        ``read`` has ? where a receiver may read either value; ``least_dominant_V`` must be 0.9 V
-        or more, and ``most_recessive_V`` 0.5 V or less.
+        ``read`` has ? where a receiver may read either value; ``least_dominant_V`` must be at least
+        0.9 V, and ``most_recessive_V`` at most 0.5 V.
         """
         nodes = range(1, self.segment.nodes + 1)
         rows = [self.row(node) for node in nodes]
@@ -242,7 +238,7 @@ class Signals:
         )
 
     def plot(self, node: int | None = None, ax: Axes | None = None) -> Axes:
-        """Draw the voltage at a node, the last by default, and the bits that it reads."""
+        """Draw the voltage at a node, by default the last, and the bits that it reads."""
         node = self.segment.nodes if node is None else node
         row, ax, red = self.row(node), style.axes(ax), style.LIMIT["color"]
         ax.plot(self.t * 1e6, self.v[row], color="C0", label=f"voltage at node {node}")
@@ -251,7 +247,7 @@ class Signals:
             ax.axhline(level, lw=1, color=red, linestyle=style.LIMIT["linestyle"])
             ax.annotate(
                 name, (0, level), (3, 2 if above else -2), xycoords=("axes fraction", "data"),
-                textcoords="offset points", color=red, fontsize=7, ha="left",
+                textcoords="offset points", color=red, ha="left",
                 va="bottom" if above else "top",
             )  # fmt: skip
         at, good = self.sample_times * 1e6, self.bits[row] == self.sent
@@ -259,7 +255,7 @@ class Signals:
             if chosen.any():
                 ax.plot(at[chosen], self.samples[row, chosen], marker, color="0.2", label=name)
         for when, bit in zip(at, self.bits[row], strict=True):
-            ax.annotate("?" if bit < 0 else str(bit), (when, 1.06 * top), ha="center", fontsize=9)
+            ax.annotate("?" if bit < 0 else str(bit), (when, 1.06 * top), ha="center")
         ax.set(
             xlabel="time [us]", ylabel="voltage [V]", xlim=(0, self.t[-1] * 1e6),
             ylim=(min(-0.2, 1.1 * float(np.min(self.v[row]))), 1.2 * top),

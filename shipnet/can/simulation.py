@@ -1,4 +1,4 @@
-"""A CAN bus simulated: periodic messages, arbitration, errors, and how long each frame took."""
+"""A simulated CAN bus: periodic messages, arbitration, errors and response times."""
 
 from __future__ import annotations
 
@@ -23,27 +23,17 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar
 from shipnet.lazy import Axes, pd
 
-#: Most frames that one run may release: some gigabytes of memory.
+#: Most frames that one run may release; they take some gigabytes of memory.
 MOST_FRAMES = 20_000_000
 
 
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """What happened on a simulated bus; `simulate` makes it.
+    """The events on a simulated bus; `simulate` returns it.
 
-    Attributes
-    ----------
-    system : MessageSet
-        The messages.
-    bit_rate : float
-        Bit rate [bit/s].
-    until : float
-        Simulated time [s].
-    faults : tuple
-        What disturbed the bus.
-    load : float
-        Share of the time in which the bus was busy, error frames and intermission included.
+    `system`, `bit_rate` [bit/s], `until` [s] and `faults` are as given. `load` is the fraction of
+    the time that the bus was busy, including error frames and intermission.
 
     Examples
     --------
@@ -66,11 +56,11 @@ class Run:
     _nodes: pd.DataFrame
 
     def events(self) -> pd.DataFrame:
-        """Return one row per frame, in the order of the release; what was not sent has NaN times.
+        """Return one row per frame, in the order of release; times are NaN for frames not sent.
 
-        Columns: ``message``, ``arrival_ms`` (of the event), ``release_ms`` (later by the jitter),
-        ``start_ms``, ``end_ms``, ``response_ms`` (from the event to the end), ``retries``,
-        ``outcome`` (sent, waiting, overwritten).
+        ``arrival_ms`` is the time of the event, ``release_ms`` that plus jitter, and
+        ``response_ms`` the time from the event to the end. ``outcome`` is sent, waiting or
+        overwritten.
         """
         return self._events.copy()
 
@@ -78,16 +68,13 @@ class Run:
         """Return one row per message, the highest priority first, indexed by name.
 
         ``released``, ``sent``, ``waiting`` and ``overwritten`` count frames; ``min_ms``,
-        ``mean_ms`` and ``max_ms`` are of the response; ``missed`` counts what was sent after the
-        deadline or waits beyond it.
+        ``mean_ms`` and ``max_ms`` refer to the response; ``missed`` counts frames that missed the
+        deadline.
         """
         return self._table.copy()
 
     def utilisation(self) -> Utilisation:
-        """Return how far the bus was used: its load, and the longest wait for a period and frame.
-
-        A change just after the event of a frame is known at the end of the next one.
-        """
+        """Return the load of the bus, and the longest wait for a change just after an event."""
         sent = self._events[self._events["outcome"] == "sent"].sort_values("arrival_ms")
         before = sent.groupby("message", observed=True)["arrival_ms"].shift()
         return Utilisation(self.load, self.load, float((sent["end_ms"] - before).max()) / 1e3)
@@ -95,17 +82,17 @@ class Run:
     def errors(self) -> pd.DataFrame:
         """Return one row per destroyed frame.
 
-        ``free_ms`` is when the bus was free again, ``bit`` the one that was disturbed, ``tec``
-        and ``state`` are those of the sender afterwards.
+        ``free_ms`` is when the bus was free again, ``bit`` the disturbed bit; ``tec`` and ``state``
+        are those of the sender afterwards.
         """
         return self._errors.copy()
 
     def nodes(self) -> pd.DataFrame:
-        """Return error counters and state of each sender at the end, and how often it was off."""
+        """Return each sender's final error counters and state, and how often it went bus off."""
         return self._nodes.copy()
 
     def plot(self, start: float = 0.0, stop: float | None = None, ax: Axes | None = None) -> Axes:
-        """Draw who was on the bus from `start` to `stop` [s], one lane per message."""
+        """Draw which frame was on the bus from `start` to `stop` [s], one lane per message."""
         frames, errors = self._events, self._errors
         last = np.nanmax([0.0, *frames["end_ms"], *errors["free_ms"]])
         low, high = 1e3 * start, last if stop is None else 1e3 * stop
@@ -144,10 +131,10 @@ class Run:
     def log(
         self, *, channel: str = "can0", payload: Callable[[str, int], bytes] | None = None
     ) -> Log:
-        """Return the frames that were sent as a recording of the bus would hold them.
+        """Return the frames sent, as a recording of the bus.
 
-        `payload` makes the data from the name of a message and the number of its frame; without
-        it a frame carries as many zeros as its message has bytes.
+        `payload` returns the data for the name of a message and the number of its frame; by default
+        they are zeros.
         """
         sent = self._events[self._events["outcome"] == "sent"].sort_values("end_ms")
         rank = sent["message"].cat.codes.to_numpy()
@@ -191,39 +178,33 @@ def simulate(
     Parameters
     ----------
     messages : MessageSet
-        The messages. One without a sender has a node of its own.
+        The messages. Each message without a sender has its own node.
     bit_rate : float
         Bit rate, 5e3..1e6 [bit/s]; a bit must be a whole number of nanoseconds.
     until : float
-        Time to simulate, 1e-9..1e6 [s]; a frame that began before is finished.
+        Time to simulate, 1e-9..1e6 [s], at most 20 million frames; the last frame is finished.
     faults : BitErrors, ErrorAt or iterable of them, optional
-        What disturbs the bus, from `faults`.
+        Faults that disturb the bus, from `faults`.
     queue : {"fifo", "overwrite"}, default "fifo"
-        Whether frames of a message queue up, or the newest replaces one that still waits, as in
-        a controller with one buffer per message.
+        Whether frames of a message queue up, or the newest replaces one still waiting, as in a
+        controller with one buffer per message.
     recover : bool, default True
-        Whether a node off the bus comes back after 128 sequences of 11 recessive bits.
+        Whether a node that is bus off returns after 128 sequences of 11 recessive bits.
     rng : int, numpy.random.Generator or None, optional
-        What `numpy.random.default_rng` takes; used for jitter and `BitErrors`.
+        Random generator for jitter and `BitErrors`, as `numpy.random.default_rng` takes it.
 
     Returns
     -------
     Run
         Frames, messages, errors and nodes as tables, and the load.
 
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of range, or more than 20 million frames would be released.
-
     Notes
     -----
     A frame ends with its 3 bits of intermission, as in response-time analysis. Jitter delays each
-    release by a uniform chance, and no frame of a message overtakes another. An error is seen by
-    all nodes at once and destroys the frame; the sender tries again. A node that is error passive
-    lets 8 more bits pass after its own frames [1]_, and one whose counter reaches 256 leaves the
-    bus. What disturbs an error frame, overload frames and the lack of an acknowledgement are not
-    modelled.
+    release by a uniformly random time, and frames of one message stay in order. All nodes see an
+    error at once; it destroys the frame, and the sender tries again. An error passive node lets 8
+    more bits pass after its own frames [1]_; a node whose counter reaches 256 leaves the bus.
+    Errors in error frames, overload frames and missing acknowledgement are not modelled.
 
     A simulation does not find the worst case; `response_times` bounds it.
 
@@ -233,8 +214,8 @@ def simulate(
 
     Examples
     --------
-    Three messages of 7 bytes at 125 kbit/s, 1 ms each by the bound, released together: the lowest
-    meets its worst case of 3.5 ms, a miss, because its deadline is 3.25 ms.
+    Three messages of 7 bytes at 125 kbit/s, at most 1 ms each, are released together. The lowest
+    takes 3.5 ms at worst and misses its deadline of 3.25 ms.
 
     >>> from shipnet.can import Message
     >>> messages = MessageSet(
@@ -247,8 +228,6 @@ def simulate(
     >>> run = simulate(messages, 125e3, until=1.0)
     >>> run.table()[["sent", "max_ms", "missed"]].values.tolist()
     [[400.0, 1.5, 0.0], [286.0, 2.0, 0.0], [286.0, 3.5, 57.0]]
-    >>> round(run.load, 3)
-    0.972
     """
     columns = _columns(messages)
     bit = bit_time_ns(bit_rate)
@@ -285,7 +264,7 @@ def simulate(
     table = _statistics(messages, events, waited > columns.deadline[releases.message])
     errors, nodes = _error_tables(messages, columns, releases, failures, at_end)
     busy = int(duration[sent].sum()) + sum(f.free - f.start for f in failures)
-    # The last frame may reach beyond the horizon.
+    # The last frame may end after the horizon.
     span = max(horizon, int(end.max(initial=0, where=sent)))
     return Run(
         messages, float(bit_rate), float(until), several, busy / span, events, table, errors, nodes
@@ -294,12 +273,10 @@ def simulate(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BatchRun:
-    """Responses by set of offsets and message, both as they were given; `simulate_batch` makes it.
+    """Response times for many sets of offsets; `simulate_batch` returns it.
 
     Attributes
     ----------
-    system : MessageSet
-        The messages.
     max_response, mean_response : ndarray of float, shape (n_sets, n_messages)
         Longest and mean response [s], messages in order of priority; NaN if nothing was sent.
     sent : ndarray of int, shape (n_sets, n_messages)
@@ -350,7 +327,7 @@ def simulate_batch(
     Parameters
     ----------
     messages : MessageSet
-        The messages; their own offsets do not count, and they must not have jitter.
+        The messages, without jitter; their own offsets are ignored.
     bit_rate : float
         Bit rate, 5e3..1e6 [bit/s]; a bit must be a whole number of nanoseconds.
     offsets : array_like of float, shape (n_sets, n_messages)
@@ -361,12 +338,7 @@ def simulate_batch(
     Returns
     -------
     BatchRun
-        Longest and mean responses of every set, equal to those of `simulate`.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of range, or a message has jitter.
+        Longest and mean responses per set, equal to those of `simulate`.
 
     Examples
     --------
@@ -402,7 +374,7 @@ def simulate_batch(
 
 
 class _Columns(NamedTuple):
-    """Messages in the order of their priority, times in whole nanoseconds."""
+    """Messages in order of priority, with times in whole nanoseconds."""
 
     senders: list[str]
     owner: Integers
@@ -414,7 +386,7 @@ class _Columns(NamedTuple):
 
 
 def _columns(messages: MessageSet) -> _Columns:
-    """Return a set of one message or more as columns; `owner` is the place among `senders`."""
+    """Return a set as columns; `owner` is the index of each message's sender."""
     if not len(messages):
         raise ArgumentError("messages are empty; there must be at least one")
     times = (
@@ -432,12 +404,12 @@ def _columns(messages: MessageSet) -> _Columns:
 
 
 def bit_time_ns(bit_rate: float) -> int:
-    """Return the length of a bit in whole nanoseconds."""
+    """Return the bit time in whole nanoseconds."""
     exact = 1e9 / check_bit_rate(bit_rate, 5e3)
     if abs(exact - round(exact)) > 1e-6 * exact:
         raise ArgumentError(
-            f"bit_rate is {bit_rate} bit/s, a bit of {exact:.6g} ns; it must be a whole number of "
-            f"nanoseconds, such as {1e9 / round(exact):.9g} bit/s has"
+            f"bit_rate is {bit_rate} bit/s, a bit of {exact:.6g} ns; a bit must be a whole "
+            f"number of nanoseconds, as at {1e9 / round(exact):.9g} bit/s"
         )
     return round(exact)
 
@@ -445,12 +417,12 @@ def bit_time_ns(bit_rate: float) -> int:
 def _releases(
     columns: _Columns, horizon: int, bit: int, rng: np.random.Generator
 ) -> tuple[Integers, Releases]:
-    """Return the times of the events, and the releases by them in order of time."""
+    """Return the times of the events, and the frames they release, in order of time."""
     counts = np.maximum(-(-(horizon - columns.offset) // columns.period), 0)
     if counts.sum() > MOST_FRAMES:
         raise ArgumentError(
-            f"until is {horizon / 1e9} s, which releases {counts.sum()} frames; it must be so "
-            f"short that they are {MOST_FRAMES} at most"
+            f"until is {horizon / 1e9} s, which releases {counts.sum()} frames; at "
+            f"most {MOST_FRAMES} are allowed"
         )
     message = np.repeat(np.arange(len(counts)), counts)
     place = np.arange(len(message)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -494,17 +466,18 @@ def _error_tables(
     failures: list[Failure],
     nodes: Nodes,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    release, start, free, bit, tec, state = zip(*failures, strict=True) if failures else 6 * [()]
-    ranks = releases.message[np.array(release, dtype=int)].tolist()
+    found = pd.DataFrame(failures, columns=list(Failure._fields))
+    numbers = found.drop(columns="state").astype(np.int64)
+    ranks = releases.message[numbers["release"].to_numpy()]
     errors = pd.DataFrame(
         {
             "message": [messages.names[rank] for rank in ranks],
             "sender": [columns.senders[columns.owner[rank]] for rank in ranks],
-            "start_ms": np.array(start, dtype=float) / 1e6,
-            "free_ms": np.array(free, dtype=float) / 1e6,
-            "bit": np.array(bit, dtype=int),
-            "tec": np.array(tec, dtype=int),
-            "state": np.array(state, dtype=object),
+            "start_ms": numbers["start"] / 1e6,
+            "free_ms": numbers["free"] / 1e6,
+            "bit": numbers["bit"],
+            "tec": numbers["tec"],
+            "state": found["state"].astype(object),
         }
     )
     table = pd.DataFrame(

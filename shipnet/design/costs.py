@@ -453,7 +453,7 @@ class Tornado:
             values = ends[level].to_numpy()
             ax.barh(y, values - base, left=base, height=0.7, color=colour, label=f"at its {level}")
         ax.axvline(base, color="0.25", linewidth=1)
-        ax.set_yticks(y, [words(name) for name in names], fontsize=8)
+        ax.set_yticks(y, [words(name) for name in names])
         ax.set_ylim(max(len(names), 1) - 0.5, -0.5)
         ax.set_xlabel(f"{self.subject} [{self.unit}]" if self.unit else self.subject)
         ax.locator_params(axis="x", nbins=6)

@@ -350,7 +350,7 @@ class Design:
         ax.set(xlabel="x [m]", ylabel="y [m]", title=self.name)
         ax.margins(0.05)
         ax.autoscale_view()
-        ax.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8)
+        ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
         return ax
 
 

@@ -33,7 +33,7 @@ def _box(ax: Axes, x: float, y: float, width: float, height: float, text: str, c
             boxstyle="round,pad=0.02,rounding_size=0.06", facecolor=colour, edgecolor="0.3",
         )
     )  # fmt: skip
-    ax.text(x + width / 2, y, text, ha="center", va="center", fontsize=8)
+    ax.text(x + width / 2, y, text, ha="center", va="center")
 
 
 def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) -> Axes:
@@ -53,7 +53,7 @@ def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) ->
     for row, (device, _) in enumerate(devices):
         _box(ax, 8, -row, 1.9, 0.72, device, _DEVICE)
     rows, text = drawers[option](ax, devices, Counter(points["signal"]))
-    ax.text(0.5, 0.01, text, transform=ax.transAxes, ha="center", va="bottom", fontsize=10)
+    ax.text(0.5, 0.01, text, transform=ax.transAxes, ha="center", va="bottom")
     ax.set(xlim=(-0.1, 10.1), ylim=(-rows, 0.9))
     ax.axis("off")
     return ax
@@ -75,14 +75,14 @@ def _plot_hardwired(
             name = str(point.tag).removeprefix(f"{device}-")
             ax.text(
                 7.7, y, f"{name}  {strands} strand{'s' * (strands > 1)}",
-                ha="right", va="center", fontsize=7, color="0.25",
+                ha="right", va="center", color="0.25",
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
             )  # fmt: skip
     shared = [kind for kind in counts if SIGNALS[kind].common]
     for place, kind in enumerate(shared):
         y = -height + 0.45 - 0.12 * place
         ax.plot([1.66, 7.94], [y, y], color="0.25", linewidth=0.9, linestyle="--")
-        ax.text(7.8, y + 0.02, f"return of {kind}", ha="right", va="bottom", fontsize=7)
+        ax.text(7.8, y + 0.02, f"return of {kind}", ha="right", va="bottom")
     strands = hardwired_conductors(counts)
     text = f"hardwired: {strands} strands for {counts.total()} points"
     return height + 0.1 + 0.12 * len(shared), text
@@ -105,10 +105,10 @@ def _plot_asi(
         ax.plot([6.36, 7.94], [-row, -row], color="0.25", linewidth=2)
         ax.text(
             7.15, -row + 0.06, f"{local} short strands",
-            ha="center", va="bottom", fontsize=7, color="0.25",
+            ha="center", va="bottom", color="0.25",
         )  # fmt: skip
     supply = f"{ASI_PAIR} strands, data and supply"
-    ax.text(4.5, 0.45, supply, ha="right", fontsize=8, color="#8a6d00")
+    ax.text(4.5, 0.45, supply, ha="right", color="#8a6d00")
     return height + 0.1, f"AS-i: {ASI_PAIR} strands in the trunk for {counts.total()} points"
 
 
@@ -147,7 +147,7 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
         # A label is on the side where there is room, below its dot if another is above.
         ax.annotate(
             names, place, (-6 if left else 6, -5 if below else 5), textcoords="offset points",
-            fontsize=8, ha="right" if left else "left", va="top" if below else "bottom",
+            ha="right" if left else "left", va="top" if below else "bottom",
         )  # fmt: skip
     ax.set(xlabel=x, ylabel=y)
     ax.margins(0.15)

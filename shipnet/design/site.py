@@ -109,7 +109,7 @@ class Trays:
         ax.plot(*self.places[:, :2].T, "o", color="C0", markersize=4, label="node")
         for place, (name, (x, y, _)) in enumerate(self.cabinets.items()):
             ax.plot(x, y, "D", color="C3", label="" if place else "cabinet")
-            ax.annotate(name, (x, y), (5, 5), textcoords="offset points", fontsize=8)
+            ax.annotate(name, (x, y), (5, 5), textcoords="offset points")
         ax.set(xlabel="x [m]", ylabel="y [m]")
         ax.margins(0.05)
         style.legend(ax)

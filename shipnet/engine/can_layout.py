@@ -1,21 +1,19 @@
 """The values of the boxes as CAN messages: which bytes of which frame hold which point.
 
-The paper prints no mapping, so this one is ours: a box sends its analogue values one after the
-other, `bits` each, high bit first, filled up to a whole byte, then its switches, eight to a byte,
-the first in the lowest bit as Modbus packs coils; and cuts these bytes into frames of eight.
+The paper prints no mapping, so this one is ours. A box sends its analogue values first, `bits` each
+with the high bit first, filled up to a whole byte; then its switches, eight to a byte with the
+first in the lowest bit. These bytes are cut into frames of eight.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from shipnet.arguments import checked
-from shipnet.arrays import Bytes, Integers, Words
+from shipnet.arrays import Integers
 from shipnet.can.lengths import Stuffing, frame_length
 from shipnet.can.messages import Message, MessageSet, packed
 from shipnet.engine.points import PointList
@@ -43,19 +41,14 @@ class CanLayout:
     Notes
     -----
     The identifiers, and so the priorities, are assumed: JB1 before JB2 before JB3. If `bits` does
-    not divide 64, some values lie in two frames: between the arrivals of both a receiver holds
-    half of an old and half of a new one. `table` shows which.
+    not divide 64, some values lie in two frames; `table` shows which.
 
     Examples
     --------
     >>> from shipnet import engine
-    >>> points = engine.read_points()
-    >>> layout = engine.CanLayout(points)
+    >>> layout = engine.CanLayout(engine.read_points())
     >>> len(layout.messages()), layout.volume().bytes.to_dict()
     (22, {'JB1': 75, 'JB2': 33, 'JB3': 56, 'all': 164})
-    >>> frames = layout.encode([k * point.analogue for k, point in enumerate(points)])
-    >>> bytes(frames["JB1-01"]).hex(" ")
-    '00 00 00 01 00 02 00 03'
     >>> layout.volume().loc["all", ["bytes", "frames", "worst_bits", "ms_125k"]].tolist()
     [164.0, 22.0, 2850.0, 22.8]
     """
@@ -85,16 +78,6 @@ class CanLayout:
         """Bits of each point, shape (n_points,)."""
         return np.array([self.bits if point.analogue else 1 for point in self.points])
 
-    @cached_property
-    def _places(self) -> tuple[Integers, Words, Integers]:
-        """Each bit of all points: whose it is, its weight, and its place among those sent."""
-        point = np.repeat(np.arange(len(self.points)), self._width)
-        behind = np.concatenate([np.arange(width) for width in self._width])
-        # In a byte the highest bit comes first, but the first switch is in the lowest one.
-        flip = np.array([0 if point.analogue else 7 for point in self.points])
-        weight = (self._width[point] - 1 - behind).astype(np.uint16)
-        return point, weight, (self._packed[0] ^ flip)[point] + behind
-
     def messages(self, period: float = 1.0) -> MessageSet:
         """Return the message set, with one update per `period` [s]; the paper prints none."""
         return MessageSet(
@@ -113,23 +96,6 @@ class CanLayout:
         ends = np.cumsum(dlc)
         spans = map(slice, (ends - dlc).tolist(), ends.tolist())
         return dict(zip((message.name for message in self.messages()), spans, strict=True))
-
-    def encode(self, values: npt.ArrayLike) -> dict[str, Bytes]:
-        """Return the data bytes of each frame, for codes of shape (..., n_points)."""
-        codes, (point, weight, place) = self._checked(values), self._places
-        size = 8 * sum(self._packed[1].values())
-        source, mask = np.zeros(size, np.intp), np.zeros(size, np.uint16)
-        source[place], mask[place] = point, 1 << weight
-        data = np.packbits((codes.take(source, axis=-1) & mask) != 0, axis=-1)
-        return {name: data[..., span] for name, span in self._spans.items()}
-
-    def decode(self, frames: Mapping[str, Any]) -> Words:
-        """Return the codes that frames hold, from the bytes of every message by its name."""
-        _, weight, place = self._places
-        data = np.concatenate(self._checked_frames(frames), axis=-1)
-        bits = np.unpackbits(data, axis=-1)[..., place].astype(np.uint16) << weight
-        starts = np.cumsum(self._width) - self._width
-        return np.add.reduceat(bits, starts, axis=-1, dtype=np.uint16)
 
     def table(self) -> pd.DataFrame:
         """Return in which message and byte every point begins, and its last message: by tag."""
@@ -187,45 +153,3 @@ class CanLayout:
     def _message_at(self, bit: Integers) -> Integers:
         begins = [span.start for span in self._spans.values()]
         return np.asarray(np.searchsorted(begins, bit // 8, side="right") - 1)
-
-    def _checked(self, values: npt.ArrayLike) -> Words:
-        array = np.asarray(values)
-        n = len(self.points)
-        if array.dtype.kind not in "iub" or not array.ndim or array.shape[-1] != n:
-            raise ArgumentError(
-                f"values are {array.dtype} of shape {array.shape}; they must be whole numbers of "
-                f"shape (..., {n})"
-            )
-        highest = 2**self._width - 1
-        bad = (array < 0) | (array > highest)
-        if bad.any():
-            worst = np.argwhere(bad)[0]
-            k = worst[-1]
-            raise ArgumentError(
-                f"value of {self.points[k].tag} is {array[tuple(worst)]}; it must be a whole "
-                f"number 0..{highest[k]}"
-            )
-        return array.astype(np.uint16)
-
-    def _checked_frames(self, frames: Mapping[str, Any]) -> list[Bytes]:
-        wanted = {name: span.stop - span.start for name, span in self._spans.items()}
-        if set(frames) != set(wanted):
-            missing, strange = set(wanted) - set(frames), set(frames) - set(wanted)
-            raise ArgumentError(
-                f"frames lack {sorted(missing)} and hold {sorted(strange)} beside those of the set"
-            )
-        rows = []
-        for name, dlc in wanted.items():
-            data = frames[name]
-            if isinstance(data, bytes | bytearray | memoryview):
-                data = np.frombuffer(data, np.uint8)
-            row = np.asarray(data)
-            if row.dtype != np.uint8 or not row.ndim or row.shape[-1] != dlc:
-                raise ArgumentError(
-                    f"frame {name} is {row.dtype} of shape {row.shape}; it must be uint8 of shape "
-                    f"(..., {dlc})"
-                )
-            rows.append(row)
-        if len({row.shape[:-1] for row in rows}) > 1:
-            raise ArgumentError("frames differ in their leading shape; they must have the same")
-        return rows

@@ -1,7 +1,7 @@
 """The class rules that lee2012 quotes in section II, each checked on a described system.
 
-What a description leaves out is not verified: it neither passes nor fails. The text of the rules
-themselves was not available; `Rule.elsewhere` says what public texts ask on the same matter.
+What a description leaves out is not verified. The rules' own text was not available to us;
+`Rule.elsewhere` says what public texts ask on the same matter.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from math import inf, isnan, nan
 from typing import Any, Literal
 
 from shipnet.answers import Findings
+from shipnet.arguments import checked
 from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.engine.points import Point, PointList, read_points
 from shipnet.engine.registers import RegisterMap
@@ -41,15 +42,15 @@ _CIRCULAR = "MSC/Circ.891"
 
 @record(slots=True)
 class Redundancy:
-    """How many supplies and processors each box has, and what a dead one costs.
+    """How many supplies and processors each box has, and how many points a dead one costs.
 
-    A box works as long as one supply and one processor of it do; the points of a box that does not
-    work are lost, whatever the buses do.
+    A box works as long as one of its supplies and one of its processors do; otherwise its points
+    are lost.
 
     Notes
     -----
     The paper names one microcontroller and one power connector per box (section IV.1) and asks for
-    two of each (section II); supplies and processors are taken to change over by themselves.
+    two of each (section II). Change-over is assumed to be automatic.
 
     Examples
     --------
@@ -100,8 +101,8 @@ class Redundancy:
 class Description:
     """What is known of a monitoring system, for the class rules to judge; None is not known.
 
-    `protocols` are names. `links` maps each link to the stations beside the master on it, and
-    `routes` the same links to the spaces or trays that they run through.
+    `links` maps each link to the stations on it other than the master, and `routes` the same links
+    to the spaces or trays that they run through.
 
     Examples
     --------
@@ -143,9 +144,9 @@ class Description:
     def printed(cls) -> Description:
         """Return what lee2012 prints of its system.
 
-        One microcontroller per box (section IV.1), CAN and Modbus RTU, two channels to JB1 and JB3
-        (Fig 3), 9600 bit/s 8E1 (Table 2). Supplies, memory, cable routes and retries are not
-        printed. The poll of all 99 points in one request is our assumption.
+        That is one microcontroller per box (section IV.1), CAN and Modbus RTU, two channels to JB1
+        and JB3 (Fig 3) and 9600 bit/s 8E1 (Table 2). That one request polls all 99 points is our
+        assumption.
         """
         points = read_points()
         return cls(
@@ -187,9 +188,8 @@ _Outcome = tuple[float, str]
 class Rule:
     """A class rule as the paper quotes it: what it asks of an object, the measure and its limit.
 
-    `compute` gets a system and its field `known`, unless that is not described. The limit is the
-    highest value, or with `at_least` the lowest; `elsewhere` says what public texts ask on the same
-    matter.
+    `compute` gets a system and its field `known`. The limit is the highest value, or the lowest
+    with `at_least`; `elsewhere` says what public texts ask on the same matter.
     """
 
     name: str
@@ -304,18 +304,19 @@ RULES = (
 )  # fmt: skip
 
 
+@checked
 def check(system: Description) -> Findings:
     """Check a system against the class rules that lee2012 quotes.
 
     Parameters
     ----------
     system : Description
-        What is known of it.
+        What is known of the system.
 
     Returns
     -------
     Findings
-        One row per rule, with the columns ``asks`` and ``measure`` besides; ``source`` says what
+        One row per rule, also with the columns ``asks`` and ``measure``; ``source`` says what
         public texts ask on the same matter.
 
     Raises
@@ -332,8 +333,6 @@ def check(system: Description) -> Findings:
     >>> print(*findings.violated().loc[0, ["rule", "value", "high"]])
     CPU duplicated 43.0 0.0
     """
-    if not isinstance(system, Description):
-        raise ArgumentError(f"system is {system!r}; it must be a Description")
     rows: list[dict[str, Any]] = []
     for rule in RULES:
         verdict, value, why = rule.judge(system)

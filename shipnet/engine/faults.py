@@ -1,4 +1,4 @@
-"""What can go wrong in the system. Times are seconds from the start of the AMS."""
+"""What can go wrong in the system; times are seconds from the start of the AMS."""
 
 from __future__ import annotations
 
@@ -9,22 +9,14 @@ from shipnet.clock import Fault
 from shipnet.fields import number, record, text
 
 __all__ = [
-    "BusOff",
-    "CanBreak",
-    "DeadBox",
-    "DeadPort",
-    "LostCanFrames",
-    "LostModbusFrames",
-    "ModbusBreak",
-    "OpenWire",
-    "ShortCircuit",
-    "StuckSensor",
-]
+    "BusOff", "CanBreak", "DeadBox", "DeadPort", "LostCanFrames", "LostModbusFrames",
+    "ModbusBreak", "OpenWire", "ShortCircuit", "StuckSensor",
+]  # fmt: skip
 
 
 @record
 class EngineFault(Fault):
-    """A fault at a place of the system; the kinds derive from it."""
+    """A fault at a place of the system; the base of all kinds."""
 
     words: ClassVar[str] = ""
     at: ClassVar[Literal["box", "cable", "channel", "sensor"]] = "box"
@@ -41,10 +33,9 @@ class CanBreak(EngineFault):
 
     Notes
     -----
-    A break splits a line into two. Each part is left with one terminator of the two. Here both go
-    on working, which is an **assumption** that suits short cables and a low bit rate. What is
-    queued or on the bus at the moment of the break, or of its repair, is lost. A box that is left
-    alone gets no acknowledgement, and no other box hears it.
+    A break splits the bus in two, each part with one of the two terminators. Both parts still work,
+    which is an **assumption** that suits short cables and low bit rates. What is queued or on the
+    bus at the break, or at its repair, is lost. A box on its own gets no acknowledgement.
 
     Examples
     --------
@@ -86,7 +77,7 @@ class DeadPort(EngineFault):
 
 @record
 class DeadBox(EngineFault):
-    """A box has no supply, or its one CPU is dead; after its return it has no values of others.
+    """A box has no supply, or its only CPU is dead; it returns without the values of the others.
 
     Examples
     --------
@@ -112,7 +103,7 @@ class BusOff(EngineFault):
 
 @record
 class StuckSensor(EngineFault):
-    """The input of a point, named by its tag, does not change any more.
+    """The input of a point, named by its tag, no longer changes.
 
     Examples
     --------
@@ -126,7 +117,7 @@ class StuckSensor(EngineFault):
 
 @record
 class OpenWire(EngineFault):
-    """A wire of a sensor, named by its tag, is broken; the box reads what no sensor sends.
+    """A wire of a sensor, named by its tag, is broken.
 
     Examples
     --------

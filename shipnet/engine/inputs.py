@@ -1,25 +1,20 @@
 r"""The input converters of a junction box: from what a sensor does to a code, and back.
 
-A sensor's signal :math:`s` is a resistance, a current or a contact. An amplifier maps a window
-:math:`s_0 .. s_1` of it to 0..5 V, and the converter of the controller makes a code of that:
+An amplifier maps a window :math:`s_0 .. s_1` of a sensor's signal :math:`s` (a resistance, a
+current or a contact) to 0..5 V, and the converter of the controller makes a code of that:
 
 .. math:: u = U_{ref} \frac{s - s_0}{s_1 - s_0}, \qquad
           c = \left\lfloor \frac{2^n u}{U_{ref}} + \frac{1}{2} \right\rfloor
 
-As lee2012 prints it, the window of a 4-20 mA loop is 4..20 mA, by 250 ohm and an amplifier
-:math:`1.25 (u - 1 V)`; that of a thermometer is its range. A platinum thermometer Pt100 follows
-IEC 60751:
-
-.. math:: R = R_0 \left( 1 + A t + B t^2 + C (t - 100) t^3 \right)
-
-with :math:`C = 0` from 0 degC up.
+In lee2012 the window of a 4-20 mA loop is 4..20 mA (250 ohm, then an amplifier
+:math:`1.25 (u - 1 V)`), and that of a thermometer is its range.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -80,17 +75,9 @@ def _within(name: str, value: npt.ArrayLike, low: float, high: float, unit: str)
 _LOOP = (4e-3, 20e-3)
 
 
-class Namur(NamedTuple):
-    """Currents [A] that distinguish a failure (the outer two) from a value (between the inner)."""
-
-    failed_low: float
-    lowest: float
-    highest: float
-    failed_high: float
-
-
-#: Recommendation NE 43 of NAMUR.
-NAMUR = Namur(3.6e-3, 3.8e-3, 20.5e-3, 21e-3)
+#: Currents that distinguish a failure (the outer two) from a value (between the inner): NAMUR NE 43
+#: [A].
+NAMUR = (3.6e-3, 3.8e-3, 20.5e-3, 21e-3)
 
 #: The same as parts of the span above its zero; thermometers are judged by them too.
 _PARTS = [(i - _LOOP[0]) / (_LOOP[1] - _LOOP[0]) for i in NAMUR]
@@ -111,9 +98,9 @@ class InputCard:
 
     Notes
     -----
-    Values and codes are arrays of shape (..., n_points), time in front. A switch has value 1 on
-    alarm. Its contact is closed as long as all is well, unless its `signal` begins with ``NO``
-    (normally open). Behind the opto-coupler a closed contact is 0 V, and its code is one bit.
+    Values and codes are arrays of shape (..., n_points). A switch has value 1 on alarm; its contact
+    is then open, or closed if its `signal` begins with ``NO``. A closed contact is 0 V behind its
+    opto-coupler, and its code is one bit.
 
     Examples
     --------
@@ -147,10 +134,9 @@ class InputCard:
 
     @property
     def highest(self) -> int:
-        """Highest code, "the reference minus one LSB".
+        """Highest code; a step is the reference over one more.
 
-        So a step is the reference over 1024, though the formula above that sentence has 1023:
-        Atmel, AT90CAN128 data sheet 4250E-CAN-12/04, p. 277.
+        Atmel, AT90CAN128 data sheet 4250E-CAN-12/04, p. 277: "the reference minus one LSB".
         """
         return int(2**self.bits - 1)
 
@@ -160,10 +146,7 @@ class InputCard:
         return float(self.reference / 2**self.bits)
 
     def signal(self, values: npt.ArrayLike) -> Floats:
-        """Return what the sensors do at values: resistance [ohm], current [A], contact (1 closed).
-
-        A transmitter goes no further than 3.8 and 20.5 mA.
-        """
+        """Return resistances [ohm], currents [A], 3.8..20.5 mA, or contacts (1 closed)."""
         v = self._shaped("values", values)
         signals = np.empty(v.shape)
         for k, point in enumerate(self.points):
@@ -180,7 +163,7 @@ class InputCard:
             else:
                 part = (own - point.low) / point.span
                 current = _LOOP[0] + (_LOOP[1] - _LOOP[0]) * part
-                signals[..., k] = np.clip(current, NAMUR.lowest, NAMUR.highest)
+                signals[..., k] = np.clip(current, *NAMUR[1:3])
         return signals
 
     @property
@@ -242,8 +225,8 @@ class InputCard:
     def limits(self) -> Integers:
         """Codes at or below the first and at or above the second are failures, shape (n_points, 2).
 
-        They are the codes of 3.6 and 21 mA, and of the same parts of a thermometer's span; -1 and
-        one more than the highest where such a code could be a value too.
+        They are the codes of 3.6 and 21 mA, and of the same parts of a thermometer's span; out of
+        range where such a code could also be a value.
         """
         ends = self._ends
         signals = [ends[:, 0] + part * (ends[:, 1] - ends[:, 0]) for part in _PARTS]
@@ -263,12 +246,11 @@ class InputCard:
         return np.asarray((c > low) & (c < high))
 
     def accuracy(self) -> pd.DataFrame:
-        """Return resolution and error of conversion of each kind of analogue input, a row each.
+        """Return resolution and conversion error of each kind of analogue input, one row each.
 
-        ``codes`` counts those within the range; ``step_low`` and ``step_high`` lead from one code
-        to the next at both ends; ``error_at`` is the value with the largest ``conversion_error``.
-        That is of quantisation, and of the firmware's straight line if the card has one, and of
-        nothing else: sensors, amplifiers and reference are taken as perfect.
+        ``codes`` counts those within the range; ``step_low`` and ``step_high`` are the steps at its
+        ends; ``error_at`` is the value with the largest ``conversion_error``. Only quantisation and
+        the firmware's straight line, if any, are counted: sensors and amplifiers are ideal.
         """
         rows = []
         for k, count in self.points.kinds():
@@ -306,10 +288,8 @@ class InputCard:
     def wire_faults(self) -> pd.DataFrame:
         """Return what the box makes of a broken wire and a short circuit, two rows per kind.
 
-        ``reads`` is the value of the ``code``; ``legal`` says whether a healthy sensor gives this
-        code too, and ``detected`` whether the limits of the card distinguish it from a value.
-        Without margin 4 mA and a broken wire are both 0 V. A switch that opens on alarm shows a
-        broken wire as an alarm, which is safe, and hides every later alarm if its wires touch.
+        ``reads`` is the value of the ``code``; ``legal`` says whether a healthy sensor gives it,
+        and ``detected`` whether the card's limits tell it from a value.
         """
         low, high = (
             self.code(self.signal([getattr(point, end) for point in self.points])).astype(int)

@@ -1,7 +1,4 @@
-"""The measuring points of an engine: what is measured, in which box, over which range.
-
-A list of points keeps the order of its file, which is the order of registers and of bytes.
-"""
+"""The measuring points of an engine, in the order of their registers."""
 
 from __future__ import annotations
 
@@ -36,9 +33,9 @@ PT100 = (-200.0, 850.0)
 class Point:
     """A measuring point.
 
-    Texts are printable; `tag` and `box`, the junction box that it is wired to, are not empty.
-    `quantity` is what is measured, such as ``"temperature"``, `unit` that of the range, `signal`
-    the kind of sensor, such as ``"Pt100 3-wire"``, and `service` what it measures on the engine.
+    `box` is the junction box that it is wired to, `quantity` what is measured, such as
+    ``"temperature"``, `unit` that of the range, `signal` the kind of sensor, such as ``"Pt100
+    3-wire"``, and `service` the place on the engine. `tag` and `box` must not be empty.
 
     Examples
     --------
@@ -108,7 +105,7 @@ class PointList(tuple[Point, ...]):
     Raises
     ------
     ArgumentError
-        If there is none, one is of another class, or a tag occurs twice.
+        If there is no point, one is of another class, or a tag occurs twice.
 
     Examples
     --------
@@ -195,9 +192,8 @@ class PointList(tuple[Point, ...]):
     ) -> Saving:
         """Count the conductors of hardwired points, and of the two buses in their place.
 
-        `rtd`, `loop` and `switch` are the conductors of one sensor (1..4); a bus has `segments`
-        or `channels` cables (0..100) with a number of wires each (1..8). Shields, supplies and
-        spare cores are not counted.
+        `rtd`, `loop` and `switch` are the conductors of one sensor (1..4); a bus has 0..100
+        `segments` or `channels` of 1..8 wires. Shields, supplies and spare cores are not counted.
         """
         each = {
             "RTD": check_whole("rtd", rtd, 1, 4),
@@ -227,8 +223,8 @@ def read_points(path: str | PathLike[str] | None = None) -> PointList:
     ----------
     path : path, optional
         CSV file or Excel workbook with a row of column titles: the fields of `Point`, of which
-        ``tag``, ``box``, ``condition`` and ``quantity`` are required. Other columns are for
-        remarks; an empty cell takes the default. Without a path, the points of lee2012.
+        ``tag``, ``box``, ``condition`` and ``quantity`` are required. Other columns are ignored; an
+        empty cell takes the default.
 
     Returns
     -------
@@ -242,15 +238,9 @@ def read_points(path: str | PathLike[str] | None = None) -> PointList:
 
     Notes
     -----
-    Box, condition, alarm of the switches, number and range of the 99 points are those of Table 3
-    of [1]_. Tags and services are **assumed**, after the usual points of such an engine, and so
-    are the alarms of the analogue points, contacts that open on alarm, and which of the seven
-    pressures has which of the four ranges.
-
-    References
-    ----------
-    .. [1] J. H. Lee, D. S. Kim, "Design and implementation of distributed control system based on
-       dual field-bus for ship engine", J. IEEK 49-SC(2), 2012.
+    Box, condition, range and number of the 99 points, and the alarms of the switches, are those of
+    Table 3 of lee2012. **Assumed** are tags, services, the alarms of the analogue points, contacts
+    that open on alarm, and which of the seven pressures has which range.
 
     Examples
     --------

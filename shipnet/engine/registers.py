@@ -1,11 +1,8 @@
 """The registers of a junction box: how a value becomes a register, and which address holds what.
 
-lee2012 marks a value that is missing by 0xFF (section III.2.c) and prints neither the width of a
-value nor its scale. `CODINGS` has the readings of that which make sense, and a corrected one.
-
-Each of the two boxes that the monitoring system asks holds all points, its own and those that it
-heard on CAN. The values come first, in the order of the points. The corrected design adds the age
-of each CAN frame.
+lee2012 marks a missing value by 0xFF (section III.2.c) but prints neither width nor scale of a
+value. Each polled box holds all points, its own and those that it heard on CAN, in the order of the
+points; the corrected design adds the age of each CAN frame.
 """
 
 from __future__ import annotations
@@ -34,15 +31,15 @@ from shipnet.modbus.pdu import Request
 @checked
 @record(slots=True)
 class Coding:
-    """What a register holds.
+    """How a value becomes the content of a register.
 
-    `step` is what one more in the register is worth, 1e-6..1e6 in the unit of the point. With
-    ``"full scale"`` the range fills the bits, from 0 to all ones. With ``"decimal"`` it is the
-    largest power of ten within a thousandth of the span.
+    `step` is the value of one count, 1e-6..1e6 in the unit of the point. With ``"full scale"`` the
+    range fills the bits, from 0 to all ones; with ``"decimal"`` the step is the largest power of
+    ten within a thousandth of the span.
 
     Notes
     -----
-    A value that does not fit is clipped to the nearest content that does. A switch is 0 or 1.
+    A value that does not fit is clipped to the nearest content. A switch is 0 or 1.
 
     Examples
     --------
@@ -137,10 +134,7 @@ class Coding:
         return np.array([self.step_of(point) for point in points]), zero
 
     def _bounds(self, points: PointList) -> tuple[Floats, Floats]:
-        """Return the lowest and highest whole number that a register holds, by point.
-
-        The lowest one of two's complement is left out if it is the error mark.
-        """
+        """Return the ends of the numbers in each point's register, without the error mark."""
         signed = self.signed and self.step != "full scale"
         high = 2 ** (self.bits - signed) - 1
         low = -high - (self.error != 2**15) if signed else 0
@@ -150,8 +144,8 @@ class Coding:
     def collisions(self, points: Iterable[Point]) -> pd.DataFrame:
         """Return which legal readings are coded as the error mark, one row per point.
 
-        ``reads`` is the value of the mark; readings between ``from`` and ``to`` are taken for an
-        error (NaN if none are), which is ``percent`` of the range.
+        ``reads`` is the value of the mark; readings ``from``..``to`` are taken for an error (NaN if
+        none are), which is ``percent`` of the range.
         """
         known = PointList(points)
         mark = np.full(len(known), self.error, np.int64)
@@ -279,8 +273,7 @@ class RegisterMap:
     ) -> Words:
         """Return the content of all registers.
 
-        `values` and `failed` are by point, `ages` [s] by frame; NaN counts as failed, and ages are
-        rounded up.
+        `values` and `failed` are by point (NaN is failed), `ages` [s] by frame, rounded up.
         """
         registers = self.coding.encode(self.points, values, failed)
         age = np.asarray(ages, np.float64)

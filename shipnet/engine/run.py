@@ -31,10 +31,7 @@ _Slices = list[tuple[int, int, str]]
 
 
 class Cpu:
-    """What the Modbus interrupts of a given length [ns] leave of a CPU's time, in nanoseconds.
-
-    The next interrupt does not begin earlier than the one before ends.
-    """
+    """CPU time [ns] that Modbus interrupts of one length leave; they do not overlap."""
 
     def __init__(self, begins: npt.ArrayLike, length: int) -> None:
         self.begins = np.asarray(begins, dtype=np.int64)
@@ -52,17 +49,14 @@ class Cpu:
         return np.asarray(time - taken, dtype=np.int64)
 
     def at(self, left: Integers) -> Integers:
-        """Return when so much time has been left: the inverse of `until` [ns].
-
-        Work that is done when an interrupt begins is done before it.
-        """
+        """Return when so much time has been left, interrupts that begin then not counted [ns]."""
         begun = np.searchsorted(self._left, left, side="left")
         return np.asarray(left + self.length * begun, dtype=np.int64)
 
     def queue(self, due: Integers, work: int) -> Integers:
-        """Return when jobs begin that wait for each other, as time left by the interrupts [ns].
+        """Return when jobs that wait for each other begin, in CPU time for `at` [ns].
 
-        `due` rises, `work` is what each takes of the CPU; `at` makes times of the result.
+        `due` rises; `work` is the CPU time of each job.
         """
         number = work * np.arange(due.size, dtype=np.int64)
         return np.asarray(number + np.maximum.accumulate(self.until(due) - number), dtype=np.int64)
@@ -90,11 +84,10 @@ NEVER = -1 << 62
 
 
 class Rounds(NamedTuple):
-    """Rounds of the loop of one box, by number; `NEVER` for steps that did not happen.
+    """Rounds of the loop of one box, by number [ns]; `NEVER` for steps that did not happen.
 
-    `work` is the CPU time left by the interrupts at which a round begins [ns], for `Cpu.at`;
-    `converted` is when its values are in the box's own table, and `queued` when its frames ask for
-    the bus [ns].
+    A round begins at `work`, in CPU time for `Cpu.at`; its values are `converted`, then its frames
+    `queued` for the bus.
     """
 
     work: Integers
@@ -123,10 +116,7 @@ class Frames(NamedTuple):
 
 
 def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
-    """Return when the timer of a sender begins to mark its values, as CPU time for `Cpu.at`.
-
-    It does so each time that nothing was `heard` of the sender [ns] for too long.
-    """
+    """Return when a timer marks the values of a sender `heard` too long ago, for `Cpu.at` [ns]."""
     limit = nanoseconds(system.stale_limit)
     silent = np.diff(heard, append=heard[-1:] + limit + 1) > limit
     return cpu.until(heard[silent] + limit)
@@ -135,9 +125,9 @@ def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
 class Views(NamedTuple):
     """What the AMS knows after each answer, one row per answer.
 
-    `seen` is when the answer was complete [ns]; by message, `number` is the round of the sender's
-    loop that the values are from, -1 if they are missing or marked, and no value was sampled
-    before `known` [ns], as far as the reader can tell.
+    `seen` is when the answer was complete [ns]. By message, `number` is the round that the values
+    are from, -1 if they are missing or marked, and `known` the earliest time at which they can
+    have been sampled, as far as the reader knows [ns].
     """
 
     seen: Integers
@@ -148,8 +138,8 @@ class Views(NamedTuple):
 class Shown(NamedTuple):
     """What the AMS shows of a point, one entry per view, from `seen` to `until` [ns].
 
-    It is shown as `good` at first, and so until `good_until`, which is `seen` if it is marked from
-    the start; the value was true when it was `sampled` [ns].
+    The value, true when it was `sampled`, is shown as `good` until `good_until`, which is `seen` if
+    it is marked from the start.
     """
 
     seen: Integers
@@ -167,7 +157,7 @@ _ERROR = 0xFF
 
 
 class SyntheticValues:
-    """Values that were never measured: a slow wave about a mean for every point.
+    """Synthetic values: a slow wave about a mean for every point.
 
     `rng` draws mean (40..60 % of the range), amplitude (5..15 %), period (60..600 s) and phase of
     each wave. Switches stay closed, at 0.
@@ -190,10 +180,6 @@ class SyntheticValues:
             return np.zeros(t.shape)
         angle = self._omega[place] * t + self._phase[place]
         return np.asarray(self._mean[place] + self._amplitude[place] * np.sin(angle))
-
-    def now(self, time: float) -> Floats:
-        """Return the values of all points at one time [s]."""
-        return np.array([self.at(place, time) for place in range(len(self.points))])
 
 
 def reading(
@@ -218,17 +204,15 @@ class Screen:
         When [s].
     table : pandas.DataFrame
         One row per point, by tag: ``box``, ``service``, ``value`` shown, ``unit``, ``true`` (what
-        the sensor measures now), ``age_s`` of the value, and ``mark``: empty, ``0xFF``,
-        ``too old``, or ``0xFF?`` for a good value that equals the code of an error. Value and age
-        of what is marked are NaN.
+        the sensor measures now), ``age_s`` and ``mark``: empty, ``0xFF``, ``too old``, or ``0xFF?``
+        for a good value that equals the error mark. Value and age are NaN if marked.
     old : float, default 2
         Age from which a value that is shown as good counts as old [s].
 
     Notes
     -----
-    In the printed coding a register holds whole units, an **assumption**: the width and the scale
-    are not printed. So a temperature of 255 degC cannot be distinguished from an error. In the
-    corrected coding a value is carried in tenths, and its mark apart from it.
+    In the printed coding a register is **assumed** to hold whole units, so that 255 degC looks like
+    an error. The corrected coding has tenths, and a mark that no value equals.
 
     Examples
     --------
@@ -264,10 +248,7 @@ class Screen:
         return int((self._table["age_s"] > self._old).sum())
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the points as tiles: good ones pale blue, old ones orange, marked ones dark.
-
-        A real AMS in the printed coding would not know which values are old.
-        """
+        """Draw the points as tiles: good ones pale blue, old ones orange, marked ones dark."""
         from shipnet.engine.plot import plot_screen
 
         return plot_screen(self._table, ax=ax, old=self._old)
@@ -289,9 +270,9 @@ class Ages:
     def table(self) -> pd.DataFrame:
         """Return one row per answer of a box.
 
-        ``seen_s``, ``until_s`` (the next answer), ``good_until_s`` (until when it is shown as
-        good), ``sampled_s``, ``age_s`` when it is seen and ``last_age_s`` when it is last shown as
-        good; ages are NaN where it is marked at once.
+        ``seen_s``, ``until_s`` (the next answer), ``good_until_s`` (shown as good until then),
+        ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good; ages are NaN
+        where the point is marked at once.
         """
         return self._table.copy()
 
@@ -319,8 +300,8 @@ class Timeline:
         """Return one row per stretch of work.
 
         ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``), ``task`` (``convert``, ``send``,
-        ``CAN``, ``timer``, ``Modbus``; a box whose frame is on the bus; ``request``,
-        ``response``), ``start_ms`` and ``end_ms``.
+        ``CAN``, ``timer``, ``Modbus``; the sender of a frame; ``request``, ``response``),
+        ``start_ms`` and ``end_ms``.
         """
         return self._table.copy()
 
@@ -339,8 +320,8 @@ class Timeline:
 class Run:
     """A finished simulation of a `system` with some `faults`; `simulate` makes one.
 
-    A table has one row per point, alarm, request or poll. Times are in seconds from the start of
-    the AMS; the attributes after `until` are arrays of the simulator, in nanoseconds.
+    Tables have times in seconds from the start of the AMS; the attributes after `until` are arrays
+    of the simulator, in nanoseconds.
 
     Examples
     --------
@@ -432,16 +413,34 @@ class Run:
     def timeline(self, start: float, stop: float) -> Timeline:
         """Return what each CPU and each line does between two times, 60 s apart at most [s].
 
-        Where a CPU is not listed it waits. The CAN routine runs while the loop waits for the
-        multiplexer, so it cuts the conversion in two without making it longer; a Modbus interrupt
-        makes it longer. Frames that are lost by overrun are shown as if they were taken over.
+        A CPU that is not listed waits. The CAN routine runs while the loop waits for the
+        multiplexer, so that it does not prolong the conversion; a Modbus interrupt does.
         """
-        return _timeline(self, start, stop)
+        check_scalar("start", start, "s", -1.0, 1e6)
+        check_scalar("stop", stop, "s", -1.0, 1e6 + 60)
+        if not start < stop <= start + 60:
+            raise ArgumentError(f"stop is {stop!r} s; it must be in the 60 s after {start!r} s")
+        span = nanoseconds(start), nanoseconds(stop)
+        rows: dict[str, _Slices] = {}
+        for box, name in enumerate(self.system.boxes):
+            rows[name] = _cpu(self, box)
+        ends = self.sent.start + self.system.frame_ns[self.sent.message]
+        senders = [self.system.boxes[k] for k in self.system.sender[self.sent.message]]
+        rows["CAN"] = list(zip(self.sent.start.tolist(), ends.tolist(), senders, strict=True))
+        rows.update(_lines(self))
+        table = [
+            (row, task, max(begin, span[0]) / 1e6, min(end, span[1]) / 1e6)
+            for row, slices in rows.items()
+            for begin, end, task in sorted(slices)
+            if begin < span[1] and end > span[0]
+        ]
+        columns = ["row", "task", "start_ms", "end_ms"]
+        return Timeline(start, stop, pd.DataFrame(table, columns=columns))
 
     def screen(self, time: float, values: SyntheticValues | None = None) -> Screen:
         """Return what the AMS shows at a time between its first answer and the end [s].
 
-        `values` are what the sensors measure; synthetic ones with the seed 2024 if not given.
+        Without `values` of the sensors, synthetic ones with the seed 2024 are shown.
         """
         known = values or SyntheticValues(self.system.points, 2024)
         seen = self.views.seen
@@ -476,9 +475,8 @@ class Run:
     def table(self) -> pd.DataFrame:
         """Return how old each point was: one row per tag.
 
-        ``box``, ``worst_s`` (greatest age shown as good), ``mean_s`` (mean age over the
-        time in which it is shown as good), ``marked_s`` (how long it is marked), ``sampled_s``
-        (when the value that is shown as good at last was true, NaN without any) and
+        ``box``, ``worst_s`` and ``mean_s`` (ages while shown as good), ``marked_s`` (how long it is
+        marked), ``sampled_s`` (when the last good value was true, NaN without any) and
         ``good_until_s`` (when it was last shown as good).
         """
         return self._table.copy()
@@ -533,9 +531,8 @@ class Run:
     def alarms(self) -> pd.DataFrame:
         """Return what the AMS raises: ``time_s``, ``source`` (a tag or a channel), ``kind``.
 
-        Kinds are ``no answer`` and ``answers again`` of a channel; ``0xFF`` (or ``too old`` in the
-        corrected coding) and ``good again`` of a point; ``path lost`` and ``path back`` of a box as
-        one of two polled channels shows it.
+        A channel has ``no answer`` and ``answers again``, a point ``0xFF`` (corrected coding: ``too
+        old``) and ``good again``, a box on two polled channels ``path lost`` and ``path back``.
         """
         return self._alarms.copy()
 
@@ -612,34 +609,6 @@ def _changes(time: Integers, good: Bools) -> Sequence[tuple[int, bool]]:
 
 
 # Who works when: figures 5 and 6 of lee2012 in time --------------------------------------------
-
-
-def _timeline(run: Run, start: float, stop: float) -> Timeline:
-    """Return who works when."""
-    check_scalar("start", start, "s", -1.0, 1e6)
-    check_scalar("stop", stop, "s", -1.0, 1e6 + 60)
-    if not start < stop <= start + 60:
-        raise ArgumentError(f"stop is {stop!r} s; it must be in the 60 s after {start!r} s")
-    span = nanoseconds(start), nanoseconds(stop)
-    rows: dict[str, _Slices] = {}
-    for box, name in enumerate(run.system.boxes):
-        rows[name] = _cpu(run, box)
-    senders = run.system.sender[run.sent.message].tolist()
-    ends = run.sent.start + run.system.frame_ns[run.sent.message]
-    names = run.system.boxes
-    rows["CAN"] = [
-        (begin, end, names[sender])
-        for begin, end, sender in zip(run.sent.start.tolist(), ends.tolist(), senders, strict=True)
-    ]
-    rows.update(_lines(run))
-    table = [
-        (row, task, max(begin, span[0]) / 1e6, min(end, span[1]) / 1e6)
-        for row, slices in rows.items()
-        for begin, end, task in sorted(slices)
-        if begin < span[1] and end > span[0]
-    ]
-    columns = ["row", "task", "start_ms", "end_ms"]
-    return Timeline(start, stop, pd.DataFrame(table, columns=columns))
 
 
 def _cpu(run: Run, box: int) -> _Slices:

@@ -72,30 +72,28 @@ def serve(
     system : System, optional
         The system, in the printed coding; that of lee2012 if not given.
     faults : fault or iterable of faults, optional
-        What goes wrong, in model time. A box that is dead, or cut off from the AMS, does not
-        answer; values of a box that is not heard on CAN stay as they are, and are marked after the
-        system's `stale_limit`. Losses at random cannot be served. More can be made while it runs,
-        by writing to the registers of `fault_registers`.
+        What goes wrong, in model time; not losses at random. A box that is dead, or cut off from
+        the AMS, does not answer; values of a box that is not heard on CAN stay as they are, and are
+        marked after the system's `stale_limit`.
     speed : float, default 1
-        Seconds of the engine in a real one, 0..1e4.
+        Seconds of the engine per real second, 0..1e4.
     rng : optional
-        Draws the waves of the synthetic values; whatever `numpy.random.default_rng` takes.
+        Draws the synthetic values; whatever `numpy.random.default_rng` takes.
     **options
-        As `shipnet.modbus.serve` takes them: transport, host, port, wire_faults, and for a serial
-        line serial_port and line.
+        Those of `shipnet.modbus.serve`: transport, host, port, wire_faults, and for a serial line
+        serial_port and line.
 
     Returns
     -------
     Server
-        Unit ids 2 and 3, a slave each. Function code 3 reads the registers of `RegisterMap`: one
-        per point, in the order of Table 3, temperatures in tenths of a degree. Unit id 247, which
-        a real system does not have, holds `fault_registers`.
+        Unit ids 2 and 3, one slave each. Function code 3 reads one register per point, in the order
+        of Table 3, temperatures in tenths of a degree. Unit id 247 holds `fault_registers`, which
+        make more faults while it runs.
 
     Raises
     ------
     ArgumentError
-        If a number is out of range, the system has the corrected coding, or a fault cannot be
-        served.
+        If a number is out of range, or the system or a fault cannot be served.
 
     Examples
     --------
@@ -147,7 +145,8 @@ def parse_fault(system: System, words: str) -> EngineFault:
 def fault_registers(system: System | None = None) -> pd.DataFrame:
     """Return the registers that make faults in a served engine, on unit id 247.
 
-    Function codes 3, 6 and 16 read and write them. What is written begins at once, and 0 ends it.
+    Function codes 3, 6 and 16 read and write them. A fault begins when its number is written; 0
+    ends it.
 
     Parameters
     ----------

@@ -1,8 +1,6 @@
 """The whole system in simulated time: the AMS's requests, the boxes' CPUs and their CAN frames.
 
-Time is a whole number of nanoseconds from the start of the AMS; the boxes have run before. The
-frames are arbitrated one by one, as a simulation needs the actual times; the worst ones are bounds
-of `shipnet.engine.system`.
+Time is in whole nanoseconds from the start of the AMS; the boxes have run before.
 """
 
 from __future__ import annotations
@@ -66,10 +64,9 @@ def simulate(
         The last poll begins before this time, 0.001..1e6 [s].
     phases : mapping of str to float, optional
         When a round of each box begins, and under ``"AMS"`` the first poll, 0..100 [s]. What is
-        not named begins at 0, or at random if there is an `rng`: no two clocks are in step.
+        not named begins at 0, or at a random time if there is an `rng`.
     rng : optional
-        Chance, whatever `numpy.random.default_rng` takes; needed if frames get lost. With None
-        nothing is random.
+        Chance, whatever `numpy.random.default_rng` takes; needed if frames get lost.
 
     Returns
     -------
@@ -84,7 +81,7 @@ def simulate(
 
     Notes
     -----
-    All clocks run at the same rate, so phases stay as they are.
+    All clocks run at the same rate.
 
     Examples
     --------
@@ -127,7 +124,7 @@ def simulate(
         for box, cpu in enumerate(cpus)
     ]
     sent = send(system, loops, span, wrong)
-    lost = _lost(system, [loop.work.size for loop in loops], loops, wrong, chance)
+    lost = _lost(system, loops, wrong, chance)
     good = attempts.outcome == 0
     seen, channel = attempts.start[good] + answered, attempts.channel[good]
     width = system.sender.size
@@ -163,7 +160,6 @@ def _phases(
 
 def _lost(
     system: System,
-    counts: Sequence[int],
     loops: Sequence[Rounds],
     faults: Sequence[EngineFault],
     rng: np.random.Generator | None,
@@ -172,6 +168,7 @@ def _lost(
     random = [fault for fault in faults if isinstance(fault, LostCanFrames)]
     if not random or rng is None:
         return None
+    counts = [loop.work.size for loop in loops]
     lost = np.zeros((len(system.boxes), system.sender.size, max(counts)), dtype=bool)
     for fault in random:
         box = system.boxes.index(fault.where)
@@ -206,10 +203,7 @@ class _Table:
         self.done = cpu.at(cpu.queue(sent.arrival[rows], work) + work)
 
     def read(self, time: Integers) -> tuple[Integers, Integers]:
-        """Return the round that every message is from at some times, and the safe sample time.
-
-        The round is -1, and the sample time `NEVER`, where a value is missing or marked.
-        """
+        """Return the round of every message at some times, -1 if missing or marked, and `known`."""
         system, box = self.system, self.box
         number = np.full((time.size, system.sender.size), -1)
         known = np.full((time.size, system.sender.size), NEVER)
@@ -276,9 +270,9 @@ def ask(
 ) -> Attempts:
     """Return the requests of all polls that begin before the `horizon`, the first at `phase` [ns].
 
-    A poll begins at a multiple of the poll period, at the first that finds the one before ended.
-    The AMS goes on after its time-out if a response does not begin, and when the whole response
-    is due if it breaks off. It takes the rest of a response that it did not see begin for silence.
+    A poll begins at the first multiple of the poll period after the poll before. The AMS goes on
+    after its time-out if a response does not begin, and when it is due to end if it breaks off. It
+    takes a response whose begin it did not see for silence.
     """
     lines = [_Line(system, channel, faults, horizon, rng) for channel in (0, 1)]
     if system.polled == "one":
@@ -323,7 +317,7 @@ class _Line:
     def ask(self, start: int) -> tuple[int, bool, int]:
         """Send a request; return its outcome, whether the box heard it, and when the AMS goes on.
 
-        A cable must be whole while a frame is on it. A box must live from the request on.
+        A cable must be whole while a frame is on it; a box must live from the request on.
         """
         first, last = start + self.first, start + self.last
         damaged = unheard = silent = False
@@ -384,10 +378,7 @@ def rounds(
     phase: int,
     faults: Sequence[EngineFault],
 ) -> Rounds:
-    """Return the rounds of a box that begin within a span, one of them at `phase` [ns].
-
-    A dead box begins no round and ends none.
-    """
+    """Return the rounds of a box that begin within a span, one of them at `phase` [ns]."""
     period = int(system.period_ns[box])
     first = span[0] + (phase - span[0]) % period
     due = np.arange(first, span[1] + 1, period, dtype=np.int64)
@@ -426,10 +417,10 @@ def islands(system: System, faults: Sequence[EngineFault], time: int) -> list[li
 def send(
     system: System, loops: Sequence[Rounds], span: tuple[int, int], faults: Sequence[EngineFault]
 ) -> Frames:
-    """Return all frames that somebody else hears within a span [ns].
+    """Return all frames that another box hears within a span [ns], each with its worst stuffing.
 
     When a cable, a box or a controller fails or returns, all that is queued or on the bus is lost;
-    the next round replaces it. Every frame is as long as its worst stuffing makes it.
+    the next round replaces it.
     """
     from shipnet.can.bus import Releases, send_undisturbed
 
@@ -492,16 +483,14 @@ def single_failures(
     Returns
     -------
     pandas.DataFrame
-        One row per fault, and a first row ``none``: ``lost`` (points of which no newer value
-        arrives as long as the fault lasts), ``old`` (points shown as good beyond the age of
-        `rule`), ``oldest_s`` (greatest age shown as good; infinite if it grows as long as a
-        lasting fault does), ``bound_s`` (what that can reach in any phase, by
-        `System.failure_bounds`; infinite if there is no bound), ``marked`` (points marked at some
-        time), ``marked_after_s`` (longest time from the fault until the last of them was first
-        marked, NaN if none), ``noticed`` (what the AMS raises: ``link``, ``path``, ``mark``, or
-        ``no``), ``answer_s`` (longest answer), ``answer_ok`` (no answer can take longer than the
-        rule allows, as the paper asks) and ``age_ok`` (nothing older can be shown as good: the
-        bound is within the rule).
+        One row per fault, after a first row ``none``: ``lost`` (points without a newer value as
+        long as the fault lasts), ``old`` (points shown as good beyond the age of `rule`),
+        ``oldest_s`` (greatest age shown as good; infinite if it grows as long as a lasting fault
+        does), ``bound_s`` (what that can reach in any phase; infinite without a bound), ``marked``
+        (points ever marked), ``marked_after_s`` (from the fault until the last of them was first
+        marked, at most; NaN if none), ``noticed`` (what the AMS raises: ``link``, ``path``,
+        ``mark`` or ``no``), ``answer_s`` (longest answer), ``answer_ok`` and ``age_ok`` (whether
+        the bounds of answer and age meet the rule).
 
     Raises
     ------
@@ -510,9 +499,8 @@ def single_failures(
 
     Notes
     -----
-    An old value that nobody marks is found by its true age, which the simulation knows and the
-    AMS does not. A stuck sensor is such a case in any design. The verdicts come from the bounds,
-    so they do not depend on `trials`; all other columns are a sample.
+    The verdicts come from the bounds of `System.failure_bounds`; all other columns are a sample.
+    The simulation knows the true age of a value, which the AMS does not.
 
     Examples
     --------

@@ -1,7 +1,4 @@
-"""The engine monitoring system as a whole, and the bounds of its times by formula.
-
-Boxes with one firmware, CAN between them, two Modbus channels, and the AMS that asks over them.
-"""
+"""The engine monitoring system as a whole, and the bounds of its times by formula."""
 
 from __future__ import annotations
 
@@ -67,21 +64,19 @@ _CLOCKS, _HOLD = 13, 1.5
 class Firmware:
     """Times within a junction box. The paper prints none of them: all are **assumed**.
 
-    One program runs in every box; a switch chooses the box that it serves. Its main loop converts
-    all analogue inputs, reads the switches, hands the frames to the CAN controller, and begins
-    again. Three routines interrupt it: Modbus before timer before CAN.
+    The main loop converts all analogue inputs, reads the switches and hands the frames to the CAN
+    controller. Three routines interrupt it: Modbus before timer before CAN.
 
     Notes
     -----
-    The Modbus interrupt suspends everything else for its whole length. The short timer and CAN
-    routines run while the loop waits for the multiplexer, so they do not prolong it.
+    The Modbus interrupt suspends everything else. The short timer and CAN routines run while the
+    loop waits for the multiplexer, so they do not prolong it.
 
     References
     ----------
     .. [1] J. H. Lee, D. S. Kim, "Design and implementation of distributed control system based on
        dual field-bus for ship engine", J. IEEK 49-SC(2), 2012, section III.2, figures 5 and 6.
-    .. [2] Atmel, "AT90CAN32/64/128" data sheet: a conversion takes 13 clocks of 50..200 kHz,
-       65..260 us.
+    .. [2] Atmel, "AT90CAN32/64/128" data sheet: a conversion takes 13 clocks of 50..200 kHz.
 
     Examples
     --------
@@ -130,9 +125,8 @@ class Firmware:
 class SwitchOver(NamedTuple):
     """Times of a switch-over to the other channel [s].
 
-    From the request that stays unanswered to the first `request` and to the whole `answer` on the
-    other channel; from the `loss` of the channel to that answer, at worst; and the longest `gap`
-    between two whole answers, which is longest if a response breaks off just before its end.
+    From the unanswered request to the first `request` and the whole `answer` on the other channel;
+    from the `loss` of the channel to that answer, and the `gap` between two answers, at worst.
     """
 
     request: float
@@ -144,9 +138,8 @@ class SwitchOver(NamedTuple):
 class FailureBounds(NamedTuple):
     """What a single failure costs at worst, whatever the phases of all clocks [s].
 
-    The longest time from the first request of a poll to a whole `answer`, the longest `gap`
-    between two whole answers, and the `oldest` value shown as good; infinite if it grows as long
-    as a lasting failure does.
+    The longest time of an `answer` from the first request of its poll, the longest `gap` between
+    two answers, and the `oldest` value shown as good, infinite if it grows without end.
     """
 
     answer: float
@@ -169,15 +162,14 @@ class System:
     Raises
     ------
     ArgumentError
-        If a field is out of its range, or they do not fit each other.
+        If a field is out of its range, or the fields do not fit each other.
 
     Notes
     -----
     As `coding` "printed", a box marks all values of a box that it has not heard for `stale_limit`,
-    as 0xFF. As "corrected", it sends the age of every frame along, one register each, and the AMS
-    marks each value that may be older than `age_limit`. A CAN ring, as figure 3 may be read, is
-    not a bus of ISO 11898; here it is one that works. The time-out waits for the *first* character
-    of a response; `switch_over` says where its default comes from.
+    as 0xFF. As "corrected", it also sends the age of every frame, and the AMS marks each value that
+    may be older than `age_limit`. A CAN ring, as figure 3 may be read, is not a bus of ISO 11898;
+    here it is one that works. The time-out waits for the *first* character of a response.
 
     References
     ----------
@@ -275,10 +267,9 @@ class System:
 
     @classmethod
     def corrected(cls, **changes: Any) -> System:
-        """Return a system of the same hardware that meets the 2 s rule for the age of its data.
+        """Return a system that meets the 2 s rule for the age of its data, with some `changes`.
 
-        It has the corrected coding, polls both channels and updates every 0.25 s; `changes` are
-        fields that differ from that.
+        It has the corrected coding, polls both channels and updates every 0.25 s.
         """
         fields: dict[str, Any] = {"coding": "corrected", "polled": "both", "update_period": 0.25}
         return cls(**{**fields, **changes})
@@ -375,24 +366,21 @@ class System:
         """When each point is sampled, from the start of its box's round [ns], shape (n_points,)."""
         offsets = np.zeros(len(self.points), dtype=np.int64)
         inputs = [0] * len(self.boxes)
+        each = nanoseconds(self.firmware.input_time)
         hold = nanoseconds(self.firmware.settling + _HOLD / self.firmware.adc_clock)
         for place, (point, box) in enumerate(zip(self.points, self.box_of.tolist(), strict=True)):
             if point.analogue:
-                offsets[place] = inputs[box] * self._input_ns + hold
+                offsets[place] = inputs[box] * each + hold
                 inputs[box] += 1
             else:
                 offsets[place] = self.convert_ns[box]
         return offsets
 
-    @property
-    def _input_ns(self) -> int:
-        return nanoseconds(self.firmware.input_time)
-
     @cached_property
     def convert_ns(self) -> Integers:
         """How long the inputs of each box take [ns], shape (n_boxes,)."""
         counts = [sum(point.analogue for point in own) for own in self.points.by_box().values()]
-        return self._input_ns * np.array(counts, dtype=np.int64)
+        return nanoseconds(self.firmware.input_time) * np.array(counts, dtype=np.int64)
 
     @cached_property
     def loop_ns(self) -> Integers:
@@ -437,19 +425,15 @@ class System:
         return np.array([response.response for response in found])
 
     def poll_spacing(self, lost: float = 0.0) -> float:
-        """Return the time from poll to poll if each asks in vain for `lost` seconds first [s].
-
-        A poll that lasts longer than the period makes the AMS skip some.
-        """
+        """Return the time from poll to poll if each first asks in vain for `lost` seconds [s]."""
         period = nanoseconds(self.poll_period)
         whole = nanoseconds(check_scalar("lost", lost, "s", 0, 1e6) + self.poll.time)
         return -(-whole // period) * period / 1e9
 
     def hop_ns(self, reader: int) -> Integers:
-        """Return how old each message can be when box number `reader` has taken it over [ns].
+        """Return how old each message can be when box `reader` takes it over [ns].
 
-        The time runs from the begin of the sender's round. The corrected design adds it to the
-        time since then, which the reader knows.
+        The time runs from the start of the sender's round.
         """
         reader = check_whole("reader", reader, 0, len(self.boxes) - 1)
         sender = self.sender
@@ -470,10 +454,9 @@ class System:
         ``poll_s`` (T: the poll before came too early), ``transaction_s`` (from the reading of the
         registers to the end of the response), and their sum ``worst_s``.
 
-        A value that the polled box measures itself skips the bus: L is the conversion alone, and
-        R, h and S are 0. The registers are read when the interrupt begins, so it delays only what
-        comes after. Where both channels are polled, the better one counts. ArgumentError if two
-        polls can meet one round of a loop, or the CAN bus is overloaded.
+        For the polled box's own values L is the conversion alone, and R, h and S are 0. If both
+        channels are polled, the better one counts. ArgumentError if two polls can meet one round
+        of a loop, or the CAN bus is overloaded.
         """
         channels = self.ports if self.polled == "both" else self.ports[:1]
         return self._ages(channels, self.suspended_ns, self.can_response)
@@ -527,10 +510,9 @@ class System:
 
         .. math:: t_{after} = t_{stale} + t_{mark} + h + T + t_{response}
 
-        with the time T from poll to poll. If the box itself is the one that is asked, the AMS
-        first asks it in vain for :math:`t_{lost}`: retries included, and the first try may be a
-        response that breaks off. A poll with that in it has a longer spacing :math:`T_{lost}`. An
-        AMS that stays on the other channel does so once, and the marks may be seen later for it,
+        with the time T from poll to poll. If the silent box is the polled one, the AMS first asks
+        it in vain for :math:`t_{lost}`, retries included; :math:`T_{lost}` is the spacing of a poll
+        with that in it. An AMS that stays on the other channel does so once:
 
         .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
 
@@ -538,10 +520,9 @@ class System:
 
         .. math:: t_{after} \ge T + t_{lost} + t_{request} + t_{response}
 
-        In the printed design the last frame restarts the one timer that the reader has for a
-        sender: if the box dies between the first frame of a round and its last, values of the
-        round before are kept alive. In the corrected one the AMS marks by age, and needs no poll
-        for it. With long time-outs both bounds are safe ones that need not be attained.
+        In the printed design any frame of a box restarts its timer, so that a box that dies within
+        a round keeps values of the round before alive. In the corrected design the AMS marks by
+        age.
         """
         if self.coding == "corrected":
             return StalenessFlag(self.age_limit, self.age_limit)
@@ -564,13 +545,11 @@ class System:
         return StalenessFlag(after, after + float((old / 1e9 + queued).max()))
 
     def switch_over(self) -> SwitchOver:
-        """Return what a lost channel costs in time.
+        """Return what a lost channel costs in time; ArgumentError if both channels are polled.
 
-        The paper measures 133 "us" from the loss of channel 1 to the request on channel 2, about
-        one bit time; read as milliseconds, it is one request of 9.17 ms and a time-out of
-        123.8 ms, or with one retry a time-out of 57.3 ms. A response with all 99 points takes
-        232.6 ms, so such a time-out can only wait for the first character. ArgumentError if both
-        channels are polled: then nothing is switched over.
+        The paper measures 133 "us" from the loss of channel 1 to the request on channel 2. Read as
+        milliseconds, that is a request of 9.17 ms and a time-out of 123.8 ms. A response with all
+        99 points takes 232.6 ms, so such a time-out can only wait for the first character.
         """
         if self.polled == "both":
             raise ArgumentError("polled is 'both'; only a system that polls one channel switches")
@@ -586,18 +565,17 @@ class System:
     def _in_vain(self, tries: int, broken: int) -> list[float]:
         """Return how long some tries in vain on one channel take [s].
 
-        In each case some tries, `broken` at most, end with a response that breaks off or is
-        damaged, which the AMS notices when the whole response is due; the others are silent.
+        Up to `broken` of them end with a broken or damaged response, which the AMS notices when the
+        whole response is due; the others are silent.
         """
         silent = self.poll.line.frame_time(8) + self.timeout
         damaged = range(min(tries, broken) + 1)
         return [n * self.poll.time + (tries - n) * silent for n in damaged]
 
     def _gaps(self, broken: int) -> tuple[float, float]:
-        """Return the longest time between two whole answers as channel 1 fails, and after it [s].
+        """Return the longest time between two answers as channel 1 fails, and after it [s].
 
-        Up to `broken` tries per poll end with a broken response. An answer comes late in its poll
-        by what was tried in vain before it.
+        Up to `broken` tries per poll end with a broken response.
         """
         tries = 1 + self.retries
         full = self._in_vain(tries, broken)
@@ -628,11 +606,10 @@ class System:
         return max(found)
 
     def failure_bounds(self, fault: EngineFault | None = None) -> FailureBounds:
-        r"""Return the worst that a single fault, or none, does to answers and ages.
+        r"""Return the worst that a single fault, or none, does to answers and ages, in any phase.
 
-        The bounds hold for all phases between the clocks and the fault. If the channel in use
-        fails, the AMS asks in vain for :math:`t_{lost}`: a response that breaks off is noticed
-        when it should have ended, each of the r retries after its time-out.
+        If the channel in use fails, the AMS asks in vain for :math:`t_{lost}`: it notices a
+        response that breaks off when that should have ended, each of r retries after its time-out.
 
         .. math:: t_{lost} = \max(t_{poll}, t_{silent}) + r \, t_{silent}
 
@@ -640,11 +617,9 @@ class System:
 
         with :math:`t_{silent}` of a request and its time-out, the time T from poll to poll and the
         age A of `worst_age`. Where frames are damaged at random, each try may take
-        :math:`t_{poll}`. An AMS that returns to channel 1 waits in vain in every poll. A part that
-        fails on the CAN bus destroys the frames of one round, so A grows by one update period. A
-        silent box has the bound of `staleness_flag`. In the printed design one frame keeps all
-        values of its box alive, so random losses on CAN have no bound. In the corrected one the
-        AMS marks by age. No bus can see that a sensor is stuck.
+        :math:`t_{poll}`. A failure on the CAN bus destroys the frames of one round, so A grows by
+        one update period. A silent box has the bound of `staleness_flag`. In the printed design
+        random losses on CAN have no bound: one frame keeps all values of its box alive.
         """
         answer, gap = self.poll.time, self.poll_spacing()
         healthy = oldest = float(self.worst_age()["worst_s"].max())
@@ -716,9 +691,8 @@ class System:
     ) -> tuple[EngineFault, ...]:
         """Return all lasting single faults that begin at a time [s].
 
-        Every cable broken, every port and box dead, every node off the bus, the frames of every
-        box and the requests and responses of both channels lost by one half, and stuck sensors:
-        the first of each box, or every one.
+        Every cable, port, box and CAN node fails, half of the frames of each box and channel are
+        lost, and the first sensor of each box, or every one, gets stuck.
         """
         if not isinstance(every_sensor, bool):
             raise ArgumentError(f"every_sensor is {every_sensor!r}; it must be True or False")

@@ -29,11 +29,9 @@ METHODS = {
 
 
 class Ramps:
-    """The terms of all rules as ramps, evaluated as rows of one array.
+    """The terms of all rules as ramps that rise with x or with -x, rows of one array."""
 
-    A trapezoid is the smaller of two ramps and a rule the smallest of its terms, so a rule is the
-    smallest of ramps that rise with x or with -x.
-    """
+    # A trapezoid is the minimum of two ramps, and a rule the minimum of its terms.
 
     def __init__(
         self,
@@ -55,7 +53,7 @@ class Ramps:
                     rules[-1].append(ramps.setdefault(ramp, len(ramps)))
         variable, sign, foot, shoulder = (np.array(row) for row in zip(*ramps, strict=True))
         self._variable = variable
-        # The longest rules first: those with a k-th ramp then come before all others.
+        # Longest rules first, so that the rules with a k-th ramp precede all others.
         self._order = np.array(sorted(range(len(rules)), key=lambda k: -len(rules[k])))
         longest = len(rules[self._order[0]])
         self._needed = [
@@ -67,14 +65,11 @@ class Ramps:
         self._width = np.where(foot == shoulder, 1.0, shoulder - foot)[:, np.newaxis]
 
     def strengths(self, x: Floats) -> Floats:
-        """Return how far each rule holds for each sample; a row per rule from a row per variable.
-
-        Values are clipped to the universe of their variable; NaN is a member of nothing.
-        """
+        """Return the firing strengths, one row per rule, from values, one row per variable."""
         within = np.minimum(np.maximum(x, self._low), self._high)
         signed = within[self._variable]
         signed *= self._sign
-        # fmax drops a NaN, which so becomes 0. Nothing overflows, however narrow the ramp.
+        # fmax turns NaN into the foot, so its strength is 0. No narrow ramp can overflow.
         part = np.fmax(signed, self._foot)
         np.minimum(part, self._shoulder, out=part)
         part -= self._foot
@@ -90,22 +85,14 @@ class Ramps:
         return strength
 
 
-def check_method(method: str, *legal: str) -> str:
-    """Return a method, or raise unless it is one of `METHODS` or of the legal ones among them."""
-    known = legal or tuple(METHODS)
-    if not isinstance(method, str) or method not in known:
-        raise ArgumentError(f"method is {method!r}; it must be one of {', '.join(known)}")
-    return method
-
-
 def compare(
     variables: Sequence[Variable], rules: Sequence[Rule], x: Floats, *, midpoint: bool
 ) -> Floats:
-    """Return which rules hold when terms are comparisons, as strengths of 0 and 1."""
+    """Return firing strengths of 0 and 1: whether the comparisons of each rule hold."""
     used = {pair for rule in rules for pair in rule.antecedent}
     holds = {}
     for values, variable in zip(x, variables, strict=True):
-        # A comparison as written has no universe.
+        # A comparison as written has no universe to clip to.
         seen = np.clip(values, variable.low, variable.high) if midpoint else values
         for term in variable.terms:
             if (variable.name, term.name) in used:
@@ -116,7 +103,7 @@ def compare(
 
 
 def persistent(fires: Bools, k: int, n: int) -> Bools:
-    """Return where `k` or more of the last `n` rows fire; before the first row nothing fired."""
+    """Return where `k` or more of the last `n` rows fire; nothing fired before the first row."""
     window = check_whole("n", n, 1, 10**6)
     least = check_whole("k", k, 1, window)
     if window == 1:
@@ -132,33 +119,26 @@ def arrays(names: Sequence[str], samples: Samples) -> dict[str, Floats]:
         raise ArgumentError(
             f"samples is {samples!r}; it must give the variables {', '.join(names)} by name"
         )
-    strangers = [str(name) for name in samples if name not in names]
-    if strangers:
+    unknown = [str(name) for name in samples if name not in names]
+    if unknown:
         raise ArgumentError(
-            f"samples have {', '.join(strangers)}; the variables are {', '.join(names)}"
+            f"samples have {', '.join(unknown)}; the variables are {', '.join(names)}"
         )
     given = {}
     for name in names:
         try:
             given[name] = np.asarray(samples[name] if name in samples else np.nan, dtype=float)
         except (TypeError, ValueError):
-            raise ArgumentError(f"{name} must be numbers, NaN where there is none") from None
-    if len({x.shape for x in given.values()}) == 1:
-        return given
+            raise ArgumentError(f"{name} must be numbers, NaN where one is missing") from None
     try:
-        arrays = np.broadcast_arrays(*given.values())
+        return dict(zip(names, np.broadcast_arrays(*given.values()), strict=True))
     except ValueError:
         shapes = ", ".join(f"{name} {x.shape}" for name, x in given.items())
-        raise ArgumentError(f"shapes are {shapes}; they must fit each other") from None
-    return dict(zip(names, arrays, strict=True))
+        raise ArgumentError(f"shapes are {shapes}; they must be equal or broadcast") from None
 
 
 def control_system(variables: Sequence[Variable], rules: Sequence[Rule], n_points: int) -> Any:
-    """Return the rules as a control system of scikit-fuzzy.
-
-    A consequent of its own for each rule, because rules with a common one hide each other and the
-    number of a fault must not be defuzzified. A variable that no rule uses is left out.
-    """
+    """Return the rules as a control system of scikit-fuzzy, without the unused variables."""
     from skfuzzy import control
     from skfuzzy.membership import trapmf
 
@@ -167,24 +147,21 @@ def control_system(variables: Sequence[Variable], rules: Sequence[Rule], n_point
     antecedents = {}
     for variable in variables:
         if variable.name in used:
-            universe = _universe(variable, n_points)
+            grid = np.linspace(variable.low, variable.high, n_points)
+            corners = np.array([term.corners for term in variable.terms]).reshape(-1)
+            # The membership functions are linear between their corners.
+            within = (corners > variable.low) & (corners < variable.high)
+            universe = np.union1d(grid, corners[within])
             antecedents[variable.name] = control.Antecedent(universe, variable.name)
             for term in variable.terms:
-                # trapmf has no open shoulder: a corner beyond the universe is equivalent.
+                # trapmf has no open shoulder; a corner outside the universe is equivalent.
                 corners = np.clip(term.corners, universe[0] - 1, universe[-1] + 1)
                 antecedents[variable.name][term.name] = trapmf(universe, corners)
     made = []
+    # Rules with one consequent would hide each other, and a fault's number must not be averaged.
     for rule in rules:
         consequent = control.Consequent(np.array([0.0, 0.5, 1.0]), rule.code)
         consequent["on"] = np.array([0.0, 0.5, 1.0])
         terms = (antecedents[name][term] for name, term in rule.antecedent)
         made.append(control.Rule(reduce(and_, terms), consequent["on"], label=rule.code))
     return control.ControlSystem(made)
-
-
-def _universe(variable: Variable, n_points: int) -> Floats:
-    """Return points of a universe with the corners of its terms, between which nothing bends."""
-    grid = np.linspace(variable.low, variable.high, n_points)
-    corners = np.array([corner for term in variable.terms for corner in term.corners])
-    within = (corners > variable.low) & (corners < variable.high)
-    return np.union1d(grid, corners[within])

@@ -4,11 +4,10 @@
     V1,FP.high & OP.high,ValveStick,3,valve stuck,
 
     variable,term,unit,low,high,left_foot,left_shoulder,right_shoulder,right_foot,crisp,english,korean
-    FP,,bar,0,160,,,,,,oil pump pressure,
-    FP,high,,,,115,125,,,x > 120,high,
+    FP,,bar,0,160,,,,,,oil pump pressure, FP,high,,,,115,125,,,x > 120,high,
 
-A row of the second file without a term describes its variable; both left corners empty, or both
-right ones, are an open shoulder. Columns may come in any order; a column `note` is not kept.
+A row without a term describes its variable. Both left corners empty, or both right ones, are an
+open shoulder. Columns may come in any order; a column `note` is ignored.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from shipnet.fuzzy.terms import Rule, Term, Variable
 from shipnet.tables import NUMBER, parse_sheet, read_bytes
 
 #: Columns that a row of each kind leaves empty.
-_NOT_OF_A_VARIABLE, _NOT_OF_A_TERM = (*CORNERS, "crisp"), ("unit", "low", "high")
+_EMPTY = {"variable": (*CORNERS, "crisp"), "term": ("unit", "low", "high")}
 
 _Row: TypeAlias = tuple[str, Mapping[str, str]]
 _Made = TypeVar("_Made", Rule, Term, Variable)
@@ -43,8 +42,7 @@ def read_rules(rules: str | PathLike[str], terms: str | PathLike[str]) -> RuleBa
     terms : path
         File with one row per variable and one row per term: variable, term, unit, low, high,
         left_foot, left_shoulder, right_shoulder, right_foot, crisp, english, korean. Both files are
-        UTF-8, separated by commas, semicolons or tabs, numbers with a decimal point. Blank rows are
-        skipped.
+        UTF-8, separated by commas, semicolons or tabs, with decimal points. Blank rows are skipped.
 
     Returns
     -------
@@ -69,7 +67,7 @@ def read_rules(rules: str | PathLike[str], terms: str | PathLike[str]) -> RuleBa
     faults: list[str] = []
     made, places = [], []
     for place, cells in rows:
-        rule = _make(place, faults, lambda cells=cells: _rule(cells))  # type: ignore[misc]
+        rule = _make(place, faults, _rule, cells)
         if rule is not None:
             made.append(rule)
             places.append(place)
@@ -80,10 +78,10 @@ def read_rules(rules: str | PathLike[str], terms: str | PathLike[str]) -> RuleBa
 
 
 def _rows(path: str | PathLike[str], known: tuple[str, ...], needed: tuple[str, ...]) -> list[_Row]:
-    """Return the rows that are not blank, each with its place; the titles are checked."""
+    """Return the rows that are not blank, each with its place, after a check of the titles."""
     file = str(path)
     try:
-        # No other encoding is guessed: it would make other letters of the labels.
+        # No other encoding is tried, because it would garble the labels.
         sheet = parse_sheet(read_bytes(path).decode("utf-8-sig"), file)
     except UnicodeDecodeError as error:
         raise InputError(file, f"is not UTF-8: byte {error.start} is wrong") from None
@@ -95,7 +93,7 @@ def _rows(path: str | PathLike[str], known: tuple[str, ...], needed: tuple[str, 
     ]
     faults += [f"title {t!r} occurs twice" for t in sorted(set(columns)) if columns.count(t) > 1]
     faults += [f"no column {title}" for title in needed if title not in columns]
-    # A row that is too long is shifted: its cells cannot be trusted.
+    # A row that is too long may be shifted, so its cells cannot be trusted.
     faults += [
         f"row {number} has {len(row)} cells; expected {len(columns)}"
         for number, row in sheet.rows
@@ -113,27 +111,28 @@ def _rule(cells: Mapping[str, str]) -> Rule:
     number = cells["priority"]
     if not re.fullmatch("[0-9]{1,4}", number):
         raise ArgumentError(f"column priority: {number!r}; expected a whole number 1..9999")
-    labels = (cells["english"], cells["korean"])
-    return Rule(cells["code"], cells["antecedent"], int(number), cells["flag"], *labels)
+    return Rule(
+        cells["code"], cells["antecedent"], int(number), cells["flag"], cells["english"],
+        cells["korean"],
+    )  # fmt: skip
 
 
 def _variables(file: str, rows: list[_Row]) -> list[Variable]:
-    """Make the variables of the rows, or raise all that is wrong with them."""
+    """Make the variables of the rows, or raise all their faults."""
     faults: list[str] = []
     heads: dict[str, _Row] = {}
     terms: dict[str, list[Term]] = {}
     for place, cells in rows:
-        name, empty = cells["variable"], _NOT_OF_A_TERM if cells["term"] else _NOT_OF_A_VARIABLE
+        name = cells["variable"]
         kind = "term" if cells["term"] else "variable"
         faults += [
             f"{place}, column {column}: {cells[column]!r}; expected nothing, a {kind} has none"
-            for column in empty
+            for column in _EMPTY[kind]
             if cells[column]
         ]
         if cells["term"]:
-            term = _make(place, faults, lambda cells=cells: _term(cells))  # type: ignore[misc]
-            terms.setdefault(name, [])
-            terms[name] += [term] if term is not None else []
+            term = _make(place, faults, _term, cells)
+            terms.setdefault(name, []).extend([] if term is None else [term])
         elif name in heads:
             faults.append(f"{place}: variable {name} occurs twice")
         else:
@@ -142,14 +141,12 @@ def _variables(file: str, rows: list[_Row]) -> list[Variable]:
     made = []
     for name, (place, cells) in heads.items():
         mine = tuple(terms.get(name, ()))
-        # Without a row there is nothing else to say; faulty terms were named before.
+        # The faults of its terms, if all are faulty, were reported above.
         if mine or name not in terms:
-            make = lambda cells=cells, mine=mine: _variable(cells, mine)  # noqa: E731
-            variable = _make(place, faults, make)
-            made += [variable] if variable is not None else []
+            made.append(_make(place, faults, _variable, cells, mine))
     if faults or not made:
         raise InputError(file, *(faults or ["has no variable; expected one row per variable"]))
-    return made
+    return [variable for variable in made if variable is not None]
 
 
 def _variable(cells: Mapping[str, str], terms: tuple[Term, ...]) -> Variable:
@@ -175,10 +172,12 @@ def _number(cells: Mapping[str, str], column: str, default: float | None = None)
     return float(cell)
 
 
-def _make(place: str, faults: list[str], make: Callable[[], _Made]) -> _Made | None:
-    """Return what is made, or None and note the fault."""
+def _make(
+    place: str, faults: list[str], make: Callable[..., _Made], *cells: object
+) -> _Made | None:
+    """Return what `make` makes of the cells, or None after adding its error to the faults."""
     try:
-        return make()
+        return make(*cells)
     except ArgumentError as fault:
         faults.append(f"{place}: {fault}")
         return None

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, product
 from math import isnan, prod
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,20 +17,20 @@ from shipnet import style
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_rng, check_whole
+from shipnet.fields import check_choice, check_rng, check_whole
 from shipnet.fuzzy.firing import (
+    METHODS,
     Ramps,
     Samples,
     arrays,
-    check_method,
     compare,
     control_system,
     persistent,
-)
+)  # fmt: skip
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN, Rule, Term, Variable, number_text
 from shipnet.lazy import Axes, pd
 
-#: Samples that are processed at once: what they need stays in the cache.
+#: Samples that are processed together: their arrays fit in the cache.
 _BLOCK = 8192
 
 #: Most regions that are computed, and most columns of a drawing in which a number can be read.
@@ -54,19 +52,12 @@ class RuleBase:
     variables : sequence of Variable
         One or more, each name once.
     rules : sequence of Rule
-        One or more, each code and each priority once; they are numbered from 1 in this order.
-
-    Raises
-    ------
-    ArgumentError
-        If names repeat, or a rule uses a term that does not exist: all faults at once.
+        One or more, each code and each priority once, of terms that exist; numbered from 1.
 
     Examples
     --------
     >>> from shipnet import ballast
     >>> base = ballast.rule_base()
-    >>> len(base.rules), base.names, base.ranking[:3]
-    (12, ('FP', 'OP', 'MC', 'OT', 'VPos', 'DVPos'), ('G1', 'P1', 'V1'))
     >>> base.decide({"FP": 121, "OP": 2.9}).explain()
     'V1 0.60: FP 121 bar high 0.60, OP 2.9 bar high 0.90; missing MC OT VPos DVPos'
     >>> base.fire({"FP": [90, 120, 124], "OP": 2.83})["V1"].round(2).tolist()
@@ -86,7 +77,7 @@ class RuleBase:
         object.__setattr__(self, "variables", tuple(self.variables))
         object.__setattr__(self, "rules", tuple(self.rules))
         if not self.rules or not self.variables:
-            raise ArgumentError("variables or rules are empty; there must be one of each, or more")
+            raise ArgumentError("variables or rules are empty; there must be one or more of each")
         twice = sorted({name for name in self.names if self.names.count(name) > 1})
         faults = [f"variable {name} occurs twice" for name in twice]
         faults += [fault for _, fault in rule_faults(self.variables, self.rules)]
@@ -135,17 +126,13 @@ class RuleBase:
         return [(self[name], self[name][term]) for name, term in rule.antecedent]
 
     def top_codes(self, active: Bools, silent: npt.ArrayLike = False) -> npt.NDArray[np.object_]:
-        """Return the active code of the highest priority, or ``normal``; ``unknown`` if silent.
-
-        `active` has shape (..., n_rules); `silent` says where no sensor reports anything.
-        """
+        """Return the top active code of each row; else ``unknown`` if silent, else ``normal``."""
         places = [self.codes.index(code) for code in self.ranking]
         ranked = active[..., places]
         first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), len(places))
         names = np.array([*self.ranking, NORMAL, UNKNOWN], dtype=object)
-        return np.asarray(
-            names[first + (np.asarray(silent) & (first == len(places)))], dtype=object
-        )
+        first += np.asarray(silent) & (first == len(places))
+        return np.asarray(names[first], dtype=object)
 
     def active_codes(self, active: Bools) -> list[str]:
         """Return the active codes of each row of (n, n_rules), the highest priority first."""
@@ -169,15 +156,15 @@ class RuleBase:
     def fire(self, samples: Samples, method: str = "fuzzy") -> Firing:
         """Return the firing strength of every rule for every sample.
 
-        `samples` gives the values of the variables by name, as single numbers, arrays or a
-        DataFrame; a variable that is left out is missing, as is NaN, and a rule that needs it does
-        not fire. `method` is ``fuzzy``, ``crisp`` (comparisons as written) or ``midpoint``
-        (comparisons in the middle of the ramps).
+        `samples` gives the values of the variables by name: numbers, arrays or a DataFrame. A
+        variable that is left out is missing, as is NaN, and a rule that needs it does not fire.
+        `method` is ``fuzzy``, ``crisp`` (comparisons as written) or ``midpoint`` (comparisons in
+        the middle of the ramps).
         """
-        check_method(method)
+        check_choice("method", method, METHODS)
         values = arrays(self.names, samples)
         flat = [x.reshape(-1) for x in values.values()]
-        # While it is computed, each rule has its own row, so that it is written in one go.
+        # One row per rule, so that each is written to consecutive memory.
         strength = np.empty((len(self.rules), flat[0].size))
         for start in range(0, flat[0].size, _BLOCK):
             part = slice(start, start + _BLOCK)
@@ -199,7 +186,7 @@ class RuleBase:
         k: int = 1,
         n: int = 1,
     ) -> Decision:
-        """Return what to report of every sample: `fire`, then `Firing.decide`."""
+        """Return what to report for every sample: `fire`, then `Firing.decide`."""
         return self.fire(samples, method).decide(threshold=threshold, k=k, n=n)
 
     def overlaps(self, method: str = "crisp") -> Overlaps:
@@ -212,11 +199,10 @@ class RuleBase:
         """Return every combination of terms that can hold at once, and the rules that then fire.
 
         One row per region: a value of each variable (those of `values` where given), the codes that
-        ``fired``, and their number ``count``. The terms of a variable hold or not in a whole
-        region, so the regions cover all that the sensors can report; how often each occurs is
-        another question. `method` is ``crisp`` or ``midpoint``.
+        ``fired``, and their ``count``. The regions cover all that the sensors can report; how often
+        each occurs is another question. `method` is ``crisp`` or ``midpoint``.
         """
-        check_method(method, "crisp", "midpoint")
+        check_choice("method", method, ("crisp", "midpoint"))
         chosen = {v.name: v.cells(method) for v in self.variables} if values is None else values
         if set(chosen) != set(self.names) or not all(len(one) for one in chosen.values()):
             raise ArgumentError(
@@ -224,7 +210,9 @@ class RuleBase:
             )
         number = prod(len(one) for one in chosen.values())
         if number > _MOST_REGIONS:
-            raise ArgumentError(f"there are {number} regions; there may be {_MOST_REGIONS}")
+            raise ArgumentError(
+                f"values make {number} regions; at most {_MOST_REGIONS} are allowed"
+            )
         points = np.array(list(product(*(chosen[name] for name in self.names))), dtype=float)
         table = pd.DataFrame(points, columns=list(self.names))
         fires = self.fire(table, method).strength > 0
@@ -232,34 +220,27 @@ class RuleBase:
         return table.assign(fired=[" ".join(codes[row]) for row in fires], count=fires.sum(axis=1))
 
     def check(self, vectors: pd.DataFrame, method: str = "fuzzy") -> pd.DataFrame:
-        """Return what the rules make of test vectors, whose index is the code expected of each.
+        """Return what the rules report for test vectors, whose index is the code expected of each.
 
         One row per vector: the code ``expected``, the codes that ``fired``, the ``top`` one, and
         whether that is ``right``.
         """
         decision = self.decide(vectors, method)
-        expected = vectors.index.astype(str).to_numpy(dtype=object)
-        table = decision.table()
-        return pd.DataFrame(
-            {
-                "expected": expected,
-                "fired": table["active"],
-                "top": table["top"],
-                "right": decision.top == expected,
-            }
-        )
+        table = decision.table().rename(columns={"active": "fired"})
+        table.insert(0, "expected", vectors.index.astype(str).to_numpy(dtype=object))
+        table["right"] = table["top"] == table["expected"]
+        return table[["expected", "fired", "top", "right"]]
 
     def centroid(self, samples: Samples) -> pd.DataFrame:
         r"""Defuzzify the number of the fault, as a controller would, to show why one must not.
 
         One row per sample: the ``active`` codes, the ``top`` one, the ``centroid`` z of their
-        numbers, and the code ``nearest`` to it, the lower one of two. Rule i has the consequent
-        "number is i", a triangle of half-width 1/2 on i, cut at the firing strength:
+        numbers, and the code ``nearest`` to it, the lower of two. Rule i has the consequent "number
+        is i", a triangle of half-width 1/2 on i, cut at the firing strength:
 
         .. math:: z = \frac{\sum_i w_i \left( 2 - w_i \right) i}{\sum_i w_i \left( 2 - w_i \right)}
         """
         firing = self.fire(samples)
-        decided = firing.decide().table()
         strength = np.atleast_2d(firing.strength)
         area = strength * (2 - strength)
         total = area.sum(axis=-1)
@@ -268,14 +249,8 @@ class RuleBase:
         place = np.where(total > 0, np.ceil(np.nan_to_num(number, nan=1.0) - 0.5), 0).astype(int)
         silent = np.atleast_1d(firing.missing.all(axis=-1))
         nearest = np.array([NORMAL, *self.codes], dtype=object)[place]
-        return pd.DataFrame(
-            {
-                "active": decided["active"],
-                "top": decided["top"],
-                "centroid": number,
-                "nearest": np.where(silent, UNKNOWN, nearest),
-            }
-        )
+        decided = firing.decide().table()[["active", "top"]]
+        return decided.assign(centroid=number, nearest=np.where(silent, UNKNOWN, nearest))
 
     def to_skfuzzy(self, n_points: int = 101) -> Any:
         """Return the rules as a `skfuzzy.control.ControlSystem`, to compare with.
@@ -286,7 +261,7 @@ class RuleBase:
         return control_system(self.variables, self.rules, n_points)
 
     def save(self, rules: str | PathLike[str], terms: str | PathLike[str]) -> None:
-        """Write two CSV files, from which `read_rules` makes the same rule base."""
+        """Write two CSV files, from which `read_rules` reads the same rule base."""
         term_rows: list[tuple[Any, ...]] = []
         for variable in self.variables:
             ends = (number_text(variable.low), number_text(variable.high))
@@ -299,12 +274,9 @@ class RuleBase:
                 term_rows.append(
                     (variable.name, term.name, "", "", "", *corners, str(term.crisp), *labels)
                 )
-        rows = self.table().to_numpy().tolist()
-        for path, titles, cells in ((rules, RULE_COLUMNS, rows), (terms, TERM_COLUMNS, term_rows)):
-            with Path(path).open("w", newline="", encoding="utf-8") as stream:
-                writer = csv.writer(stream, lineterminator="\n")
-                writer.writerow(titles)
-                writer.writerows(cells)
+        self.table().to_csv(rules, index=False, lineterminator="\n")
+        columns = list(TERM_COLUMNS)
+        pd.DataFrame(term_rows, columns=columns).to_csv(terms, index=False, lineterminator="\n")
 
 
 @checked
@@ -312,29 +284,24 @@ class RuleBase:
 class Firing:
     """How far each rule holds for each sample, as `RuleBase.fire` returns it.
 
+    A strength is the membership of the weakest term of the rule, to the last bit as
+    `skfuzzy.trapmf` computes it.
+
     Parameters
     ----------
     base : RuleBase
         The rules.
     values : dict of str to ndarray
-        The values given for each variable, all of one shape; NaN where one is missing.
+        The values of each variable, all of one shape; NaN where one is missing.
     strength : ndarray of float, shape (..., n_rules)
         0..1, in the order of `base.codes`; the other axes are those of the samples.
-
-    Notes
-    -----
-    A strength is the membership of the weakest term of the rule. `skfuzzy.trapmf` gives the same
-    memberships to the last bit, but takes one axis only and calls NaN a full member.
 
     Examples
     --------
     >>> from shipnet import ballast
-    >>> base = ballast.rule_base()
-    >>> firing = base.fire({"FP": [90, 120, 124], "OP": 2.83})
+    >>> firing = ballast.rule_base().fire({"FP": [90, 120, 124], "OP": 2.83})
     >>> firing["V1"].round(2).tolist(), firing.normal.round(2).tolist()
     ([0.0, 0.5, 0.83], [1.0, 0.5, 0.17])
-    >>> base.fire({"FP": 125, "MC": [2.5, 2.6]}, method="crisp")["P1"].tolist()
-    [0.0, 1.0]
     """
 
     base: RuleBase
@@ -377,12 +344,13 @@ class Firing:
     def decide(self, *, threshold: float = 0.5, k: int = 1, n: int = 1) -> Decision:
         """Return what to report: rules that fired in `k` or more of the last `n` samples.
 
-        A rule fires from a strength of `threshold` on, above 0, up to 1. With `n` above 1 time runs
-        along the first axis, and the sample itself is the last of the `n`; before the first sample
-        nothing fired.
+        A rule fires if its strength is `threshold` or more, above 0 and up to 1. With `n` above 1,
+        time runs along the first axis and the sample itself is the last of the `n`.
         """
         if not isinstance(threshold, (int, float, np.floating)) or not 0 < threshold <= 1:
-            raise ArgumentError(f"threshold is {threshold!r}; it must be a number above 0, up to 1")
+            raise ArgumentError(
+                f"threshold is {threshold!r}; it must be a number above 0 and up to 1"
+            )
         fires = self.strength >= threshold
         if n != 1 and fires.ndim < 2:
             raise ArgumentError(f"n is {n}; the samples must have an axis of time")
@@ -416,9 +384,9 @@ class Decision:
     Parameters
     ----------
     firing : Firing
-        The strengths that it is decided on.
+        The strengths that the decision is based on.
     threshold : float
-        Strength from which on a rule counts.
+        Lowest strength at which a rule fires.
     active : ndarray of bool, shape (..., n_rules)
         Which rules are reported, in the order of ``firing.base.codes``.
 
@@ -433,8 +401,6 @@ class Decision:
     normal G1 normal G1 G1 G1 G1
     >>> print(*base.decide(samples, k=3, n=5).top)
     normal normal normal normal G1 G1 G1
-    >>> base.decide(samples).explain(1)
-    'G1 0.90: FP 124 bar high 0.90, MC 0 A zero 1.00; missing OT VPos'
     """
 
     firing: Firing
@@ -451,10 +417,7 @@ class Decision:
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
-        """The active code of the highest priority; else ``normal``, or ``unknown``; shape (...).
-
-        It is unknown where no sensor reports anything.
-        """
+        """The active code of the highest priority, else ``normal``; ``unknown`` without sensors."""
         return self.firing.base.top_codes(self.active, self.firing.missing.all(axis=-1))
 
     def codes(self, *index: int) -> tuple[str, ...]:
@@ -463,10 +426,9 @@ class Decision:
         return tuple(self.firing.base.active_codes(active[np.newaxis])[0].split())
 
     def table(self) -> pd.DataFrame:
-        """Return one row per sample: ``top``, its ``strength``, ``active`` codes, faulty sensors.
+        """Return one row per sample: ``top``, its ``strength``, ``active`` codes and bad sensors.
 
-        ``missing`` and ``clipped`` name the sensors that report nothing, or lie outside their
-        universe.
+        ``missing`` and ``clipped`` name the sensors without a value, or outside their universe.
         """
         if self.active.ndim > 2:
             raise ArgumentError(f"active has {self.active.ndim} axes; a table has two")
@@ -487,7 +449,7 @@ class Decision:
         )
 
     def explain(self, *index: int) -> str:
-        """Return why the sample at this index is decided as it is, in one sentence.
+        """Return in one sentence why the sample at this index is decided as it is.
 
         The top code with its strength and terms, the other active codes, and the sensors that are
         missing or out of range. ``normal`` is followed by the rule that comes closest, if any.
@@ -535,11 +497,11 @@ class Decision:
                 linewidth=0, label="active" if row == 0 else "_again",
             )  # fmt: skip
         ax.set_ylim(len(ranking) - 0.5, -0.5)
-        ax.set_yticks(range(len(ranking)), ranking, fontsize=8)
+        ax.set_yticks(range(len(ranking)), ranking)
         ax.grid(visible=False)
         ax.tick_params(axis="y", length=0)
         ax.set(xlabel="time [s]", ylabel="rule")
-        ax.legend(loc="upper left", bbox_to_anchor=(0, 1.14), fontsize=8, borderpad=0)
+        ax.legend(loc="upper left", bbox_to_anchor=(0, 1.14), borderpad=0)
         ax.figure.colorbar(mesh, ax=ax, label="firing strength", pad=0.02)
         return ax
 
@@ -575,16 +537,10 @@ class Overlaps:
     method : {"crisp", "midpoint"}, default "crisp"
         Comparisons as written, or in the middle of the ramps.
 
-    Raises
-    ------
-    ArgumentError
-        If there is no such method.
-
     Examples
     --------
     >>> from shipnet import ballast
-    >>> base = ballast.rule_base()
-    >>> overlaps = Overlaps(base)
+    >>> overlaps = Overlaps(ballast.rule_base())
     >>> overlaps
     Overlaps(42 of 66 pairs of rules)
     >>> overlaps.table().query("relation == 'b in a'")[["a", "b"]].to_numpy().tolist()
@@ -597,7 +553,7 @@ class Overlaps:
     method: str = "crisp"
 
     def __post_init__(self) -> None:
-        check_method(self.method, "crisp", "midpoint")
+        check_choice("method", self.method, ("crisp", "midpoint"))
 
     @cached_property
     def _counts(self) -> Integers:
@@ -608,7 +564,7 @@ class Overlaps:
 
     @property
     def matrix(self) -> pd.DataFrame:
-        """In how many regions each pair of rules fires; the diagonal counts those of each rule."""
+        """The number of regions in which each pair of rules fires; on the diagonal, each rule."""
         codes = list(self.base.codes)
         return pd.DataFrame(self._counts, index=codes, columns=codes)
 
@@ -622,7 +578,7 @@ class Overlaps:
     def table(self) -> pd.DataFrame:
         """Return one row per pair: codes ``a`` and ``b``, and their ``relation``.
 
-        ``a in b`` means that b fires whenever a does; the others are ``b in a``, ``equal`` and
+        ``a in b`` means that b fires whenever a does; the others are ``b in a``, ``equal``,
         ``overlap``.
         """
         names = {
@@ -637,19 +593,16 @@ class Overlaps:
         return pd.DataFrame(rows, columns=["a", "b", "relation"])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw in what share of the regions of the row's rule the column's rule fires too."""
+        """Draw the share of the regions of the row's rule in which the column's rule also fires."""
         ax = style.axes(ax)
         count = self.matrix.to_numpy(dtype=float)
         alone = np.diag(count)[:, None]
         share = np.divide(count, alone, out=np.zeros_like(count), where=alone > 0)
 
-        def said(row: int, column: int, value: float) -> str:
-            """Return a percentage; that a rule fires with itself is not said."""
-            if row == column:
-                return ""
-            return "in" if value == 1 else f"{100 * value:.0f}"
+        def written(row: int, column: int, value: float) -> str:
+            return "" if row == column else "in" if value == 1 else f"{100 * value:.0f}"
 
-        draw_matrix(ax, share, said)
+        draw_matrix(ax, share, written)
         names = self.base.codes
         ax.set_xticks(range(len(names)), names)
         ax.set_yticks(range(len(names)), names)
@@ -659,7 +612,7 @@ class Overlaps:
 
 
 def rule_faults(variables: Sequence[Variable], rules: Sequence[Rule]) -> list[tuple[int, str]]:
-    """Return what is wrong with rules, each fault with the place of its rule."""
+    """Return the faults of rules, each with the place of its rule."""
     known = {(variable.name, term.name) for variable in variables for term in variable.terms}
     faults = []
     codes: set[str] = set()
@@ -679,8 +632,8 @@ def rule_faults(variables: Sequence[Variable], rules: Sequence[Rule]) -> list[tu
     return faults
 
 
-def draw_matrix(ax: Axes, values: Floats, said: Callable[[int, int, float], str]) -> None:
-    """Draw values of 0 to 1 as a map, and what is said of each that is not 0, if it can be read."""
+def draw_matrix(ax: Axes, values: Floats, written: Callable[[int, int, float], str]) -> None:
+    """Draw values of 0 to 1 as a map, with text in the cells above 0 if there is room."""
     rows, columns = values.shape
     ax.imshow(values, cmap="Blues", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
     ax.grid(visible=False)
@@ -692,8 +645,8 @@ def draw_matrix(ax: Axes, values: Floats, said: Callable[[int, int, float], str]
     ax.grid(visible=True, which="minor", color="0.88")
     ax.tick_params(which="minor", length=0)
     for (row, column), value in np.ndenumerate(values):
-        # Black on the pale half of the map, white on the dark one.
+        # Dark text on the pale cells, white text on the dark ones.
         colour = "white" if value > 0.6 else "0.1"
-        text = said(row, column, value) if value > 0 else ""
+        text = written(row, column, value) if value > 0 else ""
         if text:
-            ax.text(column, row, text, ha="center", va="center", color=colour, fontsize=9)
+            ax.text(column, row, text, ha="center", va="center", color=colour)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, isfinite, isnan
@@ -36,19 +35,13 @@ class Interval:
     Parameters
     ----------
     low, high : float
-        The ends; -inf or inf where there is none.
+        The ends; -inf or inf where there is none. At least one must be finite.
     low_closed, high_closed : bool, default False
         Whether an end belongs to the interval.
 
-    Raises
-    ------
-    ArgumentError
-        If the interval is empty, or contains every number.
-
     Examples
     --------
-    >>> low = Interval.parse("0 < x < 2.5")
-    >>> low.contains([0, 0.1, 2.5]).tolist(), str(Interval(90, float("inf"), low_closed=True))
+    >>> Interval(0, 2.5).contains([0, 0.1, 2.5]).tolist(), str(Interval(90, float("inf"), True))
     ([False, True, False], 'x >= 90')
     """
 
@@ -61,14 +54,8 @@ class Interval:
         point = self.low == self.high and self.low_closed and self.high_closed
         if not (self.low < self.high or point) or (self.low, self.high) == (-inf, inf):
             raise ArgumentError(
-                f"low is {self.low:g} and high {self.high:g}; some numbers must lie between them, "
-                "and some not"
+                f"low is {self.low:g} and high {self.high:g}; they must rise, and one be finite"
             )
-
-    @classmethod
-    def parse(cls, text: str) -> Interval:
-        """Return the values for which a comparison such as ``0 < x <= 2.5`` holds."""
-        return _interval("text", text)
 
     def __str__(self) -> str:
         low, high = number_text(self.low), number_text(self.high)
@@ -89,30 +76,23 @@ class Interval:
         return np.asarray(above & (below | ((self.high == inf) & (values == inf))))
 
 
-def _interval(name: str, text: str) -> Interval:
-    """Return the values for which the comparison holds that is the argument of this name."""
-    found = _COMPARISON.fullmatch(text.strip())
+def parse_comparison(crisp: str) -> Interval:
+    """Return the values for which a comparison such as ``0 < x <= 2.5`` holds."""
+    found = _COMPARISON.fullmatch(crisp.strip()) if isinstance(crisp, str) else None
     both = found and found["low"] and found["sign"] in (">", ">=", "==")
     if not found or both or not (found["low"] or found["sign"]):
         raise ArgumentError(
-            f"{name} is {text!r}; it must be a comparison like x > 120 or 0 < x <= 2.5"
+            f"crisp is {crisp!r}; it must be an Interval, or text like x > 120 or 0 < x <= 2.5"
         )
     low, high = float(found["low"] or -inf), inf
     low_closed, high_closed = found["from"] == "<=", False
     if found["sign"]:
-        end, closed = float(found["end"]), found["sign"] != "<" and found["sign"] != ">"
+        end, closed = float(found["end"]), found["sign"] not in ("<", ">")
         if found["sign"][0] in ">=":
             low, low_closed = end, closed
         if found["sign"][0] in "<=":
             high, high_closed = end, closed
     return Interval(low, high, low_closed, high_closed)
-
-
-def _comparison(crisp: Any) -> Interval:
-    """Return the values for which the comparison of a term holds."""
-    if not isinstance(crisp, str):
-        raise ArgumentError(f"crisp is {crisp!r}; it must be an Interval or text")
-    return _interval("crisp", crisp)
 
 
 @checked
@@ -125,18 +105,12 @@ class Term:
     name : str
         The word, such as ``high``: letters, digits and underscores.
     corners : tuple of float
-        Left foot, left shoulder, right shoulder, right foot of the trapezoid, in rising order; two
-        equal corners are a step. Both left corners -inf, or both right ones inf: an open shoulder.
+        Left foot, left shoulder, right shoulder and right foot of the trapezoid, in rising order.
+        Two equal corners are a step; both left ones -inf, or both right ones inf, an open shoulder.
     crisp : Interval or str
-        What the word means as a comparison; text such as ``x > 90`` is parsed.
+        The word as a comparison, such as ``x > 90``.
     english, korean : str, default ""
         Labels.
-
-    Raises
-    ------
-    ArgumentError
-        If the name is not a word, the corners do not make a trapezoid, or the comparison cannot be
-        read.
 
     Examples
     --------
@@ -147,7 +121,7 @@ class Term:
 
     name: str
     corners: tuple[float, float, float, float]
-    crisp: Interval = part(Interval, make=_comparison)
+    crisp: Interval = part(Interval, make=parse_comparison)
     english: str = ""
     korean: str = ""
 
@@ -170,18 +144,21 @@ class Term:
         left, right = corners[:2], corners[2:]
         open_ends = (left == (-inf, -inf), right == (inf, inf))
         if list(corners) != sorted(corners) or all(open_ends):
-            raise ArgumentError(f"corners are {corners}; they must rise, with a foot somewhere")
+            raise ArgumentError(f"corners are {corners}; they must rise, and one side must close")
         closed = (() if open_ends[0] else left) + (() if open_ends[1] else right)
         if not all(isfinite(corner) for corner in closed):
-            raise ArgumentError(f"corners are {corners}; an open shoulder has no foot")
+            raise ArgumentError(
+                f"corners are {corners}; only both left or both right corners may be infinite"
+            )
         object.__setattr__(self, "corners", corners)
 
     @property
     def midpoint(self) -> Interval:
         """The values with a membership of 0.5 or more: a comparison in the middle of the ramps."""
         a, b, c, d = self.corners
-        # A step holds at its edge, and so does the middle of a ramp.
-        return Interval(_middle(a, b), _middle(c, d), a > -inf, d < inf)
+        # inf - inf would be NaN; a step holds at its edge, as a ramp does in its middle.
+        low, high = (x if x == y else (x + y) / 2 for x, y in ((a, b), (c, d)))
+        return Interval(low, high, a > -inf, d < inf)
 
     def membership(self, x: npt.ArrayLike) -> Floats:
         """Return the degree of membership of each value, 0..1, by `skfuzzy.trapmf`; 0 for NaN."""
@@ -190,14 +167,14 @@ class Term:
 
         values = np.asarray(x, dtype=float)
         a, b, c, d = self.corners
-        # trapmf has no open shoulders: clip the values to the shoulder that there is.
+        # trapmf has no open shoulders, so clip the values to the shoulder that exists.
         if a == -inf:
             a = b = c
             values = np.maximum(values, c)
         if d == inf:
             c = d = b
             values = np.minimum(values, b)
-        # It takes one axis only, and calls NaN a full member.
+        # trapmf takes one axis only and gives NaN full membership.
         degree = trapmf(values.reshape(-1), [a, b, c, d]).reshape(values.shape)
         return np.where(np.isnan(values), 0.0, degree)
 
@@ -214,16 +191,11 @@ class Variable:
     unit : str
         Unit of its values, of the universe and of the corners of the terms.
     low, high : float
-        Ends of the universe: what a sensor can say.
+        Ends of the universe, the values that a sensor can report.
     terms : tuple of Term
-        The words, one or more; each must mean something within the universe.
+        One or more words, each once; shoulder and comparison must reach into the universe.
     english, korean : str, default ""
         Labels.
-
-    Raises
-    ------
-    ArgumentError
-        If the universe is empty, a term occurs twice, or a term has no full member in it.
 
     Examples
     --------
@@ -248,27 +220,20 @@ class Variable:
         object.__setattr__(self, "terms", tuple(self.terms))
         if not (isfinite(low) and isfinite(high) and low < high):
             raise ArgumentError(f"low of {self.name} is {low:g}, high {high:g}; they must rise")
-        names = Counter(term.name for term in self.terms)
-        twice = sorted(name for name, number in names.items() if number > 1)
-        if twice or not names:
+        names = [term.name for term in self.terms]
+        if not names or len(set(names)) < len(names):
             raise ArgumentError(
-                f"terms of {self.name} {f'have {twice[0]} twice' if twice else 'are none'}; "
+                f"terms of {self.name} are {', '.join(names) or 'none'}; "
                 "there must be one or more, each once"
             )
         for term in self.terms:
-            self._check_within(term)
-
-    def _check_within(self, term: Term) -> None:
-        crisp = term.crisp
-        for what, first, last in (
-            ("shoulder", term.corners[1], term.corners[2]),
-            ("comparison", crisp.low, crisp.high),
-        ):
-            if last < self.low or first > self.high:
-                raise ArgumentError(
-                    f"{what} of {self.name}.{term.name} lies outside {self.low:g}..{self.high:g}; "
-                    "it must reach into the universe"
-                )
+            ends = {"shoulder": term.corners[1:3], "comparison": (term.crisp.low, term.crisp.high)}
+            for what, (first, last) in ends.items():
+                if last < low or first > high:
+                    raise ArgumentError(
+                        f"{what} of {self.name}.{term.name} lies outside {low:g}..{high:g}; "
+                        "it must reach into the universe"
+                    )
 
     def __getitem__(self, name: str) -> Term:
         """Return the term of a name."""
@@ -285,7 +250,7 @@ class Variable:
         edges = sorted(end for end in ends if self.low <= end <= self.high)
         middles = [(a + b) / 2 for a, b in pairwise(edges)]
         points = np.array(sorted([*edges, *middles]))
-        # An inner point represents its cell better than an end of the universe does.
+        # A point inside a cell represents it better than one on an edge.
         inner = np.isin(points, middles)
         holds = np.stack([one.contains(points) for one in intervals], axis=1)
         found: dict[tuple[bool, ...], int] = {}
@@ -301,7 +266,7 @@ class Variable:
         grid = np.linspace(self.low, self.high, 501)
         for term in self.terms:
             corners = [x for x in term.corners if self.low < x < self.high]
-            # Points on both sides of a corner draw a step upright.
+            # A point on each side of a corner draws a step upright.
             sides = [np.nextafter(corners, end) for end in (-np.inf, np.inf)]
             x = np.unique(np.concatenate([grid, corners, *sides]))
             ax.plot(x, term.membership(x), label=term.english or term.name)
@@ -310,7 +275,7 @@ class Variable:
         for limit in sorted(end for end in ends if np.isfinite(end)) if crisp else ():
             ax.axvline(limit, **style.PAPER, linewidth=1, zorder=0.5, label=label)  # type: ignore[arg-type]
             label = "_again"
-        # Two narrow terms lie too near each other for labels of their own.
+        # Narrow terms lie too close together for labels beside the curves.
         ax.legend(loc="best", handlelength=1.2, labelspacing=0.2)
         ax.set_xlim(self.low, self.high)
         ax.set_ylim(-0.05, 1.05)
@@ -337,11 +302,6 @@ class Rule:
         The flag that the rule sets; several rules may set the same flag.
     english, korean : str, default ""
         Labels.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is not as above.
 
     Examples
     --------
@@ -371,20 +331,26 @@ class Rule:
 
     def __post_init__(self) -> None:
         if check_word("code", self.code) in (NORMAL, UNKNOWN):
-            raise ArgumentError(f"code is {self.code!r}, which says that no rule fires")
-        given = self.antecedent
+            raise ArgumentError(f"code is {self.code!r}, which means that no rule fires")
+        given: Any = self.antecedent
+        parts = (
+            [one.strip().split(".") for one in given.split("&")]
+            if isinstance(given, str)
+            else given
+        )
         try:
-            pairs = (
-                _antecedent(given) if isinstance(given, str) else tuple((a, b) for a, b in given)
-            )
+            pairs = [(variable, term) for variable, term in parts]
         except (TypeError, ValueError):
-            raise ArgumentError(f"antecedent is {given!r}; it must be text or pairs") from None
-        object.__setattr__(self, "antecedent", pairs)
+            raise ArgumentError(
+                f"antecedent is {self.antecedent!r}; it must be like FP.high & OP.high, or pairs"
+            ) from None
+        words = ((check_word("variable", a), check_word("term", b)) for a, b in pairs)
+        object.__setattr__(self, "antecedent", tuple(words))
         names = self.variables
         if not names or len(set(names)) < len(names):
             raise ArgumentError(
-                f"antecedent of {self.code} is {self.text!r}; it must have one term or more, each "
-                "of another variable"
+                f"antecedent of {self.code} is {self.text!r}; it must have one or more terms, each "
+                "of a different variable"
             )
 
     @property
@@ -408,18 +374,3 @@ def check_word(what: str, text: str) -> str:
 def number_text(value: float) -> str:
     """Return a number with as many digits as distinguish it; ``""`` for an infinite one."""
     return repr(float(value)).removesuffix(".0") if isfinite(value) else ""
-
-
-def _middle(a: float, b: float) -> float:
-    return a if a == b else (a + b) / 2
-
-
-def _antecedent(text: str) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of an antecedent such as ``FP.high & OP.high``."""
-    pairs = []
-    for one in text.split("&"):
-        variable, dot, term = one.strip().partition(".")
-        if not dot:
-            raise ArgumentError(f"antecedent is {text!r}; it must be like FP.high & OP.high")
-        pairs.append((check_word("variable", variable), check_word("term", term)))
-    return tuple(pairs)

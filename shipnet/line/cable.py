@@ -32,14 +32,14 @@ LEAST, MOST = 1e-18, 1e12
 
 @dataclass(frozen=True, eq=False)
 class Pulse:
-    """A pulse on its way: places [m], times [s] and voltages [V] of shape (n_steps, n_places)."""
+    """A travelling pulse: places [m], times [s] and voltages [V], shape (n_steps, n_places)."""
 
     x: Floats
     t: Floats
     u: Floats
 
     def plot(self, ax: Axes | None = None, *, step: int) -> Axes:
-        """Draw the pulse at one of its times, with all that it has reached so far in grey."""
+        """Draw the pulse at one of its times, and the voltages so far in grey."""
         ax = style.axes(ax)
         lowest, highest = min(self.u.min(), 0.0), max(self.u.max(), 0.0)
         margin = 0.08 * (highest - lowest)
@@ -56,7 +56,7 @@ class Pulse:
 
 
 class Valued:
-    """What is equal if all its constants are, some of which may be arrays."""
+    """An object that is equal to another if all constants are, some of which may be arrays."""
 
     @property
     def parameters(self) -> tuple[Quantity | None, ...]:
@@ -80,21 +80,16 @@ class Cable(Valued):
 
     .. math:: z(s) = r \sqrt{1 + \frac{s}{2 \pi f_{skin}}} + s l, \qquad y(s) = g + s c
 
-    Each constant may be an array of one value per tree of a Monte Carlo; a `Network` carries this
-    axis through. Two cables are equal if all their constants are.
-
-    Raises
-    ------
-    ArgumentError
-        If a constant is out of range; it names the constant, its value and the range.
+    Each constant may be an array of one value per tree of a Monte Carlo. Two cables are equal if
+    all their constants are.
 
     Examples
     --------
     >>> cable = Cable(r=0.06, l=0.65e-6, c=65e-12)
     >>> print(f"{cable.z0:.0f} ohm, {cable.delay * 1e9:.1f} ns/m")
     100 ohm, 6.5 ns/m
-    >>> print(f"{cable.reflection(25):.2f} of a fast wave comes back from 25 ohm")
-    -0.60 of a fast wave comes back from 25 ohm
+    >>> print(f"{cable.reflection(25):.2f} of a fast wave returns from 25 ohm")
+    -0.60 of a fast wave returns from 25 ohm
     """
 
     r: Quantity = number(
@@ -128,7 +123,7 @@ class Cable(Valued):
 
     @classmethod
     def lossless(cls, z0: npt.ArrayLike, delay: npt.ArrayLike) -> Cable:
-        """Return the lossless cable of a wave impedance [ohm] and a delay [s/m]."""
+        """Return the lossless cable with a wave impedance [ohm] and a delay [s/m]."""
         impedance = np.asarray(check_quantity("z0 of a cable", z0, "ohm", low=1e-3, high=1e6))
         per_metre = np.asarray(
             check_quantity("delay of a cable", delay, "s/m", low=1e-12, high=1e-3)
@@ -138,7 +133,7 @@ class Cable(Valued):
 
     @property
     def z0(self) -> Quantity:
-        """Wave impedance sqrt(l / c) that a fast signal meets [ohm]."""
+        """Wave impedance sqrt(l / c) for a fast signal [ohm]."""
         return _root(np.divide(self.l, self.c))
 
     @property
@@ -147,33 +142,32 @@ class Cable(Valued):
         return _root(np.multiply(self.l, self.c))
 
     def series_impedance(self, s: npt.ArrayLike) -> Complexes:
-        """Return the impedance z of a metre of both wires at complex frequencies s [ohm/m]."""
+        """Return the impedance z of both wires per metre at complex frequencies s [ohm/m]."""
         s = np.asarray(s, dtype=complex)
         r, skin = np.expand_dims(self.r, -1), np.expand_dims(self.skin, -1)
         if np.any(skin > 0):
             corner = np.where(skin > 0, skin, 1.0)
-            # The square root also adds the internal inductance that causality asks for.
+            # The square root also adds the internal inductance that causality requires.
             r = np.where(skin > 0, r * np.sqrt(1 + s / (2 * np.pi * corner)), r)
         return np.asarray(r + s * np.expand_dims(self.l, -1))
 
     def shunt_admittance(self, s: npt.ArrayLike) -> Complexes:
-        """Return the admittance y between the wires of a metre at complex frequencies s [S/m]."""
+        """Return the admittance y between the wires per metre at complex frequencies s [S/m]."""
         s = np.asarray(s, dtype=complex)
         return np.asarray(np.expand_dims(self.g, -1) + s * np.expand_dims(self.c, -1))
 
     def propagation(self, s: npt.ArrayLike) -> Complexes:
         """Return the propagation constant sqrt(z y): attenuation [Np/m] and phase [rad/m]."""
-        # The product of the roots keeps the sign; the root of the product would lose it where
-        # the product crosses the negative axis.
+        # The root of the product would lose its sign where the product crosses the negative axis.
         return np.asarray(np.sqrt(self.series_impedance(s)) * np.sqrt(self.shunt_admittance(s)))
 
     def attenuation(self, f: npt.ArrayLike) -> Floats:
-        """Return how much a wave of frequency f [Hz] loses per metre [dB/m]."""
+        """Return the attenuation of a wave of frequency f [Hz] [dB/m]."""
         gamma = self.propagation(2j * np.pi * np.asarray(f, dtype=float))
         return np.asarray(20 / np.log(10) * gamma.real)
 
     def reflection(self, end: float | None) -> float:
-        """Return the reflection factor of a resistor `end` [ohm]; None is an open end."""
+        """Return the reflection factor of a resistor `end` [ohm], or of an open end, None."""
         if end is None:
             return 1.0
         ohms = check_scalar("end", end, "ohm", 1e-18, 1e18)
@@ -190,9 +184,8 @@ class Cable(Valued):
     ) -> Pulse:
         """Send a Gaussian pulse of 1 V and standard deviation `width` [s] to the `end` [ohm].
 
-        The near end is matched, so that a wave that comes back leaves the cable; None is an open
-        far end. The result begins when the pulse leaves and ends when it is back. `width` is at
-        least a 200th of the delay of the cable and at most twice that delay.
+        The near end is matched; an `end` of None is open. The result begins when the pulse leaves
+        and ends when it is back. `width` is 1/200 to 2 times the delay of the cable.
         """
         metres = check_scalar("length", length, "m", 1.0, 1e5)
         places = check_whole("n_places", n_places, 2, 2001)
@@ -212,10 +205,8 @@ class Cable(Valued):
         duration = n_samples * t[1]
         s = laplace_grid(duration, 1.5 / sigma)
         sent = sigma * np.sqrt(2 * np.pi) * np.exp((s * sigma) ** 2 / 2 - s * before * t[1])
-        gamma, wave = (
-            self.propagation(s),
-            np.sqrt(self.series_impedance(s) / self.shunt_admittance(s)),
-        )
+        gamma = self.propagation(s)
+        wave = np.sqrt(self.series_impedance(s) / self.shunt_admittance(s))
         rho = (1 - wave / ohms) / (1 + wave / ohms)
         echo = rho * np.exp(-2 * gamma * metres)
         # The source sees its own resistor and the cable in parallel.
@@ -236,13 +227,12 @@ def _asi(r: float, r_dc: float) -> Cable:
 
 #: Cables by name; the number behind ``as-i`` is the area of a conductor [mm2].
 #:
-#: ``as-i``: l and c lie inside the 0.5 to 0.75 uH/m and the 80 pF/m at most of a data sheet [1]_
-#: and give its 70 to 140 ohm. At direct current 1 A loses 5.2, 2.7 and 1.6 V on 100 m [2]_; the
-#: data sheets say at most 27.4 [1]_ and 16.4 mohm/m [3]_ for the thicker two. The resistance at
-#: about 150 kHz is assumed, in the same ratio to that at direct current. ``as-i lossless``: the
-#: same wave without loss. ``can`` and ``rs-485``: nominal wave impedance and delay of the
-#: standards [4]_ [5]_, lossless; [5]_ names the terminator of 120 ohm and no delay, so the delay
-#: of [4]_ is used for both.
+#: ``as-i``: l and c meet a data sheet's 0.5 to 0.75 uH/m, 80 pF/m at most and 70 to 140 ohm [1]_.
+#: At direct current 1 A loses 5.2, 2.7 and 1.6 V on 100 m [2]_; the data sheets allow 27.4 [1]_ and
+#: 16.4 mohm/m [3]_ for the thicker two. The resistance at about 150 kHz is assumed, in the same
+#: ratio to that at direct current. ``as-i lossless``: the same wave without loss. ``can`` and
+#: ``rs-485``: nominal wave impedance and delay of [4]_, lossless; [5]_ gives the same 120 ohm and
+#: no delay.
 #:
 #: .. [1] Lapp, UNITRONIC BUS ASI, data sheet.
 #: .. [2] Schneider Electric, AS-i help D-SA-0011271.

@@ -1,19 +1,14 @@
-r"""Waveforms step by step in time: the method of characteristics.
+"""Waveforms step by step in time: the method of characteristics.
 
-Along a line without loss, :math:`v + Z_0 i` travels one way and :math:`v - Z_0 i` the other,
-unchanged. So each end of a line is a resistor Z0 and a source that repeats what left the other
-end one delay ago [1]_; each node can be solved by itself, and its load may change with time.
-
-The resistance of a line lies at its ends, a quarter each, and in its middle [1]_; inductors and
-capacitors follow the trapezoidal rule.
-
-.. [1] H. W. Dommel, "Digital computer solution of electromagnetic transients in single- and
-   multiphase networks", IEEE Trans. PAS-88 (1969) 388-399.
+Each end of a line without loss is a resistor Z0 and a source that repeats what left the other end
+one delay ago, so each node is solved by itself. A quarter of a line's resistance lies at each end
+and half in its middle; inductors and capacitors follow the trapezoidal rule. See H. W. Dommel,
+"Digital computer solution of electromagnetic transients", IEEE Trans. PAS-88 (1969) 388-399.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
@@ -30,7 +25,7 @@ from shipnet.line.waveform import Waveform
 #: A quantity over time: a constant, its samples, or a function of the array of times.
 Signal: TypeAlias = "npt.ArrayLike | Callable[[Floats], npt.ArrayLike]"
 
-#: Most steps that are taken from one look into the past.
+#: Most steps that are taken at a time.
 _BLOCK = 512
 
 
@@ -52,11 +47,6 @@ class Driver:
     conductance : float, array_like of shape (n_t,), or callable, optional
         Conductance in series with the voltage, not negative [S]; 0 while the driver is off.
 
-    Raises
-    ------
-    ArgumentError
-        If it has neither a current nor both a voltage and a conductance, or all of them.
-
     Examples
     --------
     >>> Driver("b0", voltage=3.2, conductance=1 / 40)
@@ -77,7 +67,7 @@ class Driver:
 
 
 class NortonSources(NamedTuple):
-    """All drivers of all columns as current sources; those of one node and column add up."""
+    """All drivers of all columns as current sources, added up per node and column."""
 
     node: list[int]
     column: list[int]
@@ -135,14 +125,10 @@ class _Ends(NamedTuple):
 
     node: npt.NDArray[np.intp]
     far: npt.NDArray[np.intp]
-    steps: npt.NDArray[np.intp]
-    """delay in whole steps"""
-    fraction: Floats
-    """and what it is longer"""
-    y: Floats
-    """1 / (Z0 + R/4)"""
-    h: Floats
-    """(Z0 - R/4) / (Z0 + R/4)"""
+    steps: npt.NDArray[np.intp]  # delay in whole steps
+    fraction: Floats  # and the rest of the delay
+    y: Floats  # 1 / (Z0 + R/4)
+    h: Floats  # (Z0 - R/4) / (Z0 + R/4)
 
 
 def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
@@ -190,27 +176,23 @@ def simulate(
     dt: float,
     *,
     probes: Sequence[str] | None = None,
-    limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> Waveform:
     """Simulate the voltages of a network that is at rest before its drivers begin.
 
     Parameters
     ----------
     network : Network
-        A tree, or a network with a ring; a single one, whose cables have ``skin=0``.
+        A single tree or ring, whose cables have ``skin=0``. The resistance of a run should stay
+        far below its wave impedance; cut a long one by `Network.subdivided`.
     drivers : Driver, sequence of Driver, or sequence of sequences of Driver
-        The senders, which act together, such as CAN nodes that send at the same time; a sequence
-        of sequences is one case each, and cases do not see each other.
+        The senders, which act together; each inner sequence is a case of its own.
     until : float
         Time to simulate, at least `dt` [s].
     dt : float
         Step, at least 1e-15 and at most the delay of the shortest run [s]. The error falls with
-        its square, and is least where it divides all the delays; else a wave is interpolated.
+        its square and is smallest where it divides all delays; else waves are interpolated.
     probes : sequence of str, optional
         Nodes to report; all of them by default.
-    limits : mapping of str to tuple of float, optional
-        Lowest and highest voltage of some nodes, where ideal clamps hold them; 0, the rest, lies
-        between [V].
 
     Returns
     -------
@@ -218,24 +200,12 @@ def simulate(
         Voltages at the probes from 0 in steps of `dt`, shape (n_probes, n_t), or
         (n_probes, n_cases, n_t) if cases were given.
 
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of range, a node is unknown or connected to nothing, or a run is
-        shorter than a step; the message names it.
-
-    Notes
-    -----
-    A run with resistance is modelled well while it stays far below its wave impedance; cut a
-    long one by `Network.subdivided`, whose nodes also show the wave on its way.
-
     Examples
     --------
     A wave of 1 V meets the open end of 100 m after 0.65 us and doubles there:
 
-    >>> from shipnet.line.cable import CABLES
-    >>> from shipnet.line.network import CableRun
-    >>> net = Network([CableRun("near", "far", 100, CABLES["as-i lossless"])])
+    >>> from shipnet.line import CableRun
+    >>> net = Network([CableRun("near", "far", 100, "as-i lossless")])
     >>> sender = Driver("near", voltage=2.0, conductance=0.01)
     >>> wave = simulate(net, sender, until=1e-6, dt=0.05e-6)
     >>> wave.u[:, [1, 12, 14]].round(6).tolist()
@@ -254,7 +224,7 @@ def simulate(
     sources = norton_sources(network, columns, t)
     names = network.nodes if probes is None else tuple(probes)
     shown = [network.index(name, "one of probes") for name in names]
-    nodes = _Nodes(network, step, sources.columns, limits)
+    nodes = _Nodes(network, step, sources.columns)
 
     own = np.arange(len(ends.node))
     starts = np.searchsorted(ends.node, np.arange(len(network.nodes)))
@@ -262,7 +232,7 @@ def simulate(
     y, h, fraction = (column[:, np.newaxis] for column in (ends.y, ends.h, ends.fraction))
     block = min(_BLOCK, int(ends.steps.min()))
     depth = int(ends.steps.max()) + 2 + block
-    # What left each end; slots of times before 0 are read as 0 before they are written.
+    # The waves that left each end; times before 0 are read as 0 before they are written.
     left = np.zeros((depth, len(own), sources.columns))
     v = np.zeros((len(shown), sources.columns, t.size))
     for begin in range(1, t.size, block):
@@ -288,7 +258,7 @@ def simulate(
 def _columns(
     drivers: Driver | Sequence[Driver] | Sequence[Sequence[Driver]],
 ) -> tuple[list[list[Driver]], bool]:
-    """Return the drivers of each case, and whether there is one case that was not given as such."""
+    """Return the drivers of each case, and whether they were given without cases."""
     entries: list[Any] = [drivers] if isinstance(drivers, Driver) else list(drivers)
     single = not entries or not all(isinstance(entry, list | tuple) for entry in entries)
     columns = [entries] if single else [list(entry) for entry in entries]
@@ -300,15 +270,9 @@ def _columns(
 
 
 class _Nodes:
-    """The loads at all nodes: conductances, and what inductors and capacitors remember."""
+    """The loads at all nodes: conductances, and the states of inductors and capacitors."""
 
-    def __init__(
-        self,
-        network: Network,
-        dt: float,
-        columns: int,
-        limits: Mapping[str, tuple[float, float]] | None,
-    ) -> None:
+    def __init__(self, network: Network, dt: float, columns: int) -> None:
         conductance, per_henry, capacitance = np.repeat(network.shunts(), columns, axis=2)
         inductive, capacitive = per_henry * dt / 2, capacitance * 2 / dt
         self.conductance = conductance + inductive + capacitive
@@ -316,21 +280,18 @@ class _Nodes:
         self.capacitive = 2 * capacitive if capacitive.any() else None
         self.flux = np.zeros_like(conductance)
         self.charge = np.zeros_like(conductance)
-        self.limits = _limits(network, limits) if limits else None
 
     def advance(self, current: Floats, conductance: Floats) -> Floats:
         """Return the voltages (n_steps, n_nodes, n_columns); `current` is overwritten by them."""
         inverse = 1 / (conductance + self.conductance)
         if self.inductive is None and self.capacitive is None:
             current *= inverse
-            return current if self.limits is None else np.clip(current, *self.limits)
+            return current
         work = np.empty_like(self.flux)
         for voltage, factor in zip(current, inverse, strict=True):
             voltage += self.charge
             voltage -= self.flux
             voltage *= factor
-            if self.limits is not None:
-                np.clip(voltage, *self.limits, out=voltage)
             # The trapezoidal rule with state and voltage added up: one recurrence for each.
             if self.inductive is not None:
                 np.multiply(self.inductive, voltage, out=work)
@@ -339,13 +300,3 @@ class _Nodes:
                 np.multiply(self.capacitive, voltage, out=work)
                 np.subtract(work, self.charge, out=self.charge)
         return current
-
-
-def _limits(network: Network, limits: Mapping[str, tuple[float, float]]) -> tuple[Floats, Floats]:
-    low = np.full((len(network.nodes), 1), -np.inf)
-    high = np.full((len(network.nodes), 1), np.inf)
-    for name, (lowest, highest) in limits.items():
-        node = network.index(name, "one of limits")
-        low[node] = check_scalar(f"lowest voltage at node {name!r}", lowest, "V", -1e9, 0.0)
-        high[node] = check_scalar(f"highest voltage at node {name!r}", highest, "V", 0.0, 1e9)
-    return low, high

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
@@ -19,15 +19,14 @@ from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees, 
 from shipnet.lazy import Axes
 from shipnet.line.cable import CABLES, Cable, Valued
 from shipnet.line.solver import Rooted, check_frequencies, closed_transfer, tree_transfer
-from shipnet.line.waveform import F_MAX, Waveform, record_of
 
-#: Legal lengths [m]: a shorter line is a node, a longer one is not a field bus.
+#: Legal lengths [m]: a shorter line is a node, and no field bus is longer.
 SHORTEST, LONGEST = 1e-6, 1e6
 
 #: Legal values of a load [ohm, H, F].
 LEAST, MOST = 1e-18, 1e18
 
-#: Legal currents and voltages at direct current, and minus that [A, V].
+#: Largest current and voltage at direct current, of either sign [A, V].
 _MOST_DC = 1e9
 
 
@@ -45,14 +44,9 @@ class CableRun:
     a, b : str
         Nodes at its ends, not the same.
     length : float or array_like, shape (n_trees,)
-        Length, 1e-6 to 1e6 [m]. There is no run of length 0: its ends are one node.
+        Length, 1e-6 to 1e6 [m]; the ends of a run of length 0 would be one node.
     cable : str or Cable, default "as-i 1.5"
-        What it is made of; a name is a key of `CABLES`.
-
-    Raises
-    ------
-    ArgumentError
-        If a node or the cable is unknown, or the length is out of range.
+        The cable, or its key in `CABLES`.
 
     Examples
     --------
@@ -81,7 +75,7 @@ class CableRun:
 
     @property
     def made_of(self) -> Cable:
-        """The cable, looked up in the catalogue if it was given by name."""
+        """The cable, from the catalogue if it was given by name."""
         return self.cable if isinstance(self.cable, Cable) else CABLES[self.cable]
 
     def __str__(self) -> str:
@@ -92,17 +86,10 @@ class CableRun:
 class Load(Valued):
     """A resistor, an inductor and a capacitor in parallel, from a node to the reference.
 
-    At least one of them must be given.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is out of range or all are missing.
+    At least one of them must be given. A terminator is a load with a resistor only.
 
     Examples
     --------
-    Loads at one node add up; a terminator is a load that is only a resistor.
-
     >>> Load(r=100, c=50e-12) + Load(r=100)
     Load(r=50.0, l=None, c=5e-11)
     """
@@ -150,7 +137,7 @@ def _sum(one: Quantity | None, other: Quantity | None) -> Quantity | None:
 
 
 class OperatingPoint(NamedTuple):
-    """Voltages and currents at direct current, of a Monte Carlo one per tree."""
+    """Voltages and currents at direct current; arrays of one per tree in a Monte Carlo."""
 
     voltage: dict[str, Quantity]  # by node [V]
     current: tuple[Quantity, ...]  # in each run from its end a to its end b [A]
@@ -161,11 +148,11 @@ class Layout(NamedTuple):
 
     spot: Floats  # distance from the root along the cable [m], and row, 0 and below
     strokes: list[Floats]  # points of each run: x in the first row, y in the second
-    closing: Floats | None  # the same of the run that closes a ring
+    closing: Floats | None  # the same for the run that closes a ring
 
     @property
     def lowest(self) -> float:
-        """Lowest y that is drawn at."""
+        """Lowest y of the drawing."""
         everything = [self.spot[:, 1], *([] if self.closing is None else [self.closing[1]])]
         return float(np.concatenate(everything).min())
 
@@ -180,20 +167,14 @@ class Network:
     Parameters
     ----------
     runs : iterable of CableRun
-        The cables; together they make a tree, or a tree with one ring.
+        The cables; together they make a tree, or a tree with one ring. Two nodes have at most one.
     loads : mapping of str to Load, optional
-        What is connected at the nodes.
-
-    Raises
-    ------
-    ArgumentError
-        If two runs join the same nodes, a run would close a second ring, or arrays have different
-        numbers of trees.
+        The loads at the nodes.
 
     Examples
     --------
-    A supply with its decoupling network, and a slave 100 m away. At 167 kHz, a current that the
-    slave draws makes this voltage at the supply, per ampere:
+    A supply with its decoupling network, and a slave 100 m away. A current of 1 A at 167 kHz that
+    the slave draws makes this voltage at the supply:
 
     >>> net = Network(
     ...     [CableRun("supply", "slave", 100, "as-i 1.5")],
@@ -262,21 +243,21 @@ class Network:
 
     @property
     def nodes(self) -> tuple[str, ...]:
-        """Names of the nodes: those of the runs in their order, then those with loads only."""
+        """Names of the nodes: those of the runs in order, then those with loads only."""
         return tuple(self._index)
 
     @property
     def ring(self) -> CableRun | None:
-        """The run that closed a ring, None for a tree."""
+        """The run that closes a ring, None for a tree."""
         return None if self._ring is None else self.runs[self._ring]
 
     @property
     def trees(self) -> int | None:
-        """Number of trees of a Monte Carlo, None for a single one."""
+        """Number of trees of a Monte Carlo, None for a single tree."""
         return self._trees
 
     def index(self, name: str, what: str = "name") -> int:
-        """Return the number of a node, its row in every result; errors say `what` it is."""
+        """Return the number of a node, its row in every result; errors call it `what`."""
         try:
             return self._index[name]
         except (KeyError, TypeError):
@@ -295,7 +276,7 @@ class Network:
         return sums
 
     def rooted(self, root: str) -> Rooted:
-        """Return the network as a tree that grows from one of its nodes."""
+        """Return the network as a tree that grows from `root`."""
         if not self.runs:
             raise ArgumentError("the network has no line; it must have at least one")
         order, parent, above = [self.index(root, "root")], [-1], [-1]
@@ -314,12 +295,11 @@ class Network:
     def transfer(
         self, root: str, s: npt.ArrayLike, to: str | None = None
     ) -> npt.NDArray[np.complex128]:
-        """Return the transfer impedances between one node and every node, or one other [ohm].
+        """Return the transfer impedances between the root and every node, or one other [ohm].
 
-        Row k is the voltage at node k per ampere into the root, and as well the voltage at the
-        root per ampere into node k: such a network is reciprocal. `s` is one or more complex
-        frequencies with a real part that is not negative [rad/s]. The time is proportional to
-        nodes x frequencies; a ring takes it two or three times.
+        Row k is the voltage at node k per ampere into the root, and, as the network is reciprocal,
+        the voltage at the root per ampere into node k. `s` holds complex frequencies [rad/s]; their
+        real parts must not be negative. A ring takes two or three times as long as a tree.
         """
         bins = check_frequencies(s)
         pieces = [(run.made_of, run.length) for run in self.runs]
@@ -337,25 +317,6 @@ class Network:
         z = z if self._trees else z[0]
         return z if to is None else z[..., self.index(to, "to"), :]
 
-    def waveforms(
-        self,
-        root: str,
-        spectrum: Callable[[npt.NDArray[np.complex128]], npt.ArrayLike],
-        duration: float,
-        *,
-        dt: float = 50e-9,
-        f_max: float = F_MAX,
-    ) -> Waveform:
-        """Return the voltages at all nodes while a current flows into one of them.
-
-        `spectrum` is the Laplace transform of the current [A s] as a function of the complex
-        frequency [rad/s]; what it has above `f_max` [Hz] is cut off. Nothing of a current whose
-        changes take 3 us is above the default; a faster one needs more.
-        """
-        n = round(duration / check_scalar("dt", dt, "s", 1e-15, 1e6))
-        u = record_of(lambda s: self.transfer(root, s) * np.asarray(spectrum(s)), n, dt, f_max)
-        return Waveform(u, dt, names=self.nodes)
-
     def operating_point(
         self,
         supply: str,
@@ -366,8 +327,8 @@ class Network:
     ) -> OperatingPoint:
         """Return all voltages [V] and currents [A] at DC, while nodes draw `currents` [A].
 
-        The supply has an open-circuit `voltage` [V] and an inner `resistance` [ohm]; cables
-        count with their resistance at direct current, and loads do not count.
+        The supply has an open-circuit `voltage` [V] and an inner `resistance` [ohm]; loads are
+        ignored.
         """
         self.index(supply, "supply")
         tree = self.rooted(supply)
@@ -391,7 +352,7 @@ class Network:
         flow, drop = _flow(tree, drawn, ohms)
         current = np.zeros_like(ohms)
         if self.ring is not None:
-            # One current is left free; the voltages around the ring add up to 0 and settle it.
+            # The voltages around the ring add up to 0, which gives the current in the closing run.
             ring = self.runs.index(self.ring)
             a, b = (tree.order.index(self.index(end)) for end in (self.ring.a, self.ring.b))
             around = np.zeros_like(drawn)
@@ -419,14 +380,14 @@ class Network:
         return OperatingPoint(dict(zip(self.nodes, volts, strict=True)), tuple(current))
 
     def subdivided(self, longest: float) -> Network:
-        """Return the same network with every run cut into equal sections of at most `longest` [m].
+        """Return the network with every run cut into equal sections of at most `longest` [m].
 
-        The nodes between the sections are named ``a-b:1``, ``a-b:2`` ... from end a to end b.
+        The nodes between them are ``a-b:1``, ``a-b:2`` and so on, from end a to end b.
         """
         limit = check_scalar("longest", longest, "m", 1e-3, LONGEST)
         fine = []
         for run in self.runs:
-            # 0.3 / 0.1 and the like must not make a section more by rounding.
+            # Rounding, as of 0.3 / 0.1, must not add a section.
             sections = ceil(np.max(run.length / limit) - 1e-9)
             stops = [run.a, *(f"{run.a}-{run.b}:{k}" for k in range(1, sections)), run.b]
             length = run.length / sections
@@ -447,7 +408,7 @@ class Network:
             way = reach[place] + length[tree.run[place]]
             reach[tree.parent[place]] = max(reach[tree.parent[place]], way)
 
-        # What lies ahead takes the upper rows and a stub the next one below: no lines cross.
+        # The longest branch stays in its row and stubs take rows below, so that no lines cross.
         row, lowest, waiting = [0] * count, 0, [(0, 0)]
         while waiting:
             place, beside = waiting.pop()
@@ -484,9 +445,9 @@ class Network:
         for name, spot, filled in zip(self.nodes, placed.spot, loaded, strict=True):
             face = "C0" if filled else "white"
             ax.plot(*spot, "o", color="C0", markerfacecolor=face, markersize=5)
-            ax.annotate(
-                name, tuple(spot), (0, 6), textcoords="offset points", ha="center", fontsize=8
-            )
+            ax.annotate(name, tuple(spot), (0, 6), textcoords="offset points", ha="center")
+        ax.spines["left"].set_visible(False)
+        ax.margins(x=0.1)
         ax.set(xlabel="distance along the cable [m]", yticks=[], ylim=(placed.lowest - 0.6, 0.8))
         return ax
 
@@ -504,7 +465,7 @@ def _flow(tree: Rooted, drawn: Floats, resistance: Floats) -> tuple[Floats, Floa
 
 
 def check_node(name: object) -> None:
-    """Raise unless a name of a node is one that a file can give back."""
+    """Raise unless the name of a node survives being written to a file."""
     if not isinstance(name, str) or not name or name != name.strip() or not name.isprintable():
         raise ArgumentError(
             f"a node is {name!r}; it must be a printable name without blanks around it"

@@ -1,10 +1,8 @@
 """Recorded waveforms from files: scope CSV, numpy arrays, sigrok sessions.
 
-No two makers of scopes agree on the header of a text file, so nothing is looked for at a fixed
-place. The last rows of the file say which columns hold numbers; the header ends where the first
-such row begins; titles and units are what is above. The layouts that were read for this:
-Tektronix TDS (the header beside the data) and MDO, Keysight, Rigol (an increment instead of
-times), Siglent, LeCroy, PicoScope, Rohde & Schwarz, OWON, Digilent.
+The headers of text files differ by maker. The last rows show which columns hold numbers, the first
+such row ends the header, and titles and units are above it. Known layouts: Tektronix TDS and MDO,
+Keysight, Rigol, Siglent, LeCroy, PicoScope, Rohde & Schwarz, OWON, Digilent.
 """
 
 from __future__ import annotations
@@ -33,32 +31,31 @@ from shipnet.lazy import pd
 #: Fewest samples per second that resolve pulses of 3 us [1/s].
 SLOWEST_RATE = 1e6
 
-#: Numbers that an archive may unpack to, or so many per byte of the file if that is more: a few
-#: bytes can claim to be much more. Only the channel that is asked for is unpacked and counts.
+#: Most numbers that the wanted channel of an archive may unpack to, in all or, if more, per byte of
+#: the file: a few bytes can claim to be many.
 MOST_NUMBERS, MOST_PER_BYTE = 2**24, 4
 
-#: Size from which the numbers of a numpy file are not read at once [byte].
+#: Size above which the numbers of a numpy file are mapped, not read [byte].
 MAPPED = 2**26
 
-#: Samples of logic that a session may unpack to per byte of the file (deflate reaches 1032), and
-#: changes of level that are kept of them.
+#: Most samples of logic per byte of a session (deflate reaches 1032), and most changes of level.
 MOST_LOGIC_PER_BYTE, MOST_EDGES = 1100, 2**24
 
-#: Samples of logic that are looked at at a time.
+#: Samples of logic per block.
 _BLOCK = 2**22
 
-#: Uncertainty of an edge of a sampled voltage, which is interpolated [sample].
+#: Uncertainty of an interpolated edge of a sampled voltage [sample].
 _INTERPOLATED = 0.3
 
 #: Largest description of a sigrok session [byte].
 _LARGEST_METADATA = 2**20
 
-#: Size from which a number is neither a time [s] nor a voltage [V], in no unit.
+#: Size above which a number is neither a time nor a voltage, in any unit.
 _LARGEST = 1e15
 
 _COUNTERS = ("x", "#", "n", "no", "nr", "index", "sample", "samples", "point", "points", "sequence")
 
-#: Rows at the end of the file that decide on its layout, and rows that may be header.
+#: Rows at the end of a file that show its layout, and the most rows of a header.
 _TAIL, _HEADER = 10, 2000
 
 _NUMBER = r"[+-]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -90,10 +87,7 @@ class Recording(NamedTuple):
 
 
 def read_scope_file(
-    path: str | PathLike[str],
-    *,
-    channel: str | None = None,
-    sample_interval: float | None = None,
+    path: str | PathLike[str], *, channel: str | None = None, sample_interval: float | None = None
 ) -> Recording:
     """Read one channel of a recorded waveform."""
     return _read(path, channel, sample_interval, _recording)
@@ -102,9 +96,8 @@ def read_scope_file(
 class Edges(NamedTuple):
     """Where one channel of a record changes between two levels."""
 
-    #: Samples since the first one: the middle of where each change can be.
-    places: npt.NDArray[np.floating[Any]]
-    width: float  # how much of a sample that middle leaves open: all of it for logic
+    places: npt.NDArray[np.floating[Any]]  # most likely place of each change [sample]
+    width: float  # uncertainty of a place [sample]
     first: int  # level before the first change, 0 or 1
     samples: float  # length of the record
     dt: float  # time between two samples [s]
@@ -119,10 +112,8 @@ def read_edges(
 
 
 def bit_time(edges: Edges, longest: int) -> float:
-    """Return the samples per bit of a line; runs of up to `longest` bits count.
-
-    Nearly half of all runs are one bit long and none is shorter; the others are multiples of it.
-    """
+    """Return the samples per bit of a line; runs of up to `longest` bits count."""
+    # Nearly half of all runs are one bit long and none is shorter; the others are multiples of it.
     runs = np.diff(edges.places)
     runs = runs[runs < 16 * np.quantile(runs, 0.2)]
     bit = float(runs[runs <= 1.6 * np.quantile(runs, 0.1)].mean())
@@ -144,7 +135,7 @@ def _read(
     sample_interval: float | None,
     choose: Callable[[str, _Channels, str | None, float | None], _Read],
 ) -> _Read:
-    """Read a file by its suffix, and choose what is wanted of it."""
+    """Read a file by its suffix, and choose what is wanted from it."""
     if sample_interval is not None and not (
         isinstance(sample_interval, Real) and 0 < sample_interval < np.inf
     ):
@@ -166,20 +157,20 @@ def _read(
 
 
 class _Channels(NamedTuple):
-    """All that a file holds: one column per channel, and what is known of the times."""
+    """The content of a file: one column per channel, and what is known of the times."""
 
-    values: Callable[[int], Floats]  # the numbers of a column, read when they are asked for
+    values: Callable[[int], Floats]  # reads the numbers of a column
     columns: list[Column]
     interval: float | None
-    quantum: float | None  # step to which times are rounded; None: as the digits printed say
+    quantum: float | None  # step to which times are rounded; None: see the printed digits
     logic: _Logic | None = None  # what a session holds in place of numbers
 
 
 class _Logic(NamedTuple):
-    """Changes of a session's logic channels: the sample of each, and all levels from there on."""
+    """Changes of a session's logic channels."""
 
-    places: npt.NDArray[np.int64]
-    words: npt.NDArray[np.uint64]  # one more: the first are the levels at the beginning
+    places: npt.NDArray[np.int64]  # sample of each change
+    words: npt.NDArray[np.uint64]  # levels at the beginning and from each change on
     samples: int
     interval: float | None
 
@@ -197,12 +188,9 @@ def _whole(file: str) -> Iterator[IO[bytes]]:
     except InputError:
         raise
     except Exception as fault:
-        # The parsers raise a dozen kinds, from BadZipFile and zlib.error to UnicodeDecodeError and
-        # MemoryError; for the user all say that the file is broken.
-        kind = Path(file).suffix.lower()
-        raise InputError(
-            file, f"not a whole {kind} file: {str(fault) or type(fault).__name__}"
-        ) from fault
+        # The parsers raise a dozen kinds, from BadZipFile to MemoryError; all mean a broken file.
+        why = str(fault) or type(fault).__name__
+        raise InputError(file, f"not a whole {Path(file).suffix.lower()} file: {why}") from fault
 
 
 def _opened(file: str) -> IO[bytes]:
@@ -227,7 +215,7 @@ def _array(stream: IO[bytes]) -> npt.NDArray[Any]:
 
 
 def _mapped(stream: IO[bytes], begin: int) -> npt.NDArray[Any]:
-    """Return an array whose numbers stay in the file, at `begin`, until they are needed."""
+    """Return an array whose numbers stay in the file, which has it at `begin`."""
     stream.seek(begin)
     header = {
         (1, 0): np.lib.format.read_array_header_1_0,
@@ -242,7 +230,7 @@ def _member(archive: zipfile.ZipFile, stream: IO[bytes], name: str) -> npt.NDArr
     """Read an array of an archive, or map it if it is large and not compressed."""
     entry = archive.getinfo(name)
     if entry.compress_type == zipfile.ZIP_STORED and entry.file_size > MAPPED:
-        # Before the array are a header of 30 bytes, the name, and another field.
+        # A header of 30 bytes, the name and another field precede the array.
         stream.seek(entry.header_offset + 26)
         return _mapped(stream, entry.header_offset + 30 + sum(unpack("<HH", stream.read(4))))
     with archive.open(name) as part:
@@ -252,7 +240,7 @@ def _member(archive: zipfile.ZipFile, stream: IO[bytes], name: str) -> npt.NDArr
 def _members(
     file: str, stream: IO[bytes], archive: zipfile.ZipFile, names: dict[str, str]
 ) -> dict[str, npt.NDArray[Any]]:
-    """Read arrays of an archive, unless they would unpack to too many numbers."""
+    """Read arrays of an archive; raise if they would unpack to too many numbers."""
     # Whole numbers of one byte become eight times as large.
     _check_size(file, stream, sum(archive.getinfo(name).file_size for name in names.values()) / 8)
     held = {key: _member(archive, stream, name) for key, name in names.items()}
@@ -261,30 +249,26 @@ def _members(
 
 
 def read_arrays(path: str | PathLike[str], keys: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
-    """Read arrays of an ``.npz`` file by name; each must be there."""
+    """Read arrays of an ``.npz`` file by name; all must exist."""
     file, wanted = str(path), tuple(keys)
     with _whole(file) as stream, zipfile.ZipFile(stream) as archive:
         held = {name.removesuffix(".npy") for name in archive.namelist()}
         if missing := [key for key in wanted if key not in held]:
-            raise InputError(
-                file, f"it holds {', '.join(sorted(held)[:10]) or 'nothing'}; expected also "
-                f"{', '.join(missing)}",
-            )  # fmt: skip
+            known = ", ".join(sorted(held)[:10]) or "nothing"
+            raise InputError(file, f"it holds {known}; expected also {', '.join(missing)}")
         return _members(file, stream, archive, {key: f"{key}.npy" for key in wanted})
 
 
 def _check_real(file: str, what: str, array: npt.NDArray[Any]) -> Floats:
     if array.dtype.kind not in "biuf" or not array.size:
-        raise InputError(
-            file,
-            f"{what} has the shape {array.shape} and the type {array.dtype}; expected real numbers",
-        )
+        about = f"{what} has the shape {array.shape} and the type {array.dtype}"
+        raise InputError(file, f"{about}; expected real numbers")
     mapped = isinstance(array, np.memmap) and array.dtype.kind != "b"
     return array if mapped else array.astype(float)
 
 
 def _rounding(times: npt.NDArray[Any]) -> float:
-    """Return the step to which an array of times is rounded."""
+    """Return the rounding step of an array of times."""
     return float(np.spacing(np.abs(times).max())) if times.dtype.kind == "f" else 0.0
 
 
@@ -295,10 +279,8 @@ def _read_npy(file: str, stream: IO[bytes]) -> _Channels:
         one = _columns_of(values[:, np.newaxis])
         return _Channels(one, [Column(1, "u", "V", 1.0, 0)], None, None)
     if values.ndim != 2 or min(values.shape) < 2:
-        raise InputError(
-            file,
-            f"the array has the shape {array.shape}; expected voltages, or time and voltages",
-        )
+        about = f"the array has the shape {array.shape}"
+        raise InputError(file, f"{about}; expected voltages, or time and voltages")
     if values.shape[0] < values.shape[1]:
         values, array = values.T, array.T
     columns = [Column(1, "t", "s", 1.0, 0)]
@@ -374,11 +356,7 @@ def _read_sr(
         if rate:
             hertz = float(rate[1]) * {"": 1, "k": 1e3, "M": 1e6, "G": 1e9}[rate[2]]
             interval = 1 / hertz if hertz > 0 else None
-        titles = {
-            int(key[6:]): title
-            for key, title in about.items()
-            if re.fullmatch("analog[0-9]{1,4}", key)
-        }
+        titles = _named(about, "analog")
         parts: dict[int, list[tuple[int, str]]] = {}
         for name in names:
             found = re.fullmatch("analog-1-([0-9]{1,4})-([0-9]{1,9})", name)
@@ -421,15 +399,12 @@ def _logic_of(
     about: dict[str, str],
     interval: float | None,
 ) -> _Channels:
-    """Read the logic levels of a session block by block: of a bus that is mostly idle, edges."""
+    """Read the changes of a session's logic levels, block by block."""
     stem, size = about["capturefile"].strip(), about.get("unitsize", "1").strip()
     if size not in ("1", "2", "4", "8"):
         raise InputError(file, f"its unitsize is {size[:20]}; expected 1, 2, 4 or 8")
-    names = {
-        name
-        for name in archive.namelist()
-        if re.fullmatch(f"{re.escape(stem)}(-[0-9]{{1,9}})?", name)
-    }
+    pattern = re.compile(f"{re.escape(stem)}(-[0-9]{{1,9}})?")
+    names = {name for name in archive.namelist() if pattern.fullmatch(name)}
     parts = [stem] if stem in names else [f"{stem}-{k}" for k in range(1, len(names) + 1)]
     if not names or names != set(parts):
         raise InputError(file, f"a part of {stem[:40]} is missing")
@@ -443,7 +418,7 @@ def _logic_of(
     for name in parts:
         with archive.open(name) as stream:
             while block := stream.read(_BLOCK * unit):
-                # Of a sample that was cut off, nothing is known.
+                # A sample that is cut off is dropped.
                 new = np.frombuffer(block[: len(block) // unit * unit], dtype=f"<u{unit}")
                 seen = np.concatenate([last, new])
                 changed = np.flatnonzero(seen[1:] != seen[:-1]) + 1
@@ -453,37 +428,32 @@ def _logic_of(
                 words.append(seen[changed])
                 last, at, count = seen[-1:], at + new.size, count + changed.size
                 if count > MOST_EDGES:
-                    raise InputError(
-                        file, f"more than {MOST_EDGES} changes of level; save a part of the record"
-                    )
+                    what = f"more than {MOST_EDGES} changes of level"
+                    raise InputError(file, f"{what}; save a part of the record")
     if at < 2:
         raise InputError(file, f"it holds {at} sample; expected a record")
-    titles = {
-        int(key[5:]): title
-        for key, title in about.items()
-        if re.fullmatch("probe[0-9]{1,2}", key) and 0 < int(key[5:]) <= 8 * unit
-    } or {k: f"D{k - 1}" for k in range(1, 8 * unit + 1)}
+    legal = range(1, 8 * unit + 1)
+    titles = {k: title for k, title in _named(about, "probe").items() if k in legal}
+    titles = titles or {k: f"D{k - 1}" for k in legal}
     columns = [Column(number, title, "", 1.0, 0) for number, title in sorted(titles.items())]
-    held = _Logic(
-        np.concatenate(places).astype(np.int64),
-        np.concatenate(words).astype(np.uint64),
-        at,
-        interval,
-    )
+    levels = np.concatenate(words).astype(np.uint64)
+    held = _Logic(np.concatenate(places).astype(np.int64), levels, at, interval)
     return _Channels(lambda k: np.zeros(0), columns, interval, None, held)
+
+
+def _named(about: dict[str, str], kind: str) -> dict[int, str]:
+    """Return the titles of channels of a kind by their numbers."""
+    found = {key: re.fullmatch(f"{kind}([0-9]{{1,4}})", key) for key in about}
+    return {int(match[1]): about[key] for key, match in found.items() if match}
 
 
 def _pick(file: str, table: _Channels, channel: str | None) -> tuple[list[int], int | None]:
     """Return the columns of voltage or levels that are wanted, and that of the time."""
     columns = table.columns
     time = None if table.logic else _time_column(table)
-    usable = [
-        k
-        for k, column in enumerate(columns)
-        if k != time
-        and column.unit in ("", "V")
-        and not (table.logic is None and _is_counter(table, k))
-    ]
+    usable = [k for k, column in enumerate(columns) if k != time and column.unit in ("", "V")]
+    if not table.logic:
+        usable = [k for k in usable if not _is_counter(table, k)]
     if not usable:
         raise InputError(file, "no voltage column; expected a channel in volts beside the time")
     if channel is None:
@@ -502,9 +472,8 @@ def _titles(table: _Channels, places: list[int]) -> str:
 
 
 def _no_times(file: str) -> InputError:
-    return InputError(
-        file, "it gives no times; state the time between two samples (--sample-interval)"
-    )
+    why = "it gives no times; state the time between two samples (--sample-interval)"
+    return InputError(file, why)
 
 
 def _edges(
@@ -538,7 +507,7 @@ def _edges_of(
     two = np.unique(u[~np.isnan(u)])
     logic = set(two.tolist()) <= {0.0, 1.0} and not np.isnan(u).any()
     if interval is None and time is not None and logic:
-        # Many programs store changes of logic only, each with its time.
+        # Many programs store only the changes of logic, each with its time.
         t = _checked(file, table, time) * table.columns[time].scale
         steps = np.diff(t)
         if not (steps >= 0).all():
@@ -562,8 +531,8 @@ def _edges_of(
 def _crossings(u: Floats) -> tuple[int, Floats]:
     """Return the first level, and where a voltage crosses the middle between its two levels.
 
-    The threshold lies between the means of what is above and below it. A change counts when it has
-    left a band around the threshold, four times the noise within the levels if they leave room.
+    A change counts when the voltage has left a band around the middle: four times the noise of the
+    levels, if they leave room.
     """
     known = u[~np.isnan(u)]
     middle = (known.min() + known.max()) / 2
@@ -581,11 +550,8 @@ def _crossings(u: Floats) -> tuple[int, Floats]:
     beyond = u > middle
     # The last crossing before the band is left; where voltages are missing, halfway.
     crossed = np.flatnonzero(beyond[1:] != beyond[:-1])
-    last = (
-        crossed[np.maximum(np.searchsorted(crossed, sure[flips + 1]) - 1, 0)]
-        if len(flips)
-        else flips
-    )
+    last = np.maximum(np.searchsorted(crossed, sure[flips + 1]) - 1, 0)
+    last = crossed[last] if len(flips) else flips
     before, after = u[last] - middle, u[last + 1] - middle
     with np.errstate(invalid="ignore"):
         part = np.nan_to_num(before / (before - after), nan=0.5)
@@ -595,7 +561,7 @@ def _crossings(u: Floats) -> tuple[int, Floats]:
 def _recording(
     file: str, table: _Channels, channel: str | None, sample_interval: float | None
 ) -> Recording:
-    """Return the voltages of the wanted channel or the first, at even steps."""
+    """Return the voltages of the wanted or the first channel, at even steps."""
     wanted, time = _pick(file, table, channel)
     columns = table.columns
     usable, _ = _pick(file, table, None)
@@ -614,11 +580,8 @@ def _recording(
             raise _no_times(file)
     # A rate of exactly 1 MS/s, computed from rounded times, is fast enough.
     if sample_interval > 1.001 / SLOWEST_RATE:
-        raise InputError(
-            file,
-            f"it has {1e-6 / sample_interval:.3g} MS/s; pulses of 3 us need {SLOWEST_RATE / 1e6:g} "
-            "or more",
-        )
+        rate = f"it has {1e-6 / sample_interval:.3g} MS/s"
+        raise InputError(file, f"{rate}; pulses of 3 us need {SLOWEST_RATE / 1e6:g} or more")
     title = chosen.title or f"column {chosen.number}"
     among = f" of {_titles(table, usable)}" if len(usable) > 1 else ""
     description = (
@@ -631,7 +594,7 @@ def _recording(
 def _checked(file: str, table: _Channels, k: int) -> Floats:
     """Return a column, or raise if it has neither times nor voltages."""
     values, number = table.values(k), table.columns[k].number
-    # Sums and products of such numbers would overflow further on.
+    # Sums and products of larger numbers would overflow later.
     ends = [(np.fmax.reduce(part), np.fmin.reduce(part)) for _, part in parts_of(values)]
     high, low = (np.fmax.reduce(some) for some in zip(*ends, strict=True))
     if not (high < _LARGEST and low > -_LARGEST):
@@ -660,7 +623,7 @@ def _time_column(table: _Channels) -> int | None:
     for k, column in enumerate(table.columns):
         if column.unit == "s" or re.match(r"t(ime)?\b|x-axis", column.title.lower()):
             return k
-    # Without any title, a first column that only rises is the time.
+    # Without a title, a first column that only rises is the time.
     first = table.columns[0]
     if len(table.columns) == 1 or first.title or first.unit:
         return None
@@ -697,11 +660,8 @@ def _even(file: str, table: _Channels, time: int, u: Floats) -> tuple[float, Flo
     return dt, u
 
 
-# Text ------------------------------------------------------------------------------------------
-
-
 class Column(NamedTuple):
-    """What the header says about one column of numbers."""
+    """A column of numbers, by the header."""
 
     number: int  # its place in the file, 1 for the first
     title: str
@@ -711,17 +671,18 @@ class Column(NamedTuple):
 
 
 def _read_text(file: str, data: bytes) -> _Channels:
-    """Read what a scope wrote as text."""
+    """Read a scope's text file."""
     data = _normal(file, data)
     tail = [line for line in _text(data[-64_000:]).split("\n") if line.strip(" ,;\t")][-_TAIL:]
-    separator, places, decimal = _layout(tail)
+    layout = _layout(tail)
+    separator, places, _ = layout
     if not places:
         raise InputError(file, "no column of numbers at its end; expected time and voltage")
-    header, offset = _header(file, data, separator, places, decimal)
+    header, offset = _header(file, data, layout)
     try:
-        values = _parse(data, offset, separator, places, decimal)
+        values = _parse(data, offset, layout)
     except ValueError:
-        values = _parse_slowly(file, data, len(header), separator, places, decimal)
+        values = _parse_slowly(file, data, len(header), layout)
     beyond = np.isinf(values)
     if beyond.any():
         finite = np.where(beyond, np.nan, values)
@@ -737,7 +698,7 @@ def _read_text(file: str, data: bytes) -> _Channels:
 
 
 def _normal(file: str, data: bytes) -> bytes:
-    """Return the content as UTF-8 or Latin-1 without a mark, its lines ended by LF."""
+    """Return the content as UTF-8 or Latin-1 without a byte order mark, with LF line ends."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16", errors="replace").encode()
     if b"\0" in data:
@@ -745,7 +706,7 @@ def _normal(file: str, data: bytes) -> bytes:
     data = data.removeprefix("\ufeff".encode())
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    # How PicoScope marks a sample that is off the scale, and how a word processor writes minus.
+    # PicoScope's mark for a sample that is off the scale, and a word processor's minus.
     return data.replace("∞".encode(), b"inf").replace("\u2212".encode(), b"-")
 
 
@@ -765,8 +726,16 @@ def _is_number(cell: str) -> bool:
     return _IS_NUMBER.fullmatch(cell) is not None
 
 
-def _layout(tail: list[str]) -> tuple[str | None, tuple[int, ...], str]:
-    """Return separator (None: blanks), places of the columns of numbers, and decimal sign."""
+class _Layout(NamedTuple):
+    """How a text file holds its numbers."""
+
+    separator: str | None  # None: blanks
+    places: tuple[int, ...]  # columns of numbers
+    decimal: str
+
+
+def _layout(tail: list[str]) -> _Layout:
+    """Find the layout of the last rows of a file."""
     separator: str | None
     for separator in ("\t", ";", ","):
         if 2 * sum(separator in line for line in tail) > len(tail):
@@ -781,16 +750,14 @@ def _layout(tail: list[str]) -> tuple[str | None, tuple[int, ...], str]:
     places = next(iter(patterns.most_common(1)), ((), 0))[0]
     cells = [row[place] for row in rows for place in places if place < len(row)]
     decimal = "," if separator != "," and any("," in cell for cell in cells) else "."
-    return separator, places, decimal
+    return _Layout(separator, places, decimal)
 
 
-def _header(
-    file: str, data: bytes, separator: str | None, places: tuple[int, ...], decimal: str
-) -> tuple[list[str], int]:
+def _header(file: str, data: bytes, layout: _Layout) -> tuple[list[str], int]:
     """Return the lines above the numbers and the byte at which the numbers begin.
 
-    A row of numbers counts only if no other line than a row of numbers or a blank one is among
-    the next two: a header may hold numbers as well.
+    They begin with three rows of numbers, with blank lines or the end of the file among them: a
+    header may hold numbers, too.
     """
     lines: list[str] = []
     starts: list[int] = []
@@ -802,19 +769,14 @@ def _header(
         lines.append(line)
         starts.append(position)
         position = end + 1
-        cells = _split(line, separator)
-        if all(_value(cells, place, decimal) is not None for place in places):
-            run += 1
-        elif any(cells) or not run:
-            run = 0
-        else:
-            run += 1
+        cells = _split(line, layout.separator)
+        numbers = all(_value(cells, k, layout.decimal) is not None for k in layout.places)
+        run = run + 1 if numbers or (run and not any(cells)) else 0
         if run == 3:
             break
     if not run:
-        raise InputError(
-            file, f"no row of numbers in the first {_HEADER} rows; expected time and voltage"
-        )
+        what = f"no row of numbers in the first {_HEADER} rows"
+        raise InputError(file, f"{what}; expected time and voltage")
     return lines[:-run], starts[-run]
 
 
@@ -829,54 +791,38 @@ def _value(cells: list[str], place: int, decimal: str) -> float | None:
         return None
 
 
-def _parse(
-    data: bytes, offset: int, separator: str | None, places: tuple[int, ...], decimal: str
-) -> Floats:
-    """Read all rows at once; raise ValueError where one is not as the others."""
+def _parse(data: bytes, offset: int, layout: _Layout) -> Floats:
+    """Read all rows at once; raise ValueError if one differs."""
     body = io.BytesIO(data)
     body.seek(offset)
     frame = pd.read_csv(
-        body,
-        sep=separator or r"\s+",
-        header=None,
-        usecols=list(places),
-        dtype=np.float64,
-        decimal=decimal,
-        engine="c",
-        quoting=3,
-        na_filter=False,
+        body, sep=layout.separator or r"\s+", header=None, usecols=list(layout.places),
+        dtype=np.float64, decimal=layout.decimal, engine="c", quoting=3, na_filter=False,
         encoding="latin-1",
-    )
+    )  # fmt: skip
     values = frame.to_numpy()
     if np.isnan(values).any():
         raise ValueError
     return values
 
 
-def _parse_slowly(
-    file: str,
-    data: bytes,
-    skip: int,
-    separator: str | None,
-    places: tuple[int, ...],
-    decimal: str,
-) -> Floats:
+def _parse_slowly(file: str, data: bytes, skip: int, layout: _Layout) -> Floats:
     """Read row by row, and name every cell that is not a number."""
     rows: list[list[float]] = []
     faults: list[str] = []
     more = 0
     for number, line in enumerate(_text(data).split("\n")[skip:], start=skip + 1):
-        cells = _split(line, separator)
+        cells = _split(line, layout.separator)
         if not any(cells):
             continue
-        row = [_value(cells, place, decimal) for place in places]
-        for place, value in zip(places, row, strict=True):
+        row = [_value(cells, place, layout.decimal) for place in layout.places]
+        for place, value in zip(layout.places, row, strict=True):
             if value is None and len(faults) == InputError.shown:
                 more += 1
             elif value is None:
                 cell = cells[place] if place < len(cells) else ""
-                what = f"{cell[:20]!r} is not a number" if cell else "is empty"
-                faults.append(f"row {number}, column {place + 1}{': ' if cell else ' '}{what}")
+                what = f": {cell[:20]!r} is not a number" if cell else " is empty"
+                faults.append(f"row {number}, column {place + 1}{what}")
         rows.append([np.nan if value is None else value for value in row])
     if faults:
         raise InputError(file, *faults, more=more)
@@ -895,7 +841,7 @@ def _digits(lines: list[str], separator: str | None, places: tuple[int, ...]) ->
 
 
 def _unit(text: str) -> tuple[str, float] | None:
-    """Read a unit such as ``Volt``, ``(us)`` or ``mV``; None if it is none."""
+    """Read a unit such as ``Volt``, ``(us)`` or ``mV``; None if it is not one."""
     text = text.strip(" ()[]").lower()
     if text in _BASE:
         return _BASE[text], 1.0
@@ -911,11 +857,13 @@ def _columns(above: list[list[str]], places: tuple[int, ...], digits: list[int])
         here = [cells[place] if place < len(cells) else "" for place in places]
         if not any(here):
             continue
-        # Keysight titles its channels 1 to 4; other numbers belong to settings of the scope.
+        # Keysight titles its channels 1 to 4; other numbers are settings of the scope.
         if any(_is_number(cell) and not re.fullmatch("[0-9]{1,2}", cell) for cell in here):
             break
         found = [_unit(cell) for cell in here]
-        if any(found) and not any(titles) and not any(units) and _all_units(here, found):
+        # Rigol writes "Sequence" under its counter.
+        unitless = {cell.lower() for cell, unit in zip(here, found, strict=True) if not unit}
+        if any(found) and not any(titles) and not any(units) and unitless <= {"", "sequence"}:
             units = found
         else:
             titles = here
@@ -930,13 +878,6 @@ def _columns(above: list[list[str]], places: tuple[int, ...], digits: list[int])
     return columns
 
 
-def _all_units(here: list[str], found: list[tuple[str, float] | None]) -> bool:
-    """Whether a row is one of units; Rigol writes "Sequence" under its counter."""
-    return all(
-        unit or cell.lower() in ("", "sequence") for cell, unit in zip(here, found, strict=True)
-    )
-
-
 def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
     """Find the time between two samples among the cells of the header [s]."""
     header = [*above, *beside]
@@ -945,7 +886,7 @@ def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
         for place, cell in enumerate(cells):
             key = cell.lower().lstrip("#; ").replace("_", " ")
             kind = _INTERVAL.match(key) or _RATE.match(key)
-            # The value is in the same cell, in the next one, or in the one below.
+            # The value is in the same cell, the next one, or the one below.
             around = [re.sub("^[^:=]*", "", cell), *cells[place + 1 : place + 2], *below[place:]]
             for candidate in around[:3] if kind else []:
                 value = _quantity(candidate)

@@ -1,15 +1,14 @@
 """Transfer impedances of trees and rings, from arrays.
 
-With e = exp(-gamma length), the hyperbolic functions of a line are C / 2e and S / 2e, where
-C = 1 + e^2 and S = 1 - e^2: these two neither overflow on a long line nor lose digits on a short.
-A line folds the admittance Y at its far end to its near end, and divides the voltage:
+With e = exp(-gamma length), C = 1 + e^2 and S = 1 - e^2 are the hyperbolic functions of a line
+times 2 e; they neither overflow on a long line nor lose digits on a short one. A line transforms
+the admittance Y at its far end and divides the voltage, without a pole at any frequency:
 
     Y_near = Yc (Y C + Yc S) / (Yc C + Y S),      V_far / V_near = 2 e Yc / (Yc C + Y S).
 
-A tree takes one sweep from the leaves that folds all admittances, of equal subtrees only once, and
-one back that multiplies all ratios; no term blows up at a whole number of half waves. A ring takes
-sweeps of the tree that is left when it is opened, from the root and from both ends of the line that
-closes it, and then two equations for the currents of that line.
+A sweep from the leaves of a tree transforms all admittances, those of equal subtrees once, and one
+back multiplies all ratios. A ring takes sweeps of the opened ring from the root and from both ends
+of the closing line, and two equations for the currents of that line.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ def check_frequencies(s: npt.ArrayLike) -> Complexes:
 
 
 def rows_of(numbers: list[int]) -> Rows:
-    """Return an index for some rows, a slice if the rows follow each other or are all the same."""
+    """Return an index for rows, a slice if they follow each other or are all the same."""
     first, last = numbers[0], numbers[-1]
     if len(numbers) == 1 or all(number == first for number in numbers):
         return slice(first, first + 1)
@@ -67,7 +66,7 @@ def rows_of(numbers: list[int]) -> Rows:
 
 
 def part_of_trees(array: npt.NDArray[Any], trees: slice) -> npt.NDArray[Any]:
-    """Return the part of an array that belongs to some trees of a Monte Carlo."""
+    """Return the part of an array for some trees of a Monte Carlo."""
     return array if array.shape[1] == 1 else array[:, trees]
 
 
@@ -105,7 +104,7 @@ class Lines:
         cable = rows_of([self.cable[kind] for kind in kinds])
         length = part_of_trees(self._length, trees)[kinds]
         shrink = np.expm1(part_of_trees(self._loss, trees)[cable, :, bins] * -length)
-        # Sine and cosine from the tangent of half the angle: a fifth of the time of a complex exp.
+        # The tangent of half the angle gives sine and cosine in a fifth of the time of exp.
         tangent = np.tan(part_of_trees(self._phase, trees)[cable, :, bins] * (length / 2))
         sine = (2 + 2 * shrink) / (1 + tangent * tangent) * tangent
         x = np.empty(sine.shape, dtype=complex)
@@ -117,20 +116,19 @@ class Lines:
         return 2 * x + 2, minus_s + 2, -minus_s, y0, z0
 
 
-def _admit(shunts: Floats, trees: slice, s: Complexes, y: Complexes) -> None:
-    """Write what the loads of nodes admit; those that all trees share are computed once."""
+def _admittances(shunts: Floats, trees: slice, s: Complexes) -> Complexes:
+    """Return the admittances of the nodes' loads, shape (nodes, trees or 1, bins)."""
     conductance, per_henry, capacitance = (
         part_of_trees(kind, trees)[..., np.newaxis] for kind in shunts
     )
-    own = y[:, : capacitance.shape[1]]
-    np.multiply(capacitance, s, out=own)
-    own += conductance
-    own += per_henry * (1 / s)
-    y[:, own.shape[1] :] = own[:, :1]
+    y = capacitance * s
+    y += conductance
+    y += per_henry * (1 / s)
+    return np.asarray(y)
 
 
-#: Elements of the arrays of a sweep: larger ones leave the cache, and are handed back to the
-#: system and zeroed by it again at every call. A Monte Carlo uses them many times in a call.
+#: Elements of the arrays of a sweep: larger ones leave the cache, and the system zeroes them again
+#: at every call. A Monte Carlo uses them many times in a call.
 _BLOCK, _BLOCK_TREES = 1 << 15, 1 << 18
 
 #: Elements that the hyperbolic functions of lines take at a time.
@@ -148,16 +146,13 @@ class Rooted(NamedTuple):
 class _Height(NamedTuple):
     """The different subtrees of one height, each with the line above it."""
 
-    own: slice
-    """Their rows."""
-    line: Rows
-    """Rows of their lines in the table of lines."""
-    joints: list[tuple[int, int, int]]
-    """Row of a subtree that some are part of, place of one here, and how often it is there."""
+    own: slice  # their rows
+    line: Rows  # rows of their lines in the table of lines
+    joints: list[tuple[int, int, int]]  # row of a parent, place of a branch here, how often
 
 
 class _Subtrees(NamedTuple):
-    """The different subtrees of a tree in rows, leaves first: equal ones are computed once."""
+    """The different subtrees of a tree, one per row, leaves first."""
 
     row: list[int]  # of each place of the order
     node: list[int]  # one at which each subtree begins
@@ -221,7 +216,7 @@ def tree_transfer(
     y_and_v = np.empty((2, rows, count, size), dtype=complex)
     terms = np.empty((4, len(table), min(count, lines.trees), size), dtype=complex)
     strips = slices(len(table), _STRIP // (terms.shape[2] * size))
-    # Node by node in memory, where each is written in long runs.
+    # Node by node in memory, so that each is written in long runs.
     z = np.empty((len(tree.order), trees, s.size), dtype=complex)
     for some, bins in product(*blocks):
         count, size = some.stop - some.start, bins.stop - bins.start
@@ -231,8 +226,7 @@ def tree_transfer(
             own[3, strip], own[1, strip], sinh, y0, z0 = lines.waves(table[strip], some, bins)
             np.multiply(z0, sinh, out=own[0, strip])
             np.multiply(y0, sinh, out=own[2, strip])
-        _admit(shunts, some, s[bins], y)
-        _fold(subtrees.heights, own, y, v)
+        _fold(subtrees.heights, own, _admittances(shunts, some, s[bins]), y, v)
         ratio, voltage = list(v), list(z[:, some, bins])
         np.reciprocal(y[-1], out=voltage[tree.order[0]])
         for place in range(1, len(tree.order)):
@@ -241,21 +235,25 @@ def tree_transfer(
     return z.swapaxes(0, 1)
 
 
-def _fold(heights: list[_Height], terms: Complexes, y: Complexes, v: Complexes) -> None:
-    """Write the ratios of voltages over lines into v, and add to y, which holds the loads.
-
-    `terms` are Zc S, C, Yc S and 2 e of the lines.
-    """
-    for own, line, joints in heights:
+def _fold(
+    heights: list[_Height], terms: Complexes, loads: Complexes, y: Complexes, v: Complexes
+) -> None:
+    """Write the admittances of all but the leaves into y, and the ratios over lines into v."""
+    # The terms are Zc S, C, Yc S and 2 e of the lines.
+    joined = set()
+    for height, (own, line, joints) in enumerate(heights):
         # The denominator and the numerator over Yc at once: Y Zc S + C and Y C + Yc S.
-        both = y[own] * terms[:2, line]
+        both = (y if height else loads)[own] * terms[:2, line]
         both += terms[1:3, line]
         inverse, folded = both
         np.reciprocal(inverse, out=inverse)
         np.multiply(terms[3, line], inverse, out=v[own])
         folded *= inverse
         for whole, part, times in joints:
-            y[whole] += folded[part] if times == 1 else times * folded[part]
+            before = y if whole in joined else loads
+            more = folded[part] if times == 1 else times * folded[part]
+            np.add(before[whole], more, out=y[whole])
+            joined.add(whole)
 
 
 def closed_transfer(
@@ -265,10 +263,10 @@ def closed_transfer(
     closing: tuple[Cable, Quantity],
     s: Complexes,
 ) -> Complexes:
-    """Return what transfer impedances become when a line joins two nodes of their tree.
+    """Return transfer impedances after a line has joined two nodes of the tree.
 
-    `from_ends` holds those of both ends. The line draws equal currents at its ends by the sum of
-    their voltages, and opposite ones by the difference: two unknowns at each frequency.
+    `from_ends` holds the impedances of both ends. The sum of their voltages drives equal currents
+    into the line and the difference opposite ones: two unknowns at each frequency.
     """
     from_a, from_b = from_ends
     a, b = ends

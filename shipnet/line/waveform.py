@@ -1,8 +1,7 @@
 r"""Voltages over time: recorded by a scope, or computed from a Laplace transform.
 
 An inverse FFT is periodic: what still rings at the end of the window falls into its beginning.
-On the line :math:`s = (d + j \omega T) / T` beside the imaginary axis this error shrinks by
-:math:`e^{-d}`, about a thousandth by default, even for a mode without any loss; and the bin at
+On the line :math:`s = (d + j \omega T) / T` this error shrinks by :math:`e^{-d}`, and the bin at
 :math:`\omega = 0` stays finite where an inductor would make it a pole.
 """
 
@@ -24,13 +23,12 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import Axes
 
-#: Highest frequency that counts where a change of current takes 3 us [Hz]. Legs of a star ring at
-#: a quarter wave, 12.8 MHz for 3 m, but so short a ringing has little to start it.
+#: Highest frequency that counts where a change of current takes 3 us [Hz].
 F_MAX = 12e6
 
-#: Window of the inverse transform over the record, and its damping. Without a supply a change of
-#: current rings on beyond the record. What wraps around shrinks by exp(-10.5); what the cut-off
-#: leaves out grows by exp(7) only, as the record ends at two thirds of the window.
+#: Window of the inverse transform over the record, and its damping. What rings on beyond the window
+#: wraps around and shrinks by exp(-10.5); the error of the cut-off grows by exp(7) only, as the
+#: record ends at two thirds of the window.
 _WINDOW, _DAMPING = 1.5, 10.5
 
 
@@ -42,20 +40,15 @@ class Waveform:
     Parameters
     ----------
     u : ndarray of float, shape (n_t,) or (n_names, ..., n_t)
-        Voltage [V]; NaN where a recorder says that it recorded nothing.
+        Voltage [V]; NaN where nothing was recorded.
     dt : float
         Time between two samples, positive [s].
     start : float, default 0
         Time of the first sample [s].
     names : tuple of str, optional
-        Nodes or channels, one per row of `u`, or one for a single row.
+        Nodes or channels, one per row of `u`.
     description : str, optional
-        One line on where it comes from.
-
-    Raises
-    ------
-    ArgumentError
-        If `dt` is not positive or `names` do not fit `u`.
+        Its origin, in one line.
 
     Examples
     --------
@@ -100,14 +93,12 @@ class Waveform:
     ) -> Waveform:
         """Read one channel of a scope's text file, of ``.npy``, ``.npz`` or sigrok's ``.sr``.
 
-        `channel` is its title, upper or lower case, or the number of its column, 1 for the first;
-        the first channel with a voltage if omitted. `sample_interval` [s] overrides what the file
-        says. The samples of a ``.npy`` file, or of an ``.npz`` file that is not compressed, stay in
-        the file if they have more than 2**26 bytes: it must not change as long as they are in use.
-        The channel that is read from an archive may unpack to 2**24 numbers, or to 4 per byte
-        of the file if that is more. Raise InputError if the file cannot be read, is empty, has a
-        cell that is not a number, uneven times, fewer than 1e6 samples per second, or no such
-        channel.
+        `channel` is its title, in any case, or the number of its column, 1 for the first; the first
+        channel with a voltage if omitted. `sample_interval` [s] overrides that of the file. More
+        than 2**26 bytes of samples stay in a ``.npy`` or uncompressed ``.npz`` file, which must not
+        change while they are in use. A channel of an archive may unpack to 2**24 numbers, or 4 per
+        byte of the file if that is more. Raise InputError if the file cannot be read, has a cell
+        that is not a number, uneven times, fewer than 1e6 samples per second, or no such channel.
         """
         from shipnet.line.scope_file import read_scope_file
 
@@ -115,7 +106,7 @@ class Waveform:
         return cls(read.u, read.dt, names=(read.channel,), description=read.description)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the waveform as ``.npz``, or else as text with one column per node."""
+        """Write the waveform as ``.npz``, or as text with one column per node."""
         rows = np.atleast_2d(self.u)
         names = self.names or tuple(f"u{k}" for k in range(1, len(rows) + 1))
         if rows.ndim != 2:
@@ -128,7 +119,7 @@ class Waveform:
         np.savetxt(path, columns, delimiter=",", header=titles, comments="", fmt="%.9g")
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw every voltage over time in microseconds, and name them if there are several."""
+        """Draw all voltages over time, with a legend if there are several."""
         ax = style.axes(ax)
         rows = self.u.reshape(-1, self.u.shape[-1])
         names = self.names if len(self.names) == len(rows) else [None] * len(rows)
@@ -170,8 +161,7 @@ def synthesize(
     bins = np.asarray(spectrum, dtype=complex)
     if bins.ndim == 0 or bins.shape[-1] == 0:
         raise ArgumentError("spectrum must hold at least one frequency")
-    # Sampled below twice the highest frequency, each bin falls on one of the n that the samples
-    # can tell apart: add those up instead of sampling finer and dropping most of it.
+    # At fewer samples than twice the highest frequency, bins alias: add up those that coincide.
     turns = ceil(bins.shape[-1] / n_samples)
     folded = np.zeros((*bins.shape[:-1], turns * n_samples), dtype=complex)
     folded[..., : bins.shape[-1]] = bins

@@ -1,7 +1,7 @@
-"""Modbus: requests and responses, their frames in RTU, ASCII and TCP, and how long they take.
+"""Modbus: requests and responses, their frames in RTU, ASCII and TCP, and their timing.
 
-Unit ids, slaves and registers have the numbers that are on the wire; times are in seconds. Faults
-of redundant lines are in the namespace `faults`, Modbus in datagrams in `udp`.
+Unit ids, slaves and registers have their numbers on the wire; times are in seconds. The namespace
+`faults` holds faults of redundant lines, `udp` Modbus in datagrams.
 """
 
 import lazy_loader

@@ -1,6 +1,6 @@
-"""RS-232, RS-422 and RS-485: what each allows, and which of them fit a line.
+"""RS-232, RS-422 and RS-485: their limits, and which of them fit a line.
 
-Makers' tables agree on these limits; the standards themselves limit the capacitance of RS-232
+The limits agree between makers' tables. The standards themselves limit the capacitance of RS-232
 (2500 pF) rather than its length, and neither for RS-485.
 """
 
@@ -15,7 +15,7 @@ from shipnet.arguments import checked
 from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import pd
 
-#: The tables that the limits are from.
+#: Sources of the limits.
 _NI = "National Instruments, PCMCIA-232 manual, table B-1"
 _BRAINBOXES = "Brainboxes, FAQ 'RS232 RS422 RS485 standards'"
 _TI = "Texas Instruments, SN75ALS174 data sheet SLLSFU5A, section 8.2.2.3"
@@ -26,30 +26,28 @@ _FEET_4000, _FEET_50 = 1219.0, 15.0
 
 @dataclass(frozen=True, slots=True)
 class Interface:
-    """A serial interface standard, and where its limits are from."""
+    """A serial interface standard, and the source of its limits."""
 
     name: str
-    #: Most drivers and receivers on a line; of RS-485 at one unit load each.
+    #: Most drivers and receivers on a line; for RS-485 with one unit load each.
     drivers: int
     receivers: int
-    #: Longest line [m], highest bit rate [bit/s], and highest product of both, which is infinite
-    #: if the two limits hold together.
+    #: Longest line [m], highest bit rate [bit/s], and highest product of both, infinite if both
+    #: limits apply together.
     length: float
     bit_rate: float
     product: float
-    #: Conductors without screen by "half" and "full" duplex; a balanced line has a common
-    #: conductor beside the pairs.
+    #: Conductors by "half" and "full" duplex, without screen; a balanced line has a common one.
     wires: Mapping[str, int]
     source: str
 
     def longest_line(self, bit_rate: float) -> float:
-        """Return how long a line may be at a bit rate [m]; 0 if the rate is too high."""
+        """Return the longest line at a bit rate [m]; 0 if the rate is too high."""
         rate = check_scalar("bit_rate", bit_rate, "bit/s", 50, 10e6)
         return min(self.length, self.product / rate) if rate <= self.bit_rate else 0.0
 
 
-#: The three interfaces by name. The product is that of 10 Mbit/s and 40 ft, which is that of
-#: 100 kbit/s and 4000 ft too.
+#: The interfaces by name. The product is that of 10 Mbit/s and 40 ft, or 100 kbit/s and 4000 ft.
 INTERFACES: Mapping[str, Interface] = MappingProxyType(
     {
         one.name: one
@@ -82,26 +80,21 @@ def interfaces(
     Parameters
     ----------
     n_stations : int
-        Stations, the master included, 2..256.
+        Stations including the master, 2..256.
     length : float
         Length of the line, 0..100000 [m].
     bit_rate : float
         Bit rate, 50..10e6 [bit/s].
     duplex : {"half", "full"}, default "half"
-        Whether both sides speak in turn or at once; Modbus needs ``"half"``.
+        Whether the two sides send in turn or at once; Modbus needs ``"half"``.
     unit_load : float, default 1
-        Load of a receiver in unit loads of RS-485, 0.125..1; one is about 12 kohm.
+        Load of a receiver in unit loads of RS-485 (about 12 kohm), 0.125..1.
 
     Returns
     -------
     pandas.DataFrame
-        One row per interface: ``interface``, ``fits``, ``why_not`` (empty if it fits),
-        ``stations`` (most on the line), ``longest_m`` at this bit rate, ``wires`` and ``source``.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
+        One row per interface: ``interface``, ``fits``, ``why_not``, ``stations`` (most on the
+        line), ``longest_m`` at this bit rate, ``wires`` and ``source``.
 
     Notes
     -----
@@ -109,19 +102,18 @@ def interfaces(
 
     .. math:: l \le \min \left( l_{max}, \frac{P}{r} \right)
 
-    Every slave of a master has to answer, so a line has as many drivers as stations; RS-232 and
-    RS-422 have one for each direction, which is two stations. The 31 addresses that lee2012
-    (section III.2.a) takes from RS-485 are 32 unit loads less the master: a count of stations,
-    not addresses, and with receivers of an eighth of a unit load it is 255.
+    Every slave must answer, so a line has as many drivers as stations. RS-232 and RS-422 have one
+    per direction, enough for two stations. The 31 addresses that lee2012 (section III.2.a) takes
+    from RS-485 are 32 unit loads minus the master; receivers of an eighth of a unit load allow 255.
 
     Examples
     --------
-    One junction box on a line of its own, then both on one:
+    One junction box per line, then two on one line:
 
     >>> [list(interfaces(n, 60, 9600).query("fits")["interface"]) for n in (2, 3)]
     [['RS-422', 'RS-485'], ['RS-485']]
-    >>> print(interfaces(3, 2000, 9600).set_index("interface").why_not["RS-485"])
-    2000 m are more than 1219 m
+    >>> interfaces(3, 2000, 9600).set_index("interface").why_not["RS-485"]
+    '2000 m are more than 1219 m'
     """
     count = check_whole("n_stations", n_stations, 2, 256)
     far = check_scalar("length", length, "m", 0, 1e5)
@@ -129,7 +121,7 @@ def interfaces(
     rows = []
     for one in INTERFACES.values():
         longest = one.longest_line(bit_rate)
-        # One driver per direction joins two stations, whatever number of receivers listens.
+        # One driver per direction connects two stations, however many receivers listen.
         most = 2 if one.drivers == 1 else int(one.receivers / load)
         faults = []
         if count > most:
@@ -138,7 +130,7 @@ def interfaces(
             faults.append(f"{bit_rate:g} bit/s are more than {one.bit_rate:g} bit/s")
         elif far > longest:
             faults.append(f"{far:g} m are more than {longest:.4g} m")
-        # A line with a pair for each direction carries one at a time as well.
+        # A line with one pair per direction can also be used in turn.
         wires = one.wires.get(duplex, one.wires["full"])
         rows.append((one.name, not faults, "; ".join(faults), most, longest, wires, one.source))
     columns = ["interface", "fits", "why_not", "stations", "longest_m", "wires", "source"]

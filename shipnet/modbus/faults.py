@@ -1,4 +1,4 @@
-"""What can fail on a redundant line: sections of cable, slaves, ports of the master."""
+"""Faults of a redundant line: sections of cable, slaves and ports of the master."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Port = Literal["A", "B"]
 class Break(Fault):
     """A section of the cable is interrupted.
 
-    Section k lies between slave k and slave k + 1; section 0 is at port A, and the last one at
-    port B. On a `DualChannel`, 0 and 1 are the cables of channel 1 and 2.
+    Section k lies between slaves k and k + 1; section 0 is at port A and the last one at port B. On
+    a `DualChannel`, 0 and 1 are the cables of channels 1 and 2.
 
     Examples
     --------
@@ -33,7 +33,7 @@ class Break(Fault):
 
 @record
 class Short(Fault):
-    """The two conductors of a section touch: without isolators, all that they reach is dead.
+    """The conductors of a section touch; without isolators, everything connected to it is silent.
 
     Sections are numbered as for `Break`.
 
@@ -51,9 +51,9 @@ class Short(Fault):
 
 @record
 class DeadSlave(Fault):
-    """A slave does not answer; the cable runs on past it.
+    """A slave does not answer, but the cable past it works.
 
-    Slaves are counted from port A. On a `DualChannel`, 1 and 2 are the slaves of channel 1 and 2.
+    Slaves are counted from port A. On a `DualChannel`, 1 and 2 are the slaves of channels 1 and 2.
 
     Examples
     --------
@@ -69,7 +69,7 @@ class DeadSlave(Fault):
 
 @record
 class DeadPort(Fault):
-    """A port of the master neither sends nor hears, and leaves the line alone.
+    """A port of the master neither sends nor receives, and leaves the line alone.
 
     On a `DualChannel`, A is channel 1 and B is channel 2.
 

@@ -6,29 +6,15 @@ from struct import pack, unpack
 from typing import Literal
 
 from shipnet.crc import MODBUS
-from shipnet.errors import (
-    ArgumentError,
-    CrcError,
-    FieldError,
-    FormError,
-    LengthError,
-    SymbolError,
-)
+from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, LengthError, SymbolError
 from shipnet.fields import check_choice, check_whole
 
 Framing = Literal["rtu", "tcp", "ascii"]
 
-#: Longest PDU [byte]: an RS-485 frame of 256 without unit id and CRC; "MODBUS application
-#: protocol specification" V1.1b3, section 4.1.
-MAX_PDU = 253
-
-#: Highest address of a slave on a serial line; 248..255 are reserved. "MODBUS over serial line"
-#: V1.02, section 2.2.
-MAX_UNIT = 247
-
-#: Bytes that a frame adds to its PDU: unit id and CRC; MBAP header.
-RTU_BYTES, MBAP_BYTES = 3, 7
-
+#: Longest PDU [byte]: "MODBUS application protocol specification" V1.1b3, section 4.1; and highest
+#: address of a slave on a serial line: "MODBUS over serial line" V1.02, section 2.2.
+MAX_PDU, MAX_UNIT = 253, 247
+RTU_BYTES, MBAP_BYTES = 3, 7  #: Bytes that a frame adds to its PDU: unit id and CRC; MBAP header.
 _HEXADECIMAL = frozenset(b"0123456789ABCDEFabcdef")
 
 

@@ -1,15 +1,14 @@
-"""What listens for clients: TCP connections, datagrams, and a serial port."""
+"""Listeners for clients: TCP connections, datagrams and a serial port."""
 
 from __future__ import annotations
 
 import logging
-from asyncio import BufferedProtocol, DatagramProtocol, Protocol, Task, get_running_loop, sleep
+from asyncio import BufferedProtocol, DatagramProtocol, Protocol, Server, get_running_loop, sleep
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from errno import EINVAL
 from importlib import import_module
-from socket import socket
 from typing import Any
 
 from shipnet.errors import FrameError
@@ -21,38 +20,21 @@ from shipnet.modbus.wire import Wire
 
 Respond = Callable[[Adu], Answer]
 
-#: Requests of one client that are answered before all other clients have had their turn.
-_QUOTA = 4
+_QUOTA = 4  #: Requests of one client answered before all others have their turn.
+_READ = 4096  #: Bytes read from a client at once; no more are read until they are answered.
 
-#: Bytes that are read from a client at once; until their requests are answered, no more are read.
-_READ = 4096
-
-#: Answers held back for one client, and for all senders of datagrams together: further requests
-#: must wait, and further datagrams are lost.
+#: Delayed answers of one client, and of all senders of datagrams, beyond which requests wait and
+#: datagrams are lost.
 _HELD_BACK, _ALL_HELD_BACK = 256, 1 << 15
+_UNSENT = 1 << 16  #: Unread answers at which a client is disconnected [byte]: 250 of the longest.
+_APART = 1e-6  #: Time between timers that must fire in order [s].
 
-#: Unsent answers at which a client that does not read is disconnected [byte]: 250 of the longest.
-_UNSENT = 1 << 16
-
-#: Connections that the system holds until they are accepted.
-_BACKLOG = 100
-
-#: Between timers that must fire in order [s].
-_APART = 1e-6
-
-#: Pause after a connection that could not be accepted [s].
-_PAUSE = 0.01
-
-#: Bytes before those that the length field of a TCP frame counts, and that length's legal range.
+#: Bytes of a TCP frame before those that its length field counts, and the legal range of that.
 _HEAD, _SHORTEST, _LONGEST = 6, 2, 1 + MAX_PDU
 
 
 class Listener:
-    """Something that listens at a place, until it is closed.
-
-    `place` names it in errors, `handlers` are its connections, and `port` is what is bound. A
-    `wire` has faults.
-    """
+    """Something that listens at a `place`, until it is closed; `port` is the bound port."""
 
     wire: Wire | None = None
 
@@ -61,7 +43,7 @@ class Listener:
         self.handlers: set[_Handler] = set()
 
     async def listen(self) -> None:
-        """Open the port, or raise what keeps it from being opened."""
+        """Open the port, or raise an error."""
         raise NotImplementedError
 
     def close(self) -> None:
@@ -72,7 +54,7 @@ class Listener:
 
 
 class _Handler:
-    """One connection, one serial port, or all datagrams."""
+    """A connection, a serial port, or all datagrams."""
 
     transport: Any = None
 
@@ -83,15 +65,15 @@ class _Handler:
         self.listener, self.loop = listener, get_running_loop()
         self.received = b""
         self.held_back: Counter[Any] = Counter()
-        self.free = 0.0  # when a wire with faults has passed all answers on
+        self.free = 0.0  # when the last answer has left a faulty wire
 
     def connection_made(self, transport: Any) -> None:
-        """Begin."""
+        """Start."""
         self.transport = transport
         self.listener.handlers.add(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Send nothing any more."""
+        """Stop sending."""
         self.transport = None
         self.listener.handlers.discard(self)
 
@@ -106,7 +88,7 @@ class _Handler:
         adu = Adu(request.unit_id, answer.pdu, request.transaction_id)
         delay = wait + answer.delay
         if self.listener.wire is not None:
-            # Nothing overtakes an answer: a slave works on one request after the other.
+            # Answers stay in order: a slave works on one request at a time.
             due = max(self.loop.time(), self.free) + delay
             for silence, data in self.listener.wire.pieces(adu):
                 due += silence + _APART
@@ -122,7 +104,7 @@ class _Handler:
             self._send_if_open(frame, to)
 
     def _send_late(self, frame: bytes, to: Any) -> None:
-        self.held_back -= Counter([to])  # forgets who has none left
+        self.held_back -= Counter([to])  # drops entries of 0
         self._send_if_open(frame, to)
 
     def _send_if_open(self, frame: bytes, to: Any) -> None:
@@ -137,7 +119,7 @@ class _Handler:
 
 
 class _TcpHandler(_Handler, BufferedProtocol):
-    """A connection, which reads a bounded number of bytes and answers them in turns."""
+    """A connection; it reads a bounded number of bytes and answers them in turns."""
 
     def __init__(self, listener: TcpListener) -> None:
         super().__init__(listener)
@@ -146,8 +128,15 @@ class _TcpHandler(_Handler, BufferedProtocol):
         self.last_request = self.loop.time()
         self.timer = self.loop.call_later(listener.idle_limit, self._end_if_idle)
 
+    def connection_made(self, transport: Any) -> None:
+        """Start, or close a connection that is one too many."""
+        if self.listener.has_room():
+            super().connection_made(transport)
+        else:
+            transport.close()
+
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget the idle limit."""
+        """Stop the idle timer."""
         self.timer.cancel()
         super().connection_lost(exc)
 
@@ -156,19 +145,19 @@ class _TcpHandler(_Handler, BufferedProtocol):
         return self.space
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Take the bytes, and answer unless the next turn is coming anyway."""
+        """Take the bytes, and answer unless the next turn is already scheduled."""
         self.received += self.space[:nbytes]
         if not self.in_turn:
             self._take_turn()
 
     def _take_turn(self) -> None:
-        """Answer a few requests; the next ones wait until all other clients had their turn."""
+        """Answer a few requests; others wait until all other clients had their turn."""
         self.in_turn = False
         for _ in range(_QUOTA):
             if not self._is_open():
                 return
             if self.held_back[None] >= _HELD_BACK:
-                self.transport.pause_reading()  # an answer that is sent takes the next turn
+                self.transport.pause_reading()  # the next answer sent takes the next turn
                 return
             frame = self._next_frame()
             if not frame:
@@ -182,7 +171,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
         self.loop.call_soon(self._take_turn)
 
     def _next_frame(self) -> bytes:
-        """Cut a frame off the stream, empty if none is whole; an impossible length ends it."""
+        """Cut a whole frame off the stream, or return nothing; an impossible length closes it."""
         if len(self.received) < _HEAD:
             return b""
         length = int.from_bytes(self.received[4:6], "big")
@@ -207,7 +196,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
         super()._send_if_open(frame, to)
 
     def _end_if_idle(self) -> None:
-        """End a connection whose last request was answered long ago, or look again later."""
+        """Close a connection without recent requests, or look again later."""
         now, limit = self.loop.time(), self.listener.idle_limit
         if self.held_back:
             self.last_request = now
@@ -220,7 +209,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
 
 class _UdpHandler(_Handler, DatagramProtocol):
     def datagram_received(self, data: bytes, addr: Any) -> None:
-        """Answer a datagram that is a frame, and ignore others."""
+        """Answer a datagram that is a frame; ignore others."""
         with suppress(FrameError):
             self.reply(decode(data, "tcp"), addr)
 
@@ -229,7 +218,7 @@ class _UdpHandler(_Handler, DatagramProtocol):
 
 
 class _RtuHandler(_Handler, Protocol):
-    """A frame is whole when its CRC is right; silence ends what never becomes one."""
+    """A frame is complete when its CRC is right; silence drops anything else."""
 
     unsent = 4
 
@@ -240,7 +229,7 @@ class _RtuHandler(_Handler, Protocol):
     def data_received(self, data: bytes) -> None:
         """Collect bytes until they are a frame, or until silence."""
         self.timer.cancel()
-        # One byte too many is enough to know that it is not a frame.
+        # One byte too many shows that it is not a frame.
         self.received = (self.received + data)[: MAX_PDU + RTU_BYTES + 1]
         try:
             adu = decode(self.received)
@@ -255,83 +244,40 @@ class _RtuHandler(_Handler, Protocol):
 
 
 class TcpListener(Listener):
-    """Accepts up to a number of clients."""
+    """Accepts a limited number of clients."""
 
     def __init__(
         self, respond: Respond, host: str, port: int, max_clients: int, idle_limit: float
     ) -> None:
         super().__init__(respond, f"{host}, port {port}")
         self.address, self.max_clients, self.idle_limit = (host, port), max_clients, idle_limit
-        self.accepting: list[Task[None]] = []
         self.refuses = False
+        self.server: Server | None = None
 
     async def listen(self) -> None:
-        """Bind all addresses of the host, and accept connections.
-
-        The event loop's own way to accept has no limit of clients, and logs a traceback whenever
-        the process has no file descriptor left.
-        """
+        """Bind all addresses of the host, and accept connections."""
         loop = get_running_loop()
-        server = await loop.create_server(Protocol, *self.address, start_serving=False)
-        self.port = server.sockets[0].getsockname()[1]
-        for bound in server.sockets:
-            listening = bound.dup()
-            listening.setblocking(False)
-            listening.listen(_BACKLOG)
-            self.accepting.append(loop.create_task(self._accept(listening)))
-        server.close()
+        self.server = await loop.create_server(lambda: _TcpHandler(self), *self.address)
+        self.port = self.server.sockets[0].getsockname()[1]
 
     def close(self) -> None:
         """Accept no more, and close all connections."""
-        for task in self.accepting:
-            task.cancel()
+        if self.server is not None:
+            self.server.close()
         super().close()
 
-    async def _accept(self, listening: socket) -> None:
-        """Accept connections for ever; those that are too many are closed at once."""
-        loop = get_running_loop()
-        spare = _open_socket()  # its descriptor serves to refuse when no other one is left
-        try:
-            while True:
-                try:
-                    connection, _ = await loop.sock_accept(listening)
-                except OSError as problem:
-                    self._refuse(str(problem))
-                    if spare is not None:
-                        spare.close()
-                    with suppress(OSError):
-                        listening.accept()[0].close()
-                    spare = _open_socket()
-                    await sleep(_PAUSE)
-                    continue
-                if len(self.handlers) >= self.max_clients:
-                    self._refuse(f"{self.max_clients} clients are connected")
-                    connection.close()
-                    continue
-                self.refuses = False
-                with suppress(OSError):
-                    await loop.connect_accepted_socket(lambda: _TcpHandler(self), connection)
-        finally:
-            listening.close()
-            if spare is not None:
-                spare.close()
-
-    def _refuse(self, why: str) -> None:
-        """Log the first refusal after a connection that was accepted."""
-        if not self.refuses:
-            logging.getLogger("shipnet.modbus.server").warning("connections are refused: %s", why)
-        self.refuses = True
-
-
-def _open_socket() -> socket | None:
-    try:
-        return socket()
-    except OSError:
-        return None
+    def has_room(self) -> bool:
+        """Return whether one more client may connect; log the first that may not."""
+        full = len(self.handlers) >= self.max_clients
+        if full and not self.refuses:
+            said = "connections are refused: %d clients are connected"
+            logging.getLogger("shipnet.modbus.server").warning(said, self.max_clients)
+        self.refuses = full
+        return not full
 
 
 class UdpListener(Listener):
-    """Takes datagrams of any sender."""
+    """Accepts datagrams from any sender."""
 
     def __init__(self, respond: Respond, host: str, port: int) -> None:
         super().__init__(respond, f"{host}, port {port}")
@@ -353,10 +299,7 @@ class RtuListener(Listener):
         self.line, self.silence = line, silence
 
     async def listen(self) -> None:
-        """Open the port, and make sure that it has a parity bit if there should be one.
-
-        Linux may ignore the parity of a pseudo-terminal without an error.
-        """
+        """Open the port and check its parity; Linux may ignore that of a pseudo-terminal."""
         size, parity, stop = tuple(self.line.character)
         library = import_module("pymodbus.transport.serialtransport")
         transport, handler = await library.create_serial_connection(
@@ -367,7 +310,7 @@ class RtuListener(Listener):
         # The transport is set up in the next two turns of the loop.
         while handler.transport is None:
             await sleep(0)
-        with suppress(ImportError):  # Windows refuses what a port cannot do
+        with suppress(ImportError):  # Windows itself refuses unsupported settings
             termios = import_module("termios")
             flags = termios.tcgetattr(transport.sync_serial.fileno())[2]
             if parity != "N" and not flags & termios.PARENB:

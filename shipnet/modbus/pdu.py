@@ -1,8 +1,8 @@
-"""What a master asks and a slave answers: requests, responses, and frames that carry them.
+"""Modbus requests, responses and the frames that carry them.
 
-The bytes of both are the PDU, function code first, numbers with the high byte first; with the
-address of the slave and a check they are the frame, the ADU. Sections of the standard are those
-of the "MODBUS application protocol specification" V1.1b3, 2012.
+A PDU is a function code and its fields, numbers with the high byte first; an ADU is a frame with
+the unit id and a check. Sections are those of "MODBUS application protocol specification" V1.1b3,
+2012.
 """
 
 from __future__ import annotations
@@ -36,10 +36,8 @@ from shipnet.modbus.frame import (
     tcp_frame,
 )
 
-#: Most coils or registers that one request reads, by function code; section 6.
+#: Most coils or registers that one request reads and writes, by function code; section 6.
 READ_LIMITS = {1: 2000, 2: 2000, 3: 125, 4: 125, 23: 125}
-
-#: Most coils or registers that one request writes, by function code; section 6.
 WRITE_LIMITS = {5: 1, 6: 1, 15: 1968, 16: 123, 23: 121}
 
 _REGISTERS_READ, _CODES = frozenset({3, 4, 23}), "1..6, 15, 16 or 23"
@@ -85,22 +83,19 @@ class ExceptionCode(IntEnum):
     GATEWAY_TARGET_FAILED_TO_RESPOND = 11
 
 
-# Checks and coils -------------------------------------------------------------------------------
-
-
 def check_registers(
     registers: Iterable[int], most: int, name: str = "registers"
 ) -> tuple[int, ...]:
-    """Return registers as a tuple, or raise unless there are 1..most of 0..65535."""
+    """Return registers as a tuple, or raise unless there are 1..most, each 0..65535."""
     values = _sequence(name, registers, most)
-    # 125 plain integers are checked at once; only what is odd is looked at one by one.
+    # Plain integers are checked at once; only others are checked one by one.
     if {type(value) for value in values} == {int} and 0 <= min(values) and max(values) <= 0xFFFF:
         return values
     return tuple(check_whole(f"{name}[{k}]", v, 0, 0xFFFF) for k, v in enumerate(values))
 
 
 def check_coils(coils: Iterable[bool], most: int, name: str = "coils") -> tuple[bool, ...]:
-    """Return coils as a tuple of bool, or raise unless there are 1..most of 0 and 1."""
+    """Return coils as a tuple of bool, or raise unless there are 1..most, each 0 or 1."""
     values = _sequence(name, coils, most)
     for k, value in enumerate(values):
         if type(value).__name__ not in ("bool", "bool_"):  # of Python and NumPy
@@ -109,18 +104,18 @@ def check_coils(coils: Iterable[bool], most: int, name: str = "coils") -> tuple[
 
 
 def pack_coils(coils: tuple[bool, ...]) -> bytes:
-    """Return coils as bytes: the first is the lowest bit, the rest of the last byte is 0."""
+    """Return coils as bytes, the first in the lowest bit, padded with 0."""
     value = sum(1 << place for place, coil in enumerate(coils) if coil)
     return value.to_bytes(-(-len(coils) // 8), "little")
 
 
 def unpack_coils(data: bytes) -> tuple[bool, ...]:
-    """Return the coils in bytes, eight of each."""
+    """Return the coils in bytes, eight per byte."""
     return tuple(bool(byte >> place & 1) for byte in data for place in range(8))
 
 
 def exception_code(value: int) -> ExceptionCode:
-    """Return an exception code, or raise if there is no such code."""
+    """Return a value as an exception code, or raise if it is not one."""
     try:
         return ExceptionCode(check_whole("exception", value, 1, 11))
     except ValueError:
@@ -144,9 +139,6 @@ def _function(value: int) -> FunctionCode:
         raise ArgumentError(f"function is {value!r}; it must be {_CODES}") from None
 
 
-# Requests and responses -------------------------------------------------------------------------
-
-
 class _Framed:
     """A PDU that can be put into a frame."""
 
@@ -158,46 +150,40 @@ class _Framed:
         raise NotImplementedError
 
     def rtu(self, unit_id: int) -> bytes:
-        """Return the RTU frame to or from a slave: unit id, PDU, CRC with its low byte first."""
+        """Return the RTU frame for a unit id."""
         return rtu_frame(unit_id, self.pdu)
 
     def ascii(self, unit_id: int) -> bytes:
-        """Return the ASCII frame to or from a slave: colon, hexadecimals with their LRC, CR, LF."""
+        """Return the ASCII frame for a unit id."""
         return ascii_frame(unit_id, self.pdu)
 
     def tcp(self, unit_id: int, transaction_id: int) -> bytes:
-        """Return the TCP frame: transaction id, protocol id 0, length, unit id, PDU."""
+        """Return the TCP frame for a unit id and transaction id."""
         return tcp_frame(unit_id, self.pdu, transaction_id)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Request(_Framed):
-    """What a master asks of a slave; made by the constructor named like the standard's function.
+    """A request; its class methods have the names of the standard's functions.
 
-    Addresses are those on the wire, 0..65535: holding register 40001 of a manual is address 0
-    here. A range that runs beyond address 65535 is a legal request, which the slave answers with
-    exception code 2.
+    Addresses are those on the wire, 0..65535: holding register 40001 of a manual has address 0. A
+    range beyond address 65535 is a legal request; slaves answer it with exception 2.
 
     Parameters
     ----------
     function : FunctionCode
         1..6, 15, 16 or 23.
     address : int
-        Address of the first coil or register, 0..65535; of the first to read with code 23.
+        Address of the first coil or register, 0..65535; with code 23, of the first to read.
     quantity : int, optional
-        How many to read: 1..2000 coils or inputs, 1..125 registers. When only writing, as many as
-        there are values.
+        How many to read: 1..2000 coils or inputs, 1..125 registers. For writes, the number of
+        values.
     coils : sequence of bool, optional
-        States to write, 1 with code 5, 1..1968 with code 15; lowest address first.
+        States to write from the lowest address: 1 with code 5, 1..1968 with code 15.
     registers : sequence of int, optional
-        Values to write, each 0..65535: 1 with code 6, 1..123 with code 16, 1..121 with code 23.
+        Values to write, 0..65535: 1 with code 6, 1..123 with code 16, 1..121 with code 23.
     write_address : int, optional
         Address of the first register to write with code 23, 0..65535.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
 
     Examples
     --------
@@ -242,56 +228,56 @@ class Request(_Framed):
 
     @classmethod
     def read(cls, function: int, address: int, quantity: int) -> Request:
-        """Return the request of function code 1, 2, 3 or 4, where the code is in a variable."""
+        """Return a read request for a function code 1..4."""
         return cls(FunctionCode(check_whole("function", function, 1, 4)), address, quantity)
 
     @classmethod
     def read_coils(cls, address: int, quantity: int) -> Request:
-        """Return the request of function code 1: read 1..2000 coils."""
+        """Request to read 1..2000 coils, function code 1."""
         return cls(FunctionCode.READ_COILS, address, quantity)
 
     @classmethod
     def read_discrete_inputs(cls, address: int, quantity: int) -> Request:
-        """Return the request of function code 2: read 1..2000 discrete inputs."""
+        """Request to read 1..2000 discrete inputs, function code 2."""
         return cls(FunctionCode.READ_DISCRETE_INPUTS, address, quantity)
 
     @classmethod
     def read_holding_registers(cls, address: int, quantity: int) -> Request:
-        """Return the request of function code 3: read 1..125 holding registers."""
+        """Request to read 1..125 holding registers, function code 3."""
         return cls(FunctionCode.READ_HOLDING_REGISTERS, address, quantity)
 
     @classmethod
     def read_input_registers(cls, address: int, quantity: int) -> Request:
-        """Return the request of function code 4: read 1..125 input registers."""
+        """Request to read 1..125 input registers, function code 4."""
         return cls(FunctionCode.READ_INPUT_REGISTERS, address, quantity)
 
     @classmethod
     def write_single_coil(cls, address: int, value: bool) -> Request:
-        """Return the request of function code 5: set one coil."""
+        """Request to set one coil, function code 5."""
         coils = check_coils((value,), 1, "value")
         return cls(FunctionCode.WRITE_SINGLE_COIL, address, coils=coils)
 
     @classmethod
     def write_single_register(cls, address: int, value: int) -> Request:
-        """Return the request of function code 6: write one holding register."""
+        """Request to write one holding register, function code 6."""
         registers = check_registers((value,), 1, "value")
         return cls(FunctionCode.WRITE_SINGLE_REGISTER, address, registers=registers)
 
     @classmethod
     def write_multiple_coils(cls, address: int, coils: Iterable[bool]) -> Request:
-        """Return the request of function code 15: set 1..1968 coils in a row."""
+        """Request to set 1..1968 adjacent coils, function code 15."""
         return cls(FunctionCode.WRITE_MULTIPLE_COILS, address, coils=coils)  # type: ignore[arg-type]
 
     @classmethod
     def write_multiple_registers(cls, address: int, registers: Iterable[int]) -> Request:
-        """Return the request of function code 16: write 1..123 holding registers in a row."""
+        """Request to write 1..123 adjacent holding registers, function code 16."""
         return cls(FunctionCode.WRITE_MULTIPLE_REGISTERS, address, registers=registers)  # type: ignore[arg-type]
 
     @classmethod
     def read_write_multiple_registers(
         cls, address: int, quantity: int, write_address: int, registers: Iterable[int]
     ) -> Request:
-        """Return the request of function code 23: write 1..121 registers, then read 1..125."""
+        """Request to write 1..121 registers, then read 1..125, function code 23."""
         return cls(
             FunctionCode.READ_WRITE_MULTIPLE_REGISTERS, address, quantity,
             registers=registers, write_address=write_address,  # type: ignore[arg-type]
@@ -299,7 +285,7 @@ class Request(_Framed):
 
     @classmethod
     def parse(cls, pdu: bytes) -> Request:
-        """Return the request that a PDU is, or raise the error that names the wrong field."""
+        """Return the request in a PDU, or raise an error that names the wrong field."""
         data = _opened(pdu, "request")
         (address, number, *more), values = _read(data, _REQUESTS)
         try:
@@ -350,7 +336,7 @@ class Request(_Framed):
         return 2 + -(-self.quantity // 8) if code <= 2 else 5
 
     def response(self, values: Iterable[int] = ()) -> Response:
-        """Return the normal response with the coils or registers that were asked for."""
+        """Return the normal response, with the coils or registers requested."""
         code = int(self.function)
         if code not in READ_LIMITS:
             if code in (5, 6):
@@ -366,7 +352,7 @@ class Request(_Framed):
         return Response(code, coils=found)
 
     def exception(self, exception: int) -> Response:
-        """Return the exception response that refuses this request."""
+        """Return the exception response to this request."""
         return Response(self.function, exception=exception_code(exception))
 
     def __repr__(self) -> str:
@@ -382,33 +368,26 @@ class Request(_Framed):
 
 @dataclass(frozen=True, slots=True)
 class Response(_Framed):
-    """What a slave answers; `Request.response` and `Request.exception` make one.
+    """A response; `Request.response` and `Request.exception` return one.
 
     Parameters
     ----------
     function : int
-        1..6, 15, 16 or 23; an exception response may refuse any code 1..127.
+        1..6, 15, 16 or 23; in an exception response 1..127.
     coils : sequence of bool, optional
-        States read by code 1 or 2, 1..2000 of them, lowest address first; with code 5 the one
-        that was set.
+        States read by code 1 or 2, 1..2000 from the lowest address; with code 5 the one set.
     registers : sequence of int, optional
-        Values read by code 3, 4 or 23, 1..125 of them, each 0..65535; with code 6 the one that
-        was written.
+        Values read by code 3, 4 or 23, 1..125, each 0..65535; with code 6 the one written.
     address : int, optional
-        Address of what code 5, 6, 15 or 16 wrote first, 0..65535.
+        First address written by code 5, 6, 15 or 16, 0..65535.
     quantity : int, optional
-        How many coils (1..1968) or registers (1..123) code 15 or 16 wrote.
+        Number of coils (1..1968) or registers (1..123) written by code 15 or 16.
     exception : ExceptionCode, optional
-        Why the slave refuses: 1..6, 8, 10 or 11. None in a normal response.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
+        Reason of a refusal: 1..6, 8, 10 or 11. None in a normal response.
 
     Examples
     --------
-    The answer of section 6.3 of the standard, and a refusal:
+    The response of section 6.3 of the standard, and a refusal:
 
     >>> request = Request.read_holding_registers(0x6B, 3)
     >>> Response.parse(bytes.fromhex("03 06 02 2b 00 00 00 64"), request).registers
@@ -447,10 +426,9 @@ class Response(_Framed):
 
     @classmethod
     def parse(cls, pdu: bytes, request: Request | None = None) -> Response:
-        """Return the response that a PDU is, or raise the error that names the wrong field.
+        """Return the response in a PDU, or raise an error that names the wrong field.
 
-        With the request it is compared, and coils are cut to the number asked for, which their
-        bytes alone do not say.
+        A given request is compared with it, and coils are cut to the number requested.
         """
         if request is not None and not isinstance(request, Request):
             raise ArgumentError(f"request is {request!r}; it must be a Request")
@@ -490,11 +468,8 @@ class Response(_Framed):
         return pack(">BHH", code, self.address, self.registers[0] if code == 6 else self.quantity)
 
 
-# Reading ----------------------------------------------------------------------------------------
-
-
-#: Fields behind the function code of a request and of a normal response by function code; two bytes
-#: each, but for a byte count and the values that it counts. Sections 6.1 to 6.17.
+#: Fields after the function code of requests and normal responses, by function code. Each has two
+#: bytes, except a byte count and the values that it counts. Sections 6.1 to 6.17.
 _BLOCK, _ONE, _COUNTED = (
     ("starting address", "quantity"),
     ("address", "value"),
@@ -520,7 +495,7 @@ def _opened(pdu: bytes, kind: str) -> bytes:
 
 
 def _read(data: bytes, layouts: dict[int, tuple[str, ...]]) -> tuple[tuple[int, ...], bytes]:
-    """Return the numbers behind the function code, and the bytes that a byte count counts."""
+    """Return the numbers after the function code, and the bytes that a byte count announces."""
     if data[0] > 0x80 and layouts is _RESPONSES:
         if len(data) != 2:
             raise LengthError(f"the exception has {len(data)} bytes; it must have 2")
@@ -553,7 +528,7 @@ def _registers(data: bytes, quantity: int | None = None) -> tuple[int, ...]:
 
 
 def _compared(request: Request, response: Response, data: bytes) -> Response:
-    """Return the response, or raise if it answers something else."""
+    """Return the response, or raise if it does not answer the request."""
     code = int(request.function)
     if response.function != code:
         raise MismatchError(f"function code is {response.function:d}, but {code} was asked")
@@ -569,26 +544,18 @@ def _compared(request: Request, response: Response, data: bytes) -> Response:
     return response
 
 
-# Frames -----------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, slots=True)
 class Adu:
-    r"""A frame: who is asked or answers, and the PDU.
+    r"""A frame: the unit id and the PDU.
 
     Parameters
     ----------
     unit_id : int
         Address of the slave, 0..255; on a serial line 0..247, where 0 is the broadcast.
     pdu : bytes or Request or Response
-        1..253 bytes, function code first; a request or a response is turned into them.
+        1..253 bytes, function code first; a request or response is converted.
     transaction_id : int, optional
-        Number that pairs a response with its request in TCP, 0..65535; None on a serial line.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
+        Number that pairs a TCP response with its request, 0..65535; None on a serial line.
 
     Examples
     --------
@@ -619,43 +586,38 @@ class Adu:
 
     @property
     def rtu(self) -> bytes:
-        """The RTU frame of 4..256 bytes: unit id, PDU, CRC with its low byte first."""
+        """RTU frame of 4..256 bytes: unit id, PDU, CRC with its low byte first."""
         return rtu_frame(self.unit_id, self.pdu)
 
     @property
     def ascii(self) -> bytes:
-        """The ASCII frame of 9..513 characters: colon, hexadecimals with their LRC, CR, LF."""
+        """ASCII frame of 9..513 characters: colon, hexadecimal digits with their LRC, CR, LF."""
         return ascii_frame(self.unit_id, self.pdu)
 
     @property
     def tcp(self) -> bytes:
-        """The TCP frame of 8..260 bytes: transaction id (0 if None), protocol id 0, length, unit id, PDU."""  # noqa: E501
+        """TCP frame of 8..260 bytes: transaction id (0 if None), 0, length, unit id, PDU."""
         return tcp_frame(self.unit_id, self.pdu, self.transaction_id or 0)
 
     def request(self) -> Request:
-        """Return the request that the PDU is, or raise the error that names the wrong field."""
+        """Return the request in the PDU, or raise an error that names the wrong field."""
         return Request.parse(self.pdu)
 
     def response(self, request: Request | None = None) -> Response:
-        """Return the response that the PDU is, compared with the request if it is given."""
+        """Return the response in the PDU, compared with the request if it is given."""
         return Response.parse(self.pdu, request)
 
     def table(self) -> pd.DataFrame:
-        """Return the bytes of each field, in order; a PDU that may be either is read as a request.
+        """Return the bytes of each field in order; with a transaction id those of TCP, else RTU.
 
-        With a transaction id the frame is that of TCP, else RTU.
+        A PDU that may be a request or a response is read as a request.
         """
         if self.transaction_id is None:
             fields, rest = {"unit id": self.rtu[:1]}, {"CRC": self.rtu[-2:]}
         else:
             head = self.tcp[:MBAP_BYTES]
-            fields = {
-                "transaction id": head[:2],
-                "protocol id": head[2:4],
-                "length": head[4:6],
-                "unit id": head[6:],
-            }
-            rest = {}
+            names = ("transaction id", "protocol id", "length", "unit id")
+            fields, rest = {name: head[2 * k :][:2] for k, name in enumerate(names)}, {}
         fields |= {"function code": self.pdu[:1], **self._parts()} | rest
         return pd.DataFrame(
             {"bytes": [part.hex(" ") for part in fields.values()]},
@@ -663,7 +625,7 @@ class Adu:
         )
 
     def _parts(self) -> dict[str, bytes]:
-        """Return the bytes behind the function code by field, all as data if they are neither."""
+        """Return the bytes after the function code by field, as data if they are not valid."""
         parts, rest = {}, self.pdu[1:]
         names: tuple[str, ...] = ("data",) if rest else ()
         for parse, layouts in ((Response.parse, _RESPONSES), (Request.parse, _REQUESTS)):
@@ -677,34 +639,30 @@ class Adu:
 
 
 def decode(data: bytes, framing: Framing = "rtu") -> Adu:
-    r"""Return what a frame carries.
+    r"""Return the contents of a frame.
 
     Parameters
     ----------
     data : bytes-like
-        One whole frame. On a serial line silence shows where an RTU frame ends; in a stream of TCP
-        its length field (bytes 4 and 5) does; an ASCII frame includes colon and line end.
+        One whole frame; an ASCII frame includes colon and line end.
     framing : {"rtu", "tcp", "ascii"}, default "rtu"
         Kind of frame.
 
     Returns
     -------
     Adu
-        Unit id and PDU, in TCP the transaction id too.
+        Unit id, PDU and, in TCP, the transaction id.
 
     Raises
     ------
     LengthError
-        If the frame is too short or too long, does not have as many bytes as its length field
-        says, or has half a byte too many.
+        If the frame is too short or too long, contradicts its length field, or has half a byte.
     CrcError
-        If the CRC or LRC differs from that of the bytes before it.
+        If the CRC or LRC is wrong.
     FormError, SymbolError
         If the colon or line end of an ASCII frame is missing, or a character is not hexadecimal.
     FieldError
         If the unit id is reserved, or the protocol id of TCP is not 0.
-    ArgumentError
-        If `data` is not bytes, or `framing` is unknown.
 
     Examples
     --------
@@ -712,7 +670,5 @@ def decode(data: bytes, framing: Framing = "rtu") -> Adu:
     17
     >>> decode(b":1103006B00037E\r\n", "ascii").pdu.hex(" ")
     '03 00 6b 00 03'
-    >>> decode(bytes.fromhex("15 01 00 00 00 06 ff 03 00 04 00 01"), "tcp").transaction_id == 0x1501
-    True
     """
     return Adu(*read_frame(data, framing))

@@ -1,10 +1,10 @@
-"""Redundant lines: a closed loop or two channels, who is reached, how long data stay away."""
+"""Redundant Modbus lines, a closed loop or two channels: the slaves reached, and longest gaps."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -13,48 +13,42 @@ from shipnet import style
 from shipnet.arrays import Floats
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import (
-    check_scalar,
-    check_whole,
-    choice,
-    number,
-    part,
-    record,
-    switch,
-    whole,
-)
+from shipnet.fields import check_scalar, check_whole, choice, number, part, record, switch, whole
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.polling import Poll
 
 #: Colour and word of what serves a slave.
-_SERVED = {"A": ("C0", "through A"), "B": ("C1", "through B"), "-": ("0.75", "lost")}
+_SERVED = {
+    "A": ("o", style.FIELD["address"], "through A"),
+    "B": ("s", style.FIELD["information"], "through B"),
+    "-": ("X", "0.75", "lost"),
+}
 
-#: More slaves than this are drawn without their numbers.
-_NUMBERED = 40
+_NUMBERED = 40  #: More slaves than this are drawn without their numbers.
 
 #: What the faults of a redundant line are given as: one of them or several.
 Faults = Fault | Iterable[Fault]
 
 
 def line_faults(faults: Faults) -> tuple[Fault, ...]:
-    """Return faults as a tuple, or raise unless each is one that a redundant line can have."""
+    """Return faults as a tuple, or raise unless a redundant line can have each of them."""
     return as_faults(faults, Break, Short, DeadSlave, DeadPort)
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Which slaves each port of a master reaches; `Loop.reach` and `DualChannel.reach` return it.
+    """The slaves that each port of a master reaches; `Loop` and `DualChannel` have a `reach`.
 
     Parameters
     ----------
     n_slaves : int
         Number of slaves.
     last_a : int
-        Port A reaches the slaves up to this one; 0 if it reaches none.
+        Last slave that port A reaches, 0 if none.
     first_b : int
-        Port B reaches the slaves from this one up; n_slaves + 1 if it reaches none.
+        First slave that port B reaches, n_slaves + 1 if none.
     dead : frozenset of int
         Slaves that do not answer.
 
@@ -82,20 +76,19 @@ class Reach:
 
     @property
     def lost(self) -> list[int]:
-        """Slaves that neither reaches."""
-        reached = {*self.through_a, *self.through_b}
-        return [s for s in range(1, self.n_slaves + 1) if s not in reached]
+        """Slaves that neither port reaches."""
+        return [s for s, port in enumerate(self.served, start=1) if port == "-"]
 
     @property
     def served(self) -> list[str]:
-        """Port of each slave, A where both reach it, and ``"-"`` for the lost ones."""
+        """Port of each slave: A if both reach it, ``"-"`` if lost."""
         a, b = set(self.through_a), set(self.through_b)
         slaves = range(1, self.n_slaves + 1)
         return ["A" if s in a else "B" if s in b else "-" for s in slaves]
 
     @property
     def counts(self) -> tuple[int, int]:
-        """How many slaves are served through A, and how many through B."""
+        """Number of slaves served through A and through B."""
         begin_b = max(self.first_b, self.last_a + 1)
         dead_a = sum(s <= self.last_a for s in self.dead)
         dead_b = sum(s >= begin_b for s in self.dead)
@@ -107,8 +100,6 @@ class _Redundant:
 
     __slots__ = ()
     if TYPE_CHECKING:
-        poll: Poll
-        failures: int
         recheck: float
 
         @property
@@ -122,19 +113,17 @@ class _Redundant:
         def single_faults(self) -> list[Fault]: ...
 
     def _check(self) -> None:
-        """Raise unless the master rechecks no more than once per scan."""
+        """Raise unless the master rechecks at most once per scan."""
         if self.recheck < self.period * (1 - 1e-12):
-            raise ArgumentError(
-                f"recheck is {self.recheck:g} s; it must not be shorter than a scan, "
-                f"{self.period:g} s"
-            )
+            scan = f"{self.period:g} s, a scan"
+            raise ArgumentError(f"recheck is {self.recheck:g} s; it must be at least {scan}")
 
     def worst_gap(self, faults: Faults) -> Floats:
-        """Return the longest time between two answers of each slave that faults can cause [s].
+        """Return each slave's longest time between two answers that the faults can cause [s].
 
-        All faults begin at once and for good, whatever their times. It is infinite for slaves that
-        are lost. For a slave that is moved it is also the longest time to switch over, from the
-        fault to the first answer on the other port.
+        All faults begin at once and last, whatever their times. The gap of a lost slave is
+        infinite. That of a moved slave is also its longest switch-over time, from the fault to the
+        first answer.
         """
         served = np.array(self.reach(faults).served)
         stay, moved, lost = (int((served == port).sum()) for port in "AB-")
@@ -145,18 +134,16 @@ class _Redundant:
         return gap
 
     def single_failures(self) -> pd.DataFrame:
-        """Return what each fault does at worst, one row per ``fault``.
+        """Return the worst effect of each fault, one row per ``fault``.
 
-        ``kind`` is break, short, slave or port; ``served_a`` and ``served_b`` say how many slaves
-        are served through each port, A where both reach a slave; ``lost`` how many by none; and
-        ``worst_gap_s`` is the longest time between two answers of any slave still served, NaN if
-        there is none.
+        ``kind`` is break, short, slave or port; ``served_a``, ``served_b`` and ``lost`` count
+        slaves; ``worst_gap_s`` is the longest gap of any slave still served, NaN if there is none.
         """
         faults = self.single_faults()
         stay, moved = np.array([self.reach(fault).counts for fault in faults]).T
         lost = self.n_slaves - stay - moved
         staying, moving, last = self._gaps(stay, moved, lost)
-        # Those that are moved wait longer than those that stay.
+        # Moved slaves wait longer than those that stay.
         worst = np.select([moved > 1, moved == 1, stay > 0], [moving, last, staying], np.nan)
         names = [str(fault) for fault in faults]
         columns = {"served_a": stay, "served_b": moved, "lost": lost, "worst_gap_s": worst}
@@ -168,34 +155,31 @@ class _Redundant:
 
 @record(slots=True)
 class Loop(_Redundant):
-    r"""A line from port A of a master past all slaves, in a closed loop back to its port B.
+    r"""A line from port A of a master past all slaves and, if closed, back to its port B.
 
     Notes
     -----
-    From [1]_: two-wire RS-485, slaves with one port, a master with two that close the loop, and
-    the other direction when the line is broken. It prints no rule for the switch-over; `move`,
-    `failures` and `recheck` are assumptions. Assumed as well: the slaves hang on a line that runs
-    past them, so that a dead one does no harm to others; all are polled through A while the line
-    is whole; one transaction at a time, though two halves could be polled side by side; a port
-    that fails leaves the line alone (if it does not, that is a short of section 0); a section both
-    broken and shorted is shorted on both sides of the break, the worse case; both ends of the
-    line remain terminated well enough. 256 slaves are printed and 250 for the master; the
-    standard has 247.
+    From [1]_: two-wire RS-485, slaves with one port, and a master with two ports that uses the
+    other direction when the line is broken. The paper gives no rule for the switch-over: `move`,
+    `failures` and `recheck` are assumptions. We also assume that a dead slave or port leaves the
+    line alone, that all slaves are polled through A while the line is whole, that there is one
+    transaction at a time, that a section both broken and shorted is shorted on both sides of the
+    break, and that termination remains adequate. The paper says 256 slaves, and 250 for the master;
+    the standard has 247.
 
     With s slaves that stay on their port, m that are moved and l that are lost, f `failures`, T an
-    answered poll and G one that times out, the longest time between two answers of a slave that is
-    moved, or stays, is
+    answered poll and G one that times out, the longest gap of a slave that is moved, or stays, is
 
     .. math:: t_m = f s T + m (f G + T) + l (f + 1) G, \qquad t_s = s T + m (G + T) + 2 l G
 
-    where each slave is moved by itself, and
+    if each slave is moved by itself, and
 
     .. math:: t_m = f s T + m T + (f - 1) m G + 2 G + l (f + 1) G
 
-    where those downstream are moved with it; one G less for the last one moved. On a line that is
-    not closed a lost slave costs l G. The worst moment for a fault is the end of an answer of the
-    slave in question, and all are attained but for one: with "downstream" and more than one
-    failure, that of a slave that stays is a bound.
+    if those downstream are moved with it; one G less for the last one moved. On an open line a lost
+    slave costs l G. The worst moment for a fault is the end of the slave's answer. All values are
+    attained except one: with "downstream" and several failures, that of a slave that stays is a
+    bound.
 
     References
     ----------
@@ -216,8 +200,8 @@ class Loop(_Redundant):
     >>> loop.single_failures().groupby("kind", sort=False)["lost"].max().to_dict()
     {'break': 0, 'short': 5, 'slave': 1, 'port': 0}
 
-    A loop of ten valves breaks in the middle; every slave on the far side times out by itself, or
-    the first of them takes the others with it:
+    A loop of ten valves breaks in the middle. Every slave on the far side times out by itself, or
+    the first takes the others with it:
 
     >>> Loop(10, poll).worst_gap(Break(5)).max().round(2).item()
     2.87
@@ -225,35 +209,30 @@ class Loop(_Redundant):
     1.34
     """
 
-    n_slaves: int = whole(
-        1, MAX_UNIT, help="Number of slaves, counted from 1, the one next to port A"
-    )
+    n_slaves: int = whole(1, MAX_UNIT, help="Number of slaves; slave 1 is next to port A")
     poll: Poll = part(Poll, "What the master asks each slave")
     closed: bool = switch(
-        "Whether the line goes on from the last slave to port B; otherwise it ends there, and the "
-        "master has port A only", default=True, kw_only=True,
+        "Whether the line continues from the last slave to port B; if not, the master has only "
+        "port A", default=True, kw_only=True,
     )  # fmt: skip
     isolators: bool = switch(
-        "Whether a shorted section is cut out at both of its ends, as a break would be; without "
-        "isolators, it takes with it every slave and port that it is connected to",
-        default=False, kw_only=True,
+        "Whether a short cuts out only its section, like a break; without isolators it silences "
+        "every slave and port connected to it", default=False, kw_only=True,
     )  # fmt: skip
     move: Literal["slave", "downstream"] = choice(
-        ("slave", "downstream"),
-        "Who is moved to the other port: the slave alone, or with it all that lie downstream of "
-        "it and are served through the same port", default="slave", kw_only=True,
+        ("slave", "downstream"), "Which slaves move to the other port: only the silent one, or "
+        "also all downstream of it on the same port", default="slave", kw_only=True,
     )  # fmt: skip
     failures: int = whole(
-        1, 100, help="Polls of a slave, each with all its retries, that must fail in a row before "
-        "the master asks it through the other port, with the same retries; if it is silent there "
-        "too, it is lost, and no longer polled", default=1, kw_only=True,
+        1, 100, help="Polls in a row, each with all retries, that a slave must leave unanswered "
+        "before the master asks through the other port; if it is silent there too, it is lost and "
+        "no longer polled", default=1, kw_only=True,
     )  # fmt: skip
     recheck: float = number(
-        1e-3, 1e6, "s", "Time without a failed try, not shorter than a scan, after which the "
-        "master tries once more what failed: the next slave in turn that is lost or served "
-        "through B gets one request through port A, without retries, and a lost one then another "
-        "through B. A slave that answers through A is served from there again, and the next one "
-        "is tried in the same scan", default=60.0, kw_only=True,
+        1e-3, 1e6, "s", "Time since the last failed try, at least a scan, after which the master "
+        "tries the next slave that is lost or served through B: one request through A without "
+        "retries, then for a lost slave one through B. If it answers through A, it is served from "
+        "there, and the next one is tried in the same scan", default=60.0, kw_only=True,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -261,7 +240,7 @@ class Loop(_Redundant):
 
     @property
     def period(self) -> float:
-        """A scan while all slaves answer [s]."""
+        """Time of a scan if all slaves answer [s]."""
         return self.poll.scan_time(self.n_slaves)
 
     @property
@@ -270,7 +249,7 @@ class Loop(_Redundant):
         return self.n_slaves + self.closed
 
     def single_faults(self) -> list[Fault]:
-        """Return a break and a short of every section, then every slave, then the ports."""
+        """Return a break and a short of each section, then the slaves, then the ports."""
         sections = range(self.n_sections)
         ports: list[Fault] = [DeadPort("A"), DeadPort("B")]
         return [
@@ -281,7 +260,7 @@ class Loop(_Redundant):
         ]
 
     def reach(self, faults: Faults = ()) -> Reach:
-        """Return who is reachable with one or several faults, whatever their times."""
+        """Return which slaves are reached with these faults, whatever their times."""
         n = self.n_slaves
         first_cut, last_cut, first_short, last_short = n + 1, -1, n + 2, -2
         dead: set[int] = set()
@@ -308,10 +287,7 @@ class Loop(_Redundant):
     def _gaps(
         self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
     ) -> tuple[Floats, Floats, Floats]:
-        """Return the longest gap [s] of a slave that stays, one that is moved, and the last moved.
-
-        They depend on how many slaves stay, are moved and are lost.
-        """
+        """Return the longest gap [s] of a slave that stays, one that moves and the last to move."""
         s, m, lo = (np.asarray(count, dtype=np.float64) for count in (stay, moved, lost))
         answered, silent = self.poll.time, self.poll.timeout_time
         f = self.failures
@@ -327,15 +303,15 @@ class Loop(_Redundant):
         return staying, last + silent, last
 
     def plot(self, faults: Faults = (), ax: Axes | None = None) -> Axes:
-        """Draw the loop, what has failed in it, and which port serves each slave; return the axes.
+        """Draw the loop, its faults, and the port that serves each slave; return the axes.
 
-        A break is a gap in the line, a short a heavy line, a dead slave or port a cross.
+        A break is a dotted section, a short a heavy one, and a dead slave or port a cross.
         """
         ax = style.axes(ax)
         failed = line_faults(faults)
         served = self.reach(failed).served
         n = self.n_slaves
-        # From port A on the left over the top and back to port B on the right of the master.
+        # From port A on the left, over the top, to port B on the right of the master.
         angle = np.linspace(-0.6 * np.pi, -2.4 * np.pi, n + 2)
         x, y = np.cos(angle), np.sin(angle)
         cables = [f for f in failed if isinstance(f, Break | Short)]
@@ -354,27 +330,27 @@ class Loop(_Redundant):
                 words = "\n".join(str(f) for f in cables if f.section == k)
                 ax.text(
                     1.15 * np.cos(arc[6]), 1.15 * np.sin(arc[6]), words,
-                    color=red, fontsize=8, ha="center", va="center",
+                    color=red, ha="center", va="center",
                 )  # fmt: skip
-        for port, (colour, words) in _SERVED.items():
+        for port, (marker, colour, words) in _SERVED.items():
             own = np.flatnonzero(np.array(served) == port) + 1
             if own.size:
                 ax.plot(
-                    x[own], y[own], "o", color=colour, markersize=14 if n <= _NUMBERED else 4,
+                    x[own], y[own], marker, color=colour, markersize=14 if n <= _NUMBERED else 4,
                     label=f"{own.size} {words}", zorder=2,
                 )  # fmt: skip
         if n <= _NUMBERED:
             for s in range(1, n + 1):
-                ax.text(x[s], y[s], str(s), ha="center", va="center", fontsize=8, zorder=3)
+                ax.text(x[s], y[s], str(s), ha="center", va="center", zorder=3)
         ax.bar(0, 0.26, 0.84, bottom=y[0] - 0.16, color="white", edgecolor="0.2", zorder=3)
-        ax.text(0, y[0] - 0.03, "master", ha="center", va="center", fontsize=9, zorder=5)
+        ax.text(0, y[0] - 0.03, "master", ha="center", va="center", zorder=5)
         for s, port in ((0, "A"), (n + 1, "B"))[: 1 + self.closed]:
             ax.text(x[s], y[s] - 0.03, port, ha="center", va="center", fontweight="bold", zorder=5)
         dead = [f.slave for f in failed if isinstance(f, DeadSlave)]
         dead += [0 if f.port == "A" else n + 1 for f in failed if isinstance(f, DeadPort)]
         if dead:
             ax.plot(x[dead], y[dead], "x", color=red, markersize=14, zorder=6, label="_dead")
-        ax.legend(loc="center")
+        ax.legend(loc="center", markerscale=0.7)
         ax.set(xlim=(-1.35, 1.35), ylim=(-1.25, 1.25), aspect="equal")
         ax.set_axis_off()
         return ax
@@ -386,18 +362,16 @@ class DualChannel(_Redundant):
 
     Notes
     -----
-    The two slaves represent one source of data, so `n_slaves` is 1: port A reaches it
-    through the first slave, B through the second. `Break` and `Short` have the section 0 for
-    channel 1 and 1 for channel 2; how the slaves share their data is not part of this.
+    The two slaves are one source of data, so `n_slaves` is 1: port A reaches it through the first
+    slave, port B through the second. How the slaves share their data is not modelled.
 
-    With the period P, f `failures` and G a poll that times out, the longest time between two
-    answers is
+    With the period P, f `failures` and a timed-out poll G, the longest time between two answers is
 
     .. math:: t = P + (f - 1) \max \left( P, G \right) + G
 
-    or P if one channel remains in use. Time-out and retries are not printed in [1]_. The switching
-    time is, as 133 us, which is 1.3 bit times; as 133 ms it is a request of 9.17 ms and a time-out
-    of 124 ms.
+    or P if one channel stays in use. The paper [1]_ gives no time-out or retries. Its switching
+    time of 133 us is only 1.3 bit times; 133 ms would be a request of 9.17 ms and a time-out of 124
+    ms.
 
     References
     ----------
@@ -406,7 +380,7 @@ class DualChannel(_Redundant):
 
     Examples
     --------
-    The time-out that gives 133 ms; the registers of the test are not printed, so it reads one:
+    The time-out that gives 133 ms, with one register because the paper does not say how many:
 
     >>> from shipnet.modbus import Poll, Request, SerialLine
     >>> from shipnet.modbus.faults import Break
@@ -418,15 +392,18 @@ class DualChannel(_Redundant):
     [1.133]
     """
 
+    #: One source of data; the master has a port B, and nothing lies downstream.
+    n_slaves: ClassVar[int] = 1
+    closed: ClassVar[bool] = True
+    move: ClassVar[str] = "slave"
     poll: Poll = part(Poll, "What the master asks")
     period: float = number(
-        0, 3600, "s", "From the begin of a poll to the next, not shorter than a poll; a poll that "
-        "takes longer delays the next one. The AMS of [1]_ polls once a second", default=1.0,
-        kw_only=True,
+        0, 3600, "s", "Time between the starts of two polls, at least that of a poll; a longer one "
+        "delays the next. The AMS of [1]_ polls once per second", default=1.0, kw_only=True,
     )  # fmt: skip
     failures: int = whole(
-        1, 100, help="Polls, each with all its retries, that must fail in a row before the master "
-        "asks on the other channel", default=1, kw_only=True,
+        1, 100, help="Polls in a row, each with all retries, that must fail before the master asks "
+        "on the other channel", default=1, kw_only=True,
     )  # fmt: skip
     recheck: float = number(
         1e-3, 1e6, "s", "As for `Loop`; not shorter than `period`", default=60.0, kw_only=True
@@ -436,29 +413,14 @@ class DualChannel(_Redundant):
         self._check()
         check_scalar("period", self.period, "s", self.poll.time, 3600)
 
-    @property
-    def n_slaves(self) -> int:
-        """One source of data."""
-        return 1
-
-    @property
-    def move(self) -> str:
-        """Nothing lies downstream."""
-        return "slave"
-
-    @property
-    def closed(self) -> bool:
-        """The master has a port B."""
-        return True
-
     def single_faults(self) -> list[Fault]:
-        """Return a break and a short of each channel, then each slave, then both ports."""
+        """Return a break and a short of each channel, then the slaves, then the ports."""
         both = (0, 1)
         ports: list[Fault] = [DeadPort("A"), DeadPort("B")]
         return [*map(Break, both), *map(Short, both), *map(DeadSlave, (1, 2)), *ports]
 
     def reach(self, faults: Faults = ()) -> Reach:
-        """Return which port reaches the data with one or several faults, whatever their times."""
+        """Return which port reaches the data with these faults, whatever their times."""
         dead = {self._channel(fault) for fault in line_faults(faults)}
         return Reach(1, int("A" not in dead), 1 + int("B" in dead))
 
@@ -484,5 +446,4 @@ class DualChannel(_Redundant):
         return np.full(shape, self.period), moving, moving
 
 
-#: A master with two ports.
-System = Loop | DualChannel
+System = Loop | DualChannel  #: A master with two ports.

@@ -1,24 +1,11 @@
-"""A real Modbus server in front of simulated slaves, in TCP, UDP or on a serial port."""
+"""A Modbus server for simulated slaves, over TCP, UDP or a serial port."""
 
 from __future__ import annotations
 
 import asyncio
+import errno
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
-from errno import (
-    EACCES,
-    EADDRINUSE,
-    EADDRNOTAVAIL,
-    EAGAIN,
-    EBUSY,
-    EINVAL,
-    EISDIR,
-    ENODEV,
-    ENOENT,
-    ENOTTY,
-    ENXIO,
-    EPERM,
-)
 from socket import gaierror
 from threading import Thread
 from time import monotonic
@@ -39,41 +26,34 @@ Transport = Literal["tcp", "udp", "rtu"]
 
 _DEFAULT_LINE = SerialLine(9600)
 
-#: What errors of the system mean when a port is opened.
+#: Causes by the system's error number when a port is opened.
 _NETWORK_CAUSES = {
-    EADDRINUSE: "port in use; port 0 is any free one",
-    EACCES: "not permitted; ports below 1024 may need rights of an administrator",
-    EADDRNOTAVAIL: "this machine does not have that address",
+    errno.EADDRINUSE: "port in use; port 0 is any free one",
+    errno.EACCES: "not permitted; ports below 1024 may need rights of an administrator",
+    errno.EADDRNOTAVAIL: "this machine does not have that address",
 }
 _SERIAL_CAUSES = {
-    ENOENT: "no such device",
-    ENXIO: "no such device",
-    ENODEV: "no such device",
-    EACCES: "not permitted; on Linux the group dialout may use serial ports",
-    EPERM: "not permitted",
-    EISDIR: "not a tty",
-    ENOTTY: "not a tty",
-    EAGAIN: "port in use by another program",
-    EBUSY: "port in use by another program",
-    EINVAL: "the device does not support {character}; a pseudo-terminal has no parity, as in 8N1",
+    **dict.fromkeys((errno.ENOENT, errno.ENXIO, errno.ENODEV), "no such device"),
+    errno.EACCES: "not permitted; on Linux the group dialout may use serial ports",
+    errno.EPERM: "not permitted",
+    **dict.fromkeys((errno.EISDIR, errno.ENOTTY), "not a tty"),
+    **dict.fromkeys((errno.EAGAIN, errno.EBUSY), "port in use by another program"),
+    errno.EINVAL: "the device does not support {character}; a pseudo-terminal has no parity, as "
+    "in 8N1",
 }
 
 
 def real_clock(speed: float = 1.0) -> Clock:
-    """Return a clock that shows 0 now and then runs at a multiple of real time."""
+    """Return a clock that starts at 0 now and runs at a multiple of real time."""
     factor, start = check_scalar("speed", speed, "s/s", 0, 1e6), monotonic()
     return lambda: factor * (monotonic() - start)
 
 
 class Server:
-    """A server that listens between ``with`` and the end of its block; `serve` makes one.
+    """A server that listens inside its ``with`` block; `serve` returns it.
 
-    Attributes
-    ----------
-    slaves : dict of int to Slave
-        Slaves by unit id; their behaviour may be changed while the server listens.
-    port : int
-        TCP or UDP port that is bound; 0 on a serial line, and while it does not listen.
+    `slaves` are the slaves by unit id, which may be changed while it listens; `port` is the TCP or
+    UDP port in use, 0 on a serial line or when not listening.
 
     Examples
     --------
@@ -103,84 +83,56 @@ class Server:
         return f"Server({len(self.slaves)} slave{'s'[: len(self.slaves) > 1]}, {where})"
 
     def __enter__(self) -> Server:
-        self._check_idle()
+        if self._thread is not None:
+            raise RuntimeError("the server listens already")
         ready: Future[None] = Future()
         self._thread = Thread(
-            target=lambda: asyncio.run(self._hold(ready)), name="shipnet Modbus server", daemon=True
+            target=lambda: asyncio.run(self._run(ready)), name="shipnet Modbus server", daemon=True
         )
         self._thread.start()
         try:
             ready.result()
         except BaseException:
-            self._finish()
+            self.__exit__()
             raise
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._finish()
-
-    async def __aenter__(self) -> Server:
-        """Listen in the event loop that runs."""
-        self._check_idle()
-        await self._open()
-        return self
-
-    async def __aexit__(self, *_: object) -> None:
-        """Stop, and close all connections."""
-        await self._close()
-
-    def _check_idle(self) -> None:
-        if self._listener is not None or self._thread is not None:
-            raise RuntimeError("the server listens already")
-
-    def _finish(self) -> None:
-        self._stop()
-        self._stop = lambda: None
         if self._thread is not None:
+            self._stop()
             self._thread.join()
             self._thread = None
 
-    async def _hold(self, ready: Future[None]) -> None:
-        loop, stopped = asyncio.get_running_loop(), asyncio.Event()
-        self._stop = lambda: loop.call_soon_threadsafe(stopped.set)
-        try:
-            await self._open()
-        except BaseException as problem:
-            self._stop = lambda: None
-            ready.set_exception(problem)
-            return
-        ready.set_result(None)
-        await stopped.wait()
-        await self._close()
-
-    async def _open(self) -> None:
-        clock = self._clock()
+    async def _run(self, ready: Future[None]) -> None:
+        """Listen until the end of the block."""
+        loop, stopped, clock = asyncio.get_running_loop(), asyncio.Event(), self._clock()
 
         def respond(request: Adu) -> Answer:
             return answer(self.slaves, request, clock(), serial=self._serial)
 
-        listener, why = self._make(respond), ""
+        listener = self._make(respond)
         try:
             await listener.listen()
         # A serial port that refuses its settings raises no OSError.
-        except Exception as problem:
+        except BaseException as problem:
             listener.close()
+            self._stop = lambda: None
             why = _cause(problem, listener)
-        if why:  # no exception keeps the frames, and with them a half-open port
-            raise OSError(f"cannot listen on {listener.place}: {why}")
+            ready.set_exception(OSError(f"cannot listen on {listener.place}: {why}"))
+            return
         self._listener, self.port = listener, listener.port
-
-    async def _close(self) -> None:
-        if self._listener is not None:
-            self._listener.close()
+        self._stop = lambda: loop.call_soon_threadsafe(stopped.set)
+        ready.set_result(None)
+        await stopped.wait()
+        listener.close()
         self._listener, self.port = None, 0
-        # The loop closes a transport, and ends a task, in its next turns.
+        # The loop closes transports in its next turns.
         for _ in range(3):
             await asyncio.sleep(0)
 
 
-def _cause(problem: Exception, listener: Listener) -> str:
-    """Say why it cannot listen, by the error of the system; pyserial hides it in a text."""
+def _cause(problem: BaseException, listener: Listener) -> str:
+    """Return why the server cannot listen; pyserial hides the system's error number in its text."""
     if isinstance(problem, gaierror | UnicodeError):
         return "unknown host"
     causes, character = _NETWORK_CAUSES, ""
@@ -208,67 +160,64 @@ def serve(
     wire_faults: WireFault | Iterable[WireFault] = (),
     rng: Any = 2024,
 ) -> Server:
-    r"""Return a server for simulated devices, to be used in ``with`` or ``async with``.
+    """Return a server for simulated devices, for use in a ``with`` block.
 
     Parameters
     ----------
     devices : mapping of int to Device or Slave
-        Devices by unit id: 1..247, and 0 for the server itself, not on a serial line. A bare
-        device becomes a `Slave` that serves all function codes at once.
+        Devices by unit id, 1..247; 0 is the server itself, not on a serial line. A bare device
+        becomes a `Slave`.
     transport : {"tcp", "udp", "rtu"}, default "tcp"
-        Modbus/TCP; the same frames in datagrams, which no standard has but kim2014 uses; or RTU.
+        Modbus/TCP; the same frames in datagrams, which no standard defines but kim2014 uses; or
+        RTU.
     host : str, default "127.0.0.1"
-        Address to listen on; the default is reached from this machine only.
+        Address to listen on; by default only this machine can connect.
     port : int, default 0
-        TCP or UDP port, 0..65535; with 0 the system chooses one, see `Server.port`.
+        TCP or UDP port, 0..65535; 0 is any free one, see `Server.port`.
     serial_port : str, optional
         Serial port for RTU, such as ``"/dev/ttyUSB0"``.
     line : SerialLine, default 9600 bit/s and 8E1
-        Settings of that port. An answer begins no sooner than t3.5 after its request. Linux
-        refuses parity on a pseudo-terminal, which takes ``SerialLine(9600, "8N1")``.
+        Settings of that port; an answer waits for t3.5. A Linux pseudo-terminal has no parity: use
+        ``SerialLine(9600, "8N1")``.
     silence : float, default 0.05
-        Silence after which bytes that are not a frame are dropped, t3.5..10 [s]. It is longer than
-        t3.5 for adapters and drivers that hand on bytes in portions.
+        Silence after which an incomplete frame is dropped, t3.5..10 [s]; long enough for adapters
+        and drivers that pass on bytes in portions.
     speed : float, default 1
-        Model seconds that pass in a real one, from the start of the server, 0..1e6.
+        Model seconds per real second, from the start of the server, 0..1e6.
     clock : callable, optional
-        Model time [s] when called, in place of `speed`. Devices get it with each request. Nothing
-        sleeps for it: only answers are held back, for real seconds, by their slave's delay.
+        Returns the model time [s] passed to devices, in place of `speed`. A slave's delay is in
+        real seconds.
     max_clients : int, default 128
-        TCP connections at the same time, 1..10000; a further one is closed at once.
+        Most TCP connections at a time, 1..10000; any further one is closed at once.
     idle_limit : float, default 600
-        A TCP connection without a request for so long is closed, 0.01..1e6 [s].
+        Time after which a TCP connection without requests is closed, 0.01..1e6 [s].
     wire_faults : WireFault or iterable of WireFault, optional
-        What becomes of some answers in TCP or on a serial line; at most one hits an answer.
+        Faults of answers over TCP or a serial line; at most one hits an answer.
     rng : optional
-        Draws which ones, and random delays and bytes; whatever `numpy.random.default_rng` takes.
+        Random generator for `wire_faults`, as `numpy.random.default_rng` takes it.
 
     Returns
     -------
     Server
-        When its block begins, it listens; when it ends, all is closed.
+        It listens inside its ``with`` block.
 
     Raises
     ------
-    ArgumentError
-        If an argument is out of its range.
     ImportError
         For RTU, if pymodbus or pyserial is missing.
     OSError
-        On entry, if it cannot listen there; the text names the cause, such as a port in use, a
-        missing device, or a parity that the device does not support.
+        On entry, if it cannot listen; the message names the cause, such as a port in use, a missing
+        device or an unsupported parity.
 
     Notes
     -----
-    A frame of another protocol, a datagram that is not a frame and an RTU frame with a wrong CRC
-    get no answer; a TCP connection with an impossible length field is closed, because nothing
-    shows where the next frame begins.
+    Frames of other protocols, invalid datagrams and RTU frames with a wrong CRC get no answer; an
+    impossible length field closes the TCP connection, because the next frame cannot be found.
 
-    Clients take turns: at most four requests of one TCP client are answered before those of all
-    others have had their turn. A client that leaves 64 KiB of answers unread is disconnected; one
-    with 256 answers held back must wait. Datagrams share one queue of the system, first come,
-    first served: it drops what comes too fast, whoever sent it. Of a sender with 256 answers held
-    back, further datagrams are dropped, and of all senders at 32768 answers.
+    TCP clients take turns of at most four requests. A client that leaves 64 KiB of answers unread
+    is disconnected; one with 256 delayed answers must wait. Datagrams share one queue, which drops
+    them when it is full. Further datagrams are dropped at 256 delayed answers per sender, or 32768
+    in all.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A master with two ports on a clock: one try after the other, faults, switch-over."""
+"""A simulated master with two ports: its polls, faults and switch-overs."""
 
 from __future__ import annotations
 
@@ -20,27 +20,19 @@ from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.redundancy import DualChannel, Faults, System, line_faults
 
-#: Ports, and in place of one: served by none.
-A, B, LOST = range(3)
+A, B, LOST = range(3)  #: Ports, or none.
 
-#: Why a try is made: in its turn, on the other port at once, or to see whether all is well again.
+#: Kinds of a try: in its turn, at once on the other port, or to recheck what failed.
 KINDS = ("poll", "switch", "probe")
 _POLL, _SWITCH, _PROBE = range(3)
 
-#: Colour of each outcome of a try.
+#: Colours of the parts of a try.
 _OUTCOME = {"request": "C0", "response": "C2", "no response": style.LIMIT["color"]}
-
-#: Start [s], slave from 0, port, kind, answered.
-Try = tuple[float, int, int, int, bool]
-
-
-def until_answer(system: System) -> float:
-    """Return the time from the begin of a request to the end of its response [s]."""
-    return system.poll.time - system.poll.line.t35
+Try = tuple[float, int, int, int, bool]  #: Start [s], slave from 0, port, kind, answered.
 
 
 class Paths:
-    """Who is joined to which port, piece by piece in time."""
+    """The connections between slaves and ports, in intervals without a change."""
 
     def __init__(self, system: System, faults: Sequence[Fault]) -> None:
         system.reach(faults)
@@ -56,7 +48,7 @@ class Paths:
         self.piece = 0
 
     def hold(self, start: float, end: float, slave: int, port: int) -> bool:
-        """Return whether a path is whole from `start` to `end`; starts must not go back."""
+        """Return whether a path is whole from `start` to `end`; starts must not decrease."""
         while self.ends[self.piece] <= start:
             self.piece += 1
         piece = self.piece
@@ -68,7 +60,7 @@ class Paths:
 
 
 class Master:
-    """The state of the rule, and the clock."""
+    """The state of the switch-over rule, and the clock."""
 
     def __init__(self, system: System, faults: Sequence[Fault]) -> None:
         n = system.n_slaves
@@ -77,7 +69,7 @@ class Master:
         self.period = system.period if isinstance(system, DualChannel) else 0.0
         self.attempts = 1 + system.poll.retries
         self.answered, self.unanswered = system.poll.time, system.poll.unanswered_time
-        self.needed = until_answer(system)
+        self.needed = system.poll.time - system.poll.line.t35
         self.paths = Paths(system, faults)
         self.port, self.failed = [A] * n, [0] * n
         self.time, self.last_failure, self.probed = 0.0, -inf, n - 1
@@ -90,19 +82,19 @@ class Master:
         return self.tries
 
     def scan(self, end: float) -> None:
-        """Give each slave its turn, unless the end comes first."""
+        """Poll each slave in turn, unless the end comes first."""
         begin = self.time
         for slave in range(self.n):
             if self.time >= end:
                 break
             self.turn(slave)
         if self.time == begin:
-            # All are lost: nothing happens before the next try is due.
+            # If all are lost, nothing happens before the next recheck.
             self.time = min(self.last_failure + self.rule.recheck, end)
         self.time = max(self.time, begin + self.period)
 
     def turn(self, slave: int) -> None:
-        """Do what the scan has for a slave."""
+        """Do what the scan has for one slave."""
         port = self.port[slave]
         if port != A and self.due(slave):
             self.probed = slave
@@ -129,14 +121,14 @@ class Master:
                     self.port[one] = other
 
     def due(self, slave: int) -> bool:
-        """Return whether it is time to try again what failed, and this slave's turn."""
+        """Return whether it is time to recheck, and this slave's turn."""
         if self.time < self.last_failure + self.rule.recheck:
             return False
         following = ((self.probed + step) % self.n for step in range(1, self.n + 1))
         return slave == next(one for one in following if self.port[one] != A)
 
     def serve(self, slave: int, port: int) -> None:
-        """Have a slave served through a port from now on."""
+        """Let a port serve a slave."""
         self.port[slave], self.failed[slave] = port, 0
 
     def ask(self, slave: int, port: int, kind: int) -> bool:
@@ -161,18 +153,7 @@ class Master:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A simulation of a master: who was asked when, and how long data stayed away.
-
-    Parameters
-    ----------
-    system : Loop or DualChannel
-        What was simulated.
-    faults : tuple of Fault
-        What failed.
-    until : float
-        No try begins after it [s].
-    tries : list of tuple
-        Start [s], slave from 0, port, kind and outcome of each try; `events` shows them.
+    """A simulated master; `simulate` returns it, with `system`, `faults` and `until` [s] as given.
 
     Examples
     --------
@@ -226,7 +207,8 @@ class Run:
         start, slave, port, _, answered = self._columns
         order = np.flatnonzero(answered)
         order = order[np.argsort(slave[order], kind="stable")]
-        return start[order] + until_answer(self.system), slave[order], port[order]
+        poll = self.system.poll
+        return start[order] + poll.time - poll.line.t35, slave[order], port[order]
 
     @property
     def answer_times(self) -> Floats:
@@ -235,10 +217,7 @@ class Run:
 
     @cached_property
     def gaps(self) -> Floats:
-        """Longest time between two answers of each slave, or from the last to the end [s].
-
-        It is the whole time for a slave that never answered.
-        """
+        """Longest time without an answer of each slave, the end included [s]."""
         time, slave, _ = self._answers
         last = np.flatnonzero(np.diff(slave, append=-1))
         longest = np.full(self.system.n_slaves, self.until)
@@ -250,12 +229,11 @@ class Run:
         return longest
 
     def table(self) -> pd.DataFrame:
-        """Return one row per slave: what served it at the end, and how long it was without answer.
+        """Return one row per slave: its port at the end, and its longest time without an answer.
 
-        Indexed by ``slave``: ``port`` at the end, ``"-"`` if lost; ``answers``; ``longest_gap_s``
-        as `gaps`; ``switch_s``, from the first fault to the first answer through another port
-        than before; ``recovery_s``, from the last repair to the first answer through port A of a
-        slave that was not served from there. NaN where there was none.
+        ``port`` is ``"-"`` if lost; ``switch_s`` is the time from the first fault to the first
+        answer through another port; ``recovery_s`` that from the last repair to the first answer
+        through port A of a slave not served there. NaN if there was none.
         """
         time, slave, port = self._answers
         begin = min((fault.start for fault in self.faults), default=inf)
@@ -289,10 +267,7 @@ class Run:
         )
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return how far the line was used, where each slave's points need an `update` [s].
-
-        Data may be as old as the begin of a try, and are known at its end.
-        """
+        """Return how far the line was used, if each slave's points need an `update` [s]."""
         check_scalar("update", update, "s", 1e-6, 1e6)
         events, poll = self.events(), self.system.poll
         good = events[events["answered"]]
@@ -303,7 +278,7 @@ class Run:
         return Utilisation(busy / float(events["end_s"].max()), capacity, float(worst))
 
     def _lost_at(self, moment: float) -> set[int]:
-        """Return the slaves that were lost at a moment: silent through every port."""
+        """Return the slaves that were lost at a moment."""
         system = self.system
         enough = inf if system.closed else system.failures * (1 + system.poll.retries)
         lost: set[int] = set()
@@ -321,7 +296,7 @@ class Run:
     def plot(
         self, ax: Axes | None = None, *, start: float | None = None, stop: float | None = None
     ) -> Axes:
-        """Draw what is on the line at both ports from `start` to `stop` [s]; return the axes.
+        """Draw the frames at both ports from `start` to `stop` [s]; return the axes.
 
         A request without a response is red until its time-out.
         """
@@ -356,42 +331,35 @@ class Run:
             for at, words in ((fault.start, str(fault)), (fault.stop, f"{fault} repaired")):
                 if begin <= at <= end:
                     ax.axvline(at, color=red, linestyle=style.LIMIT["linestyle"], linewidth=1)
-                    ax.annotate(f" {words}", (at, 1.75), color=red, fontsize=8, va="center")
+                    ax.annotate(f" {words}", (at, 1.75), color=red, va="center")
         ax.set_yticks([1.3, 0.3], labels=["port A", "port B"])
         ax.set(xlabel="time [s]", xlim=(begin, end), ylim=(-0.2, 1.95))
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, frameon=False)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
         return ax
 
 
 @checked
 def simulate(system: System, *, faults: Faults = (), until: float) -> Run:
-    """Simulate a master that polls its slaves through one port or the other.
+    """Simulate a master that polls its slaves through either port.
 
     Parameters
     ----------
     system : Loop or DualChannel
-        The line; all slaves are served through port A at the start.
+        The line; at the start all slaves are served through port A.
     faults : Fault or iterable of Fault, optional
-        What fails, and when: `faults.Break`, `faults.Short`, `faults.DeadSlave`,
-        `faults.DeadPort`.
+        Faults from `faults`: `Break`, `Short`, `DeadSlave` and `DeadPort`.
     until : float
-        No try begins after it, 0..1e5 [s].
+        Time after which no try begins, 0..1e5 [s].
 
     Returns
     -------
     Run
-        The tries and what follows from them.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range, or a fault names a section, slave or port that does
-        not exist.
+        The tries and their consequences.
 
     Notes
     -----
-    A try is answered if slave and port are joined from the begin of the request to the end of the
-    response; the rest follows from the rule of the system.
+    A try is answered if slave and port are connected from the start of the request to the end of
+    the response.
 
     Examples
     --------

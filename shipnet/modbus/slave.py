@@ -1,13 +1,13 @@
-"""Simulated slaves: what they hold, and how they answer, from bytes to bytes.
+"""Simulated slaves: the values they hold, and their answers as bytes.
 
-No library and no socket is needed here; `shipnet.modbus.server` puts a server in front of them.
+`shipnet.modbus.server` puts a server in front of them.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Literal, NamedTuple, Protocol, get_args, runtime_checkable
 
 from shipnet.errors import ArgumentError, FrameError
 from shipnet.fields import check_kind, check_scalar, check_whole
@@ -25,12 +25,9 @@ from shipnet.modbus.pdu import (
 #: Kind of data, each with addresses of its own; "MODBUS application protocol" V1.1b3, section 4.3.
 Table = Literal["coils", "discrete_inputs", "holding_registers", "input_registers"]
 
-_READ: dict[int, Table] = {
-    1: "coils",
-    2: "discrete_inputs",
-    3: "holding_registers",
-    4: "input_registers",
-}
+_Values = Mapping[int, Any] | Iterable[Any]  #: Values by address, or from address 0.
+
+_READ: dict[int, Table] = dict(enumerate(get_args(Table), start=1))
 
 _WRITES = frozenset({5, 6, 15, 16})
 _BROADCAST, _SERVER_ITSELF = 0, 255
@@ -43,12 +40,7 @@ class DeviceError(Exception):
     Parameters
     ----------
     exception : ExceptionCode
-        Why, 1..6, 8, 10 or 11; it goes out in the exception response.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such exception code.
+        The reason, 1..6, 8, 10 or 11, which the exception response carries.
 
     Examples
     --------
@@ -63,7 +55,7 @@ class DeviceError(Exception):
 
 @runtime_checkable
 class Device(Protocol):
-    """Anything that can be read and written by address; both raise `DeviceError` to refuse.
+    """Any object that can be read and written by address; it raises `DeviceError` to refuse.
 
     Examples
     --------
@@ -81,41 +73,39 @@ class Device(Protocol):
     """
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> Sequence[int]:
-        """Return as many values of a table as asked for, at a model time [s]."""
+        """Return `quantity` values of a table at a model time [s]."""
         ...
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """Take over values for coils or holding registers, all of them or none."""
+        """Write all values to coils or holding registers, or none."""
         ...
 
 
 class Registers:
-    """A device that is nothing but memory, and may be changed while a server has it."""
+    """A device that only stores values; they may be changed while a server uses it."""
+
+    coils: dict[int, int]
+    discrete_inputs: dict[int, int]
+    holding_registers: dict[int, int]
+    input_registers: dict[int, int]
 
     def __init__(
-        self,
-        *,
-        coils: Mapping[int, bool] | Iterable[bool] = (),
-        discrete_inputs: Mapping[int, bool] | Iterable[bool] = (),
-        holding_registers: Mapping[int, int] | Iterable[int] = (),
-        input_registers: Mapping[int, int] | Iterable[int] = (),
-        limits: Mapping[int, tuple[int, int]] | None = None,
+        self, *, limits: Mapping[int, tuple[int, int]] | None = None, **tables: _Values
     ) -> None:
-        self.coils = _memory("coils", coils, check_coils)
-        self.discrete_inputs = _memory("discrete_inputs", discrete_inputs, check_coils)
-        self.holding_registers = _memory("holding_registers", holding_registers, check_registers)
-        self.input_registers = _memory("input_registers", input_registers, check_registers)
+        for name in get_args(Table):
+            check = check_registers if "registers" in name else check_coils
+            setattr(self, name, _memory(name, tables.get(name, ()), check))
         if not isinstance(limits, Mapping | None):
             raise ArgumentError(f"limits is {limits!r}; it must be a mapping")
         self.limits = dict(limits or {})
         for address, (low, high) in self.limits.items():
             if address not in self.holding_registers:
-                raise ArgumentError(f"limits names {address}, but there is no such register")
+                raise ArgumentError(f"limits has address {address}; holding_registers does not")
             check_whole(f"limits[{address}][0]", low, 0, 0xFFFF)
             check_whole(f"limits[{address}][1]", high, low, 0xFFFF)
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
-        """Return what a table holds; exception 2 if any of it does not exist."""
+        """Return values of a table; exception 2 if one does not exist."""
         memory: dict[int, int] = getattr(self, table)
         try:
             return [memory[place] for place in range(address, address + quantity)]
@@ -123,7 +113,7 @@ class Registers:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS) from None
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """Take over all values, or none: exceptions 2 and 3."""
+        """Write all values or none; exception 2 or 3."""
         new = dict(enumerate(values, address))
         memory: dict[int, int] = getattr(self, table)
         if not new.keys() <= memory.keys():
@@ -135,21 +125,11 @@ class Registers:
                     raise DeviceError(ExceptionCode.ILLEGAL_DATA_VALUE)
         memory.update(new)
 
-    def __repr__(self) -> str:
-        held = []
-        for table in ("coils", "discrete_inputs", "holding_registers", "input_registers"):
-            if number := len(getattr(self, table)):
-                name = table.replace("_", " ")
-                held.append(f"{number} {name if number > 1 else name[:-1]}")
-        return ", ".join(held) or "empty"
-
 
 def _memory(
-    name: str,
-    given: Mapping[int, Any] | Iterable[Any],
-    check: Callable[[Any, int, str], Sequence[int]],
+    name: str, given: _Values, check: Callable[[Any, int, str], Sequence[int]]
 ) -> dict[int, int]:
-    """Return checked values by address; a sequence begins at address 0."""
+    """Return checked values by address; a sequence starts at address 0."""
     try:
         pairs = dict(given if isinstance(given, Mapping) else enumerate(given))
     except TypeError:
@@ -160,7 +140,7 @@ def _memory(
 
 
 class Answer(NamedTuple):
-    """The PDU that goes out upon a request, empty if the slave is silent, and its delay [s]."""
+    """The response PDU, empty if the slave is silent, and its delay [s]."""
 
     pdu: bytes
     delay: float
@@ -170,38 +150,36 @@ _NOTHING = Answer(b"", 0.0)
 
 
 class Slave:
-    r"""A simulated slave over registers or a device of one's own.
+    """A simulated slave with registers, or with your own device.
 
-    Its attributes may be changed while a server has it: `device`, which holds the tables as
-    dictionaries if they were given here, and `functions`, `delay`, `exception`, `silent`.
+    All attributes may be changed while a server uses the slave; `device` has the tables as
+    dictionaries.
 
     Parameters
     ----------
     device : Device, optional
-        What it holds, in place of tables.
+        Your own device, in place of tables.
     coils, discrete_inputs : mapping of int to bool, or sequence of bool, optional
-        Bits by address; a sequence begins at address 0. What is not given does not exist.
+        Bits by address; a sequence starts at address 0. Other addresses do not exist.
     holding_registers, input_registers : mapping of int to int, or sequence of int, optional
-        Registers of 0..65535, likewise.
+        Registers by address, 0..65535 each.
     limits : mapping of int to (int, int), optional
-        Lowest and highest value that may be written to a holding register, by its address;
-        anything else is answered with exception 3. Registers without limits take all.
+        Lowest and highest value that may be written to a holding register, by address; exception 3
+        refuses other values.
     functions : collection of int, optional
-        Function codes that it serves, all nine of `FunctionCode` if omitted; another one is
-        answered with exception 1.
+        Function codes served, by default all of `FunctionCode`; exception 1 refuses others.
     delay : float, default 0
-        How long it works on an answer, 0..3600 [s]. The request is executed at once and the answer
-        held back, whatever else is asked meanwhile.
+        Time before the answer is sent, 0..3600 [s]. The request is executed at once.
     exception : ExceptionCode, optional
-        Exception with which it answers everything that it serves, instead of executing it.
+        Exception that answers every served request, which is not executed.
     silent : bool, default False
-        Whether it neither executes nor answers anything.
+        Whether it ignores all requests.
 
     Raises
     ------
     ArgumentError
-        If an argument is out of its range, at the start or when it is set later; if there are both
-        a device and tables.
+        If an argument is out of its range, now or when set later, or both a device and tables are
+        given.
 
     Examples
     --------
@@ -213,12 +191,6 @@ class Slave:
     '04 02 00 2a'
     >>> valve.answer(Request.write_single_register(0x4001, 101)).hex(" ")
     '86 03'
-
-    The junction box of an engine serves function code 3 alone:
-
-    >>> box = Slave(holding_registers=[350, 412], functions={3})
-    >>> box.answer(bytes.fromhex("03 0000 0002")).hex(" "), box.answer(b"\x07").hex(" ")
-    ('03 04 01 5e 01 9c', '87 01')
     """
 
     device: Device
@@ -281,25 +253,17 @@ class Slave:
         super().__setattr__(name, value)
 
     def __repr__(self) -> str:
-        device = self.device
-        said = [repr(device) if isinstance(device, Registers) else type(device).__name__]
-        if self.functions != frozenset(FunctionCode):
-            said.append(f"functions {', '.join(str(int(code)) for code in sorted(self.functions))}")
-        if self.delay:
-            said.append(f"delay {self.delay:g} s")
-        if self.exception is not None:
-            said.append(f"exception {self.exception.name}")
-        return f"Slave({', '.join(said + ['silent'] * self.silent)})"
+        refusal = f", exception {self.exception.name}" if self.exception else ""
+        silent = ", silent" if self.silent else ""
+        return f"Slave({type(self.device).__name__}, delay {self.delay:g} s{refusal}{silent})"
 
     def answer(self, request: Request | bytes, time: float = 0.0) -> bytes:
-        """Execute a request at a model time [s] and return the response, function code first.
+        """Execute a request at a model time [s] and return the response PDU.
 
-        It is empty if the slave is silent, or if the function code is 0 or above 127, which no
-        response could name. Exceptions come in the order of the state diagrams in "MODBUS
-        application protocol" V1.1b3, section 6: 1 for the function code, 3 for a quantity, byte
-        count, coil value or length that cannot be, then what the device raises. A device that
-        fails in another way gets exception 4, and the failure goes to the log
-        ``shipnet.modbus.server``.
+        The PDU is empty if the slave is silent or the function code is 0 or above 127. Exceptions
+        come in the order of "MODBUS application protocol" V1.1b3, section 6: 1 for the function
+        code, 3 for an illegal field or length, then that of the device. If the device fails
+        otherwise, exception 4 answers and the failure is logged to ``shipnet.modbus.server``.
         """
         pdu = request.pdu if isinstance(request, Request) else request
         if not isinstance(pdu, bytes | bytearray | memoryview):
@@ -317,7 +281,7 @@ class Slave:
             exception = refusal.exception
         except FrameError:
             exception = ExceptionCode.ILLEGAL_DATA_VALUE
-        # Whatever the device's own code raises, the bus gets an answer.
+        # The bus gets an answer whatever error the device's code raises.
         except Exception:
             logging.getLogger("shipnet.modbus.server").exception("the device failed")
             exception = ExceptionCode.SERVER_DEVICE_FAILURE
@@ -334,7 +298,7 @@ class Slave:
         if request.write_address is None:
             write("holding_registers", address, registers, time)
             return request.response()
-        # What cannot be read must not be written either, so the address is tried first.
+        # If the address cannot be read, nothing must be written.
         self.device.read("holding_registers", address, request.quantity, time)
         write("holding_registers", request.write_address, registers, time)
         return request.response(self._read("holding_registers", request, time))
@@ -342,21 +306,21 @@ class Slave:
     def _read(self, table: Table, request: Request, time: float) -> tuple[int, ...]:
         found = tuple(self.device.read(table, request.address, request.quantity, time))
         if len(found) != request.quantity:
-            raise ArgumentError(f"the device gave {len(found)} values of {request.quantity}")
+            raise ArgumentError(f"the device returned {len(found)} values, not {request.quantity}")
         return found
 
 
 def answer(
     slaves: Mapping[int, Slave], adu: Adu, time: float = 0.0, *, serial: bool = False
 ) -> Answer:
-    r"""Return what comes back upon a request to one of several slaves, without a socket.
+    r"""Return the response to a request to one of several slaves, without a socket.
 
     Parameters
     ----------
     slaves : mapping of int to Slave
-        Slaves by unit id, 0..247; 0 is the server itself and not for a serial line.
+        Slaves by unit id, 0..247; 0 is the server itself and not allowed on a serial line.
     adu : Adu
-        Who is asked, and what.
+        The request and the unit it addresses.
     time : float, default 0
         Model time [s].
     serial : bool, default False
@@ -365,14 +329,13 @@ def answer(
     Returns
     -------
     Answer
-        The response's `pdu`, empty if nothing comes back, and its `delay` [s].
+        The response `pdu`, empty if there is none, and its `delay` [s].
 
     Notes
     -----
-    Unit id 0 is a broadcast: all slaves execute a write and none answers [1]_. With a slave 0 in
-    TCP, 0 and 255 mean the server itself [2]_. If no slave has the unit id, a serial line stays
-    silent; in TCP the server takes the place of a gateway, which answers with exception 11,
-    "usually means that the device is not present on the network" [3]_.
+    Unit id 0 is a broadcast: all slaves execute a write, and none answers [1]_. If TCP slaves
+    include 0, both 0 and 255 mean the server itself [2]_. For a missing slave, a serial line stays
+    silent; in TCP, exception 11 reports that the target did not respond [3]_.
 
     References
     ----------

@@ -1,7 +1,7 @@
-r"""A serial line: its characters and silences, its level while bytes are sent, what a UART reads.
+"""A serial line: its characters and silences, its level over time, and what a UART reads.
 
-A character is a start bit of level 0, the data with the least significant bit first, a parity bit
-if there is one, and one or two stop bits of level 1; an idle line has level 1.
+A character is a start bit of level 0, the data from the lowest bit, perhaps a parity bit, and one
+or two stop bits of level 1; an idle line has level 1.
 """
 
 from __future__ import annotations
@@ -29,12 +29,7 @@ CHARACTERS = ("8E1", "8E2", "8O1", "8O2", "8N1", "8N2")
 
 @record(slots=True)
 class SerialLine:
-    r"""Settings of an RTU line.
-
-    References
-    ----------
-    .. [1] "MODBUS over serial line specification and implementation guide", V1.02, 2006,
-       section 2.5.1.
+    """Settings of an RTU line; "MODBUS over serial line" V1.02, 2006, section 2.5.1.
 
     Examples
     --------
@@ -57,12 +52,12 @@ class SerialLine:
 
     @property
     def character_bits(self) -> int:
-        """Bytes on the line for a byte: start, 8 data, parity if any, stop."""
+        """Bits on the line per byte: start, 8 data, parity if any, stop."""
         return 9 + (self.character[1] != "N") + int(self.character[2])
 
     @property
     def character_time(self) -> float:
-        """How long a byte takes [s]."""
+        """Time per byte [s]."""
         return self.character_bits / self.bit_rate
 
     @property
@@ -76,7 +71,7 @@ class SerialLine:
         return self.FIXED_T35 if self.bit_rate > self.SILENCE_LIMIT else 3.5 * self.character_time
 
     def frame_time(self, size: int) -> float:
-        """Return how long a frame of 4..256 bytes takes [s], unit id and CRC included."""
+        """Return the time of a frame of 4..256 bytes, including unit id and CRC [s]."""
         return check_whole("size", size, RTU_BYTES + 1, RTU_BYTES + MAX_PDU) * self.character_time
 
     @checked
@@ -88,12 +83,11 @@ class SerialLine:
         start: float | None = None,
         differential: float | None = None,
     ) -> Waveform:
-        """Return the level on the line while frames are sent, as corners of a step function.
+        """Return the level while frames are sent, as corners of a step function.
 
-        `gap` is the silence after each frame, one for all or one per frame, and `start` the
-        silence before the first one [s]; both are t3.5 if omitted, but a single `gap` holds for
-        `start` too. `differential` gives the voltage of RS-485 instead of the level, D1 against
-        D0: this much for 1 and the opposite for 0, 0.2..12 [V].
+        `gap` is the silence after each frame, one for all or one per frame, and `start` that before
+        the first [s]; both are t3.5 by default, but a single `gap` also applies to `start`. With
+        `differential`, 0.2..12 [V], the result is that RS-485 voltage for 1 and its opposite for 0.
         """
         parts = [frames] if isinstance(frames, bytes | bytearray | memoryview) else list(frames)
         single = self.t35 if gap is None else gap
@@ -115,7 +109,7 @@ class SerialLine:
             levels.append(np.append(bits, 1))
             begin = times[-1][-1] + pause
         time, level = np.concatenate(times), np.concatenate(levels).astype(np.float64)
-        # Of corners at one time the last one holds; a corner without a change is not a corner.
+        # Keep the last corner of each time, and only corners where the level changes.
         keep = np.append(np.diff(time) > 0, True)
         time, level = time[keep], level[keep]
         corner = np.append(True, np.diff(level) != 0)
@@ -125,13 +119,13 @@ class SerialLine:
         return Waveform(time, level, self, threshold=0.5 if differential is None else 0.0)
 
     def clock_tolerance(self, *, oversampling: int | None = None) -> tuple[float, float]:
-        r"""Return how far a sender's bit rate may be off, as a share of the receiver's.
+        r"""Return the lowest and highest relative error of a sender's bit rate that is still read.
 
         .. math:: -\frac{1/2}{n - 1/2} < \delta < \frac{1/2 - 1/k}{n - 1/2 + 1/k}
 
-        for the n bits up to the first stop bit and k = `oversampling` ticks per bit, 4..256; 1/k is
-        0 if omitted. With two stop bits the sample of the first may fall into the second, and the
-        right side has n - 1 instead, from the bit before them. Rise times and jitter come off this.
+        for n bits up to the first stop bit and k = `oversampling` ticks per bit, 4..256, infinite
+        if omitted. With two stop bits the sample of the first may fall into the second, so the
+        right side has n - 1. Rise times and jitter reduce the range.
         """
         tick = 0.0
         if oversampling is not None:
@@ -143,7 +137,7 @@ class SerialLine:
 
 
 def _line_bits(data: bytes | memoryview, line: SerialLine) -> Bytes:
-    """Return the bits of bytes on a line, one character per row: start, data, parity, stop."""
+    """Return the bits of bytes on a line, one row per character."""
     values = np.frombuffer(data, dtype=np.uint8)
     bits = np.ones((values.size, line.character_bits), dtype=np.uint8)
     bits[:, 0] = 0
@@ -155,7 +149,7 @@ def _line_bits(data: bytes | memoryview, line: SerialLine) -> Bytes:
 
 
 class Characters(NamedTuple):
-    r"""What a receiver took from the line, one entry per character.
+    r"""The characters that a receiver reads, one entry each.
 
     Examples
     --------
@@ -180,33 +174,22 @@ class Characters(NamedTuple):
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform:
-    r"""The level or voltage on a line over time; `SerialLine.waveform` makes one.
+    r"""The level or voltage of a line over time; `SerialLine.waveform` returns one.
 
     Parameters
     ----------
     time : array_like of float, shape (n_samples,)
-        Times [s], not falling: corners of a step function or samples of a scope.
+        Non-decreasing times [s]: corners of a step function or samples of a scope.
     level : array_like of float, shape (n_samples,)
-        Level or voltage from that time to the next; the last one stays.
+        Level or voltage from each time to the next; the last one stays.
     line : SerialLine
         Settings of the sender.
     threshold : float, default 0.5
-        Above it the line is 1, -1e6..1e6; 0 for a differential voltage.
-
-    Raises
-    ------
-    ArgumentError
-        If the arrays differ in shape or hold something other than finite numbers, the times fall,
-        or the threshold is out of range.
-
-    References
-    ----------
-    .. [1] "MODBUS over serial line specification and implementation guide", V1.02, 2006,
-       sections 2.5.1 and 3.4.
+        Level above which the line is 1, -1e6..1e6; 0 for a differential voltage.
 
     Examples
     --------
-    A sender 4.5 % faster than the receiver is read, one 5.3 % faster is not:
+    A receiver reads a sender that is 4.5 % fast, but not one that is 5.3 % fast:
 
     >>> waveform = SerialLine(9600).waveform(b"\x01\x04\x40\x20")
     >>> waveform.decode(SerialLine(9600 / 1.045)).data.hex(" ")
@@ -226,7 +209,7 @@ class Waveform:
         value = np.asarray(self.level, dtype=np.float64)
         if at.ndim != 1 or at.shape != value.shape:
             raise ArgumentError(
-                f"time has the shape {at.shape} and level {value.shape}; they must be equal rows"
+                f"time has shape {at.shape}, level {value.shape}; make them equal rows"
             )
         if not (np.isfinite(at).all() and np.isfinite(value).all()):
             raise ArgumentError("time and level must be finite")
@@ -242,16 +225,16 @@ class Waveform:
     def decode(
         self, receiver: SerialLine | None = None, *, oversampling: int | None = None
     ) -> Characters:
-        """Return the characters that a receiver finds; nothing in a waveform raises an error.
+        """Return the characters that a receiver reads; errors are codes, never exceptions.
 
-        The receiver's bit rate need not be the sender's, which it is if omitted. It sees the line
-        at any moment, or at `oversampling` ticks per bit only, 4..256, one of them at time 0; most
-        chips have 16. A start bit begins where the level falls, and counts if it is still 0 half a
-        bit later; all bits are sampled in their middle. If the first stop bit is 0, that is a
-        framing error (`FormError`), which hides a parity error; a second stop bit is not checked.
+        The bit rate of `receiver` may differ from the sender's, which is the default. It sees the
+        line at any moment, or at `oversampling` ticks per bit, 4..256, one at time 0; most chips
+        use 16. A falling edge is a start bit if the level is still 0 half a bit later; bits are
+        sampled in the middle. A first stop bit of 0 is a framing error (`FormError`), which hides a
+        parity error.
         """
         line = self.line if receiver is None else receiver
-        # Of corners at one time the last one holds.
+        # Keep the last corner of each time.
         keep = np.append(np.diff(self.time) > 0, True)[: self.time.size]
         at, one = self.time[keep], self.level[keep] > self.threshold
         ticks = None if oversampling is None else check_whole("oversampling", oversampling, 4, 256)
@@ -282,7 +265,7 @@ class Waveform:
         return Characters(times, np.array(columns[1], dtype=np.uint8), codes)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the level over time [ms], each byte above its shaded data bits; return the axes."""
+        """Draw the level over time [ms], with each byte above its data bits; return the axes."""
         ax = style.axes(ax)
         line, time, level = self.line, self.time, self.level
         found = self.decode()

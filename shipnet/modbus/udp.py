@@ -1,42 +1,33 @@
-"""Modbus in datagrams: what a late reply does when nothing says which request it answers.
+"""Modbus in datagrams: the effect of late replies if nothing shows which request they answer.
 
-Simulated time only; of a frame, the transaction id and the unit id matter here.
+Only the transaction id and the unit id of a frame are modelled, in simulated time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from heapq import heappop, heappush
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
 from shipnet.arguments import checked
 from shipnet.arrays import Floats, Integers
 from shipnet.errors import ArgumentError
-from shipnet.fields import (
-    check_rng,
-    check_scalar,
-    check_whole,
-    number,
-    record,
-)
+from shipnet.fields import check_rng, check_scalar, check_whole, number, record
 from shipnet.lazy import pd
 
 __all__ = ["LossyPath", "compare"]
 
 Match = Literal["nothing", "unit id", "transaction id"]
 
-#: Transaction ids have 16 bits.
-_IDS = 1 << 16
-
-_MOST = 10**6
-_MATCHES: tuple[Match, ...] = ("nothing", "unit id", "transaction id")
+_IDS = 1 << 16  #: Number of transaction ids.
+_MOST = 10**6  #: Most requests.
 
 
 @record
 class LossyPath:
-    """A network that loses, delays and duplicates datagrams, each one independently of the others.
+    """A network that independently loses, delays and duplicates datagrams.
 
     Examples
     --------
@@ -54,7 +45,7 @@ class LossyPath:
     lateness: float = number(0, 3600, "s", "How much longer a late one takes", default=1.0)
 
     def transit(self, n: int, rng: np.random.Generator) -> Floats:
-        """Return how long either copy of each of n datagrams takes [s], (n, 2); inf if lost."""
+        """Return the transit times of both copies of n datagrams [s], (n, 2); inf if lost."""
         n = check_whole("n", n, 0, 4 * _MOST)
         fate = rng.random((n, 2, 3))
         gone = fate[..., 0] < self.lost
@@ -64,7 +55,7 @@ class LossyPath:
 
 
 class Run(NamedTuple):
-    """What became of a master's requests, one entry per request."""
+    """The fate of a master's requests, one entry per request."""
 
     unit: Integers
     #: When the request went out and a reply was taken [s]; NaN after a time-out.
@@ -82,13 +73,13 @@ class Run(NamedTuple):
 
     @property
     def mismatched(self) -> int:
-        """Requests for which the reply to another request was taken."""
+        """Requests that took the reply to another request."""
         others = self.reply_to != np.arange(self.reply_to.size)
         return int(((self.reply_to >= 0) & others).sum())
 
     @property
     def wrong_unit(self) -> int:
-        """Requests for which the reply of another unit was taken."""
+        """Requests that took the reply of another unit."""
         return int(((self.reply_to >= 0) & (self.unit[self.reply_to] != self.unit)).sum())
 
 
@@ -105,8 +96,8 @@ def simulate(
 ) -> Run:
     """Simulate a master that asks one unit after the other in datagrams.
 
-    It takes a reply whose transaction id is its request's own, or, with ids that are all 0, whose
-    unit id is right, or any; the other arguments are those of `compare`.
+    It takes a reply whose `match` field equals that of its request; the other arguments are those
+    of `compare`.
     """
     asked = np.asarray(units)
     if asked.ndim != 1 or not 1 <= asked.size <= _MOST or asked.dtype.kind not in "iu":
@@ -162,47 +153,40 @@ def compare(
     Parameters
     ----------
     units : array_like of int, shape (n,)
-        Who is asked, in this order, 0..255; at most a million.
+        Units in the order of the requests, 0..255; at most a million.
     path : LossyPath
-        The network, there and back.
+        The network, in both directions.
     timeout : float, default 0.5
-        How long the master waits for a reply, 1e-9..3600 [s].
+        Time-out of a reply, 1e-9..3600 [s].
     period : float, default 0
-        Least time from one request to the next, 0..3600 [s]; with 0 the next one follows at once.
+        Shortest time between two requests, 0..3600 [s].
     processing : float, default 0
-        How long a unit works on its reply, 0..3600 [s].
+        Time that a unit works on its reply, 0..3600 [s].
     flush : bool, default False
-        Whether the master empties its socket before each request. Otherwise what arrived since
-        the last one is read first.
+        Whether the master empties its socket before each request, or reads earlier arrivals first.
     rng : int or numpy.random.Generator, optional
-        Draws what happens to the datagrams, once for all rows: they differ in what is checked only.
+        Random generator; all rows see the same datagrams.
 
     Returns
     -------
     pandas.DataFrame
-        One row per way to check, named by what is compared: ``nothing``, ``unit id``,
-        ``transaction id``; columns ``mismatched`` (the reply to another request was taken),
-        ``wrong_unit`` (that of another unit), ``timeouts``, ``dropped`` (replies not taken).
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
+        One row per field that is checked: ``nothing``, ``unit id``, ``transaction id``. Columns:
+        ``mismatched`` (reply to another request taken), ``wrong_unit`` (that of another unit),
+        ``timeouts`` and ``dropped`` (replies not taken).
 
     Notes
     -----
-    The header in tables 2 and 3 of kim2014 [1]_ begins with 0.0.0.0: transaction id 0. A reply
-    that comes after its time-out then looks the same as the one that is waited for, where the
-    guide has an id that pairs them [2]_. Let a round trip take r and a late one r + L, with
-    L < T < r + L for a time-out T, and let the next request follow at once. The late reply comes
-    before the one to that request, which is left over for the following, and so on. One late reply
-    to request j of n, counted from 0, mismatches all others after it,
+    The header in tables 2 and 3 of [1]_ begins with 0.0.0.0: transaction id 0. A reply after its
+    time-out then looks like the next one, which the guide's id would prevent [2]_. Let a round trip
+    take r and a late one r + L, with L < T < r + L for a time-out T, and let requests follow at
+    once. The late reply comes before that to the next request, which is left for the following one,
+    and so on. So one late reply to request j of n, counted from 0, mismatches all later requests,
 
     .. math:: n - 1 - j
 
-    and nothing ends it but another fault. A master with `flush` and a period takes only one wrong
-    reply for each late one. If a share p of the replies is late, and each comes while request m
-    later is waited for and before the reply to that, the expected number is
+    until another fault. With `flush` and a period, each late reply mismatches at most one request.
+    If a fraction p of the replies arrives during request m later, before its own reply, the
+    expected number is
 
     .. math:: (n - m) \, p
 
@@ -223,7 +207,7 @@ def compare(
     seed = int(check_rng(rng).integers(2**63))
     settings = {"timeout": timeout, "period": period, "processing": processing, "flush": flush}
     rows = {}
-    for match in _MATCHES:
+    for match in get_args(Match):
         run = simulate(units, path, match=match, rng=seed, **settings)  # type: ignore[arg-type]
         rows[match] = (run.mismatched, run.wrong_unit, run.timeouts, run.dropped)
     columns = ["mismatched", "wrong_unit", "timeouts", "dropped"]

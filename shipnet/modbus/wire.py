@@ -1,4 +1,4 @@
-"""Faults on the wire: what becomes of a server's answers on their way to a client."""
+"""Faults of a server's answers on their way to a client."""
 
 from __future__ import annotations
 
@@ -28,32 +28,28 @@ _ONLY = {
 
 _GARBAGE = 4
 
-#: The silence before a piece of an answer [s], and its bytes.
-Piece = tuple[float, bytes]
+Piece = tuple[float, bytes]  #: The silence before a piece of an answer [s], and its bytes.
 
 
 @checked
 @record
 class WireFault:
-    """What becomes of some of a server's answers on the wire; `serve` takes any number of them.
+    """A fault of some of a server's answers; `serve` takes any number of them.
 
     Notes
     -----
-    ``late``: it comes late by `seconds`. ``delay``: by a random time up to `seconds`. ``gap``: a
-    silence of `seconds` splits it in the middle. ``double``: it comes twice, without a pause.
-    ``previous``: the answer before it, of any client, comes in its place. ``short``: only its first
-    half comes. ``garbage-before``, ``garbage-after``: four random bytes come with it.
+    ``late``: the answer comes `seconds` late. ``delay``: a random time up to `seconds` late.
+    ``gap``: a silence of `seconds` splits it. ``double``: it comes twice without a pause.
+    ``previous``: the previous answer, of any client, replaces it. ``short``: only its first half
+    comes. ``garbage-before``, ``garbage-after``: four random bytes come with it.
 
-    The others change a field. ``wrong-count``: the byte count of a read is 2 too low.
-    ``wrong-unit``, ``wrong-function``, ``wrong-transaction``: it is the answer of the next unit, to
-    another function code, or to the next transaction. ``wrong-crc``: its data do not fit its CRC,
-    which is right otherwise. In these four the last bit of the data is changed as well, so a
-    client that takes the answer shows a wrong value.
+    Others change a field. ``wrong-count``: the byte count of a read is 2 too low. ``wrong-unit``,
+    ``wrong-function``, ``wrong-transaction``: the field names the next unit, another function code
+    or the next transaction. ``wrong-crc``: the data do not match the CRC. These four also flip the
+    last bit of the data, so that a client that takes the answer shows a wrong value.
 
     Examples
     --------
-    >>> WireFault.parse("wrong-unit:0.1").probability
-    0.1
     >>> from shipnet.modbus import Adu, Request
     >>> request = Request.read_holding_registers(0, 2)
     >>> answer = Adu(1, request.response([350, 412]))
@@ -82,7 +78,7 @@ class WireFault:
 
     @classmethod
     def parse(cls, fault: str) -> WireFault:
-        """Return the fault that a text such as ``late:0.1:3`` names: name, probability, seconds."""
+        """Return the fault in text such as ``late:0.1:3``: name, probability and seconds."""
         name, *numbers = fault.split(":")
         try:
             if len(numbers) > 2:
@@ -99,7 +95,7 @@ class WireFault:
             raise ArgumentError(f"wire fault {fault!r}: {error}") from None
 
     def pieces(self, answer: Adu, previous: Adu | None = None, rng: Any = None) -> list[Piece]:
-        """Return what goes out for an answer: the silence before each piece [s], and its bytes."""
+        """Return the silence before each piece of an answer [s], and its bytes."""
         frame, seconds, random = _frame(answer), self.seconds or 0.0, check_rng(rng)
         unit, pdu, half = answer.unit_id, answer.pdu, len(frame) // 2
         other = replace(answer, pdu=pdu[:-1] + bytes([pdu[-1] ^ 1]))
@@ -140,14 +136,14 @@ def _frame(adu: Adu) -> bytes:
 
 
 class Wire:
-    """The wire of a server: which fault, if any, each answer meets, whoever asked."""
+    """The wire of a server, which draws the fault of each answer."""
 
     def __init__(self, faults: Iterable[WireFault], rng: Any) -> None:
         self.faults, self.rng = tuple(faults), check_rng(rng)
         self.previous: Adu | None = None
 
     def pieces(self, answer: Adu) -> list[Piece]:
-        """Return what goes out for an answer: the silence before each piece [s], and its bytes."""
+        """Return the silence before each piece of an answer [s], and its bytes."""
         previous, self.previous = self.previous, answer
         draw = self.rng.random()
         for fault in self.faults:
@@ -158,7 +154,7 @@ class Wire:
 
 
 def check_faults(faults: WireFault | Iterable[WireFault], transport: str) -> tuple[WireFault, ...]:
-    """Return faults as a tuple, or raise unless they suit the transport and each other."""
+    """Return faults as a tuple, or raise unless they fit the transport and each other."""
     several = (faults,) if isinstance(faults, WireFault) else tuple(faults)
     for fault in several:
         needed, why = _ONLY.get(fault.name, (transport, ""))

@@ -1,7 +1,7 @@
 """What icn2007 prints, recomputed: the AS-Interface communication system.
 
 "AS-Interface communication system for field networks (2)", ICN magazine, July 2007: sections 4 and
-5 and the data link layer. Claims that kim2023 repeats are registered in `shipnet.papers.kim2023`.
+5 and the data link layer. `shipnet.papers.kim2023` has the claims that both papers make.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from shipnet.asi.profile import Profile
 from shipnet.asi.segment import telegram_voltages
 from shipnet.asi.simulation import Run, Standby, simulate
 from shipnet.asi.slave import Slave
-from shipnet.asi.telegram import REQUEST_BITS, RESPONSES, Call, Half, Request
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSES, Call, Half, Request, Response
 from shipnet.asi.timing import Transaction, cycle_time
 from shipnet.asi.topologies import line, ring, star
 from shipnet.crc import CAN, MODBUS, Crc
@@ -27,7 +27,7 @@ from shipnet.lazy import pd
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import Load, Network
 from shipnet.papers.kim2023.protocol import CHIP_EDGES, master_pause_of_chip
-from shipnet.papers.registry import check, numeric
+from shipnet.papers.registry import check, is_legal, numeric
 
 __all__ = ["allowed_plans", "arriving_share", "bus_efficiencies", "consumer_drop", "pulse_height"]
 __all__ += ["rate_table", "share_above"]
@@ -76,7 +76,7 @@ def efficiency(*, pause: float = 2) -> float:
 
 
 check("icn2007-029", counter={"call": Call.RESET})(
-    lambda *, call=Call.BROADCAST_RESET: call.rule.answer is None
+    lambda *, call=Call.BROADCAST_RESET: not is_legal(Response, 0, call)
 )
 
 
@@ -103,10 +103,7 @@ def gap_after_silence(run: Run, slave: str) -> float:
 @check("kim2023-089", repeats=True, counter={"wait": 11.0})
 @check("icn2007-038", repeats=False, counter={"wait": 11.0})
 def goes_on_after(*, repeats: bool, wait: float = 10.0) -> bool:
-    """Whether the next request follows this many bit times after one without an answer.
-
-    Or whether that is so and a request is repeated.
-    """
+    """Whether the next request, or a repeat, follows a missing answer after this many bit times."""
     run = simulate(five_slaves(), cycles=20, faults=[DeadSlave("3", start=0.02)])
     repeated = (run.events().query("slave == '3'")["attempt"] == 1).any()
     return bool(repeated or not repeats) and round(gap_after_silence(run, "3"), 6) == wait
@@ -243,23 +240,20 @@ def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -
 def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
     """Whether the voltage of every response adds up to less than 1 % of what its pulses hold.
 
-    The supply's inductor does it; the counter leaves a resistor alone in its place.
+    The supply's inductor causes this; the counter has a resistor instead.
     """
     plan = line(100, slaves=(5, 50, 100))
     network = plan.network
     if supply is not None:
         network = Network(plan.cables, {"0 m": Load(**supply)})
     nodes = [slave.node for slave in plan.slaves]
-    u = telegram_voltages(network, "0 m", nodes, RESPONSES, after=55e-6)
+    (u,) = telegram_voltages(network, "0 m", nodes, RESPONSES, after=55e-6)
     return bool((np.abs(u.sum(axis=-1)) < 1e-2 * np.abs(u).sum(axis=-1)).all())
 
 
 @check("icn2007-032", counter={"length": 200.0})
 def dense_pulses_change_more(*, length: float = 100.0) -> bool:
-    """Whether an open end changes pulses 3 us apart more than pulses 6 us apart.
-
-    A matched end is the measure: the same cable without a reflection.
-    """
+    """Whether an open end changes pulses 3 us apart more than 6 us apart, against a matched end."""
     change = [
         abs(pulse_height(length, bits) / pulse_height(length, bits, terminator=100.0) - 1)
         for bits in ("0" * 16, "01" * 8)
@@ -272,22 +266,22 @@ def pulse_height(
 ) -> float:
     """Return the height of the pulses in the middle of a long row of bits, at the master [V].
 
-    Equal bits make pulses a half-bit apart, alternating bits a bit apart. The sender is at a
-    `place` of the cable [m], master and supply at 0; the `terminator` [ohm] is at the far end.
+    Equal bits make pulses a half-bit apart, alternating bits a bit apart. The sender is at `place`
+    [m], master and supply at 0, and the `terminator` [ohm] at the far end.
     """
     plan = line(length, slaves=(place,), terminator=terminator)
     dt, end = 50e-9, 2 * len(bits) * HALF_BIT
     node = plan.slaves[0].node
-    u = telegram_voltages(plan.network, "0 m", [node], bits, dt=dt, before=0, after=6.4e-6)
+    (u,) = telegram_voltages(plan.network, "0 m", [node], bits, dt=dt, before=0, after=6.4e-6)
     t = dt * np.arange(u.shape[-1])
     return float(np.abs(u[..., (t > 0.4 * end) & (t < 0.8 * end)]).max())
 
 
 @check("icn2007-033", counter={"speed": 2.0})
 def signal_suits_cable(*, speed: float = 1.0, length: float = 100.0) -> bool:
-    """Whether the open end of a cable bends the spectrum of a request less than half of noise's.
+    """Whether an open end bends the spectrum of a request less than half as much as that of noise.
 
-    The request is sent so many times as fast as AS-i sends it; the noise is white, up to 3 MHz.
+    The request has `speed` times the bit rate of AS-i; the noise is white, up to 3 MHz.
     """
     frequencies = FREQUENCIES[FREQUENCIES < 3e6]
     s = 2j * np.pi * frequencies
@@ -302,8 +296,7 @@ def bent_by_the_end(
 ) -> float:
     """Return how unevenly an open end changes what the master hears of a slave at a place.
 
-    The standard deviation over the mean, weighted by the energy, of the change against a matched
-    end.
+    That is the relative standard deviation of the change against a matched end, weighted by energy.
     """
     heard = [
         np.abs(
@@ -354,10 +347,7 @@ SLAVES = 62
 
 
 def allowed_plans() -> dict[str, Plan]:
-    """Return the structures that section 4 allows, as plans with the supply in a good place.
-
-    All but the first have 62 slaves on 100 m.
-    """
+    """Return the structures of section 4, with 62 slaves except the first and a good supply."""
     growing = np.arange(1, SLAVES + 1)
     return {
         "100 m and a slave at its end": line(100, [100]),
@@ -461,10 +451,7 @@ def response_time_is_guaranteed(*, dead: bool = False) -> bool:
 
 @check("icn2007-061", "kim2023-101", counter={"distance": 5})
 def buses_have_distance(*, distance: int = 4) -> bool:
-    """Whether the checks of Modbus RTU and of CAN have this Hamming distance at least.
-
-    In a request of 8 bytes, and in a frame of 8 bytes of data.
-    """
+    """Whether Modbus RTU and CAN have at least this Hamming distance for 8 bytes."""
     return min(hamming_distance(MODBUS, 6), hamming_distance(CAN, 10)) >= distance
 
 
@@ -482,10 +469,7 @@ def hamming_distance(crc: Crc, payload: int) -> int:
 
 @check("icn2007-062", "kim2023-102", counter={"edge": CHIP_EDGES[-1]})
 def checking_takes_hardly_any_time(*, edge: float = CHIP_EDGES[1]) -> bool:
-    """Whether a chip, which checks a request, takes 5 % of a transaction at most to do so.
-
-    By its delay between request and response, above the least pause.
-    """
+    """Whether a chip checks a request in 5 % of a transaction, by its delay above the least."""
     least = Transaction(2, 2)
     return master_pause_of_chip(edge=edge) - 2 <= 0.05 * least.bits
 

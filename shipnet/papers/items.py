@@ -13,7 +13,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
 from shipnet.lazy import Axes, pd
 from shipnet.papers import judging
-from shipnet.papers.claims import PAPERS
+from shipnet.papers.judging import PAPERS
 from shipnet.papers.registry import FIGURES, TABLES
 
 
@@ -45,10 +45,9 @@ class PrintedTable:
         return made
 
     def differences(self) -> pd.DataFrame:
-        """Return every cell that differs, with its kind, claim and reason.
+        """Return every cell that differs, with its kind, claim and reason, NaN if unexplained.
 
-        A row that only one side has is listed once, with an empty column name. Kind, claim and
-        reason are NaN where nobody has explained a difference.
+        A row that only one side has is listed once, with an empty column name.
         """
         theirs, ours = self.printed, self.ours
         found = []
@@ -139,20 +138,17 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
     ------
     ArgumentError
         If no function draws the figure; the message lists those that are drawn, and names the
-        notebook in which the figure is shown, if there is one.
+        notebook that shows it, if there is one.
 
     Examples
     --------
     >>> figure("kim2014", "Fig 7").texts[0].get_text()
     'row 9 of the table'
-    >>> figure("kim2023", "Fig 99")
-    Traceback (most recent call last):
-        ...
-    shipnet.errors.ArgumentError: item is 'Fig 99'; drawn of kim2023 are Fig 7, Fig 9
     """
     check_choice("paper", paper, PAPERS)
     judging.load((paper,))
-    # Drawings are registered as their module is imported, which loads matplotlib.
+    # Drawings are registered as their modules are imported, which loads matplotlib.
+    importlib.import_module("shipnet.papers.plot")
     with suppress(ModuleNotFoundError):
         importlib.import_module(f"shipnet.papers.{paper}.plot")
     drawn = sorted(name for key, name in FIGURES if key == paper)

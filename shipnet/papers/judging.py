@@ -1,8 +1,7 @@
 """The ledger: what the papers print beside what shipnet computes, and the verdict.
 
-`data/claims.csv` holds what is printed and how it is judged; the modules of the papers hold the
-functions that recompute it. The *match* of a number follows from the two values and the printed
-precision; the verdict is a judgement, and where it goes against a paper it names its evidence.
+`data/claims.csv` holds what is printed and how it is judged. The *match* of a number follows from
+the two values and the printed precision; the verdict is a judgement.
 """
 
 from __future__ import annotations
@@ -11,28 +10,37 @@ import importlib
 import math
 import re
 from collections.abc import Collection, Hashable, Mapping
+from functools import cache
 from typing import Any
 
-from shipnet import style
+from shipnet import datasets, style
 from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
 from shipnet.lazy import Axes, pd
-from shipnet.papers.claims import CONDITIONS, PAPERS, UNDECIDED, as_number, rows
 from shipnet.papers.registry import REGISTRY
+
+#: The papers by their keys, in the order in which they are shown.
+PAPERS: Mapping[str, str] = {
+    "kim2023": "Kim, Cho and Hyun, AS-Interface protocol utilization for smart ships, 2023",
+    "icn2007": "AS-Interface communication system for field networks (2), 2007",
+    "lee2012": "Lee and Kim, Distributed control system on dual field-bus for ship engine, 2012",
+    "chung1998": "Chung and Rhyu, Communication method for a ship main engine remote control, 1998",
+    "kim2014": "Kim and Yu, Electro hydraulic ballast remote valve control system, 2014",
+}
+
+#: Verdicts that are none: the note says what is missing.
+UNDECIDED = ("not verified", "not reproducible", "open")
+
+#: The condition under which a verdict holds without a qualification.
+AS_PRINTED = "as printed"
 
 #: Colour of each kind of treatment: the basis of what is judged, or why a claim is not.
 _COLOURS = {
-    "model": "#0072B2",
-    "arithmetic": "#56B4E9",
-    "count": "#D55E00",
-    "ours": "#009E73",
-    "erratum": "#CC79A7",
-    "context": "#d9d9d9",
-    "not verified": "#b0b0b0",
-    "not reproducible": "#8c8c8c",
-    "open": "#E69F00",
-}
+    "model": "#0072B2", "arithmetic": "#56B4E9", "count": "#D55E00", "ours": "#009E73",
+    "erratum": "#CC79A7", "context": "#d9d9d9", "not verified": "#b0b0b0",
+    "not reproducible": "#8c8c8c", "open": "#E69F00",
+}  # fmt: skip
 TREATMENTS = tuple(_COLOURS)
 
 
@@ -40,8 +48,7 @@ TREATMENTS = tuple(_COLOURS)
 class Claim:
     """One claim of a paper: what is printed, what we compute, and the verdict.
 
-    Its attributes are the columns of `Ledger.table`. `computed` is our value of a number, whether
-    a statement holds, or None if nothing is computed.
+    Its attributes are the columns of `Ledger.table`.
 
     Parameters
     ----------
@@ -135,13 +142,13 @@ class Ledger:
             bars = ax.barh(counts.index, number, left=left, color=colour, label=treatment)
             ax.bar_label(
                 bars, [str(n) if n >= 4 else "" for n in number], label_type="center",
-                color="white" if treatment in ("model", "count", "ours") else "black", fontsize=8,
+                color="white" if treatment in ("model", "count", "ours") else "black",
             )  # fmt: skip
             left = left + number
         ax.invert_yaxis()
         ax.set_xlabel("claims [1]")
         ax.grid(visible=False, axis="y")
-        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0), fontsize=8)
+        ax.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.45, 1.0))
         return ax
 
     def __len__(self) -> int:
@@ -220,12 +227,17 @@ def show(*claims: str) -> pd.DataFrame:
     return pd.DataFrame(shown, index=ids)
 
 
+def as_number(text: str) -> float:
+    """Return a printed number as a float; ``0x..`` is read as hexadecimal."""
+    return float(int(text, 16)) if text.lower().startswith("0x") else float(text)
+
+
 def match(published: float, computed: float, precision: float) -> str:
     """Compare a printed number with a computed one, by the unit of the last printed digit.
 
-    ``"within precision"`` if they differ by at most half of `precision`; ``"factor 1000"`` or
-    another power of ten, from 10**-9 to 10**9, if a shift of the decimal point alone brings them
-    that close; else ``"differs"``.
+    Return ``"within precision"`` if they differ by at most half of `precision`; ``"factor 1000"``
+    or another power of ten, from 10**-9 to 10**9, if they do after this shift of the decimal point;
+    else ``"differs"``.
     """
     slack = 0.5 * precision * (1 + 1e-9)
     if abs(computed - published) <= slack:
@@ -249,18 +261,24 @@ def load(papers: Collection[str] = tuple(PAPERS)) -> None:
             importlib.import_module(f"shipnet.papers.{paper}")
 
 
+@cache
+def _rows() -> list[dict[Hashable, Any]]:
+    """Return the rows of claims.csv."""
+    return datasets.read("claims.csv").to_dict("records")
+
+
 def _claims(paper: str | None) -> list[dict[Hashable, Any]]:
     """Return the rows of claims.csv for one paper or all."""
     if paper is not None:
         check_choice("paper", paper, PAPERS)
     papers = tuple(PAPERS) if paper is None else (paper,)
     load(papers)
-    return [claim for claim in rows() if claim["paper"] in papers]
+    return [claim for claim in _rows() if claim["paper"] in papers]
 
 
 def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
     """Return the rows of claims.csv with these ids, in the order given."""
-    known = {claim["id"]: claim for claim in rows()}
+    known = {claim["id"]: claim for claim in _rows()}
     if unknown := [id for id in ids if id not in known]:
         raise ArgumentError(
             f"no claim has the id {', '.join(unknown)}; ids look like {next(iter(known))!r}"
@@ -331,7 +349,7 @@ def _ours(row: Mapping[str, Any]) -> str:
 def _verdict(row: Mapping[str, Any]) -> str:
     """Return the verdict, its condition unless it is as printed, and why it differs."""
     said = str(row["verdict"] or row["kind"])
-    if row["holds_under"] not in ("", CONDITIONS[0]):
+    if row["holds_under"] not in ("", AS_PRINTED):
         said += f" ({row['holds_under']})"
     if said.startswith(("agrees", "ours", "context")):
         return said
@@ -344,7 +362,7 @@ def _verdict(row: Mapping[str, Any]) -> str:
 def format_computed(value: object, published: str = "") -> str:
     """Write a computed value for people: four significant digits, or whether a statement holds.
 
-    A hexadecimal number that is printed so is answered by one.
+    A hexadecimal number is written where one is `published`.
     """
     if value is None:
         return ""

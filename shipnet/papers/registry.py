@@ -1,10 +1,9 @@
 """Which function recomputes which claim, draws which figure and generates which table.
 
-A *numeric* claim is a number that a paper prints; its function returns ours. A *qualitative* one
-is a statement; its function says whether it holds. Both take named inputs, so that a test can
-move an input and see the result move: a typed constant cannot pass for a computation. Claims that
-differ in their inputs alone share a function. One that is a single expression is a lambda: its
-claim says in words what it computes.
+The function of a *numeric* claim returns our number; that of a *qualitative* one says whether the
+statement holds. Both take named inputs, so that a test can change an input and see the result
+change. Claims that differ only in their inputs share a function. A single expression is a lambda;
+its claim says in words what it computes.
 """
 
 from __future__ import annotations
@@ -60,8 +59,8 @@ class Recomputation:
     def result(self) -> tuple[Any, str]:
         """What the claim comes to, and its basis, one of `BASES`, by what is called on the way.
 
-        It is ``model`` if code of the papers calls a model; else ``count`` if none of the inputs
-        is a number, so that texts and tables are counted or compared; else ``arithmetic``.
+        It is ``model`` if code of the papers calls a model; else ``count`` if no input is a number;
+        else ``arithmetic``.
         """
         models: list[str] = []
 
@@ -131,8 +130,7 @@ def check(
 ) -> Callable[[Function], Function]:
     """Register a function, with these inputs, as the check of statements by their claims.
 
-    With those of `counter` the answer is the opposite; a test calls the function with them, so
-    that a check that cannot fail is found out.
+    With the inputs of `counter` the answer must be the opposite, which a test verifies.
     """
 
     def decorate(function: Function) -> Function:

@@ -1,4 +1,4 @@
-"""Markers against CRC, by number of items: the comparison that chung1998 asks others to make."""
+"""Markers against CRC, by number of items: the comparison that chung1998 suggests to others."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat, Shares
 from shipnet.remote_control.system import Supervision, System
 
-#: Only when the value has changed, as printed; or in every packet.
+#: A value is sent only when it has changed, as printed, or in every packet.
 Sending = Literal["changed", "cyclic"]
 
-#: Ways to check a packet: as printed; with CRC-16 after it; with CRC-16 only, byte-stuffed.
+#: The checks of a packet: as printed, with CRC-16 after it, and with CRC-16 only, byte-stuffed.
 CHECKS = ("markers", "markers + CRC", "CRC")
 
 #: A year of 365 days [s].
@@ -31,7 +31,7 @@ _YEAR = 365 * 86400.0
 
 
 def check_formats(n_items: int) -> dict[str, PacketFormat]:
-    """Return a format for 1..84 items by each way to check packets."""
+    """Return a format for 1..84 items by each check of packets."""
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     formats = (MarkerFormat("A", n), MarkerFormat("A", n, crc=True), CobsFormat(n))
     return dict(zip(CHECKS, formats, strict=True))
@@ -57,20 +57,15 @@ def compare_checks(
     packets : int, default 60000
         Packets per check, number of items and rate, 0..1e9.
     formats : mapping of str to MarkerFormat or CobsFormat, optional
-        What to compare; if omitted, the markers as printed, with a CRC after them, and a CRC with
-        byte stuffing.
+        Formats to compare; if omitted, the markers as printed, markers with a CRC after them, and
+        a CRC with byte stuffing.
     rng : numpy.random.Generator or int, optional
-        Source of chance, or its seed.
+        Random generator, or its seed.
 
     Returns
     -------
     Comparison
-        A table with the closed forms beside the counts, and a figure.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
+        A table of the counts with the closed forms, and a figure.
 
     Examples
     --------
@@ -85,23 +80,19 @@ def compare_checks(
             for name, form in (formats or check_formats(n)).items():
                 trial = form.transmit(n, rate, packets, chance)
                 low, high = share_interval(trial.undetected, trial.sent)
-                rows.append(
-                    {
-                        "check": name,
-                        "n_items": n,
-                        "bit_error_rate": rate,
-                        "bytes": form.size(n),
-                        "sent": trial.sent,
-                        "detected": trial.detected,
-                        "undetected": trial.undetected,
-                        "low": float(low),
-                        "high": float(high),
-                        "expected": form.error_shares(n, rate).undetected,
-                        "missed": trial.missed,
-                        "items_lost": trial.detected / trial.sent if trial.sent else np.nan,
-                    }
-                )
+                lost = trial.detected / trial.sent if trial.sent else np.nan
+                rows.append((
+                    name, n, rate, form.size(n), trial.sent, trial.detected, trial.undetected,
+                    float(low), float(high), form.error_shares(n, rate).undetected, trial.missed,
+                    lost,
+                ))  # fmt: skip
     return Comparison(tuple(rows))
+
+
+_COLUMNS = (
+    "check", "n_items", "bit_error_rate", "bytes", "sent", "detected", "undetected", "low", "high",
+    "expected", "missed", "items_lost",
+)  # fmt: skip
 
 
 @checked
@@ -116,7 +107,7 @@ class Comparison:
     Comparison(3 checks, 60000 packets, 4158 accepted though wrong)
     """
 
-    _rows: tuple[dict[str, object], ...]
+    _rows: tuple[tuple[object, ...], ...]
 
     def __repr__(self) -> str:
         table = self.table()
@@ -128,34 +119,33 @@ class Comparison:
         )
 
     def table(self) -> pd.DataFrame:
-        """Return a row per check, number of items and bit error rate.
+        """Return one row per check, number of items and bit error rate.
 
         ``low`` and ``high`` are 95 % bounds of the undetected share, ``expected`` is that share by
-        `MarkerFormat.error_shares`, ``missed`` the share of the disturbed packets that is accepted,
-        and ``items_lost`` counts items discarded per item sent.
+        `MarkerFormat.error_shares`, ``missed`` the accepted share of the disturbed packets, and
+        ``items_lost`` the share of items in discarded packets.
         """
-        return pd.DataFrame(list(self._rows))
+        return pd.DataFrame(list(self._rows), columns=list(_COLUMNS))
 
     def plot(self, ax: Axes | None = None, *, bit_error_rate: float | None = None) -> Axes:
         """Draw the share of wrong packets that each check accepts, over the number of items.
 
         Lines are theory, markers are counts with their bounds at one bit error rate, the first if
-        omitted; a check that accepted none has only its upper bound, a triangle.
+        omitted. A triangle is the upper bound of a check that accepted none.
         """
         from shipnet.remote_control.plot import plot_checks
 
         return plot_checks(self.table(), ax, bit_error_rate)
 
 
-# A switch that is sent once, or again and again ------------------------------------------------
+# A switch that is sent once, or repeatedly -----------------------------------------------------
 
 
 class Staleness(NamedTuple):
     """How a receiver follows a switch of two positions.
 
-    `share` is that of the time in which it shows another position than the last packet should have
-    brought, the wait for that packet left out; `duration` the mean time from a packet that fails
-    until the right position is shown [s].
+    `share` is the share of the time in which it shows another position than the last packet should
+    have brought; `duration` is the mean time from a failed packet to the right position [s].
     """
 
     share: float
@@ -165,13 +155,13 @@ class Staleness(NamedTuple):
 def switch_staleness(shares: Shares, period: float, interval: float, sending: Sending) -> Staleness:
     r"""Return how well a receiver follows a switch, in closed form.
 
-    Packets come every `period` T [s], the switch moves with a mean `interval` [s] at random.
-    Between two packets it moves with a probability f: 1 if only changes are sent, else
+    Packets come every `period` T [s]; the switch moves at random with a mean `interval` [s].
+    Between two packets it moves with a probability f, which is 1 if only changes are sent, else
 
     .. math:: f = \frac{1}{2} \left( 1 - e^{-2 T / \tau} \right)
 
-    A packet that is discarded, with the probability d, leaves the old position, one that is
-    accepted though wrong, u, leaves none. In the long run the share of wrong positions is
+    A discarded packet, with the probability d, leaves the old position; one that is accepted though
+    wrong, u, leaves none. In the long run the share of wrong positions is
 
     .. math:: g + \frac{d f (1 - g)}{1 - d + 2 d f}, \quad g = \frac{u}{1 - d}
     """
@@ -182,16 +172,15 @@ def switch_staleness(shares: Shares, period: float, interval: float, sending: Se
         raise ArgumentError(f"sending is {sending!r}; it must be 'changed' or 'cyclic'")
     if not (0 <= d and 0 <= u and d + u < 1):
         raise ArgumentError(
-            f"detected and undetected are {d:g} and {u:g}; they must be 0 or more, and below 1 in "
-            "sum"
+            f"detected and undetected are {d:g} and {u:g}; they must be 0 or more, in sum below 1"
         )
     flip = 1.0 if sending == "changed" else -float(np.expm1(-2 * wait / mean)) / 2
     spoiled = u / (1 - d)
     share = spoiled + d * flip * (1 - spoiled) / (1 - d + 2 * d * flip)
     if sending == "cyclic":
         return Staleness(share, wait / (1 - d - u))
-    # Old: the next move ends it, discarded or not, unless it is accepted wrongly. Spoiled: only a
-    # packet in order ends it.
+    # An old position ends with the next move, discarded or not, unless that is accepted wrongly; a
+    # wrong one ends only with a correct packet.
     spoiled_moves = 1 / (1 - d - u)
     old_moves = 1 + u * spoiled_moves
     moves = (d * old_moves + u * spoiled_moves) / (d + u) if d + u else 1.0
@@ -205,10 +194,10 @@ def switch_staleness(shares: Shares, period: float, interval: float, sending: Se
 class Recommendation:
     """How to send a number of values, and why.
 
-    `sending` is "changed" or "cyclic"; `turn_timeout` is when RCS ends a turn without an answer
-    [s], `refresh_time` the mean time in which every value has been received once [s],
-    `wrong_per_year` counts packets accepted though wrong (an upper estimate if byte-stuffed), and
-    `stale_time` is the mean time that a switch is wrong after a packet that failed [s].
+    `sending` is "changed" or "cyclic"; RCS ends a turn without an answer after `turn_timeout` [s];
+    `refresh_time` is the mean time in which every value is received once [s]; `wrong_per_year`
+    counts packets accepted though wrong (an upper estimate if byte-stuffed); `stale_time` is the
+    mean time that a switch is wrong after a failed packet [s].
     """
 
     check: str
@@ -241,14 +230,13 @@ def candidates(
     switch_interval: float,
     rule: Supervision,
 ) -> pd.DataFrame:
-    """Return all ways to send 1..84 values per station, a row each, as `recommend` compares them.
+    """Return all ways to send 1..84 values per station, one row each, as `recommend` compares them.
 
-    A packet that is discarded costs the wait of a turn as well, and no other packet: what is left
-    of it in the ring is not counted against the next one. A check and size whose answer takes
-    longer than a turn has no row. Where the items are split, all packets are taken as long as the
-    longest, a cycle carries one of each station, and a value comes again when all have had their
-    turn. Where only changes are sent, a packet is as long as the most items that change at once,
-    taken as all; its failures are counted for packets of one item.
+    A discarded packet also costs the wait of a turn, but spoils no other packet. A check and size
+    whose answer takes longer than a turn has no row. If the items are split, all packets are as
+    long as the longest, a cycle carries one per station, and a value returns when all have had
+    their turn. If only changes are sent, a packet is as long as if all items changed at once; its
+    failures are counted for packets of one item.
     """
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     p = check_scalar("rate", rate, "", 0, 0.1)
@@ -267,11 +255,11 @@ def candidates(
             for sending in ways:
                 changed = sending == "changed"
                 shares = form.error_shares(1 if changed else per_packet, p)
-                # A packet for one change in each interval, or four in each cycle.
+                # One packet for a change per interval, or four per cycle.
                 packets = 1 / interval if changed else 4 / cycle
                 timeout = cycle / 2 if base.turn_timeout is None else base.turn_timeout
-                # The wait for a lost answer is longer than the answer by this; a turn that ends
-                # before the answer is there brings nothing at all.
+                # The wait for a lost answer exceeds the time of an answer by this. If a turn ends
+                # before the answer arrives, nothing is received at all.
                 longer = timeout - cycle / 4
                 if longer <= 0:
                     continue
@@ -303,7 +291,7 @@ def recommend(
     switch_interval: float = 3600.0,
     supervision: Supervision | None = None,
 ) -> Recommendation:
-    """Return how to send a number of values: the quickest way that meets all limits.
+    """Return how to send a number of values: the fastest way that meets all limits.
 
     The limits are ours; the paper states none.
 
@@ -312,39 +300,38 @@ def recommend(
     n_items : int
         Values that each station sends, 1..84.
     system : System, optional
-        Bit rate, character, processing and ``turn_timeout``; its format and supervision do not
-        matter. That of the paper if omitted. Where it has no ``turn_timeout``, a turn ends after
-        half a cycle, twice the time of an answer: waiting until the counters run out, as
-        printed, would leave a switch wrong for 4.4 s more.
+        Its bit rate, character, processing and ``turn_timeout`` count; that of the paper if
+        omitted. Without a ``turn_timeout``, a turn ends after half a cycle, twice the time of an
+        answer; waiting until the counters run out, as printed, would leave a switch wrong for 4.4 s
+        more.
     rate : float, default 1e-5
-        Bit error rate, 0..0.1. Assumed: the paper names none.
+        Bit error rate, 0..0.1; our assumption, because the paper names none.
     wrong_per_year : float, default 1
         Most packets with wrong items that the receivers accept per year, 1e-12..1e12.
     stale_time : float, default 3
-        Longest mean time that a switch is shown in a wrong position after a packet that failed,
-        1e-3..1e9 [s], the wait of RCS for the lost answer included; as long as a failed partner
-        may stay unnoticed.
+        Longest mean time that a switch is shown in a wrong position after a failed packet,
+        1e-3..1e9 [s], including the wait of RCS for the lost answer; by default as long as a failed
+        partner may stay unnoticed.
     switch_interval : float, default 3600
         Mean time between two moves of a switch, 1e-3..1e9 [s].
     supervision : Supervision, optional
-        Rule that must not raise an alarm in a healthy link, whatever the state of its timer;
-        ``Supervision.intended()`` if omitted.
+        Rule that must not raise an alarm in a healthy link; ``Supervision.intended()`` if omitted.
 
     Returns
     -------
     Recommendation
-        The check, "changed" or "cyclic" sending and the items per packet whose values are all
+        The check, "changed" or "cyclic" sending and the items per packet with which all values are
         received once in the shortest mean time; ``why``, and all ``candidates()``.
 
     Raises
     ------
     ArgumentError
-        If an argument is out of range, or no candidate meets the limits; the message says
-        how many fail which.
+        If an argument is out of range, or no candidate meets the limits; the message counts the
+        candidates that fail each limit.
 
     Examples
     --------
-    Markers alone would do at error rates that no line reaches; 40 items at 600 bit/s must be split:
+    Markers alone suffice at error rates that no line reaches; 40 items at 600 bit/s must be split:
 
     >>> from shipnet import remote_control as rc
     >>> print(rc.recommend(10))

@@ -14,7 +14,7 @@ __all__ = ["BitErrors", "DeadStation", "LostPacket", "Stall"]
 
 @record
 class DeadStation(Fault):
-    """A station does nothing from `start` to `stop`, and then goes on with everything it knew.
+    """A station does nothing from `start` to `stop`, and then continues with its old values.
 
     Examples
     --------
@@ -23,15 +23,15 @@ class DeadStation(Fault):
     DeadStation(start=3.0, stop=inf, station='SS')
     """
 
-    station: str = choice(STATIONS, "Which station")
+    station: str = choice(STATIONS, "The station")
 
 
 @record
 class Stall(Fault):
     """A slow task, such as writing an EEPROM, keeps a station from reading its ring and sending.
 
-    Interrupts go on: bytes are stored, and ticks counted. A packet that is being sent is finished.
-    A stall must end.
+    Interrupts continue: bytes are stored and ticks counted. A packet that is being sent is
+    completed. A stall must end.
 
     Examples
     --------
@@ -40,7 +40,7 @@ class Stall(Fault):
     1.2
     """
 
-    station: str = choice(STATIONS, "Which station")
+    station: str = choice(STATIONS, "The station")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -59,8 +59,8 @@ class LostPacket(Fault):
     1.0
     """
 
-    source: str = choice(STATIONS, "Who sends it")
-    target: str = choice(STATIONS, "To whom; one of both is RCS")
+    source: str = choice(STATIONS, "Its sender")
+    target: str = choice(STATIONS, "Its receiver; one of the two is RCS")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -75,9 +75,8 @@ class LostPacket(Fault):
 class BitErrors(Fault):
     """Bits are inverted at random in all packets that begin from `start` to `stop`.
 
-    They are inverted independently of each other. A byte whose start bit is hit is lost. A hit
-    parity or stop bit does no harm, because the printed interrupt routine stores the byte without
-    looking at the status register.
+    Each bit is inverted independently. A byte whose start bit is hit is lost. A hit parity or stop
+    bit does no harm, because the printed interrupt routine ignores the status register.
 
     Examples
     --------

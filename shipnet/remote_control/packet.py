@@ -1,12 +1,12 @@
 """Packets of numbered values: between markers, as printed, and byte-stuffed with a CRC.
 
 A value is sent as its number, its low byte and its high byte. The drawing of the printed packet is
-lost, and the text can be read in two ways, so both are here:
+lost, and the text allows two readings:
 
 - A: ``CC DD (number low high) x n EE``, 3 + 3 n bytes;
 - B: ``CC (DD number low high) x n EE``, 2 + 4 n bytes.
 
-That every value is a packet of its own is reading A with one item per packet.
+A packet per value is reading A with one item per packet.
 """
 
 from __future__ import annotations
@@ -22,34 +22,28 @@ from shipnet.arrays import Bools, Bytes, Floats
 from shipnet.crc import MODBUS
 from shipnet.errors import FrameError
 from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
-from shipnet.lazy import pd
-from shipnet.remote_control.packet_format import (
-    Items,
-    NumberCheck,
-    PacketFormat,
-    check_bytes,
-)
+from shipnet.remote_control.packet_format import Items, NumberCheck, PacketFormat, check_bytes
 
 #: The markers; K. Y. Chung and K. S. Rhyu, "A study on the communication method for a ship main
 #: engine remote control system", 1998, section 3.2.
 PACKET_START, DATA_START, PACKET_END = 0xCC, 0xDD, 0xEE
 
-#: A number below it is none of the markers.
+#: Numbers below it are not markers.
 _MOST_NUMBERS = PACKET_START
 
 #: Bytes of an item, and of the CRC.
 _ITEM, _CRC = 3, 2
 
-#: Bytes that one code byte of COBS can span; longer packets would need more than one.
+#: Bytes that one code byte of COBS can span; longer data would need more than one.
 _SPAN = 254
 
 #: The largest byte-stuffed packet has this many items: 3 x 84 + 2 = 254 bytes.
 MOST_STUFFED = 84
 
-#: What the bytes of an item are.
+#: Names of the bytes of an item.
 _PARTS = ("number", "low byte", "high byte")
 
-#: Bits of the CRC, and digits with which sums that almost cancel are taken.
+#: Bits of the CRC, and digits for sums that almost cancel.
 _CRC_BITS, _DIGITS = 16, 80
 
 _NUMBER_CHECKS = {
@@ -60,12 +54,12 @@ _NUMBER_CHECKS = {
 
 
 def _crc(rows: Bytes) -> npt.NDArray[np.unsignedinteger]:
-    # A single packet is quicker as bytes.
+    # A single packet is faster as bytes.
     return np.array([MODBUS.of(rows.tobytes())], np.uint16) if len(rows) == 1 else MODBUS.of(rows)
 
 
 def _crc_fits(rows: Bytes) -> Bools:
-    # Behind its own check, the register of a reflected CRC without final addition is 0.
+    # After its own check, the register of a reflected CRC without final addition is 0.
     return np.asarray(_crc(rows) == 0)
 
 
@@ -73,14 +67,6 @@ def _with_crc(rows: Bytes) -> Bytes:
     check, whole = _crc(rows), np.empty((len(rows), rows.shape[1] + _CRC), np.uint8)
     whole[:, :-_CRC], whole[:, -2], whole[:, -1] = rows, check & 0xFF, check >> 8
     return whole
-
-
-def _traced(taken: list[tuple[int, str]], start: int, size: int) -> pd.DataFrame:
-    """Return a row per byte with its place in a ring of `size`."""
-    size = check_whole("size", size, 2, 65536)
-    start = check_whole("start", start, 0, size - 1)
-    rows = [((start + k) % size, f"0x{byte:02X}", what) for k, (byte, what) in enumerate(taken)]
-    return pd.DataFrame(rows, columns=["place", "byte", "taken_as"])
 
 
 # The printed packet ----------------------------------------------------------------------------
@@ -92,9 +78,9 @@ class MarkerFormat(PacketFormat):
 
     Notes
     -----
-    A value byte may equal a marker; nothing escapes it. With ``numbers="any"`` a receiver that
+    A value byte may equal a marker; nothing escapes it. With ``numbers="any"``, a receiver that
     stores by number, as printed, writes outside its table when a number is disturbed. The paper
-    names no check of the numbers and no CRC.
+    [1]_ names no check of the numbers and no CRC.
 
     References
     ----------
@@ -110,8 +96,6 @@ class MarkerFormat(PacketFormat):
     ('cc dd 00 78 00 03 34 12 ee', ((0, 120), (3, 4660)))
     >>> rc.MarkerFormat("B").encode({0: 120, 3: 0x1234}).hex(" ")
     'cc dd 00 78 00 dd 03 34 12 ee'
-    >>> form.size(10), rc.MarkerFormat("B").size(10), rc.MarkerFormat(crc=True).size(10)
-    (33, 42, 35)
 
     Three stray bytes before a packet are discarded:
 
@@ -119,7 +103,7 @@ class MarkerFormat(PacketFormat):
     >>> parser.feed(b"abc" + form.encode({3: 7})), parser.discarded
     ([((3, 7),)], 3)
 
-    Of ten values, 240 of 264 bits can be wrong without being seen:
+    In a packet of ten values, 240 of 264 bits can be wrong without being detected:
 
     >>> round(form.undetected_flips(10), 3)
     0.909
@@ -131,13 +115,13 @@ class MarkerFormat(PacketFormat):
         default="A",
     )
     n_numbers: int = whole(
-        1, _MOST_NUMBERS, "", "How many values there are; their numbers count from 0", default=10
+        1, _MOST_NUMBERS, "", "Number of values; they are numbered from 0", default=10
     )
     numbers: NumberCheck = choice(
         _NUMBER_CHECKS, "What the receiver requires of the numbers", default="any"
     )
     crc: bool = switch(
-        "Whether CRC-16/MODBUS over the packet follows it, low byte first", default=False
+        "Whether CRC-16/MODBUS of the packet follows it, low byte first", default=False
     )
 
     @property
@@ -156,26 +140,21 @@ class MarkerFormat(PacketFormat):
         return len(self.head) + n * (len(self.lead) + _ITEM) + 1 + _CRC * self.crc
 
     def parser(self) -> MarkerParser:
-        """Return a parser that has seen nothing yet; its `feed` takes a stream in any pieces."""
+        """Return a new parser; its `feed` takes a stream in any pieces."""
         return MarkerParser(self)
 
-    def trace(self, stream: bytes, *, start: int = 0, size: int = 128) -> pd.DataFrame:
-        """Return what a reader takes each byte for: ``place``, ``byte`` and ``taken_as``.
-
-        The first byte lies at the place `start` of a ring of `size`.
-        """
+    def _taken(self, stream: bytes) -> list[tuple[int, str]]:
         parser = self.parser()
-        data = check_bytes("stream", stream)
-        return _traced([(byte, parser.read(byte)) for byte in data], start, size)
+        return [(byte, parser.read(byte)) for byte in stream]
 
     @staticmethod
     def false_sync(n_bytes: int, markers: int = 3) -> float:
-        r"""Return how often random bytes hold at least one that equals one of the markers.
+        r"""Return how often random bytes include at least one that equals one of the markers.
 
         .. math:: P = 1 - \left( 1 - \frac{m}{256} \right)^n
 
-        Every byte is equally likely here. Values of a ship are not: a shaft speed below 204 rpm
-        sent as a whole number never holds a marker.
+        All bytes are equally likely here, unlike the values of a ship: a shaft speed below 204 rpm
+        sent as a whole number never includes a marker.
         """
         n = check_whole("n_bytes", n_bytes, 0, 10**6)
         return 1 - (1 - check_whole("markers", markers, 0, 256) / 256) ** n
@@ -183,13 +162,13 @@ class MarkerFormat(PacketFormat):
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
         r"""Return the share that is accepted though wrong.
 
-        Markers alone let every packet pass in which none of the m marker bytes is hit,
+        Markers alone accept every packet whose m marker bytes are intact,
 
         .. math:: P_u = (1 - p)^{8 m} \left( Q - (1 - p)^{24 n} \right)
 
-        with the probability Q that the receiver accepts the n numbers, 1 or nearly so. With a CRC,
-        the bits beside the markers must be a code word as well, see `crc_residual`. This is an
-        upper bound, less than a thousandth too high: the check of the numbers is left out.
+        with the probability Q that the receiver accepts the n numbers. With a CRC, the other bits
+        must also be a code word, see `crc_residual`; this upper bound, less than a thousandth too
+        high, leaves out the check of the numbers.
         """
         head, lead = len(self.head), len(self.lead)
         step, end = lead + _ITEM, head + n_items * (lead + _ITEM)
@@ -199,7 +178,7 @@ class MarkerFormat(PacketFormat):
         if self.crc:
             return intact * crc_residual(end + 1, p, markers)
         if self.numbers == "any":
-            # As a sum without cancellation, for small p.
+            # Written as a sum without cancellation for small p.
             changed = -float(np.expm1(24 * n_items * np.log1p(-p))) - _ends_early(self, n_items, p)
         else:
             changed = _numbers_taken(self, n_items, p) - (1 - p) ** (24 * n_items)
@@ -232,11 +211,10 @@ class MarkerFormat(PacketFormat):
 
 
 class MarkerParser:
-    """Reads a stream byte by byte: seeks 0xCC, and discards what breaks the form.
+    """Reads a stream byte by byte: seeks 0xCC, and discards what breaks the form."""
 
-    As in the paper, all bytes from the start of a broken packet are lost. The byte that broke it
-    is looked at again, because it may be the start of the next one.
-    """
+    # As in the paper, all bytes from the start of a broken packet are lost. The byte that broke it
+    # is tested again, because it may start the next packet.
 
     def __init__(self, packet_format: MarkerFormat) -> None:
         self.discarded = 0
@@ -261,7 +239,7 @@ class MarkerParser:
         return packets
 
     def read(self, byte: int) -> str:
-        """Take one byte, and return what it was taken for."""
+        """Take one byte, and return its meaning."""
         complete = self.feed(bytes([byte]))
         place, head, lead = len(self._packet) - 1, len(self._head), len(self._lead)
         if complete:
@@ -276,7 +254,7 @@ class MarkerParser:
         return "start of the data" if within < 0 else _PARTS[within]
 
     def _fits(self, byte: int) -> bool:
-        """Return whether a byte may follow those of the packet so far; note where it ends."""
+        """Return whether a byte may follow the packet so far; note where the packet ends."""
         form, head, lead, place = self._format, self._head, self._lead, len(self._packet)
         if place < len(head):
             self._size = 0
@@ -312,11 +290,8 @@ class MarkerParser:
 
 
 def stuff(data: Bytes) -> Bytes:
-    """Return rows of up to 254 bytes written without any 0, by consistent overhead byte stuffing.
-
-    Every 0 is replaced by the distance to the next one, and the distance to the first goes in
-    front: S. Cheshire, M. Baker, IEEE/ACM Transactions on Networking 7 (1999) 159-172.
-    """
+    """Return rows of up to 254 bytes without any 0, by consistent overhead byte stuffing."""
+    # Every 0 becomes the distance to the next one, and the distance to the first is put in front.
     n_rows, size = data.shape
     check_whole("length of data", size, 0, _SPAN)
     rows = np.zeros((n_rows, size + 2), np.uint8)
@@ -329,10 +304,10 @@ def stuff(data: Bytes) -> Bytes:
 
 
 def unstuff(rows: Bytes) -> tuple[Bools, Bytes]:
-    """Return which rows are stuffed, and the bytes that `stuff` was given for those."""
+    """Return which rows are stuffed correctly, and the bytes that `stuff` was given for those."""
     n_rows, width = rows.shape
     good = (rows != 0).all(axis=1)
-    if n_rows == 1:  # a single packet is quicker byte by byte
+    if n_rows == 1:  # a single packet is faster byte by byte
         data, start = bytearray(rows.tobytes()), 0
         while start < width and data[start]:
             step = data[start]
@@ -366,8 +341,6 @@ class CobsFormat(PacketFormat):
 
     Examples
     --------
-    One byte more than reading A of the printed packet, with one item or ten:
-
     >>> from shipnet import remote_control as rc
     >>> form = rc.CobsFormat()
     >>> packet = form.encode({0: 120, 3: 0xCCDD})
@@ -375,12 +348,10 @@ class CobsFormat(PacketFormat):
     ('01 02 78 06 03 dd cc 09 14 00', 10)
     >>> form.decode(packet)
     ((0, 120), (3, 52445))
-    >>> form.undetected_flips(10)
-    0.0
     """
 
     n_numbers: int = whole(
-        1, MOST_STUFFED, "", "How many values there are; their numbers count from 0", default=10
+        1, MOST_STUFFED, "", "Number of values; they are numbered from 0", default=10
     )
     numbers: NumberCheck = choice(
         _NUMBER_CHECKS, "What the receiver requires of the numbers", default="known"
@@ -391,22 +362,18 @@ class CobsFormat(PacketFormat):
         return 4 + 3 * check_whole("n_items", n_items, 0, self.n_numbers)
 
     def parser(self) -> CobsParser:
-        """Return a parser that has seen nothing yet; its `feed` takes a stream in any pieces."""
+        """Return a new parser; its `feed` takes a stream in any pieces."""
         return CobsParser(self)
 
-    def trace(self, stream: bytes, *, start: int = 0, size: int = 128) -> pd.DataFrame:
-        """Return what a reader takes each byte for: ``place``, ``byte`` and ``taken_as``.
-
-        The first byte lies at the place `start` of a ring of `size`.
-        """
-        *packets, rest = check_bytes("stream", stream).split(b"\0")
+    def _taken(self, stream: bytes) -> list[tuple[int, str]]:
+        *packets, rest = stream.split(b"\0")
         taken: list[tuple[int, str]] = []
         for packet in packets:
             taken += zip(packet + b"\0", self._parts(packet), strict=True)
-        return _traced(taken + [(byte, "not complete") for byte in rest], start, size)
+        return taken + [(byte, "not complete") for byte in rest]
 
     def _parts(self, packet: bytes) -> list[str]:
-        """Return what each byte of a packet is, with the 0 that ends it."""
+        """Return the meaning of each byte of a packet and of the 0 that ends it."""
         try:
             self.decode(packet + b"\0")
         except FrameError:
@@ -420,12 +387,9 @@ class CobsFormat(PacketFormat):
         return [*parts, "end of the packet"]
 
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
-        """Return an upper estimate, not a bound, of the share that is accepted though wrong.
-
-        Single inverted bits that pass are counted by trying them all on a packet with values of 0,
-        and two or more are taken as noise, of which 2**-16 passes. They are not noise: of four
-        million pairs of inverted bits none passed.
-        """
+        """Return an estimate, usually too high, of the share that is accepted though wrong."""
+        # Single inverted bits that pass are counted by trying them all; two or more are taken as
+        # noise, of which 2**-16 passes. Of four million pairs of inverted bits none passed.
         bits = 8 * self.size(n_items)
         single = bits * p * (1 - p) ** (bits - 1)
         return self.undetected_flips(n_items) * single + max(hit - single, 0.0) * 2.0**-_CRC_BITS
@@ -448,7 +412,7 @@ class CobsParser:
     def __init__(self, packet_format: CobsFormat) -> None:
         self.discarded = 0
         self._format = packet_format
-        # What came since the last 0; of more than a packet can have, only a number is kept.
+        # The bytes since the last 0; those beyond the longest packet are only counted.
         self._rest, self._more = b"", 0
 
     def feed(self, data: bytes) -> list[Items]:
@@ -469,16 +433,15 @@ class CobsParser:
         return packets
 
 
-# What the checks let through --------------------------------------------------------------------
+# Errors that pass the checks --------------------------------------------------------------------
 
 
 def crc_residual(n_bytes: int, rate: float, known: tuple[int, ...] = ()) -> float:
-    r"""Return how often CRC-16/MODBUS passes bytes, with their check, that are not those sent.
+    r"""Return how often CRC-16/MODBUS passes bytes, with their check, that differ from those sent.
 
-    Bytes at the `known` places are those sent in any case.
-
-    By MacWilliams' identity, with the number B of words of weight w in the dual code of a code
-    of L bits (T. Fujiwara, T. Kasami, S. Lin, IEEE Trans. Communications 37 (1989) 986-989):
+    Bytes at the `known` places are always those sent. By MacWilliams' identity, with the number B
+    of words of weight w in the dual code of a code of L bits (T. Fujiwara, T. Kasami, S. Lin, IEEE
+    Trans. Communications 37 (1989) 986-989):
 
     .. math:: P_u = 2^{-16} \sum_{w=0}^{L} B_w (1 - 2 p)^w - (1 - p)^L
     """
@@ -493,13 +456,13 @@ def crc_residual(n_bytes: int, rate: float, known: tuple[int, ...] = ()) -> floa
             total += number * power
             power *= base
         residual = total / (1 << _CRC_BITS) - (1 - exact) ** (len(weights) - 1)
-        # Of an exact 0 the rounding may leave less.
+        # Rounding can make an exact 0 negative.
         return max(0.0, float(residual))
 
 
 @cache
 def code_weights(n_bytes: int, known: tuple[int, ...] = ()) -> tuple[int, ...]:
-    """Return how many words of weight 0, 1, ... the dual code of CRC-16/MODBUS has."""
+    """Return the number of words of weight 0, 1, ... in the dual code of CRC-16/MODBUS."""
     bits = 8 * np.array(known, np.int64)[:, np.newaxis] + np.arange(8)
     found = np.delete(MODBUS.syndromes(n_bytes), bits.reshape(-1))
     # The Walsh-Hadamard transform counts, for each of the 2**16 sums of checks, even minus odd.
@@ -512,13 +475,13 @@ def code_weights(n_bytes: int, known: tuple[int, ...] = ()) -> tuple[int, ...]:
 
 
 def _becomes(number: int, p: float) -> Floats:
-    """Return with which probability each of the 256 bytes comes instead of a number."""
+    """Return the probability that each of the 256 bytes arrives instead of a number."""
     distance = np.bitwise_count(np.arange(256, dtype=np.uint8) ^ np.uint8(number))
     return np.asarray(p**distance * (1 - p) ** (8.0 - distance))
 
 
 def _ends_early(packet_format: MarkerFormat, n_items: int, p: float) -> float:
-    """Return how often a number turns into the last marker, which reading A takes for its end."""
+    """Return how often a number turns into the last marker, which ends a packet of reading A."""
     if packet_format.lead:
         return 0.0
     early = [float(_becomes(number, p)[PACKET_END]) for number in range(n_items)]
@@ -526,13 +489,13 @@ def _ends_early(packet_format: MarkerFormat, n_items: int, p: float) -> float:
 
 
 def _numbers_taken(packet_format: MarkerFormat, n_items: int, p: float) -> float:
-    """Return how often the receiver takes the numbers that arrive."""
+    """Return how often the receiver accepts the numbers that arrive."""
     if packet_format.numbers == "any":
         return 1 - _ends_early(packet_format, n_items, p)
     known = np.arange(256) < packet_format.n_numbers
     if packet_format.numbers == "known":
         return float(np.prod([_becomes(number, p)[known].sum() for number in range(n_items)]))
-    # Probability that the numbers so far rise, by the last of them; the first entry is for none.
+    # Probability that the numbers so far rise, by the last of them; the first entry means none.
     rising = np.zeros(257)
     rising[0] = 1.0
     for number in range(n_items):

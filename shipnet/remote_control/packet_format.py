@@ -1,6 +1,6 @@
-"""What all packets have in common: items, rows of packets, and what bit errors do to them.
+"""What all packets have in common: items, rows of packets, and the effect of bit errors.
 
-Bits are inverted independently of each other with a probability p, start and stop bits left out.
+Bits are inverted independently with a probability p; start and stop bits are left out.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from shipnet.arguments import checked
 from shipnet.arrays import Bools, Bytes, Integers, Words
 from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, FrameError, LengthError
 from shipnet.fields import check_rng, check_scalar, check_whole
+from shipnet.lazy import pd
 
 #: Number and value of each item, in the order of the packet.
 Items = tuple[tuple[int, int], ...]
@@ -25,10 +26,10 @@ Items = tuple[tuple[int, int], ...]
 NumberCheck = Literal["any", "known", "rising"]
 
 
-#: Packets worked on at a time.
+#: Packets processed at a time.
 _CHUNK = 1 << 16
 
-#: What is wrong with a packet that is refused; numbers go on with those that are legal.
+#: The fault of a refused packet; the text about numbers continues with the legal ones.
 _FAULTS: Mapping[type[FrameError], str] = {
     LengthError: "has a length that no number of items gives",
     FormError: "does not have the form of a packet",
@@ -38,17 +39,17 @@ _FAULTS: Mapping[type[FrameError], str] = {
 
 
 def check_bytes(name: str, data: object) -> bytes:
-    """Return bytes, or raise; `bytes` would turn a number into as many zeros."""
+    """Return bytes, or raise; `bytes` itself would turn a number into zeros."""
     if not isinstance(data, (bytes, bytearray, memoryview)):
         raise ArgumentError(f"{name} is {data!r}; it must be bytes")
     return bytes(data)
 
 
-# What becomes of packets -----------------------------------------------------------------------
+# Outcomes of packets ---------------------------------------------------------------------------
 
 
 class Shares(NamedTuple):
-    """What becomes of packets, as shares of all; `undetected` are accepted though wrong."""
+    """The outcomes of packets as shares of all; `undetected` are accepted though wrong."""
 
     intact: float
     detected: float
@@ -57,7 +58,7 @@ class Shares(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Packets that were sent over a disturbed line: all, discarded, and accepted though wrong."""
+    """Packets sent over a disturbed line: all, detected as wrong, and accepted though wrong."""
 
     sent: int
     detected: int
@@ -81,7 +82,7 @@ class Trial:
 class Parser(Protocol):
     """Finds the packets in a stream of bytes."""
 
-    #: Bytes discarded so far, because no packet that holds them was found.
+    #: Bytes discarded so far, because they are not part of a packet.
     discarded: int
 
     def feed(self, data: bytes) -> list[Items]:
@@ -89,7 +90,7 @@ class Parser(Protocol):
 
 
 class Decoded(NamedTuple):
-    """What a receiver makes of many packets: error codes, 0 for none, and the items accepted."""
+    """The reading of many packets: error codes, 0 for none, and the accepted items."""
 
     error: Bytes
     numbers: Bytes
@@ -108,7 +109,7 @@ class PacketFormat:
 
     __slots__ = ()
 
-    #: How many numbers there are, and the most items of a packet.
+    #: Number of values, and most items of a packet.
     n_numbers: int
     #: What a receiver requires of the numbers.
     numbers: NumberCheck
@@ -118,7 +119,7 @@ class PacketFormat:
         raise NotImplementedError
 
     def encode(self, items: Mapping[int, int]) -> bytes:
-        """Return a packet with values 0..65535 by their numbers, in rising order of these."""
+        """Return a packet with values 0..65535 by their numbers, in rising order of the numbers."""
         if not isinstance(items, Mapping):
             raise ArgumentError(f"items is {items!r}; it must map numbers to values")
         numbers = sorted(check_whole("number", number, 0, self.n_numbers - 1) for number in items)
@@ -143,13 +144,24 @@ class PacketFormat:
         return tuple(zip(found.numbers[0].tolist(), found.values[0].tolist(), strict=True))
 
     def parser(self) -> Parser:
-        """Return a parser that has seen nothing yet."""
+        """Return a new parser."""
         raise NotImplementedError
+
+    def trace(self, stream: bytes, *, start: int = 0, size: int = 128) -> pd.DataFrame:
+        """Return the meaning of each byte to a reader: ``place``, ``byte`` and ``taken_as``.
+
+        The first byte is at the place `start` of a ring of `size`.
+        """
+        taken = self._taken(check_bytes("stream", stream))
+        size = check_whole("size", size, 2, 65536)
+        start = check_whole("start", start, 0, size - 1)
+        rows = [((start + k) % size, f"0x{byte:02X}", what) for k, (byte, what) in enumerate(taken)]
+        return pd.DataFrame(rows, columns=["place", "byte", "taken_as"])
 
     def stream(self, n_bytes: int, items: int | None = None, *, phase: int = 0) -> bytes:
         """Return the bytes of packets sent without a pause, from byte `phase` of the first one.
 
-        Every packet has the same number of `items`, all if omitted, each with the value 1000.
+        Every packet has the same number of `items`, by default all, each with the value 1000.
         """
         n = check_whole("items", self.n_numbers if items is None else items, 0, self.n_numbers)
         packet = self.encode(dict.fromkeys(range(n), 1000))
@@ -161,8 +173,8 @@ class PacketFormat:
     def encode_batch(self, numbers: npt.ArrayLike, values: npt.ArrayLike) -> Bytes:
         """Return many packets as rows of bytes, each as `encode` makes it.
 
-        `values` has the shape (n_packets, n_items), `numbers` the same or (n_items,); numbers
-        rise in each row.
+        `values` has the shape (n_packets, n_items), and `numbers`, which rise in each row, the same
+        or (n_items,).
         """
         value = _whole("values", values, 0xFFFF)
         number = _whole("numbers", numbers, self.n_numbers - 1)
@@ -179,9 +191,9 @@ class PacketFormat:
         return self._encode_rows(items)
 
     def decode_batch(self, packets: npt.ArrayLike) -> Decoded:
-        """Return what a receiver makes of rows of uint8, each as `decode` finds it.
+        """Return the reading of rows of uint8 of one length, each as by `decode`.
 
-        All rows have one length. A row that is refused has an error code and items of 0.
+        A refused row has an error code, and 0 for its items.
         """
         rows = np.asarray(packets)
         if rows.dtype != np.uint8 or rows.ndim != 2:
@@ -204,23 +216,23 @@ class PacketFormat:
         return Decoded(error, numbers * good, values * good)
 
     def error_shares(self, n_items: int, rate: float) -> Shares:
-        """Return which shares of packets arrive intact, detected and undetected, in closed form.
+        """Return the shares of packets that arrive intact, detected and undetected, in closed form.
 
-        Bits are inverted independently of each other with the probability `rate`, 0..0.5; start and
-        stop bits are left out.
+        Bits are inverted independently with the probability `rate`, 0..0.5; start and stop bits are
+        left out.
         """
         p = check_scalar("rate", rate, "", 0, 0.5)
         n = check_whole("n_items", n_items, 0, self.n_numbers)
         bits = 8 * self.size(n)
-        # Of the difference 1 - intact nothing is left at small p unless it is taken like this.
+        # 1 - intact, without cancellation for small p.
         hit = -float(np.expm1(bits * np.log1p(-p)))
         undetected = self._undetected(n, p, hit)
         return Shares((1 - p) ** bits, hit - undetected, undetected)
 
     def undetected_flips(self, n_items: int) -> float:
-        r"""Return the share of single inverted bits that a receiver does not see.
+        r"""Return the share of single inverted bits that a receiver does not detect.
 
-        All are tried, on values of 0. Where the receiver looks at markers only, it is
+        All are tried, on values of 0. With markers only it is
 
         .. math:: S = \frac{24 n}{8 L}
 
@@ -235,7 +247,7 @@ class PacketFormat:
         packets: int,
         rng: np.random.Generator | int | None = None,
     ) -> Trial:
-        """Return how many of so many packets are detected as wrong, and accepted though wrong.
+        """Send packets; return how many are detected as wrong, and how many accepted though wrong.
 
         The values are random, and bits are inverted with the probability `rate`, 0..0.5.
         """
@@ -243,11 +255,9 @@ class PacketFormat:
         return Trial(outcomes.size, *np.bincount(outcomes, minlength=3)[1:].tolist())
 
     def outcomes(self, n_items: int, rate: float, packets: int, rng: np.random.Generator) -> Bytes:
-        """Return what became of packets with random values: 0 intact, 1 detected, 2 undetected.
-
-        Gaps between inverted bits are drawn, not bits; and only packets that are hit are built and
-        checked, since all others are accepted as they are.
-        """
+        """Return the outcomes of packets with random values: 0 intact, 1 detected, 2 undetected."""
+        # Gaps between inverted bits are drawn, not bits; and only packets that are hit are built
+        # and checked, because all others are accepted.
         p = check_scalar("rate", rate, "", 0, 0.5)
         n = check_whole("packets", packets, 0, 10**9)
         items = check_whole("n_items", n_items, 0, self.n_numbers)
@@ -271,14 +281,17 @@ class PacketFormat:
         return outcome
 
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
-        """Return the share that is accepted though wrong, where a share `hit` is disturbed."""
+        """Return the share that is accepted though wrong, if a share `hit` is disturbed."""
+        raise NotImplementedError
+
+    def _taken(self, stream: bytes) -> list[tuple[int, str]]:
         raise NotImplementedError
 
     def _encode_rows(self, items: Bytes) -> Bytes:
         raise NotImplementedError
 
     def _decode_rows(self, rows: Bytes, n_items: int) -> tuple[Bools, Bools, Bytes]:
-        """Return whether form and CRC are in order, and the items."""
+        """Return whether form and CRC are correct, and the items."""
         raise NotImplementedError
 
     def _accepts(self, numbers: Bytes) -> Bools:
@@ -309,7 +322,7 @@ def _single_flip_share(packet_format: PacketFormat, n_items: int) -> float:
 
 
 def _hits(n_bits: int, p: float, rng: np.random.Generator) -> Integers:
-    """Return which of so many bits are inverted, in rising order."""
+    """Return which of these bits are inverted, in rising order."""
     if p == 0 or n_bits == 0:
         return np.zeros(0, np.int64)
     parts, reached = [], -1

@@ -53,14 +53,14 @@ def plot_ring(
         )  # fmt: skip
         ax.add_patch(wedge)
         if size <= 32:
-            ax.text(*_at(0.875, middle), byte, ha="center", va="center", fontsize=8)
+            ax.text(*_at(0.875, middle), byte, ha="center", va="center")
     for (name, cell), radius, tip in zip(places.items(), (1.38, 0.15), (1.02, 0.74), strict=True):
         angle = 90 - (cell + 0.5) * step
         ax.annotate(
             name, xy=_at(tip, angle), xytext=_at(radius, angle), ha="center", va="center",
             arrowprops={"arrowstyle": "->", "color": "0.2"},
         )  # fmt: skip
-    ax.text(0, -1.55, text, ha="center", va="top", fontsize="small")
+    ax.text(0, -1.55, text, ha="center", va="top")
     ax.set_xlim(-1.6, 1.6)
     ax.set_ylim(-2.1, 1.5)
     ax.set_aspect("equal")
@@ -83,6 +83,10 @@ def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
         order, cmap=ListedColormap(colours), norm=BoundaryNorm(np.arange(-0.5, 4), 4),
         origin="lower", aspect="auto", interpolation="nearest",
     )  # fmt: skip
+    for place, letter in enumerate(_CASES):
+        row, column = np.nonzero(order[:, : 2 * size] == place)
+        if row.size:
+            ax.text(column.mean(), row.mean(), letter)
     ax.axvline(size, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
     ax.annotate(
         "ring full", (size, 0.5), (-3, 0), xycoords=("data", "axes fraction"),
@@ -158,7 +162,7 @@ def plot_time_chart(
         ax.plot(one["time_s"], place, marker="v", color=style.LIMIT["color"], linestyle="none")
         ax.annotate(
             f"{one['partner']} failed", (one["time_s"], place), (3, 3),
-            textcoords="offset points", color=style.LIMIT["color"], fontsize="small",
+            textcoords="offset points", color=style.LIMIT["color"],
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
         )  # fmt: skip
     ax.set_xlim(start, min(end, until))
@@ -222,7 +226,7 @@ def plot_counters(
         ax.plot(time, y, "v", color=colour)
         ax.annotate(
             f"failed, {time:.1f} s" if failed else f"miss {number}", (time, y), (5, 0),
-            textcoords="offset points", va="center", color=colour, fontsize="small",
+            textcoords="offset points", va="center", color=colour,
         )  # fmt: skip
     line, name = "-" if place == 0 else "--", label or f"rule {place + 1}"
     ax.plot(times, counts, line, drawstyle="steps-post", color=f"C{place}", label=name)
@@ -238,7 +242,7 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None, bit_error_rate: float | No
     if shown.empty:
         known = sorted(set(table["bit_error_rate"]))
         raise ArgumentError(f"bit_error_rate is {rate}; it must be one of {known}")
-    ax = style.axes(ax)
+    ax, bounds = style.axes(ax), list[float]()
     for place, (check, rows) in enumerate(shown.groupby("check", sort=False)):
         colour = f"C{place}"
         items = rows["n_items"].to_numpy(dtype=float)
@@ -247,6 +251,7 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None, bit_error_rate: float | No
         # Beside each other, so that none hides another.
         beside = items + 0.4 * place
         low, high = (rows[name].to_numpy(dtype=float) for name in ("low", "high"))
+        bounds += high[count == 0].tolist()
         # See `CobsFormat`: of the byte-stuffed packet the share is an estimate from above.
         label = f"{check}" + ", upper estimate" * (check == "CRC")
         ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=label)
@@ -255,11 +260,11 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None, bit_error_rate: float | No
             beside[some], share[some], yerr=[(share - low)[some], (high - share)[some]],
             color=colour, marker="o", linestyle="none", capsize=3,
         )  # fmt: skip
-        ax.plot(beside[~some], high[~some], color=colour, marker="v", linestyle="none")
     ax.set_yscale("log")
     ax.set_xlabel("items per packet")
     ax.set_ylabel("share of packets taken wrong [-]")
-    for marker, meaning in (("o", "counted, 95 % bounds"), ("v", "none counted, upper bound")):
-        ax.plot([], [], color="0.4", marker=marker, linestyle="none", label=meaning)
+    ax.plot([], [], "o", color="0.4", label="counted, 95 % bounds")
+    if bounds:
+        ax.axhline(max(bounds), color="0.5", linestyle=":", label="upper bound of none counted")
     style.legend(ax, 3)
     return ax

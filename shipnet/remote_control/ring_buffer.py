@@ -1,9 +1,8 @@
 """The receive ring: an interrupt stores bytes, a task extracts them later.
 
-Writer and reader each have a place (``no``, ``get_no``) and a flag that turns over at the end of
-the ring (``ring_f``, ``ring_get_f``). Place and flag together count to twice the size of the ring
-and begin again. The four cases that the paper distinguishes are what this count shows of the
-unread bytes:
+Writer and reader each have a place (``no``, ``get_no``) and a flag that changes at the end of the
+ring (``ring_f``, ``ring_get_f``). Together they count to twice the size of the ring, and show the
+unread bytes in one of four cases:
 
 - a: same flags, ``no < get_no``: the reader seems to have passed the writer;
 - b: same flags, ``no >= get_no``: in order, or empty;
@@ -42,7 +41,7 @@ class State(NamedTuple):
 
     @property
     def case(self) -> Case:
-        """Which of the four cases they show, in the order of the printed list."""
+        """The case that they show, in the order of the printed list."""
         if self.ring_f == self.ring_get_f:
             return "b" if self.no >= self.get_no else "a"
         return "c" if self.no >= self.get_no else "d"
@@ -52,7 +51,7 @@ class Step(NamedTuple):
     """What one step of the reader did, in the case that it found.
 
     It took a `byte`, waited, stopped receiving, or repaired the ring. `lost` counts the unread
-    bytes that it skipped, noticed or not; a `stale` byte was read before, or never received.
+    bytes that it skipped; a `stale` byte was read before, or never received.
     """
 
     case: Case
@@ -63,12 +62,12 @@ class Step(NamedTuple):
 
 
 def bytes_of(steps: Iterable[Step]) -> bytes:
-    """Return the bytes that some steps took."""
+    """Return the bytes that these steps took."""
     return bytes(step.byte for step in steps if step.byte is not None)
 
 
 def case_of(get_no: int, lead: int, size: int) -> Case:
-    """Return the case that shows if the writer leads a reader at a place by so many bytes."""
+    """Return the case in which the writer leads a reader at this place by `lead` bytes."""
     ring_f, no = divmod((get_no + lead) % (2 * size), size)
     return State(no, ring_f, get_no, 0).case
 
@@ -79,36 +78,31 @@ class Ring:
     Parameters
     ----------
     size : int, default 128
-        How many bytes it holds, 2..65536.
+        Number of bytes that it holds, 2..65536.
     rule : {"printed", "intended", "corrected"}, default "printed"
         How the reader decides. "printed": by the printed tests, in which ``no == get_no`` with
         equal flags counts as data. "intended": the same, but such a ring is empty. "corrected":
-        writer and reader count their bytes without beginning again.
+        writer and reader count their bytes without starting again.
 
     Attributes
     ----------
     written : int
-        Bytes stored so far; the printed program does not know this number.
+        Bytes stored so far; the printed program does not have this number.
     lost : int
-        Bytes that were never read and cannot be read any more.
+        Bytes that were never read and can no longer be read.
     stale : int
         Bytes taken that were read before or never received.
 
-    Raises
-    ------
-    ArgumentError
-        If `size` is out of range, or `rule` is unknown.
-
     Notes
     -----
-    In case a the printed reader switches the receive interrupt off and turns to sending; here it
-    stops, and goes on when the case has changed. In case c it gives up a part of the ring: with
-    ``no`` in the lower half it goes to the middle, else to the start, and seeks 0xCC from there.
-    If there is none, the reader here ends at the writer, with an empty ring; the paper does not
-    say. Nor does it place ``no == size / 2``, which is taken with the upper half.
+    In case a the printed reader [1]_ switches the receive interrupt off and sends; here it stops,
+    and continues when the case has changed. In case c it gives up a part of the ring: it moves to
+    the middle if ``no`` is in the lower half, else to the start, and seeks 0xCC from there. If
+    there is none, it ends at the writer, with an empty ring; the paper does not say. ``no == size /
+    2`` counts as the upper half, also our choice.
 
-    The counters of a corrected program may be 16 bits wide: they begin again at a multiple of 128,
-    and their difference is right as long as fewer than 65536 bytes are unread.
+    The counters of a corrected program may have 16 bits: their difference is right as long as fewer
+    than 65536 bytes are unread.
 
     References
     ----------
@@ -132,11 +126,6 @@ class Ring:
     Step(case='b', action='take', byte=0, lost=0, stale=True)
     >>> ring.extract().action, rc.Ring(8, "corrected").extract().action
     ('stop', 'wait')
-
-    A ring with five unread bytes across its end:
-
-    >>> rc.Ring.filled(unread=5, get_no=6, size=8).state
-    State(no=3, ring_f=1, get_no=6, ring_get_f=0)
     """
 
     def __init__(self, size: int = 128, rule: Rule = "printed") -> None:
@@ -151,7 +140,7 @@ class Ring:
 
     @classmethod
     def filled(cls, unread: int, get_no: int = 0, size: int = 128, rule: Rule = "intended") -> Ring:
-        """Return a ring with so many bytes unread and the reader at a place.
+        """Return a ring with `unread` bytes and the reader at a place.
 
         The n-th byte stored has the value n, modulo 256.
         """
@@ -183,12 +172,12 @@ class Ring:
 
     @property
     def unread(self) -> int:
-        """How many bytes were stored and neither read nor given up."""
+        """Number of bytes that were stored and neither read nor given up."""
         return self.written - self._due
 
     @property
     def seems_unread(self) -> int:
-        """How many bytes the four variables show as unread, 0..2 * size - 1."""
+        """Number of bytes that the four variables show as unread, 0..2 * size - 1."""
         return (self.written - self._reader) % (2 * self.size)
 
     def copy(self) -> Ring:
@@ -198,12 +187,12 @@ class Ring:
         return other
 
     def store(self, byte: int) -> None:
-        """Store a byte, as the receive interrupt does: it never looks at the reader."""
+        """Store a byte, as the receive interrupt does, whatever the reader does."""
         self._cells[self.written % self.size] = check_whole("byte", byte, 0, 255)
         self.written += 1
 
     def store_all(self, data: bytes) -> None:
-        """Store bytes one after the other; of more than `size` of them the last remain."""
+        """Store bytes one after another; of more than `size` of them the last ones remain."""
         given = check_bytes("data", data)
         kept = given[-self.size :]
         first = (self.written + len(given) - len(kept)) % self.size
@@ -230,7 +219,7 @@ class Ring:
         return self._take(case)
 
     def drain(self) -> list[Step]:
-        """Read on until the reader waits or stops, as the task does; return the steps."""
+        """Read until the reader waits or stops, as the task does; return the steps."""
         steps = [self.extract()]
         while steps[-1].action in ("take", "repair"):
             steps.append(self.extract())
@@ -239,12 +228,11 @@ class Ring:
     def explore(self, max_unread: int | None = None) -> pd.DataFrame:
         """Return every state that some order of storing and extracting reaches, and its step.
 
-        The search begins with an empty ring of this size, 2..16, and this rule; the writer rests
-        at `max_unread` bytes unread, three laps if omitted. A row per state: the four variables,
-        ``unread``, ``first_lap`` (whether some cells were never stored in), the ``case``, and the
-        ``action`` of the reader with the bytes ``lost`` in it and whether it took a ``stale`` one.
-
-        Every byte stored is 0xCC, so that a repair finds a packet's start at once.
+        The search begins with an empty ring of this size, 2..16, and this rule; the writer pauses
+        at `max_unread` bytes unread, by default three laps. One row per state: the four variables,
+        ``unread``, ``first_lap`` (whether some cells are still empty), the ``case``, and the
+        ``action`` of the reader with the bytes ``lost`` and whether it took a ``stale`` one. Every
+        byte stored is 0xCC, so that a repair finds the start of a packet at once.
         """
         check_whole("size", self.size, 2, 16)
         limit = 3 * self.size
@@ -271,15 +259,15 @@ class Ring:
         return pd.DataFrame(rows, columns=columns)
 
     def cases(self, laps: int = 3) -> RingCases:
-        """Return which case shows while the writer leads by less than so many laps, 1..16."""
+        """Return the cases while the writer leads by less than this many laps, 1..16."""
         check_whole("size", self.size, 2, 1024)
         return RingCases(self.size, check_whole("laps", laps, 1, 16))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the ring as a circle of cells, clockwise from the top, with writer and reader.
 
-        Cells that hold unread bytes are shaded, in red if others have been overwritten unread.
-        Rings of up to 32 cells show their bytes.
+        Cells with unread bytes are shaded, in red if others were overwritten unread. Rings of up to
+        32 cells show their bytes.
         """
         from shipnet.remote_control.plot import plot_ring
 
@@ -308,7 +296,7 @@ class Ring:
         return Step(case, "take", self._cells[place], lost)
 
     def _move(self, count: int) -> int:
-        """Move the reader on to a byte; return how many bytes it gives up."""
+        """Move the reader forward to a byte; return how many bytes it gives up."""
         self._reader = count % (2 * self.size)
         lost = max(0, count - self._due)
         self._due += lost
@@ -316,10 +304,10 @@ class Ring:
         return lost
 
     def _first_start(self) -> int:
-        """Return which byte the repair of Fig 9 finds."""
+        """Return the byte that the repair of Fig 9 finds."""
         no = self.state.no
         half = self.size >> 1
-        # From the middle on, the ring holds bytes of the lap before, then those of this lap.
+        # From its middle, the ring holds bytes of the previous lap, then those of this lap.
         oldest = self.written - no + (half - self.size if no < half else 0)
         for count in range(oldest, self.written):
             if self._cells[count % self.size] == PACKET_START:
@@ -328,13 +316,13 @@ class Ring:
 
 
 def _key(ring: Ring) -> tuple[int, ...]:
-    # These alone decide what follows: places, flags, unread bytes, and how many cells were used.
+    # Only these determine the future: places, flags, unread bytes, and the number of cells used.
     return (*ring.state, ring.unread, min(ring.written, ring.size))
 
 
 @dataclass(frozen=True)
 class RingCases:
-    """Which case a ring shows, by the reader's place and by how far the writer leads."""
+    """The case of a ring, by the reader's place and by the writer's lead."""
 
     size: int
     laps: int
@@ -346,10 +334,10 @@ class RingCases:
         return np.where(same, np.where(no >= place, "b", "a"), np.where(no >= place, "c", "d"))
 
     def table(self) -> pd.DataFrame:
-        """Return in how many pairs of lead and reader's place each case shows.
+        """Return how many pairs of lead and reader's place show each case, one row per lap.
 
-        A row per lap, from a lead of ``from`` to one of ``to`` bytes. A lead of exactly one lap is
-        a full ring: nothing is lost yet, though case c shows.
+        A lap has leads ``from`` .. ``to`` [byte]. A lead of exactly one lap is a full ring: nothing
+        is lost yet, though case c shows.
         """
         shown = self._shown().reshape(self.laps, -1)
         first = np.arange(self.laps) * self.size

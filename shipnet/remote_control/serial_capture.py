@@ -1,7 +1,7 @@
 """Recorded serial lines: rate, form and characters of a UART, from levels or voltages.
 
-Only the edges are looked at. The clock is the slope of a straight line through all edges over their
-bit numbers; a form is right if neither its parity nor its stop bit ever fails.
+Only the edges are used. The clock is the slope of a straight line through all edges over their bit
+numbers; a form fits if neither its parity nor its stop bit ever fails.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from shipnet.lazy import pd
 from shipnet.line.scope_file import Edges, bit_time, read_edges
 from shipnet.modbus.uart import SerialLine, Waveform
 
-#: Forms that are tried: data bits and parity.
+#: Data bits and parity that are tried.
 _FORMS = tuple((data, parity) for data in (8, 7) for parity in "NEO")
 
-#: Edges by which guesses are compared, and the pulses that are glitches [bit].
+#: Number of edges by which guesses are compared, and the longest glitch [bit].
 _HEAD, _GLITCH = 600, 1 / 3
 
-#: Fewest samples per bit, and most edges of a record.
+#: Fewest samples per bit, and most edges in a record.
 _FEWEST, _EDGES = 2.0, 2**22
 
 
@@ -37,11 +37,11 @@ class _Reading(NamedTuple):
 
     starts: Floats
     bits: Integers  # (characters, bits): start, data, parity if any, first stop bit
-    false: int  # starts that were over before the middle of the start bit
+    false: int  # starts that ended before the middle of the start bit
 
 
 def _read(places: Floats, first: int, bit: float, size: int) -> _Reading:
-    """Sample characters of `size` bits between start and stop bit, each from its own start on."""
+    """Sample characters of `size` bits between start and stop bit, each from its own start."""
     falls = places[first ^ 1 :: 2]
 
     def level(times: Floats) -> Integers:
@@ -61,7 +61,7 @@ def _read(places: Floats, first: int, bit: float, size: int) -> _Reading:
 
 
 def _fit(places: Floats, reading: _Reading, bit: float) -> tuple[float, float]:
-    """Return the bit time that fits the edges within characters, and their distance from it."""
+    """Return the bit time that fits the edges within characters, and their deviation from it."""
     if not len(reading.starts):
         return bit, 0.5
     own = np.searchsorted(reading.starts, places, side="right") - 1
@@ -111,7 +111,7 @@ def _faults(reading: _Reading, parity: str) -> tuple[Bools, Bools]:
 def _found(
     edges: Edges, first: int, bit: float | None, form: tuple[int, str] | None
 ) -> tuple[float, tuple[int, str]]:
-    """Return the bit time and the form with the fewest faults; of equals, the longest bit."""
+    """Return the bit time and the form with the fewest faults; among equals, the longest bit."""
     head = np.asarray(edges.places[:_HEAD], dtype=float)
     runs = np.diff(head)
     guesses = {bit} if bit else {
@@ -132,7 +132,7 @@ def _found(
             wrong = np.logical_or(*_faults(reading, parity)).mean()
             gone = (len(head) - len(clean)) / len(head)
             score = wrong + gone + 2 * max(0.0, off - 0.5 * edges.width / own - 0.02)
-            # A bit of half the length fits as well; without parity nothing but stop bits can fail.
+            # A bit of half the length also fits, and without parity only stop bits can fail.
             score += -0.5 * np.log2(own / runs.max()) + 0.02 * (parity == "N") - 0.01 * data
             best = min(best, (score, own, (data, parity)))
     return best[1:]
@@ -151,8 +151,8 @@ class SerialCapture:
     character : str
         Data bits, parity and stop bits, as ``"8N1"``.
     waveform : shipnet.modbus.Waveform
-        Levels with glitches, 1 while the line rests; `Waveform.decode` shows what a receiver with
-        other settings takes from it. None for characters that are not of 8 bits.
+        Levels with glitches, 1 while the line is idle, for `Waveform.decode` with other settings;
+        None for characters that do not have 8 bits.
     duration : float
         Length of the record [s].
     channel : str
@@ -179,14 +179,13 @@ class SerialCapture:
 
     @property
     def data(self) -> bytes:
-        """All characters, wrong ones included; of 9 bits, the lowest 8."""
+        """All characters, including wrong ones; of 9 bits, the lowest 8."""
         return (self._table["value"].to_numpy(dtype=np.int64) & 255).astype(np.uint8).tobytes()
 
     def table(self) -> pd.DataFrame:
         """Return one row per character: ``start_s``, ``value``, ``error``.
 
-        The error is ok, FormError (the stop bit is 0: a framing error, which hides a wrong parity)
-        or ParityError.
+        The error is ok, FormError (the stop bit is 0, a framing error) or ParityError.
         """
         return self._table.copy()
 
@@ -216,16 +215,16 @@ def read_capture(
     Parameters
     ----------
     path : path
-        A file as `shipnet.can.read_capture` takes it. The level at which the line rests is 1.
+        A file as for `shipnet.can.read_capture`. The level of the idle line is 1.
     bit_rate : float, optional
         Bit rate of the receiver, 50..10e6 [bit/s]; that of the sender, as found, if omitted.
     character : str, optional
         Data bits (5..9), parity (N, E, O) and stop bits (1, 2), as ``"8N1"``; found if omitted,
         with 7 or 8 data bits.
     channel : str, optional
-        Title or number of the channel; the one that changes most often if omitted.
+        Title or number of the channel; the one with the most changes if omitted.
     sample_interval : float, optional
-        Time between two samples [s]; it overrides what the file says.
+        Time between two samples [s], in place of that of the file.
 
     Returns
     -------
@@ -235,19 +234,17 @@ def read_capture(
     Raises
     ------
     InputError
-        If the file cannot be read or gives no times, it has fewer than 2 samples per bit or more
-        than 2**22 edges, or the bit rate is not given and there are too few edges to find it.
-    ArgumentError
-        If an argument is out of its range.
+        If the file cannot be read or gives no times, has fewer than 2 samples per bit or more than
+        2**22 edges, or has too few edges to find a bit rate that is not given.
 
     Notes
     -----
     A start bit begins where the level falls, and counts if the line is still 0 half a bit later.
     All bits are sampled in their middle, and the next character begins at the first fall after the
-    middle of the first stop bit. Pulses shorter than a third of a bit are removed before.
+    middle of the first stop bit. Pulses shorter than a third of a bit are removed first.
 
     Rate and form are those with the fewest faults. With fewer than about ten characters several
-    forms have none, and what is found is a guess: state them.
+    forms have none, and the result is a guess, so state them.
 
     Examples
     --------
@@ -264,9 +261,7 @@ def read_capture(
         form = int(character[0]), character[1]
     edges = read_edges(file, channel=channel, sample_interval=sample_interval)
     if len(edges.places) > _EDGES:
-        raise InputError(
-            str(file), f"more than {_EDGES} changes of level; save a part of the record"
-        )
+        raise InputError(str(file), f"more than {_EDGES} changes of level; save a part of it")
     bit = None if rate is None else 1 / (rate * edges.dt)
     if bit is not None and bit < _FEWEST:
         raise InputError(
@@ -274,7 +269,7 @@ def read_capture(
         )
     if len(edges.places) < 4 and bit is None:
         raise InputError(str(file), "too few changes of level to find the bit rate; state it")
-    # Only a line at rest is quiet for longer than a character.
+    # Only an idle line stays unchanged for longer than a character.
     runs = np.diff(edges.places, prepend=0, append=edges.samples)
     level = (np.arange(len(runs)) + edges.first) & 1
     long = level[runs > 13 * (bit or bit_time(edges, 9))]
@@ -286,7 +281,7 @@ def read_capture(
     data, parity = form or _FORMS[0]
     if bit is None or bit < _FEWEST:
         raise InputError(str(file), "fewer than 2 samples per bit")
-    # The sender's own clock does not depend on that of the receiver.
+    # The sender's clock does not depend on that of the receiver.
     own = _found(edges, first, None, (data, parity))[0] if len(places) >= 4 else bit
     size = data + (parity != "N")
     own = _tuned(_without_glitches(places, own), first, own, size)
@@ -305,15 +300,13 @@ def read_capture(
         times = np.concatenate([[0.0], places]) * edges.dt
         levels = ((np.arange(len(times)) + first) & 1).astype(np.float64)
         waveform = Waveform(times, levels, SerialLine(rate, found))
-    table = pd.DataFrame(
-        {
-            "start_s": reading.starts * edges.dt,
-            "value": reading.bits[:, 1 : data + 1] @ (1 << np.arange(data)),
-            "error": [name[int(one)] for one in code],
-        }
-    )
+    columns = {
+        "start_s": reading.starts * edges.dt,
+        "value": reading.bits[:, 1 : data + 1] @ (1 << np.arange(data)),
+        "error": [name[int(one)] for one in code],
+    }
     glitches = (len(places) - len(clean)) // 2 + reading.false
     return SerialCapture(
         rate, 1 / (own * edges.dt), found, waveform, edges.samples * edges.dt, edges.channel,
-        glitches, table,
+        glitches, pd.DataFrame(columns),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Simulate the link byte by byte: what changes, what happens, and what came of it."""
+"""Simulate the link byte by byte: changes, events and outcomes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from shipnet.arguments import checked
-from shipnet.arrays import Floats
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole, choice, number, record, whole
@@ -24,9 +23,9 @@ from shipnet.remote_control.packet import DATA_START, MarkerFormat
 from shipnet.remote_control.packet_format import Items
 from shipnet.remote_control.station import State, Station
 from shipnet.remote_control.system import BIT_RATES, System
-from shipnet.remote_control.values import HOPS, STATIONS, forwarded
+from shipnet.remote_control.values import STATIONS, forwarded
 
-#: What RCS passes on between the slaves.
+#: Values that RCS forwards from one slave to the other.
 _FORWARDED = {"BCS": ("SS", forwarded("BCS", "SS")), "SS": ("BCS", forwarded("SS", "BCS"))}
 
 #: Bytes and ticks of the longest simulation.
@@ -38,28 +37,28 @@ _MOST_EVENTS = 20_000_000
 
 @record
 class Change:
-    """A station's own value changes; all values begin as 0.
+    """A value of a station changes; all values begin as 0.
 
-    It goes to each partner of the station. What comes to RCS from one slave and is of use to the
-    other, by ``System().signals()``, goes on to that.
+    The station sends it to its partners. RCS forwards a slave's value to the other slave if that
+    uses it, by ``System().signals()``.
 
     Examples
     --------
-    The bridge's switch *shutdown cancel* is set after a second:
+    The bridge's switch *shutdown cancel* is set after one second:
 
     >>> from shipnet import remote_control as rc
     >>> rc.Change(1.0, "BCS", number=1, value=1)
     Change(time=1.0, station='BCS', number=1, value=1)
     """
 
-    time: float = number(0, 1e6, "s", "When it changes")
-    station: str = choice(STATIONS, "Whose value it is")
+    time: float = number(0, 1e6, "s", "Time of the change")
+    station: str = choice(STATIONS, "Station that sets the value")
     number: int = whole(0, 203, "", "Number of the value")
     value: int = whole(0, 0xFFFF, "", "Its new value")
 
 
 class Update(NamedTuple):
-    """A station has got a value from another at a time [s]."""
+    """A station receives a value from another at a time [s]."""
 
     time: float
     station: str
@@ -70,7 +69,7 @@ class Update(NamedTuple):
 
 @dataclass(slots=True)
 class Packet:
-    """A packet on the line, from its first bit to its last [s], and what its receiver took."""
+    """A packet on the line, from its first bit to its last [s], and the items received from it."""
 
     start: float
     end: float
@@ -83,7 +82,7 @@ class Packet:
 
     @property
     def outcome(self) -> str:
-        """What became of it: "ok", "wrong" values taken, or "lost"."""
+        """Its outcome: "ok", "wrong" (other values were accepted), or "lost"."""
         if self.received is None:
             return "lost"
         return "ok" if self.received == self.items else "wrong"
@@ -99,19 +98,19 @@ class Run:
     system : System
         The link.
     until : float
-        How long it was simulated [s].
+        End of the simulation [s].
     faults : tuple of Fault
-        What went wrong.
+        The faults.
     changes : list of Change
-        What was changed, in order of time.
+        The changes, in order of time.
     packets : list of Packet
         All packets that were begun.
     updates : list of Update
-        What the stations heard from each other.
+        Values that the stations received from each other.
     heartbeats : list of (float, str, str, int)
-        Time [s], receiver and sender of each sign of life, and how many ticks had been counted.
+        Time [s], receiver and sender of each sign of life, and the ticks counted before it.
     max_unread : int
-        Most bytes that waited in a ring when its task looked.
+        Most bytes that waited in a ring when its task read it.
 
     Examples
     --------
@@ -139,11 +138,10 @@ class Run:
         return f"Run({self.until:g} s, {len(self.packets)} packets, {alarms} alarms)"
 
     def events(self) -> pd.DataFrame:
-        """Return what is out of the ordinary, a row per event.
+        """Return the unusual events, one row each.
 
-        The events are "failed" and "answered" (a partner), "timed out" (a turn), "ring repaired",
-        "ring stopped", "ring overrun unnoticed", "task stalls", "station stops" and "station
-        starts".
+        They are "failed" and "answered" (a partner), "timed out" (a turn), "ring repaired", "ring
+        stopped", "ring overrun unnoticed", "task stalls", "station stops" and "station starts".
         """
         columns = ["time_s", "station", "event", "partner", "detail"]
         return pd.DataFrame(self._events, columns=columns)
@@ -153,17 +151,8 @@ class Run:
         events = self.events()
         return events[events["event"] == "failed"].reset_index(drop=True)
 
-    def table(self) -> pd.DataFrame:
-        """Return a row per line and direction: how many packets were sent, and their outcomes."""
-        rows = []
-        for hop in HOPS:
-            fates = [p.outcome for p in self.packets if (p.source, p.target) == hop]
-            rows.append((*hop, len(fates), *map(fates.count, ("ok", "wrong", "lost"))))
-        columns = ["source", "target", "packets", "ok", "wrong", "lost"]
-        return pd.DataFrame(rows, columns=columns).set_index(["source", "target"])
-
     def traffic(self) -> pd.DataFrame:
-        """Return all packets, a row each, with when they were read and their outcome."""
+        """Return one row per packet, with the time at which it was read and its outcome."""
         rows = [
             (p.start, p.end, p.source, p.target, len(p.items), p.read, p.disturbed, p.outcome)
             for p in self.packets
@@ -172,21 +161,15 @@ class Run:
         return pd.DataFrame(rows, columns=[*columns, "outcome"])
 
     def states(self) -> pd.DataFrame:
-        """Return when each station began to send, to receive, to process, or was dead."""
+        """Return when each station began to send, to receive or to process, or was dead."""
         rows = [(time, name, state.value, state.comm_f) for time, name, state in self._states]
         table = pd.DataFrame(rows, columns=["time_s", "station", "state", "comm_f"])
         return table.astype({"comm_f": "Int64"})
 
-    @property
-    def cycle_times(self) -> Floats:
-        """Times from one packet of RCS to BCS to the next, shape (n_cycles,) [s]."""
-        starts = [p.start for p in self.packets if (p.source, p.target) == HOPS[0]]
-        return np.diff(np.array(starts, dtype=float))
-
     def history(self, number: int, station: str) -> pd.DataFrame:
-        """Return which value of a number a station had from which ``time_s`` on.
+        """Return the values that a station had of a number, each from its ``time_s`` on.
 
-        The values are those that it set itself, or if it set none, those that it heard.
+        They are those that it set itself, or if it set none, those that it received.
         """
         number = check_whole("number", number, 0, self.system.n_items - 1)
         if station not in STATIONS:
@@ -200,10 +183,10 @@ class Run:
         return pd.DataFrame(rows, columns=["time_s", "value"])
 
     def delays(self, station: str) -> pd.DataFrame:
-        """Return when a station learnt of each change at the others, as ``delay_s``.
+        """Return when a station received each change of the others, as ``delay_s``.
 
-        It is 0 where the station still had the value from before, and NaN where the value had
-        changed again, or the simulation ended, before the station had it.
+        It is 0 if the station still had that value, and NaN if the value changed again, or the
+        simulation ended, before the station had it.
         """
         rows = []
         for change in self.changes:
@@ -232,9 +215,9 @@ class Run:
     ) -> Axes:
         """Draw the packets of each station from `start` to `stop` [s], as Fig. 2 of chung1998.
 
-        A packet is a block in the row of its sender, filled by whom it goes to, with an arrow to
-        its receiver where that read it; one that is lost is hatched. A red triangle marks a
-        partner taken as failed. A figure shows up to 500 packets.
+        A packet is a block in the row of its sender, coloured by its receiver, with an arrow to the
+        receiver that read it; a lost one is hatched. A red triangle marks a partner taken as
+        failed. A figure shows up to 500 packets.
         """
         from shipnet.remote_control.plot import plot_time_chart
 
@@ -255,46 +238,40 @@ def simulate(
     phases: Mapping[str, float] | None = None,
     rng: np.random.Generator | int | None = None,
 ) -> Run:
-    """Simulate the link from switching it on, byte by byte.
+    """Simulate the link byte by byte from the moment it is switched on.
 
     Parameters
     ----------
     system : System
         The link.
     changes : Change or iterable of Change, optional
-        What changes at the stations.
+        Changes of values at the stations.
     until : float
-        Time to simulate, 0..1e6 [s]; up to 20 million bytes and ticks.
+        End of the simulation, 0..1e6 [s]; up to 20 million bytes and ticks.
     faults : Fault or iterable of Fault, optional
-        What goes wrong, see `faults`.
+        Faults of the namespace `faults`.
     phases : mapping of str to float, optional
-        When the timer of each station ticks first, after 0 up to its period [s]. Where a station
-        is not named, it is drawn from `rng`; without one, the first tick comes after one period.
+        Time of the first tick of each station's timer, above 0 and up to its period [s]. For other
+        stations it is drawn from `rng`; without `rng` it is one period.
     rng : numpy.random.Generator or int, optional
-        Source of chance, or its seed; `faults.BitErrors` need one.
+        Random generator or its seed; `faults.BitErrors` need one.
 
     Returns
     -------
     Run
         Packets, events and states.
 
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
     Notes
     -----
-    A station takes bytes only while it receives (``comm_f`` is 1). Its task looks into the ring
-    after every byte, and answers when a packet is complete; a packet that is broken is not
-    answered. What has come of it stays in the ring, and spoils the next packet if its form allows
-    that. The timers go on through everything but the death of their station. One byte 0xDD of
-    the partner clears the counters, be it a marker or a value; with a format without markers a
-    complete packet does.
+    A station takes bytes only while it receives (``comm_f`` is 1). Its task reads the ring after
+    every byte, and answers when a packet is complete; a broken packet is not answered. The part of
+    it that arrived stays in the ring and can spoil the next packet. The timers stop only when their
+    station is dead. One byte 0xDD of the partner, marker or value, clears the counters; in a format
+    without markers a complete packet does.
 
     Examples
     --------
-    SS dies in a link of 600 bit/s. Before RCS finds out, BCS takes RCS as failed:
+    SS dies in a link of 600 bit/s. Before RCS notices, BCS takes RCS as failed:
 
     >>> from shipnet import remote_control as rc
     >>> dead = rc.faults.DeadStation("SS", start=3.0)
@@ -309,7 +286,7 @@ def simulate(
 
 
 class _Simulation:
-    """Stations, and what will happen to them."""
+    """The stations, and the events to come."""
 
     def __init__(
         self,
@@ -395,7 +372,7 @@ class _Simulation:
 
     def _send(self, station: Station) -> None:
         """Begin a packet to the next partner; its bytes arrive one by one."""
-        station.choose_partner()
+        station.next_partner()
         if station.state is not State.SENDING:
             self._enter(station, State.SENDING)
         station.turn += 1
@@ -426,17 +403,17 @@ class _Simulation:
         return False
 
     def _disturb(self, packet: Packet, data: bytes) -> list[int | None]:
-        """Return what arrives of each byte: itself, another, or nothing."""
+        """Return what arrives of each byte: the byte, another one, or None."""
         if self._is_lost(packet):
             return [None] * len(data)
         rate = 0.0
         for errors in self.errors:
             if errors.start <= packet.start < errors.stop:
-                # A bit that two faults invert is right again.
+                # A bit that two faults invert is correct again.
                 rate += errors.rate - 2 * rate * errors.rate
         if rate == 0 or self.rng is None:
             return list(data)
-        # The start bit, and eight of data.
+        # Each byte has a start bit and eight data bits.
         hit = self.rng.random((len(data), 9)) < rate
         packet.disturbed = bool(hit.any())
         flips = np.packbits(hit[:, 1:], axis=1)[:, 0].tolist()
@@ -463,7 +440,7 @@ class _Simulation:
         last: bool,
         packet: Packet,
     ) -> None:
-        """Store a byte at its receiver, which may be in a state to take it or not."""
+        """Store a byte at its receiver if the receiver takes it."""
         if source.turn != turn or target.state.comm_f != 1:
             return
         if byte is not None:
@@ -481,7 +458,7 @@ class _Simulation:
             self._note(station, "answered", partner)
 
     def _look(self, station: Station) -> None:
-        """Let the task look into the ring, if it can."""
+        """Let the task read the ring, if it can."""
         if station.state is not State.RECEIVING or self.now < station.busy_until:
             return
         reading = station.read()
@@ -513,7 +490,7 @@ class _Simulation:
         self._at(self.now + self.system.processing, act)
 
     def _processed(self, station: Station, turn: int, source: str, items: Items) -> None:
-        """Take the values into the tables, and turn to sending."""
+        """Store the values in the tables, and begin to send."""
         if station.turn != turn:
             return
         if self.now < station.busy_until:
@@ -535,13 +512,11 @@ class _Simulation:
         self._at(first + (number + 1) * tick, partial(self._tick, station, first, number + 1))
         if station.state is State.DEAD:
             return
-        always = self.system.rule(station.name).while_sending
         for partner, counter in station.counters.items():
             waits = station.state.comm_f == 1 and station.partner == partner
-            if (waits or always) and counter.step():
-                station.left_out[partner] = self.system.skip_turns
+            if waits and counter.step():
                 self._note(station, "failed", partner)
-                if waits and station.master:
+                if station.master:
                     # That it goes on to its next partner is our reading.
                     self._leave(station, station.turn)
 
@@ -551,7 +526,7 @@ class _Simulation:
             self._leave(station, turn)
 
     def _leave(self, station: Station, turn: int) -> None:
-        """Let a station that waits in vain send, as soon as its task can."""
+        """Let a station that waits in vain send as soon as its task can."""
         if self.now < station.busy_until:
             self._at(station.busy_until, partial(self._leave, station, turn))
         elif station.turn == turn and station.state is State.RECEIVING:
@@ -594,30 +569,24 @@ def switch_delays(
     bit_rates: Iterable[float] = BIT_RATES,
     rng: np.random.Generator | int | None = None,
 ) -> pd.DataFrame:
-    """Return how soon SS follows a switch of the bridge, by bit rate.
+    """Return the delays with which SS follows a switch on the bridge, by bit rate.
 
     Parameters
     ----------
     system : System, optional
-        The link, whose bit rate does not matter; that of the paper if omitted, in which nothing
-        else changes.
+        The link; its bit rate does not matter. That of the paper if omitted.
     changes : int, default 20
-        How often the switch is moved, 1..10000.
+        Number of moves of the switch, 1..10000.
     bit_rates : iterable of float, optional
         Bit rates [bit/s]; those of section 5 of chung1998 if omitted.
     rng : numpy.random.Generator or int, optional
-        Source of the moments at which the switch is moved, or its seed.
+        Random generator, or its seed, for the times of the moves.
 
     Returns
     -------
     pandas.DataFrame
-        A row per bit rate: ``bit_rate``, how many changes were ``followed``, ``mean_s`` and
+        One row per bit rate: ``bit_rate``, the number of moves ``followed``, ``mean_s`` and
         ``longest_s`` delay, and ``bound_s``, the `System.response_time` of packets with all items.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
 
     Examples
     --------
@@ -632,7 +601,7 @@ def switch_delays(
     for rate in bit_rates:
         link = replace(base, bit_rate=rate)
         bound = link.response_time()
-        # Twice the longest delay between two changes, and up to a cycle more.
+        # At least twice the longest delay between two moves, and up to a cycle more.
         gap = 2 * bound + link.cycle_time * chance.random(n)
         times = np.cumsum(gap)
         moves = [Change(float(t), "BCS", 1, (k + 1) % 2) for k, t in enumerate(times)]

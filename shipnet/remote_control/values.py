@@ -1,7 +1,7 @@
 """What the three stations send each other: bridge, engine room and safety system.
 
-The names are those of chung1998, sections 2 and 5. Which number belongs to which value, and that
-there are just these, is our assumption: the drawing of its Fig. 1 is not in the text that we have.
+The names are those of chung1998, sections 2 and 5. The numbers, and that these are all values, are
+our assumption: the drawing of its Fig. 1 is not in the text that we have.
 """
 
 from __future__ import annotations
@@ -17,16 +17,15 @@ Hop = tuple[str, str]
 #: Remote control system in the engine room (the master), bridge control system, safety system.
 STATIONS = ("RCS", "BCS", "SS")
 
-#: Who sends to whom, in the order of a cycle: chung1998, section 4.
+#: Senders and receivers, in the order of a cycle: chung1998, section 4.
 HOPS: tuple[Hop, ...] = (("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "RCS"))
 
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A value of 16 bits that crosses the link, who sets it and who reads it.
+    """A value of 16 bits that crosses the link, the stations that set it and those that read it.
 
-    A switch that is there twice has two sources. `where` is the section of chung1998 that names
-    it; the number is ours.
+    `where` is the section of chung1998 that names it; the number is ours.
     """
 
     number: int
@@ -43,22 +42,20 @@ class Value:
 
     @property
     def routes(self) -> tuple[tuple[str, ...], ...]:
-        """Stations that it passes, one tuple per source and other station that uses it.
-
-        BCS and SS have no line between them: whatever one sends the other goes through RCS.
-        """
+        """The stations that it passes, one tuple per source and other station that uses it."""
+        # BCS and SS have no line between them: what one sends the other goes through RCS.
         users = (*self.sources, *self.readers)
         pairs = [(a, b) for a in self.sources for b in users if a != b]
         return tuple((a, b) if "RCS" in (a, b) else (a, "RCS", b) for a, b in pairs)
 
     @property
     def hops(self) -> tuple[Hop, ...]:
-        """Lines that it crosses, in the order of a cycle."""
+        """The lines that it crosses, in the order of a cycle."""
         crossed = {hop for route in self.routes for hop in pairwise(route)}
         return tuple(hop for hop in HOPS if hop in crossed)
 
 
-#: Switches first, so that a link of few items has them.
+#: Switches come first, so that a link of few items has them.
 VALUES = (
     Value(0, "control_position", "switch", ("BCS", "RCS"), (), "2; 5"),
     Value(1, "shutdown_cancel", "switch", ("BCS", "SS"), ("RCS",), "5"),
@@ -75,7 +72,7 @@ VALUES = (
 
 
 def values_on(source: str, target: str) -> tuple[Value, ...]:
-    """Return what one station sends to another, by number."""
+    """Return the values that one station sends to another, by number."""
     if (source, target) not in HOPS:
         lines = ", ".join(f"{a} to {b}" for a, b in HOPS)
         raise ArgumentError(f"source and target are {source!r}, {target!r}; the lines are {lines}")
@@ -83,7 +80,7 @@ def values_on(source: str, target: str) -> tuple[Value, ...]:
 
 
 def forwarded(source: str, target: str) -> frozenset[int]:
-    """Return the numbers of what RCS passes on from one slave to the other."""
+    """Return the numbers of the values that RCS forwards from one slave to the other."""
     if {source, target} != {"BCS", "SS"}:
         raise ArgumentError(f"source and target are {source!r}, {target!r}; they must be BCS, SS")
     route = (source, "RCS", target)

@@ -106,7 +106,7 @@ class ValveDiagnosis(Tool):
         colours = ["C1" if code in active else "C0" for code in codes]
         ax.barh(range(len(codes)), list(strength.values()), color=colours, height=0.7)
         labels = [f"{code}  {_BASE.rule(code).english}" for code in codes]
-        ax.set_yticks(range(len(codes)), labels, fontsize=8)
+        ax.set_yticks(range(len(codes)), labels)
         ax.axvline(
             self.threshold, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"],
             label="alarm threshold",
@@ -121,7 +121,7 @@ class ValveDiagnosis(Tool):
         ax.set_xticks([0, 0.25, 0.5, 0.75, 1])
         ax.set_xlabel("firing strength")
         ax.grid(visible=False, axis="y")
-        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, fontsize=8)
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
         return ax
 
     @classmethod

@@ -99,7 +99,7 @@ def test_the_signal_is_that_of_a_segment_built_by_hand():
         assert mine[ours.index(node)] == pytest.approx(theirs[network.index(node)], rel=1e-12)
 
     quality = plan.segments[0].signals()
-    u = telegram_voltages(network, "m", ["s1", "s2"], REQUESTS[::7], dt=50e-9)
+    (u,) = telegram_voltages(network, "m", ["s1", "s2"], REQUESTS[::7], dt=50e-9)
     # The levels found with four samples a microsecond, and those of a finer waveform.
     assert quality.level_most == pytest.approx(np.ptp(u, axis=-1).max(axis=1), rel=0.01)
     assert (quality.level_least <= np.ptp(u, axis=-1).min(axis=1) * 1.01).all()
@@ -124,7 +124,7 @@ def test_three_requests_and_the_responses_are_as_bad_as_all_requests(plan):
     each = slice(None, None, 10 if len(plan.slaves) > 10 else 1)
     quality = type(quality)(*(field[each] for field in quality))
     nodes = tuple(node for _, node in segment.listeners)[each]
-    u = telegram_voltages(segment.network, segment.head, nodes, REQUESTS, dt=HALF_BIT / 12)
+    (u,) = telegram_voltages(segment.network, segment.head, nodes, REQUESTS, dt=HALF_BIT / 12)
     heard = receive(u, HALF_BIT / 12, 14)
     level = np.ptp(u, axis=-1)
     assert (heard.error == 0).all(axis=1).tolist() == (quality.received == 1).tolist()

@@ -38,11 +38,21 @@ def test_slaves_lie_at_their_distance_in_the_colour_of_their_verdict(ax):
     assert not ax.texts
 
 
+def test_both_verdicts_are_in_the_legend_and_differ_by_their_mark_too(ax):
+    plan = line(50, [20])
+    assert not len(plan.check().violated())
+    plan.check().plot(ax=ax)
+    marks = [drawn.get_marker() for drawn in ax.lines if drawn.get_label().startswith("slave,")]
+    assert legend(ax)[-2:] == ["slave, passed", "slave, failed"]
+    assert len(set(marks)) == 2
+
+
 def test_a_segment_that_breaks_a_rule_is_red(ax):
     plan = line(60, [20]).with_repeater("60 m", line(110, [110]))
     plan.check().plot(ax=ax)
-    red = [drawn for drawn in ax.lines if same_color(drawn.get_color(), LIMIT["color"])]
-    assert [max(drawn.get_xdata()) for drawn in red] == [170]
+    drawn = [one for one in ax.lines if len(one.get_xdata())]
+    red = [one for one in drawn if same_color(one.get_color(), LIMIT["color"])]
+    assert [max(one.get_xdata()) for one in red] == [170]
     assert points(ax, "repeater")[0][0] == 60
     assert [text.get_text() for text in ax.texts] == ["1", "2"]
 

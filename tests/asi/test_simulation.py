@@ -49,6 +49,11 @@ THREE = STANDARD[:3]
 PROJECTED = {one.label: one.profile for one in THREE}
 
 
+def put(record, start, pause, code):
+    for column, value in ((record.start, start), (record.pause, pause), (record.code, code)):
+        column.append(value)
+
+
 # A second model: every slave hears every telegram as bits, through its table of states.
 
 
@@ -114,7 +119,7 @@ class EverySlaveHears:
             one.pause(Event.SLAVE_PAUSE)
         code = order.code | attempt << 16 | self.phase << PHASE | error << OUTCOME
         code |= (reply if reply >= 0 else NO_RESPONSE) << RESPONSE | bool(answers) << EXECUTED
-        self.record.put(self.time, pause, code)
+        put(self.record, self.time, pause, code)
         self.time = end + took
         return reply
 
@@ -209,7 +214,7 @@ def test_repeaters_delay_until_the_time_out_and_no_longer(timeout):
     heard = []
     for delay in delays:
         run = simulate(placed(THREE, delays={"2": delay}), until=0.05, transaction=transaction)
-        heard.append("2" in run.master.lists.las)
+        heard.append("2" in run.masters[-1].lists.las)
     assert heard == [bool(3 + 2 * delay / BIT_TIME <= timeout) for delay in delays]
     pauses = simulate(placed(THREE, delays={"2": 6e-6}), cycles=3).events().query("slave == '2'")
     assert (pauses.query("outcome == 'ok'")["master_pause_bit"] == 5).all()
@@ -247,7 +252,7 @@ def test_without_slaves_the_master_goes_on_detecting():
 def test_a_slave_takes_outputs_and_gives_inputs():
     slaves = [slave("S-0.F.F", 1, inputs=6), slave("S-8.F.F", 2), slave("S-7.A.E", 3, "B")]
     run = simulate(slaves, Master(outputs={"2": 5, "3B": 2}), cycles=3)
-    assert run.master.lists.inputs == {2: 6, 4: 5, 7: 0}
+    assert run.masters[-1].lists.inputs == {2: 6, 4: 5, 7: 0}
     assert [slave.outputs for slave in run.slaves] == [0xF, 5, 2]
 
 
@@ -262,10 +267,9 @@ def test_the_host_sets_outputs_while_it_runs():
 
 def test_protected_mode_activates_only_what_is_projected():
     run = simulate(THREE, Master({"1": "S-7.F.F", "2": "S-0.F.F"}), cycles=200)
-    lists = run.master.lists
-    assert (lists.lps, lists.lds, lists.las) == (["1", "2"], ["1", "2", "3"], ["1"])
-    assert not lists.config_ok
-    assert simulate(THREE, Master(PROJECTED), cycles=2).master.lists.config_ok
+    lists = run.masters[-1].lists
+    assert (lists.lds, lists.las) == (["1", "2", "3"], ["1"])
+    assert simulate(THREE, Master(PROJECTED), cycles=2).masters[-1].lists.las == ["1", "2", "3"]
 
 
 def test_a_failed_request_is_repeated_once_at_once():
@@ -291,8 +295,8 @@ def test_a_silent_slave_is_dropped_after_its_tries(repetitions, drop_after):
     tries = run.events().query("slave == '2' and phase == 'data_exchange' and outcome != 'ok'")
     worst = (1 + repetitions) * drop_after
     assert len(tries) == worst
-    assert run.master.lists.las == ["1", "3"]
-    assert 4 not in run.master.lists.inputs
+    assert run.masters[-1].lists.las == ["1", "3"]
+    assert 4 not in run.masters[-1].lists.inputs
     classes = run.failure_classes()
     assert classes.shape == (3, worst)
     assert classes.loc["2"].to_dict() == {**dict.fromkeys(range(1, worst), 0), worst: 1}
@@ -306,7 +310,7 @@ def test_only_cycles_that_fail_in_a_row_drop_a_slave(heard_again):
     drawn[[1, 2, 4, 5], 0, 1, :] = REQUEST_LOST
     drawn[3, 0, 1, :heard_again] = REQUEST_LOST
     run = simulate_drawn(drawn, THREE, cycles=7)
-    assert (run.summary.dropped, run.master.lists.las) == (0, ["1", "2", "3"])
+    assert (run.summary.dropped, run.masters[-1].lists.las) == (0, ["1", "2", "3"])
     drawn[6, 0, 1, :] = REQUEST_LOST
     assert simulate_drawn(drawn, THREE, cycles=7).summary.dropped == 1
 
@@ -323,14 +327,14 @@ def test_dropped_slaves_can_be_left_out():
     run = simulate(
         THREE, Master(readmit=False), until=0.3, faults=[DeadSlave("2", start=0.05, stop=0.1)]
     )
-    assert run.master.lists.las == ["1", "3"]
+    assert run.masters[-1].lists.las == ["1", "3"]
 
 
 def test_a_new_slave_takes_the_place_of_the_only_one_missing():
     slaves = [*THREE[:2], slave("S-7.F.F", 0)]
     master = Master(PROJECTED, automatic_addressing=True)
     run = simulate(slaves, master, until=0.3)
-    assert run.master.lists.config_ok
+    assert run.masters[-1].lists.las == ["1", "2", "3"]
     assert run.slaves[2].address == 3
     assert run.slaves[2].status(0.3) == 0
 
@@ -339,7 +343,7 @@ def test_an_ab_slave_gets_its_half_first():
     slaves = [slave("S-7.A.E", 1, "A"), slave("S-7.A.E", 0, id1=2)]
     master = Master({"1A": "S-7.A.E", "1B": "S-7.A.E"}, automatic_addressing=True)
     run = simulate(slaves, master, until=0.3)
-    assert run.master.lists.config_ok
+    assert run.masters[-1].lists.las == ["1A", "1B"]
     assert (run.slaves[1].label, run.slaves[1].id1) == ("1B", 0b1010)
 
 
@@ -352,7 +356,7 @@ def test_else_a_new_slave_keeps_address_0(present, new, automatic):
     master = Master(PROJECTED, automatic_addressing=automatic)
     run = simulate([*present, slave(new, 0)], master, until=0.3)
     assert run.slaves[-1].address == 0
-    assert "0" in run.master.lists.lds
+    assert "0" in run.masters[-1].lists.lds
 
 
 def test_periphery_faults_are_found_and_go():
@@ -371,7 +375,7 @@ def test_periphery_faults_are_found_and_go():
 def test_delete_then_assign_changes_the_address_of_a_slave_in_operation():
     run = simulate(THREE, cycles=100, commands=[(0.02, ChangeAddress("2", "9"))])
     assert run.commands["done"].to_list() == [True]
-    assert run.master.lists.las == ["1", "3", "9"]
+    assert run.masters[-1].lists.las == ["1", "3", "9"]
     assert (run.slaves[1].address, run.slaves[1].active) == (9, True)
     sent = run.events().query("phase == 'management' and call != 'READ_STATUS' and time_s > .02")
     assert sent["call"].to_list()[:2] == ["DELETE_ADDRESS", "READ_IO_CONFIGURATION"]
@@ -393,7 +397,7 @@ def test_the_address_changes_even_if_the_reply_is_lost(call):
         faults=[LostReply("2", call, count=2)],
     )
     assert run.commands["done"].to_list() == [True]
-    assert run.master.lists.las == ["1", "3", "9"]
+    assert run.masters[-1].lists.las == ["1", "3", "9"]
     lost = run.events()[run.events()["executed_but_lost"]]
     assert lost["call"].to_list() == [call.name]
     assert run.summary.lost_replies == 1
@@ -401,7 +405,7 @@ def test_the_address_changes_even_if_the_reply_is_lost(call):
 
 def test_a_change_of_half_works():
     run = simulate(FULL[:1], until=0.1, commands=[(0.02, ChangeAddress("1A", "1B"))])
-    assert run.master.lists.las == ["1B"]
+    assert run.masters[-1].lists.las == ["1B"]
     assert run.slaves[0].label == "1B"
 
 
@@ -410,7 +414,7 @@ def test_a_change_of_half_works():
     [
         (ChangeAddress("2", "3"), "address 3 is taken"),
         (ChangeAddress("7", "9"), "slave 7 is not in the LDS"),
-        (ChangeAddress("2", "9A"), "slave 2 is S-7.F.F, not fit for 9A"),
+        (ChangeAddress("2", "9A"), "label 9A does not fit slave 2: S-7.F.F"),
         (ReadCodes("7"), "slave 7 does not answer with its codes"),
         (ReadStatus("7"), "slave 7 does not answer with its status"),
         (WriteParameter("7", 1), "slave 7 is not in the LDS"),
@@ -421,7 +425,7 @@ def test_a_change_of_half_works():
 def test_a_command_that_cannot_be_carried_out_says_why(command, says):
     run = simulate(THREE, cycles=50, commands=[(0.02, command)])
     assert run.commands[["done", "outcome"]].to_numpy().tolist() == [[False, says]]
-    assert run.master.lists.las == ["1", "2", "3"]
+    assert run.masters[-1].lists.las == ["1", "2", "3"]
 
 
 @pytest.mark.parametrize(
@@ -438,7 +442,7 @@ def test_a_command_that_cannot_be_carried_out_says_why(command, says):
 def test_a_command_says_what_came_of_it(command, says):
     run = simulate(THREE, cycles=300, commands=[(0.02, command)])
     assert run.commands[["done", "outcome"]].to_numpy().tolist() == [[True, says]]
-    assert run.master.lists.las == ["1", "2", "3"]
+    assert run.masters[-1].lists.las == ["1", "2", "3"]
 
 
 def test_a_broadcast_reset_is_silent_and_costs_every_slave_its_place_for_a_while():
@@ -469,7 +473,7 @@ def test_equal_answers_of_two_slaves_are_one_and_different_ones_an_error():
     assert fine.summary.repetitions == 0
     twins[3] = slave("S-7.F.F", 2, inputs=3, id1=0xF)
     bad = simulate(twins, cycles=20)
-    assert bad.master.lists.las == ["1", "3"]
+    assert bad.masters[-1].lists.las == ["1", "3"]
     table = bad.events().query("slave == '2' and call == 'DATA_EXCHANGE'")
     assert len(table) >= 2
     assert set(table["outcome"]) <= {"AlternationError", "PauseError", "InformationError"}
@@ -516,7 +520,7 @@ def test_an_answer_just_in_time_is_heard():
 def test_a_broken_cable_takes_all_slaves_behind_it():
     plan = placed(STANDARD, positions={one.label: 3.0 * one.address for one in STANDARD})
     run = simulate(plan, until=0.3, faults=BrokenCable(60, start=0.1))
-    assert run.master.lists.las == [str(address) for address in range(1, 21)]
+    assert run.masters[-1].lists.las == [str(address) for address in range(1, 21)]
     gone = run.lists.query("list == 'LAS' and not present")
     assert set(gone["slave"]) == {str(address) for address in range(21, 32)}
     assert (gone["time_s"] > 0.1).all()
@@ -534,7 +538,7 @@ def test_a_broken_cable_takes_all_slaves_behind_it():
 def test_a_slave_comes_back_when_the_last_reason_is_gone(faults):
     for duration, las in ((0.15, ["1", "3"]), (0.4, ["1", "2", "3"])):
         run = simulate(placed(THREE, positions={"2": 10.0}), until=duration, faults=faults)
-        assert run.master.lists.las == las
+        assert run.masters[-1].lists.las == las
 
 
 def test_a_supply_dip_resets_everything_and_the_master_begins_anew():
@@ -545,7 +549,7 @@ def test_a_supply_dip_resets_everything_and_the_master_begins_anew():
     assert table.query("time_s > 0.0402 and time_s < 0.06").empty
     after = table.query("time_s >= 0.06")["phase"].astype(str)
     assert after.iloc[0] == "detection" and after.iloc[-1] != "detection"
-    assert run.master.lists.las == ["1", "2", "3"]
+    assert run.masters[-1].lists.las == ["1", "2", "3"]
     # The cycle cut short by the dip is no cycle.
     assert run.cycle_times.max() < 1e-3
     assert run.summary.dropped == 0
@@ -555,7 +559,7 @@ def test_a_master_that_does_not_see_the_dip_takes_slaves_in_one_by_one():
     faults = [SupplyDip(start=0.04, stop=0.045)]
     run = simulate(THREE, Master(monitors_supply=False), until=0.5, faults=faults)
     assert run.summary.dropped == 3
-    assert run.master.lists.las == ["1", "2", "3"]
+    assert run.masters[-1].lists.las == ["1", "2", "3"]
     assert (run.events().query("time_s > 0.04")["cycle"] >= 0).all()
 
 
@@ -591,10 +595,10 @@ def test_a_standby_master_hears_both_halves():
         faults=[MasterFailure(start=0.05)],
         standby=Standby(Master(projected)),
     )
-    assert run.master.lists.las == ["1A", "1B", "2A", "2B"]
+    assert run.masters[-1].lists.las == ["1A", "1B", "2A", "2B"]
     assert run.summary.dropped == 0
     # It knew them all at once, and did not have to find them.
-    assert len({change.time for change in run.master.lists.changes}) == 1
+    assert len({time for time, *_ in run.masters[-1].lists.changes}) == 1
 
 
 # Statistics.
@@ -659,14 +663,14 @@ def test_the_table_spells_the_requests():
         request = Request(call, row["address"], row["request_data"], half)
         assert row["request"] == request.bits
         if row["response_data"] >= 0:
-            assert Response(row["response_data"], call).expected
+            assert "the standard asks" not in str(Response(row["response_data"], call))
 
 
 def test_failures_of_two_slaves_are_not_taken_for_one_row_of_failures():
     record = Record(Transaction())
     for number, (address, outcome) in enumerate([(1, 0), (1, 5), (1, 5), (2, 5), (2, 0)]):
         code = prepared(Call.DATA_EXCHANGE, address, 1).code | outcome << OUTCOME
-        record.put(26.0 * number, 3.0, code)
+        put(record, 26.0 * number, 3.0, code)
     classes = Run(record, 130.0, [RunningMaster(Master())], [], []).failure_classes()
     assert classes.loc["1"].to_list() == [0, 1, 0, 0, 0, 0]
     assert classes.loc["2"].to_list() == [1, 0, 0, 0, 0, 0]
@@ -688,7 +692,7 @@ def test_failures_of_two_slaves_are_not_taken_for_one_row_of_failures():
         ({"cycles": 1, "faults": [TelegramErrors("1", 0.1)] * 2}, "telegram errors twice"),
         ({"cycles": 1, "faults": [LateAnswer("1", 20)]}, "would answer 25 bit times"),
         ({"cycles": 1, "inputs": [(0.0, "1", 16)]}, "input of slave 1 is 16"),
-        ({"cycles": 1, "inputs": [(-1.0, "1", 1)]}, "time is -1.0 s"),
+        ({"cycles": 1, "inputs": [(-1.0, "1", 1)]}, "time is -1 s"),
         ({"cycles": 1, "outputs": [(0.0, "1A", 8)]}, "output of slave 1A is 8"),
         ({"cycles": 1, "faults": [Fault()]}, "one of faults is Fault"),
     ],

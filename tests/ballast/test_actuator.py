@@ -16,7 +16,6 @@ from shipnet.ballast.actuator import (
     move_time,
     steady_temperature,
     stroke_time,
-    valve_torque,
     velocity,
 )
 from shipnet.ballast.plant import FAULTS, Command, Fault, faulty
@@ -130,9 +129,9 @@ def test_differential_equations_with_compliance_agree_with_the_closed_form(
     settled = ode.time >= 0.5
     n = ode.time.size
     assert n >= 80
-    assert np.abs(100 * ode.opening - run.VPos[:n, 0])[settled].max() < 0.1
-    assert np.abs(ode.pump_pressure / 1e5 - run.FP[:n, 0])[settled].max() < 0.2
-    assert np.abs(ode.cylinder_pressure / 1e5 - run.OP[:n, 0])[settled].max() < 0.2
+    assert np.abs(100 * ode.opening - run.samples["VPos"][:n, 0])[settled].max() < 0.1
+    assert np.abs(ode.pump_pressure / 1e5 - run.samples["FP"][:n, 0])[settled].max() < 0.2
+    assert np.abs(ode.cylinder_pressure / 1e5 - run.samples["OP"][:n, 0])[settled].max() < 0.2
     if np.isfinite(ode.end):
         assert run.strokes()["duration_s"][0] == pytest.approx(ode.end, abs=0.02)
 
@@ -176,9 +175,11 @@ def test_many_valves_are_computed_as_each_alone():
 
 
 def test_the_flow_through_the_valve_helps_to_close_it_and_hinders_to_open():
-    opens, closes = (valve_torque(Actuator(), 0.58, way) for way in (1, -1))
-    assert opens - closes == pytest.approx(2 * 20 * 0.58 * np.sin(np.pi * 0.58) ** 2)
-    assert valve_torque(replace(Actuator(), dynamic_torque=1e4), 0.5, -1) == 0
+    valve = Actuator()
+    opens, closes = (load_pressure(valve, 0.58, way) for way in (1, -1))
+    torque = (opens - closes) * valve.piston_area * valve.pinion_radius
+    assert torque == pytest.approx(2 * 20 * 0.58 * np.sin(np.pi * 0.58) ** 2)
+    assert load_pressure(replace(valve, dynamic_torque=1e4), 0.5, -1) == 0
 
 
 def test_all_that_the_motor_takes_is_work_on_the_oil_or_heat():

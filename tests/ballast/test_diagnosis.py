@@ -182,7 +182,7 @@ def test_features_are_those_of_the_operating_point():
     assert short.travel_percent == pytest.approx(10, abs=0.2)
     assert whole.FP_bar == pytest.approx(90, abs=0.3)
     assert whole.MC_A == pytest.approx(1.2, abs=0.01)
-    assert whole.OP_max_bar == pytest.approx(run.OP.max(), abs=1e-9)
+    assert whole.OP_max_bar == pytest.approx(run.samples["OP"].max(), abs=1e-9)
 
 
 def test_a_run_without_instants_or_commands_is_diagnosed_as_nothing():
@@ -195,7 +195,7 @@ def test_a_run_without_instants_or_commands_is_diagnosed_as_nothing():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"method": "vague"}, "method is 'vague'; it must be one of crisp, midpoint, fuzzy"),
+        ({"method": "vague"}, "method is 'vague'; it must be one of 'crisp', 'midpoint', 'fuzzy'"),
         ({"k": 6}, "k is 6; it must be a whole number 1..5"),
         ({"n": 0}, "n is 0"),
         ({"n": 1001}, "n is 1001"),
@@ -212,7 +212,7 @@ def test_rules_about_what_no_run_has_are_refused():
     other = [v for v in BASE.variables if v.name == "FP"]
 
     strange = RuleBase((replace(other[0], name="Level"),), (Rule("L1", (("Level", "high"),), 1),))
-    with pytest.raises(ArgumentError, match="rules speak of Level; a run has FP, OP"):
+    with pytest.raises(ArgumentError, match="rules use Level; a run has FP, OP"):
         diagnose_run(simulate(1, until=1), strange)
 
 

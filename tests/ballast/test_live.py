@@ -65,18 +65,18 @@ def test_the_tank_rises_by_the_closed_form():
     stroke = bed.plant.movements[0].end - bed.plant.movements[0].start
     rest = bed.plant.time - bed.plant.movements[0].end
     expected = 0.01 / 0.2 * (stroke * (1 - 2 / pi) + rest)
-    assert bed.tank.level == pytest.approx(expected, rel=2e-3)
-    level = bed.tank.level
+    assert bed.level == pytest.approx(expected, rel=2e-3)
+    level = bed.level
     bed.station.command("close", 3)
     bed.wait(12.0)
-    filled = bed.tank.level - level
+    filled = bed.level - level
     assert filled == pytest.approx(0.05 * stroke * (1 - 2 / pi), rel=0.02)
     bed.wait(5.0)
-    assert bed.tank.level - level == filled
+    assert bed.level - level == filled
     other = Bed()
     other.station.command("open", 2)
     other.wait(12.0)
-    assert other.tank.level == 0
+    assert other.level == 0
 
 
 def test_a_recorder_keeps_what_a_simulation_returns():
@@ -104,15 +104,15 @@ def test_what_the_master_received_has_the_steps_of_the_registers():
     bed.station.command("open", 5)
     bed.wait(12.0)
     run = received_run(bed.station.seen, 5, target=100.0)
-    assert (run.VPos == np.rint(run.VPos)).all()
-    assert np.allclose(run.MC / 0.1, np.rint(run.MC / 0.1))
+    assert (run.samples["VPos"] == np.rint(run.samples["VPos"])).all()
+    assert np.allclose(run.samples["MC"] / 0.1, np.rint(run.samples["MC"] / 0.1))
     assert np.diff(run.time).max() < 0.2
     moving = run.DVPos[np.isfinite(run.DVPos) & run.active]
     # Two roundings to whole percent, and readings that are up to 0.1 s old.
     assert moving == pytest.approx(11.1, abs=1 + 1.11)
-    passed = float(run.VPos[run.running[:, 0], 0][20])
+    passed = float(run.samples["VPos"][run.running[:, 0], 0][20])
     there = received_run(bed.station.seen, 5, target=passed)
-    assert (there.active == (there.running & (there.VPos != passed))).all()
+    assert (there.active == (there.running & (there.samples["VPos"] != passed))).all()
     assert (there.running & ~there.active).any()
     assert np.nanmax(run.time[run.running[:, 0]]) == pytest.approx(10.0, abs=0.2)
     assert (diagnose_run(run).top == "normal").all()
@@ -125,7 +125,7 @@ def test_what_the_master_received_has_the_steps_of_the_registers():
         (lambda: acceptance_tests(tests=["sea"]), "tests is 'sea'"),
         (lambda: Bed(fault="X"), "fault is 'X'"),
         (lambda: Recorder(Plant()).run, "nothing has been recorded"),
-        (lambda: received_run(Bed().station.seen, 1, target=0), "nothing has come"),
+        (lambda: received_run(Bed().station.seen, 1, target=0), "it has sent no status"),
         (lambda: received_run(Bed().station.seen, 6, target=0), "valve is 6"),
         (lambda: Bed().device(6), r"unit is 6; it must be a whole number 1\.\.5"),
     ],

@@ -31,10 +31,10 @@ def test_the_operating_display_shows_every_sensor_in_percent_of_its_scale():
     run = simulate(1, [Command("open", 1.0)], until=12)
     ax = run.plot(ax=axes())
     fp, _, mc, ot, position = (line.get_ydata() for line in ax.lines)
-    assert fp == pytest.approx(run.FP[:, 0] / 1.6)
-    assert mc == pytest.approx(run.MC[:, 0] / 0.06)
-    assert ot == pytest.approx(run.OT[:, 0] / 1.5)
-    assert position == pytest.approx(run.VPos[:, 0])
+    assert fp == pytest.approx(run.samples["FP"][:, 0] / 1.6)
+    assert mc == pytest.approx(run.samples["MC"][:, 0] / 0.06)
+    assert ot == pytest.approx(run.samples["OT"][:, 0] / 1.5)
+    assert position == pytest.approx(run.samples["VPos"][:, 0])
     assert ax.get_ylabel() == "of full scale [%]"
     assert "MC, 100 % = 6 A" in [text.get_text() for text in ax.get_legend().get_texts()]
 

@@ -81,9 +81,9 @@ def test_a_healthy_valve_shows_the_normal_values_while_it_moves_and_nothing_at_r
         # 20 x 64 readings of noise leave the mean good to a hundredth of what is asked.
         assert run.samples[name][middle].mean() == pytest.approx(value, rel=0.08), name
     rest = run.time > 12
-    assert run.MC[rest].max() < 0.15
-    assert run.FP[rest].max() < 4
-    assert np.nanmax(run.VPos[rest]) < 101
+    assert run.samples["MC"][rest].max() < 0.15
+    assert run.samples["FP"][rest].max() < 4
+    assert np.nanmax(run.samples["VPos"][rest]) < 101
 
 
 def test_dvpos_is_known_only_while_the_motor_has_run_for_the_whole_window():
@@ -92,7 +92,7 @@ def test_dvpos_is_known_only_while_the_motor_has_run_for_the_whole_window():
     on = run.time[run.running[:, 0]]
     assert run.time[known].min() == pytest.approx(on.min() + 1.0)
     assert run.time[known].max() == pytest.approx(on.max())
-    moved = run.VPos[60, 0] - run.VPos[50, 0]
+    moved = run.samples["VPos"][60, 0] - run.samples["VPos"][50, 0]
     assert run.DVPos[60, 0] == pytest.approx(moved)
 
 
@@ -145,7 +145,7 @@ def test_a_valve_that_turns_round_beside_a_running_one_does_as_it_would_alone():
     beside = simulate(2, orders, until=20)
     assert np.array_equal(beside.readings[:, :, 0], alone.readings[:, :, 0])
     # The torque of the flow helps it to close: it takes less pressure than on the way up.
-    assert alone.OP[51, 0] < alone.OP[49, 0] - 0.1
+    assert alone.samples["OP"][51, 0] < alone.samples["OP"][49, 0] - 0.1
 
 
 def test_an_idle_day_is_one_reading_a_second_and_events_are_not_missed():
@@ -160,15 +160,15 @@ def test_an_idle_day_is_one_reading_a_second_and_events_are_not_missed():
 def test_the_temperature_follows_its_exponentials():
     quick = simulate(System(sensors=Sensors.ideal()), OPEN, until=400)
     slow = simulate(System(sensors=Sensors.ideal()), OPEN, until=400, idle_step=60)
-    assert quick.OT[-1, 0] == pytest.approx(slow.OT[-1, 0], abs=1e-9)
+    assert quick.samples["OT"][-1, 0] == pytest.approx(slow.samples["OT"][-1, 0], abs=1e-9)
     start = float(steady_temperature(Actuator()))
     # Heat of a stroke, less what 10.5 s at 5 K over the surroundings give off.
     a, x = Actuator(), (np.arange(2000) + 0.5) / 2000
     pressure = hydraulics(a, load_pressure(a, x)).pump_pressure
     heat = np.mean(losses(a, pressure) / velocity(a, x))
     rise = (heat - 6.4 * (start - 45) * 10.5) / 4000
-    assert quick.OT[105, 0] - start == pytest.approx(rise, rel=0.01)
-    assert 45 < quick.OT[-1, 0] < quick.OT[105, 0]
+    assert quick.samples["OT"][105, 0] - start == pytest.approx(rise, rel=0.01)
+    assert 45 < quick.samples["OT"][-1, 0] < quick.samples["OT"][105, 0]
 
 
 @pytest.mark.parametrize("code", FAULTS)
@@ -217,7 +217,7 @@ def test_a_fault_meets_the_antecedent_of_its_own_rule_and_a_healthy_valve_does_n
 def test_a_fault_begins_at_its_time_on_its_valves_with_its_severity():
     fault = Fault("G1", [0.2, 1.0], start=3.0, valves=[3, 1])
     run = simulate(System(3, sensors=Sensors.ideal()), until=6, faults=[fault])
-    before, after = run.FP[run.time < 2.95], run.FP[run.time > 2.95]
+    before, after = run.samples["FP"][run.time < 2.95], run.samples["FP"][run.time > 2.95]
     assert (before == 0).all()
     assert after[0].tolist() == [125.0, 0.0, 25.0]
 
@@ -225,7 +225,7 @@ def test_a_fault_begins_at_its_time_on_its_valves_with_its_severity():
 def test_a_fault_ends_at_its_time():
     fault = Fault("G1", start=2.0, stop=4.0)
     run = simulate(System(sensors=Sensors.ideal()), until=6, faults=fault)
-    wrong = run.FP[:, 0] > 0
+    wrong = run.samples["FP"][:, 0] > 0
     assert wrong.tolist() == [1.95 < t < 3.95 for t in run.time]
 
 

@@ -129,7 +129,6 @@ def test_a_slave_finds_its_fault_and_what_does_not_fit_reaches_the_master():
     seen = status(device, 0.4)
     assert device.monitor.base.active_codes(device.monitor.found) == ["S2 Pos4"]
     assert seen.readings[4, 0] == 0
-    assert [name for name, lost in device.saturated.items() if lost] == ["VPos"]
 
 
 @pytest.mark.parametrize(("code", "row"), [("Pos1", 9), ("Pos2", 10), ("Pos3", 6), ("Pos4", 7)])
@@ -261,7 +260,7 @@ def test_an_answer_at_the_end_costs_what_a_walk_through_it_costs(baud, movement,
         (lambda: ValveDevice(Plant(), 1), "valve is 1"),
         (lambda: System(watchdog=0), "watchdog is 0"),
         (lambda: serve(1, watchdog=4000), "watchdog is 4000"),
-        (lambda: setattr(ValveDevice(Plant()), "fault", 13), "row is 13"),
+        (lambda: ValveDevice(Plant()).monitor.report(0, 13), "row is 13"),
         (lambda: valve_slaves(Plant(248)), "plant has 248 valves"),
         (lambda: ValveDevice(Plant()).turn("position", 0.0), "action is 'position'"),
     ],

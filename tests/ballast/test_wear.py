@@ -148,7 +148,7 @@ def test_missing_points_and_those_without_a_logarithm_are_left_out():
     gaps[~known] = -1.0
     few = fit_trend(X[known], y[known], logarithmic=True)
     assert fit_trend(X, gaps, logarithmic=True) == few
-    with pytest.raises(ArgumentError, match="have 4 points of a trend; it needs 5"):
+    with pytest.raises(ArgumentError, match="have 4 valid points; a trend needs 5"):
         fit_trend(X[:5], [np.nan, 1, 2, 3, 4])
 
 

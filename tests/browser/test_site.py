@@ -8,6 +8,7 @@ from playwright.sync_api import expect
 from shipnet.papers import PAPERS
 
 LONG = 30_000
+FIGURE = r"<img [^>]*_images/[0-9a-f]{64}[^>]*>"
 
 
 def pages_with(site, mark, folders=("notebooks", "api")):
@@ -26,6 +27,14 @@ def test_no_page_names_anything_outside_to_load(site):
     outside = re.compile(r"""<(script|link|img|iframe)[^>]*(src|href)=["']?(https?:)?//""")
     loaded = [page.name for page in pages if outside.search(page.read_text(encoding="utf-8"))]
     assert loaded == []
+
+
+def test_every_figure_of_a_notebook_has_its_caption_as_alternative_text(site):
+    pages = (site / "notebooks").rglob("*.html")
+    figures = [img for page in pages for img in re.findall(FIGURE, page.read_text("utf-8"))]
+    assert len(figures) > 100
+    for figure in figures:
+        assert re.search(r'alt="[^"]+ [^"]+"', figure), figure
 
 
 def test_start_page_has_a_title_and_a_navigation(page, url):

@@ -1,5 +1,6 @@
 """The slides of all lessons on a screen: nothing is cut off, too small, or lost."""
 
+import re
 import shutil
 
 import nbformat
@@ -36,7 +37,7 @@ MEASURE = """() => Reveal.getSlides().map((slide) => {
   }
   slide.querySelectorAll("img, pre, td, th").forEach(add);
   slide.querySelectorAll("img").forEach((image) =>
-    figures.push(image.offsetWidth / image.naturalWidth));
+    figures.push(image.offsetWidth / image.getAttribute("width")));
   const marks = [...document.querySelectorAll(".controls, .slide-number")].map((mark) => {
     const r = mark.getBoundingClientRect();
     return [r.left, r.top, r.right, r.bottom];
@@ -110,13 +111,15 @@ def test_the_speaker_view_shows_the_notes(page, root):
     source = editions.sources(numbers=["04"])[0]
     shutil.copy(editions.ROOT / editions.LESSONS / f"{source.stem}.ipynb", root / editions.LESSONS)
     show(page, root, source)
-    exercise = next(k for k, notes in enumerate(page.evaluate(NOTES)) if "exchange_us" in notes)
+    notes = page.evaluate(NOTES)
+    exercise = next(k for k, text in enumerate(notes) if "exchange_us" in text)
+    minutes = re.search(r"Minute \d+ to \d+\.", notes[exercise])[0]
     place = page.evaluate("(k) => Reveal.getIndices(Reveal.getSlides()[k])", exercise)
     page.evaluate("({h, v}) => Reveal.slide(h, v)", place)
     with page.expect_popup() as opened:
         page.keyboard.press("s")
     shown = opened.value.locator(".speaker-controls-notes .value")
-    shown.get_by_text("Minute 35 to 41.").wait_for()
+    shown.get_by_text(minutes).wait_for()
     assert "exchange_us = (14 +" in shown.inner_text()
 
 

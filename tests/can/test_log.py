@@ -402,10 +402,7 @@ def test_what_candump_prints_is_read_whatever_the_suffix(tmp_path, lines, name):
 
 def test_a_log_without_times_gives_no_load_and_no_intervals(tmp_path):
     log = read_log(candump(tmp_path, "  can0  010   [1]  01\n" * 3))
-    for use in (
-        lambda: log.load(125e3),
-        lambda: log.save(tmp_path / "again.log"),
-    ):
+    for use in (lambda: log.load(125e3), lambda: log.save(tmp_path / "again.log")):
         with pytest.raises(ArgumentError, match=r"the log has no time stamps; .* needs them"):
             use()
     found = compare(example(), log).table()["verdict"]

@@ -172,10 +172,7 @@ def test_a_file_as_a_spreadsheet_writes_it(tmp_path):
         "oil;0x1F;no;8;100;50.5;.25;fast;\r\n;;;;;;;;\r\ngas;300;YES;0;1e3;;;;\r\n"
     )
     assert load(tmp_path, content) == MessageSet(
-        [
-            Message("oil", 31, 8, 0.1, 0.0505, 0.00025),
-            Message("gas", 300, 0, 1.0, extended=True),
-        ]
+        [Message("oil", 31, 8, 0.1, 0.0505, 0.00025), Message("gas", 300, 0, 1.0, extended=True)]
     )
     latin = "name,arbitration_id,dlc,period_ms\n\xd6ldruck,1,8,10\n".encode("cp1252")
     assert load(tmp_path, latin).names == ("\xd6ldruck",)
@@ -505,7 +502,7 @@ BO_ 256 Level: 8 JB1
     before = file.read_bytes()
     found = read_messages(file)
     assert list(found) == [Message("Level", 0x100, 8, 0.1, sender="JB1")]
-    with pytest.raises(ArgumentError, match=r"a CSV file has not the suffix \.dbc"):
+    with pytest.raises(ArgumentError, match=r"a CSV file cannot have the suffix \.dbc"):
         found.save(file)
     assert file.read_bytes() == before
 

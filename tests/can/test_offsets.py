@@ -40,8 +40,7 @@ def shifted(messages, phases):
 
 @pytest.mark.parametrize("jitter", [0.0, 0.4, 1.5])
 @pytest.mark.parametrize(
-    "more",
-    [{}, {"foreign_bits": 150}, {"arbitration_bits": 11}, {"intermission": "between"}],
+    "more", [{}, {"foreign_bits": 150}, {"arbitration_bits": 11}, {"intermission": "between"}]
 )
 def test_clocks_of_their_own_give_the_bounds_without_offsets(jitter, more):
     rng, assumptions = np.random.default_rng(1), can.Assumptions(**more)

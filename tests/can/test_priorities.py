@@ -108,6 +108,3 @@ def test_the_order_of_deadlines_breaks_ties_by_the_order_before():
     found = messages.deadline_monotonic()
     assert found.names == ("a", "c", "b")
     assert [m.arbitration_id for m in found] == [1, 2, 3]
-    jitter = MessageSet([Message("a", 1, 8, 0.5, jitter=0.2), Message("b", 2, 8, 1.0, 0.4)])
-    assert jitter.deadline_monotonic().names == ("b", "a")
-    assert jitter.deadline_monotonic(less_jitter=True).names == ("a", "b")

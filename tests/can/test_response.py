@@ -13,18 +13,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
-from shipnet import style
-from shipnet.can import (
-    Assumptions,
-    Message,
-    MessageSet,
-    faults,
-    response_times,
-    simulate,
-)
+from shipnet.can import Assumptions, Message, MessageSet, faults, response_times, simulate
 from shipnet.can.faults import ErrorBound
 from shipnet.errors import ArgumentError
 
@@ -617,21 +608,23 @@ def late_responses(period=3.5e-3):
     return response_times(messages, 125_000)
 
 
-def test_bars_are_the_responses_in_order_of_priority_and_marks_the_deadlines(ax):
+def test_dots_are_the_responses_in_order_of_priority_and_marks_the_deadlines(ax):
     assert late_responses().plot(ax) is ax
-    met, missed = ax.containers
-    assert [bar.get_width() for bar in met] == [2.0, 3.0]
-    assert [bar.get_width() for bar in missed] == [3.5]
-    assert same_color(missed[0].get_facecolor()[:3], style.LIMIT["color"])
-    assert not same_color(met[0].get_facecolor()[:3], style.LIMIT["color"])
-    (marks,) = ax.lines
+    met, missed, marks = ax.lines
+    assert met.get_xydata().tolist() == [[2.0, 0], [3.0, 1]]
+    assert missed.get_xydata().tolist() == [[3.5, 2]]
+    assert met.get_marker() != missed.get_marker()
     assert marks.get_xydata().tolist() == [[2.5, 0], [3.25, 1], [3.25, 2]]
+    (joined,) = ax.collections
+    assert [line[:, 0].tolist() for line in joined.get_segments()] == [
+        [2.0, 2.5], [3.0, 3.25], [3.5, 3.25],
+    ]  # fmt: skip
     assert [label.get_text() for label in ax.get_yticklabels()] == ["A", "B", "C"]
     bottom, top = ax.get_ylim()
     assert bottom > 2 > 0 > top
     assert ax.get_xlabel() == "time [ms]"
     labels = ax.get_legend_handles_labels()[1]
-    assert labels == ["deadline", "response, met", "response, missed"]
+    assert labels == ["response, met", "response, missed", "deadline"]
     ax.figure.draw_without_rendering()
 
 
@@ -639,8 +632,8 @@ def test_a_response_without_bound_leaves_the_axes_and_says_so(ax):
     without = late_responses(period=1.5e-3 / 0.9)
     assert [one.response for one in without][1:] == [math.inf, math.inf]
     without.plot(ax)
-    assert [text.get_text().strip() for text in ax.texts] == ["no bound", "no bound"]
-    assert ax.containers[1][0].get_width() > ax.get_xlim()[1]
+    assert [text.get_text() for text in ax.texts] == ["no bound", "no bound"]
+    assert [line[0, 0] for line in ax.collections[0].get_segments()][1:] == [ax.get_xlim()[1]] * 2
     ax.figure.draw_without_rendering()
 
 

@@ -84,9 +84,7 @@ def test_the_default_step_divides_the_delay_and_resolves_the_edge():
 )
 def test_an_argument_out_of_range_is_refused(bus, change, message):
     with pytest.raises(ArgumentError, match=message):
-        Segment(**{"length": 40, **bus}).send(
-            **{"patterns": {1: "01"}, "bit_rate": 1e6, **change},
-        )
+        Segment(**{"length": 40, **bus}).send(**{"patterns": {1: "01"}, "bit_rate": 1e6, **change})
 
 
 def test_the_table_has_a_row_per_node():

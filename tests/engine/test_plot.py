@@ -2,6 +2,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
+from shipnet.engine import plot
 from shipnet.engine.faults import CanBreak, DeadBox, StuckSensor
 from shipnet.engine.run import SyntheticValues, Timeline
 from shipnet.engine.simulation import simulate
@@ -25,6 +26,19 @@ def texts(ax):
     return [text.get_text() for text in ax.texts]
 
 
+@pytest.fixture
+def shown(monkeypatch):
+    """Collect the texts of a screen, which are drawn as outlines, each with its outline."""
+    drawn, outline = [], plot._outline
+
+    def draw(text):
+        drawn.append((text, outline(text)))
+        return drawn[-1][1]
+
+    monkeypatch.setattr(plot, "_outline", draw)
+    return drawn
+
+
 def test_a_timeline_has_a_row_for_each_cpu_and_line(ax, run):
     timeline = run.timeline(1.0, 1.5)
     table = timeline.table()
@@ -46,38 +60,51 @@ def test_an_age_is_a_saw_whose_tips_are_those_of_the_table(ax, run):
     saw = ax.lines[0].get_ydata()
     assert np.nanmax(saw) == pytest.approx(ages["last_age_s"].max())
     assert np.nanmax(saw) == pytest.approx(run.table().loc["ME-JB2-044", "worst_s"])
-    crosses = ax.lines[1].get_xdata()
-    assert crosses.tolist() == ages.loc[ages["age_s"].isna(), "seen_s"].tolist()
-    # They stand at the top edge, whatever the ages: at the foot they would read as fresh values.
+    (marked,) = ax.collections
+    bars = np.array(marked.get_segments())
+    bad = ages[ages["good_until_s"] < ages["until_s"]]
+    assert len(bad) > 0
+    assert bars[:, :, 0].tolist() == bad[["good_until_s", "until_s"]].to_numpy().tolist()
+    # They are near the top edge, whatever the ages: at the foot they would read as fresh values.
     ax.set_ylim(0, 9)
-    _, y = ax.lines[1].get_transform().transform(ax.lines[1].get_xydata()).T
-    assert y == pytest.approx(ax.get_window_extent().y1)
-    assert ax.lines[2].get_ydata()[0] == 2.0
+    _, y = marked.get_transform().transform(bars[0]).T
+    assert ax.get_window_extent().y1 - y == pytest.approx(0.03 * ax.get_window_extent().height)
+    assert ax.lines[1].get_ydata()[0] == 2.0
     assert texts(ax) == ["rule"]
 
 
-def test_a_screen_tells_good_old_and_marked_by_text_too(ax, run, values):
+def test_a_screen_tells_good_old_and_marked_by_text_too(ax, run, values, shown):
     run.screen(13.0, values).plot(ax)
-    shown = texts(ax)
-    assert len(shown) == 2 * 99
-    assert sum(text.endswith("*") for text in shown) == 18
-    assert "0xFF" not in shown
+    said = [text for text, _ in shown]
+    assert len(said) == 2 * 99
+    assert sum(text.endswith("*") for text in said) == 18
+    assert "0xFF" not in said
     ax.clear()
+    shown.clear()
     run.screen(16.0, values).plot(ax)
-    assert texts(ax).count("0xFF") == 18
+    assert [text for text, _ in shown].count("0xFF") == 18
 
 
-def test_a_screen_can_be_read_and_has_units(run, values):
+def test_a_screen_can_be_read_and_has_units(run, values, shown):
     figure, ax = plt.subplots(figsize=(7.5, 4.6), layout="constrained")
     run.screen(13.0, values).plot(ax)
     table = run.screen(13.0, values).table()
     figure.canvas.draw()
     width = ax.transData.transform([1, 0])[0] - ax.transData.transform([0, 0])[0]
-    assert min(text.get_fontsize() for text in ax.texts) >= 6.5
-    assert max(text.get_window_extent().width for text in ax.texts) < 0.94 * width
-    shown = [text.rstrip("*") for text in texts(ax)[::2]]
+    sizes = [outline.get_extents().size * figure.dpi / 72 for _, outline in shown]
+    assert max(wide for wide, _ in sizes) < 0.94 * width
+    # Capitals of 9 points.
+    assert min(high for _, high in sizes) > 0.7 * 9 * figure.dpi / 72
+    # They are in their tiles, thus all over the axes.
+    full = np.array(figure.canvas.buffer_rgba())
+    ax.collections[-1].set_visible(False)
+    figure.canvas.draw()
+    written = np.argwhere((full != figure.canvas.buffer_rgba()).any(axis=2))
+    spread = np.ptp(written, axis=0) / ax.bbox.size[::-1]
+    assert all(0.9 < spread) and all(spread < 1)
+    said = [text.rstrip("*") for text, _ in shown[::2]]
     expected = [f"{v:g} {u}".rstrip() for v, u in zip(table["value"], table["unit"], strict=True)]
-    assert shown == expected
+    assert said == expected
     plt.close(figure)
 
 

@@ -40,6 +40,11 @@ def known(faults, time, box=0):
     return ~np.isnan(values), values
 
 
+def at(time, sensors=SENSORS):
+    """Return what all sensors measure at a time."""
+    return np.array([sensors.at(place, time) for place in range(len(POINTS))])
+
+
 def test_a_real_client_reads_what_the_sensors_measure():
     registers = RegisterMap(POINTS)
     with serve(speed=0) as server:
@@ -58,13 +63,8 @@ def test_a_real_client_reads_what_the_sensors_measure():
         good = ~np.isnan(values)
         # In the printed coding a reading of 25.5 is taken for the mark.
         assert good.sum() >= len(POINTS) - 1
-        error = np.abs(values - SENSORS.now(0.0))[good]
+        error = np.abs(values - at(0.0))[good]
         assert (error <= steps[good] / 2 + 1e-9).all()
-
-
-def test_all_values_at_a_time_are_those_of_the_points():
-    assert SENSORS.now(7.5).tolist() == [SENSORS.at(k, 7.5) for k in range(len(POINTS))]
-    assert known([], 7.5)[1].tolist() == SENSORS.now(7.5).tolist()
 
 
 @pytest.mark.parametrize(
@@ -95,8 +95,8 @@ def test_a_box_that_is_not_heard_keeps_its_last_values_for_four_seconds(fault, l
     out = np.isin(BOX, list(lost))
     good, values = known([fault], 8.9)
     assert good.all()
-    assert values[out].tolist() == SENSORS.now(5.0)[out].tolist()
-    assert values[~out].tolist() == SENSORS.now(8.9)[~out].tolist()
+    assert values[out].tolist() == at(5.0)[out].tolist()
+    assert values[~out].tolist() == at(8.9)[~out].tolist()
     assert known([fault], 9.1)[0].tolist() == (~out).tolist()
 
 
@@ -136,7 +136,7 @@ def test_the_program_serves_the_boxes_and_stops_upon_an_interrupt():
         out, error = program.communicate(timeout=60)
         assert (program.returncode, out, error) == (0, "stopped\n", "")
     sensors = SyntheticValues(POINTS, np.random.default_rng(2024))
-    assert found[0] == found[1] == RegisterMap(POINTS).encode(sensors.now(0.0)).tolist()
+    assert found[0] == found[1] == RegisterMap(POINTS).encode(at(0.0, sensors)).tolist()
 
 
 def test_a_fault_of_a_valve_is_not_one_of_the_engine(capsys):
@@ -185,7 +185,7 @@ def test_broken_wires_read_what_the_card_makes_of_them():
         assert good.all() and values[place] == card.value(card.broken(wire))[place]
         assert known([kind(tag, start=3, stop=6)], 6.5)[1][place] == SENSORS.at(place, 6.5)
         others = np.arange(len(POINTS)) != place
-        assert values[others].tolist() == SENSORS.now(5.0)[others].tolist()
+        assert values[others].tolist() == at(5.0)[others].tolist()
     run = simulate(System(), until=9, faults=[OpenWire(tag, start=3)])
     screen = run.screen(8.0).table()
     read = round(card.value(card.broken("open"))[place])

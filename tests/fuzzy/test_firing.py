@@ -224,7 +224,7 @@ def test_samples_that_do_not_fit_are_refused(samples, fault):
 
 @pytest.mark.parametrize("method", ["x", 5, None])
 def test_a_method_is_one_of_three(method):
-    legal = "one of crisp, midpoint, fuzzy" if isinstance(method, str) else "text"
+    legal = "one of 'crisp', 'midpoint', 'fuzzy'" if isinstance(method, str) else "text"
     message = f"^method is {method!r}; it must be {legal}$"
     with pytest.raises(ArgumentError, match=message):
         BASE.fire({"FP": 1}, method)

@@ -445,17 +445,6 @@ def test_the_nominal_cables_differ_in_resistance_only():
         assert cable.r / cable.resistance == pytest.approx(0.06 / 0.027, rel=0.02)
 
 
-def test_waveforms_of_a_current_are_those_of_its_spectrum():
-    network = asi_network("a_LTRA")
-    spectrum = lambda s: send_spectrum(s, np.array([0, 1]))  # noqa: E731
-    wave = network.waveforms("n5", spectrum, 102.4e-6)
-    s = laplace_grid(204.8e-6, 24e6)
-    expected = synthesize(network.transfer("n5", s, to="n100") * spectrum(s), 4096, 204.8e-6)
-    assert wave.names == network.nodes
-    error = wave.u[network.index("n100")] - expected[:2048]
-    assert np.abs(error).max() <= 5e-5 * np.abs(expected).max()
-
-
 def test_a_network_is_drawn_to_scale():
     network = ring()
     network.line("q", "stub", 10, CABLE)

@@ -230,20 +230,6 @@ def test_two_can_nodes_at_once_pull_harder_than_one():
     assert v[0, 1, -1] == pytest.approx(6.4 / 40 / (2 / 40 + 2 / 120 + 9 / 20e3), rel=1e-3)
 
 
-@pytest.mark.parametrize("load", [{}, {"c": 100e-12}])
-def test_limits_clip_a_node(load):
-    network = line()
-    if load:
-        network.load("far", **load)
-    driver = Driver("near", conductance=0.01, voltage=lambda t: 2 * ramp(t / 200e-9))
-    v = waves(network, [driver], 3e-6, 10e-9, limits={"far": (-0.5, 1.25)})
-    free = waves(network, [driver], 3e-6, 10e-9)
-    assert v[1].max() == 1.25
-    assert free[1].max() > 1.9
-    assert (v[0, 0, :130] == free[0, 0, :130]).all(), "the clipped wave is not back yet"
-    assert v[0, 0, -1] == pytest.approx(1.25, abs=1e-3)
-
-
 def test_a_wave_can_be_watched_on_its_way():
     cut = fine(line(), 10)
     cut.terminator("far", 100)
@@ -295,9 +281,6 @@ def quiet(**changed):
         (quiet(drivers=[Driver("far", None, 0, -1)]), "conductance .* 'far' is -1 S"),
         (quiet(drivers=[Driver("far", None, math.inf, 1)]), "voltage .* 'far' is inf V"),
         (quiet(probes=["x"]), "one of probes is 'x'"),
-        (quiet(limits={"x": (-1, 1)}), "one of limits is 'x'"),
-        (quiet(limits={"far": (1, 2)}), "lowest voltage at node 'far' is 1 V; it must be"),
-        (quiet(limits={"far": (-1, math.nan)}), "one of limits is nan"),
     ],
 )
 def test_bad_arguments_are_refused(call, message):

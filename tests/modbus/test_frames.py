@@ -31,11 +31,7 @@ from shipnet.modbus.pdu import Adu, Request, Response, decode
 VECTORS = Path(__file__).parents[1] / "reference" / "modbus" / "modbus_crc_vectors.csv"
 WORD, UNIT = st.integers(0, 0xFFFF), st.integers(1, 247)
 PDU = st.binary(min_size=1, max_size=253)
-FRAMERS = {
-    "rtu": FramerRTU,
-    "ascii": FramerAscii,
-    "tcp": FramerSocket,
-}
+FRAMERS = {"rtu": FramerRTU, "ascii": FramerAscii, "tcp": FramerSocket}
 
 
 def words(most):
@@ -336,12 +332,7 @@ def test_faulty_responses_are_refused_by_field(pdu, request_, error, message):
     [
         ("rtu", b"\1\3\0", LengthError, "the RTU frame has 3 bytes; it must have 4..256"),
         ("rtu", bytes(257), LengthError, "the RTU frame has 257 bytes; it must have 4..256"),
-        (
-            "rtu",
-            b"123456789\0\0",
-            CrcError,
-            "CRC is 0x0000, but the bytes before it make 0x4B37",
-        ),
+        ("rtu", b"123456789\0\0", CrcError, "CRC is 0x0000, but the bytes before it make 0x4B37"),
         ("ascii", b":0103\r\n", LengthError, "the ASCII frame has 7 bytes; it must have 9..513"),
         ("ascii", bytes(514), LengthError, "the ASCII frame has 514 bytes; it must have 9..513"),
         *(
@@ -364,12 +355,7 @@ def test_faulty_responses_are_refused_by_field(pdu, request_, error, message):
         ("tcp", bytes(7), LengthError, "the TCP frame has 7 bytes; it must have 8..260"),
         ("tcp", bytes(261), LengthError, "the TCP frame has 261 bytes; it must have 8..260"),
         ("tcp", b"\0\0\0\1\0\2\xff\3", FieldError, "protocol id is 1; it must be 0"),
-        (
-            "tcp",
-            b"\0\0\0\0\0\3\xff\3",
-            LengthError,
-            "length field is 3, but 2 bytes follow it",
-        ),
+        ("tcp", b"\0\0\0\0\0\3\xff\3", LengthError, "length field is 3, but 2 bytes follow it"),
         ("x", bytes(9), ArgumentError, "framing is 'x'; it must be one of 'rtu', 'tcp', 'ascii'"),
     ],
 )

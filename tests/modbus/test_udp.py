@@ -45,13 +45,7 @@ def test_a_master_that_empties_its_socket_is_mismatched_once_a_late_answer():
     path, n = LossyPath(late=0.1, delay=0.1, lateness=0.95), 100_000
     runs = {
         ids: simulate(
-            np.ones(n, int),
-            path,
-            match=ids,
-            rng=2024,
-            timeout=0.9,
-            period=1.0,
-            flush=True,
+            np.ones(n, int), path, match=ids, rng=2024, timeout=0.9, period=1.0, flush=True
         )
         for ids in ("nothing", "transaction id")
     }
@@ -80,13 +74,7 @@ def test_counted_ids_are_never_mismatched_whatever_the_network_does(
     keywords = dict(period=period, flush=flush, timeout=0.5)
     units = np.arange(60) % 5
     runs = {
-        match: simulate(
-            units,
-            path,
-            match=match,
-            rng=seed,
-            **keywords,
-        )
+        match: simulate(units, path, match=match, rng=seed, **keywords)
         for match in ("nothing", "unit id", "transaction id")
     }
     assert runs["transaction id"].mismatched == 0

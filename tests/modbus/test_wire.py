@@ -279,7 +279,7 @@ def test_the_answer_before_may_be_that_of_another_client():
 def test_a_client_that_leaves_before_a_late_answer_does_no_harm():
     async def leave():
         late = WireFault("late", seconds=0.05)
-        async with serve({1: Slave(holding_registers=[10])}, wire_faults=late) as server:
+        with serve({1: Slave(holding_registers=[10])}, wire_faults=late) as server:
             _, gone = await asyncio.open_connection("127.0.0.1", server.port)
             gone.write(READ.tcp(1, 1))
             await gone.drain()

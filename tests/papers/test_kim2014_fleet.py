@@ -31,8 +31,8 @@ def test_a_master_of_more_valves_sees_less_of_the_same_stroke():
     true = simulate(1, [Command("open", 3.0)], until=15)
     for run in seen.values():
         # The command goes out after the poll under way, and a register has steps of 1 %.
-        there = np.interp(run.time, true.time, true.VPos[:, 0])
-        assert np.abs(run.VPos[:, 0] - there).max() < 3.0
+        there = np.interp(run.time, true.time, true.samples["VPos"][:, 0])
+        assert np.abs(run.samples["VPos"][:, 0] - there).max() < 3.0
 
 
 def test_the_oldest_position_of_a_simulated_run_is_that_of_the_formula():
@@ -70,7 +70,7 @@ def test_one_marker_is_drawn_for_each_status():
     true, seen = simulate(1, [Command("open", 3.0)], until=15), seen_strokes([5, 64])
     ax = plot_seen_strokes(true, seen, ax=Figure().subplots())
     assert [len(line.get_xdata()) for line in ax.lines[1:]] == [r.time.size for r in seen.values()]
-    assert ax.lines[0].get_ydata() == pytest.approx(true.VPos[:, 0])
+    assert ax.lines[0].get_ydata() == pytest.approx(true.samples["VPos"][:, 0])
 
 
 def test_the_history_has_a_line_from_each_fault_to_its_report_or_to_the_end():

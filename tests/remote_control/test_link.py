@@ -65,6 +65,12 @@ def test_packet_cycle_and_quiet_time_of_both_readings(row):
     assert ours == pytest.approx(row[1:], rel=0.02)
 
 
+def cycle_times(run):
+    """Return the times from one packet of RCS to BCS to the next."""
+    traffic = run.traffic()
+    return np.diff(traffic.start_s[(traffic.source == "RCS") & (traffic.target == "BCS")])
+
+
 SYSTEMS = st.builds(
     lambda reading, n, rate, bits, work: full(
         packet_format=MarkerFormat(reading, n), bit_rate=rate, character_bits=bits, processing=work
@@ -82,7 +88,7 @@ SYSTEMS = st.builds(
 def test_in_health_the_simulation_takes_the_times_of_the_closed_forms(system, seed):
     rng = np.random.default_rng(seed)
     run = simulate(system, until=6.5 * system.cycle_time, rng=rng)
-    assert run.cycle_times == pytest.approx(system.cycle_time, rel=1e-9)
+    assert cycle_times(run) == pytest.approx(system.cycle_time, rel=1e-9)
     assert (run.traffic().outcome.iloc[:-1] == "ok").all()
     for slave in ("BCS", "SS"):
         assert silences(run, slave)[:-1] == pytest.approx(system.idle_time, rel=1e-9)
@@ -113,7 +119,7 @@ def test_a_counter_runs_out_at_its_tick_and_again_after_as_many(rule, ticks):
     assert counter.clear() and not counter.clear()
 
 
-@pytest.mark.parametrize("rule", [PRINTED, INTENDED, Supervision(0.05, 4, 2, while_sending=True)])
+@pytest.mark.parametrize("rule", [PRINTED, INTENDED, Supervision(0.05, 4, 2)])
 def test_a_dead_master_is_noticed_within_the_detection_time(rule):
     system = full(slave=rule, bit_rate=9600)
     rng = np.random.default_rng(5)
@@ -194,16 +200,6 @@ def test_no_death_anywhere_in_the_cycle_silences_bcs_longer_than_the_bound(chang
     assert (("RCS", "BCS") in pairs) == (system.turn_timeout is None)
 
 
-def test_a_failed_partner_that_is_left_out_costs_less_time_and_is_found_again():
-    system = full(turn_timeout=0.2, skip_turns=20)
-    faults = [DeadStation("SS", start=1.0, stop=15.0)]
-    runs = [simulate(s, until=20, faults=faults) for s in (system, replace(system, skip_turns=0))]
-    assert len(runs[0].packets) > 1.25 * len(runs[1].packets)
-    for run in runs:
-        back = run.events().query("event == 'answered' and partner == 'SS'")
-        assert len(back) == 1 and 15 < back.time_s.iloc[0] < 20
-
-
 def test_a_lost_packet_leaves_a_switch_stale_until_it_moves_again_unless_values_are_repeated():
     faults, changes = (
         [LostPacket("BCS", "RCS", start=1.0)],
@@ -266,7 +262,7 @@ def test_errors_stop_the_printed_link_for_seconds_and_a_turn_that_ends_does_not(
         faults=[BitErrors(1e-4)],
         rng=rng,
     )
-    assert printed.cycle_times.max() > 4 > 0.6 > corrected.cycle_times.max()
+    assert cycle_times(printed).max() > 4 > 0.6 > cycle_times(corrected).max()
     assert (printed.traffic().outcome == "wrong").sum() > 3
     assert (corrected.traffic().outcome == "wrong").sum() == 0 < corrected.traffic().disturbed.sum()
 
@@ -280,7 +276,7 @@ def test_errors_stop_the_printed_link_for_seconds_and_a_turn_that_ends_does_not(
 )
 def test_no_noise_and_no_stall_brings_the_simulation_down(rate, seed, corrected, stall):
     form = CobsFormat() if corrected else MarkerFormat("B", numbers="any")
-    system = System(form, turn_timeout=0.05, repeat=3, skip_turns=2)
+    system = System(form, turn_timeout=0.05, repeat=3)
     faults = [
         BitErrors(rate),
         Stall("RCS", start=1, stop=1 + stall),
@@ -303,8 +299,6 @@ def test_one_fault_and_one_change_need_no_list():
     run = simulate(System(), Change(0.5, "SS", 1, 1), until=8, faults=DeadStation("BCS", stop=1))
     assert run.faults == (DeadStation("BCS", stop=1),)
     assert repr(run) == f"Run(8 s, {len(run.packets)} packets, {len(run.alarms())} alarms)"
-    table = run.table()
-    assert table.packets.sum() == len(run.packets) == table[["ok", "wrong", "lost"]].sum().sum()
     assert run.history(1, "SS").values.tolist() == [[0, 0], [0.5, 1]]
     assert run.history(1, "RCS").value.tolist()[-1] == 1
 
@@ -360,7 +354,6 @@ def test_the_margins_are_drawn_under_their_limit(ax):
         (lambda: simulate(System(), until=1, phases={"BCS": 0.2}), "phase of BCS is 0.2"),
         (lambda: simulate(System(), until=1, phases={"ECS": 0.1}), "phases name 'ECS'"),
         (lambda: System().response_time(hops=3), "hops is 3"),
-        (lambda: System(skip_turns=1).overrun_stall(), "skip_turns is 1"),
         (lambda: System(ring_size=33).overrun_stall(), "ring_size is 33"),
         (lambda: ring_trials(duration=5.1), "duration is 5.1 s"),
     ],

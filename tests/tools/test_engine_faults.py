@@ -1,4 +1,5 @@
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from shipnet.engine.system import RULE
@@ -62,10 +63,10 @@ def test_a_value_out_of_range_is_named(field, value, message):
         EngineFaults(**{field: value})
 
 
-def test_old_values_have_a_colour_and_a_star_of_their_own():
+def test_old_values_have_a_colour_of_their_own():
     ax = EngineFaults().plot(ax=Figure().subplots())
-    stars = [text.get_text() for text in ax.texts if "*" in text.get_text()]
-    assert len(stars) == 18
+    tiles = [to_hex(colour) for colour in ax.collections[0].get_facecolors()]
+    assert tiles.count("#e69f00") == 18
 
 
 def test_a_cable_that_only_the_ring_has_can_be_cut_there():

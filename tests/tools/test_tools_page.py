@@ -346,17 +346,17 @@ def test_a_page_that_says_it_is_narrow_gets_a_narrow_figure_unless_that_is_dense
     assert 'width="750"' in dense.figure(narrow=True)
 
 
-def test_a_sheet_keeps_its_axes_unless_the_words_around_them_or_the_size_change():
+def test_a_sheet_keeps_its_axes_unless_their_size_changes_and_makes_room_for_new_words():
     sheet = Sheet()
     sheet.png(lambda ax: ax.plot([0, 1]), 3, 2)
     first = sheet.axes
     sheet.png(lambda ax: ax.plot([1, 0]), 3, 2)
     assert sheet.axes is first and len(first.lines) == 1
+    narrow = first.get_position().x0
     sheet.png(lambda ax: ax.plot([0, 70_000]), 3, 2)
-    second = sheet.axes
-    assert second is not first
+    assert sheet.axes is first and first.get_position().x0 > narrow
     sheet.png(lambda ax: ax.plot([0, 70_000]), 4, 2)
-    assert sheet.axes is not second
+    assert sheet.axes is not first
     with pytest.raises(ZeroDivisionError):
         sheet.png(lambda ax: ax.plot([0, 1 / 0]), 4, 2)
     assert sheet.axes is None

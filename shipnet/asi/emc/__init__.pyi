@@ -6,6 +6,5 @@ from .error_rates import burst_failures as burst_failures
 from .error_rates import count_errors as count_errors
 from .error_rates import error_rate as error_rate
 from .error_rates import independent_failures as independent_failures
-from .immunity import immunity_margin as immunity_margin
 from .immunity import levels as levels
 from .rare_errors import rare_error_rates as rare_error_rates

@@ -1,9 +1,6 @@
-"""Disturbances as a receiver sees them: a voltage between both wires, to be added to telegrams.
+"""Disturbances as a receiver sees them: voltages between the wires, to be added to telegrams.
 
-How much of a test level in kV or V/m arrives between the wires depends on cable, screen and
-symmetry, and is not modelled: the amplitude is the user's. The pulse of a fast transient is
-shorter than a sampling interval, so the model keeps its area: a first-order low-pass stands for
-the receiver's input, and a sample is the mean over its interval.
+The user gives the amplitude: how much of a test level arrives between the wires is not modelled.
 """
 
 from __future__ import annotations
@@ -26,8 +23,8 @@ Span = tuple[float, float]
 _MOST = 1e9
 
 
-def time_step(t: npt.ArrayLike) -> tuple[Floats, float]:
-    """Return times as an array with their spacing, or raise unless they are evenly spaced."""
+def _checked(t: npt.ArrayLike, amplitude: float, size: int) -> tuple[Floats, float, float, int]:
+    """Return evenly spaced times and their step, the amplitude, and the number of rows."""
     times = np.asarray(t)
     if times.dtype.kind not in "iuf" or times.ndim != 1 or times.size < 2:
         raise ArgumentError(
@@ -38,12 +35,11 @@ def time_step(t: npt.ArrayLike) -> tuple[Floats, float]:
     dt = float(times[-1] - times[0]) / (times.size - 1)
     if not (dt > 0 and np.abs(np.diff(times) - dt).max() <= 1e-6 * dt):
         raise ArgumentError("t must be finite, rise and be evenly spaced")
-    return times, dt
-
-
-def check_batch(amplitude: float, size: int) -> tuple[float, int]:
-    """Return amplitude and number of rows, or raise if one is out of range."""
-    return check_scalar("amplitude", amplitude, "V", 0, _MOST), check_whole("size", size, 0, 2**31)
+    volts, rows = (
+        check_scalar("amplitude", amplitude, "V", 0, _MOST),
+        check_whole("size", size, 0, 2**31),
+    )
+    return times, dt, volts, rows
 
 
 def add_events(
@@ -54,11 +50,9 @@ def add_events(
     shape: Callable[..., Floats],
     *parameters: Floats,
 ) -> None:
-    """Add one event to each row of `u`, in place.
+    """Add ``shape(time since its begin, *parameters)`` to each row of `u`, for `length` at most.
 
-    It begins at `begin`, one time a row, and lasts `length` at most; its voltage is
-    ``shape(time since its begin, *parameters)``, each parameter one number a row. What falls
-    outside the record is lost.
+    `begin` and each parameter have one number per row. What falls outside the record is lost.
     """
     dt = (t[-1] - t[0]) / (t.size - 1)
     first = np.ceil((begin - t[0]) / dt).astype(np.intp)
@@ -73,19 +67,8 @@ def _raised_cosine(since: Floats, width: Floats, height: Floats) -> Floats:
     return np.where(since < width, height * np.sin(np.pi * since / width) ** 2, 0.0)
 
 
-def _pair(what: str, pair: tuple[float, float], low: float, high: float) -> tuple[float, float]:
-    try:
-        a, b = pair
-    except (TypeError, ValueError):
-        raise ArgumentError(f"{what} is {pair!r}; it must be two times") from None
-    a, b = (check_scalar(what, end, "s", low, high) for end in (a, b))
-    if a > b:
-        raise ArgumentError(f"{what} is {a:g}..{b:g} s; its end must not lie before its begin")
-    return a, b
-
-
-#: Time constants of decay and rise [s]: with them the pulse of two exponentials rises from 10 %
-#: to 90 % in 5 ns and stays above half for 50 ns, the nominal values of IEC 61000-4-4.
+#: Time constants of decay and rise [s]: a pulse rises from 10 % to 90 % in 5 ns and stays above
+#: half for 50 ns, the nominal values of IEC 61000-4-4.
 _DECAY, _RISE = 55.61e-9, 3.291e-9
 
 #: Pulses a second inside a packet [1/s]; IEC 61000-4-4 also has 100 kHz.
@@ -94,24 +77,22 @@ PULSE_RATE = 5e3
 #: Length of a packet and time from one to the next [s]: IEC 61000-4-4, at 5 kHz 75 pulses each.
 PACKET_LENGTH, PACKET_PERIOD = 15e-3, 300e-3
 
-#: Corner of the low-pass that stands for a receiver's input [Hz]: assumed, some above the 667 kHz
-#: at which the spectrum of an AS-i pulse has its first zero.
+#: Corner of the low-pass that stands for a receiver's input [Hz]: assumed, a little above the
+#: 667 kHz at which the spectrum of an AS-i pulse has its first zero.
 INPUT_CORNER = 1e6
 
-#: What is left of an exponential after so many time constants, 2e-9, is dropped.
+#: An exponential is dropped after this many time constants, where 2e-9 of it is left.
 _ENOUGH = 20.0
 
-# At the top of the pulse both exponentials fall as fast.
+# At the top of the pulse both exponentials fall equally fast.
 _TOP_AT = np.log(_DECAY / _RISE) * _DECAY * _RISE / (_DECAY - _RISE)
-_TOP = np.exp(-_TOP_AT / _DECAY) - np.exp(-_TOP_AT / _RISE)
-
 
 #: Area of a pulse of height 1 [s].
-AREA = (_DECAY - _RISE) / float(_TOP)
+AREA = (_DECAY - _RISE) / float(np.exp(-_TOP_AT / _DECAY) - np.exp(-_TOP_AT / _RISE))
 
 
 def _mean(since: Floats, dt: float, constants: Floats) -> Floats:
-    """Return the area that passes three lags in a row between `since` - `dt` and `since`."""
+    """Return the area that leaves three low-passes in a row between `since` - `dt` and `since`."""
     return _passed(since, constants) - _passed(np.maximum(since - dt, 0.0), constants)
 
 
@@ -130,10 +111,9 @@ def _passed(since: Floats, constants: Floats) -> Floats:
 class Noise:
     r"""White noise; its amplitude is the standard deviation of samples `reference` apart.
 
-    Samples :math:`\Delta t` apart have a bandwidth of :math:`1 / 2 \Delta t`, 2 MHz by default.
-    With a standard deviation :math:`\sigma` they stand for a one-sided density of
-    :math:`2 \sigma^2 \Delta t`, 0.71 mV per root hertz for 1 V. A waveform with another step gets
-    noise of the same density, so that a finer step changes no error rate.
+    Samples :math:`\Delta t` apart have a bandwidth of :math:`1 / 2 \Delta t`, 2 MHz by default,
+    and a one-sided density of :math:`2 \sigma^2 \Delta t`, 0.71 mV per root hertz for 1 V. A
+    waveform with another step gets noise of the same density, so its step changes no error rate.
 
     Examples
     --------
@@ -162,8 +142,7 @@ class Noise:
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
         """Return the noise on each of some telegrams."""
-        t, dt = time_step(t)
-        amplitude, size = check_batch(amplitude, size)
+        t, dt, amplitude, size = _checked(t, amplitude, size)
         # A step that is the reference must not change the noise by a rounding.
         if abs(dt / self.reference - 1) >= 1e-9:
             amplitude *= (self.reference / dt) ** 0.5
@@ -178,17 +157,9 @@ class Impulses:
     .. math:: u(t) = \pm \frac{a}{2} \left(1 + \cos \frac{2 \pi (t - t_0)}{w}\right),
               \qquad |t - t_0| < \frac{w}{2}
 
-    Their amplitude is the mean height. Width and spread are assumptions: what coils and
-    converters leave on a line differs from ship to ship.
-
-    Parameters
-    ----------
-    count : int, default 1
-        Impulses per telegram, 0..1000.
-    width : tuple of float, default (0.5e-6, 4e-6)
-        Smallest and largest full width; in between all are as likely [s].
-    spread : float, default 0.5
-        Heights are equally distributed over the amplitude times 1 - `spread` to 1 + `spread`.
+    The amplitude is the mean height. Heights and full widths are uniformly distributed: over the
+    amplitude times 1 - `spread` to 1 + `spread`, and over the two ends of `width` [s]. All are
+    assumptions: what coils and converters leave on a line differs from ship to ship.
 
     Examples
     --------
@@ -210,12 +181,14 @@ class Impulses:
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
         """Return the impulses on each of some telegrams."""
-        t, _ = time_step(t)
-        amplitude, size = check_batch(amplitude, size)
-        narrow, wide = _pair("width", self.width, 0, float(t[-1] - t[0]))
-        if narrow == 0:
-            raise ArgumentError("width begins with 0 s; an impulse must be wider than that")
-        first, last = _pair("span", span, -1e6, 1e6)
+        t, _, amplitude, size = _checked(t, amplitude, size)
+        longest = float(t[-1] - t[0])
+        if not (np.shape(self.width) == (2,) and 0 < self.width[0] <= self.width[1] <= longest):
+            raise ArgumentError(
+                f"width is {self.width!r}; it must be two times, the smaller one first, above 0 "
+                f"and up to {longest:g} s"
+            )
+        (narrow, wide), (first, last) = self.width, span
         u = np.zeros((size, t.size))
         for _ in range(self.count):
             w = rng.uniform(narrow, wide, size)
@@ -232,14 +205,9 @@ class ConductedRF:
 
     .. math:: u(t) = a \bigl(1 + m \sin(2 \pi f_m t + \psi)\bigr) \sin(2 \pi f t + \varphi)
 
-    The amplitude is the peak of the carrier without modulation. A test level is its effective
-    value: with 80 % the largest peak is 1.8 times the square root of 2 times the level. The
-    carrier with its sideband must lie below half the sampling rate; a waveform with a smaller
-    step helps, 5 ns at 80 MHz.
-
-    References
-    ----------
-    .. [1] IEC 61000-4-6, "Immunity to conducted disturbances, induced by radio-frequency fields".
+    The amplitude is the peak of the carrier without modulation; a test level of IEC 61000-4-6 is
+    its effective value. Carrier and sideband must lie below half the sampling rate: 80 MHz needs
+    a waveform with a step of 5 ns.
 
     Examples
     --------
@@ -264,8 +232,7 @@ class ConductedRF:
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
         """Return the carrier on each of some telegrams, at a random phase of its modulation."""
-        t, dt = time_step(t)
-        amplitude, size = check_batch(amplitude, size)
+        t, dt, amplitude, size = _checked(t, amplitude, size)
         f, f_mod = self.frequency, self.f_mod
         if f + f_mod >= 0.5 / dt:
             raise ArgumentError(
@@ -282,17 +249,13 @@ class ConductedRF:
 
 @record
 class Burst:
-    """Electrical fast transients, 5/50 ns, as a receiver's input leaves them inside a packet.
+    """Electrical fast transients, 5/50 ns after IEC 61000-4-4, behind a receiver's input.
 
-    The amplitude is the peak of a pulse between both wires, ahead of the receiver's input. Pulses
-    come at an even rate; sign and phase of the train are random on each telegram. Each passes a
-    low-pass of first order, and a sample is the mean over its interval: both keep the area, and
-    both are assumptions about a receiver. At 5 kHz the 42 us of a response meet one pulse in five
-    times. Packets of 15 ms come every 300 ms: `burst_failures` lays them over time.
-
-    References
-    ----------
-    .. [1] IEC 61000-4-4, "Electrical fast transient/burst immunity test", 2012.
+    The amplitude is the peak of a pulse between the wires, ahead of the input. Pulses come at an
+    even rate; sign and phase of the train are random on each telegram. Each passes a first-order
+    low-pass, and a sample is the mean over its interval: both keep the area, and both are
+    assumptions about a receiver. At 5 kHz one response in five is hit. Packets of 15 ms come every
+    300 ms: `burst_failures` lays them over time.
 
     Examples
     --------
@@ -314,8 +277,7 @@ class Burst:
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
         """Return the train of pulses on each of some telegrams."""
-        t, dt = time_step(t)
-        amplitude, size = check_batch(amplitude, size)
+        t, dt, amplitude, size = _checked(t, amplitude, size)
         slowest = 1 / (2 * np.pi * self.corner)
         # The formula divides by differences of time constants; a millionth apart is apart.
         if min(abs(slowest / _DECAY - 1), abs(slowest / _RISE - 1)) < 1e-6:

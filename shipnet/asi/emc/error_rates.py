@@ -1,10 +1,8 @@
-"""How many telegrams a disturbance costs, and what lost telegrams do to a cycle.
+"""How many telegrams a disturbance costs, counted or in theory, and what that does to a cycle.
 
-Telegrams are counted by Monte Carlo, and for white noise in theory.
-
-A master repeats a failed exchange once, at once; a slave that fails so in three cycles in a row is
-dropped. An analyser counts *series*: exchanges with one slave that fail in a row, 1 to 6 of them,
-the sixth being the drop.
+A master repeats a failed exchange once, at once, and drops a slave that fails twice in each of
+three cycles in a row. An analyser counts *series*: 1 to 6 exchanges with a slave that fail in a
+row, the sixth being the drop.
 """
 
 from __future__ import annotations
@@ -32,15 +30,10 @@ _SAMPLES = 2**18
 
 
 def decided_on(u: Floats, dt: float, matched: bool) -> Floats:
-    """Return the samples by which a receiver decides that has always been listening.
-
-    The filter lacks neighbours at the ends of a record, where a carrier would seem to begin and to
-    end at once; these ends are left out.
-    """
-    if not matched:
-        return u
+    """Return the samples on which a receiver decides that has always been listening."""
+    # The filter lacks neighbours at the ends of a record, where a carrier would seem to begin.
     half = int(HALF_BIT / dt / 2)
-    return matched_filter(u, dt)[:, half:-half]
+    return matched_filter(u, dt)[:, half:-half] if matched else u
 
 
 def checked_densities(noise_density: npt.ArrayLike) -> Floats:
@@ -61,7 +54,7 @@ def _row(
     rng: np.random.Generator,
     receiver: Receiver,
 ) -> dict[str, float]:
-    """Count what one amplitude costs."""
+    """Count the telegrams that one amplitude costs."""
     bits, u = wave.records
     n_words, n_bits = bits.shape
     chunk = max(1, _SAMPLES // u.shape[1])
@@ -96,12 +89,12 @@ def _row(
     }
 
 
-#: What begins within this many half-bits ahead of the first pulse's peak is taken for the pulse.
+#: What begins at most this many half-bits before the first pulse's peak is taken for the pulse.
 _REACH = 1.25
 
 #: Up to this `minimum` over the first pulse the closed form holds behind a matched filter. Above it
-#: the peak of a weakened first pulse may slip by a few samples, which the formula leaves out:
-#: at 0.45 counted rates are 2 times higher at 1e-4, and 26 times at 1e-8.
+#: the peak of a weakened first pulse may slip by a few samples, which the formula ignores: at 0.45
+#: counted rates are 2 times higher at 1e-4, and 26 times at 1e-8.
 _HIGHEST_MINIMUM = 0.35
 
 #: Beyond so many standard deviations no noise is counted.
@@ -110,14 +103,14 @@ _FAR = 9.0
 #: Nodes and weights of an integral from -1 to 1.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
-#: A chance whose complement still has a logarithm; logarithms keep small chances from rounding.
+#: A probability whose complement still has a logarithm; logarithms keep small ones from rounding.
 _ALMOST_ONE = 1 - 1e-15
 
 
 def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, int]:
-    """Return the heights of the slots, which hold pulses, and the samples ahead of each telegram.
+    """Return the slots' heights from the first pulse on, and which of them hold pulses.
 
-    The slots count from that of the first pulse. The last value is the samples of the record.
+    The other two are the samples ahead of each telegram and those of a record.
     """
     (bits, u), dt = wave.records, wave.dt
     n_bits = bits.shape[1]
@@ -135,10 +128,7 @@ def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, i
 
 
 def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
-    """Return what filter and mean leave of white noise, and the correlation of neighbour samples.
-
-    The receiver takes the mean off a record, and with it a little of the noise.
-    """
+    """Return how much white noise filter and mean leave, and how neighbouring samples correlate."""
     half = int(HALF_BIT / dt / 2) if matched else 0
     shape = np.cos(np.pi * np.arange(-half, half + 1) * dt / HALF_BIT) ** 2
     power = float(shape @ shape)
@@ -149,24 +139,21 @@ def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
 
 
 def _false_start(level: float, correlation: float, samples: Floats) -> Floats:
-    """Return the chance that one of some samples exceeds a level, in standard deviations."""
+    """Return the probability that a sample exceeds a level, in standard deviations."""
     from scipy.special import ndtr
 
     x, weight = _normal(-level, level)
     exceeds = ndtr((correlation * x - level) / np.sqrt(1 - correlation**2))
     exceeds += ndtr((-correlation * x - level) / np.sqrt(1 - correlation**2))
     first = min(2 * ndtr(-level), _ALMOST_ONE)
-    # Of the samples that follow one within the level.
+    # Of a sample that follows one within the level.
     later = min(float(exceeds @ weight) / (1 - first), _ALMOST_ONE)
     none = np.log1p(-first) + (samples - 1) * np.log1p(-later)
     return -np.expm1(np.where(samples > 0, none, 0.0))
 
 
 def _normal(low: npt.ArrayLike, high: npt.ArrayLike) -> tuple[Floats, Floats]:
-    """Return where to sample the normal distribution between bounds, and what each sample counts.
-
-    The samples lie along a new last axis.
-    """
+    """Return nodes and weights, along a new axis, of an integral of the normal distribution."""
     bounds = np.clip(np.stack(np.broadcast_arrays(low, high), axis=-1), -_FAR, _FAR)
     middle, half = bounds.mean(axis=-1)[..., np.newaxis], np.diff(bounds) / 2
     x = middle + half * _NODES
@@ -176,11 +163,11 @@ def _normal(low: npt.ArrayLike, high: npt.ArrayLike) -> tuple[Floats, Floats]:
 def _missed(
     height: Floats, filled: Bools, sigma: float, threshold: float, minimum: float
 ) -> Floats:
-    """Return the chance of each word that one of its slots is decided wrongly."""
+    """Return the probability, for each word, that one of its slots is decided wrongly."""
     from scipy.special import ndtr
 
     lowest = (minimum - height[:, 0]) / sigma
-    # The level stops being the minimum where half of the first pulse passes it.
+    # Beyond this the level is half of the first pulse, no longer the minimum.
     bend = (minimum / threshold - height[:, 0]) / sigma
     missed = ndtr(lowest)
     for low, high in ((lowest, bend), (bend, np.full_like(bend, _FAR))):
@@ -204,16 +191,14 @@ class ErrorRates:
     def table(self) -> pd.DataFrame:
         """Return one row per amplitude: counts, rate with its 95 % interval, and causes.
 
-        ``failed`` are those not received as they were sent, ``undetected`` those of them that no
-        check found; ``rate_low`` and ``rate_high`` are the interval after Clopper and Pearson,
-        ``undetected_high`` is the upper end of that of the undetected. The columns of the checks,
-        and ``silence``, hold the share of the failed in which each fails; most failures break
-        several checks. They are NaN where none failed.
+        ``failed`` counts the telegrams that were not received as sent, ``undetected`` those of
+        them that no check found. The intervals are those of Clopper and Pearson. The columns of
+        the checks, and ``silence``, hold the share of the failed that violate each one.
         """
         return self._table.copy()
 
     def plot(self, ax: Axes | None = None, *, label: str | None = None, marker: str = "o") -> Axes:
-        """Draw the rates over the amplitude, which the axis names, with their intervals as bars."""
+        """Draw the rates over the amplitude, with their intervals as bars."""
         ax, table = style.axes(ax), self._table
         seen = table[table["failed"] > 0]
         bars = np.stack([seen["rate"] - seen["rate_low"], seen["rate_high"] - seen["rate"]])
@@ -253,29 +238,23 @@ def count_errors(
     Parameters
     ----------
     wave : Waveform
-        What is heard without disturbance; for each trial one of its telegrams is drawn.
+        What is heard without disturbance; each trial draws one of its telegrams.
     disturbance : Noise, Impulses, ConductedRF or Burst
-        What is added, at the receiver.
+        What is added at the receiver.
     amplitudes : float or array_like of float, shape (n_amplitudes,)
-        Its amplitudes, 0..1e9 [V]: what `disturbance.quantity` says. That of noise is a standard
-        deviation in a bandwidth, 2 MHz by default, whatever the step of `wave`.
+        Its amplitudes, 0..1e9 [V]; `disturbance.quantity` says of what.
     n_telegrams : int
         Trials at each amplitude, 1 or more.
     rng : numpy.random.Generator or int, optional
-        Source of the random numbers, as `numpy.random.default_rng` takes it.
+        Source of the random numbers.
     receiver : Receiver, optional
-        The receiver. Its `minimum` should be four times the standard deviation of a noise behind
-        its filter; else the noise ahead of a telegram is taken for its first pulse.
+        The receiver. Its `minimum` should be four times the standard deviation of the noise behind
+        its filter; else it takes noise ahead of a telegram for the first pulse.
 
     Returns
     -------
     ErrorRates
-        It has ``table()`` and ``plot(ax)``.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
+        With ``table()`` and ``plot(ax)``.
 
     Examples
     --------
@@ -299,7 +278,7 @@ def count_errors(
 def error_rate(
     wave: Waveform, noise_density: npt.ArrayLike, *, receiver: Receiver | None = None
 ) -> Floats:
-    r"""Return how often white noise costs a telegram, as theory expects.
+    r"""Return the probability that white noise costs a telegram, in closed form.
 
     .. math:: P = 1 - (1 - P_0) \int_{u_{min}}^\infty \varphi\left(\frac{r - h_1}{\sigma}\right)
               \prod_j \left(1 - p_j(r)\right) \frac{dr}{\sigma}, \qquad
@@ -311,7 +290,7 @@ def error_rate(
     Parameters
     ----------
     wave : Waveform
-        What is heard without noise, all telegrams as likely.
+        What is heard without noise; all its telegrams are equally likely.
     noise_density : float or array_like of float, shape (n,)
         One-sided density at the receiver, above 0 to 1e6 [V per root hertz]; `Noise.density` has
         that of a standard deviation :math:`\sigma`. 0.5 mV per root hertz is 0.71 V in 2 MHz.
@@ -321,30 +300,27 @@ def error_rate(
     Returns
     -------
     ndarray of float, shape (n,)
-        Probability that a telegram is not received as it was sent.
+        Probability that a telegram is not received as sent.
 
     Raises
     ------
     ArgumentError
-        If an argument is out of its range, a telegram is not received in silence, or, behind a
-        matched filter, `minimum` is above 0.35 of the first pulse: the formula would be too low.
+        If a telegram is not received in silence or, behind a matched filter, `minimum` is above
+        0.35 of the first pulse, where the formula would be too low.
 
     Notes
     -----
-    :math:`p_j` is the chance that slot j is decided wrongly, :math:`h_1` and :math:`r` are the
-    undisturbed and the disturbed height of the first pulse, and :math:`P_0` is the chance that
-    the noise ahead of the telegram is taken for a first pulse. The receiver of the formula keeps
-    perfect time and looks at one sample per slot. Each record loses its mean, and with it 1.6 % of
-    the noise. Behind a matched filter the formula agrees with `count_errors` within a third from
-    rates of 1e-4 up, and with `rare_error_rates` within a tenth down to 1e-10. Without the filter,
-    `count_errors` loses up to a few times as many or as few telegrams.
+    :math:`p_j` is the probability that slot j is decided wrongly, :math:`h_1` and :math:`r` are the
+    undisturbed and the disturbed height of the first pulse, and :math:`P_0` is the probability that
+    noise ahead of the telegram is taken for a first pulse. The formula's receiver keeps perfect
+    time and looks at one sample per slot. Behind a matched filter it agrees with `count_errors`
+    within a third from rates of 1e-4 up, and with `rare_error_rates` within a tenth down to 1e-10.
+    Without the filter, `count_errors` loses up to a few times as many or as few telegrams.
 
     Examples
     --------
-    >>> from shipnet.asi.topologies import line
-    >>> answers = line(100, slaves=(5,)).waveform()
-    >>> from shipnet.asi.receiver import RECEIVERS
-    >>> proof = RECEIVERS["noise-proof"]
+    >>> from shipnet import asi
+    >>> answers, proof = asi.line(100, slaves=(5,)).waveform(), asi.RECEIVERS["noise-proof"]
     >>> error_rate(answers, [0.283e-3, 0.495e-3], receiver=proof).round(6).tolist()
     [2.1e-05, 0.062119]
     """
@@ -369,8 +345,8 @@ def error_rate(
 
 # Cycles ---------------------------------------------------------------------------------------
 
-#: Exchanges with a slave in a cycle, the repetition counted; failed cycles in a row that drop it.
-#: Beckhoff, EL6201: three data exchange phases in a row; Siemens, AS-i analyser: six exchanges.
+#: Tries to reach a slave in a cycle, and failed cycles in a row that drop it. Beckhoff, EL6201:
+#: three data exchange phases in a row; Siemens, AS-i analyser: six exchanges.
 TRIES, CYCLES = 2, 3
 
 #: Slots of a cycle beside those of the slaves: management and inclusion, after OMRON W357.
@@ -379,7 +355,7 @@ _EXTRA = 2
 
 @checked
 def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.DataFrame:
-    r"""Return what exchanges that fail independently of each other do to a network.
+    r"""Return what exchanges that fail independently do to a network.
 
     .. math:: q = p^2, \qquad T = T_c \left(\frac{1}{q} + \frac{1}{q^2} + \frac{1}{q^3}\right)
 
@@ -388,19 +364,14 @@ def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.Dat
     p : float or array_like of float, shape (n,)
         Probability that an exchange fails, 0..1.
     cycle : Cycle, default ``Cycle(31)``
-        The cycle, of 1 to 31 addresses; two slaves that share one count as one slave.
+        The cycle, of 1 to 31 addresses; two slaves that share an address count as one.
 
     Returns
     -------
     pandas.DataFrame
-        One row per probability: ``rate``; ``repetitions_per_s``; ``cycle_failure`` q, both tries
-        of a slave fail; ``three_cycles``, in three cycles in a row; ``between_drops_s`` T, mean
-        time until a slave is dropped; ``drops_per_h`` of all slaves.
-
-    Raises
-    ------
-    ArgumentError
-        If a probability is not 0..1, or no address is asked.
+        One row per probability: ``rate``; ``repetitions_per_s``; ``cycle_failure`` q, that both
+        tries of a slave fail; ``three_cycles``, that they do so three times in a row;
+        ``between_drops_s`` T, mean time until a slave is dropped; ``drops_per_h`` of all slaves.
 
     Examples
     --------
@@ -441,16 +412,16 @@ def burst_failures(
     packet_length: float = PACKET_LENGTH,
     packet_period: float = PACKET_PERIOD,
 ) -> pd.DataFrame:
-    """Lay packets of a burst over the cycles of a network and count failures in a row.
+    """Count failures in a row while packets of a burst hit the cycles of a network.
 
     Parameters
     ----------
     inside : float
-        Probability that an exchange fails while a packet lasts, 0..1; outside none fails.
+        Probability that an exchange fails during a packet, 0..1; outside, none fails.
     rng : numpy.random.Generator or int, optional
-        Source of the random numbers, as `numpy.random.default_rng` takes it.
+        Source of the random numbers.
     packets : int, default 1000
-        Packets to lay, each at another moment of a cycle, 1 or more.
+        Number of packets, each at a random moment of a cycle, 1 or more.
     slaves : int, default 31
         Slaves asked in a cycle, 1..31.
     transaction : Transaction, optional
@@ -464,20 +435,15 @@ def burst_failures(
         One row per length of series, ``failures`` 1..6: ``series``, how many were seen;
         ``per_packet``; ``per_h``. The sixth failure in a row drops the slave.
 
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-
     Notes
     -----
-    Inside a packet exchanges fail independently of each other, which takes the pulses of a packet
-    for more random than they are. A slave that was dropped is taken to be back in its next cycle.
+    Inside a packet exchanges fail independently, which treats the pulses of a packet as more random
+    than they are. A slave that was dropped is assumed to be back in its next cycle.
 
     Examples
     --------
-    A third of the exchanges of a packet fail, which over the whole test is one in 60. If these
-    failed independently, a slave would be dropped every 90 days. Packets do it twice a minute:
+    A third of the exchanges in a packet fail, one in 60 over the whole test. If these failed
+    independently, a slave would be dropped every 90 days; packets drop one twice per minute:
 
     >>> table = burst_failures(1 / 3, 2024, 40_000).set_index("failures")
     >>> f"{table.loc[6, 'per_h'] / 60:.1f} a minute"
@@ -485,8 +451,7 @@ def burst_failures(
     """
     inside = check_scalar("inside", inside, "of the exchanges", 0, 1)
     packets = check_whole("packets", packets, 1, 2**31)
-    generator = check_rng(rng)
-    slaves = check_whole("slaves", slaves, 1, 31)
+    generator, slaves = check_rng(rng), check_whole("slaves", slaves, 1, 31)
     packet_length = check_scalar("packet_length", packet_length, "s", 0, 10)
     packet_period = check_scalar("packet_period", packet_period, "s", 0, 1e6)
     if packet_period <= packet_length:
@@ -516,7 +481,7 @@ def burst_failures(
             counts[most] += np.count_nonzero(dropped)
             series[dropped] = 0
         t += _EXTRA * slot
-    # Behind the packet the next exchange succeeds and ends what is still open.
+    # After the packet the next exchange succeeds and ends every open series.
     counts += np.bincount(in_a_row.ravel(), minlength=most + 1)
     per_packet = counts[1:] / packets
     return pd.DataFrame(

@@ -1,10 +1,10 @@
 """Rates of lost telegrams down to 1e-9: importance sampling in white noise.
 
-A telegram is lost, nearly, where the noise satisfies one of some sets of linear inequalities: a
-pulse falls below the level, a gap rises above it, and so on, for filter and mean are linear. The
-weakest noise that satisfies such a set is its *design point*. Noise is drawn around the design
-points, the receiver decides what is lost, and each loss counts as often as its noise is likelier
-without the shift. A wrong set costs precision only; one that is missing shows in the checks.
+Filter and mean are linear, so nearly every loss is a set of linear inequalities on the noise: a
+pulse falls below the level, a gap rises above it. The weakest noise that satisfies a set is its
+*design point*. Noise is drawn around the design points, the receiver decides what is lost, and a
+loss counts with the ratio of both densities. A wrong set only costs precision; a missing one shows
+in the checks.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ _PART, _PILOT, _BATCH = 5000, 4000, 1000
 #: Most different telegrams of a wave: each has some hundred design points.
 _WORDS = 64
 
-#: The inequalities look at the line every so often [s].
+#: Time between two samples at which the inequalities look at the line [s].
 _GRID = 250e-9
 
-#: By how many such steps a weakened first pulse may seem to peak early or late, and how many to
-#: either side of the pulse must be lower then.
+#: Steps by which a weakened first pulse may seem to peak early or late, and steps on either side
+#: of the pulse that must be lower then.
 _SLIPS, _AROUND = 3, 7
 
 #: Noise ahead of a telegram becomes its first pulse at one of these points [s].
@@ -54,8 +54,8 @@ _AHEAD = 0.5e-6
 #: Share of draws that go to the less likely design points and telegrams, whatever a pilot found.
 _SPREAD = 0.1
 
-#: Bounds within which a rate is sound: effective losses, largest weight and weight of noise that is
-#: drawn too rarely, both as shares, and how far the mean weight is from 1 in standard errors.
+#: Limits for a sound rate: effective losses, share of the largest weight, share of noise that is
+#: drawn too rarely, and distance of the mean weight from 1 in standard errors.
 _EFFECTIVE, _LARGEST, _FAR, _LEAN = 1000, 0.02, 0.05, 4
 
 
@@ -77,7 +77,7 @@ class _Case:
 
     @cached_property
     def _key(self) -> bytes:
-        """What a worker knows the case by when it arrives with another task."""
+        """By this a worker recognises a case that arrives with another task."""
         arrays = self.bits.astype(np.int8).tobytes() + self.u.tobytes()
         rest = f"{self.dt!r} {self.sigma!r} {asdict(self.receiver)}"
         return sha256(arrays + rest.encode()).digest()
@@ -93,15 +93,12 @@ class _Case:
 
 
 class _Proposal(NamedTuple):
-    """How noise is drawn: around which points, and how often around each of them."""
+    """The points around which noise is drawn, and how often around each."""
 
     shift: Floats  # shape (n_words, n_points, n_t) [V]
     square: Floats  # of its length
     share: Floats  # of the points of a telegram; the rest is drawn without a shift
     words: Floats  # share of the telegrams
-
-
-# Design points ---------------------------------------------------------------------------------
 
 
 class _Sets:
@@ -194,15 +191,9 @@ def _points_of(case: _Case) -> Floats:
     return np.array([[*points, *[50 * points[0]] * (most - len(points))] for points in words])
 
 
-# Draws -----------------------------------------------------------------------------------------
-
-
 @lru_cache(8)
 def _proposal(case: _Case) -> _Proposal:
-    """Return how to draw for a case; pilots find out around which points telegrams are lost.
-
-    The distance of a design point tells how likely its noise is, not whether the receiver errs.
-    """
+    """Return how to draw for a case; pilots show around which points telegrams are lost."""
     shift = _points_of(replace(case, sigma=1.0))
     square = (shift**2).sum(axis=-1)
     likely = special.ndtr(-np.sqrt(square) / case.sigma) + 1e-300
@@ -232,15 +223,11 @@ def _sample(task: tuple[_Case, int], rng: np.random.Generator) -> dict[str, floa
 
 
 def _draw(
-    case: _Case,
-    how: _Proposal,
-    n: int,
-    rng: np.random.Generator,
-    credit: Floats | None = None,
+    case: _Case, how: _Proposal, n: int, rng: np.random.Generator, credit: Floats | None = None
 ) -> dict[str, float]:
-    """Draw telegrams and return sums of their weights `w` and of those that are lost, `x`.
+    """Draw telegrams; return sums of their weights, and add to `credit` what each point found.
 
-    `credit` is added to: how much of what was lost each point found.
+    `w` sums the weights of all, `x` those of the lost.
     """
     totals = dict.fromkeys(("n", "w", "ww", "x", "xx", "lost", "far", "largest"), 0.0)
     n_words, n_points = how.share.shape
@@ -277,7 +264,7 @@ def _summary(parts: list[dict[str, float]]) -> dict[str, float | bool]:
     t = {name: sum(part[name] for part in parts) for name in parts[0]}
     n, rate = t["n"], t["x"] / t["n"]
     if not t["lost"]:
-        # None of those drawn without a shift was lost either.
+        # No telegram drawn without a shift was lost either.
         none = {"rate": 0.0, "rate_low": 0.0, "rate_high": min(1.0, -np.log(0.025) / (_PLAIN * n))}
         return {"telegrams": int(n), **none, "effective": 0.0, "sound": False}
     error = np.sqrt(max(t["xx"] / n - rate**2, 0.0) / n) / rate
@@ -315,8 +302,8 @@ def rare_error_rates(
     Parameters
     ----------
     waves : Waveform or mapping of str to Waveform
-        What is heard without noise, of 64 different telegrams at most, all as likely; several by a
-        name, such as that of the cable and the topology.
+        What is heard without noise, each of at most 64 telegrams, all equally likely; several
+        waves by name.
     noise_density : float or array_like of float, shape (n,)
         One-sided density at the receiver, above 0 to 1e6 [V per root hertz]; `Noise.density` has
         that of a standard deviation.
@@ -327,31 +314,25 @@ def rare_error_rates(
     seed : int, default 2024
         Source of the random numbers, 0..2^63 - 1.
     client, folder, progress
-        As in `shipnet.compute`: where tasks run, the folder of results, and the progress report.
+        As in `shipnet.compute`.
 
     Returns
     -------
     pandas.DataFrame
         One row per wave and density: ``wave``, ``noise_density``, ``telegrams``; the ``rate`` with
         its 95 % interval ``rate_low`` and ``rate_high``; ``effective``, how many losses of equal
-        weight would be as precise; and ``sound``. Where it is False, do not believe the interval:
+        weight would be as precise; and ``sound``. Where that is False, do not trust the interval:
         draw more telegrams, or count with `count_errors`.
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range, or a telegram is not received in silence.
 
     Notes
     -----
     Noise is drawn around the weakest noise that loses a telegram in some hundred ways: a first
-    pulse that is missed, or forged by the noise ahead, a pulse too low, a gap too high, also where
-    a weakened first pulse seems to peak up to 0.75 us off. A tenth is drawn without a shift. The
-    receiver decides what is lost, and each loss counts with the ratio of both densities, 10 at
-    most. A rate is ``sound`` with 1000 effective losses, the largest 2 % of all at most, at most
-    5 % from noise that is drawn less often than it occurs, and a mean weight that is 1 within four
-    standard errors. A way to lose a telegram that is missing above can still escape these checks:
-    compare with `count_errors` at a higher density. Only white noise is drawn.
+    pulse missed or forged by noise, a pulse too low, a gap too high, also where a weakened first
+    pulse seems to peak up to 0.75 us off. A tenth is drawn without a shift, so a loss weighs 10 at
+    most. A rate is ``sound`` with 1000 effective losses, at most 2 % from one loss, at most 5 %
+    from noise that is drawn less often than it occurs, and a mean weight of 1 within four standard
+    errors. Another way to lose a telegram could escape these checks: compare with `count_errors` at
+    a higher density.
 
     Examples
     --------
@@ -359,8 +340,7 @@ def rare_error_rates(
 
     >>> from shipnet import asi
     >>> wave = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
-    >>> proof = asi.RECEIVERS["noise-proof"]
-    >>> density = asi.emc.Noise().density(0.3)
+    >>> proof, density = asi.RECEIVERS["noise-proof"], asi.emc.Noise().density(0.3)
     >>> row = rare_error_rates(wave, density, 20_000, receiver=proof).iloc[0]
     >>> f"{row['rate']:.1e}", bool(row["sound"])
     ('2.1e-09', True)

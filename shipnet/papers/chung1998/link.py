@@ -53,10 +53,8 @@ def send_loops(
 ) -> pd.DataFrame:
     """Return what both loops, printed and intended, send on an idle and on a busy chip.
 
-    At 9600 bit/s, a row per chip, loop and time to `poll` [s], with the bytes ``on the line`` after
-    the one that is being shifted out. An idle chip and the intended loop come with the first poll
-    only, which makes no difference there; how often the printed loop repeats a byte on a busy chip
-    depends on it by chance.
+    At 9600 bit/s, one row per chip, loop and time to `poll` [s], with the bytes ``on the line``
+    behind the one being shifted out. Only the printed loop on a busy chip depends on the poll.
     """
     if not polls:
         raise ArgumentError("polls is empty; it must hold a time")
@@ -132,10 +130,7 @@ def flags_at(reading: Literal["A", "B"], items: int) -> list[tuple[int, int]]:
 
 @check("chung1998-037", counter={"flags": (0xCC, 0xEE, 0xDD)})
 def flags_stand_in_order(*, flags: tuple[int, ...] = FLAGS) -> bool:
-    """Whether a packet begins with the first, its data with the second, and it ends with the third.
-
-    In all three readings.
-    """
+    """Whether these flags begin a packet, begin its data and end it, in all three readings."""
     start, data, end = flags
     once = [(0, start), (1, data)]
     return (
@@ -162,9 +157,9 @@ def any_subset_can_be_sent(*, numbered: bool = True) -> bool:
 
 @check("chung1998-010", counter={"lost": 1})
 def copies_stay_equal(*, lost: int = 0) -> bool:
-    """Whether sending only what differs keeps the receiver's table equal to the sender's.
+    """Whether sending only what differs keeps both tables equal, if this many packets are lost.
 
-    Each of 200 packets must have 3 bytes and 3 for each datum that changed; this many are lost.
+    Each of 200 packets must have 3 bytes, and 3 more for each datum that changed.
     """
     rng = np.random.default_rng(2024)
     form = MarkerFormat(n_numbers=ITEMS)
@@ -242,9 +237,8 @@ def deaths(
 ) -> pd.DataFrame:
     """Return who is taken as failed in `n` deaths of SS, spread over a cycle: one row per rule.
 
-    That RCS fails SS is right; that it fails BCS, or BCS fails RCS, is not. `changes` maps the name
-    of each rule to the fields of `System` that it changes; the timers of the stations are drawn
-    with the seed 2024.
+    Only that RCS fails SS is right. `changes` maps the name of each rule to the fields of `System`
+    that it changes; the timers of the stations are drawn with the seed 2024.
     """
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
     runs, rows = check_whole("n", n, 1, 1000), []
@@ -266,10 +260,7 @@ def deaths(
 
 @check("chung1998-017", counter={"all_data": True})
 def speed_has_little_effect(*, all_data: bool = False, limit: float = 1.0) -> bool:
-    """Whether SS follows a switch of the bridge within a second at each of the five speeds.
-
-    With only the changed switch in a packet, as the paper sends, or with all data.
-    """
+    """Whether SS follows a switch within a second at each speed, sending changes or all data."""
     system = System(MarkerFormat(n_numbers=ITEMS), repeat=ITEMS if all_data else 0)
     table = switch_delays(system, changes=10, rng=2024)
     return bool((table["followed"] == 10).all() and (table["longest_s"] <= limit).all())
@@ -277,10 +268,7 @@ def speed_has_little_effect(*, all_data: bool = False, limit: float = 1.0) -> bo
 
 @check("chung1998-065", counter={"lost": True})
 def switches_agree(*, lost: bool = False) -> bool:
-    """Whether SS shows a switch of the bridge soon after it moved, if a packet is lost.
-
-    Soon is as long as a partner may be silent.
-    """
+    """Whether SS shows a moved switch of the bridge within `PATIENCE`, if a packet is lost."""
     faults = [LostPacket("BCS", "RCS", start=1.0)] if lost else []
     system, move = System(MarkerFormat(n_numbers=ITEMS)), Change(1.0, "BCS", 1, 1)
     run = simulate(system, move, faults=faults, until=12.0)
@@ -322,10 +310,9 @@ check("chung1998-074", counter={"changed": ITEMS})(
 
 @check("chung1998-068", counter={"interval": 3600.0})
 def loss_does_no_harm(*, interval: float = 1.0) -> bool:
-    """Whether a value that moves every so often [s] is right again soon after a lost packet.
+    """Whether a value that moves every `interval` [s] is right again within `PATIENCE` on average.
 
-    Soon is as long as a partner may be silent. One datum at a bit error rate of 1e-5, which we
-    assume; the mean is over random times.
+    One datum is sent at a bit error rate of 1e-5, which we assume.
     """
     form = MarkerFormat(n_numbers=ITEMS)
     wait = switch_staleness(

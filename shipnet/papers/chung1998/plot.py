@@ -44,7 +44,7 @@ def _stations(*, ax: Axes) -> Axes:
         )  # fmt: skip
         ax.add_patch(box)
         ax.text(x, 0.08, name, ha="center", va="bottom", fontsize=13)
-        ax.text(x, -0.02, what.replace(", ", "\n"), ha="center", va="top", fontsize=8)
+        ax.text(x, -0.02, what.replace(", ", "\n"), ha="center", va="top")
     for source, target in HOPS:
         start, end = _STATIONS[source][0], _STATIONS[target][0]
         side = np.sign(end - start)
@@ -57,7 +57,7 @@ def _stations(*, ax: Axes) -> Axes:
         on = [s.name for s in values_on(source, target) if source not in s.sources]
         text = "\n".join([*own, *(f"({name})" for name in on)]).replace("_", " ")
         ax.text(
-            (start + end) / 2, y + 0.08 * side, text, ha="center", fontsize=8.5,
+            (start + end) / 2, y + 0.08 * side, text, ha="center",
             va="bottom" if side > 0 else "top", linespacing=1.25,
         )  # fmt: skip
     ax.set(xlim=(-0.6, 5.4), ylim=(-2.5, 1.7))
@@ -165,7 +165,7 @@ def plot_recovered(table: pd.DataFrame, *, ax: Axes) -> Axes:
         ax.axvline(full, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
         ax.annotate(
             text, (full, 1.0), (4, -10), xycoords=("data", "axes fraction"),
-            textcoords="offset points", color=style.LIMIT["color"], fontsize="small",
+            textcoords="offset points", color=style.LIMIT["color"],
         )  # fmt: skip
     ax.set(xlabel="bytes that came before the reader looks [byte]", ylabel="packets found")
     ax.set_xlim(0, waiting.iloc[-1])

@@ -91,10 +91,7 @@ def groups_have_one_normal_case(*, rounds: int = 1) -> bool:
 
 @check("chung1998-051", counter={"leads": range(SIZE + 1, 2 * SIZE)})
 def case_c_means_an_overrun(*, leads: Sequence[int] = range(-SIZE, 2 * SIZE)) -> bool:
-    """Whether bytes are overwritten wherever case c shows, for these leads of the writer.
-
-    A lead below 0 is that of a reader which has passed the writer.
-    """
+    """Whether bytes are overwritten wherever case c shows; below 0 the reader leads the writer."""
     return all(
         lead > SIZE
         for get_no, lead in product(range(SIZE), leads)
@@ -104,10 +101,7 @@ def case_c_means_an_overrun(*, leads: Sequence[int] = range(-SIZE, 2 * SIZE)) ->
 
 @check("chung1998-053", counter={"while_receiving": False})
 def stops_behind_the_packet(*, while_receiving: bool = True) -> bool:
-    """Whether the reader has a whole packet when it comes to case a and turns to sending.
-
-    If it begins to read at the first byte, or when all are there.
-    """
+    """Whether the reader has a whole packet when it comes to case a and turns to sending."""
     ring = Ring(SIZE)
     packet = MarkerFormat(n_numbers=ITEMS).encode(dict.fromkeys(range(ITEMS), 1000))
     ring.store_all(packet[:1] if while_receiving else packet)
@@ -142,15 +136,12 @@ def values_are_whole(*, wrap: bool = False) -> bool:
 
 
 def extraction(
-    items: Mapping[int, int],
-    packet_format: MarkerFormat | None = None,
-    *,
-    wrap: bool = False,
+    items: Mapping[int, int], packet_format: MarkerFormat | None = None, *, wrap: bool = False
 ) -> pd.DataFrame:
     """Return what becomes of a packet at every place of the ring.
 
     One row per place of its first byte: ``outside`` counts bytes read outside the ring, ``wrong``
-    values that come out wrong. Unless the indices `wrap`, two zeros lie in memory after the ring.
+    the wrong values. Unless the indices `wrap`, two zeros lie in memory after the ring.
     """
     form = packet_format or MarkerFormat()
     packet = form.encode(items)
@@ -196,8 +187,7 @@ def full_rings(size: int = SIZE) -> Iterator[Ring]:
 def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
     """Return how many bytes that a ring still holds each repair gives up.
 
-    If no `rings` are given, they hold 128 bytes 0xCC with the writer in each place, so that the
-    search for a packet ends at once.
+    By default the rings hold only 0xCC, one ring per place of the writer.
     """
     found = []
     for ring in full_rings() if rings is None else rings:
@@ -207,10 +197,7 @@ def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
 
 
 def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: int = 0) -> int:
-    """Return how many packets, as they were sent, are found after this many bytes nobody read.
-
-    None is found where the reader stops, in case a.
-    """
+    """Return how many packets, as they were sent, are found after this many unread bytes."""
     check_whole("waiting", waiting, 0, 10**6)
     form = MarkerFormat(n_numbers=ITEMS)
     count = waiting // form.size(ITEMS) + 1
@@ -222,15 +209,12 @@ def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: 
 
 
 def recovered(
-    waiting: Sequence[int] = range(0, 3 * SIZE + 1, 8),
-    places: Sequence[int] = range(0, SIZE, 8),
+    waiting: Sequence[int] = range(0, 3 * SIZE + 1, 8), places: Sequence[int] = range(0, SIZE, 8)
 ) -> pd.DataFrame:
-    """Return how many packets the intended and the corrected ring still hold.
+    """Return how many packets the intended and the corrected ring hold, by ``waiting`` bytes.
 
-    One row per number of ``waiting`` bytes.
-
-    Of the ring as ``intended`` it is the mean over the `places` of the reader, with the ``fewest``
-    and the ``most``; ``stops`` is the share of the places at which its reader stops in case a.
+    For the ring as ``intended`` that is the mean over the `places` of the reader, with ``fewest``
+    and ``most``; at the share ``stops`` of the places its reader stops in case a.
     """
     if not len(places):
         raise ArgumentError("places is empty; it must hold a place")
@@ -248,10 +232,7 @@ def recovered(
 
 @check("chung1998-013", counter={"shift": 2})
 def repair_restores_order(*, shift: int = 1) -> bool:
-    """Whether a repair ends at the first 0xCC from SIZE >> shift or from 0, in a normal case.
-
-    Of rings in case c only: in case a there is no repair.
-    """
+    """Whether every repair, in case c, ends at the first 0xCC from SIZE >> shift or 0, in order."""
     for ring in overrun_rings(ITEMS):
         cells, no = ring.cells, ring.state.no
         ring.extract()
@@ -306,10 +287,7 @@ def abnormal_states(*, empty_is_empty: bool = True) -> int:
 
 @check("chung1998-058", counter={"stall": 14.0})
 def parameter_change_does_no_harm(*, stall: float = BYTES_PER_PRESS * WRITE_TIME) -> bool:
-    """Whether a task that stalls so long [s] leaves the ring in order.
-
-    How long the paper's task stalled is not printed; 20 ms are assumed for an integer.
-    """
+    """Whether a task that stalls for this time [s], which we assume, keeps the ring in order."""
     run = simulate(as_printed(), faults=Stall("BCS", start=5.0, stop=5.0 + stall), until=25.0)
     return not bool(run.events()["event"].str.startswith("ring").any())
 
@@ -325,9 +303,8 @@ def ring_trials(system: System | None = None, *, duration: float = 20.0) -> pd.D
     """Return how often the ring is found in an abnormal state in the paper's three trials.
 
     BCS writes its EEPROM after 5 s, in the second trial for one press of the Enter key and in the
-    third for ten, one after the other. The paper counted 0, 0 and 1; the one cannot be reproduced,
-    because the time to write is not printed. While the partner waits for an answer, its one packet
-    waits in the ring, and comes again when its counters have run out, after 3.9 to 4.4 s.
+    third for ten. The paper counted 0, 0 and 1; the time to write is not printed. While the partner
+    waits for an answer, its one packet waits in the ring, and comes again after 3.9 to 4.4 s.
     """
     link = System(repeat=10) if system is None else system
     rows = []

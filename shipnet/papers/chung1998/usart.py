@@ -1,7 +1,4 @@
-"""The transmitter of the serial chip 8251A, and the loops of chung1998 that feed it.
-
-The chip is asynchronous, enabled, and clear to send. Time is simulated.
-"""
+"""The transmitter of the serial chip 8251A in simulated time, and the loops that feed it."""
 
 from __future__ import annotations
 
@@ -26,9 +23,8 @@ class Status(IntFlag):
 class Usart:
     """The transmitter of an 8251A with its line: one byte waits while another is shifted out.
 
-    `line` holds when each byte began to be sent [s], and the byte. A byte goes from the buffer to
-    the shift register at once when this is free: TxRDY is then 1 again. TxEMPTY is 1 when both are
-    empty. The status bit TxRDY, unlike the pin, says that the buffer is empty and nothing else.
+    `line` holds when each byte began to be sent [s], and the byte. A byte moves from the buffer to
+    the free shift register at once. TxRDY means that the buffer is empty, TxEMPTY that both are.
     """
 
     def __init__(self, character_time: float) -> None:
@@ -69,8 +65,8 @@ class Usart:
 class Sent(NamedTuple):
     """What a loop made of some bytes.
 
-    `line` is what went out from the beginning of the loop on, `writes` how often the program wrote
-    to the chip, and `lost` how many bytes never went out (what was waiting in the chip counts too).
+    `line` is what it sent, `writes` how often the program wrote to the chip, and `lost` how many
+    bytes, those in the chip included, were never sent.
     """
 
     line: bytes
@@ -81,13 +77,13 @@ class Sent(NamedTuple):
 def send(usart: Usart, data: bytes, *, printed: bool, poll: float = 20e-6) -> Sent:
     """Send bytes by the loop as printed, which writes while the chip is not ready, or as intended.
 
-    The printed one is ``while((inportb(C8251) & 0x01) != 0x01) { outportb(D8251, ch); }``. A chip
-    that has nothing to do is ready, so nothing is ever written. On a busy one, the loop replaces
-    what waits with its own first byte, and writes this again and again, until by chance it asks
-    just when the buffer is empty; with some times of polling it never ends, and raises.
+    The printed one is ``while((inportb(C8251) & 0x01) != 0x01) { outportb(D8251, ch); }``. It never
+    writes to an idle chip. On a busy one it replaces what waits with its own first byte, again and
+    again, until by chance it asks when the buffer is empty; if it never does, ArgumentError is
+    raised.
 
-    The intended one waits by an empty loop, and writes once. The last two characters are still in
-    the chip when it ends: a station that switches its line driver off must wait for TxEMPTY.
+    The intended loop waits, then writes once. The last two characters are still in the chip when it
+    ends, so a station must wait for TxEMPTY before it switches its line driver off.
 
     `poll` is the time to read the status, and to write a byte [s]; the paper names none.
     """

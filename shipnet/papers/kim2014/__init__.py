@@ -16,12 +16,7 @@ from shipnet.papers.kim2014.faults import (
     through_registers,
 )
 from shipnet.papers.kim2014.line import break_table, conversation, switch_table
-from shipnet.papers.kim2014.registers import (
-    answer_table,
-    code_table,
-    message_table,
-    survival_table,
-)
+from shipnet.papers.kim2014.registers import answer_table, code_table, message_table, survival_table
 
 __all__ = ["age_table", "answer_table", "break_table", "broken_loops", "code_table"]
 __all__ += ["conversation", "fired_table", "graded_trials", "message_table", "picture_table"]

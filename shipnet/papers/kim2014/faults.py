@@ -138,8 +138,8 @@ def is_right(code: str, codes: str) -> bool:
 def reading_table() -> pd.DataFrame:
     """Return how many of the 13 rows are right, as printed and corrected, in every reading.
 
-    ``fires`` counts the rows whose own rule fires by comparisons, ``fuzzy`` those by strengths,
-    ``our ranking`` and ``table order`` those of which it is named first; ``not`` are the others.
+    The row's own rule ``fires`` by comparisons, or by strengths in ``fuzzy``; ``our ranking`` and
+    ``table order`` count where it is named first; ``not`` lists the other rows.
     """
     rows = {}
     for version, reading in product(("printed", "corrected"), READINGS):
@@ -170,8 +170,7 @@ def fired_table(version: str = "printed") -> pd.DataFrame:
 def through_registers(code: str) -> str:
     """Return what the rules make of a corrected row once its readings came through registers.
 
-    What the row does not print is as the plant would have it; the speed is not sent, so it is
-    taken from the row.
+    What the row does not print is as the plant would have it; the speed is not sent.
     """
     tests = rule_vectors(fill="physical").loc[[code]]
     names = [channel.name for channel in CHANNELS]
@@ -222,10 +221,10 @@ check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})(
 
 @check("kim2014-045", counter={"predictor": "stroke time"})
 def wear_is_estimated(*, predictor: str = "leak", part: float = 0.5) -> bool:
-    """Whether the life that most worn pumps have left is known to 20 % from their readings.
+    """Whether the rest of most pumps' lives is known to 20 % from their readings.
 
-    Thirty synthetic pumps, at this part of their lives, by a predictor that knows the law of the
-    leak or by a straight line through the stroke time.
+    Thirty synthetic pumps, at this part of their lives, by the law of the leak or a straight line
+    through the stroke time.
     """
     compared = Wear.synthetic(30, 1000, rng=2024).compare_predictors(parts=(part,))
     return bool(compared["within_20"].loc[predictor, part] > 0.5)
@@ -239,8 +238,8 @@ def graded_trials(
 ) -> pd.DataFrame:
     """Let valves with each fault, from healthy to the worst, open and close once.
 
-    The table is that of `fault_trials`, with what is ``said``: ``nothing``, ``its own name``, or
-    ``another fault's name``, by the top fault.
+    The table is that of `fault_trials`, with what the top fault ``said``: ``nothing``, ``its own
+    name`` or ``another fault's name``.
     """
     trials = fault_trials(
         codes, n_valves=n_valves, severity=np.linspace(0, 1, max(n_valves, 0)),
@@ -277,9 +276,9 @@ class Picture(NamedTuple):
 def seen_strokes(
     numbers: Iterable[int] = (5, 64, 247), *, duration: float = 15.0, start: float = 3.0
 ) -> dict[int, Run]:
-    """Return what masters with these numbers of valves were sent of their last one, which opens.
+    """Return what masters with these numbers of valves at 9600 bit/s are sent of their last one.
 
-    The line has 9600 bit/s; the command is due at `start` and goes out after the poll under way.
+    Its command to open is due at `start` and goes out after the current poll.
     """
     runs = {}
     for number in numbers:
@@ -294,8 +293,8 @@ def age_table(
 ) -> pd.DataFrame:
     """Return how old the picture gets when commands to open are sent between the polls.
 
-    ``formula_s`` is as `System.worst_age` has it, ``simulated_s`` the longest that was seen at
-    9600 bit/s; the commands are sent after half of the duration.
+    ``formula_s`` is `System.worst_age`, ``simulated_s`` the longest age seen at 9600 bit/s.
+    Commands are sent after half of the duration.
     """
     system = System(n_valves, status_poll(9600))
     rows = {}
@@ -315,7 +314,7 @@ def broken_loops(
 ) -> dict[str, Picture]:
     """Break a loop at 9600 bit/s in its middle while valves open, under four masters.
 
-    They differ by the rule of the change, one by one or all beyond the break, and by the time-out.
+    They differ in the time-out and in what they move at once: one slave, or all beyond the break.
     """
     orders = [Command("open", 3.0, valves=range(1, opened + 1))]
     unbroken: list[Break] = []
@@ -334,8 +333,8 @@ def broken_loops(
 def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
     """Return how good the pictures are, one row each.
 
-    ``oldest_s`` is the greatest age of what was shown of a valve, ``unanswered`` counts requests;
-    ``shown_moving``, ``moving`` and valves shown ``wrong`` are those at the end.
+    ``oldest_s`` is the greatest age of a shown position, ``unanswered`` counts requests;
+    ``shown_moving``, ``moving`` and ``wrong`` count valves at the end.
     """
     rows = {
         name: {

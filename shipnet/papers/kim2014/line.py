@@ -124,10 +124,10 @@ def two_wires_are_enough(*, interface: str = "RS-485") -> bool:
 def break_table(
     n_slaves: int = MAX_UNIT, *, timeouts: Sequence[float] = (0.05, 0.1, 0.5, 1.0)
 ) -> pd.DataFrame:
-    """Return how long data stay away when the loop breaks in its middle, at 9600 bit/s.
+    """Return how long data are missing when the loop breaks in its middle, at 9600 bit/s.
 
-    The master moves each slave by itself to the other port (``one_by_one_s``), or with it all
-    downstream (``with_downstream_s``).
+    The master moves each slave by itself to the other port (``one_by_one_s``), or with all
+    downstream of it (``with_downstream_s``).
     """
     middle = [Break((n_slaves + 1) // 2)]
     rows = []
@@ -202,7 +202,7 @@ def carries_more(*, bit_rate: float = 10e6, registers: int = 125) -> bool:
     """Whether a full response takes less time over Ethernet at this rate than on the serial line.
 
     The frame's 18 bytes, 20 of IP, 20 of TCP and 20 of preamble and gap are counted; the serial
-    line runs at 115200 bit/s, the highest rate that the paper prints.
+    line runs at 115200 bit/s.
     """
     response = Response(FunctionCode.READ_INPUT_REGISTERS, registers=(0,) * registers)
     serial = SerialLine(RATES[-1]).frame_time(len(response.rtu(1)))

@@ -1,7 +1,6 @@
 """Figures of kim2014: hydraulics, actuator, frames, flow charts, test bed, and what a master sees.
 
-None of the printed figures was available. The words of the outlines are from sections 1, 2.1, 2.3,
-3.1, 3.2 and 4 and from the rule table; the places of the blocks are ours.
+None of the printed figures was available: the words are those of the text, the places are ours.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     for number, x in enumerate([*places, *(places + aside)]):
         _valve(ax, (x, low), "" if number < n_valves else "motor, pump,\ncontroller")
         text = f"valve {number % n_valves + 1}"
-        ax.text(x, low - 0.32, text, ha="center", va="top", fontsize=8)
+        ax.text(x, low - 0.32, text, ha="center", va="top")
     pipe: dict[str, Any] = {"color": "#b8860b", "lw": 1.6, "zorder": 0, "label": "_pipe"}
     for x in places:
         # A pipe to open and a pipe to close, to every valve.
@@ -57,7 +56,7 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     )  # fmt: skip
     ax.plot([own[0] + 0.1, own[-1] + 0.1], [1.65, 1.65], color="C1", lw=1.2)
     ax.plot([middle, middle], [1.65, 1.82], color="C1", lw=1.2)
-    ax.text(left + 0.08, 2.55, "closed loop\nof Modbus", fontsize=8, color="C0")
+    ax.text(left + 0.08, 2.55, "closed loop\nof Modbus", color="C0")
     diagram("kim2014", "Fig 1", ax=ax)
     ax.text(-1.4, 3.6, "central: pipes to every valve")
     ax.text(left, 3.6, "distributed: a pump in every valve")
@@ -127,7 +126,7 @@ def _command(*, ax: Axes) -> Axes:
     ax.plot([x - HALF[0], left, left], [y, y, 2.35], color="0.3", lw=1)
     ax.plot([left, x - 0.45], [2.35, 2.35], color="0.3", lw=1)
     arrow(ax, (x - 0.45, 2.35), (x - 0.45, 3 - HALF[1]))
-    ax.text(left - 0.05, y + 0.3, "no", ha="right", va="center", fontsize=8)
+    ax.text(left - 0.05, y + 0.3, "no", ha="right", va="center")
     return style.bare(ax, (-1.0, 9.6), (1.25, 3.5))
 
 
@@ -145,11 +144,11 @@ def _testbed(*, ax: Axes) -> Axes:
         [last, last + 1.0, last + 1.0, x + 0.3, x + 0.3], [row, row, 2.6, 2.6, y - HALF[1]],
         color="C0", lw=1.5, ls=":", zorder=0,
     )  # fmt: skip
-    ax.text(first - 0.9, 2.66, "RS-485, port 1", fontsize=8, color="C0")
-    ax.text(last + 0.95, 2.66, "port 2 (section 2.1)", fontsize=8, color="C0", ha="right")
+    ax.text(first - 0.9, 2.66, "RS-485, port 1", color="C0")
+    ax.text(last + 0.95, 2.66, "port 2 (section 2.1)", color="C0", ha="right")
     left = blocks["PC"][2] + HALF[0]
     ax.plot([left, x - HALF[0]], [y, y], color="C1", lw=1.5, zorder=0)
-    ax.text((left + x - HALF[0]) / 2, y + 0.06, "Ethernet, UDP port 502", ha="center", fontsize=8)
+    ax.text((left + x - HALF[0]) / 2, y + 0.06, "Ethernet, UDP port 502", ha="center")
     return style.bare(ax, (-1.1, 9.2), (0.55, 3.65))
 
 
@@ -173,10 +172,12 @@ _MARKS = ".o^sD"
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
     """Draw the position of a valve as it is, and as masters with this many valves were sent it."""
-    ax.plot(true.time, true.VPos[:, 0], color="0.6", linewidth=1, label="the valve itself")
+    ax.plot(
+        true.time, true.samples["VPos"][:, 0], color="0.6", linewidth=1, label="the valve itself"
+    )
     for place, (number, run) in enumerate(seen.items()):
         ax.plot(
-            run.time, run.VPos[:, 0], _MARKS[place % len(_MARKS)], color=f"C{place}",
+            run.time, run.samples["VPos"][:, 0], _MARKS[place % len(_MARKS)], color=f"C{place}",
             markersize=4 + 2 * place, label=f"master of {number}",
         )  # fmt: skip
     ax.set(xlabel="time [s]", ylabel="position [%]")
@@ -196,28 +197,24 @@ def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axe
     ax.axvline(start, linewidth=1, **style.LIMIT)  # type: ignore[arg-type]
     ax.annotate(
         " the loop breaks", (start, 0.95), xycoords=ax.get_xaxis_transform(), va="top",
-        color=style.LIMIT["color"], fontsize=8,
+        color=style.LIMIT["color"],
     )  # fmt: skip
     ax.set(xlabel="time [s]", ylabel="oldest position shown [s]", ylim=(0, None))
-    ax.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
+    ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
     return ax
 
 
 def plot_control_system(system: Any, base: RuleBase, *, ax: Axes) -> Axes:
-    """Draw which terms lead to which rules in a control system of scikit-fuzzy."""
-    import networkx as nx
-
+    """Draw which terms each rule of a control system of scikit-fuzzy joins."""
     names = {rule: rule.label for rule in system.rules}
-    edges = [(term.full_label, names[rule]) for term, rule in system.graph.edges if rule in names]
-    graph = nx.DiGraph(edges)
-    terms = dict.fromkeys(
-        f"{name}[{term}]" for rule in base.rules for name, term in rule.antecedent
+    terms = list(
+        dict.fromkeys(f"{name}[{term}]" for rule in base.rules for name, term in rule.antecedent)
     )
-    drop = (len(base.codes) - 1) / max(len(terms) - 1, 1)
-    places = {term: (0.0, -drop * k) for k, term in enumerate(terms)}
-    places |= {code: (1.0, -float(k)) for k, code in enumerate(base.codes)}
-    nx.draw_networkx_edges(graph, places, ax=ax, edge_color="0.6", node_size=1200, arrowsize=8)
-    box = {"facecolor": "white", "edgecolor": "0.8"}
-    nx.draw_networkx_labels(graph, places, ax=ax, font_size=8, bbox=box)
-    ax.axis("off")
+    edges = [edge for edge in system.graph.edges if edge[1] in names]
+    x = [terms.index(term.full_label) for term, _ in edges]
+    ax.plot(x, [base.codes.index(names[rule]) for _, rule in edges], "o")
+    ax.set_xticks(range(len(terms)), terms, rotation=45, ha="right", rotation_mode="anchor")
+    ax.set_yticks(range(len(base.codes)), base.codes)
+    ax.invert_yaxis()
+    ax.set_ylabel("rule")
     return ax

@@ -68,8 +68,8 @@ STANDARD = {
 def message_table() -> pd.DataFrame:
     """Compare the printed messages with the standard's.
 
-    The lengths are those in the MBAP header; ``decoder`` is what a decoder by the standard says of
-    the printed bytes: ``ok`` or the name of the error.
+    The lengths are those in the MBAP header; ``decoder`` is ``ok`` or the error of a standard
+    decoder.
     """
     rows = []
     for message in STANDARD:
@@ -225,21 +225,16 @@ def registers_in_order(
 
 
 def answer_table(
-    serial: SerialLine,
-    n_slaves: int,
-    movement: float,
-    *,
-    timeout: float = 1.0,
-    retries: int = 0,
+    serial: SerialLine, n_slaves: int, movement: float, *, timeout: float = 1.0, retries: int = 0
 ) -> pd.DataFrame:
     """Compare an answer at the start of a movement with one at its end, and one that is waited for.
 
-    The last has the shortest time-out that is long enough. A command that is not answered is
-    repeated `retries` times.
+    The last has the shortest sufficient time-out. An unanswered command is repeated `retries`
+    times.
     """
     moving = check_scalar("movement", movement, "s", 0, 3600)
     scan = status_poll(serial).scan_time(check_whole("n_slaves", n_slaves, 1, MAX_UNIT))
-    write = replace(command_poll(serial, timeout=timeout), retries=retries)
+    write = replace(command_poll(status_poll(serial, timeout=timeout)), retries=retries)
     patient = replace(write, timeout=3600.0, processing=moving).shortest_timeout
     rows: list[tuple[object, ...]] = [
         (timeout, write.time, 1, True, scan + write.time, ceil(moving / scan))
@@ -347,8 +342,8 @@ def code_table() -> pd.DataFrame:
 def survival_table() -> pd.DataFrame:
     """Return what becomes of the values of the paper's fault tests on their way to the master.
 
-    A value ``survives`` that is received within half a step; positions are the corrected ones, and
-    305 as printed.
+    A value ``survives`` if it is received within half a step; positions are corrected, and 305 as
+    printed.
     """
     rows = []
     for rule in datasets.read("kim2014_rule_table.csv").to_dict("records"):

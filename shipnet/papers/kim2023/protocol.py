@@ -99,7 +99,7 @@ def control_bit_0(
     *, calls: tuple[Call, ...] = (Call.DATA_EXCHANGE, Call.WRITE_PARAMETER, Call.ASSIGN_ADDRESS)
 ) -> bool:
     """Whether control bit 0 marks these requests, and no others."""
-    return set(calls) == {call for call in Call if call.rule.pattern[0] == "0"}
+    return set(calls) == {call for call in Call if call.rule.layout(False)[0] == "0"}
 
 
 @check("kim2023-042", counter={"half": "B"})
@@ -118,8 +118,7 @@ def masters_before_2_1(*, half: Half | None = None) -> bool:
 def a_slave_like_standard(*, half: Half = "A") -> bool:
     """Whether the requests to this half are those that a standard slave gets.
 
-    Where an A/B slave has its inverted select bit, a standard slave has data bit 3: data 0 to
-    the A half is data 8 to the standard slave.
+    Data bit 3 of a standard slave is the inverted select bit of an A/B slave.
     """
     for call in Call:
         if "s" in call.rule.layout(extended=True).lower():
@@ -160,7 +159,7 @@ def information_bit_4(*, data: str = "0", parameter: str = "1") -> bool:
 
 
 check("kim2023-086", counter={"call": Call.RESET})(
-    lambda *, call=Call.ASSIGN_ADDRESS: call.rule.pattern[1:6] == "00000"
+    lambda *, call=Call.ASSIGN_ADDRESS: call.rule.layout(False)[1:6] == "00000"
 )
 
 
@@ -377,10 +376,7 @@ numeric("kim2023-033")(lambda: Transaction().unanswered)
 @numeric("kim2023-034", slaves=31)
 @numeric("kim2023-035", slaves=62)
 def update_time(*, slaves: int) -> float:
-    """Milliseconds in which all slaves are polled, with one more request for management.
-
-    No address is left at which a new slave could be found.
-    """
+    """Milliseconds of a cycle with one more request for management, all addresses taken."""
     return 1e3 * float(Cycle(slaves, inclusion=0).update_time())
 
 
@@ -404,9 +400,6 @@ check("kim2023-009", counter={"bits": 4})(
 
 @check("kim2023-090", counter={"loop": 0.1})
 def too_slow_for_loops(*, process: float = 1 / 60, loop: float = 10.0) -> bool:
-    """Whether a value of 16 bits serves a process, but not a loop, of these bandwidths [Hz].
-
-    A slow process is one a minute; ten a second is what a drive's speed loop needs at least.
-    """
+    """Whether a 16-bit value serves a process (one a minute), but not a drive's loop [Hz]."""
     fastest = 1 / (SAMPLES * exchanges("S-7.3") * float(Cycle(31).time))
     return bool(process < fastest < loop)

@@ -84,8 +84,7 @@ def train_of(heights: npt.ArrayLike) -> Floats:
 def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
     """Whether every response is read if its pulses differ by this share of the largest.
 
-    With the first pulse as the largest and as the smallest, and both ends of the range of the
-    comparator, 45 % to 55 % of the first pulse.
+    The first pulse is the largest or the smallest, and the threshold 45 % or 55 % of it.
     """
     sent = Modulation(RESPONSES).bits
     low = np.full((2, 14), 1 - difference)
@@ -99,8 +98,7 @@ def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
 def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
     """Whether every response is read if all slots without a pulse ring by this share.
 
-    The first pulse, by which the receiver sets its threshold, is the smallest that the other
-    tolerance allows, 65 % of the largest.
+    The first pulse, which sets the threshold, is the smallest allowed, 65 % of the largest.
     """
     sent = Modulation(RESPONSES).bits
     pulses = np.pad(Modulation(sent).pulses.signs, ((0, 0), (0, 2))).astype(float)
@@ -122,10 +120,7 @@ def copes_with_open_end(*, length: float = 100.0) -> bool:
 
 @check("kim2023-095", "icn2007-053", counter={"part": "inductor"})
 def works_without(*, part: str = "conductor") -> bool:
-    """Whether the master still reads a slave that lacks this part of its own.
-
-    The conductor is the metre of wire from the slave to the cable.
-    """
+    """Whether the master still reads a slave without its inductor, or its metre of wire."""
     plan = line(100)
     lost = Cable(r=1e12, l=1e-6, c=1e-15)
     stub = CableRun("100 m", "slave", 1, lost if part == "conductor" else CABLES["as-i 1.5"])
@@ -170,9 +165,8 @@ def error_classes(*, faults: int = 3) -> int:
 def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
     """Return how many faults of pulses leave a telegram valid, and how many there are.
 
-    At once `faults` slots change, each to either of its two other values, of the 15 from the start
-    pulse on in each of the 16 responses, or of the 29 in each of the 2048 `requests`. A fault is a
-    slot that is read wrong, whatever the cause; how likely that is on a ship, it does not say.
+    `faults` slots change at once, each to either of its two other values, in each of the 16
+    responses (15 slots from the start pulse on) or 2048 `requests` (29 slots).
     """
     size = 11 if requests else 4
     words = Modulation([frame(f"{data:0{size}b}") for data in range(2**size)]).pulses.signs
@@ -192,9 +186,7 @@ check("kim2023-061", counter={"faults": 4})(lambda *, faults=1: undetected(fault
 
 @check("kim2023-012", counter={"deviations": (0.5, 0.7)})
 def supply_decides(
-    *,
-    supplies: tuple[float, float] = (30.0, 230.0),
-    deviations: tuple[float, float] = (0.6, 0.6),
+    *, supplies: tuple[float, float] = (30.0, 230.0), deviations: tuple[float, float] = (0.6, 0.6)
 ) -> bool:
     """Whether the voltage of the supply, below which PELV stays, changes what noise destroys."""
     near, receiver = line(100, slaves=(5,)).waveform(), RECEIVERS["noise-proof"]

@@ -262,10 +262,7 @@ def destroys_both(*, disturbed: tuple[float, ...] = ()) -> bool:
 
 @check("lee2012-068", counter={"timeout": 2.5})
 def asks_and_sends_again(*, timeout: float = System().timeout) -> bool:
-    """Whether what was damaged on CAN and on Modbus is sent again within the 2 s of the rule.
-
-    A CAN controller repeats by itself; the AMS asks again on its other channel.
-    """
+    """Whether what was damaged on CAN (repeated) and on Modbus (asked again) comes within 2 s."""
     sent = simulate(TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6)).events()
     on_can = sent["retries"].max() > 0 and (sent["outcome"] == "sent").all()
     lost, rng = [LostModbusFrames("1", request=1.0)], np.random.default_rng(0)

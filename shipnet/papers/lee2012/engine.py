@@ -1,7 +1,6 @@
 """Tables 1 and 3, sections III.1 and IV.1.b: the engine, its points, their wires and converters.
 
-The paper prints neither bore nor stroke; they and the figures in horsepower are from the maker's
-project guide.
+Bore, stroke and the figures in horsepower are from the maker's project guide.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ _METRIC_HORSEPOWER = 75 * 9.80665
 def _volume(cylinders: int = CYLINDERS, strokes: int = 2) -> float:
     """Return what the pistons sweep in the working strokes of a turn [m3].
 
-    Bore and stroke are those of MAN B&W, S50MC-C project guide, Fig. 1.02.
+    Bore and stroke: MAN B&W, S50MC-C project guide, Fig. 1.02.
     """
     bore, stroke = 0.5, 2.0
     return cylinders * pi / 4 * bore**2 * stroke * 2 / strokes
@@ -44,11 +43,7 @@ def _volume(cylinders: int = CYLINDERS, strokes: int = 2) -> float:
 
 @numeric("lee2012-005")
 def power(
-    *,
-    pressure: float = PRESSURE,
-    rate: float = SPEED,
-    cylinders: int = CYLINDERS,
-    strokes: int = 2,
+    *, pressure: float = PRESSURE, rate: float = SPEED, cylinders: int = CYLINDERS, strokes: int = 2
 ) -> float:
     """Kilowatts that follow from Table 1 and the size of the cylinders."""
     return 1e5 * pressure * rate / 60 * _volume(cylinders, strokes) / 1e3
@@ -106,8 +101,7 @@ _DOUBLE_ROW = "2"
 def printed_points(*, double_row: bool = True) -> PointList:
     """Return the points of Table 3: 99, or 89 if the row "temperature, 10, -50..600" counts once.
 
-    Of both rows of JB1 the current loops stay: section IV.1.b brings the exhaust gas in over the
-    I/V converter.
+    Then the current loops stay, as section IV.1.b reads the exhaust gas through the I/V converter.
     """
     rows = datasets.read("synthetic_iolist_engine.csv")["printed_row"].astype(str)
     points = zip(read_points(), rows, strict=True)

@@ -41,10 +41,7 @@ numeric("lee2012-101")(
 
 @check("lee2012-045", counter={"stale_limit": 0.5})
 def marked_after_four_seconds(*, stale_limit: float = 4.0) -> bool:
-    """Whether all points of a dead box are marked, and 4 s after it was heard for the last time.
-
-    The AMS sees the marks with its next poll.
-    """
+    """Whether the AMS sees all points of a dead box marked, 4 s after it was last heard."""
     start, printed = 10.0, System()
     run = simulate(System(stale_limit=stale_limit), faults=DeadBox("JB2", start=start), until=20)
     after = run.alarms().query("kind == '0xFF'")["time_s"] - start
@@ -68,10 +65,7 @@ def ams_sees_the_mark(*, dead: str = "JB2") -> bool:
 
 @check("lee2012-054", counter={"limit": 2.0})
 def shown_within(*, limit: float = 1.0, update_period: float = 0.0) -> bool:
-    """Whether a changed input shows at the AMS within this time [s] at worst, boxes never at rest.
-
-    One request reads all points.
-    """
+    """Whether a changed input shows at the AMS within this time [s] if boxes never rest."""
     return bool((System(update_period=update_period).worst_age()["worst_s"] <= limit).all())
 
 
@@ -90,10 +84,7 @@ def switches_in_time(*, timeout: float = System().timeout) -> bool:
 
 @check("lee2012-061", counter={"polled": "one"})
 def survives_any_cut(*, polled: Literal["one", "both"] = "both") -> bool:
-    """Whether all points stay reachable with any one of the cables cut.
-
-    JB1, JB2 and JB3 lie in a row on CAN; both Modbus channels close the ring through the AMS.
-    """
+    """Whether all points stay reachable with any one of the CAN or Modbus cables cut."""
     system = System.corrected(polled=polled)
     breaks = [CanBreak(where, start=10.0) for where in system.segments]
     channels = [ModbusBreak(channel, start=10.0) for channel in ("1", "2")]
@@ -146,10 +137,7 @@ def response_scope() -> dict[str, Trace]:
     request = read(1).rtu(JB1)
     begin = LINE.frame_time(len(request)) + LINE.t35
     end = begin + LINE.frame_time(len(_DRAWN)) + LINE.t35
-    return {
-        "AMS sends": _trace([request], [0.0], end),
-        "JB1 sends": _trace([_DRAWN], [begin], end),
-    }
+    return {"AMS sends": _trace([request], [0.0], end), "JB1 sends": _trace([_DRAWN], [begin], end)}
 
 
 def _trace(frames: list[bytes], begins: list[float], end: float) -> Trace:

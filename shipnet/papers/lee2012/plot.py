@@ -1,7 +1,4 @@
-"""Figures of lee2012: the engine, the block diagram, the flow charts, the inputs, scope traces.
-
-None of the printed figures was available; these are drawn from the text and from our models.
-"""
+"""Figures of lee2012, drawn from the text and from our models: no printed figure was available."""
 
 from __future__ import annotations
 
@@ -36,7 +33,7 @@ def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
         ax.plot([-0.9, cylinders + 0.4], [y - 0.1, y - 0.1], color="0.3", lw=1)
         points = f"{name}\n{counted[name]} points"
         box(ax, (cylinders + 0.55, y), 1.35, 0.6, FILL["amber"], points)
-        ax.text(-0.95, y, f"floor {3 - floor}", ha="right", fontsize=8)
+        ax.text(-0.95, y, f"floor {3 - floor}", ha="right")
     return style.bare(ax, (-2.2, cylinders + 2.1), (-0.1, 3.0))
 
 
@@ -45,7 +42,7 @@ def _flow(*, ax: Axes) -> Axes:
     """Draw the main loop of a junction box and its three interrupts."""
     titles = "main loop", "(a) Modbus interrupt", "(b) timer interrupt", "(c) CAN interrupt"
     for column, title in enumerate(titles):
-        ax.text(2.2 * column, 4.0, title, ha="center", va="center", fontsize=9, weight="bold")
+        ax.text(2.2 * column, 4.0, title, ha="center", va="center", weight="bold")
     diagram("lee2012", "Fig 6", ax=ax)
     # The loop goes back to the conversion: the mode is read once.
     ax.plot([-0.82, -1.05, -1.05], [0.3, 0.3, 2.3], color="0.3", lw=1)
@@ -70,10 +67,7 @@ def plot_inputs(card: InputCard, corrected: InputCard, *, axes: Sequence[Axes]) 
 
 
 def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *, ax: Axes) -> Axes:
-    """Draw several traces one below the other, as an oscilloscope does.
-
-    Each trace has its own scale, with its lowest and highest value at its right end.
-    """
+    """Draw several traces one below the other, each with its own scale, as an oscilloscope does."""
     middles = []
     for place, (name, (time, level)) in enumerate(channels.items()):
         at, value = np.asarray(time, dtype=np.float64), np.asarray(level, dtype=np.float64)
@@ -84,7 +78,7 @@ def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *
         ax.plot(at * 1e3, base + unit, drawstyle="steps-post", color=f"C{place}", label=name)
         for text, height in ((low, base), (high, base + 1)):
             ax.annotate(
-                f"{text:g}", (1.01, height), xycoords=("axes fraction", "data"), fontsize=8,
+                f"{text:g}", (1.01, height), xycoords=("axes fraction", "data"),
                 va="center", annotation_clip=False,
             )  # fmt: skip
         middles.append(base + 0.5)

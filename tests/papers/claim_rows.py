@@ -1,25 +1,14 @@
-"""The rows of claims.csv: what the papers print and how it is judged, checked as they are read."""
+"""The rules for the rows of claims.csv."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Hashable, Iterator, Mapping
-from functools import cache
-from typing import Any
 
-from shipnet import datasets
 from shipnet.errors import InputError
-from shipnet.lazy import pd
+from shipnet.papers import PAPERS
+from shipnet.papers.judging import AS_PRINTED, UNDECIDED, as_number
 
-#: The papers by their keys, in the order in which they are shown.
-PAPERS: Mapping[str, str] = {
-    "kim2023": "Kim, Cho and Hyun, AS-Interface protocol utilization for smart ships, 2023",
-    "icn2007": "AS-Interface communication system for field networks (2), 2007",
-    "lee2012": "Lee and Kim, Distributed control system on dual field-bus for ship engine, 2012",
-    "chung1998": "Chung and Rhyu, Communication method for a ship main engine remote control, 1998",
-    "kim2014": "Kim and Yu, Electro hydraulic ballast remote valve control system, 2014",
-}
 COLUMNS = (
     "id", "paper", "where", "kind", "claim", "value", "unit", "precision",
     "verdict", "holds_under", "corrected", "evidence", "note",
@@ -28,33 +17,20 @@ COLUMNS = (
 KINDS = ("numeric", "qualitative", "erratum", "context", "ours")
 #: Verdicts that go against a paper, or put a condition beside it; each needs evidence.
 AGAINST = ("rounding", "unit", "wrong", "inconsistent", "assumption differs")
-#: Verdicts that are none: what is missing stands in the note.
-UNDECIDED = ("not verified", "not reproducible", "open")
 VERDICTS = ("agrees", *AGAINST, *UNDECIDED)
 #: Conditions under which a verdict holds; all but the first say which after a colon.
-CONDITIONS = ("as printed", "as corrected", "under our assumption")
+CONDITIONS = (AS_PRINTED, "as corrected", "under our assumption")
 _ID = re.compile(r"[a-z]+\d{4}-\d{3}")
 
 
-def as_number(text: str) -> float:
-    """Return a printed number as a float; ``0x..`` is read as hexadecimal."""
-    return float(int(text, 16)) if text.lower().startswith("0x") else float(text)
-
-
-@cache
-def rows() -> list[dict[Hashable, Any]]:
-    """Return the rows of claims.csv, checked."""
-    return checked(datasets.read("claims.csv"))
-
-
-def checked(table: pd.DataFrame, source: str = "claims.csv") -> list[dict[Hashable, Any]]:
+def checked(table, source="claims.csv"):
     """Return the rows of a table of claims; InputError if any is malformed, with row and column."""
     if missing := [name for name in COLUMNS if name not in table]:
         raise InputError(source, f"has no column {', '.join(missing)}")
     if table.empty:
         raise InputError(source, "has no row; it must hold a claim")
     claims = table.to_dict("records")
-    first: dict[str, int] = {}
+    first = {}
     for number, claim in enumerate(claims, start=2):
         first.setdefault(claim["id"], number)
     faults = [
@@ -67,9 +43,7 @@ def checked(table: pd.DataFrame, source: str = "claims.csv") -> list[dict[Hashab
     return claims
 
 
-def _faults(
-    claim: Mapping[Hashable, Any], number: int, first: Mapping[str, int]
-) -> Iterator[tuple[str, str]]:
+def _faults(claim, number, first):
     """Yield column and fault of what is wrong with one row, given the row of each id."""
     if not _ID.fullmatch(claim["id"]) or claim["id"].rpartition("-")[0] != claim["paper"]:
         yield "id", f"{claim['id']!r} is not the paper's key and three digits, as in 'kim2014-001'"
@@ -104,7 +78,7 @@ def _faults(
             yield "evidence", f"{source!r} is neither another claim nor a test 'file::name'"
 
 
-def _faults_of_numbers(claim: Mapping[Hashable, Any]) -> Iterator[tuple[str, str]]:
+def _faults_of_numbers(claim):
     """Yield column and fault of a value and its precision."""
     if claim["kind"] == "ours" and claim["value"]:
         yield "value", f"{claim['value']!r} must be empty, because the paper prints no number"
@@ -121,9 +95,7 @@ def _faults_of_numbers(claim: Mapping[Hashable, Any]) -> Iterator[tuple[str, str
             yield column, f"{claim[column]!r} must be above 0"
 
 
-def _faults_of_the_condition(
-    claim: Mapping[Hashable, Any], decided: bool, ids: Mapping[str, int]
-) -> Iterator[tuple[str, str]]:
+def _faults_of_the_condition(claim, decided, ids):
     """Yield column and fault of the condition under which a verdict holds."""
     held = claim["holds_under"]
     condition, _, which = (part.strip() for part in held.partition(":"))
@@ -132,7 +104,7 @@ def _faults_of_the_condition(
             yield "holds_under", f"{held!r} must be empty, because the claim has no verdict"
     elif condition not in CONDITIONS:
         yield "holds_under", f"{held!r} must begin with one of {', '.join(CONDITIONS)}"
-    elif (condition == CONDITIONS[0]) == bool(which):
+    elif (condition == AS_PRINTED) == bool(which):
         yield "holds_under", f"{held!r}: expected 'as printed', or another condition, ':' and which"
     for id in _ID.findall(which):
         if id not in ids:

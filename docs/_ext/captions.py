@@ -1,0 +1,41 @@
+"""Alternative text of the figures of notebooks: the caption in the cell below each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from docutils import nodes
+from sphinx.transforms import SphinxTransform
+from sphinx.util import logging
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+    from sphinx.util.typing import ExtensionMetadata
+
+logger = logging.getLogger(__name__)
+
+
+class Captions(SphinxTransform):
+    """Give each figure its caption for those who do not see it, and leave its height to its width.
+
+    myst-nb would name it by the digest of its file.
+    """
+
+    default_priority = 400
+
+    def apply(self, **_: Any) -> None:
+        for cell in self.document.findall(nodes.container):
+            if cell.get("nb_element") != "cell_code":
+                continue
+            caption = cell.next_node(descend=False, siblings=True)
+            for image in cell.findall(nodes.image):
+                if isinstance(caption, nodes.paragraph):
+                    image["alt"] = caption.astext().replace("\n", " ")
+                else:
+                    logger.warning("a figure without a caption below", location=image)
+                image.attributes.pop("height", None)
+
+
+def setup(app: Sphinx) -> ExtensionMetadata:
+    app.add_transform(Captions)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
