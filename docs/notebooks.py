@@ -102,7 +102,11 @@ def small(picture: str) -> str:
     """Return a PNG file in base64 with 256 colours, which look the same in a third of the bytes."""
     image = Image.open(BytesIO(b64decode(picture))).convert("RGB")
     file = BytesIO()
-    colours = image.quantize(method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    for method in (Image.Quantize.FASTOCTREE, Image.Quantize.MAXCOVERAGE):
+        colours = image.quantize(method=method, dither=Image.Dither.NONE)
+        # The first is smaller, but can give the page and pale areas one colour.
+        if min(colours.convert("RGB").getpixel((0, 0))) >= 254:
+            break
     colours.save(file, "png", optimize=True)
     return b64encode(file.getvalue()).decode()
 

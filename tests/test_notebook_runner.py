@@ -233,14 +233,25 @@ def test_a_figure_is_stored_with_twice_its_dots_and_few_colours(tmp_path):
     assert image.mode == "P"
 
 
+def reduced(drawn):
+    file = BytesIO()
+    Image.fromarray(drawn).save(file, "png")
+    small = notebooks.small(b64encode(file.getvalue()).decode())
+    return np.asarray(Image.open(BytesIO(b64decode(small))).convert("RGB"), int)
+
+
 def test_few_colours_look_the_same():
     rng = np.random.default_rng(1)
     drawn = rng.choice([0, 114, 255], (40, 60, 3)).astype(np.uint8)
     drawn[:, :30] = np.linspace(0, 255, 40, dtype=np.uint8)[:, None, None]
-    file = BytesIO()
-    Image.fromarray(drawn).save(file, "png")
-    small = Image.open(BytesIO(b64decode(notebooks.small(b64encode(file.getvalue()).decode()))))
-    assert np.abs(np.asarray(small.convert("RGB"), int) - drawn).max() <= 16
+    drawn[:3] = 255
+    assert np.abs(reduced(drawn) - drawn).max() <= 16
+
+
+def test_pale_areas_differ_from_the_page():
+    drawn = np.full((40, 60, 3), 255, np.uint8)
+    drawn[10:30, 10:50] = 242
+    assert np.abs(reduced(drawn) - drawn).max() <= 1
 
 
 def stems(*files):

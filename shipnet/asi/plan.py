@@ -588,7 +588,7 @@ class Comparison:
         table = self.table()
         name = f", {label}" if label else ""
         ax.plot(x, 100 * table["evenness"], color="C0", label="weakest pulse" + name, **line)
-        ax.plot(x, 100 * table["ringing"], color="C1", label="ringing" + name, **line)
+        ax.plot(x, 100 * table["ringing"], color="C1", marker=".", label="ringing" + name, **line)
         style.limit(ax, 100 * TOLERANCE.evenness, "weakest pulse,\nat least")
         style.limit(ax, 100 * TOLERANCE.ringing, "ringing,\nat most")
         ax.set(ylabel="share of the largest pulse [%]", ylim=(0, 112))

@@ -1,4 +1,4 @@
-"""Plans as CSV files that a spreadsheet can write: one row an element.
+"""Plans as CSV files or spreadsheets: one row per element.
 
     kind,node,to,length_m,cable,address,profile,current_ma,channels,voltage_v,rating_a
     master,bridge,,,,,,,,,
@@ -7,9 +7,9 @@
     slave,deck,,,,12A,S-0.A,20,,,
     slave,deck,,,,13,S-7.3,20,4,,
 
-A cell that its kind of row does not know stays empty; a cell that may be left empty takes the
-default of its element. Columns may come in any order and be left out if no row needs them.
-`note` is for remarks, which are not kept.
+A cell that does not apply to its kind of row must be empty; an optional cell that is empty takes
+the element's default. Columns may be in any order; those that no row needs, and `note`, are
+optional.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
 from shipnet.tables import NUMBER, in_order, read_sheet, titled
 
-#: Columns of numbers: how each is declared, and the power of ten of its unit.
+#: Columns of numbers: their declarations, and the powers of ten of their units.
 _NUMBERS: dict[str, tuple[Any, int]] = {
     "length_m": (Number(low=0.01, high=10e3, unit="m", shown=(0.01, 10e3)), 0),
     "current_ma": (declared(Slave)["current"], -3),
@@ -46,29 +46,21 @@ _NUMBERS: dict[str, tuple[Any, int]] = {
 
 _PREFIX = {0: "", -3: "m", -6: "u"}
 
-#: Kinds of row: what is made of it, and the column of each of its arguments; those that must not
-#: be empty first.
+#: Kinds of row: the element, and the columns of its required and of its optional arguments.
 _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]] = {
     "master": (Master, {"node": "node"}, {"current": "current_ma"}),
     "supply": (Supply, {"node": "node"}, {"voltage": "voltage_v", "rating": "rating_a"}),
     "cable": (CableRun, {"a": "node", "b": "to", "length": "length_m"}, {"cable": "cable"}),
     "repeater": (
-        Repeater,
-        {"a": "node", "b": "to"},
-        {"delay": "delay_us", "current": "current_ma"},
+        Repeater, {"a": "node", "b": "to"}, {"delay": "delay_us", "current": "current_ma"},
     ),
     "terminator": (Terminator, {"node": "node"}, {"resistance": "resistance_ohm"}),
     "slave": (
-        Slave,
-        {"node": "node", "label": "address"},
-        {
-            "profile": "profile",
-            "current": "current_ma",
-            "channels": "channels",
-            "conversion": "conversion_ms",
-        },
+        Slave, {"node": "node", "label": "address"},
+        {"profile": "profile", "current": "current_ma", "channels": "channels",
+         "conversion": "conversion_ms"},
     ),
-}
+}  # fmt: skip
 
 #: Columns of a plan file, in the order in which they are written.
 COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "current_ma",
@@ -99,7 +91,7 @@ def _row(element: Element) -> dict[str, str]:
                 continue
         value = getattr(element, argument)
         if column in _NUMBERS:
-            # Shifting the point of the shortest decimal leaves it the same number, to the bit.
+            # Shifting the point of the shortest decimal keeps every bit of the number.
             shifted = Decimal(repr(value)).scaleb(-_NUMBERS[column][1])
             row[column] = f"{shifted.normalize():f}"
         else:
@@ -108,12 +100,12 @@ def _row(element: Element) -> dict[str, str]:
 
 
 def read_elements(path: str | PathLike[str]) -> list[Element]:
-    """Read the elements of a plan from a file; `read_plan` says how."""
+    """Read the elements of a plan from a file."""
     sheet = read_sheet(path)
     needed = ("kind", "node")
     known = {column: None if column in needed else "" for column in (*COLUMNS, "note")}
     rows, faults = titled(sheet, known)
-    # With a cable missing, what hangs on it would look loose.
+    # The structure is only checked if no cable is missing, since its devices would look loose.
     whole = not faults
     point = "."
     if sheet.separator != "," and any("," in row[column] for _, row in rows for column in _NUMBERS):
@@ -127,7 +119,7 @@ def read_elements(path: str | PathLike[str]) -> list[Element]:
             numbers[id(element)] = number
             elements.append(element)
         else:
-            # What is of no known kind may have been meant as a cable.
+            # A row of unknown kind may be a cable.
             whole &= row["kind"].lower() in _KINDS.keys() - {"cable"}
     said = in_order(faults)
     if whole and not any(isinstance(element, CableRun) for element in elements):
@@ -141,7 +133,7 @@ def read_elements(path: str | PathLike[str]) -> list[Element]:
 
 
 def _element(row: dict[str, str], point: str) -> tuple[Element | None, list[str]]:
-    """Make an element of a row, or say all that keeps it from being one."""
+    """Return the element of a row, or all faults that prevent it."""
     name = row["kind"].lower()
     if name not in _KINDS:
         return None, [f"column kind: {row['kind']!r}; expected one of {', '.join(_KINDS)}"]
@@ -168,7 +160,7 @@ def _element(row: dict[str, str], point: str) -> tuple[Element | None, list[str]
 
 
 def _value(column: str, cell: str, point: str) -> Any:
-    """Return what a cell holds; the error says what was expected."""
+    """Return the value of a cell; the error says what was expected."""
     if column in _NUMBERS:
         return _number(column, cell, point)
     read, expected = _READ.get(column, (str, ""))
@@ -183,7 +175,7 @@ def _label(cell: str) -> str:
     return f"{key >> 1}{half or ''}"
 
 
-#: How cells are read that hold neither a number nor a name, and what is expected of them.
+#: How other cells are read, and what they may contain.
 _READ: dict[str, tuple[Callable[[str], Any], str]] = {
     "address": (_label, "0 to 31, with A or B behind it for a slave that shares it"),
     "profile": (Profile.parse, "a profile such as S-7.A.E or S-0.F"),

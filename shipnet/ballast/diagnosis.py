@@ -160,12 +160,13 @@ class Run:
             frame.index, 0, 1, where=frame["running"].to_numpy(), color="0.92", zorder=0,
             step="post", linewidth=0, label="motor runs", transform=ax.get_xaxis_transform(),
         )  # fmt: skip
-        for place, channel in enumerate(CHANNELS):
+        looks = ("C0-", "C1--", "C2-.", "C3:", "C4-")
+        for look, channel in zip(looks, CHANNELS, strict=True):
             full = _FULL[channel.name]
             said = "VPos"
             if channel.name != "VPos":
                 said = f"{channel.name}, 100 % = {full:g} {channel.unit}"
-            ax.plot(frame.index, 100 * frame[channel.column] / full, color=f"C{place}", label=said)
+            ax.plot(frame.index, 100 * frame[channel.column] / full, look, label=said)
         ax.set(xlabel="time [s]", ylabel="of full scale [%]")
         ax.legend(loc="upper left", bbox_to_anchor=(1, 1))
         return ax

@@ -7,7 +7,7 @@ has the fault simulator. The plant is ours; the measurements of the real test be
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import cos, pi
@@ -101,7 +101,6 @@ TESTS = ("manual", "remote", "PC", "diagnosis")
 class Step(NamedTuple):
     """A step of a test."""
 
-    test: str
     step: str
     expected: str
     found: str
@@ -249,64 +248,54 @@ def acceptance_tests(
     """
     chosen = [check_choice("one of tests", test, TESTS) for test in tests]
     noise = None if rng is None else check_rng(rng)
-    steps, make = [], partial(TestBed, bit_rate=bit_rate, rng=noise)
-    for test in chosen:
-        match test:
-            case "manual":
-                steps += _manual(make)
-            case "remote":
-                steps += _remote(make)
-            case "PC":
-                steps += _pc(make)
-            case _:
-                for code in (None, *FAULTS):
-                    steps += _diagnosis(make, code, diagnosed_by)
-    return pd.DataFrame(steps, columns=list(Step._fields))
+    make = partial(TestBed, bit_rate=bit_rate, rng=noise)
+    runs: dict[str, Callable[..., Iterator[Step]]] = {
+        "manual": _manual, "remote": _remote, "PC": _pc,
+        "diagnosis": partial(_diagnosis, by=diagnosed_by),
+    }  # fmt: skip
+    rows = [(test, *step) for test in chosen for step in runs[test](make)]
+    return pd.DataFrame(rows, columns=["test", *Step._fields])
 
 
-def _manual(make: Callable[..., TestBed]) -> list[Step]:
+def _manual(make: Callable[..., TestBed]) -> Iterator[Step]:
     """Move every valve by its switches, while the master's commands are refused."""
-    bed, steps = make(), []
+    bed = make()
     for unit in range(1, N_SLAVES + 1):
         device = bed.device(unit)
         device.local = True
         device.turn("open", bed.time)
         bed.wait(_STROKE + _SETTLE / 2)
-        steps.append(_at("manual", f"S{unit} switched to open", bed.position(unit), 100))
+        yield _at(f"S{unit} switched to open", bed.position(unit), 100)
         refused = bed.command(unit, "close")
-        steps.append(
-            _same("manual", f"S{unit} closed by the master", "server device failure", refused)
-        )
+        yield _same(f"S{unit} closed by the master", "server device failure", refused)
         device.turn("close", bed.time)
         bed.wait(_STROKE / 2)
         device.turn("stop", bed.time)
         bed.wait(_SETTLE / 2)
         held = bed.position(unit)
         bed.wait(_SETTLE)
-        steps.append(_at("manual", f"S{unit} stopped on its way", bed.position(unit), held))
+        yield _at(f"S{unit} stopped on its way", bed.position(unit), held)
         device.turn("close", bed.time)
         bed.wait(_STROKE)
-        steps.append(_at("manual", f"S{unit} switched to close", bed.position(unit), 0))
-    return steps
+        yield _at(f"S{unit} switched to close", bed.position(unit), 0)
 
 
-def _remote(make: Callable[..., TestBed]) -> list[Step]:
+def _remote(make: Callable[..., TestBed]) -> Iterator[Step]:
     """Open, position and close every valve from the master."""
-    bed, steps = make(), []
+    bed = make()
     for unit in range(1, N_SLAVES + 1):
         echo = bed.command(unit, "open")
-        steps.append(_same("remote", f"command S{unit} to open", "done", echo))
+        yield _same(f"command S{unit} to open", "done", echo)
         for action, target in (("open", 100.0), ("position", 40.0), ("close", 0.0)):
             if action != "open":
                 bed.command(unit, target if action == "position" else action)
             bed.wait(_STROKE)
-            steps.append(_at("remote", f"S{unit} {action}", bed.position(unit), target))
-    return steps
+            yield _at(f"S{unit} {action}", bed.position(unit), target)
 
 
-def _pc(make: Callable[..., TestBed]) -> list[Step]:
+def _pc(make: Callable[..., TestBed]) -> Iterator[Step]:
     """Command every valve from the PC, in frames of Modbus/TCP, and fill the tank."""
-    bed, steps = make(), []
+    bed = make()
     registers = bed.station.registers
 
     def frame(unit: int, code: Code | None = None) -> bytes:
@@ -319,10 +308,10 @@ def _pc(make: Callable[..., TestBed]) -> list[Step]:
     for unit in range(1, N_SLAVES + 1):
         sent = frame(unit, Code.OPEN)
         echo = bed.gateway.answer(sent)
-        steps.append(_same("PC", f"command S{unit} to open", sent.hex(), echo.hex()))
+        yield _same(f"command S{unit} to open", sent.hex(), echo.hex())
         bed.wait(_STROKE)
         shown = float(bed.gateway.answer(frame(unit))[9])
-        steps.append(_at("PC", f"S{unit} open", shown, 100))
+        yield _at(f"S{unit} open", shown, 100)
     level = bed.level
     bed.gateway.answer(frame(_TANK, Code.CLOSE))
     bed.wait(_STROKE + _SETTLE)
@@ -331,12 +320,16 @@ def _pc(make: Callable[..., TestBed]) -> list[Step]:
     found = f"{'rose' if full > level > 0 else 'did not rise'}, " + (
         "then held" if bed.level == full else "then did not hold"
     )
-    steps.append(_same("PC", "tank of S3 after closing", "rose, then held", found))
-    return steps
+    yield _same("tank of S3 after closing", "rose, then held", found)
 
 
-def _diagnosis(make: Callable[..., TestBed], code: str | None, by: str) -> list[Step]:
-    """Let the simulator imitate a fault, move the valve, and check what is reported."""
+def _diagnosis(make: Callable[..., TestBed], by: str) -> Iterator[Step]:
+    """Let the simulator imitate each fault, move the valve, and check what is reported."""
+    for code in (None, *FAULTS):
+        yield from _diagnosis_of(make, code, by)
+
+
+def _diagnosis_of(make: Callable[..., TestBed], code: str | None, by: str) -> Iterator[Step]:
     closing = code in _CLOSING
     bed = make(fault=code, opening=float(closing))
     bed.wait(1.0)
@@ -357,15 +350,15 @@ def _diagnosis(make: Callable[..., TestBed], code: str | None, by: str) -> list[
     expected = code or NORMAL
     said = " ".join(found) or NORMAL
     step = f"{FAULTS[code][0]} ({code})" if code else "nothing wrong"
-    steps = [Step("diagnosis", step, expected, said, expected in said.split())]
+    yield Step(step, expected, said, expected in said.split())
     if by == "master":
-        return steps
-    # The slave also finds it by itself, and reports the row of the table in its status.
+        return
+        # The slave also finds it by itself, and reports the row of the table in its status.
     seen = bed.screen()[_SIMULATOR]
     shown = f"fault {seen['fault']}" if seen["state"] == "fault" else str(seen["state"])
     right = [f"fault {row}" for row in _rows(base, code)] if code else ["open"]
     step = f"screen with {code or 'nothing wrong'}"
-    return [*steps, Step("diagnosis", step, " or ".join(right), shown, shown in right)]
+    yield Step(step, " or ".join(right), shown, shown in right)
 
 
 def _rows(base: RuleBase, code: str) -> list[int]:
@@ -375,13 +368,13 @@ def _rows(base: RuleBase, code: str) -> list[int]:
     return sorted(rows, key=lambda row: base.codes[row - 1] != code)
 
 
-def _same(test: str, step: str, expected: str, found: str) -> Step:
-    return Step(test, step, expected, found, expected == found)
+def _same(step: str, expected: str, found: str) -> Step:
+    return Step(step, expected, found, expected == found)
 
 
-def _at(test: str, step: str, position: float, target: float) -> Step:
+def _at(step: str, position: float, target: float) -> Step:
     near = abs(position - target) <= _NEAR
-    return Step(test, step, f"{target:g} %", f"{position:g} %", near)
+    return Step(step, f"{target:g} %", f"{position:g} %", near)
 
 
 @checked

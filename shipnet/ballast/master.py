@@ -212,8 +212,6 @@ class MasterRun:
         Commands in the order in which they were sent.
     tries : list of tuple
         Polls: start, valve from 0 on, port, kind, answered.
-    write_time : float
-        Duration of a command that is answered [s].
 
     Examples
     --------
@@ -235,7 +233,6 @@ class MasterRun:
     shown: list[Shown]
     writes: list[Write]
     tries: list[Try]
-    write_time: float
 
     @cached_property
     def answers(self) -> pd.DataFrame:
@@ -349,7 +346,7 @@ class Station(Master):
         """What the master has received so far."""
         return MasterRun(
             self.n, self.rule.poll, self.registers, self.time, list(self.shown),
-            list(self.writes), list(self.tries), float(self._command.time),
+            list(self.writes), list(self.tries),
         )  # fmt: skip
 
     def run_until(self, time: float) -> None:

@@ -1,6 +1,4 @@
-from .checking import Verdict as Verdict
 from .checking import check as check
 from .checking import given as given
 from .checking import glossary as glossary
-from .exercise import Student as Student
 from .exercise import student as student

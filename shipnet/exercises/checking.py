@@ -21,20 +21,7 @@ _NOBODY = Student("nobody")
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a check says; true if the answer is correct.
-
-    Parameters
-    ----------
-    key : str
-        Exercise.
-    text : str
-        ``"correct"``, ``"not solved yet"``, or what is wrong.
-
-    Examples
-    --------
-    >>> bool(Verdict("ex-01-1", "correct")), Verdict("ex-01-1", "not solved yet")
-    (True, ex-01-1: not solved yet)
-    """
+    """What a check says, such as ``"not solved yet"``; true if the answer is correct."""
 
     key: str
     text: str
@@ -110,7 +97,7 @@ def check(key: str, answer: object, me: Student | None = None) -> Verdict:
     Returns
     -------
     Verdict
-        Shows ``correct``, ``not solved yet``, or what is wrong, with a hint.
+        Shows ``correct``, ``not solved yet``, or what is wrong, with a hint; true if correct.
 
     Raises
     ------

@@ -17,23 +17,7 @@ T = TypeVar("T")
 @checked
 @dataclass(frozen=True, slots=True)
 class Student:
-    """Who solves the exercises: a name, from which the student's own numbers follow.
-
-    Parameters
-    ----------
-    name : str
-        Name, not empty; capitals, and spaces around it, make no difference.
-
-    Raises
-    ------
-    ArgumentError
-        If the name is empty.
-
-    Examples
-    --------
-    >>> Student(" Kim ") == Student("KIM")
-    True
-    """
+    """Who solves the exercises: a name, from which the student's own numbers follow."""
 
     name: str
 
@@ -63,7 +47,7 @@ def student(name: str) -> Student:
     Returns
     -------
     Student
-        Give it to `given` and `check`.
+        For `given` and `check`. Capitals, and spaces around the name, make no difference.
 
     Raises
     ------
@@ -72,8 +56,8 @@ def student(name: str) -> Student:
 
     Examples
     --------
-    >>> student("Kim").name
-    'kim'
+    >>> student(" Kim ") == student("KIM")
+    True
     """
     return Student(name)
 

@@ -34,9 +34,7 @@ class Ramps:
     # A trapezoid is the minimum of two ramps, and a rule the minimum of its terms.
 
     def __init__(
-        self,
-        variables: Sequence[Variable],
-        antecedents: Iterable[Sequence[tuple[str, str]]],
+        self, variables: Sequence[Variable], antecedents: Iterable[Sequence[tuple[str, str]]]
     ) -> None:
         places = {variable.name: place for place, variable in enumerate(variables)}
         self._low = np.array([[variable.low] for variable in variables])

@@ -27,7 +27,7 @@ KINDS = ("poll", "switch", "probe")
 _POLL, _SWITCH, _PROBE = range(3)
 
 #: Colours of the parts of a try.
-_OUTCOME = {"request": "C0", "response": "C2", "no response": style.LIMIT["color"]}
+_OUTCOME = {"request": "C0", "response": "C5", "no response": style.LIMIT["color"]}
 Try = tuple[float, int, int, int, bool]  #: Start [s], slave from 0, port, kind, answered.
 
 

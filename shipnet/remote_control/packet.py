@@ -102,11 +102,6 @@ class MarkerFormat(PacketFormat):
     >>> parser = form.parser()
     >>> parser.feed(b"abc" + form.encode({3: 7})), parser.discarded
     ([((3, 7),)], 3)
-
-    In a packet of ten values, 240 of 264 bits can be wrong without being detected:
-
-    >>> round(form.undetected_flips(10), 3)
-    0.909
     """
 
     reading: Literal["A", "B"] = choice(

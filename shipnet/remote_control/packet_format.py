@@ -241,11 +241,7 @@ class PacketFormat:
         return _single_flip_share(self, check_whole("n_items", n_items, 0, self.n_numbers))
 
     def transmit(
-        self,
-        n_items: int,
-        rate: float,
-        packets: int,
-        rng: np.random.Generator | int | None = None,
+        self, n_items: int, rate: float, packets: int, rng: np.random.Generator | int | None = None
     ) -> Trial:
         """Send packets; return how many are detected as wrong, and how many accepted though wrong.
 

@@ -5,23 +5,31 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
 from matplotlib.axes import Axes
 
+from shipnet import datasets
 from shipnet.arguments import checked
-from shipnet.design.comparison import RESPONSE, Comparison
-from shipnet.design.iolist import read_iolist
+from shipnet.design.catalogue import Assumptions, Range
+from shipnet.design.comparison import RESPONSE, Comparison, compare
+from shipnet.design.designs import Design
+from shipnet.design.failures import worst
+from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.report import BANNER
-from shipnet.design.rules import RULE_SETS
-from shipnet.design.settings import Settings
+from shipnet.design.rules import RULE_SETS, RuleSet
+from shipnet.design.settings import Settings, names
+from shipnet.design.site import Site, site_of
 from shipnet.design.tables import zipped
+from shipnet.design.words import Reading
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import choice, number, record, switch, text
 from shipnet.tables import text_of
-from shipnet.tools._design import EXAMPLES, MIXES, compared, numbers, points, settings_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, Upload, View
 
@@ -57,6 +65,38 @@ _MIND = (
     "given from all low to all high, around its nominal."
 )
 
+#: Ways to connect some points by one option and the others by another: what decides, and how the
+#: points that it does not name are connected.
+MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
+    {
+        "digital AS-i + analogue CAN": ({"DI": "AS-i", "DO": "AS-i"}, "CAN"),
+        "digital AS-i + analogue Modbus RTU": ({"DI": "AS-i", "DO": "AS-i"}, "Modbus RTU"),
+        "digital AS-i + analogue home runs": ({"DI": "AS-i", "DO": "AS-i"}, "home runs"),
+        "category III home runs + rest CAN": ({"III": "home runs"}, "CAN"),
+        "category III home runs + rest Modbus RTU": ({"III": "home runs"}, "Modbus RTU"),
+    }
+)
+
+#: Seed of the draws of what is assumed, as `shipnet design` has it.
+_SEED = 2024
+
+#: Assumptions that make up the price of a bus, beside its cable.
+_BUS_PARTS = (
+    "asi_", "can_", "modbus_", "station_", "second_interface", "supply", "repeater", "terminator",
+    "gateway",
+)  # fmt: skip
+
+
+def _examples() -> Mapping[str, str]:
+    ship = datasets.path("synthetic_iolist_ship.csv").read_text(encoding="utf-8")
+    titles, *rows = ship.splitlines(keepends=True)
+    engine = [row for row in rows if row.split(",")[1] == "Main engine"]
+    return MappingProxyType({"main engine": titles + "".join(engine), "ship": ship})
+
+
+#: Lists to begin with, both synthetic: the 99 points of an engine, and the 353 of a ship.
+EXAMPLES = _examples()
+
 
 @checked
 @record
@@ -83,8 +123,8 @@ class ShipDesign(Tool):
 
     points: str = text(
         default=EXAMPLES["main engine"], most=_LONGEST, rows=6, label="I/O list",
-        help="A row a point, pasted from a spreadsheet or as CSV: tag, type or signal, and x, y, z "
-        "or the length of its home run. It is read when you leave the editor.",
+        help="One row per point, pasted from a spreadsheet or as CSV: tag, type or signal, and x, "
+        "y, z or the length of its home run. It is read when you leave the editor.",
     )  # fmt: skip
     name: str = text(
         default="main engine (synthetic)", most=80, label="name of the list",
@@ -108,18 +148,18 @@ class ShipDesign(Tool):
     modbus: bool = switch(default=True, label="Modbus RTU", help="Stations polled on RS-485.")
     mixed: str = choice(
         {name: name for name in ("none", *MIXES)}, default="none", label="a mix",
-        help="One option more: some points in one way, the others in another. Where boxes and "
-        "stations are few, a mix may cost more than either.",
+        help="One more option, which connects some points in one way and the others in another. "
+        "With few boxes and stations, a mix may cost more than either.",
     )  # fmt: skip
     redundant: bool = switch(
         default=False,
         label="two lines",
-        help="The trunks of CAN and Modbus twice, on ways of their own.",
+        help="The trunks of CAN and Modbus are laid twice, on separate routes.",
     )
     rules: str = choice(
         {name: name for name in RULE_SETS}, default="DNV", label="rules",
-        help="Whose rules are checked. What a plan cannot show, or nobody has read, is not "
-        "verified; it never counts as met.",
+        help="Whose rules are checked. A rule that a plan cannot show, or that none of us has "
+        "read, is not verified; it never counts as met.",
     )  # fmt: skip
     update_ms: int = choice(
         {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
@@ -130,15 +170,15 @@ class ShipDesign(Tool):
     list_lengths: bool = switch(
         default=True, label="lengths of the list",
         help="A cable keeps the length that the list gives it. Switched off, all lengths are "
-        "reckoned from places, and options are weighed alike.",
+        "computed from places, so that all options are compared alike.",
     )  # fmt: skip
     detour: float = number(
         1, 2, default=1.15, step=0.05, label="detour",
-        help="Laid length of a cable as a multiple of its way square to the ship. Assumed.",
+        help="Laid length of a cable as a multiple of its route parallel to the axes. Assumed.",
     )  # fmt: skip
     spare: float = number(
         0, 1, default=0.2, step=0.05, label="spare pairs",
-        help="Of cables of many pairs, as a share of the pairs in use. Assumed.",
+        help="Spare pairs of a cable of many pairs, as a share of the pairs in use. Assumed.",
     )  # fmt: skip
     labour: float = number(
         10, 200, default=55.0, step=5, unit="EUR/h", label="labour rate",
@@ -152,7 +192,7 @@ class ShipDesign(Tool):
         default="", most=20_000, rows=4,
         hint="[asi]\nlength = 200", label="other limits and prices",
         help="Lines of a settings file: bit rates, lengths, currents, load, prices, the time of "
-        "the host. They win over the controls. settings.toml, at the foot of the page, has all.",
+        "the host. They override the controls. settings.toml, at the foot of the page, has all.",
     )  # fmt: skip
     picture: str = choice(
         PICTURES, default="cost", label="figure",
@@ -182,13 +222,13 @@ class ShipDesign(Tool):
         if not self.options:
             raise ArgumentError("no option is on; switch on one or more of home runs to Modbus RTU")
         printed = "".join(one if one.isprintable() else " " for one in self.name)
-        settings = settings_of(
+        settings = _settings_of(
             self.spare, self.redundant, self.list_lengths, self.detour, self.labour,
             self.parts, self.own,
         )  # fmt: skip
         name = " ".join(printed.split()) or "list"
-        iolist = points(self.points, name, self.update_ms, settings.reading)
-        return compared(iolist, self.cabinet, settings, self.options, self.rules)
+        iolist = _points(self.points, name, self.update_ms, settings.reading)
+        return _compared(iolist, self.cabinet, settings, self.options, self.rules)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what `ShipDesign.picture` asks for."""
@@ -212,7 +252,7 @@ class ShipDesign(Tool):
             ok=found.ok,
             table=found.short(),
             caption=_MIND,
-            numbers=ready | numbers(found),
+            numbers=ready | _numbers(found),
             plot=self.plot,
             height=heights.get(self.picture, 3.6),
             about=PICTURES[self.picture],
@@ -284,3 +324,113 @@ def settings_from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDes
     lines = text_of(content)
     Settings.parse(lines, name)
     return replace(inputs, own=lines)
+
+
+@lru_cache(maxsize=8)
+def _points(text: str, name: str, update_ms: int, reading: Reading) -> IoList:
+    """Return the points of a text, none of which may wait longer than a time."""
+    iolist = IoList.parse(text, name, reading=reading)
+    if not update_ms:
+        return iolist
+    # Where the list names none it is NaN, which fmin passes over.
+    needed = np.fmin(iolist.points["update_ms"], float(update_ms))
+    return replace(iolist, points=iolist.points.assign(update_ms=needed))
+
+
+@lru_cache(maxsize=8)
+def _site(iolist: IoList, cabinet: str, settings: Settings) -> tuple[Site, str]:
+    """Return where a list is planned, and how the place of the cabinet is known if it was found."""
+    return site_of(iolist, cabinet.strip() or None, None, settings)
+
+
+@lru_cache(maxsize=48)
+def _planned(iolist: IoList, site: Site, settings: Settings, option: str, rules: str) -> Design:
+    asked = RuleSet.of(rules)
+    if option in OPTIONS:
+        return plan(iolist, site, option, settings=settings, rules=asked)
+    choose, default = MIXES[option]
+    there = {*iolist.points["type"], *iolist.points["category"]}
+    named = {key: value for key, value in choose.items() if key in there}
+    return plan(iolist, site, default, settings=settings, mix=named, name=option, rules=asked)
+
+
+@lru_cache(maxsize=8)
+def _settings_of(
+    spare: float,
+    redundant: bool,
+    list_lengths: bool,
+    detour: float,
+    labour: float,
+    parts: float,
+    own: str,
+) -> Settings:
+    """Return the values of the controls, and over them lines of one's own."""
+    values: dict[str, object] = {
+        "spare": spare, "redundant": redundant, "list_lengths": list_lengths, "detour": detour,
+        **_prices(labour, parts),
+    }  # fmt: skip
+    given = Settings.parse(own, "limits and prices")
+    words = {table: dict(pairs) for table, pairs in given.reading._asdict().items()}
+    return Settings(values | dict(given.changes()["value"]) | words)
+
+
+@lru_cache(maxsize=8)
+def _prices(labour: float, parts: float) -> dict[str, Range]:
+    """Return the assumptions that another labour rate and other prices of bus parts change."""
+    assumed = Assumptions()
+    times = {"labour_rate": labour / assumed["labour_rate"].nominal}
+    times |= {
+        name: parts
+        for name in assumed
+        if name.startswith(_BUS_PARTS) and assumed.entry(name).unit == "EUR"
+    }
+    return {
+        f"assumptions.{name}": Range(*(factor * value for value in assumed[name]))
+        for name, factor in times.items()
+        if factor != 1
+    }
+
+
+@lru_cache(maxsize=4)
+def _compared(
+    iolist: IoList, cabinet: str, settings: Settings, options: tuple[str, ...], rules: str
+) -> Comparison:
+    """Plan and compare; a plan is kept for what it depends on, which prices are not."""
+    default = Settings()
+    unpriced = settings.replace(
+        {name: default[name] for name in names() if name.startswith("assumptions.")}
+    )
+    at, said = _site(iolist, cabinet, unpriced)
+    designs = [_planned(iolist, at, unpriced, option, rules).priced(settings) for option in options]
+    found = compare(designs, rules=rules, rng=_SEED)
+    return replace(found, remarks=(said,) if said else ())
+
+
+#: Violated rules that are shown of each design.
+_SHOWN = 3
+
+_FAILED = {"cut": "is cut", "short": "is shorted", "tray": "is lost", "device": "is dead"}
+
+
+def _numbers(comparison: Comparison) -> dict[str, str]:
+    """Return what the table of a comparison leaves out, in words."""
+    x, y, z = comparison.site.cabinet
+    said = {
+        "list": "; ".join([str(comparison.iolist), *comparison.iolist.remarks]),
+        "cabinet": "; ".join(comparison.remarks) or f"the cabinet is at {x:g}, {y:g}, {z:g} m",
+        "conclusions": " ".join(comparison.conclusions()),
+    }
+    for option, rows in comparison.findings().violated().groupby("design", sort=False):
+        violated = [
+            f"{row.rule} ({row.asks}; {row.value:.4g} {row.unit} at {row.object})"
+            for row in rows.itertuples()
+        ]
+        more = f"; and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
+        said[f"{option} violates"] = "; ".join(violated[:_SHOWN]) + more
+    for option, design in comparison.designs.items():
+        for row in worst(design.failures()).query("points_lost > 0").itertuples():
+            lost = f"{row.points_lost} point{'' if row.points_lost == 1 else 's'}"
+            said[f"{option} at worst"] = (
+                f"{lost} lost when {row.failed} {_FAILED[str(row.failure)]}"
+            )
+    return said

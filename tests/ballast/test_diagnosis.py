@@ -165,7 +165,7 @@ def test_the_slow_stroke_is_reported_by_the_added_rule_alone():
     assert rule_base(slow_stroke=10).rules[:12] == BASE.rules
 
 
-def test_a_motor_that_turns_round_is_timed_anew():
+def test_a_motor_that_reverses_is_timed_from_zero():
     orders = [Command("open", 1.0), Command("close", 3.0), Command("stop", 4.0)]
     run = simulate(System(step=0.5), orders, until=5)
     nan = np.nan

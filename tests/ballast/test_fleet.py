@@ -100,7 +100,7 @@ def test_a_fault_beyond_the_end_has_no_rates():
     assert np.isnan(report.summary().loc["V1", "isolability"])
 
 
-def test_an_alarm_before_its_fault_is_a_false_one():
+def test_an_alarm_before_its_fault_is_a_false_alarm():
     # The literal reading takes a healthy valve at rest for a broken one.
     faults = [Fault("V1", start=50.0, valves=2)]
     report = run_fleet(
@@ -116,13 +116,13 @@ def test_an_alarm_before_its_fault_is_a_false_one():
     assert sick["time_s"].max() < 50
 
 
-def test_severity_0_is_no_fault():
+def test_a_fault_of_severity_0_is_not_reported():
     report = run_fleet(2, [], faults=[Fault("V1", 0.0, valves=2)], until=10)
     assert report.faults().empty
     assert len(report.commands) == len(report.alarms) == 0
 
 
-def test_a_healthy_fleet_has_a_report_too():
+def test_a_healthy_fleet_also_has_a_report():
     report = run_fleet(2, [Command("open", 5.0)], until=60)
     assert "0 faults: 0 detected, 0 named, 0 isolated; 0 false alarms" in str(report)
     assert report.summary().empty

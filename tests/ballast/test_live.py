@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shipnet.ballast.diagnosis import Recorder, diagnose_run
-from shipnet.ballast.live import Client, _diagnosis, acceptance_tests
+from shipnet.ballast.live import Client, _diagnosis_of, acceptance_tests
 from shipnet.ballast.live import TestBed as Bed
 from shipnet.ballast.master import received_run
 from shipnet.ballast.plant import FAULTS, Command, Plant
@@ -36,11 +36,11 @@ def test_a_slave_that_finds_nothing_or_reports_another_row_does_not_pass(monkeyp
     for wrong, left in ((0, None), (8, "O1")):
         monkeypatch.setattr("shipnet.ballast.slave.Monitor.row", lambda *_, row=wrong: row)
         for code in (None, "V1", "O1"):
-            _, screen = _diagnosis(Bed, code, "slave")
+            _, screen = _diagnosis_of(Bed, code, "slave")
             assert screen.passed == (code == left)
 
 
-def test_the_master_cannot_see_a_position_below_zero_for_its_byte_has_no_sign():
+def test_the_master_misses_positions_below_zero_because_the_byte_has_no_sign():
     table = acceptance_tests(
         rng=np.random.default_rng(2024), tests=["diagnosis"], diagnosed_by="master"
     )

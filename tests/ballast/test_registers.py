@@ -50,7 +50,7 @@ def test_any_registers_can_be_read(words, map_):
     assert np.isnan(status.readings).sum() == whole.count(255)
 
 
-def test_each_byte_stands_where_table_3_prints_it():
+def test_each_byte_is_where_table_3_prints_it():
     readings = np.array([[1.0], [0.2], [0.3], [4.0], [5.0]])
     words = RegisterMap().encode(readings, close=True, open=False, operating_time=0.6).registers[0]
     assert [f"{word:04x}" for word in words] == ["0518", "0006", "0401", "0302"]

@@ -97,7 +97,7 @@ def test_least_squares_are_those_of_scipy(logarithmic, noise):
     assert trend.p_value == pytest.approx(peer.pvalue, rel=1e-6)
 
 
-def test_without_a_trend_there_is_no_crossing_and_it_is_said():
+def test_without_a_trend_the_prediction_says_that_there_is_none():
     trend = fit_trend(X, np.random.default_rng(5).normal(90, 1, 60))
     assert not trend.found
     assert trend.text.startswith("no trend in 60 points (p = ")

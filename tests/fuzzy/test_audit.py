@@ -163,7 +163,7 @@ def test_a_start_position_of_0_or_100_makes_no_difference():
     pd.testing.assert_frame_equal(BASE.check(moved), BASE.check(tests))
 
 
-def test_the_normal_values_fire_v2_once_the_valve_stands_still():
+def test_the_normal_values_fire_v2_once_the_valve_has_stopped():
     tests = rule_vectors().loc[["normal"]].assign(DVPos=0)
     for crisp in (True, False):
         assert BASE.check(tests, "crisp" if crisp else "fuzzy")["fired"].tolist() == ["V2"]
@@ -190,7 +190,7 @@ def test_the_centroid_is_that_of_scikit_fuzzy():
             assert np.isnan(number)
 
 
-def test_two_faults_make_a_third_that_nobody_has():
+def test_the_centroid_of_two_faults_names_a_third():
     samples = {"MC": [0, 4, 1.2], "VPos": [105, 50, 50], "FP": [0, 125, 90], "OP": [0, 4, 0]}
     table = BASE.centroid(samples)
     assert table["active"].tolist() == ["S1 Pos3", "P1 V1", ""]
@@ -199,7 +199,7 @@ def test_two_faults_make_a_third_that_nobody_has():
     assert table["top"].tolist() == ["S1", "P1", "normal"]
 
 
-def test_one_fault_alone_keeps_its_number_and_none_is_none():
+def test_the_centroid_of_one_fault_is_its_own_number():
     tests = rule_vectors().loc[["G1", "P1", "P2", "V1", "V2", "O1", "Pos3"]]
     table = BASE.centroid(tests)
     assert table["nearest"].tolist() == tests.index.tolist()

@@ -41,7 +41,7 @@ def test_persistence_counts_the_last_samples(strength, k_n):
 
 
 @given(st.lists(st.booleans(), min_size=12, max_size=12))
-def test_the_headline_is_the_active_code_of_the_highest_priority(fires):
+def test_the_top_code_is_the_active_code_of_the_highest_priority(fires):
     decision = firing_of([fires]).decide()
     active = {code for code, fired in zip(BASE.codes, fires, strict=True) if fired}
     expected = next((code for code in BASE.ranking if code in active), "normal")
@@ -61,7 +61,7 @@ def test_each_unit_has_its_own_persistence():
     assert together.codes(39, 2) == alone.codes(39)
 
 
-def test_the_cut_is_part_of_the_alarm():
+def test_a_strength_at_the_threshold_is_an_alarm():
     column = [0.29, 0.3, 0.31]
     assert of_rule("O1", column).decide(threshold=0.3).top.tolist() == ["normal", "O1", "O1"]
 
@@ -101,7 +101,7 @@ def test_the_sentence_names_the_other_codes_and_bad_sensors():
 
 
 @pytest.mark.parametrize("index", [(), (3,), (-4,), (0, 0)])
-def test_a_sample_that_there_is_not_is_refused(index):
+def test_an_index_outside_the_samples_is_refused(index):
     decision = of_rule("V1", [1, 1, 1]).decide()
     with pytest.raises(ArgumentError, match="the samples have shape"):
         decision.explain(*index)

@@ -102,7 +102,7 @@ def test_strengths_are_those_of_a_textbook_loop(table):
 
 
 @given(rows)
-def test_what_the_sensors_lack_is_flagged(table):
+def test_missing_and_clipped_sensors_are_flagged(table):
     firing = BASE.fire(samples_of(table))
     for row, missing, clipped in zip(table, firing.missing, firing.clipped, strict=True):
         for variable, x, lacks, out in zip(BASE.variables, row, missing, clipped, strict=True):
@@ -119,7 +119,7 @@ def test_a_cut_of_a_half_is_the_comparison_with_a_dead_band(table):
 
 
 @given(rows)
-def test_printed_comparisons_hold_as_python_has_them(table):
+def test_printed_comparisons_hold_as_in_python(table):
     meaning = {
         "FP.high": lambda x: x > 120, "FP.none": lambda x: x < 2.5,
         "OP.high": lambda x: x >= 2.5, "OP.low": lambda x: 0 < x < 2.5,
@@ -178,7 +178,7 @@ def test_many_samples_are_the_same_as_each_alone():
         assert np.array_equal(alone.strength, firing.strength[place])
 
 
-def test_samples_of_many_units_keep_their_axes():
+def test_samples_of_several_valves_keep_their_axes():
     samples = {name: x.reshape(30, 4) for name, x in uniform(120).items()}
     firing = BASE.fire(samples)
     assert firing.strength.shape == (30, 4, 12)
@@ -197,7 +197,7 @@ def test_the_inputs_are_left_as_they_are():
     assert all(np.array_equal(samples[name], copies[name]) for name in samples)
 
 
-def test_a_table_has_a_column_a_rule():
+def test_a_table_has_a_column_per_rule():
     table = BASE.fire(pd.DataFrame({"FP": [125, 90], "MC": [0, 1.2]})).table()
     assert table.columns.tolist() == [*BASE.codes, "normal"]
     assert table["G1"].tolist() == [1, 0] and table["normal"].tolist() == [0, 1]
@@ -223,7 +223,7 @@ def test_samples_that_do_not_fit_are_refused(samples, fault):
 
 
 @pytest.mark.parametrize("method", ["x", 5, None])
-def test_a_method_is_one_of_three(method):
+def test_an_unknown_method_is_refused(method):
     legal = "one of 'crisp', 'midpoint', 'fuzzy'" if isinstance(method, str) else "text"
     message = f"^method is {method!r}; it must be {legal}$"
     with pytest.raises(ArgumentError, match=message):
@@ -240,7 +240,7 @@ def test_values_beyond_the_universe_count_as_its_ends_but_for_comparisons_as_wri
     assert base.fire(samples)["on"].tolist() == [0.75, 0.75]
 
 
-def test_no_samples_are_no_fault():
+def test_empty_samples_make_empty_results():
     firing = BASE.fire({"FP": []})
     assert firing.strength.shape == (0, 12) and firing.normal.shape == (0,)
     assert len(firing.decide(k=3, n=5).top) == 0
@@ -309,7 +309,7 @@ def test_single_precision_is_computed_in_double():
     assert BASE.fire(x)["G1"].tolist() == [1, 0.5]
 
 
-def test_scikit_fuzzy_is_loaded_only_when_it_is_asked():
+def test_scikit_fuzzy_is_loaded_only_when_needed():
     program = (
         "import sys; from shipnet.ballast.rule_table import rule_base; "
         "rule_base().decide({'OT': [90]}).explain(0); "

@@ -52,14 +52,14 @@ def test_many_samples_have_no_numbers(ax):
     assert not ax.texts and ax.images[0].get_array().shape == (12, 21)
 
 
-def test_what_cannot_be_a_matrix_is_refused(ax):
+def test_strengths_that_are_not_a_matrix_are_not_drawn(ax):
     with pytest.raises(ArgumentError, match="a matrix has two"):
         BASE.fire({"FP": [[1]]}).plot(ax=ax)
     with pytest.raises(ArgumentError, match="2 labels; expected 1"):
         BASE.fire({"FP": [1]}).plot(["a", "b"], ax=ax)
 
 
-def test_overlaps_are_shares_and_subsets_say_so(ax):
+def test_overlaps_are_drawn_as_shares_and_subsets_are_marked(ax):
     overlaps = BASE.overlaps()
     assert overlaps.plot(ax=ax) is ax
     texts = {text.get_position(): text.get_text() for text in ax.texts}

@@ -67,7 +67,7 @@ def test_a_spreadsheet_may_have_its_own_separator_and_mark(load, base, separator
     assert load(**changed) == base
 
 
-def test_columns_may_come_in_any_order_and_a_note_is_not_kept(load):
+def test_columns_may_come_in_any_order_and_a_note_is_ignored(load):
     made = load(
         rules="note,priority,antecedent,code\nremark,7,FP.high,A\n",
         terms="term,variable,high,low,left_foot,left_shoulder,crisp\n,FP,9,0,,,\nhigh,FP,,,1,2,x>1\n",
@@ -143,7 +143,7 @@ def test_a_file_that_holds_no_rules_says_why(load, rules, fault):
     assert any(fault in one for one in faults_of(load, rules=rules))
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path):
+def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(InputError, match=r"absent\.csv: cannot be read"):
         read_rules(FILES[0], tmp_path / "absent.csv")
     with pytest.raises(InputError, match="cannot be read"):
@@ -177,7 +177,7 @@ def test_a_rule_base_refuses_what_does_not_fit(base):
         base["X"]
 
 
-def test_the_table_has_a_row_a_rule(base):
+def test_the_table_has_a_row_per_rule(base):
     assert base.table()["code"].tolist() == list(base.codes)
     assert base.table().loc[3, "antecedent"] == "FP.high & OP.high"
 
@@ -259,6 +259,6 @@ def test_the_assumed_fills_leave_what_is_printed_alone():
 
 
 @pytest.mark.parametrize("wrong", [{"version": "guessed"}, {"fill": "zero"}])
-def test_there_is_no_other_reading_or_fill(wrong):
+def test_an_unknown_version_or_fill_is_refused(wrong):
     with pytest.raises(ArgumentError, match="must be one of"):
         rule_vectors(**wrong)

@@ -62,7 +62,7 @@ def test_a_comparison_holds_where_it_says(text, inside, outside):
         "5",
     ],
 )
-def test_what_is_no_comparison_is_refused(text):
+def test_text_that_is_not_a_comparison_is_refused(text):
     with pytest.raises(ArgumentError):
         parse_comparison(text)
 
@@ -107,7 +107,7 @@ def test_membership_keeps_the_shape():
         (0, 1, 2, INF), (INF, INF, INF, INF),
     ],
 )  # fmt: skip
-def test_what_is_no_trapezoid_is_refused(corners):
+def test_corners_that_are_not_a_trapezoid_are_refused(corners):
     with pytest.raises(ArgumentError, match="corners are"):
         Term("a", corners, ANY)
 

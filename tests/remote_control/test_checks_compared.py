@@ -102,7 +102,7 @@ def test_the_crc_lets_pass_what_the_weights_of_its_code_say():
     assert is_likely(trial.undetected, trial.sent, expected)
 
 
-def test_the_stuffed_packet_keeps_under_its_estimate():
+def test_the_stuffed_packet_stays_below_its_estimate():
     form = CobsFormat(3)
     trial = form.transmit(3, 0.02, 500_000, np.random.default_rng(2024))
     shares = form.error_shares(3, 0.02)
@@ -219,7 +219,7 @@ def test_a_lost_packet_costs_the_cycle_and_the_turn_that_are_said():
     assert 4.3 < printed.delays("SS").delay_s[0] < 4.9
 
 
-def test_a_turn_shorter_than_an_answer_is_no_way_to_send():
+def test_a_turn_shorter_than_an_answer_is_not_recommended():
     with pytest.raises(ArgumentError, match="turn_timeout is shorter"):
         recommend(10, System(turn_timeout=0.005, bit_rate=600))
 
@@ -257,7 +257,7 @@ def test_the_figures_show_what_the_tables_hold(ax):
         (lambda: MarkerFormat().error_shares(1, 0.6), "rate is 0.6"),
         (lambda: check_formats(85), r"n_items is 85.*1\.\.84"),
         (lambda: MarkerFormat().outcomes(1, 0.1, -1, check_rng(1)), "packets is -1"),
-        (lambda: switch_staleness(Shares(0, 1, 0), 1, 1, "cyclic"), "below 1 in sum"),
+        (lambda: switch_staleness(Shares(0, 1, 0), 1, 1, "cyclic"), "in sum below 1"),
         (lambda: switch_staleness(Shares(1, 0, 0), 0, 1, "cyclic"), "period is 0"),
         (lambda: switch_staleness(Shares(1, 0, 0), 1, 1, "once"), "sending is 'once'"),
         (lambda: recommend(1, wrong_per_year=0), "wrong_per_year is 0"),

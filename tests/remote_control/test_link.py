@@ -145,7 +145,7 @@ def test_reading_b_without_changes_runs_into_the_alarm_in_health_and_reading_a_d
     ("A", "idle_time", 28), ("B", "idle_time", 21), ("A", "counted_time", 19),
     ("B", "counted_time", 21),
 ])  # fmt: skip
-def test_three_seconds_at_600_bit_per_s_are_enough_for_so_many_items(reading, name, most):
+def test_the_items_that_three_seconds_at_600_bit_per_s_allow(reading, name, most):
     systems = [System(MarkerFormat(reading, n), bit_rate=600) for n in (most, most + 1)]
     within, beyond = (getattr(system, name) for system in systems)
     assert within <= 3.0 < beyond

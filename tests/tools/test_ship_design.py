@@ -19,10 +19,9 @@ from shipnet.design.report import BANNER
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError, InputError
-from shipnet.tools import _design
-from shipnet.tools._design import EXAMPLES, MIXES
+from shipnet.tools import ship_design
 from shipnet.tools._view import read_state, write_state
-from shipnet.tools.ship_design import PICTURES, ShipDesign, from_file
+from shipnet.tools.ship_design import EXAMPLES, MIXES, PICTURES, ShipDesign, from_file
 from tests.support import load
 
 FEW = "tag,system,type,x,y,z,update,category\n" + "".join(
@@ -53,8 +52,8 @@ def test_a_price_plans_nothing_anew_and_a_limit_does(monkeypatch, small):
     def planner(*_, **__):
         raise AssertionError("planned anew")
 
-    monkeypatch.setattr(_design, "plan", planner)
-    monkeypatch.setattr(_design, "site_of", planner)
+    monkeypatch.setattr(ship_design, "plan", planner)
+    monkeypatch.setattr(ship_design, "site_of", planner)
     dear = replace(SMALL, labour=110.0, parts=2.0, picture="assumptions").result
     kept = (dear.designs, small.designs)
     assert all(a.cables is b.cables for a, b in zip(*(own.values() for own in kept), strict=True))
@@ -156,7 +155,7 @@ def test_the_cabinet_is_typed_or_found_or_asked_for():
         ("junction_boxes", "asi", "can", "modbus"), False))  # fmt: skip
     found = ship.result
     assert found.site.cabinet == (26, 6, 14) and "26, 6, 14 m" in ship.numbers["cabinet"]
-    assert SMALL.numbers["cabinet"] == "the cabinet stands at 10, 0, 8 m"
+    assert SMALL.numbers["cabinet"] == "the cabinet is at 10, 0, 8 m"
     with pytest.raises(ArgumentError, match="give its position x, y, z in m, such as 26,6,14"):
         _ = replace(SMALL, cabinet="").result
     for wrong in ("1, 2", "1, 2, x", "1, 2, nan", "1, 2, inf", "1 2 3", ",,", "1,2,3,4"):
