@@ -244,8 +244,6 @@ def analyse(
 
 def _messages(source: MessageSet | Log | str | PathLike[str], period: float | None) -> MessageSet:
     """Return the messages of a set, a log or a file."""
-    if period is not None:
-        check_scalar("period", period, "s", 1e-6, 1e5)
     if isinstance(source, str | PathLike):
         return read_messages(source, period=period)
     return source.messages(period=period) if isinstance(source, Log) else source
@@ -311,8 +309,8 @@ def compare(
     .. math:: \text{late after } n T (1 + \epsilon) + D, \qquad
               \text{faster within } n T (1 - \epsilon) - D
 
-    where :math:`\epsilon` = 1.58 % is the largest error of a clock on the bus [1]_. A jitter above
-    the deadline replaces it.
+    where :math:`\epsilon` = 1.58 % is the largest error of a clock on the bus (Bosch, "CAN
+    Specification" 2.0, 1991, part B, section 9). A jitter above the deadline replaces it.
 
     Parameters
     ----------
@@ -336,10 +334,6 @@ def compare(
     ------
     InputError
         If a file cannot be read.
-
-    References
-    ----------
-    .. [1] Robert Bosch GmbH, "CAN Specification", version 2.0, 1991, part B, section 9.
 
     Examples
     --------

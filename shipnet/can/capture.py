@@ -383,20 +383,15 @@ def read_capture(
 
     Notes
     -----
-    A receiver as in [1]_, with one sample as time quantum, synchronises at the start of a frame and
-    at every edge to dominant. The place of an edge within its sample is unknown: the receiver tries
-    three places of the start of frame and keeps the best fit. With fewer than 4 samples per bit, an
-    edge may be as near to one bit as to the next. A wrong frame with such an edge is read again
-    with clocks 0.15 % fast and slow; if it is then correct, it is marked. This can hide a damaged
-    bit: of 18 419 frames with one flipped bit, 9 passed at 2 samples per bit (7 of them marked),
-    and none at 8.
+    A receiver as in ISO 11898-1, with one sample as time quantum, synchronises at the start of a
+    frame and at every edge to dominant. The place of an edge within its sample is unknown: the
+    receiver tries three places of the start of frame and keeps the best fit. With fewer than 4
+    samples per bit, an edge may be as near to one bit as to the next. A wrong frame with such an
+    edge is read again with clocks 0.15 % fast and slow; if it is then correct, it is marked. This
+    can hide a damaged bit: of 18 419 frames with one flipped bit, 9 passed at 2 samples per bit (7
+    of them marked), and none at 8.
 
     CAN FD frames and error flags count as faults: a recessive reserved bit, and six equal bits.
-
-    References
-    ----------
-    .. [1] Robert Bosch GmbH, "CAN Specification", version 2.0, 1991, part B, sections 8 and 9;
-       now in ISO 11898-1.
 
     Examples
     --------

@@ -142,14 +142,9 @@ class Frame:
     The acknowledge slot is dominant, as on a bus with at least one receiver. CAN 2.0 part A also
     forbade ids that begin with seven recessive bits; ISO 11898-1 does not.
 
-    References
-    ----------
-    .. [1] R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, "Controller Area Network (CAN)
-       schedulability analysis: refuted, revisited and revised", Real-Time Systems 35, 2007.
-
     Examples
     --------
-    The longest frame with 8 bytes and an 11-bit id; the bound of [1]_ is 135 bits:
+    The longest frame with 8 bytes and an 11-bit id; `frame_length` gives a bound of 135 bits:
 
     >>> frame = Frame(0x078, bytes.fromhex("01E1E1E1E1E1E00F"))
     >>> frame
@@ -340,13 +335,10 @@ def decode(bits: str) -> Frame:
 
     Notes
     -----
-    A receiver ignores the last bit of the end of frame; a dominant one signals overload [1]_. The
-    specification lets receivers accept either value of a reserved bit. Here a recessive one is a
-    `FormError`, because on today's buses it marks CAN FD.
-
-    References
-    ----------
-    .. [1] Robert Bosch GmbH, "CAN Specification", version 2.0, 1991, part B, section 5.
+    A receiver ignores the last bit of the end of frame; a dominant one signals overload (Bosch,
+    "CAN Specification" 2.0, 1991, part B, section 5). The specification lets receivers accept
+    either value of a reserved bit. Here a recessive one is a `FormError`, because on today's buses
+    it marks CAN FD.
 
     Examples
     --------
@@ -446,11 +438,8 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
 
     Notes
     -----
-    Every node reads the same level within the bit time, as on a short bus [1]_.
-
-    References
-    ----------
-    .. [1] Robert Bosch GmbH, "CAN Specification", version 2.0, 1991, section 1.
+    Every node reads the same level within the bit time, as on a short bus; Bosch, "CAN
+    Specification" 2.0, 1991, section 1.
 
     Examples
     --------

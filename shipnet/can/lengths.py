@@ -85,7 +85,7 @@ def frame_length(
         Data bytes, 0..8.
     stuffing : {"none", "mean", "attainable", "worst", "worst 1994"}, default "worst"
         Which stuff bits count: none, the mean over random identifiers and data, the most in any
-        frame, the bound of [1]_, or that of [2]_, which is too low.
+        frame, the bound of 2007, or that of 1994, which is too low.
     extended : bool or array_like of bool, default False
         Whether the identifier has 29 bits.
 
@@ -96,16 +96,10 @@ def frame_length(
 
     Notes
     -----
-    In the bound of [1]_ a stuff bit begins the next run, which [2]_ overlooked. No frame reaches
-    it, because identifier, reserved bits and CRC are not free: the longest standard frame has 133
-    bits. Real data are not random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
-
-    References
-    ----------
-    .. [1] R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, "Controller Area Network (CAN)
-       schedulability analysis: refuted, revisited and revised", Real-Time Systems 35, 2007.
-    .. [2] K. Tindell, A. Burns, "Guaranteeing message latencies on Control Area Network (CAN)",
-       1st International CAN Conference, 1994.
+    In the bound of Davis et al. (2007), a stuff bit begins the next run, which Tindell and Burns
+    (1994) overlooked; `response_times` has the references. No frame reaches it, because identifier,
+    reserved bits and CRC are not free: the longest standard frame has 133 bits. Real data are not
+    random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
 
     Examples
     --------

@@ -192,10 +192,8 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
                 "is an MDF (MF4) file, which is not read; asammdf or the program of the logger "
                 "converts it to ASC or BLF",
             )
-        reader = _read_text if kind == "text" else partial(_read_foreign, kind)
-        if kind == "blf":
-            reader = _read_blf
-        found = reader(file)
+        readers = {"text": _read_text, "blf": _read_blf}
+        found = readers.get(kind, partial(_read_foreign, kind))(file)
     except OSError as problem:
         raise InputError(str(path), f"cannot be read: {problem.strerror}") from None
     log, more = found.log()

@@ -203,14 +203,11 @@ def simulate(
     A frame ends with its 3 bits of intermission, as in response-time analysis. Jitter delays each
     release by a uniformly random time, and frames of one message stay in order. All nodes see an
     error at once; it destroys the frame, and the sender tries again. An error passive node lets 8
-    more bits pass after its own frames [1]_; a node whose counter reaches 256 leaves the bus.
-    Errors in error frames, overload frames and missing acknowledgement are not modelled.
+    more bits pass after its own frames, and a node whose counter reaches 256 leaves the bus (Bosch,
+    "CAN specification 2.0", 1991, part B, sections 3.2.5 and 8). Errors in error frames, overload
+    frames and missing acknowledgement are not modelled.
 
     A simulation does not find the worst case; `response_times` bounds it.
-
-    References
-    ----------
-    .. [1] Robert Bosch GmbH, "CAN specification 2.0", 1991, part B, sections 3.2.5 and 8.
 
     Examples
     --------
@@ -466,18 +463,17 @@ def _error_tables(
     failures: list[Failure],
     nodes: Nodes,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    found = pd.DataFrame(failures, columns=list(Failure._fields))
-    numbers = found.drop(columns="state").astype(np.int64)
-    ranks = releases.message[numbers["release"].to_numpy()]
+    release, start, free, bit, tec, state = zip(*failures, strict=True) if failures else 6 * [()]
+    ranks = releases.message[np.array(release, dtype=int)].tolist()
     errors = pd.DataFrame(
         {
             "message": [messages.names[rank] for rank in ranks],
             "sender": [columns.senders[columns.owner[rank]] for rank in ranks],
-            "start_ms": numbers["start"] / 1e6,
-            "free_ms": numbers["free"] / 1e6,
-            "bit": numbers["bit"],
-            "tec": numbers["tec"],
-            "state": found["state"].astype(object),
+            "start_ms": np.array(start, dtype=float) / 1e6,
+            "free_ms": np.array(free, dtype=float) / 1e6,
+            "bit": np.array(bit, dtype=int),
+            "tec": np.array(tec, dtype=int),
+            "state": np.array(state, dtype=object),
         }
     )
     table = pd.DataFrame(

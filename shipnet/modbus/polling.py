@@ -25,13 +25,9 @@ class Poll:
 
     .. math:: T = t_{request} + t_{3.5} + t_{processing} + t_{response} + t_{3.5}
 
-    After a time-out, the next request follows at once, because the line has been silent. The guide
-    suggests a time-out of "typically 1 s to several seconds at 9600 bit/s" [1]_.
-
-    References
-    ----------
-    .. [1] "MODBUS over serial line specification and implementation guide", V1.02, 2006,
-       section 2.4.1.
+    After a time-out, the next request follows at once, because the line has been silent. "MODBUS
+    over serial line" V1.02, section 2.4.1, suggests a time-out of "typically 1 s to several seconds
+    at 9600 bit/s".
 
     Examples
     --------

@@ -159,13 +159,13 @@ class Loop(_Redundant):
 
     Notes
     -----
-    From [1]_: two-wire RS-485, slaves with one port, and a master with two ports that uses the
-    other direction when the line is broken. The paper gives no rule for the switch-over: `move`,
-    `failures` and `recheck` are assumptions. We also assume that a dead slave or port leaves the
-    line alone, that all slaves are polled through A while the line is whole, that there is one
-    transaction at a time, that a section both broken and shorted is shorted on both sides of the
-    break, and that termination remains adequate. The paper says 256 slaves, and 250 for the master;
-    the standard has 247.
+    From kim2014, sections 2.1 and 3: two-wire RS-485, slaves with one port, and a master with two
+    ports that uses the other direction when the line is broken. The paper gives no rule for the
+    switch-over: `move`, `failures` and `recheck` are assumptions. We also assume that a dead slave
+    or port leaves the line alone, that all slaves are polled through A while the line is whole,
+    that there is one transaction at a time, that a section both broken and shorted is shorted on
+    both sides of the break, and that termination remains adequate. The paper says 256 slaves, and
+    250 for the master; the standard has 247.
 
     With s slaves that stay on their port, m that are moved and l that are lost, f `failures`, T an
     answered poll and G one that times out, the longest gap of a slave that is moved, or stays, is
@@ -180,12 +180,6 @@ class Loop(_Redundant):
     slave costs l G. The worst moment for a fault is the end of the slave's answer. All values are
     attained except one: with "downstream" and several failures, that of a slave that stays is a
     bound.
-
-    References
-    ----------
-    .. [1] J. H. Kim and Y. H. Yu, "Development of electro hydraulic ballast remote valve control
-       system with diagnostic function using redundant Modbus communication", 2014, sections 2.1
-       and 3.
 
     Examples
     --------
@@ -369,14 +363,9 @@ class DualChannel(_Redundant):
 
     .. math:: t = P + (f - 1) \max \left( P, G \right) + G
 
-    or P if one channel stays in use. The paper [1]_ gives no time-out or retries. Its switching
-    time of 133 us is only 1.3 bit times; 133 ms would be a request of 9.17 ms and a time-out of 124
-    ms.
-
-    References
-    ----------
-    .. [1] J.-H. Lee and D.-S. Kim, "Design and implementation of distributed control system based
-       on dual field-bus for ship engine", 2012, sections III.2 and IV.2.
+    or P if one channel stays in use. lee2012 (sections III.2 and IV.2) gives no time-out or
+    retries. Its switching time of 133 us is only 1.3 bit times; 133 ms would be a request of 9.17
+    ms and a time-out of 124 ms.
 
     Examples
     --------
@@ -399,7 +388,7 @@ class DualChannel(_Redundant):
     poll: Poll = part(Poll, "What the master asks")
     period: float = number(
         0, 3600, "s", "Time between the starts of two polls, at least that of a poll; a longer one "
-        "delays the next. The AMS of [1]_ polls once per second", default=1.0, kw_only=True,
+        "delays the next. The AMS of lee2012 polls once per second", default=1.0, kw_only=True,
     )  # fmt: skip
     failures: int = whole(
         1, 100, help="Polls in a row, each with all retries, that must fail before the master asks "

@@ -333,16 +333,11 @@ def answer(
 
     Notes
     -----
-    Unit id 0 is a broadcast: all slaves execute a write, and none answers [1]_. If TCP slaves
-    include 0, both 0 and 255 mean the server itself [2]_. For a missing slave, a serial line stays
-    silent; in TCP, exception 11 reports that the target did not respond [3]_.
-
-    References
-    ----------
-    .. [1] "MODBUS over serial line specification and implementation guide", V1.02, 2006,
-       section 2.1.
-    .. [2] "MODBUS messaging on TCP/IP implementation guide", V1.0b, 2006, section 4.4.2.
-    .. [3] "MODBUS application protocol specification", V1.1b3, 2012, section 7.
+    Unit id 0 is a broadcast: all slaves execute a write, and none answers ("MODBUS over serial
+    line" V1.02, section 2.1). If TCP slaves include 0, both 0 and 255 mean the server itself
+    ("MODBUS messaging on TCP/IP" V1.0b, section 4.4.2). For a missing slave, a serial line stays
+    silent; in TCP, exception 11 reports that the target did not respond ("MODBUS application
+    protocol" V1.1b3, section 7).
 
     Examples
     --------

@@ -176,11 +176,12 @@ def compare(
 
     Notes
     -----
-    The header in tables 2 and 3 of [1]_ begins with 0.0.0.0: transaction id 0. A reply after its
-    time-out then looks like the next one, which the guide's id would prevent [2]_. Let a round trip
-    take r and a late one r + L, with L < T < r + L for a time-out T, and let requests follow at
-    once. The late reply comes before that to the next request, which is left for the following one,
-    and so on. So one late reply to request j of n, counted from 0, mismatches all later requests,
+    The header in tables 2 and 3 of kim2014 begins with 0.0.0.0: transaction id 0. A reply after its
+    time-out then looks like the next one, which an id as in "MODBUS messaging on TCP/IP" V1.0b,
+    section 4.4.1, would prevent. Let a round trip take r and a late one r + L, with L < T < r + L
+    for a time-out T, and let requests follow at once. The late reply comes before that to the next
+    request, which is left for the following one, and so on. So one late reply to request j of n,
+    counted from 0, mismatches all later requests,
 
     .. math:: n - 1 - j
 
@@ -189,11 +190,6 @@ def compare(
     expected number is
 
     .. math:: (n - m) \, p
-
-    References
-    ----------
-    .. [1] J. H. Kim, Y. H. Yu, J. Korean Soc. Marine Eng. 38(3), 2014, tables 2 and 3.
-    .. [2] "MODBUS messaging on TCP/IP implementation guide", V1.0b, 2006, section 4.4.1.
 
     Examples
     --------
