@@ -32,9 +32,9 @@ from shipnet.design.costs import (
 )
 from shipnet.design.designs import Design
 from shipnet.design.failures import worst
-from shipnet.design.iolist import IoList
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.plot import plot_pareto, plot_ranges
+from shipnet.design.points import PointTable
 from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings, kind_of, names, shown
@@ -132,7 +132,7 @@ class Comparison:
     remarks: tuple[str, ...] = ()
 
     @property
-    def iolist(self) -> IoList:
+    def iolist(self) -> PointTable:
         """The points, which all designs share."""
         return self._first.iolist
 

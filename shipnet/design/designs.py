@@ -19,8 +19,8 @@ from shipnet.answers import Findings
 from shipnet.arguments import checked
 from shipnet.design import costs, drawing, failures, tables
 from shipnet.design.costs import Quantities
-from shipnet.design.iolist import IoList
 from shipnet.design.plot import draw_cables
+from shipnet.design.points import PointTable
 from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
@@ -163,7 +163,7 @@ class Design:
     """
 
     name: str
-    iolist: IoList
+    iolist: PointTable
     site: Site
     points: pd.DataFrame
     devices: pd.DataFrame
@@ -210,7 +210,7 @@ class Design:
     @classmethod
     def example(cls, *, redundant: bool = False) -> Design:
         """Return a small Modbus loop of two stations, with a second line if `redundant`."""
-        iolist, nan = IoList.parse(_LIST, "example"), float("nan")
+        iolist, nan = PointTable.parse(_LIST, "example"), float("nan")
         tags = list(iolist.points["tag"])
         stations = ["JB1", "JB1", "JB2", "JB2"]
         places = {"cabinet": 0.0, "master": 0.0, "JB1": 22.5, "JB2": 42.5}

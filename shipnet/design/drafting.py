@@ -19,7 +19,7 @@ from scipy.spatial.distance import cdist
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.design.catalogue import Cable, cables, smallest
 from shipnet.design.designs import COLUMNS, Design, frame
-from shipnet.design.iolist import IoList
+from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.design.supply import Feeders, sized
@@ -232,7 +232,7 @@ class Laid(NamedTuple):
 class Draft:
     """A design that planners put together."""
 
-    iolist: IoList
+    iolist: PointTable
     site: Site
     settings: Settings
     #: Longest response of each point that rules allow [s].

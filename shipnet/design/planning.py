@@ -13,9 +13,9 @@ from shipnet.arrays import Floats, Indices
 from shipnet.design.catalogue import cables, smallest, with_spare
 from shipnet.design.designs import Design
 from shipnet.design.drafting import Box, Draft, Laid, boxes, without_place
-from shipnet.design.iolist import IoList
 from shipnet.design.plan_asi import plan_asi
 from shipnet.design.plan_stations import plan_can, plan_modbus
+from shipnet.design.points import PointTable
 from shipnet.design.rules import RuleSet, longest_responses
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
@@ -96,7 +96,7 @@ _BY = ("tag", "signal", "system", "category", "type")
 
 
 def plan(
-    iolist: IoList,
+    iolist: PointTable,
     site: Site,
     option: str,
     *,

@@ -5,11 +5,16 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import chain, pairwise, zip_longest
+from os import PathLike
+from pathlib import Path
+from typing import Self
 
 import numpy as np
 import pandas as pd
 
+from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.design.words import (
     COLUMNS,
@@ -19,13 +24,14 @@ from shipnet.design.words import (
     column_of,
     decimal_mark,
     is_frame,
+    is_place_titles,
     read_number,
     widened,
     without_safety,
 )
-from shipnet.errors import ArgumentError, InputError
+from shipnet.errors import ArgumentError, InputError, listed
 from shipnet.signals import SIGNALS, find_signal, meanings, plain, spellings
-from shipnet.tables import Remark, Sheet
+from shipnet.tables import Remark, Sheet, frame_sheet, parse_sheet, read_sheet, read_sheets
 
 # The columns of a sheet, and the rows that are points -------------------------------------------
 
@@ -549,3 +555,131 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
         expected = f"expected {own.conductors}, as the signal is {signal}"
         faults.append(("conductors", f"{count!r}; {expected}"))
     return signal, faults
+
+
+# The table of points ---------------------------------------------------------------------------
+
+#: How a list without words of its own is read.
+_PLAIN = Reading()
+
+#: What a file must have to be an I/O list.
+_WHAT = "titles of an I/O list, which are at least tag, and signal or type"
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class PointTable:
+    """The points of a list, one per row; `IoList` adds what is done with them."""
+
+    points: pd.DataFrame
+    source: str
+    notes: tuple[Remark, ...] = ()
+
+    def __post_init__(self) -> None:
+        missing = [name for name in COLUMNS if name not in self.points.columns]
+        if missing:
+            raise ArgumentError(
+                f"points have no column {', '.join(missing)}; use IoList.from_table"
+            )
+        if not self.points.index.equals(pd.RangeIndex(len(self.points))):
+            raise ArgumentError("the rows of points must be numbered from 0; use IoList.from_table")
+
+    @classmethod
+    def parse(
+        cls, text: str, source: str = "text", *, reading: Reading = _PLAIN, strict: bool = False
+    ) -> Self:
+        """Read an I/O list from text, as an editor holds it."""
+        return cls._of(
+            parse_sheet(text, source, is_titles=score(reading), what=_WHAT), reading, strict
+        )
+
+    @classmethod
+    def from_table(cls, table: pd.DataFrame, source: str = "table") -> Self:
+        """Make an I/O list from a table, checked as a file would be."""
+        return cls._of(frame_sheet(table, source), _PLAIN, False)
+
+    @classmethod
+    def read(
+        cls,
+        path: str | PathLike[str],
+        sheet: str | None = None,
+        *,
+        reading: Reading = _PLAIN,
+        strict: bool = False,
+    ) -> Self:
+        """Read an I/O list from a CSV file or an Excel workbook."""
+        found = read_sheet(path, sheet, is_titles=score(reading), what=_WHAT)
+        first = [*found.titles, *(found.rows[0][1] if found.rows else ())]
+        placed = any((column := column_of(cell)) and column.name in PLACED for cell in first)
+        if placed and not (reading.frames or reading.decks):
+            reading = reading.with_sheets(read_sheets(path, is_place_titles))
+        return cls._of(found, reading, strict)
+
+    @classmethod
+    def _of(cls, sheet: Sheet, reading: Reading, strict: bool) -> Self:
+        points, notes = points_of(sheet, reading, strict=strict)
+        return cls(points, sheet.source, notes)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on what was not used, left out, filled in or assumed."""
+        return tuple(str(note) for note in self.notes if not note.detail)
+
+    def reading(self) -> pd.DataFrame:
+        """Return how the list was read: what, how many rows, which, and whether it is a doubt."""
+        rows = []
+        for note in self.notes:
+            which = listed(note.rows, None)[1:].lstrip() if note.rows else ""
+            rows.append((note.what, len(note.rows) or np.nan, which, note.doubt))
+        table = pd.DataFrame(rows, columns=["what", "count", "rows", "doubt"])
+        return table.astype({"count": "Int64"})
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __str__(self) -> str:
+        return f"{self._said} of {Path(self.source).name}"
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self._said}>"
+
+    @property
+    def _said(self) -> str:
+        counts = self.points["type"].value_counts(sort=False)
+        kinds = ", ".join(f"{number} {kind}" for kind, number in counts.items())
+        return f"{len(self)} point{'' if len(self) == 1 else 's'} ({kinds})"
+
+    def table(self) -> pd.DataFrame:
+        """Return one row per point, without empty columns."""
+        said = (self.points.notna() & (self.points != "")).any()
+        return self.points.loc[:, said].copy()
+
+    def where(self, query: str) -> Self:
+        """Return the points that a query selects, as `pandas.DataFrame.query` does."""
+        try:
+            chosen = self.points.query(query)
+        except Exception as error:  # pandas raises many kinds for what cannot be parsed
+            raise ArgumentError(f"query is {query!r}; {error}") from None
+        if not len(chosen):
+            raise ArgumentError(f"query is {query!r}; no point of the list matches it")
+        return replace(self, points=chosen.reset_index(drop=True))
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of points by signal, the most frequent first."""
+        return {str(s): int(n) for s, n in self.points["signal"].value_counts().items()}
+
+    @property
+    def places(self) -> Floats:
+        """Positions of the points [m], shape (n, 3); NaN where unknown."""
+        return self.points[["x_m", "y_m", "z_m"]].to_numpy(float)
+
+    @property
+    def box_places(self) -> Floats:
+        """Positions of their junction boxes [m], shape (n, 3); NaN where unknown."""
+        return self.points[["box_x_m", "box_y_m", "box_z_m"]].to_numpy(float)
+
+    @property
+    def located(self) -> Bools:
+        """Whether the position of each point is known, shape (n,)."""
+        return np.asarray(np.isfinite(self.places).all(axis=1))

@@ -17,8 +17,8 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from shipnet import style
 from shipnet.arguments import checked
 from shipnet.arrays import Floats, Indices
-from shipnet.design.iolist import IoList
 from shipnet.design.plot import draw_cables
+from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
 from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import number, part, record
@@ -462,7 +462,7 @@ class Found(NamedTuple):
         return said if self.settled else said + other
 
 
-def find_cabinet(iolist: IoList, *, detour: float = 1.15, tails: float = 5.0) -> Found:
+def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0) -> Found:
     """Infer the position of the cabinet from home runs of known length."""
     length = iolist.points["home_run_m"].to_numpy(float)
     known = np.isfinite(length) & iolist.located
@@ -499,7 +499,7 @@ def find_cabinet(iolist: IoList, *, detour: float = 1.15, tails: float = 5.0) ->
 
 
 def site_of(
-    iolist: IoList,
+    iolist: PointTable,
     cabinet: Where,
     trays: Trays | str | PathLike[str] | None,
     settings: Settings,
