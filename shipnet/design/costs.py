@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import floor, isinf, isnan, log10
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -16,13 +16,11 @@ from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.design.catalogue import LEVELS, Level, values_at, with_spare, words
 from shipnet.design.catalogue import cables as catalogue
+from shipnet.design.layout import Layout
 from shipnet.design.plot import plot_ranges
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_whole
 from shipnet.lazy import Axes, pd
-
-if TYPE_CHECKING:
-    from shipnet.design.designs import Design
 
 
 def number(value: float) -> str:
@@ -61,13 +59,13 @@ _DEVICES: dict[str, tuple[str, ...]] = {
 }
 
 
-def conductors_at_cabinet(design: Design) -> int:
+def conductors_at_cabinet(design: Layout) -> int:
     """Count the conductors in use in the cables that enter the cabinet."""
     runs = design.cables
     return int(runs["used"][runs["at_cabinet"]].sum())
 
 
-def items_of(design: Design) -> dict[str, int]:
+def items_of(design: Layout) -> dict[str, int]:
     """Count the parts and pieces of work of a design, by the names of their prices and times."""
     analogue = design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
@@ -78,7 +76,7 @@ def items_of(design: Design) -> dict[str, int]:
     return {name: number for name, number in items.items() if number}
 
 
-def _devices(design: Design, analogue: Bools) -> dict[str, int]:
+def _devices(design: Layout, analogue: Bools) -> dict[str, int]:
     devices = design.devices
     bus = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     items = Counter[str]()
@@ -91,7 +89,7 @@ def _devices(design: Design, analogue: Bools) -> dict[str, int]:
     return items
 
 
-def _second_interfaces(design: Design) -> int:
+def _second_interfaces(design: Layout) -> int:
     """Count the stations at which both lines of a redundant pair end."""
     trunk = design.cables[design.cables["kind"] == "trunk"]
     a, b = (trunk.loc[trunk["line"] == line, ["a", "b"]].to_numpy().ravel() for line in "AB")
@@ -99,7 +97,7 @@ def _second_interfaces(design: Design) -> int:
     return len({*a} & {*b} & {*stations})
 
 
-def _channels(design: Design, analogue: Bools) -> dict[str, int]:
+def _channels(design: Layout, analogue: Bools) -> dict[str, int]:
     """Count the channels of the cabinet and of the stations, with spares."""
     bus, spare = design.points["bus"].to_numpy(), design.settings.spare
     wired, station = bus == "hardwired", (bus == "CAN") | (bus == "Modbus RTU")
@@ -259,7 +257,7 @@ def ranges_of(quantities: Mapping[str, Quantities], figure: str) -> pd.DataFrame
 class Model:
     """The figures of one design as a function of the assumptions."""
 
-    def __init__(self, design: Design) -> None:
+    def __init__(self, design: Layout) -> None:
         self.items = items_of(design)
         self.assumptions = design.settings.assumptions
         self._at_cabinet = conductors_at_cabinet(design)
@@ -339,7 +337,7 @@ class Model:
         return pd.DataFrame(rows, columns=["name", *LEVELS, "unit", "status", "source"])
 
 
-def quantities(design: Design) -> Quantities:
+def quantities(design: Layout) -> Quantities:
     """Return the figures of a design under the assumptions of its settings."""
     model = Model(design)
     table = pd.DataFrame({level: model.figures(others=level) for level in LEVELS})
@@ -353,7 +351,7 @@ def quantities(design: Design) -> Quantities:
     )
 
 
-def bill_table(design: Design) -> pd.DataFrame:
+def bill_table(design: Layout) -> pd.DataFrame:
     """Return cables, parts and work of a design at nominal; the costs add up to the total."""
     model = Model(design)
     cables, assumed = _by_cable(model), model.assumptions
@@ -382,7 +380,7 @@ def _by_cable(model: Model) -> pd.DataFrame:
 # The distribution of the figures when every assumption is drawn from its range -------------------
 
 
-def draw(designs: Mapping[str, Design], *, rng: Rng, draws: int = 10_000) -> pd.DataFrame:
+def draw(designs: Mapping[str, Layout], *, rng: Rng, draws: int = 10_000) -> pd.DataFrame:
     """Draw every assumption from its range many times, and return the figures."""
     models = {name: Model(design) for name, design in designs.items()}
     rng = check_rng(rng)
@@ -500,7 +498,7 @@ class Tornado:
         return f"{what}; what matters most: {', '.join(said) or 'no assumption'}"
 
 
-def tornado(designs: Mapping[str, Design], figure: str = "total_cost_eur") -> Tornado:
+def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> Tornado:
     """Vary every assumption, for the lowest of the other designs less the first."""
     check_choice("figure", figure, FIGURES)
     models = {name: Model(design) for name, design in designs.items()}

@@ -18,7 +18,8 @@ from scipy.spatial.distance import cdist
 
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.design.catalogue import Cable, cables, smallest
-from shipnet.design.designs import COLUMNS, Design, frame
+from shipnet.design.designs import Design
+from shipnet.design.layout import COLUMNS, frame
 from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site

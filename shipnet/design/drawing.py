@@ -6,12 +6,9 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from html import escape
-from typing import TYPE_CHECKING
 
+from shipnet.design.layout import Layout
 from shipnet.lazy import pd
-
-if TYPE_CHECKING:
-    from shipnet.design.designs import Design
 
 #: Colours of segments, after Okabe and Ito: distinct with any common colour vision.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#56B4E9", "#444444")
@@ -61,7 +58,7 @@ class _Node:
         return len(devices)
 
 
-def single_line(design: Design) -> str:
+def single_line(design: Layout) -> str:
     """Return the drawing of a design as one SVG, its sheets below each other."""
     y, parts = 0, []
     for sheet, height in sheets(design):
@@ -74,7 +71,7 @@ def single_line(design: Design) -> str:
     return "\n".join([head, *parts, "</svg>\n"])
 
 
-def sheets(design: Design) -> list[tuple[str, int]]:
+def sheets(design: Layout) -> list[tuple[str, int]]:
     """Return the sheets of the drawing of a design, each as SVG, with its height."""
     rows = list(_rows(design))
     most = _COLUMNS * _ROWS
@@ -139,7 +136,7 @@ def _text(x: float, y: float, words: str, style: str = "", most: int = 200) -> s
     return f'<text x="{x:g}" y="{y:g}" {style}>{escape(shown)}</text>' if shown else ""
 
 
-def _rows(design: Design) -> Iterator[_Row]:
+def _rows(design: Layout) -> Iterator[_Row]:
     """Yield the rows of the drawing: hardwired points, then segment by segment."""
     counts = _counts(design)
     hardwired = _hardwired(design, counts)
@@ -173,7 +170,7 @@ def _rows(design: Design) -> Iterator[_Row]:
             yield row
 
 
-def _counts(design: Design) -> dict[str, str]:
+def _counts(design: Layout) -> dict[str, str]:
     """Return the points by type and the systems of each device, in words."""
     said = {}
     for device, own in design.iolist.points.groupby(design.points["device"]):
@@ -185,7 +182,7 @@ def _counts(design: Design) -> dict[str, str]:
     return said
 
 
-def _hardwired(design: Design, counts: dict[str, str]) -> _Node:
+def _hardwired(design: Layout, counts: dict[str, str]) -> _Node:
     """Return the cabinet with the boxes, and the home runs of each system."""
     root = _Node(_Row(design.cabinet, kind="cabinet"))
     runs, devices = design.cables, design.devices

@@ -6,17 +6,15 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Bools, Integers
+from shipnet.design.layout import Layout
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
-
-if TYPE_CHECKING:
-    from shipnet.design.designs import Design
 
 # The parts of a design that are still reached when some cables are cut and some devices dead -----
 
@@ -44,7 +42,7 @@ _CHUNK = 2**21
 class Reach:
     """A planned design as arrays: runs and devices are the rows of its tables."""
 
-    design: Design
+    design: Layout
 
     @cached_property
     def kinds(self) -> npt.NDArray[Any]:
@@ -405,7 +403,7 @@ def _nth(values: Integers) -> Iterator[Integers]:
 FAILURES = ("cut", "short", "tray", "device")
 
 
-def single_failures(design: Design) -> pd.DataFrame:
+def single_failures(design: Layout) -> pd.DataFrame:
     """Return the points and systems lost by each single failure of a planned design."""
     reach = Reach(design)
     runs = design.cables[["run", "kind", "segment", "line"]].to_numpy(object).tolist()
@@ -437,7 +435,7 @@ def single_failures(design: Design) -> pd.DataFrame:
 
 
 def lost(
-    design: Design,
+    design: Layout,
     *,
     cables: Collection[str] = (),
     devices: Collection[str] = (),

@@ -13,8 +13,9 @@ import pandas as pd
 
 from shipnet.arguments import checked
 from shipnet.design.costs import Rng, conductors_at_cabinet, draw, quantities
-from shipnet.design.designs import COLUMNS, Design, frame
+from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
+from shipnet.design.layout import COLUMNS, frame
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.fields import check_whole, choice, number, record, whole

@@ -6,7 +6,7 @@ from base64 import b64encode
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,9 +20,6 @@ from shipnet.design.failures import FAILURES
 from shipnet.design.plot import plot_pareto, plot_ranges, svg
 from shipnet.design.settings import shown
 from shipnet.errors import listed
-
-if TYPE_CHECKING:
-    from shipnet.design.comparison import Comparison
 
 #: The first page of a report and the end of a printed comparison say this.
 BANNER = "A design aid, not class approval."
@@ -261,8 +258,8 @@ _BANNER_MORE = (
 )
 
 
-def report_html(found: Comparison, title: str, date: str) -> str:
-    """Return the report of a comparison."""
+def report_html(found: Any, title: str, date: str) -> str:
+    """Return the report of a `Comparison`, whose module imports this one."""
     designs, takes, likely = found.designs, found.quantities, found.likely()
     annexes = [
         _what(found),
@@ -320,7 +317,7 @@ def _side_by_side(compared: pd.DataFrame, criteria: Sequence[str]) -> str:
     )  # fmt: skip
 
 
-def _what(found: Comparison) -> str:
+def _what(found: Any) -> str:
     iolist, site, changes = found.iolist, found.site, found.changes()
     systems = iolist.points["system"].replace("", None).nunique()
     in_systems = f"{systems} system{'s' if systems > 1 else ''}" if systems else "no system"
@@ -374,7 +371,7 @@ def _changes(changes: pd.DataFrame) -> str:
     )  # fmt: skip
 
 
-def _pictures(found: Comparison, likely: pd.DataFrame) -> str:
+def _pictures(found: Any, likely: pd.DataFrame) -> str:
     compared, tornado = found.table(), found.tornado()
     named = counted(compared)
     axes = ["total_cost_eur", "lost_by_failure"]

@@ -9,7 +9,7 @@ from dataclasses import MISSING, asdict, dataclass, fields
 from functools import cache, cached_property
 from operator import ge, le, lt
 from os import PathLike
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.crc import Crc
 from shipnet.design.catalogue import cables
+from shipnet.design.layout import Layout
 from shipnet.design.supply import point_currents, supply_tables
 from shipnet.engine.class_rules import STANDARDS as DATA_LINKS
 from shipnet.errors import ArgumentError, InputError
@@ -37,9 +38,6 @@ from shipnet.fields import (
 )
 from shipnet.lazy import pd
 from shipnet.tables import NUMBER, Sheet, frame_sheet, in_order, read_sheet, titled
-
-if TYPE_CHECKING:
-    from shipnet.design.designs import Design
 
 # Measures of a planned design that a rule may limit ---------------------------------------------
 
@@ -79,7 +77,7 @@ APPLIES: Mapping[str, Callable[[pd.DataFrame], pd.Series[bool]]] = {
 class Facts:
     """A design with the tables that several measures need."""
 
-    design: Design
+    design: Layout
     #: Every single failure.
     cuts: pd.DataFrame
     host_time: float
@@ -662,7 +660,7 @@ def longest_responses(rules: Iterable[Rule], points: pd.DataFrame, host_time: fl
 
 
 def check(
-    design: Design,
+    design: Layout,
     failures: pd.DataFrame,
     rules: RuleSet | str | PathLike[str] = "DNV",
     *,

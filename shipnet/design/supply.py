@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +20,9 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.rules import rule_limits
 from shipnet.design.catalogue import Cable, cables, read_assumptions
+from shipnet.design.layout import Layout
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
-
-if TYPE_CHECKING:
-    from shipnet.design.designs import Design
 
 #: The setting that holds the current of each signal; other signals draw none.
 LOADS: Mapping[str, str] = MappingProxyType(
@@ -116,7 +114,7 @@ def _rooted(parent: Indices, nodes: Indices) -> tuple[Indices, tuple[Indices, ..
     return root, tuple(nodes[of == level] for level in range(1, of.max(initial=0) + 1))
 
 
-def forest(design: Design) -> Forest:
+def forest(design: Layout) -> Forest:
     """Return the trees of a design, without the run that closes a ring."""
     devices, runs, settings = design.devices, design.cables, design.settings
     kinds, count = devices["kind"].to_numpy(object), len(devices)
@@ -208,14 +206,14 @@ def _roots(
     return supply
 
 
-def point_currents(design: Design) -> pd.Series[float]:
+def point_currents(design: Layout) -> pd.Series[float]:
     """Return the current of each point while it is on [A]."""
     draws = {name: getattr(design.settings.supply, kind) for name, kind in LOADS.items()}
     return design.iolist.points["signal"].map(draws).fillna(0.0).astype(float)
 
 
 def _loads(
-    design: Design, kinds: npt.NDArray[np.object_], beside: Sequence[int], on_asi: Bools,
+    design: Layout, kinds: npt.NDArray[np.object_], beside: Sequence[int], on_asi: Bools,
     index: Mapping[str, int], ends: set[int],
 ) -> tuple[Floats, Floats, Bools]:  # fmt: skip
     """Return load [A] and drop to its worst point [V] of each node, and whether it has 24 V."""
@@ -268,7 +266,7 @@ class Feeders(NamedTuple):
     weak: Sequence[tuple[str, float, float, str]]
 
 
-def sized(design: Design) -> Feeders:
+def sized(design: Layout) -> Feeders:
     """Return the cheapest feeders that meet voltage and current: thicker cables, or more supplies.
 
     Each cross-section has its least number of supplies, and the cheapest is taken. At constant
@@ -321,7 +319,7 @@ def sized(design: Design) -> Feeders:
     return Feeders(cable, nearer, set(nearer.values()) - feeding, weak)
 
 
-def _spent(design: Design, trees: Forest, feeders: Indices, cable: Cable, own: Indices) -> Floats:
+def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: Indices) -> Floats:
     """Return the cost of each tree's feeders with a cable, and supplies at some nodes [EUR].
 
     Prices are the nominal ones of the data files, so that a plan does not depend on the settings'
@@ -384,7 +382,7 @@ def _cuts(
 # Two tables: the supplies of a design, and the devices that they feed ----------------------------
 
 
-def supply_tables(design: Design) -> tuple[pd.DataFrame, pd.DataFrame]:
+def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return one row per supply, and one row per fed device and line."""
     trees, devices, runs = forest(design), design.devices, design.cables
     (flow, drop), (_, shorted) = trees.solve(), trees.solve(short=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
@@ -15,11 +15,9 @@ import pandas as pd
 
 from shipnet.design.catalogue import cables as catalogue
 from shipnet.design.costs import bill_table
+from shipnet.design.layout import Layout
 from shipnet.design.supply import supply_tables
 from shipnet.signals import SIGNALS
-
-if TYPE_CHECKING:
-    from shipnet.design.designs import Design
 
 #: Names of the two conductors of a trunk, by bus, and of every feeder.
 _WIRES = {"AS-i": ("AS-i +", "AS-i -"), "CAN": ("CAN_H", "CAN_L"), "Modbus RTU": ("D1", "D0")}
@@ -51,7 +49,7 @@ def zipped(named: Iterable[tuple[str, bytes]]) -> bytes:
     return stream.getvalue()
 
 
-def tables(design: Design) -> dict[str, pd.DataFrame]:
+def tables(design: Layout) -> dict[str, pd.DataFrame]:
     """Return the tables of a design by the names of their files."""
     supplies, voltages = supply_tables(design)
     return {
@@ -67,7 +65,7 @@ def tables(design: Design) -> dict[str, pd.DataFrame]:
     }
 
 
-def schedule(design: Design) -> pd.DataFrame:
+def schedule(design: Layout) -> pd.DataFrame:
     """Return the cable schedule: one row per cable, to order, pull and connect it."""
     runs, known = design.cables, catalogue()
     at = design.devices.set_index("device")["at"]
@@ -89,7 +87,7 @@ _SCHEDULE = [
 ]  # fmt: skip
 
 
-def devices(design: Design) -> pd.DataFrame:
+def devices(design: Layout) -> pd.DataFrame:
     """Return all devices with position, housing, bus address and number of points."""
     connected = design.points[design.points["bus"] != ""]
     # An address begins with that of the device: a slave, a unit, or one of several messages.
@@ -103,7 +101,7 @@ def devices(design: Design) -> pd.DataFrame:
     return design.devices[columns].assign(address=address, points=count)
 
 
-def points(design: Design) -> pd.DataFrame:
+def points(design: Layout) -> pd.DataFrame:
     """Return all points of the list with their channels, also those that do not fit."""
     columns = ["tag", "system", "type", "signal", "x_m", "y_m", "z_m", "update_ms"]
     listed, own = design.iolist.points[columns], design.points.drop(columns="tag")
@@ -117,7 +115,7 @@ def points(design: Design) -> pd.DataFrame:
     )
 
 
-def terminals(design: Design) -> pd.DataFrame:
+def terminals(design: Layout) -> pd.DataFrame:
     """Return the terminal plan: one row per core with its signal and its terminal at each end.
 
     The terminals of each device are numbered from 1 in the order of the cables. Cores that meet in
@@ -164,7 +162,7 @@ def terminals(design: Design) -> pd.DataFrame:
     )
 
 
-def _wires(design: Design) -> Iterator[str]:
+def _wires(design: Layout) -> Iterator[str]:
     """Yield the name of each core of each cable: its signal on a bus, else its number."""
     bus = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     runs = design.cables
@@ -179,7 +177,7 @@ def _wires(design: Design) -> Iterator[str]:
 _Joint: TypeAlias = tuple[list[tuple[int, int]], str]
 
 
-def _boxed(design: Design) -> Iterator[tuple[int, list[_Joint]]]:
+def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
     """Yield the row of each trunk of a box, and the wires that meet each of its cores.
 
     The planner divides the points of a box among its trunks in order, so the conductors in use
