@@ -22,8 +22,9 @@ from shipnet.design.costs import (
     quantities,
     tornado,
 )
-from shipnet.design.designs import Design, frame
+from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.layout import frame
 from shipnet.design.planning import OPTIONS as OPTIONS_OF_A_PLAN
 from shipnet.design.planning import plan
 from shipnet.design.plant import Plant

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipnet.design.designs import COLUMNS, Design, frame
+from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
+from shipnet.design.layout import COLUMNS, frame
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 

@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.design.designs import Design, frame
+from shipnet.design.designs import Design
 from shipnet.design.failures import FAILURES, Reach, lost, single_failures, worst
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.layout import frame
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site, Tray, Trays
