@@ -54,7 +54,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
                 f"{row['id']:<15}{published:>16}  {computed:<14}{row['basis']:<11}{verdict:<20}"
                 f"{row['claim']}{unit}{instead}{condition}"
             )
-        lines += ["", "-> what should stand there; * under the condition in the last brackets", ""]
+        lines += ["", "-> the correction; * under the condition in the last brackets", ""]
     return Answer(
         ok=not counts["open"].any(),
         verdict=str(ledger),

@@ -15,7 +15,7 @@ from shipnet.tables import as_workbook
 #: Columns that all findings have, in this order; others may follow.
 COLUMNS = ("rule", "object", "value", "low", "high", "unit", "verdict", "why", "source")
 
-#: What a rule may come to. One that nobody can judge is never met.
+#: Verdicts on a rule; one that cannot be judged is not verified.
 VERDICTS = ("met", "violated", "not verified")
 
 

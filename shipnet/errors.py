@@ -55,7 +55,7 @@ class LengthError(FrameError, code=1):
 
 
 class SymbolError(FrameError, code=2):
-    """Something other than 0 and 1 stands where a bit should be."""
+    """A bit is neither 0 nor 1."""
 
 
 class StartBitError(FrameError, code=3):

@@ -347,43 +347,34 @@ def _declare(
     )
 
 
-def _shown(name: str, legal: tuple[Any, Any], slider: tuple[Any, Any] | None) -> tuple[Any, Any]:
-    shown = slider or legal
-    if not legal[0] <= shown[0] <= shown[1] <= legal[1]:
-        raise ArgumentError(f"slider of {name!r} is {shown}; it must lie within {legal}")
-    return shown
+def _ranged(
+    of: type[Kind],
+    low: float,
+    high: float,
+    unit: str,
+    help: str,
+    slider: tuple[float, float] | None = None,
+    **options: Any,
+) -> Any:
+    shown = slider or (low, high)
+    if not low <= shown[0] <= shown[1] <= high:
+        name = options.get("label") or help
+        raise ArgumentError(f"slider of {name!r} is {shown}; it must lie within {(low, high)}")
+    return _declare(of, low=low, high=high, unit=unit, help=help, shown=shown, **options)
 
 
 # Each takes the fields of its kind by name, and those of `dataclasses.field` that `_declare` has;
 # what has no default must be given.
 
 
-def number(
-    low: float,
-    high: float,
-    unit: str = "",
-    help: str = "",
-    *,
-    slider: tuple[float, float] | None = None,
-    **options: Any,
-) -> Any:
+def number(low: float, high: float, unit: str = "", help: str = "", **options: Any) -> Any:
     """Declare a `Number` of `low` to `high`; `slider` is the part of it that its control shows."""
-    shown = _shown(options.get("label") or help, (low, high), slider)
-    return _declare(Number, low=low, high=high, unit=unit, help=help, shown=shown, **options)
+    return _ranged(Number, low, high, unit, help, **options)
 
 
-def whole(
-    low: int,
-    high: int,
-    unit: str = "",
-    help: str = "",
-    *,
-    slider: tuple[int, int] | None = None,
-    **options: Any,
-) -> Any:
+def whole(low: int, high: int, unit: str = "", help: str = "", **options: Any) -> Any:
     """Declare a `Whole` number of `low` to `high`; `slider` is what its control shows."""
-    shown = _shown(options.get("label") or help, (low, high), slider)
-    return _declare(Whole, low=low, high=high, unit=unit, help=help, shown=shown, **options)
+    return _ranged(Whole, low, high, unit, help, **options)
 
 
 def choice(options: Mapping[Any, str] | Iterable[Any], help: str = "", **others: Any) -> Any:

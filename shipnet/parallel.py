@@ -31,7 +31,7 @@ from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.fields import check_whole
 
-#: Processes are started once they save so much [s]; a chunk of tasks takes so long [s].
+#: Time that processes must save before they are started, and time of a chunk of tasks [s].
 _WORTHWHILE, _CHUNK = 4.0, 1.0
 
 #: Losses of workers in a row, without a result between them, after which we give up.

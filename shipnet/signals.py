@@ -138,7 +138,7 @@ class Saving:
 
     @property
     def saved(self) -> float:
-        """Part of the hardwired conductors that is no longer needed."""
+        """Share of the hardwired conductors that the bus saves."""
         return 1 - self.left
 
     def __str__(self) -> str:

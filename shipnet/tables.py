@@ -69,8 +69,8 @@ class Remark:
 class Sheet:
     """A row of titles and the rows below it, as text without blanks around it.
 
-    `top` and the rows are numbered as a spreadsheet shows them, from 1. `separator` stood between
-    the cells (``""`` in the workbook's `sheet`). `odd` says what a cell is, by row number and place
+    `top` and the rows are numbered as a spreadsheet shows them, from 1. `separator` is between the
+    cells (``""`` in the workbook's `sheet`). `odd` says what a cell is, by row number and place
     from 0, if neither text nor a plain number; `hidden`, `struck` and `above` (the titles) are
     numbers of rows, and `remarks` say how the file was read.
     """
@@ -102,7 +102,7 @@ def titled(
         if title and title not in known
     ]
     twice = [title for title in dict.fromkeys(titles) if title and titles.count(title) > 1]
-    faults += [f"title {title!r} stands twice" for title in twice]
+    faults += [f"title {title!r} occurs twice" for title in twice]
     faults += [f"no column {t}" for t, empty in known.items() if empty is None and t not in titles]
     if faults:
         raise InputError(sheet.source, *(f"row {sheet.top}: {fault}" for fault in faults))
@@ -202,7 +202,7 @@ def parse_sheet(
             if any(cells):
                 rows.append((number, cells))
     except csv.Error as error:
-        raise InputError(source, f"is no CSV file: {error}, in row {number + 1}") from None
+        raise InputError(source, f"is not a CSV file: {error}, in row {number + 1}") from None
     (top, titles), *rows = rows
     filled = tuple(number for number, cells in enumerate(first, 1) if cells)
     return Sheet(source, top, _trim(titles), rows, separator, above=filled)
@@ -389,7 +389,7 @@ class _Workbook:
             if number is None:
                 continue
             if number <= last:
-                raise ValueError(f"row {number} stands after row {last}")
+                raise ValueError(f"row {number} follows row {last}")
             last = number
             odd: dict[int, str] = {}
             texts = [_text(cell, place, odd) for place, cell in enumerate(cells)]
@@ -438,7 +438,7 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
         raise
     except Exception as error:  # openpyxl raises whatever a strange file leads it to
         said = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(source, f"is no Excel workbook: {said[:200]}") from None
+        raise InputError(source, f"is not an Excel workbook: {said[:200]}") from None
 
 
 def _check_parts(archive: ZipFile) -> None:

@@ -92,9 +92,9 @@ def transactions_of(
             column = f"{kind}_{name}" + "_V" * (name == "amplitude")
             table[column] = _pick(telegrams[name], rows, np.nan)
     table["request_error"], table["response_error"] = errors[request_error], errors[response_error]
-    parts = asked, request_error, calls.half >= 0, answered, response_error, calls.call
-    sizes = len(texts), len(errors), 2, len(texts), len(errors), len(titles)
-    key = np.ravel_multi_index(parts, sizes, mode="wrap")
+    # The bits of a request give its call.
+    sizes = len(texts), len(errors), len(texts), len(errors)
+    key = np.ravel_multi_index((asked, request_error, answered, response_error), sizes)
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
     some = table.iloc[first]
     sentences = map(
@@ -261,7 +261,7 @@ class Summary:
 
 
 def summarise(capture: Capture) -> Summary:
-    """Summarise a capture."""
+    """Return the summary of a capture."""
     transactions = capture.transactions
     states = transactions[["request_error", "response_error"]].to_numpy()
     faults = [state for state in states.ravel() if state not in (*_FINE, NO_ANSWER)]
@@ -372,10 +372,8 @@ class Capture:
     transactions : pandas.DataFrame
         One row per transaction, in the order of time:
 
-        - ``start_s``: start of the request, or of the response if there is no request, from the
-          first sample [s];
-        - ``request``, ``response``: bits in the order sent; ``?`` where there was no pulse,
-          ``""`` without a telegram;
+        - ``start_s``: start of the request, or of a response without one [s];
+        - ``request``, ``response``: bits as sent, ``?`` without a pulse, "" without a telegram;
         - ``call``, ``address``, ``half`` ("A", "B" or ""), ``request_data``, ``response_data``:
           their meaning; empty for a bad telegram;
         - ``master_pause_bit``, ``slave_pause_bit``: pauses after request and response [bit];
@@ -391,7 +389,7 @@ class Capture:
     minimum : float
         Voltage below which nothing counted as a pulse [V].
     disturbances : int
-        Bursts of too few pulses for a telegram.
+        Number of bursts with too few pulses for a telegram.
     wave : shipnet.line.Waveform
         The record.
     extended : tuple of int
@@ -707,8 +705,6 @@ def decode(
     ------
     InputError
         If a file cannot be read, or has no such channel.
-    ArgumentError
-        If `record` is not one row of real numbers within 1e9 V, or an argument is out of range.
 
     Notes
     -----
@@ -726,8 +722,6 @@ def decode(
     >>> capture = decode(30 - 40e-6 * np.gradient(current, 1e-7), 1e-7)
     >>> print(capture.transactions["text"][0])
     data exchange with slave 21: outputs 1110 (E); answer to data exchange: inputs 0110 (6)
-    >>> float(capture.transactions["master_pause_bit"][0].round(2))
-    3.0
     """
     if isinstance(record, str | PathLike):
         wave = Waveform.read(record, channel=channel, sample_interval=sample_interval)

@@ -325,12 +325,10 @@ class Channel:
     def _in_chunk(self, cycle: int) -> int:
         """Draw disturbances when a chunk begins, and return the number of a cycle in it."""
         if cycle % _CHUNK == 0 or not self._bytes:
-            self._bytes = self._draw(_CHUNK).tobytes()
+            rates = [station.rates for station in self.stations]
+            drawn = draw_disturbances(self._rng, _CHUNK, rates, self._attempts)
+            self._bytes = drawn.tobytes()
         return cycle % _CHUNK
-
-    def _draw(self, n_cycles: int) -> Bytes:
-        rates = [station.rates for station in self.stations]
-        return draw_disturbances(self._rng, n_cycles, rates, self._attempts)
 
     def _draw_one(self, station: Station) -> int:
         """Draw for a request outside the cycles."""

@@ -33,11 +33,6 @@ _ID_STEP, _HIGHEST_ID = 0x100, 0x7FF
 class CanLayout:
     """Which CAN frame holds which point: box k sends the identifiers from 0x100 k up, k = 1..7.
 
-    Raises
-    ------
-    ArgumentError
-        If there are no points or more than 7 boxes, or `bits` is out of range.
-
     Notes
     -----
     The identifiers, and so the priorities, are assumed: JB1 before JB2 before JB3. If `bits` does

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers, Words
-from shipnet.engine.points import PT100, Point, PointList
+from shipnet.engine.points import PT100, Point, PointList, by_point
 from shipnet.errors import ArgumentError
 from shipnet.fields import number, part, record, switch, whole
 from shipnet.lazy import pd
@@ -73,7 +73,6 @@ def _within(name: str, value: npt.ArrayLike, low: float, high: float, unit: str)
 
 #: Zero and full scale of a current loop [A].
 _LOOP = (4e-3, 20e-3)
-
 
 #: Currents that distinguish a failure (the outer two) from a value (between the inner): NAMUR NE 43
 #: [A].
@@ -147,7 +146,7 @@ class InputCard:
 
     def signal(self, values: npt.ArrayLike) -> Floats:
         """Return resistances [ohm], currents [A], 3.8..20.5 mA, or contacts (1 closed)."""
-        v = self._shaped("values", values)
+        v = by_point(self.points, "values", values).astype(np.float64)
         signals = np.empty(v.shape)
         for k, point in enumerate(self.points):
             own = v[..., k]
@@ -176,7 +175,7 @@ class InputCard:
 
     def voltage(self, signal: npt.ArrayLike) -> Floats:
         """Return the voltages at the converter [V]; a resistance or current may be infinite."""
-        s = self._shaped("signal", signal)
+        s = by_point(self.points, "signal", signal).astype(np.float64)
         if np.isnan(s).any():
             raise ArgumentError("signal is nan; a sensor always does something")
         low, high = self.window.T
@@ -192,19 +191,15 @@ class InputCard:
 
     def value(self, code: npt.ArrayLike) -> Floats:
         """Return the values that the firmware makes of codes."""
-        c = np.asarray(code)
+        c = by_point(self.points, "code", code, "iu")
         highest = np.array([self.highest if p.analogue else 1 for p in self.points])
-        if c.dtype.kind not in "iu" or not c.ndim or c.shape[-1] != len(highest):
-            raise ArgumentError(
-                f"code has shape {c.shape}; it must be whole, (..., {len(highest)})"
-            )
         if ((c < 0) | (c > highest)).any():
             raise ArgumentError(f"code is out of range; it must be 0..{highest.max()}")
         return self._decoded(c / np.where(highest > 1, self.highest + 1.0, 1.0))
 
     def _decoded(self, part: npt.ArrayLike, *, linearised: bool | None = None) -> Floats:
         """Return the values at parts of the window, voltage over reference, without rounding."""
-        x = self._shaped("part", part)
+        x = np.asarray(part)
         curve = self.linearised if linearised is None else linearised
         window, ends = self.window, self._ends
         values = np.empty(x.shape)
@@ -323,15 +318,6 @@ class InputCard:
                 # A closed contact is 0 V.
                 ends[k] = _LOOP if point.analogue else (1, 0)
         return ends
-
-    def _shaped(self, name: str, values: npt.ArrayLike) -> Floats:
-        array = np.asarray(values)
-        n = len(self.points)
-        if array.dtype.kind not in "iufb" or not array.ndim or array.shape[-1] != n:
-            raise ArgumentError(
-                f"{name} have shape {array.shape}; it must be (..., {n}) of numbers"
-            )
-        return array.astype(np.float64)
 
 
 def _opens(point: Point) -> bool:

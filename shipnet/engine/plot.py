@@ -81,7 +81,7 @@ def plot_ages(
     x = np.column_stack([ages["seen_s"], ages["good_until_s"], ages["good_until_s"]])
     y = np.column_stack([ages["age_s"], ages["last_age_s"], gap])
     joined = (ages["good_until_s"] == ages["until_s"]) & good
-    # A fresh value drops the line at once; behind a mark it begins anew.
+    # A fresh value drops the line at once; after a mark a new line begins.
     y[:, 2] = np.where(joined, np.append(ages["age_s"].iloc[1:], np.nan), np.nan)
     (line,) = ax.plot(x.ravel(), y.ravel(), label=label or None)
     bad = ages[ages["good_until_s"] < ages["until_s"]]

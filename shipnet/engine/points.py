@@ -6,7 +6,10 @@ import re
 from collections.abc import Iterable
 from functools import cache
 from os import PathLike
-from typing import Literal, SupportsIndex, overload
+from typing import Any, Literal, SupportsIndex, overload
+
+import numpy as np
+import numpy.typing as npt
 
 from shipnet import datasets
 from shipnet.arguments import checked
@@ -213,6 +216,19 @@ class PointList(tuple[Point, ...]):
             key = (point.condition, point.low, point.high, point.unit, point.signal)
             first.setdefault(key, []).append(k)
         return [(places[0], len(places)) for places in first.values()]
+
+
+def by_point(
+    points: PointList, name: str, values: npt.ArrayLike, kinds: str = "iufb"
+) -> npt.NDArray[Any]:
+    """Return an array of shape (..., n_points), or raise; `kinds` are those of its dtype."""
+    array = np.asarray(values)
+    if array.dtype.kind not in kinds or not array.ndim or array.shape[-1] != len(points):
+        what = "numbers" if "f" in kinds else "whole numbers"
+        raise ArgumentError(
+            f"{name} has shape {array.shape}; it must be (..., {len(points)}) of {what}"
+        )
+    return array
 
 
 @checked

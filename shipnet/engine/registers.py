@@ -19,7 +19,7 @@ from shipnet.arguments import checked
 from shipnet.arrays import Floats, Words
 from shipnet.can.messages import Message
 from shipnet.engine.can_layout import CanLayout
-from shipnet.engine.points import Point, PointList
+from shipnet.engine.points import Point, PointList, by_point
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, part, record, switch, whole
 from shipnet.lazy import pd
@@ -92,10 +92,7 @@ class Coding:
     ) -> Words:
         """Return the registers of values; NaN, and what is `failed`, becomes the error mark."""
         known = PointList(points)
-        v = np.asarray(values)
-        if v.dtype.kind not in "iufb" or not v.ndim or v.shape[-1] != len(known):
-            raise ArgumentError(f"values have shape {v.shape}; it must be (..., {len(known)})")
-        v = v.astype(np.float64)
+        v = by_point(known, "values", values).astype(np.float64)
         bad = np.asarray(failed)
         if bad.dtype.kind != "b":
             raise ArgumentError(f"failed is {failed!r}; it must be True or False")
@@ -113,9 +110,7 @@ class Coding:
     def decode(self, points: Iterable[Point], registers: npt.ArrayLike) -> Floats:
         """Return the values of registers, NaN where one holds the error mark."""
         known = PointList(points)
-        r = np.asarray(registers)
-        if r.dtype.kind not in "iu" or not r.ndim or r.shape[-1] != len(known):
-            raise ArgumentError(f"registers have shape {r.shape}; it must be (..., {len(known)})")
+        r = by_point(known, "registers", registers, "iu")
         if r.size and not 0 <= r.min() <= r.max() <= 0xFFFF:
             raise ArgumentError("registers are out of range; each must be 0..65535")
         step, zero = self._scale(known)
@@ -194,7 +189,6 @@ CODINGS = {
         CORRECTED,
     )
 }
-
 
 # Which address holds what ----------------------------------------------------------------------
 

@@ -159,11 +159,6 @@ class StalenessFlag(NamedTuple):
 class System:
     """An engine monitoring system; without arguments, the one of lee2012.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is out of its range, or the fields do not fit each other.
-
     Notes
     -----
     As `coding` "printed", a box marks all values of a box that it has not heard for `stale_limit`,

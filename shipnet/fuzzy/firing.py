@@ -128,6 +128,8 @@ def arrays(names: Sequence[str], samples: Samples) -> dict[str, Floats]:
             given[name] = np.asarray(samples[name] if name in samples else np.nan, dtype=float)
         except (TypeError, ValueError):
             raise ArgumentError(f"{name} must be numbers, NaN where one is missing") from None
+    if len({x.shape for x in given.values()}) == 1:
+        return given
     try:
         return dict(zip(names, np.broadcast_arrays(*given.values()), strict=True))
     except ValueError:

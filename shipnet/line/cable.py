@@ -179,7 +179,6 @@ class Cable(Valued):
         end: float | None = None,
         *,
         width: float = 100e-9,
-        n_places: int = 201,
         n_steps: int = 31,
     ) -> Pulse:
         """Send a Gaussian pulse of 1 V and standard deviation `width` [s] to the `end` [ohm].
@@ -188,14 +187,13 @@ class Cable(Valued):
         and ends when it is back. `width` is 1/200 to 2 times the delay of the cable.
         """
         metres = check_scalar("length", length, "m", 1.0, 1e5)
-        places = check_whole("n_places", n_places, 2, 2001)
         steps = check_whole("n_steps", n_steps, 2, 10_000)
         if np.ndim(self.z0) or np.ndim(self.delay):
             raise ArgumentError("cable holds many cables; a single one is asked for")
         delay, z0 = float(self.delay) * metres, float(self.z0)
         sigma = check_scalar("width", width, "s", delay / 200, 2 * delay)
         ohms = np.inf if end is None else check_scalar("end", end, "ohm", 1e-18, 1e18)
-        x = np.linspace(0.0, metres, places)
+        x = np.linspace(0.0, metres, 201)
         t = np.linspace(0.0, 2 * delay, steps)
 
         # The pulse begins six deviations before its middle, where it is 1e-8 V.

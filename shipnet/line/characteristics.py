@@ -39,11 +39,11 @@ class Driver:
     Parameters
     ----------
     node : str
-        Where it is connected.
+        The node to which it is connected.
     current : float, array_like of shape (n_t,), or callable, optional
-        Current drawn from the node, such as that of an AS-i telegram [A].
+        Current drawn from the node, as by an AS-i telegram [A].
     voltage : float, array_like of shape (n_t,), or callable, optional
-        Voltage of a driver such as that of CAN or RS-485 [V]; it needs a `conductance`.
+        Voltage of a driver, as of CAN or RS-485 [V]; it needs a `conductance`.
     conductance : float, array_like of shape (n_t,), or callable, optional
         Conductance in series with the voltage, not negative [S]; 0 while the driver is off.
 

@@ -756,8 +756,7 @@ def _layout(tail: list[str]) -> _Layout:
 def _header(file: str, data: bytes, layout: _Layout) -> tuple[list[str], int]:
     """Return the lines above the numbers and the byte at which the numbers begin.
 
-    They begin with three rows of numbers, with blank lines or the end of the file among them: a
-    header may hold numbers, too.
+    Three rows of numbers or blank lines must follow each other: a header may hold numbers, too.
     """
     lines: list[str] = []
     starts: list[int] = []

@@ -7,8 +7,7 @@ the admittance Y at its far end and divides the voltage, without a pole at any f
     Y_near = Yc (Y C + Yc S) / (Yc C + Y S),      V_far / V_near = 2 e Yc / (Yc C + Y S).
 
 A sweep from the leaves of a tree transforms all admittances, those of equal subtrees once, and one
-back multiplies all ratios. A ring takes sweeps of the opened ring from the root and from both ends
-of the closing line, and two equations for the currents of that line.
+back multiplies all ratios. A ring takes sweeps from the root and both ends of its closing line.
 """
 
 from __future__ import annotations

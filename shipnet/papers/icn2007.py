@@ -79,9 +79,7 @@ check("icn2007-029", counter={"call": Call.RESET})(
     lambda *, call=Call.BROADCAST_RESET: not is_legal(Response, 0, call)
 )
 
-
 # Who answers whom, what a lost reply leads to, and who takes over ------------------------------
-
 
 ADDRESSES = range(1, 6)
 
@@ -219,7 +217,6 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
 
 #: Frequencies on which energies are summed [Hz].
 FREQUENCIES = np.arange(0.5e3, 30e6, 1e3)
-
 
 check("icn2007-031", counter={"closed": False})(
     lambda *, closed=True: consumer_drop(closed=closed) < consumer_drop(closed=False)
@@ -432,7 +429,7 @@ def current_is_the_integral(*, power: int = 2) -> bool:
 
 @check("icn2007-059", counter={"lost": 0})
 def only_one_telegram_is_repeated(*, lost: int = 1) -> bool:
-    """Whether a cycle with so many lost replies has one request more than the others."""
+    """Whether a cycle with this many lost replies has one request more than the others."""
     faults = [LostReply("3", start=0.02, count=lost)] if lost else []
     run = simulate(five_slaves(), cycles=30, faults=faults).events().query("time_s > 0.015")
     requests = run.groupby("cycle").size()
@@ -456,7 +453,7 @@ def buses_have_distance(*, distance: int = 4) -> bool:
 
 
 def hamming_distance(crc: Crc, payload: int) -> int:
-    """Return in how many bits two valid frames with so many bytes differ at least, or 5."""
+    """Return the Hamming distance of frames with a `payload` of this many bytes, at most 5."""
     single = np.asarray(crc.syndromes(payload))
     first, second = np.triu_indices(single.size, 1)
     double = single[first] ^ single[second]
@@ -476,14 +473,14 @@ def checking_takes_hardly_any_time(*, edge: float = CHIP_EDGES[1]) -> bool:
 
 @check("icn2007-063", "kim2023-103", counter={"extra": 4})
 def check_bits_cost_rate(*, extra: int = 7 + 4) -> bool:
-    """Whether so many check bits in each transaction would cost a quarter of the net rate."""
+    """Whether `extra` check bits per transaction would cost a quarter of the net rate."""
     bits = Transaction(2, 2).bits
     return bits / (bits + extra) < 0.75
 
 
 @check("icn2007-064", "kim2023-104", counter={"slots": "between bits"})
 def phase_turns_with_the_bit(*, slots: str = "within bits") -> bool:
-    """Whether the steps of the code in these half-bits turn round where the bit changes, only."""
+    """Whether the code steps in these half-bits change sign exactly where the bit changes."""
     bits = "0011010001110"
     steps = Modulation(bits).steps[1 if slots == "within bits" else 0 :: 2]
     changed = np.array(list(bits[1:])) != np.array(list(bits[:-1]))

@@ -89,7 +89,7 @@ class Recomputation:
 
 
 def _watch_again(profiler: Any) -> None:
-    """Let the profiler of before watch; that of cProfile is an object, and not called."""
+    """Restore the previous profiler; that of cProfile is an object that is not called."""
     sys.setprofile(profiler if callable(profiler) else None)
     if hasattr(profiler, "enable"):
         profiler.enable()

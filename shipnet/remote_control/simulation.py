@@ -302,8 +302,8 @@ class _Simulation:
         rate = 2 / system.character_time + sum(1 / system.rule(name).tick for name in STATIONS)
         if self.end * rate > _MOST_EVENTS:
             raise ArgumentError(
-                f"until is {self.end:g} s, up to {self.end * rate:.3g} bytes and ticks; there "
-                f"may be {_MOST_EVENTS:.0e}"
+                f"until is {self.end:g} s, up to {self.end * rate:.3g} bytes and ticks; the limit "
+                f"is {_MOST_EVENTS:.0e}"
             )
         self.now = 0.0
         self._heap: list[tuple[float, int, Callable[[], None]]] = []
@@ -316,14 +316,9 @@ class _Simulation:
         self.losses: list[LostPacket] = []
         # Of each station: packets whose last byte is in its ring and not yet read.
         self.waiting: dict[str, list[Packet]] = {name: [] for name in STATIONS}
-        self._prepare(faults, changes, phases)
-
-    def _prepare(
-        self, faults: tuple[Fault, ...], changes: tuple[Change, ...], phases: dict[str, float]
-    ) -> None:
         for fault in faults:
             if isinstance(fault, BitErrors):
-                if self.rng is None:
+                if rng is None:
                     raise ArgumentError("rng is None, but BitErrors need one")
                 self.errors.append(fault)
             elif isinstance(fault, LostPacket):
@@ -337,14 +332,14 @@ class _Simulation:
         for change in changes:
             if not isinstance(change, Change):
                 raise ArgumentError(f"one of changes is {change!r}; it must be a Change")
-            check_whole("number of a change", change.number, 0, self.system.n_items - 1)
+            check_whole("number of a change", change.number, 0, system.n_items - 1)
             self._at(change.time, partial(self._change, change))
         self.run_.changes.extend(sorted(changes, key=lambda change: change.time))
         if unknown := set(phases) - set(STATIONS):
             raise ArgumentError(f"phases name {min(unknown)!r}; they must name {STATIONS}")
         for name, station in self.stations.items():
             tick = self.system.rule(name).tick
-            drawn = tick * (1 - self.rng.random()) if self.rng is not None else tick
+            drawn = tick * (1 - rng.random()) if rng is not None else tick
             first = check_scalar(f"phase of {name}", phases.get(name, drawn), "s", 0, tick)
             self._at(first, partial(self._tick, station, first, 0))
 

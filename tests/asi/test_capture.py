@@ -304,6 +304,20 @@ def test_extended_addresses_name_a_and_b_slaves():
     assert decode(u, 1e-7).transactions["request_data"].tolist() == [0xD, 0x5]
 
 
+def test_equal_requests_have_the_texts_of_their_own_answers():
+    request = Request.data_exchange(5, 3)
+    telegrams = []
+    for k, answer in enumerate((6, 9, None, 6, None)):
+        telegrams.append((20e-6 + k * 40 * BIT, request.bits, 60e-3))
+        if answer is not None:
+            telegrams.append((20e-6 + (k * 40 + 17) * BIT, request.answer(answer).bits, 60e-3))
+    texts = decode(line(telegrams, 1.1e-3, 10e6), 1e-7).transactions["text"]
+    said = [text.removeprefix("data exchange with slave 5: outputs 0011 (3); ") for text in texts]
+    answers = [f"answer to data exchange: inputs {bits}" for bits in ("0110 (6)", "1001 (9)")]
+    assert said == [answers[0], answers[1], "no answer", answers[0], "response cut off"]
+    assert texts.dtype == "category"
+
+
 def test_calls_without_answer_and_without_meaning():
     telegrams = [
         (20e-6, Request.broadcast_reset().bits, 60e-3),

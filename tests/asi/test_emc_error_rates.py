@@ -9,8 +9,6 @@ from scipy import stats
 from shipnet import asi, datasets
 from shipnet.asi.emc.disturbances import Impulses, Noise
 from shipnet.asi.emc.error_rates import (
-    CYCLES,
-    TRIES,
     ErrorRates,
     burst_failures,
     count_errors,
@@ -21,7 +19,7 @@ from shipnet.asi.modulation import CLASSES, HALF_BIT, Modulation
 from shipnet.asi.receiver import RECEIVERS, Receiver, Waveform, matched_filter
 from shipnet.asi.segment import PROBES
 from shipnet.asi.telegram import RESPONSES
-from shipnet.asi.timing import Cycle, Transaction
+from shipnet.asi.timing import Cycle
 from shipnet.errors import ArgumentError
 
 NEAR = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
@@ -460,16 +458,6 @@ def test_certain_failure_and_none():
     point = burst_failures(1, rng(), 4000, slaves=31, packet_length=0.0)
     assert point["per_packet"][0] == pytest.approx(31 / 33, abs=0.02)
     assert not point["series"][1:].any()
-
-
-def test_longer_exchanges_are_hit_less_often_in_a_row():
-    long = Transaction(master_pause=10, slave_pause=20)
-    ordinary, slow = (
-        burst_failures(0.5, rng(), 2000, slaves=8, transaction=one).set_index("failures")["series"]
-        for one in (None, long)
-    )
-    assert slow[6] < 0.5 * ordinary[6]
-    assert TRIES * CYCLES == 6
 
 
 @pytest.mark.parametrize(

@@ -235,7 +235,7 @@ def test_an_identifier_may_have_zeros_in_front():
         ("id,can-id,name,dlc,period_ms\n", "title 'arbitration_id' appears twice"),
         ("name,name,arbitration_id,dlc,period_ms\n", "title 'name' appears twice"),
         (b"name\0", "is not text"),
-        ("name,dlc\n" + 200_000 * "a" + ",1\n", "is no CSV file: field larger"),
+        ("name,dlc\n" + 200_000 * "a" + ",1\n", "is not a CSV file: field larger"),
     ],
 )
 def test_what_is_not_a_message_set_is_refused(tmp_path, content, message):

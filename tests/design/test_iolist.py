@@ -180,7 +180,7 @@ def test_a_thousand_faulty_rows_are_all_kept_and_told_in_few_words():
         ("tag,type,x,y\nLS,DI,1,2", "no column z_m; expected x_m, y_m, z_m or none"),
         ("tag,type,Tag no,home run\nLS,DI,1,2", "'tag' and 'Tag no' both mean tag"),
         ("tag,type,home run\nLS,DI,12,5", "row 2 has 4 cells; expected 3"),
-        ('tag,type,home run\n"LS,DI,12', "is no CSV file: unexpected end of data, in row 2"),
+        ('tag,type,home run\n"LS,DI,12', "is not a CSV file: unexpected end of data, in row 2"),
     ],
 )  # fmt: skip
 def test_what_is_no_list_is_refused(given, fault):

@@ -319,7 +319,7 @@ def test_all_faults_of_a_file_are_told_at_once(tmp_path):
         ("", "is empty; expected a row of titles"),
         ("rule,limit\na,1\n", "no column measure"),
         ("rule,measure,limit,colour\na,,,red\n", "title 'colour' is unknown; expected one of rule"),
-        ("rule,rule,measure,limit\na,b,,\n", "title 'rule' stands twice"),
+        ("rule,rule,measure,limit\na,b,,\n", "title 'rule' occurs twice"),
         ("rule,measure,limit\n", "has no rule"),
     ],
 )

@@ -144,13 +144,13 @@ def test_what_cannot_be_is_refused():
         (lambda: InputCard(POINTS, bits=17), "bits is 17"),
         (lambda: InputCard(POINTS, margin=-0.1), "margin is -0.1"),
         (lambda: InputCard(POINTS, linearised=1), "linearised is 1"),
-        (lambda: card.signal(LOW[:-1]), r"values have shape \(98,\)"),
+        (lambda: card.signal(LOW[:-1]), r"values has shape \(98,\)"),
         (lambda: card.signal(nan), "ME-JB1-022 is nan"),
         (lambda: card.signal(half), "ME-JB3-099 is neither 0 nor 1"),
         (lambda: card.signal(cold), "temperature is -300"),
         (lambda: card.code(nan), "signal is nan"),
         (lambda: card.value([0] * 98), r"code has shape \(98,\)"),
-        (lambda: card.value([0.5] * 99), "must be whole"),
+        (lambda: card.value([0.5] * 99), "of whole numbers"),
         (lambda: card.value([1024] * 99), "out of range"),
     ):
         with pytest.raises(ArgumentError, match=message):

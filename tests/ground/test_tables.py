@@ -115,8 +115,8 @@ def archive(**files):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        (b"PK\x03\x04 and no more", "is no Excel workbook"),
-        (archive(mimetype="application/vnd.oasis.opendocument"), "is no Excel workbook"),
+        (b"PK\x03\x04 and no more", "is not an Excel workbook"),
+        (archive(mimetype="application/vnd.oasis.opendocument"), "is not an Excel workbook"),
         (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1 old", r"is an old Excel file \(.xls\)"),
         (b"\x00\x01\x02", "holds zero bytes"),
         (bytes(2**24 + 1), "is larger than 16777216 bytes"),

@@ -318,7 +318,7 @@ def test_an_archive_that_lies_about_its_sizes_unpacks_no_more_than_it_says(monke
     data = packed(content)
     said = (1_000_000).to_bytes(4, "little")
     assert data.count(said) == 2
-    with pytest.raises(InputError, match="is no Excel workbook"):
+    with pytest.raises(InputError, match="is not an Excel workbook"):
         read(data.replace(said, (50).to_bytes(4, "little")))
     assert tables._UNPACKED == 2**28
     monkeypatch.setattr(tables, "_UNPACKED", 999_999)
@@ -329,7 +329,7 @@ def test_an_archive_that_lies_about_its_sizes_unpacks_no_more_than_it_says(monke
 def test_a_workbook_cut_anywhere_is_refused():
     data = saved([["tag", "x"], ["LS-1", 5]])
     for end in range(0, len(data), 97):
-        with pytest.raises(InputError, match="is no Excel workbook"):
+        with pytest.raises(InputError, match="is not an Excel workbook"):
             read(data[:end])
 
 

@@ -45,7 +45,6 @@ def test_a_short_turns_the_pulse_over_and_an_open_end_does_not(resistor):
         {"end": 0.0},
         {"width": 1e-10},
         {"width": 1e-3},
-        {"n_places": 1},
         {"n_steps": 1},
     ],
 )

@@ -67,7 +67,7 @@ def _faults(claim, number, first):
     yield from _faults_of_the_condition(claim, judged and verdict not in UNDECIDED, first)
     against = kind == "erratum" or (kind == "qualitative" and verdict in AGAINST)
     if against and not claim["corrected"]:
-        yield "corrected", f"is empty; {verdict or kind!r} asks for what should stand there"
+        yield "corrected", f"is empty; {verdict or kind!r} requires the correction"
     if (kind == "erratum" or verdict in UNDECIDED) and not claim["note"]:
         yield "note", "is empty; expected the reason of the correction, or what is missing"
     sources = [source.strip() for source in claim["evidence"].split(";") if source.strip()]

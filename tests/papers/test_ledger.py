@@ -75,7 +75,7 @@ def test_every_row_holds_what_it_must():
         ({"verdict": "open"}, "column holds_under: 'as printed' must be empty, because the claim"),
         ({"verdict": "open", "holds_under": "", "note": ""}, "column note: is empty"),
         ({"kind": "erratum", "verdict": "", "holds_under": ""}, "column corrected: is empty"),
-        ({"kind": "qualitative", "verdict": "unit"}, "column corrected: is empty; 'unit' asks for"),
+        ({"kind": "qualitative", "verdict": "unit"}, "column corrected: is empty; 'unit' requires"),
         ({"verdict": "wrong"}, "column evidence: is empty; 'wrong' needs a claim or a test"),
         ({"verdict": "wrong", "evidence": "kim2014-999"}, "'kim2014-999' is neither another claim"),
         ({"verdict": "wrong", "evidence": "kim2014-001"}, "'kim2014-001' is neither another claim"),

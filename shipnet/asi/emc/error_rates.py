@@ -1,8 +1,6 @@
 """How many telegrams a disturbance costs, counted or in theory, and what that does to a cycle.
 
-A master repeats a failed exchange once, at once, and drops a slave that fails twice in each of
-three cycles in a row. An analyser counts *series*: 1 to 6 exchanges with a slave that fail in a
-row, the sixth being the drop.
+An analyser counts *series*: 1 to 6 exchanges with a slave that fail in a row; the sixth drops it.
 """
 
 from __future__ import annotations
@@ -183,7 +181,7 @@ def _missed(
 
 
 class ErrorRates:
-    """How many telegrams were lost at each amplitude of a disturbance."""
+    """The telegrams lost at each amplitude of a disturbance."""
 
     def __init__(self, rows: Iterable[dict[str, float]], quantity: str) -> None:
         self._table, self._quantity = pd.DataFrame(rows), quantity
@@ -295,7 +293,7 @@ def error_rate(
         One-sided density at the receiver, above 0 to 1e6 [V per root hertz]; `Noise.density` has
         that of a standard deviation :math:`\sigma`. 0.5 mV per root hertz is 0.71 V in 2 MHz.
     receiver : Receiver, optional
-        The receiver; its `window` does not count.
+        The receiver; its `window` is ignored.
 
     Returns
     -------
@@ -408,7 +406,6 @@ def burst_failures(
     packets: int = 1000,
     *,
     slaves: int = 31,
-    transaction: Transaction | None = None,
     packet_length: float = PACKET_LENGTH,
     packet_period: float = PACKET_PERIOD,
 ) -> pd.DataFrame:
@@ -424,8 +421,6 @@ def burst_failures(
         Number of packets, each at a random moment of a cycle, 1 or more.
     slaves : int, default 31
         Slaves asked in a cycle, 1..31.
-    transaction : Transaction, optional
-        Length of an exchange; 156 us if omitted.
     packet_length, packet_period : float, default 15e-3 and 300e-3
         Length of a packet, 0..10, and time from one to the next, longer than that [s].
 
@@ -459,8 +454,7 @@ def burst_failures(
             f"packet_period is {packet_period:g} s; it must be longer than the packet of "
             f"{packet_length:g} s"
         )
-    slot = (transaction or Transaction()).duration
-    most = TRIES * CYCLES
+    slot, most = Transaction().duration, TRIES * CYCLES
     counts = np.zeros(most + 1, dtype=np.int64)
     in_a_row = np.zeros((slaves, packets), dtype=np.intp)
     # The packets begin at 0, each somewhere in a cycle that began before it.

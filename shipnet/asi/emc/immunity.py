@@ -46,10 +46,6 @@ class Levels:
         first = "test parameter unit asi_printed asi criterion marine ratio gap better".split()
         self._table = table[[*first, "printed_name", "standard", "source", "confirmed", "note"]]
 
-    def __repr__(self) -> str:
-        counts = self._table["gap"].value_counts()
-        return f"<Levels: {', '.join(f'{n} {what}' for what, n in counts.items())}>"
-
     def table(self) -> pd.DataFrame:
         """Return one row per parameter of a test: both levels, their ratio, gap and sources.
 

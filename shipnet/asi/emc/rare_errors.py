@@ -1,10 +1,8 @@
 """Rates of lost telegrams down to 1e-9: importance sampling in white noise.
 
-Filter and mean are linear, so nearly every loss is a set of linear inequalities on the noise: a
-pulse falls below the level, a gap rises above it. The weakest noise that satisfies a set is its
-*design point*. Noise is drawn around the design points, the receiver decides what is lost, and a
-loss counts with the ratio of both densities. A wrong set only costs precision; a missing one shows
-in the checks.
+Nearly every loss is a set of linear inequalities on the noise: a pulse falls below the level, a gap
+rises above it. Noise is drawn around the weakest noise that satisfies each set, its *design point*;
+the receiver decides what is lost, and a loss counts with the ratio of both densities.
 """
 
 from __future__ import annotations

@@ -244,7 +244,7 @@ def repair_restores_order(*, shift: int = 1) -> bool:
 
 @check("chung1998-057", counter={"toggled": False})
 def toggled_flag_restores_order(*, toggled: bool = True) -> bool:
-    """Whether a reader moved to the start of the ring, its flag turned over, is in case b."""
+    """Whether a reader at the start of the ring, its flag toggled or not, is in case b."""
     for ring in full_rings(SIZE):
         before = ring.state
         ring.extract()

@@ -39,7 +39,6 @@ EXAMPLE_RESPONSE = str(_EXAMPLES["response"])
 #: Frames that a chip maker prints whole: the independent witnesses of the parity rule.
 DATASHEET_FRAMES = tuple(datasets.read("asi_datasheet_frames.csv")["bits"])
 
-
 numeric("kim2023-026", "icn2007-011")(lambda: len(Request.data_exchange(21, 0xE).bits))
 numeric("kim2023-027", "icn2007-012")(lambda: len(Response(0x6).bits))
 # What start, parity and end bit leave of a request, and of a response.
@@ -306,7 +305,7 @@ def codes_tell_apart(*, labels: tuple[str, str] = ("1A", "1B")) -> bool:
 
 @check("kim2023-054", counter={"silence": 0.1})
 def outputs_are_reset(*, silence: float = 0.06) -> bool:
-    """Whether a slave resets its outputs if the master is silent so long [s]."""
+    """Whether a slave resets its outputs if the master is silent for this time [s]."""
     master = Master({"1": "S-0.F.F"})
     failure, standby = MasterFailure(start=0.1), Standby(master, silence=silence)
     run = simulate([Slave("1")], master, until=0.3, faults=failure, standby=standby)
