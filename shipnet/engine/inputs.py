@@ -74,7 +74,6 @@ def _within(name: str, value: npt.ArrayLike, low: float, high: float, unit: str)
 #: Zero and full scale of a current loop [A].
 _LOOP = (4e-3, 20e-3)
 
-
 #: Currents that distinguish a failure (the outer two) from a value (between the inner): NAMUR NE 43
 #: [A].
 NAMUR = (3.6e-3, 3.8e-3, 20.5e-3, 21e-3)

@@ -190,7 +190,6 @@ CODINGS = {
     )
 }
 
-
 # Which address holds what ----------------------------------------------------------------------
 
 #: What one more in an age register is worth [s]; the highest content is "so old or older".

@@ -79,9 +79,7 @@ check("icn2007-029", counter={"call": Call.RESET})(
     lambda *, call=Call.BROADCAST_RESET: not is_legal(Response, 0, call)
 )
 
-
 # Who answers whom, what a lost reply leads to, and who takes over ------------------------------
-
 
 ADDRESSES = range(1, 6)
 
@@ -219,7 +217,6 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
 
 #: Frequencies on which energies are summed [Hz].
 FREQUENCIES = np.arange(0.5e3, 30e6, 1e3)
-
 
 check("icn2007-031", counter={"closed": False})(
     lambda *, closed=True: consumer_drop(closed=closed) < consumer_drop(closed=False)

@@ -29,7 +29,6 @@ PRINTED = dict(zip(_TABLE["parameter"], _TABLE["value"], strict=True))
 #: Inputs of an 8259, and counters of an 8253: data sheets of Intel.
 _INPUTS, _COUNTERS = 8, 3
 
-
 # Each line needs an interrupt for the bytes that come in and a clock of its own, the supervision
 # one more of both. Sending needs none: it polls.
 check("chung1998-001", counter={"lines": 3})(

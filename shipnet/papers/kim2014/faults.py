@@ -110,7 +110,6 @@ _CLOSE, _OPEN = 0.0, 100.0
 #: Position that row 12 prints below the closed end [%].
 _ROW_12 = float(rule_vectors("printed")["VPos"]["Pos4"])
 
-
 #: Ways to read what a row does not print: the fills of `rule_vectors`, and ours, in which a sensor
 #: that is not printed says nothing, and a position that is printed is held, so that DVPos is 0. Row
 #: 0 prints the time of a movement instead.

@@ -39,7 +39,6 @@ EXAMPLE_RESPONSE = str(_EXAMPLES["response"])
 #: Frames that a chip maker prints whole: the independent witnesses of the parity rule.
 DATASHEET_FRAMES = tuple(datasets.read("asi_datasheet_frames.csv")["bits"])
 
-
 numeric("kim2023-026", "icn2007-011")(lambda: len(Request.data_exchange(21, 0xE).bits))
 numeric("kim2023-027", "icn2007-012")(lambda: len(Response(0x6).bits))
 # What start, parity and end bit leave of a request, and of a response.

@@ -44,7 +44,6 @@ _WIDTHS = {
     for frame, fields in _FIG_4.groupby("frame")["width_byte"]
 }
 
-
 _FC03 = FunctionCode.READ_HOLDING_REGISTERS
 
 

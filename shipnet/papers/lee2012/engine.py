@@ -93,7 +93,6 @@ def called_after_its_strokes(*, called: str = "two-stage") -> bool:
 #: Table 3 as printed, with the numbers as numbers.
 TABLE_3 = datasets.read("lee2012_table3_sensors.csv").astype({"quantity_points": int})
 
-
 #: The row of Table 3 that may be the row behind it printed twice.
 _DOUBLE_ROW = "2"
 
