@@ -1,4 +1,4 @@
-"""What a design is made of and what it costs: cables, prices, hours and factors, as ranges."""
+"""Cables, prices, hours and factors of designs, as ranges."""
 
 from __future__ import annotations
 
@@ -19,19 +19,15 @@ from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 
-#: How far the truth may lie from a figure, by what is known of it. Geometry: the model of the file
-#: is good to a quarter. Work: the one span that is published, 5 to 15 minutes a conductor
+#: Half the range of a figure as a share of its nominal, by status. Geometry: the file's model is
+#: good to a quarter. Work: the only published span, 5 to 15 minutes per conductor
 #: (industrialmonitordirect.com), is half of its middle to either side.
-SPREAD: Mapping[str, float] = {
-    "confirmed": 0.0, "estimate": 0.25, "derived": 0.5, "assumption": 0.5,
-}  # fmt: skip
-
+SPREAD = {"confirmed": 0.0, "estimate": 0.25, "derived": 0.5, "assumption": 0.5}
 
 #: The names of the three values of a range.
 LEVELS: tuple[Literal["low", "nominal", "high"], ...] = ("low", "nominal", "high")
 
-#: Where in its range an assumption is taken: at one of its three values, or at quantiles of the
-#: triangular distribution over it, shape (n_draws,).
+#: A value of a range by name, or quantiles of the triangular distribution over it, (n_draws,).
 Level = Literal["low", "nominal", "high"] | Floats
 
 
@@ -44,7 +40,7 @@ class Range(NamedTuple):
 
     @classmethod
     def around(cls, nominal: float, status: str) -> Range:
-        """Return the range of a figure of which so much is known."""
+        """Return the range of a figure with a status of `SPREAD`."""
         return cls(nominal * (1 - SPREAD[status]), nominal, nominal * (1 + SPREAD[status]))
 
 
@@ -54,22 +50,22 @@ class Cable:
 
     id: str
     description: str
-    #: What it is for, "hardwired" or one or more buses.
+    #: "hardwired", or one or more buses.
     buses: tuple[str, ...]
-    #: The cable of `shipnet.line.CABLES` that its signals meet; "" if it carries none of a bus.
+    #: Its key in `shipnet.line.CABLES`, or "" if it carries no bus.
     line: str
     conductors: int
-    #: Cross-section over all: a circle, or the rectangle about a flat cable.
+    #: Overall cross-section: a circle, or the rectangle around a flat cable.
     area_mm2: float
     mass: Range
     price: Range
     lay: Range
     termination: Range
     longest_m: float
-    #: Cross-section of a conductor [mm2], resistance of two [ohm/m]; NaN where it is not known.
+    #: Cross-section of a conductor [mm2], and resistance of two [ohm/m]; NaN where unknown.
     section: float
     resistance: float
-    #: Most current of a conductor [A]; without limit where none was found.
+    #: Largest current of a conductor [A]; inf where none was found.
     current: float
     status: str
     source: str
@@ -88,45 +84,40 @@ def _cable(row: dict[str, str]) -> Cable:
     width, height = float(row["diameter_mm"]), row["height_mm"]
     if row["line_cable"] not in ("", *CABLES):
         raise ArgumentError(f"line_cable is {row['line_cable']!r}; it must be a key of line.CABLES")
+    known = [f"{what} {row[f'status_{what}']}" for what in ("diameter", "mass", "price", "labour")]
     return Cable(
-        row["cable_id"],
-        row["description"],
-        tuple(row["bus"].split(" / ")),
-        row["line_cable"],
+        row["cable_id"], row["description"], tuple(row["bus"].split(" / ")), row["line_cable"],
         int(row["conductors"]),
-        width * float(height) if height else pi / 4 * width**2,
-        Range.around(float(row["mass_kg_per_km"]) / 1e3, row["status_mass"]),
-        Range(low, (low + high) / 2, high),
-        Range.around(float(row["lay_h_per_m"]), row["status_labour"]),
-        Range.around(float(row["termination_h_per_conductor"]), row["status_labour"]),
-        float(row["longest_m"] or inf),
-        float(row["cross_section_mm2"]),
-        float(row["loop_resistance_ohm_per_km"] or nan) / 1e3,
-        float(row["current_a"] or inf),
-        ", ".join(
-            f"{what} {row[f'status_{what}']}" for what in ("diameter", "mass", "price", "labour")
-        ),
-        row["source"],
-    )
+        area_mm2=width * float(height) if height else pi / 4 * width**2,
+        mass=Range.around(float(row["mass_kg_per_km"]) / 1e3, row["status_mass"]),
+        price=Range(low, (low + high) / 2, high),
+        lay=Range.around(float(row["lay_h_per_m"]), row["status_labour"]),
+        termination=Range.around(float(row["termination_h_per_conductor"]), row["status_labour"]),
+        longest_m=float(row["longest_m"] or inf),
+        section=float(row["cross_section_mm2"]),
+        resistance=float(row["loop_resistance_ohm_per_km"] or nan) / 1e3,
+        current=float(row["current_a"] or inf),
+        status=", ".join(known), source=row["source"],
+    )  # fmt: skip
 
 
 def with_spare(used: int, spare: float) -> int:
-    """Return how many conductors, channels or ports there are with the spare ones."""
-    # A share such as 0.12 is not a binary number, but 25 conductors with 12 % are 28.
+    """Return a number of conductors, channels or ports with a share of spares."""
+    # 25 with 12 % spares are exactly 28, though 0.12 is not exact in binary.
     return ceil(round(used * (1 + spare), 9))
 
 
 @cache
 def smallest(conductors: int, *, spare: float) -> Cable:
-    """Return the thinnest cable for hardwired points that has enough conductors and a reserve."""
+    """Return the thinnest cable for hardwired points with enough conductors and spares."""
     needed = with_spare(conductors, spare)
     own = [cable for cable in cables().values() if "hardwired" in cable.buses]
     fit = [cable for cable in own if cable.conductors >= needed]
     if not fit:
         most = max(cable.conductors for cable in own)
         raise ArgumentError(
-            f"conductors is {conductors}; with a reserve of {100 * spare:g} % that is {needed}, "
-            f"and the largest cable for hardwired points has {most}"
+            f"conductors is {conductors}, or {needed} with {100 * spare:g} % spares; the largest "
+            f"cable for hardwired points has {most}"
         )
     return min(fit, key=lambda cable: cable.area_mm2)
 
@@ -136,7 +127,7 @@ def smallest(conductors: int, *, spare: float) -> Cable:
 
 @dataclass(frozen=True, slots=True)
 class Assumption:
-    """A price, an hour or a factor that a design rests on, with its unit, status and source."""
+    """A price, an hour or a factor, with its unit, status and source."""
 
     range: Range
     unit: str
@@ -168,7 +159,7 @@ class Assumptions(Mapping[str, Range]):
         return self._entries[name]
 
     def with_(self, **ranges: Range) -> Assumptions:
-        """Return assumptions of which some are the user's own."""
+        """Return assumptions with some ranges replaced by the user's."""
         changed = {
             name: replace(self.entry(name), range=given, status="given", source="the user")
             for name, given in ranges.items()
@@ -182,13 +173,12 @@ class Assumptions(Mapping[str, Range]):
             (name, entry.meaning, *entry.range, entry.unit, entry.status, entry.source)
             for name, entry in self._entries.items()
         ]
-        return pd.DataFrame(
-            rows, columns=["name", "meaning", *LEVELS, "unit", "status", "source"]
-        ).set_index("name")
+        columns = ["name", "meaning", *LEVELS, "unit", "status", "source"]
+        return pd.DataFrame(rows, columns=columns).set_index("name")
 
 
 def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
-    """Return ranges at a level: one of their three values, or triangular quantiles."""
+    """Return ranges (n, 3) at a level, shape (n,) or (n_draws, n)."""
     rows = np.asarray(ranges, dtype=float).reshape(-1, 3)
     if isinstance(level, str):
         chosen: Floats = rows[:, LEVELS.index(level)]
@@ -203,17 +193,17 @@ def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
     return drawn
 
 
-#: Parts of names that are written otherwise in a text.
+#: Spelling in a text of parts of names.
 _SPELT = {"asi": "AS-i", "can": "CAN", "modbus": "Modbus", "plc": "PLC"}
 
 
 def words(name: str) -> str:
-    """Return the name of an assumption as a text or a figure says it."""
+    """Return the name of an assumption in words."""
     return " ".join(_SPELT.get(part, part) for part in name.split("_"))
 
 
 def ordered(name: str, given: Range) -> Range:
-    """Return a range, or raise unless its values are finite and in order."""
+    """Return a range if its values are finite and in order, or raise."""
     finite = len(given) == 3 and all(map(isfinite, given))
     if not finite or not 0 <= given[0] <= given[1] <= given[2]:
         raise ArgumentError(

@@ -1,4 +1,4 @@
-"""The command `shipnet design`: from the words of a command line to settings and a comparison."""
+"""The command `shipnet design`: from a command line to settings and a comparison."""
 
 from __future__ import annotations
 
@@ -20,14 +20,12 @@ from shipnet.errors import ArgumentError, InputError
 def settings_of(arguments: argparse.Namespace) -> Settings:
     """Return the settings that a command line asks for."""
     settings = Settings() if arguments.settings is None else Settings.read(arguments.settings)
-    values = dict(map(_setting, arguments.set))
-    if arguments.redundant:
-        values["redundant"] = True
-    return settings.replace(values)
+    redundant = {"redundant": True} if arguments.redundant else {}
+    return settings.replace({**dict(map(_setting, arguments.set)), **redundant})
 
 
 def _setting(text: str) -> tuple[str, object]:
-    """Return name and value; what is not a value of TOML is a string."""
+    """Return name and value; a value that is not TOML is a string."""
     name, equals, value = text.partition("=")
     if not equals:
         raise ArgumentError(f"--set is {text!r}; it must be NAME=VALUE, such as detour=1.3")
@@ -41,42 +39,39 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
     """Compare the options that a command line asks for."""
     if arguments.list is None:
         raise ArgumentError("no LIST is given; see shipnet design --help")
-    rules = RuleSet.of(arguments.rules)
-    options = OPTIONS
+    rules, options = RuleSet.of(arguments.rules), OPTIONS
     if arguments.options is not None:
         options = tuple(_option(name, "--options") for name in arguments.options.split(","))
         if twice := [name for name in dict.fromkeys(options) if options.count(name) > 1]:
             raise ArgumentError(f"--options names {', '.join(twice)} twice")
-    choose = _choices(arguments.mix)
+    mix = _choices(arguments.mix)
     try:
         iolist = read_iolist(
             arguments.list, sheet=arguments.sheet, settings=settings, strict=arguments.strict
         )
     except InputError as mistake:
-        save_faults(arguments.faults, mistake)
+        save_faults(arguments.faults, mistake.file, mistake.faults)
         raise
     save_faults(arguments.faults)
     return iolist.compare(
-        arguments.cabinet, options, trays=arguments.trays, settings=settings, mix=choose,
-        rules=rules,
-    )  # fmt: skip
+        arguments.cabinet, options, trays=arguments.trays, settings=settings, mix=mix, rules=rules
+    )
 
 
-def save_faults(path: str | None, mistake: InputError | None = None) -> None:
-    """Write the faults of a list as a CSV file, one per row; without any, only its titles."""
+#: Row, column and text of a fault.
+_PLACED = re.compile(r"row (\d+)(?:, column (.*?))?(?::|(?= has)) ?(.*)", re.DOTALL)
+
+
+def save_faults(path: str | None, file: str = "", faults: Sequence[str] = ()) -> None:
+    """Write the faults of a list as a CSV file with one row per fault."""
     if path is None:
         return
     with Path(path).open("w", newline="", encoding="utf-8-sig") as stream:
         writer = csv.writer(stream)
         writer.writerow(["file", "row", "column", "fault"])
-        for fault in () if mistake is None else mistake.faults:
+        for fault in faults:
             found = _PLACED.fullmatch(fault)
-            row, column, text = found.groups("") if found else ("", "", fault)
-            writer.writerow([mistake.file if mistake else "", row, column, text])
-
-
-#: Row, column and text of a fault.
-_PLACED = re.compile(r"row (\d+)(?:, column (.*?))?(?::|(?= has)) ?(.*)", re.DOTALL)
+            writer.writerow([file, *(found.groups("") if found else ("", "", fault))])
 
 
 def _choices(texts: Sequence[str]) -> dict[str, str]:
@@ -84,7 +79,7 @@ def _choices(texts: Sequence[str]) -> dict[str, str]:
     for text in texts:
         what, option = (part.strip() for part in text.rpartition("=")[::2])
         if not what or not option:
-            raise ArgumentError(f"--mix is {text!r}; it must be such as DI=AS-i")
+            raise ArgumentError(f"--mix is {text!r}; it must be WHAT=OPTION, such as DI=AS-i")
         option = _option(option, "--mix")
         if choose.setdefault(what, option) != option:
             raise ArgumentError(f"--mix has {what!r} by {choose[what]} and by {option}")
@@ -92,10 +87,8 @@ def _choices(texts: Sequence[str]) -> dict[str, str]:
 
 
 def _option(text: str, what: str) -> str:
-    """Return an option as it is called, however its letters are written."""
-    found = {name.casefold(): name for name in OPTIONS}.get(text.strip().casefold())
-    if found is None:
-        raise ArgumentError(
-            f"{what} names {text.strip()!r}; it must be one of {', '.join(OPTIONS)}"
-        )
-    return found
+    """Return the name of an option, whose case does not matter."""
+    for name in OPTIONS:
+        if name.casefold() == text.strip().casefold():
+            return name
+    raise ArgumentError(f"{what} names {text.strip()!r}; it must be one of {', '.join(OPTIONS)}")

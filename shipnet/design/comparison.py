@@ -38,7 +38,7 @@ from shipnet.design.points import PointTable
 from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings, kind_of, names, shown
-from shipnet.design.site import Site, Trays
+from shipnet.design.site import Site
 from shipnet.design.tables import file_name, save_files
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng
@@ -56,7 +56,7 @@ CRITERIA = ("total_cost_eur", RESPONSE, "lost_by_failure")
 #: Lengths given by the list and our own may differ by this much per metre, unsaid; assumed.
 _ALIKE = 0.1
 
-#: How far a cable may fall short of the straight way, as both are rounded [m].
+#: How far a cable may fall short of the straight distance, as both are rounded [m].
 _ROUNDED = 0.2
 
 #: Columns whose lowest value is named, with words and unit.
@@ -86,7 +86,7 @@ def pareto_optimal(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
 
 
 def complete(designs: Mapping[str, Design]) -> dict[str, Design]:
-    """Return the designs that connect every point; all of them if none does."""
+    """Return the designs that connect every point, or all of them if none does."""
     return {name: design for name, design in designs.items() if design.fits} or dict(designs)
 
 
@@ -204,18 +204,14 @@ class Comparison:
     @property
     def meeting(self) -> list[str]:
         """Designs that connect every point and violate no rule, the cheapest first."""
-        return list(self._meeting)
-
-    @cached_property
-    def _meeting(self) -> list[str]:
         table = self._table
         table = table[(table["points_left_out"] == 0) & (table["rules_violated"] == 0)]
         return [str(name) for name in table.sort_values("total_cost_eur", kind="stable").index]
 
     @property
     def best(self) -> Design | None:
-        """The cheapest design that connects every point and violates no rule, else None."""
-        return self.designs[self.meeting[0]] if self.meeting else None
+        """The cheapest design that connects every point and violates no rule, or None."""
+        return next((self.designs[name] for name in self.meeting), None)
 
     @property
     def ok(self) -> bool:
@@ -224,21 +220,21 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """What the comparison comes to, in one line."""
+        """The result of the comparison in one line."""
         table = self._table[self._table["points_left_out"] == 0]
-        if self.meeting:
-            best, costs = self.meeting[0], table["total_cost_eur"]
-            said = "cheapest that connects every point and violates no rule: "
-            said += f"{best}, {number(costs[best])} EUR"
-            if costs.min() < costs[best]:
-                least = str(costs.idxmin())
-                broken = int(table["rules_violated"][least])
-                more = number(costs[best] - costs[least])
-                said += f"; {more} EUR more than {least}, which violates {_rules(broken)}"
-            return said
-        if len(table):
+        if table.empty:
+            return "no design connects all points"
+        if self.best is None:
             return "every design that connects all points violates a rule"
-        return "no design connects all points"
+        best, costs = self.best.name, table["total_cost_eur"]
+        said = "cheapest that connects every point and violates no rule: "
+        said += f"{best}, {number(costs[best])} EUR"
+        if costs.min() < costs[best]:
+            least = str(costs.idxmin())
+            count, more = int(table["rules_violated"][least]), number(costs[best] - costs[least])
+            rules = f"{count} rule{'s' * (count > 1)}"
+            said += f"; {more} EUR more than {least}, which violates {rules}"
+        return said
 
     @cached_property
     def _checked(self) -> dict[str, Findings]:
@@ -278,7 +274,7 @@ class Comparison:
 
     @cached_property
     def _likely(self) -> pd.DataFrame:
-        # A copy, so that each comparison that begins with this generator draws the same.
+        # A copy of rng makes every comparison that starts from it draw the same.
         return likely(draw(self.designs, rng=deepcopy(self.rng)))
 
     def tornado(
@@ -292,10 +288,8 @@ class Comparison:
             return tornado(complete(self.designs), figure)
         if a == b:
             raise ArgumentError(f"a and b are both {a!r}; they must be two designs")
-        given = {"b": b, "a": a}
-        known = [
-            check_choice(what, one, self.designs) for what, one in given.items() if one is not None
-        ]
+        given = [(what, one) for what, one in (("b", b), ("a", a)) if one is not None]
+        known = [check_choice(what, one, self.designs) for what, one in given]
         return tornado({name: self.designs[name] for name in known}, figure)
 
     def plot(self, x: str = "total_cost_eur", y: str | None = None, ax: Axes | None = None) -> Axes:
@@ -403,22 +397,8 @@ class Comparison:
 
     def html(self, *, title: str | None = None, date: str | None = None) -> str:
         """Return the report as one self-contained HTML page."""
-        return report_html(
-            title or f"Connecting the points of {Path(self.iolist.source).name}",
-            date or "",
-            designs=self.designs,
-            table=self._table,
-            quantities=self.quantities,
-            likely=self._likely,
-            findings=self.findings().table(),
-            reasons=self.reasons(),
-            changes=self.changes(),
-            tornado=self.tornado(),
-            pareto=self.pareto(),
-            criteria=self.criteria,
-            remarks=self.remarks,
-            conclusions=self.conclusions(),
-        )
+        title = title or f"Connecting the points of {Path(self.iolist.source).name}"
+        return report_html(self, title, date or "")
 
     def report(
         self, path: str | PathLike[str], *, title: str | None = None, date: str | None = None
@@ -502,55 +482,46 @@ def compared(
     rng: np.random.Generator,
     remarks: tuple[str, ...] = (),
 ) -> Comparison:
-    """Compare designs, and say what was found out on the way."""
+    """Compare designs, with remarks from planning them."""
     named = {design.name: design for design in given}
     if not given or len(named) < len(given):
         said = ", ".join(repr(design.name) for design in given) or "none"
-        raise ArgumentError(f"designs are {said}; it must be one or more, each of its own name")
+        raise ArgumentError(f"designs are {said}; give one or more, each with a name of its own")
     first = given[0]
     tags = first.points["tag"].tolist()
     for design in given[1:]:
         if design.points["tag"].tolist() != tags:
-            raise ArgumentError(f"design {design.name!r} has not the points of {first.name!r}")
+            raise ArgumentError(f"design {design.name!r} has other points than {first.name!r}")
         if other := _differing(design, first):
             raise ArgumentError(
-                f"design {design.name!r} has not the {other} of {first.name!r}; their costs cannot "
-                "be compared"
+                f"designs {design.name!r} and {first.name!r} differ in {other}, so their costs "
+                "cannot be compared"
             )
     known = [*FIGURES, *MERITS]
     if not criteria or not set(criteria) <= set(known):
-        raise ArgumentError(f"criteria are {criteria}; they must be of {', '.join(known)}")
+        raise ArgumentError(f"criteria are {criteria}; each must be one of {', '.join(known)}")
     return Comparison(named, rules, criteria, rng, remarks)
 
 
 def _differing(a: Design, b: Design) -> str:
-    """Return in what two designs differ that must be the same, or nothing."""
-    if a.site is not b.site:
-        if a.site.cabinet != b.site.cabinet:
-            return "cabinet"
-        if not _same_trays(a.site.trays, b.site.trays):
-            return "trays"
-    for name in Settings.SHARED:
+    """Return the first thing that two designs must share but do not, or ""."""
+    for name in ("cabinet", "trays"):
+        if getattr(a.site, name) != getattr(b.site, name):
+            return name
+    for name in ("detour", "tails", "assumptions"):
         if getattr(a.settings, name) != getattr(b.settings, name):
             return name
     return ""
 
 
-def _same_trays(a: Trays | None, b: Trays | None) -> bool:
-    if a is None or b is None:
-        return a is b
-    return a is b or (dict(a.nodes) == dict(b.nodes) and a.trays == b.trays)
-
-
 def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
-    """Say that home runs of given lengths are not weighed alike, if it makes a difference."""
+    """Say where home runs with given lengths are not computed as other cables are."""
     first = next(iter(designs.values()))
     iolist, site = first.iolist, first.site
-    kept = {
-        tag
-        for design in designs.values()
-        for tag in design.cables.query("kind == 'home run' and route_m != route_m")["b"]
-    }
+    kept = set[str]()
+    for design in designs.values():
+        cables = design.cables
+        kept.update(cables["b"][(cables["kind"] == "home run") & cables["route_m"].isna()])
     mine = iolist.points["tag"].isin(kept).to_numpy() & iolist.located
     if not mine.any():
         return
@@ -560,25 +531,21 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
     if short := int((given < straight - _ROUNDED).sum()):
         yield (
             f"{short} home run{'s' * (short > 1)} of the list {'are' if short > 1 else 'is'} "
-            "shorter than the straight way to the cabinet, but kept."
+            "shorter than the straight distance to the cabinet, but kept."
         )
     if np.abs(own - given).sum() > _ALIKE * given.sum():
         cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
         over = "" if site.trays is None else " over the trays"
         yield (
             f"Home runs keep the lengths of the list, {number(given.sum() / 1e3)} km for "
-            f"{len(given)} points; from the cabinet at {cabinet} m{over}, as all other cables are "
-            f"reckoned, they would be {number(own.sum() / 1e3)} km. With list_lengths false, all "
-            "are computed alike."
+            f"{len(given)} points; computed like all other cables, from the cabinet at {cabinet} "
+            f"m{over}, they would be {number(own.sum() / 1e3)} km. Set list_lengths to false to "
+            "compute all of them."
         )
 
 
-def _rules(count: int) -> str:
-    return f"{count} rule{'s' * (count > 1)}"
-
-
 def _prices(quantities: Mapping[str, Quantities], designs: Mapping[str, Design]) -> Iterator[str]:
-    """Say what limits on responses cost."""
+    """Say what the rules' limits on responses cost."""
     for name, design in designs.items():
         if (loose := design.without_limits) is not None:
             more = quantities[name]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
@@ -586,14 +553,14 @@ def _prices(quantities: Mapping[str, Quantities], designs: Mapping[str, Design])
 
 
 def _costs(more: float) -> str:
-    """Return what something costs beside something else."""
+    """Return how a cost compares with another, as a verb."""
     if not round(more):
         return "costs as much as"
     return f"costs {number(abs(more))} EUR {'less' if more < 0 else 'more'} than"
 
 
 def _why(design: Design) -> str:
-    """Return the first reason of each limit that an option runs into."""
+    """Return the first reason for each limit that a design exceeds."""
     counts = design.reasons["limit"].value_counts()
     first = design.reasons.drop_duplicates("limit")
     said = [

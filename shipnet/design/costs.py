@@ -1,9 +1,9 @@
-"""What designs take: conductors, cable, hours and money, and what the assumptions do to them."""
+"""Conductors, cable, hours and money of designs, and their sensitivity to the assumptions."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import floor, isinf, isnan, log10
 from types import MappingProxyType
@@ -22,11 +22,9 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng, check_whole
 from shipnet.lazy import Axes, pd
 
-# Numbers as a table of a design shows them: counts whole, estimates with three digits
-
 
 def number(value: float) -> str:
-    """Return a count as it is, and anything else with three significant digits."""
+    """Return a whole number as it is, and any other with three significant digits."""
     if isnan(value):
         return "-"
     if isinf(value):
@@ -37,32 +35,27 @@ def number(value: float) -> str:
     return f"{round(float(value), places):,.{max(places, 0)}f}"
 
 
-# What a design consists of, counted: cables by type, devices, channels -------------------------
-
+# Parts of a design, counted: devices and channels ------------------------------------------------
 
 #: What `numpy.random.default_rng` takes.
 Rng: TypeAlias = np.random.Generator | int | None
 
-#: The assumptions that a device of a kind costs on a bus, one price and one time each; "" is
-#: every other bus.
-_DEVICES: dict[str, dict[str, tuple[str, ...]]] = {
-    "cabinet": {"": ()},
-    "box": {"": ("box", "box_time")},
-    "module": {"": ("asi_module", "module_time")},
-    "station": {
-        "CAN": ("can_station", "station_time"),
-        "": ("modbus_station", "station_time"),
-    },
-    "master": {
-        "AS-i": ("asi_master", "master_time"),
-        "CAN": ("can_master", "master_time"),
-        "": ("modbus_master", "master_time"),
-    },
-    "gateway": {"": ("gateway", "master_time")},
-    "repeater": {"": ("repeater", "part_time")},
-    "supply": {"AS-i": ("asi_supply", "part_time"), "": ("supply", "part_time")},
-    "auxiliary supply": {"": ("supply", "part_time")},
-    "terminator": {"": ("terminator", "part_time")},
+#: The price and the time of a device by kind; with the bus before it where the price depends on it.
+_DEVICES: dict[str, tuple[str, ...]] = {
+    "cabinet": (),
+    "box": ("box", "box_time"),
+    "module": ("asi_module", "module_time"),
+    "CAN station": ("can_station", "station_time"),
+    "station": ("modbus_station", "station_time"),
+    "AS-i master": ("asi_master", "master_time"),
+    "CAN master": ("can_master", "master_time"),
+    "master": ("modbus_master", "master_time"),
+    "gateway": ("gateway", "master_time"),
+    "repeater": ("repeater", "part_time"),
+    "AS-i supply": ("asi_supply", "part_time"),
+    "supply": ("supply", "part_time"),
+    "auxiliary supply": ("supply", "part_time"),
+    "terminator": ("terminator", "part_time"),
 }
 
 
@@ -73,10 +66,10 @@ def conductors_at_cabinet(design: Layout) -> int:
 
 
 def items_of(design: Layout) -> dict[str, int]:
-    """Count the parts and pieces of work of a design, by the names of what they cost."""
+    """Count the parts and pieces of work of a design, by the names of their prices and times."""
     analogue = design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
-    items = _devices(design, analogue) | _channels(design, analogue)
+    items = {**_devices(design, analogue), **_channels(design, analogue)}
     items["second_interface"] = _second_interfaces(design)
     items["barrier"] = items["barrier_time"] = int(safe.sum())
     items["gland"] = items["gland_time"] = 2 * len(design.cables)
@@ -84,37 +77,28 @@ def items_of(design: Layout) -> dict[str, int]:
 
 
 def _devices(design: Layout, analogue: Bools) -> dict[str, int]:
-    bus_of = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
-    bus = [bus_of.get(segment, "") for segment in design.devices["segment"]]
     devices = design.devices
-    unknown = sorted(set(devices["kind"]) - set(_DEVICES))
-    if unknown:
-        raise ArgumentError(f"there is no price of a {', '.join(unknown)}")
-    items: dict[str, int] = {}
-    counted = Counter(zip(devices["kind"], bus, strict=True))
-    for (kind, of_bus), number in counted.items():
-        by_bus = _DEVICES[kind]
-        for name in by_bus.get(of_bus, by_bus[""]):
-            items[name] = items.get(name, 0) + number
+    bus = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
+    items = Counter[str]()
+    for kind, segment in zip(devices["kind"], devices["segment"], strict=True):
+        items.update(_DEVICES.get(f"{bus.get(segment, '')} {kind}", _DEVICES[kind]))
     modules = set(devices.loc[devices["kind"] == "module", "device"])
     if number := len(modules.intersection(design.points["device"].to_numpy()[analogue])):
-        items |= {"asi_analogue_module": number, "asi_module": items["asi_module"] - number}
+        items["asi_analogue_module"] = number
+        items["asi_module"] -= number
     return items
 
 
 def _second_interfaces(design: Layout) -> int:
     """Count the stations at which both lines of a redundant pair end."""
-    ends: dict[str, set[str]] = {"A": set(), "B": set()}
-    columns = (design.cables[name] for name in ("kind", "line", "a", "b"))
-    for kind, line, a, b in zip(*columns, strict=True):
-        if kind == "trunk" and line:
-            ends[line] |= {a, b}
+    trunk = design.cables[design.cables["kind"] == "trunk"]
+    a, b = (trunk.loc[trunk["line"] == line, ["a", "b"]].to_numpy().ravel() for line in "AB")
     stations = design.devices["device"][design.devices["kind"] == "station"]
-    return len(ends["A"] & ends["B"] & set(stations))
+    return len({*a} & {*b} & {*stations})
 
 
 def _channels(design: Layout, analogue: Bools) -> dict[str, int]:
-    """Count the channels of the cabinet and of the stations, with the spare ones."""
+    """Count the channels of the cabinet and of the stations, with spares."""
     bus, spare = design.points["bus"].to_numpy(), design.settings.spare
     wired, station = bus == "hardwired", (bus == "CAN") | (bus == "Modbus RTU")
     used = {
@@ -126,10 +110,9 @@ def _channels(design: Layout, analogue: Bools) -> dict[str, int]:
     return {name: with_spare(int(own.sum()), spare) for name, own in used.items()}
 
 
-# What a design takes: conductors, cable, hours and money, each low, nominal and high
+# The figures of a design, each low, nominal and high ---------------------------------------------
 
-
-#: The figures of a design: their words, and their units.
+#: The figures of a design: words and unit.
 FIGURES: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "conductors_at_cabinet": ("conductors at the cabinet", ""),
@@ -148,7 +131,7 @@ FIGURES: Mapping[str, tuple[str, str]] = MappingProxyType(
     }
 )
 
-#: What else a comparison weighs: the words of each column, and its unit.
+#: Further columns of a comparison: words and unit.
 MERITS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "points_left_out": ("points left out", ""),
@@ -177,13 +160,13 @@ def label(column: str) -> str:
 
 
 def counted(table: pd.DataFrame) -> dict[str, str]:
-    """Return what a figure calls each design: a point that is left out costs nothing."""
+    """Return the label of each design, with the number of points left out, which cost nothing."""
     left = table["points_left_out"].items()
     return {str(name): f"{name} ({n:.0f} left out)" if n else str(name) for name, n in left}
 
 
-#: The assumptions of which each cable of the catalogue has its own range, and the field that holds
-#: it. A level of one is the level of all cables: they are dear together, or cheap together.
+#: The assumptions that have a range per cable of the catalogue: field and unit. All cables are
+#: taken at the same level: they are all dear, or all cheap.
 CABLE_RANGES: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "cable_mass": ("mass", "kg/m"),
@@ -193,7 +176,7 @@ CABLE_RANGES: Mapping[str, tuple[str, str]] = MappingProxyType(
     }
 )
 
-#: What no figure holds.
+#: Costs that are not included.
 EXCLUDED = (
     "sensors and actuators, and their hook-up and test, which are the same in every option",
     "engineering, documentation and software",
@@ -218,11 +201,11 @@ class Quantities:
     figures : pandas.DataFrame
         One row per figure: low, nominal, high and unit.
     assumptions : pandas.DataFrame
-        The assumptions that were used: name, low, nominal, high, unit, status, source.
+        The assumptions used: name, low, nominal, high, unit, status, source.
     by_cable : pandas.DataFrame
         One row per type of cable: runs, length_m, mass_kg, cost_eur, at nominal.
     unconnected : int
-        Points that are left out, and cost nothing.
+        Points left out, which cost nothing.
 
     Examples
     --------
@@ -249,7 +232,7 @@ class Quantities:
         return self.figures.copy()
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw what cable, hardware and labour cost, each from all low to all high."""
+        """Draw the costs of cable, hardware and labour, from all low to all high."""
         names = ["cable_cost_eur", "hardware_cost_eur", "labour_cost_eur", "total_cost_eur"]
         ends = self.figures.loc[names]
         ends = ends.set_axis([label(name).partition(" [")[0] for name in names])
@@ -272,21 +255,18 @@ def ranges_of(quantities: Mapping[str, Quantities], figure: str) -> pd.DataFrame
 
 
 class Model:
-    """The figures of one design as a function of what is assumed."""
+    """The figures of one design as a function of the assumptions."""
 
     def __init__(self, design: Layout) -> None:
         self.items = items_of(design)
         self.assumptions = design.settings.assumptions
         self._at_cabinet = conductors_at_cabinet(design)
         runs, known = design.cables, catalogue()
-        self.laid: pd.DataFrame = (
-            runs.assign(runs=1, ends=2 * runs["used"])
-            .groupby("cable")[["runs", "length_m", "ends", "conductors", "at_cabinet"]]
-            .sum()
-        )
+        summed = ["runs", "length_m", "ends", "conductors", "at_cabinet"]
+        counted = runs.assign(runs=1, ends=2 * runs["used"])
+        self.laid: pd.DataFrame = counted.groupby("cable")[summed].sum()
         self._sums = {name: column.to_numpy(dtype=float) for name, column in self.laid.items()}
-        unknown = sorted(set(self.laid.index) - set(known))
-        if unknown:
+        if unknown := sorted(set(self.laid.index) - set(known)):
             raise ArgumentError(f"the catalogue has no cable {', '.join(unknown)}")
         self.cables = {str(name): known[str(name)] for name in self.laid.index}
         self._section = 1e-6 * np.array([c.area_mm2 for c in self.cables.values()], dtype=float)
@@ -297,7 +277,7 @@ class Model:
 
     @property
     def names(self) -> list[str]:
-        """Names of the assumptions that the figures depend on, those of the cables first."""
+        """Names of the assumptions that the figures depend on, first those of the cables."""
         factors = ["laid_length", "cable_diameter"] if self.cables else []
         own = [*factors, "labour_rate", *self.items]
         return [*(CABLE_RANGES if self.cables else ()), *(n for n in self.assumptions if n in own)]
@@ -340,29 +320,25 @@ class Model:
             "labour_cost_eur": labour_cost,
             "total_cost_eur": cable_cost + hardware_cost + labour_cost,
         }
-        return {
-            name: float(value) if np.ndim(value) == 0 else value for name, value in figures.items()
-        }
+        return {name: value if np.ndim(value) else float(value) for name, value in figures.items()}
 
     @property
     def used(self) -> pd.DataFrame:
         """The assumptions in use: name, low, nominal, high, unit, status, source."""
-        columns = ["name", *LEVELS, "unit", "status", "source"]
-        own = [name for name in self.names if name not in CABLE_RANGES]
-        listed = self.assumptions.table.loc[own].reset_index()[columns]
-        return pd.concat(
-            [pd.DataFrame(list(self._cable_rows()), columns=columns), listed]
-        ).reset_index(drop=True)
-
-    def _cable_rows(self) -> Iterator[tuple[Any, ...]]:
-        for name, (field, unit) in CABLE_RANGES.items():
-            for cable in self.cables.values():
-                what = f"{words(name)} of {cable.id}"
-                yield (what, *getattr(cable, field), unit, cable.status, cable.source)
+        rows = [
+            (f"{words(name)} of {cable.id}", *getattr(cable, field), unit, cable.status,
+             cable.source)
+            for name, (field, unit) in CABLE_RANGES.items() for cable in self.cables.values()
+        ]  # fmt: skip
+        for name in self.names:
+            if name not in CABLE_RANGES:
+                entry = self.assumptions.entry(name)
+                rows.append((name, *entry.range, entry.unit, entry.status, entry.source))
+        return pd.DataFrame(rows, columns=["name", *LEVELS, "unit", "status", "source"])
 
 
 def quantities(design: Layout) -> Quantities:
-    """Return what a design takes under the assumptions of its settings."""
+    """Return the figures of a design under the assumptions of its settings."""
     model = Model(design)
     table = pd.DataFrame({level: model.figures(others=level) for level in LEVELS})
     units = {name: unit for name, (_, unit) in FIGURES.items()}
@@ -376,7 +352,7 @@ def quantities(design: Layout) -> Quantities:
 
 
 def bill_table(design: Layout) -> pd.DataFrame:
-    """Return cables, parts and work of a design, at nominal; their costs add up to the total."""
+    """Return cables, parts and work of a design at nominal; the costs add up to the total."""
     model = Model(design)
     cables, assumed = _by_cable(model), model.assumptions
     rows = [
@@ -388,32 +364,28 @@ def bill_table(design: Layout) -> pd.DataFrame:
         for name, count in model.items.items()
         if assumed.entry(name).unit == "EUR"
     ]
-    rows.append(
-        ("work", "labour", model.figures()["labour_h"], "h", assumed["labour_rate"].nominal)
-    )
+    hours, rate = model.figures()["labour_h"], assumed["labour_rate"].nominal
+    rows.append(("work", "labour", hours, "h", rate))
     table = pd.DataFrame(rows, columns=["kind", "item", "number", "unit", "price_eur"])
     return table.assign(cost_eur=table["number"] * table["price_eur"])
 
 
 def _by_cable(model: Model) -> pd.DataFrame:
-    counts = model.laid[["runs", "length_m"]]
-    kinds = model.cables.values()
-    each = {name: np.array([getattr(c, name).nominal for c in kinds]) for name in ("mass", "price")}
-    length = counts["length_m"] * model.assumptions["laid_length"].nominal
-    return counts.assign(
-        length_m=length, mass_kg=length * each["mass"], cost_eur=length * each["price"]
-    )
+    length = model.laid["length_m"] * model.assumptions["laid_length"].nominal
+    mass = length * [cable.mass.nominal for cable in model.cables.values()]
+    cost = length * [cable.price.nominal for cable in model.cables.values()]
+    return model.laid[["runs"]].assign(length_m=length, mass_kg=mass, cost_eur=cost)
 
 
-# Where the figures of designs lie when every assumption is drawn from its range ----------------
+# The distribution of the figures when every assumption is drawn from its range -------------------
 
 
 def draw(designs: Mapping[str, Layout], *, rng: Rng, draws: int = 10_000) -> pd.DataFrame:
-    """Draw every assumption from its range, again and again, and return the figures."""
+    """Draw every assumption from its range many times, and return the figures."""
     models = {name: Model(design) for name, design in designs.items()}
     rng = check_rng(rng)
     n = check_whole("draws", draws, 1, 1_000_000)
-    # Every assumption is drawn, in use or not: a further option must not change the others' draws.
+    # All assumptions are drawn, in use or not, so that another option does not change the draws.
     names = [*CABLE_RANGES, *next(iter(models.values())).assumptions]
     levels = dict(zip(names, rng.random((len(names), n)), strict=True))
     columns: dict[tuple[str, str], Floats] = {}
@@ -424,22 +396,19 @@ def draw(designs: Mapping[str, Layout], *, rng: Rng, draws: int = 10_000) -> pd.
 
 
 def likely(sample: pd.DataFrame) -> pd.DataFrame:
-    """Return the range that holds 9 of 10 draws, with as many above it as below."""
-    quantiles = {"low": 0.05, "median": 0.5, "high": 0.95}
-    table = sample.quantile(list(quantiles.values())).T
-    table.columns = list(quantiles)
-    return table.assign(
-        unit=[FIGURES[figure][1] for figure in table.index.get_level_values("figure")]
-    )
+    """Return the interval that holds 9 of 10 draws, with as many above it as below."""
+    table = sample.quantile([0.05, 0.5, 0.95]).T.set_axis(["low", "median", "high"], axis=1)
+    units = [FIGURES[figure][1] for figure in table.index.get_level_values("figure")]
+    return table.assign(unit=units)
 
 
-# Which assumptions matter: each one at its low and at its high, all others nominal
+# The effect of each assumption at its low and at its high, with all others nominal ---------------
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Tornado:
-    """Which assumption matters: each one at its low and at its high, all others nominal.
+    """The effect of each assumption at its low and at its high, with all others nominal.
 
     `Comparison.tornado` returns one.
 
@@ -448,12 +417,12 @@ class Tornado:
     figure : str
         The figure, such as ``"total_cost_eur"``.
     between : tuple of str
-        One design, or two whose difference counts.
+        One design, or two whose difference is taken.
     nominal : dict of str to float
         The figure of each design with every assumption nominal.
     every : pandas.DataFrame
-        One row per assumption, the one that does most first: the figure of each design at low and
-        at high, their difference, whether their order changes, and the swing.
+        One row per assumption, the largest swing first: the figure of each design at low and at
+        high, their difference, whether their order changes, and the swing.
 
     Examples
     --------
@@ -474,7 +443,7 @@ class Tornado:
         return self.every.copy()
 
     def plot(self, ax: Axes | None = None, *, rows: int = 8) -> Axes:
-        """Draw the assumptions that do most, the longest bar on top."""
+        """Draw the assumptions with the largest swing, the longest bar on top."""
         ax, names = style.axes(ax), self.top(rows)
         ends = self.ends.loc[names]
         y, base = np.arange(len(names)), self.at_nominal
@@ -500,59 +469,48 @@ class Tornado:
 
     @property
     def subject(self) -> str:
-        """What the rows are about, in words."""
+        """The figure and its designs in words."""
         return f"{FIGURES[self.figure][0]} of {' less that of '.join(self.between)}"
 
     @property
     def at_nominal(self) -> float:
-        """The figure, or the difference of both designs, with every assumption nominal."""
+        """The figure, or the difference of two designs, with every assumption nominal."""
         first, *second = (self.nominal[option] for option in self.between)
         return first - sum(second)
 
     @property
     def ends(self) -> pd.DataFrame:
-        """Columns low and high: the figure, or the difference, at both ends of each assumption."""
+        """The figure, or the difference, at the low and the high of each assumption."""
         of = "difference" if len(self.between) == 2 else self.between[0]
         table = self.every[[f"{of} at low", f"{of} at high"]]
         return table.set_axis(["low", "high"], axis=1)
 
     def top(self, n: int = 3) -> list[str]:
-        """Return the names of the assumptions that matter most."""
+        """Return the names of the assumptions with the largest swing."""
         most = check_whole("n", n, 0, 1000)
         return [str(name) for name in self.every.index[self.every["swing"] > 0][:most]]
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
         low, high = self.ends["low"], self.ends["high"]
-        said = [
-            f"{words(name)} ({number(low[name])} to {number(high[name])})" for name in self.top()
-        ]
+        said = [f"{words(one)} ({number(low[one])} to {number(high[one])})" for one in self.top()]
         what = f"{self.subject} is {number(self.at_nominal)}{unit}"
-        return f"{what}; what matters most: {', '.join(said) or 'nothing that is assumed'}"
+        return f"{what}; what matters most: {', '.join(said) or 'no assumption'}"
 
 
 def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> Tornado:
-    """Take every assumption to its low and its high, one at a time.
-
-    The figure is that of the lowest of the other designs less that of the first.
-    """
+    """Vary every assumption, for the lowest of the other designs less the first."""
     check_choice("figure", figure, FIGURES)
     models = {name: Model(design) for name, design in designs.items()}
     nominal = {name: float(model.figures()[figure]) for name, model in models.items()}
     first, *others = nominal
     pair = (min(others, key=lambda name: nominal[name]), first) if others else (first,)
     names = list(dict.fromkeys(name for option in pair for name in models[option].names))
-    table = pd.DataFrame(
-        {
-            f"{option} at {level}": [
-                models[option].figures({name: level})[figure] for name in names
-            ]
-            for option in pair
-            for level in ("low", "high")
-        },
-        index=pd.Index(names, name="assumption"),
-        dtype=float,
-    )
+    columns = {
+        f"{option} at {level}": [models[option].figures({name: level})[figure] for name in names]
+        for option in pair for level in LEVELS[::2]
+    }  # fmt: skip
+    table = pd.DataFrame(columns, index=pd.Index(names, name="assumption"), dtype=float)
     found = Tornado(figure, pair, {option: nominal[option] for option in pair}, table)
     if len(pair) == 2:
         for level in ("low", "high"):

@@ -45,11 +45,11 @@ class Design(Layout):
     Parameters
     ----------
     name : str
-        What tables and figures call it.
+        Its name in tables and figures.
     iolist : IoList
         The points.
     site : Site
-        Cabinet and trays, with the detour and the tails of cables.
+        Cabinet, trays, and the detour and tails of cables.
     points : pandas.DataFrame
         One row per point, in the order of the list: tag, bus, segment, device, address,
         response_ms, fits. A point that fits nowhere has no bus, and a row in `reasons`.
@@ -57,23 +57,23 @@ class Design(Layout):
         Cabinet, boxes, modules, stations, masters, repeaters, supplies: device, kind, segment,
         x_m, y_m, z_m, and at, the device in whose housing it is.
     cables : pandas.DataFrame
-        Every cable laid: run, its name; cable, its type in the catalogue; a and b, its ends;
-        segment, kind, route_m, length_m, used, conductors, at_cabinet, line, and way, its trays.
+        Every cable: run, its name; cable, its type in the catalogue; a and b, its ends; segment,
+        kind, route_m, length_m, used, conductors, at_cabinet, line, and way, its trays.
     segments : pandas.DataFrame
         Lines and loops: segment, bus, points, devices, length_m, bus_time and capacity_used as
         in `Utilisation`, response_ms and slowest_update_ms of the point nearest to its limit, and
-        what only one bus has.
+        columns of one bus.
     reasons : pandas.DataFrame
         Why something does not fit: subject, limit, value, bound, unit, text.
     settings : Settings, optional
-        Every limit, price and allowance that it was planned with.
+        The limits, prices and allowances of the plan.
     without_limits : Design, optional
-        The same way without the limits of rules on responses, if these made a difference.
+        The same option without the rules' limits on responses, if they made a difference.
 
     Raises
     ------
     ArgumentError
-        If the tables do not fit together; all faults at once.
+        If the tables contradict each other; the first ten faults.
 
     Examples
     --------
@@ -92,10 +92,7 @@ class Design(Layout):
 
     @classmethod
     def example(cls, *, redundant: bool = False) -> Design:
-        """Return a design to follow by hand: two stations with two points each on a Modbus loop.
-
-        A redundant one has a second line on the other side of the ship.
-        """
+        """Return a small Modbus loop of two stations, with a second line if `redundant`."""
         iolist, nan = PointTable.parse(_LIST, "example"), float("nan")
         tags = list(iolist.points["tag"])
         stations = ["JB1", "JB1", "JB2", "JB2"]
@@ -138,7 +135,7 @@ class Design(Layout):
 
     def priced(self, settings: Settings) -> Design:
         """Return the same design under other prices."""
-        made = copy(self)  # with the failures, if they are known
+        made = copy(self)  # keeps the failures, if they are known
         object.__setattr__(made, "settings", settings)
         if self.without_limits is not None:
             object.__setattr__(made, "without_limits", self.without_limits.priced(settings))
@@ -149,7 +146,7 @@ class Design(Layout):
         return costs.quantities(self)
 
     def bill(self) -> pd.DataFrame:
-        """Return what has to be bought and laid: cables by type, devices, channels, glands."""
+        """Return the bill of cables by type, devices, channels and glands."""
         return costs.bill_table(self)
 
     def supplies(self) -> pd.DataFrame:
@@ -160,23 +157,23 @@ class Design(Layout):
         return supply_tables(self)[0]
 
     def voltages(self) -> pd.DataFrame:
-        """Return one row per device and line that a supply feeds: current, voltage and its drop."""
+        """Return one row per fed device and line: current, voltage and voltage drop."""
         return supply_tables(self)[1]
 
     def check(
         self, rules: RuleSet | str | PathLike[str] = "DNV", *, host_time: float | None = None
     ) -> Findings:
-        """Check the design against class rules; `host_time` [s] is that of the settings if None."""
+        """Check the design against class rules, with a host time [s] other than the settings'."""
         return check(self, self._failures, rules, host_time=host_time)
 
     def failures(self) -> pd.DataFrame:
-        """Return what each single failure costs, one row per failure, the worst one first."""
+        """Return the points lost by each single failure, the worst first."""
         ranked = self._failures.sort_values("points_lost", ascending=False, kind="stable")
         return ranked.reset_index(drop=True)
 
     @cached_property
     def _failures(self) -> pd.DataFrame:
-        """Every single failure: cables cut and shorted, trays, devices."""
+        """Every single failure: cut and shorted cables, trays, devices."""
         return failures.single_failures(self)
 
     def lost(
@@ -186,15 +183,14 @@ class Design(Layout):
         devices: Collection[str] = (),
         trays: Collection[str] = (),
     ) -> tuple[str, ...]:
-        """Return the tags of the points that several failures at once cost."""
+        """Return the tags of the points that several simultaneous failures cost."""
         return failures.lost(self, cables=cables, devices=devices, trays=trays)
 
     def tables(self) -> dict[str, pd.DataFrame]:
-        """Return what a yard builds from: cables, terminals, devices, points, bill.
+        """Return the tables that a yard builds from.
 
-        The cable schedule has one row per cable and its lengths add up to those of `quantities`;
-        the terminal plan one row per core; the points are those of the list, with their channels.
-        Supplies and what they feed, segments and reasons are as this class has them.
+        cables is the cable schedule, terminals the terminal plan with one row per core; then come
+        devices, points with their channels, supplies, voltages, segments, bill and reasons.
         """
         return tables.tables(self)
 
@@ -213,9 +209,9 @@ class Design(Layout):
         yield "settings.toml", self.settings.text().encode()
 
     def save(self, folder: str | PathLike[str]) -> None:
-        """Write every table as a CSV file, all as one workbook, drawing and settings into a folder.
+        """Write the tables as CSV files and a workbook, the drawing and the settings to a folder.
 
-        Files of these names are replaced. The workbook takes openpyxl.
+        Existing files are replaced. The workbook needs openpyxl.
         """
         tables.save_files(folder, self.files())
 

@@ -1,10 +1,10 @@
-"""What all planners share: a design in the making, boxes, clusters of places, trunks."""
+"""What all planners share: a draft of a design, boxes, clusters of places, trunks."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from math import ceil, inf
@@ -19,7 +19,7 @@ from scipy.spatial.distance import cdist
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.design.catalogue import Cable, cables, smallest
 from shipnet.design.designs import Design
-from shipnet.design.layout import COLUMNS, Layout, frame
+from shipnet.design.layout import COLUMNS, frame
 from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
 from shipnet.design.site import Site
@@ -29,10 +29,10 @@ from shipnet.signals import SIGNALS
 
 # Which places belong together: clusters within reach, groups of equal size, groups that fit
 
-#: With more places the tree of all distances takes too much memory; they are halved first.
+#: More places than this are halved first: the tree of all distances takes too much memory.
 _MOST = 3000
 
-#: With more items the best groups of equal size take too long to find.
+#: More items than this are halved: groups of equal size take too long to find.
 _MANY = 1000
 
 #: Rounds of moving the centres; assignments settle in a few.
@@ -59,7 +59,7 @@ def _zones(places: bytes, reach: float, most: int) -> Indices:
     if len(xyz) < 2:
         return np.zeros(len(xyz), dtype=np.intp)
     tree = linkage(xyz, "complete", "cityblock")
-    # Beyond its limit a subtree is cut: both shares grow from the leaves to the root.
+    # Both excesses grow from the leaves to the root, so each tree is cut where one begins.
     excess = np.maximum(tree[:, 2] - reach, (tree[:, 3] > most).astype(float))
     return _renumbered(fcluster(tree, 1e-9, "monocrit", monocrit=excess).astype(np.intp))
 
@@ -67,10 +67,7 @@ def _zones(places: bytes, reach: float, most: int) -> Indices:
 def balanced(
     xyz: Floats, groups: int, *, kinds: npt.ArrayLike = 0, most: Sequence[int] = ()
 ) -> Indices:
-    """Return groups of nearly equal size whose places are near the middle of their group.
-
-    A group has at most `most` places of each kind, and there is room for all of them.
-    """
+    """Return compact groups of nearly equal size, with at most `most` places of each kind."""
     from scipy.optimize import linear_sum_assignment  # slow to load, and few plans need it
 
     if groups == 1 or len(xyz) < 2:
@@ -112,7 +109,7 @@ def divided(
     judge: Callable[[Sequence[Item]], tuple[Result, float]],
     halve: Callable[[Item], Sequence[Item]] | None = None,
 ) -> list[tuple[list[Item], Result]]:
-    """Divide items into groups until each keeps its limits."""
+    """Divide items into groups until each meets its limits."""
     waiting = [list(items)] if len(items) else []
     done = []
     while waiting:
@@ -120,7 +117,11 @@ def divided(
         result, parts = judge(group)
         pieces: list[list[Item]] = []
         if parts > 1 and len(group) > 1:
-            pieces = _pieces(group, place, parts)
+            labels = _apart(np.array([place(item) for item in group], dtype=float), parts)
+            pieces = [
+                [item for item, label in zip(group, labels, strict=True) if label == own]
+                for own in dict.fromkeys(labels.tolist())
+            ]
         elif parts > 1 and halve is not None:
             pieces = [[piece] for piece in halve(group[0])]
         if not pieces:
@@ -129,22 +130,14 @@ def divided(
     return done
 
 
-def _pieces(
-    group: list[Item], place: Callable[[Item], Sequence[float]], parts: float
-) -> list[list[Item]]:
-    xyz = np.array([place(item) for item in group], dtype=np.float64)
-    if len(group) > _MANY:
-        labels = _halves(xyz).astype(np.intp)
-    elif parts == inf:
-        labels = fcluster(linkage(xyz, "complete", "cityblock"), 2, "maxclust")
-        if len(np.unique(labels)) < 2:  # all in one place
-            labels = np.arange(len(group)) % 2
-    else:
-        labels = balanced(xyz, min(ceil(parts), len(group)))
-    return [
-        [item for item, label in zip(group, labels, strict=True) if label == own]
-        for own in dict.fromkeys(labels.tolist())
-    ]
+def _apart(xyz: Floats, parts: float) -> Indices:
+    if len(xyz) > _MANY:
+        return _halves(xyz).astype(np.intp)
+    if parts < inf:
+        return balanced(xyz, min(ceil(parts), len(xyz)))
+    labels = fcluster(linkage(xyz, "complete", "cityblock"), 2, "maxclust").astype(np.intp)
+    # All may be in one place.
+    return labels if len(np.unique(labels)) > 1 else np.arange(len(xyz)) % 2
 
 
 def _first_centres(xyz: Floats, groups: int) -> Floats:
@@ -172,7 +165,7 @@ def _renumbered(labels: Indices) -> Indices:
 
 # How a trunk goes past its devices: branching, or from each to the next -------------------------
 
-#: What keeps two devices in one place apart: scipy takes a distance below 1e-8 for no edge [m].
+#: Added to distances, because scipy takes a distance below 1e-8 for no edge [m].
 _APART = 1e-6
 
 
@@ -190,13 +183,11 @@ def chain(away: Floats) -> list[int]:
     n = len(away)
     if n < 3:
         return list(range(n))
-    order = np.asarray(_walk(tree(away), n))
-    # Behind the last device comes a place that is near to all: the chain may end anywhere.
+    # After the last device comes a place that is near to all, so that the chain may end anywhere.
+    order = np.append(_walk(tree(away), n), n)
     padded = np.zeros((n + 1, n + 1))
     padded[:n, :n] = away
-    order = np.append(order, n)
-    first, last = np.triu_indices(n - 1, 0)
-    first, last = first + 1, last + 1
+    first, last = (1 + ends for ends in np.triu_indices(n - 1, 0))
     while True:
         before, a, b, behind = order[first - 1], order[first], order[last], order[last + 1]
         change = padded[before, b] + padded[a, behind] - padded[before, a] - padded[b, behind]
@@ -218,18 +209,18 @@ def _walk(edges: list[tuple[int, int]], n: int) -> list[int]:
     while waiting:
         place = waiting.pop()
         order.append(place)
-        # The largest branch last: nothing has to come back from it.
+        # The largest branch comes last, so that the walk need not return from it.
         waiting += sorted(onward[place], key=lambda other: -below[other])
     return order
 
 
-# A design in the making: what planners put down, and the ways that follow when all is there
+# A draft: planners put down devices and cables; routes and feeders follow at the end
 
 Place = tuple[float, float, float]
 
 
 class Laid(NamedTuple):
-    """How a cable gets its length, beside its ends."""
+    """The ends of a cable, its given length or share of the route, and the trays to avoid."""
 
     start: Place
     end: Place
@@ -240,7 +231,7 @@ class Laid(NamedTuple):
 
 @dataclass(eq=False)
 class Draft:
-    """A design in the making."""
+    """A design that planners put together."""
 
     iolist: PointTable
     site: Site
@@ -254,9 +245,8 @@ class Draft:
         self.places: Floats = self.iolist.places
         #: The same as tuples.
         self.spots: list[Place] = list(map(tuple, self.places.tolist()))
-        self.need: Floats = points["update_ms"].to_numpy(np.float64) / 1e3
-        self.need = np.where(np.isnan(self.need), self.settings.update, self.need)
-        self.need = np.minimum(self.need, self.longest)
+        need = points["update_ms"].fillna(1e3 * self.settings.update).to_numpy(float) / 1e3
+        self.need: Floats = np.minimum(need, self.longest)
         self.common = np.array([SIGNALS[str(s)].common for s in points["signal"]], dtype=np.int64)
         self.wires = points["conductors"].to_numpy(np.int64) + self.common
         self.types: list[str] = points["type"].tolist()
@@ -286,7 +276,7 @@ class Draft:
         return free
 
     def _free(self, name: str) -> str:
-        """Return a name, with a number if it is taken, and take it."""
+        """Take a name, with a number if it is taken already."""
         free, number = name, 1
         while free in self._taken:
             number += 1
@@ -320,7 +310,7 @@ class Draft:
         )  # fmt: skip
 
     def given_lengths(self, column: str) -> Floats:
-        """Return the lengths that the list gives in a column [m]; NaN where they are reckoned."""
+        """Return the lengths that the list gives in a column [m]; NaN where they are computed."""
         lengths = self.iolist.points[column].to_numpy(np.float64, copy=True)
         if not self.settings.list_lengths:
             lengths[self.iolist.located] = np.nan
@@ -336,16 +326,15 @@ class Draft:
     def connect(
         self, row: int, bus: str, segment: str, device: str, address: str, response: float
     ) -> None:
-        """Say how a point is connected, and how late the host knows of it [s]."""
-        values = zip(
-            ("bus", "segment", "device", "address"), (bus, segment, device, address), strict=True
-        )
-        for name, value in values:
-            self._point[name][row] = value
+        """Say how a point is connected, with its response [s]."""
+        for column, value in zip(
+            self._point.values(), (bus, segment, device, address), strict=True
+        ):
+            column[row] = value
         self._response[row] = response
 
     def segment(self, rows: Indices, **columns: Any) -> None:
-        """Put down a segment of connected points, with times of the point nearest to its limit."""
+        """Put down a segment of connected points, with the times of its most urgent one."""
         nearest = rows[(self._response[rows] / self.need[rows]).argmax()]
         self._rows["segments"].append(
             {"points": len(rows), "response_ms": 1e3 * self._response[nearest],
@@ -361,28 +350,33 @@ class Draft:
              "text": text}
         )  # fmt: skip
 
+    def too_slow(self, row: int, least: float, words: str) -> None:
+        """Say that a point needs an update sooner than it could have one [s]."""
+        tag, wanted = self.tags[row], 1e3 * float(self.need[row])
+        text = f"{tag} needs an update every {wanted:g} ms; {words} {1e3 * least:.3g} ms"
+        self.reason(tag, "update", 1e3 * least, wanted, "ms", text)
+
     def made(self, name: str) -> Design:
-        """Return the design, with all ways and lengths worked out."""
+        """Return the design, with all routes and lengths."""
         points = frame(
             "points",
             {"tag": self.tags, **self._point, "response_ms": self._response * 1e3,
              "fits": self._point["bus"] != ""},
         )  # fmt: skip
         runs = self._runs(self._rows["cables"])
-        tables: dict[str, Any] = {
-            t: frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")
-        }
-        laid = Layout(
-            name, self.iolist, self.site, points, cables=runs, settings=self.settings, **tables
+        devices, segments, reasons = (
+            frame(t, self._rows[t]) for t in ("devices", "segments", "reasons")
+        )
+        laid = Design(
+            name, self.iolist, self.site, points, devices, runs, segments, reasons, self.settings
         )
         wanted = sized(laid)
-        if wanted.cable:
-            runs = self._feed(runs, wanted)
-            points["fits"] &= ~points["device"].isin([weak[0] for weak in wanted.weak])
-            tables |= {t: frame(t, self._rows[t]) for t in ("devices", "reasons")}
-        return Design(
-            name, self.iolist, self.site, points, cables=runs, settings=self.settings, **tables
-        )
+        if not wanted.cable:
+            return laid
+        runs = self._feed(runs, wanted)
+        points["fits"] &= ~points["device"].isin([weak[0] for weak in wanted.weak])
+        devices, reasons = (frame(t, self._rows[t]) for t in ("devices", "reasons"))
+        return replace(laid, points=points, devices=devices, cables=runs, reasons=reasons)
 
     def _feed(self, runs: pd.DataFrame, wanted: Feeders) -> pd.DataFrame:
         """Return the cables with feeders of the sizes wanted, and put supplies near where asked."""
@@ -421,9 +415,7 @@ class Draft:
         if not rows:
             return frame("cables")
         runs = pd.DataFrame(rows).drop(columns=["start", "end"])
-        start, end = (
-            np.array([row[at] for row in rows], dtype=np.float64) for at in ("start", "end")
-        )
+        start, end = (np.array([row[at] for row in rows], dtype=float) for at in ("start", "end"))
         known = np.isfinite(start).all(axis=1) & np.isfinite(end).all(axis=1)
         route = np.full(len(rows), np.nan)
         length = runs["length"].to_numpy(np.float64, copy=True)
@@ -431,21 +423,15 @@ class Draft:
         share = runs["share"].to_numpy(np.float64)
         for avoid in dict.fromkeys(row["avoid"] for row in rows):
             mine = np.flatnonzero(known & np.array([row["avoid"] == avoid for row in rows]))
-            for row, way in zip(
-                mine, self.site.ways(start[mine], end[mine], avoid=avoid), strict=True
-            ):
+            found = self.site.ways(start[mine], end[mine], avoid=avoid)
+            for row, way in zip(mine, found, strict=True):
                 ways[row] = way
             asked = mine[np.isnan(length[mine])]
             route[asked] = self.site.route(start[asked], end[asked], avoid=avoid) * share[asked]
-        length = np.where(
-            np.isnan(length), self.site.detour * route + self.site.tails * share, length
-        )
-        return frame(
-            "cables",
-            runs.assign(route_m=route, length_m=length, way=pd.Series(ways, dtype=object))[
-                list(COLUMNS["cables"])
-            ],
-        )
+        own = self.site.detour * route + self.site.tails * share
+        length = np.where(np.isnan(length), own, length)
+        runs = runs.assign(route_m=route, length_m=length, way=pd.Series(ways, dtype=object))
+        return frame("cables", runs[list(COLUMNS["cables"])])
 
 
 # Junction boxes: those that the list names, and clusters of the points that it gives none
@@ -472,7 +458,7 @@ class Box(NamedTuple):
 
 
 def boxes(draft: Draft, rows: Indices) -> list[Box]:
-    """Return the boxes of some points; those that no box can be found for are given a reason."""
+    """Return the boxes of some points, and give a reason for those without one."""
     table = draft.iolist.points
     names = table["box"].to_numpy(object)
     at_box = draft.iolist.box_places
@@ -480,15 +466,12 @@ def boxes(draft: Draft, rows: Indices) -> list[Box]:
     located = draft.iolist.located
     limits = draft.settings.boxes
     found: list[Box] = []
-    for name in dict.fromkeys(names[rows]):
+    for name in filter(None, dict.fromkeys(names[rows])):
         mine = rows[names[rows] == name]
-        if name == "":
-            continue
         places = at_box[mine][np.isfinite(at_box[mine]).all(axis=1)]
         if not len(places):
             places = draft.places[mine][located[mine]]
-        reached = (np.isfinite(given[mine]) | located[mine]) if len(places) else False
-        reached = np.broadcast_to(reached, len(mine))
+        reached = (np.isfinite(given[mine]) | located[mine]) & (len(places) > 0)
         without_place(draft, mine[~reached])
         if reached.any():
             found.append(_box(str(name), places, mine[reached], given[mine[reached]]))
@@ -504,19 +487,11 @@ def boxes(draft: Draft, rows: Indices) -> list[Box]:
 
 
 def without_place(draft: Draft, rows: Indices) -> None:
-    """Give points the reason that their place is not known."""
+    """Say that the position of points is not known."""
     for row in rows:
         tag = draft.tags[row]
-        text = f"the list gives no place for {tag}, so that nothing can be put near it"
+        text = f"the list gives no position for {tag}, so nothing can be put near it"
         draft.reason(tag, "place", np.nan, np.nan, "m", text)
-
-
-def too_far(draft: Draft, box: Box, away: float, longest: float, most: str) -> None:
-    """Give the points of a box the reason that no trunk reaches it."""
-    for row in box.rows:
-        tag = draft.tags[row]
-        text = f"{tag} is {away:.0f} m of trunk away; {most.format(longest)}"
-        draft.reason(tag, "length", away, longest, "m", text)
 
 
 def _box(name: str, places: Floats, rows: Indices, lengths: Floats) -> Box:
@@ -526,7 +501,7 @@ def _box(name: str, places: Floats, rows: Indices, lengths: Floats) -> Box:
 
 # The trunk of a segment whose stations sit along one cable: its order, its second line, its ends
 
-#: Conductors of the bus itself; a screen is none.
+#: Conductors of a bus or a feeder, without the screen.
 PAIR = 2
 
 

@@ -21,13 +21,13 @@ _LANE, _LENGTH, _NAME, _WORDS = 10, 42, 52, 150
 
 _LEGEND = "■ cabinet, □ box, station or module, ◇ repeater; metres of the cable that leads there"
 
-#: Most characters of a name and of the words behind it.
+#: Most characters of a name and of the words after it.
 _LONG_NAME, _LONG_WORDS = 19, 36
 
 
 @dataclass
 class _Row:
-    """A line of the drawing: what it says, and which lanes run past it."""
+    """A row of the drawing: its text, and the lanes that run past it."""
 
     name: str
     words: str = ""
@@ -44,27 +44,24 @@ class _Row:
 
 @dataclass
 class _Node:
-    """A device with what hangs on it."""
+    """A device with the devices that hang on it."""
 
     row: _Row
     children: list[_Node] = field(default_factory=list)
 
     @property
     def size(self) -> int:
-        """Devices from here on."""
-        count, waiting = 0, [self]
-        while waiting:
-            node = waiting.pop()
-            count += 1
-            waiting += node.children
-        return count
+        """Number of devices from here on."""
+        devices = [self]
+        for node in devices:
+            devices += node.children
+        return len(devices)
 
 
 def single_line(design: Layout) -> str:
     """Return the drawing of a design as one SVG, its sheets below each other."""
-    drawn = sheets(design)
     y, parts = 0, []
-    for sheet, height in drawn:
+    for sheet, height in sheets(design):
         parts.append(sheet.replace("<svg ", f'<svg y="{y}" ', 1))
         y += height
     head = (
@@ -140,17 +137,16 @@ def _text(x: float, y: float, words: str, style: str = "", most: int = 200) -> s
 
 
 def _rows(design: Layout) -> Iterator[_Row]:
-    """Yield the lines of the drawing: those on wires of their own, then segment by segment."""
+    """Yield the rows of the drawing: hardwired points, then segment by segment."""
     counts = _counts(design)
     hardwired = _hardwired(design, counts)
     blocks = [("hardwired", _COLOURS[-1], hardwired)] if hardwired.children else []
     runs = design.cables[design.cables["kind"] == "trunk"]
     feeders = design.cables[design.cables["kind"] == "feeder"]
     fed = dict(zip(feeders["a"], feeders["b"], strict=True))
-    # A supply in no housing stands beside the device that it feeds.
-    housed = design.devices["at"].where(
-        design.devices["at"] != "", design.devices["device"].map(fed)
-    )
+    # A supply without a housing is drawn beside the device that it feeds.
+    at = design.devices["at"]
+    housed = at.where(at != "", design.devices["device"].map(fed))
     placed = design.devices.assign(at=housed.fillna(""))
     devices, trunks = (
         {name: table.iloc[rows] for name, rows in table.groupby("segment").indices.items()}
@@ -175,25 +171,15 @@ def _rows(design: Layout) -> Iterator[_Row]:
 
 
 def _counts(design: Layout) -> dict[str, str]:
-    """Return what each device has: points by type, and their systems."""
-    found: dict[str, Counter[str]] = defaultdict(Counter)
-    systems: dict[str, dict[str, None]] = defaultdict(dict)
-    listed = design.iolist.points
-    for device, kind, system in zip(
-        design.points["device"], listed["type"], listed["system"], strict=True
-    ):
-        found[device][kind] += 1
-        systems[device][system] = None
-    return {
-        device: " ".join(f"{n} {kind}" for kind, n in sorted(kinds.items()))
-        + _systems([system for system in systems[device] if system])
-        for device, kinds in found.items()
-    }
-
-
-def _systems(names: Sequence[str]) -> str:
-    """Return what to say of systems: a name or two, else how many there are."""
-    return f", {len(names)} systems" if len(names) > 2 else "".join(f", {n}" for n in names)
+    """Return the points by type and the systems of each device, in words."""
+    said = {}
+    for device, own in design.iolist.points.groupby(design.points["device"]):
+        kinds = " ".join(f"{n} {kind}" for kind, n in sorted(Counter(own["type"]).items()))
+        names = [name for name in own["system"].unique() if name]
+        if len(names) > 2:
+            names = [f"{len(names)} systems"]
+        said[str(device)] = ", ".join([kinds, *names])
+    return said
 
 
 def _hardwired(design: Layout, counts: dict[str, str]) -> _Node:
@@ -218,7 +204,7 @@ def _hardwired(design: Layout, counts: dict[str, str]) -> _Node:
 def _tree(
     segment: str, devices: pd.DataFrame, trunk: pd.DataFrame, counts: dict[str, str]
 ) -> _Node:
-    """Return the first master of a segment with all that hangs on its trunk."""
+    """Return the first master of a segment with the devices on its trunk."""
     inside: dict[str, list[str]] = defaultdict(list)
     nodes: dict[str, _Node] = {}
     root = _Node(_Row("nothing", kind="cabinet"))
@@ -248,10 +234,10 @@ def _tree(
 
 
 def _laid(root: _Node, *, star: bool) -> Sequence[_Row]:
-    """Return the rows of a tree, the largest branch of each device straight on in its lane."""
+    """Return the rows of a tree, with the largest branch of each device in the same lane."""
     rows: list[_Row] = []
     last: dict[int, tuple[int, int]] = {}
-    # What waits: a device, the row and the lane that it hangs on, and its own lane.
+    # Each device that waits, with the row and the lane that it hangs on, and its own lane.
     waiting: list[tuple[_Node, int, int, int]] = [(root, -1, -1, 0)]
     while waiting:
         node, parent, lane, own = waiting.pop()
@@ -262,13 +248,11 @@ def _laid(root: _Node, *, star: bool) -> Sequence[_Row]:
             last[parent] = here, lane
             row.above.add(lane)
             row.branch = lane if own != lane else -1
-        ordered = sorted(node.children, key=lambda child: -child.size)
         if star:
             waiting += [(child, here, own, own + 1) for child in reversed(node.children)]
         else:
-            waiting += [
-                (child, here, own, own if n == 0 else own + 1) for n, child in enumerate(ordered)
-            ]
+            ordered = sorted(node.children, key=lambda child: -child.size)
+            waiting += [(child, here, own, own + (n > 0)) for n, child in enumerate(ordered)]
     for parent, (end, lane) in last.items():
         rows[parent].below.add(lane)
         for row in rows[parent + 1 : end]:

@@ -1,4 +1,4 @@
-"""What single failures cost: every cable, tray and device of a design, one at a time."""
+"""The points lost by single failures of a design: every cable, tray and device, one at a time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from shipnet.design.layout import Layout
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
 
-# What of a planned design is still reached when some of its cables are cut and devices dead
+# The parts of a design that are still reached when some cables are cut and some devices dead -----
 
 #: Numbers of the runs that are cut, and of the devices that are dead.
 Failure = tuple[Collection[int], Collection[int]]
@@ -24,17 +24,17 @@ _NONE: Integers = np.empty(0, np.int64)
 #: Nodes at both ends of each edge, and its run; -1 if it is not a run.
 Edges = tuple[Integers, Integers, Integers]
 
-#: Devices that join the two lines of a pair, and those through which nothing passes once dead.
+#: Devices that join the two lines of a pair, and those that block everything once dead.
 _JOINS = ("cabinet", "master", "gateway")
 _BLOCKS = (*_JOINS, "repeater", "box")
 
-#: Devices at which a pair ends that is shorted, by what kind of cable it is.
+#: Devices at which a shorted pair ends, by the kind of its cables.
 _PAIR_ENDS = {"trunk": ("repeater", "gateway"), "feeder": ("cabinet", "gateway")}
 
-#: Housings that are lost with all that they hold; a dead station is lost by itself.
+#: Housings that are lost with all that they hold.
 _SHELLS = ("box", "cabinet")
 
-#: Most truth values that are held at once.
+#: Most truth values held at once.
 _CHUNK = 2**21
 
 
@@ -65,7 +65,7 @@ class Reach:
 
     @cached_property
     def shorts(self) -> list[tuple[list[int], list[int]]]:
-        """Runs that are one pair, trunks of a bus or feeders, and what a short of them kills."""
+        """Runs that are one pair of a bus or a supply, and the masters that a short of it kills."""
         runs, segments = self.design.cables, self.design.segments
         buses = segments.loc[segments["bus"] != "hardwired", "segment"]
         trunk = (runs["segment"].isin(buses) & (runs["kind"] == "trunk")).to_numpy()
@@ -78,7 +78,7 @@ class Reach:
         return found
 
     def _together(self, number: Integers, pair_ends: Sequence[str]) -> list[Integers]:
-        """Return runs of a segment and line that hang together but for devices of some kinds."""
+        """Return runs of a segment and line that are connected without devices of some kinds."""
         lines = self.design.cables.iloc[number].groupby(["segment", "line"], sort=False).ngroup()
         order = np.argsort(lines.to_numpy(), kind="stable")
         number, line = number[order], lines.to_numpy()[order]
@@ -95,7 +95,7 @@ class Reach:
 
     @cached_property
     def alone(self) -> dict[int, int]:
-        """Runs that are the only cable over which a point works, and this point."""
+        """Points by the run that is the only cable over which they work."""
         point, _, run = self._wires
         good = self._good(*self._masks(), self._needs_supply)[0]
         only = np.bincount(point[good], minlength=len(self._connected)) == 1
@@ -105,20 +105,20 @@ class Reach:
     def lost(self, failures: Sequence[Failure]) -> list[Integers]:
         """Return the numbers of the points that each failure costs.
 
-        No area feels what fails in another. So one failure of each area is looked at at once, and
-        the area of a point that is lost says by which.
+        A failure has no effect outside its area, so one failure of each area is examined at once,
+        and the area of a lost point tells which one it was.
         """
         of_item, of_point = self._areas
         size, n_points, connected = len(self.kinds), len(of_point), self._connected
         failing = [[*devices, *(size + run for run in runs)] for runs, devices in failures]
         number = np.repeat(np.arange(len(failing)), [len(items) for items in failing])
         item = np.fromiter(chain.from_iterable(failing), np.int64)
-        # A failure in several areas is one in each, and has its turn there.
+        # A failure in several areas counts as one in each.
         key, each = np.unique(of_item[item] * len(failing) + number, return_inverse=True)
         area, failure = np.divmod(key, max(1, len(failing)))
         turn = np.where(area < 0, -1, np.arange(len(key)) - np.searchsorted(area, area))
         scenario = turn[each]
-        # With the cabinet, which is of no area, all is lost.
+        # A failure of the cabinet, which is in no area, costs all points.
         dead, all_points = number[item == self._cabinet], np.flatnonzero(connected)
         gone = [(dead[:, None] * n_points + all_points).ravel()]
         step = max(1, _CHUNK // (4 * size + 2 * len(self.design.cables) + n_points))
@@ -135,10 +135,10 @@ class Reach:
 
     @cached_property
     def _areas(self) -> tuple[Integers, Integers]:
-        """Area of each device and then each run, and of each point: what hangs together.
+        """Area of each device and then each run, and of each point: the parts that are connected.
 
-        The cabinet, which is of none, joins areas for data alone. Should it pass on power, or be
-        in a housing that may fail, all is one area.
+        The cabinet, which is in none, joins areas only for data. If it passes on power, or is in a
+        housing that may fail, everything is one area.
         """
         count, (point, device, run) = len(self.kinds), self._wires
         wires = np.stack([count + point, device], axis=1)
@@ -191,7 +191,7 @@ class Reach:
 
     @cached_property
     def _data(self) -> Edges:
-        """What carries data; masters and the like are one node for both lines."""
+        """Edges that carry data; masters and the like are one node for both lines."""
         count, trunk = len(self.kinds), (self.design.cables["kind"] == "trunk").to_numpy()
         link = self._feeders & (self.kinds == "gateway")[self._ends].any(axis=1)
         u, v, run = self._by_line(np.flatnonzero(trunk | link), self._joints)
@@ -201,7 +201,7 @@ class Reach:
 
     @cached_property
     def _power(self) -> Edges:
-        """What carries power: feeders of stations, and the trunk of AS-i."""
+        """Edges that carry power: feeders of stations, and the trunk of AS-i."""
         trunk = self._asi & ~self._feeders & ~self.at_point
         trunk &= (self.kinds != "repeater")[self._ends[:, 1]]
         apart = np.isin(self.kinds, ("cabinet", "gateway"))[self._ends].any(axis=1)
@@ -211,13 +211,13 @@ class Reach:
 
     @cached_property
     def _current_at(self) -> Integers:
-        """Device at which each edge of data must have current to carry any; -1 for none."""
+        """Device that each edge of data needs powered; -1 for none."""
         u, v, run = self._data
         a, b = self._ends.T
         end = np.where((self.kinds == "repeater")[b], a, b)
         trunk = self._asi & (self.design.cables["kind"] == "trunk").to_numpy()
         along = np.append(np.where(trunk, end, -1), -1)[run]
-        # A repeater beside its master has no cable to it, and is on the same line.
+        # A repeater beside its master is on the same line without a cable to it.
         inside, at = u % len(self.kinds), v % len(self.kinds)
         master = (self.kinds == "master") & self._of_asi(self.design.devices["segment"])
         beside = (run < 0) & (self.kinds == "repeater")[inside] & master[at]
@@ -225,7 +225,7 @@ class Reach:
 
     @cached_property
     def _mains(self) -> tuple[Integers, Integers]:
-        """Supplies with a feeder from the cabinet, and this run."""
+        """Supplies with a feeder from the cabinet, and that run."""
         from_cabinet = self._feeders & (self._ends == self._cabinet).any(axis=1)
         number = np.flatnonzero(from_cabinet)
         far = self._ends[number].sum(axis=1) - self._cabinet
@@ -234,7 +234,7 @@ class Reach:
 
     @cached_property
     def _auxiliary(self) -> Edges:
-        """What feeds the outputs of AS-i modules from an auxiliary supply, beside the trunk."""
+        """Edges that feed the outputs of AS-i modules from an auxiliary supply."""
         apart = np.isin(self.kinds, ("supply", "cabinet"))[self._ends].any(axis=1)
         number = np.flatnonzero(self._asi & self._feeders & ~apart)
         return (*self._ends[number].T, number)
@@ -245,23 +245,22 @@ class Reach:
 
     @cached_property
     def _asi(self) -> Bools:
-        """Which runs are of an AS-i segment."""
+        """Which runs belong to an AS-i segment."""
         return self._of_asi(self.design.cables["segment"])
 
     def _of_asi(self, names: pd.Series[str]) -> Bools:
-        segments = self.design.segments
-        asi = segments.loc[segments["bus"] == "AS-i", "segment"]
+        asi = self.design.segments.query("bus == 'AS-i'")["segment"]
         return np.asarray(names.isin(asi).to_numpy(bool))
 
     @cached_property
     def _housings(self) -> Integers:
-        """Devices in the housing of another, and that one, shape (n, 2)."""
+        """Devices in the housing of another, and that housing, shape (n, 2)."""
         inside = np.flatnonzero(self._at >= 0)
         return np.stack([inside, self._at[inside]], axis=1)
 
     @cached_property
     def _joints(self) -> Integers:
-        """Devices in a housing, and what each is connected to there, shape (n, 2)."""
+        """Devices in a housing, and the device that each is connected to there, shape (n, 2)."""
         segment = self.design.devices["segment"].to_numpy(str)
         master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
         joints = self._housings.copy()
@@ -272,7 +271,7 @@ class Reach:
 
     @cached_property
     def _poles(self) -> Integers:
-        """Supplies, and where they feed their line without a cable of their own, shape (n, 2)."""
+        """Supplies, and the device where they feed their line without a cable, shape (n, 2)."""
         return np.asarray(self._joints[self.kinds[self._joints[:, 0]] == "supply"])
 
     def _by_line(self, number: Integers, joints: Integers) -> Edges:
@@ -285,42 +284,34 @@ class Reach:
 
     @cached_property
     def _needs_supply(self) -> Bools:
-        """Devices that a supply reaches while nothing has failed."""
+        """Devices that a supply reaches without a failure."""
         return np.asarray(self._supplied(*self._masks())[0])
 
     @cached_property
     def _connected(self) -> Bools:
-        """Points that work while nothing has failed."""
+        """Points that work without a failure."""
         return np.asarray(self._works(*self._masks(), self._needs_supply)[0])
 
     def _masks(
         self, size: int = 1, row: Integers = _NONE, item: Integers = _NONE
     ) -> tuple[Bools, Bools]:
-        """Return which runs are cut and which devices dead; the last column is of no run.
+        """Return which runs are cut, with a last column for no run, and which devices are dead.
 
         An item is the number of a device, or that of a run after all devices.
         """
         gone = np.zeros((size, len(self.kinds) + len(self.design.cables) + 1), bool)
         gone[row, item] = True
         dead, cut = np.split(gone, [len(self.kinds)], axis=1)
-        # With a box, what is in it is dead.
+        # Everything in a dead box is dead.
         inside, housing = self._housings[np.isin(self.kinds[self._housings[:, 1]], _SHELLS)].T
         while (more := dead[:, housing] & ~dead[:, inside]).any():
             dead[:, inside] |= more
         return cut, dead
 
-    @cached_property
-    def _blocks(self) -> Bools:
-        return np.isin(self.kinds, _BLOCKS)
-
-    @cached_property
-    def _outputs(self) -> Bools:
-        return self.design.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
-
     def _open(self, edges: Edges, cut: Bools, dead: Bools) -> Bools:
         """Return which edges still carry, shape (n_failures, n_edges)."""
         (u, v, run), count = edges, len(self.kinds)
-        blocked = dead & self._blocks
+        blocked = dead & np.isin(self.kinds, _BLOCKS)
         return ~(cut[:, run] | blocked[:, u % count] | blocked[:, v % count])
 
     def _works(self, cut: Bools, dead: Bools, needs_supply: Bools) -> Bools:
@@ -336,7 +327,7 @@ class Reach:
         u, v, _ = self._data
         count = len(self.kinds)
         dark = needs_supply & ~self._supplied(cut, dead)
-        # The last column is of edges that need no current.
+        # The last column is for edges that need no power.
         still = np.pad(~dark, ((0, 0), (0, 1)), constant_values=True)[:, self._current_at]
         labels = _labels(self._open(self._data, cut, dead) & still, 2 * count, u, v)
         reached = labels == labels[:, [self._cabinet]]
@@ -344,7 +335,8 @@ class Reach:
         alive &= ~dark
         point, device, run = self._wires
         unfed = self._needs_auxiliary & ~self._has_auxiliary(cut, dead)
-        good = alive[:, device] & ~cut[:, run] & ~(unfed[:, device] & self._outputs[point])
+        outputs = self.design.iolist.points["type"].isin(["DO", "AO"]).to_numpy()
+        good = alive[:, device] & ~cut[:, run] & ~(unfed[:, device] & outputs[point])
         return np.asarray(good)
 
     @cached_property
@@ -372,7 +364,7 @@ class Reach:
         return np.asarray(reached[:, :count] | reached[:, count:])
 
     def _feeding(self, cut: Bools, dead: Bools) -> Bools:
-        """Return which devices are not dead and have their mains, if that is a cable of theirs."""
+        """Return which devices are not dead and have their mains, if they need a cable for it."""
         fed, mains = self._mains
         feeding = ~dead
         row, place = np.nonzero(cut[:, mains])
@@ -391,7 +383,7 @@ def _labels(keep: Bools, count: int, u: Integers, v: Integers) -> Integers:
     adjacency = coo_array((np.ones(len(edge), bool), ends), (size, size))
     labels = connected_components(adjacency, directed=False)[1]
     labels = labels.reshape(len(keep), count).astype(np.int64)
-    # Components are numbered through all graphs, in the order of their first nodes.
+    # scipy numbers the components through all graphs, in the order of their first nodes.
     return np.asarray(labels - labels.min(axis=1, initial=size, keepdims=True))
 
 
@@ -404,38 +396,29 @@ def _nth(values: Integers) -> Iterator[Integers]:
         yield order[nth == number]
 
 
-# What one failure costs: every cable, tray and device of a planned design, one at a time
+# Single failures: every cable, tray and device of a planned design, one at a time ----------------
 
-#: What can fail: a cable is cut, the cables that are one pair of a bus or of a supply are shorted,
-#: all cables on a tray are cut, a device is dead.
+#: Failures: a cut cable, a short of the cables that are one pair of a bus or a supply, a tray with
+#: all cables on it cut, a dead device.
 FAILURES = ("cut", "short", "tray", "device")
 
 
 def single_failures(design: Layout) -> pd.DataFrame:
-    """Return what each single failure of a planned design costs."""
+    """Return the points and systems lost by each single failure of a planned design."""
     reach = Reach(design)
-    runs, devices = design.cables, design.devices
-    rows: list[tuple[str, str, str, str, str]] = []
-    failures: list[Failure] = []
-    for number, run in enumerate(
-        zip(*(runs[c] for c in ("run", "kind", "segment", "line")), strict=True)
-    ):
-        rows.append(("cut", *run))
-        failures.append(((number,), ()))
-    for pair, masters in reach.shorts:
-        rows.append(("short", *rows[pair[0]][1:]))
-        failures.append((pair, masters))
-    for tray, members in reach.trays.items():
-        rows.append(("tray", tray, "", "", ""))
-        failures.append((members, ()))
-    for number, device in enumerate(
-        zip(*(devices[c] for c in ("device", "kind", "segment")), strict=True)
-    ):
-        rows.append(("device", *device, ""))
-        failures.append(((), (number,)))
+    runs = design.cables[["run", "kind", "segment", "line"]].to_numpy(object).tolist()
+    devices = design.devices[["device", "kind", "segment"]].to_numpy(object).tolist()
+    rows = [["cut", *run] for run in runs]
+    rows += [["short", *runs[pair[0]]] for pair, _ in reach.shorts]
+    rows += [["tray", tray, "", "", ""] for tray in reach.trays]
+    rows += [["device", *device, ""] for device in devices]
+    failures: list[Failure] = [((number,), ()) for number in range(len(runs))]
+    failures += reach.shorts
+    failures += [(members, ()) for members in reach.trays.values()]
+    failures += [((), (number,)) for number in range(len(devices))]
     table = pd.DataFrame(rows, columns=["failure", "failed", "kind", "segment", "line"])
 
-    # The cable of one point, cut, costs that point and no other.
+    # A cut of a point's only cable costs just that point.
     gone = [np.array([], int)] * len(rows)
     for run_number, point in reach.alone.items():
         gone[run_number] = np.array([point])
@@ -458,7 +441,7 @@ def lost(
     devices: Collection[str] = (),
     trays: Collection[str] = (),
 ) -> tuple[str, ...]:
-    """Return the points that several failures at once cost."""
+    """Return the points that several simultaneous failures cost."""
     reach = Reach(design)
     numbers = {
         "cable": {name: [n] for n, name in enumerate(design.cables["run"])},
@@ -475,7 +458,7 @@ def lost(
 
 
 def worst(failures: pd.DataFrame) -> pd.DataFrame:
-    """Return the row of each kind of failure that costs the most points, the worst first."""
+    """Return the worst row of each kind of failure, except of the cabinet."""
     rest = failures[failures["kind"] != "cabinet"]
     ranked = rest.sort_values("points_lost", ascending=False, kind="stable")
     return ranked.drop_duplicates("failure").reset_index(drop=True)

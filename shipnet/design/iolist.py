@@ -1,4 +1,4 @@
-"""The I/O list of a ship, and what is done with it: plan, compare, study."""
+"""The I/O list of a ship: read it, plan it, compare and study ways to connect its points."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ from shipnet.fields import check_rng, check_whole
 from shipnet.lazy import Axes
 from shipnet.signals import ASI_PAIR, Saving, hardwired_conductors
 from shipnet.signals import SIGNALS as SIGNALS
-from shipnet.tables import no_formula
+from shipnet.tables import (
+    no_formula,
+)
 
 if TYPE_CHECKING:
     from shipnet.design.comparison import Comparison
@@ -34,19 +36,19 @@ class IoList(PointTable):
     r"""The points of a ship: sensors that are read, and outputs that are switched.
 
     `read_iolist` reads one from a file, `IoList.parse` from text, `IoList.from_table` from a
-    table. Where a point is matters only once something is planned.
+    table. Positions are needed only to plan.
 
     Parameters
     ----------
     points : pandas.DataFrame
         One row per point, numbered from 0: tag, system, type (DI, DO, AI, AO), signal, a key of
-        `SIGNALS`, conductors, x_m, y_m, z_m, box with its place, to_box_m, home_run_m, update_ms,
-        category, note, device, and ex, a mark such as "Ex ia". What the list does not say is NaN
+        `SIGNALS`, conductors, x_m, y_m, z_m, box and its position, to_box_m, home_run_m,
+        update_ms, category, note, device, and ex, a mark such as "Ex ia". Missing values are NaN
         or empty.
     source : str
-        Where it comes from.
+        Name of the file or text.
     notes : tuple of Remark, optional
-        How the list was read, which `reading` returns as a table and `remarks` as sentences.
+        How the list was read; `reading` returns them as a table, `remarks` as sentences.
 
     Raises
     ------
@@ -67,12 +69,12 @@ class IoList(PointTable):
     """
 
     def saving(self, *, lines: int = 1) -> Saving:
-        """Return the conductors of all points, each wired on its own, and on AS-i lines."""
+        """Return the conductors of all points, wired one by one and on AS-i lines."""
         count = check_whole("lines", lines, 1, 10**9)
         return Saving(hardwired_conductors(self.counts), ASI_PAIR * count)
 
     def find_cabinet(self) -> Found:
-        """Return the place of the cabinet, found from the lengths of the home runs in the list."""
+        """Return the position of the cabinet, inferred from the lengths of home runs."""
         from shipnet.design.site import find_cabinet
 
         return find_cabinet(self)
@@ -88,14 +90,13 @@ class IoList(PointTable):
         name: str | None = None,
         rules: RuleSet | str | PathLike[str] | None = None,
     ) -> Design:
-        """Connect all points in one way of `OPTIONS`.
+        """Connect all points by one of `OPTIONS`.
 
-        `cabinet` is a place (x, y, z) [m], also as text, the name of a cabinet in the trays, or
-        None to find it from the lengths of the list. `trays` are those that cables follow, or a
-        file of them, and `settings` values by name. `mix` connects some points in another way, by
-        tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. `name` is that of the
-        design. Within the limits of `rules` on responses, as `compare` has them, is planned what
-        can be.
+        `cabinet` is a position (x, y, z) [m], also as text, the name of a cabinet in the trays, or
+        None to infer it from the list's lengths. `trays` are the trays that cables follow, or a
+        file of them; `settings` are values by name. `mix` connects some points by another option,
+        by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. `rules`, as in
+        `compare`, limit the responses as far as a plan can meet them.
         """
         from shipnet.design.planning import plan
         from shipnet.design.rules import RuleSet
@@ -118,13 +119,13 @@ class IoList(PointTable):
         rng: Rng = 2024,
         progress: bool | Callable[[int, int], object] | None = None,
     ) -> Comparison:
-        """Plan the points in several ways and compare them.
+        """Plan the points by several options and compare the designs.
 
-        `options` are ways of `OPTIONS`, all if None, and `mix` one way more, as in `plan`. `rules`
-        are the name of a published set, a file or a `RuleSet`; where a plan exceeds their limits on
-        responses, it is planned anew within them as far as it can. `rng` draws the assumptions from
-        their ranges, for the interval that 9 of 10 draws of a figure lie in. `progress` is called
-        after each plan; by default a terminal shows a bar after 2 s.
+        `options` are some of `OPTIONS`, by default all; `mix` is one more, as in `plan`. `rules`
+        is the name of a published set, a file or a `RuleSet`; a plan that exceeds its limits on
+        responses is planned again within them as far as possible. `rng` draws the assumptions from
+        their ranges. `progress` is called after each plan; by default a terminal shows a bar after
+        2 s.
         """
         from shipnet.design.comparison import CRITERIA, compared
         from shipnet.design.planning import OPTIONS, plan
@@ -157,11 +158,11 @@ class IoList(PointTable):
         folder: str | PathLike[str] | None = None,
         progress: bool | Callable[[int, int], object] | None = None,
     ) -> pd.DataFrame:
-        """Compare the options anew at every point of a grid of settings.
+        """Compare the options at every point of a grid of settings.
 
-        The grid is values by name of a setting, or points of it one by one. Each point gives one
-        row per option, with the columns of `Comparison.table`. Long studies run on all cores;
-        `client`, `folder` and `progress` are those of `shipnet.compute`.
+        The grid maps names of settings to values, or lists its points. Each point gives one row
+        per option, with the columns of `Comparison.table`. Long studies run on all cores; `client`,
+        `folder` and `progress` are those of `shipnet.compute`.
         """
         from shipnet.design.rules import RuleSet
         from shipnet.design.settings import Settings
@@ -184,13 +185,13 @@ class IoList(PointTable):
         return joined
 
     def plot(self, option: str = "home runs", ax: Axes | None = None) -> Axes:
-        """Draw every point wired to the panel on its own ("home runs"), or on one "AS-i" line."""
+        """Draw all points wired to the panel one by one ("home runs"), or on one "AS-i" line."""
         from shipnet.design.plot import plot_points
 
         return plot_points(self.points, option, ax=ax)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the list as a CSV file, from which `read_iolist` makes the same points."""
+        """Write the list as a CSV file that `read_iolist` reads back."""
         empty = [name for name in ("device", "ex") if not self.points[name].any()]
         names = [name for name in COLUMNS if name not in empty]
         table = self.points[names].copy()
@@ -202,7 +203,7 @@ class IoList(PointTable):
 
 @dataclass(frozen=True)
 class _Case:
-    """A comparison at given values; it travels to other processes, so it is not a closure."""
+    """A comparison at given settings; a class, so that it can be sent to other processes."""
 
     iolist: IoList
     site: Site
@@ -229,22 +230,22 @@ def read_iolist(
 ) -> IoList:
     """Read an I/O list from a CSV file or an Excel workbook, as a yard writes it.
 
-    The best row of titles among the first 50 is taken, also in two rows or two languages: at least
-    ``tag``, and ``signal`` or ``type``. A title or a cell may name a unit, such as ``x [mm]`` or
-    ``24,8 m``. Titles that are repeated, subtitles, page headers, notes, and rows that are struck
-    out or marked as deleted or spare are left out. `IoList.reading` says what was done.
+    The titles are the best row among the first 50, or two rows: at least ``tag``, and ``signal``
+    or ``type``. A title or a cell may name a unit, such as ``x [mm]`` or ``24,8 m``. Repeated
+    titles, subtitles, page headers, notes, and rows that are struck out or marked as deleted or
+    spare are left out. `IoList.reading` lists how the file was read.
 
     Parameters
     ----------
     path : path
         The file.
     sheet : str, optional
-        Sheet of a workbook; by default the one that is not hidden and has the best titles.
+        Sheet of a workbook; by default the visible one with the best titles.
     settings : Settings or mapping, optional
-        Settings whose tables ``columns``, ``signals``, ``frames`` and ``decks`` hold the list's own
-        words.
+        Settings whose tables ``columns``, ``signals``, ``frames`` and ``decks`` explain the list's
+        own words.
     strict : bool, default False
-        Whether every doubt is a fault, such as a row that is hidden or struck out.
+        Whether every doubt is a fault, such as a hidden row.
 
     Returns
     -------
@@ -254,7 +255,7 @@ def read_iolist(
     Raises
     ------
     InputError
-        If the file cannot be read or is not a list; all its faults at once, with row and column.
+        If the file cannot be read or is not a list; lists all faults with row and column.
 
     Examples
     --------

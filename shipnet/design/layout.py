@@ -16,21 +16,21 @@ from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
 
-#: What a point can be connected by; the empty name is that of a point that fits nowhere.
+#: What a point can be connected by; "" if it fits nowhere.
 BUSES = ("hardwired", "AS-i", "CAN", "Modbus RTU", "")
 
-#: What a plant has beside the points themselves. The auxiliary supply is that of the outputs
-#: of an AS-i line, whose modules take what they need themselves from the line.
+#: Kinds of devices. An auxiliary supply feeds the outputs of an AS-i line; the line itself feeds
+#: its modules.
 DEVICE_KINDS = (
     "cabinet", "box", "module", "station", "master", "gateway", "repeater", "supply",
     "auxiliary supply", "terminator",
 )  # fmt: skip
 
-#: Cables: from a device to a point, between devices of a segment, from the cabinet to a point,
-#: and what brings a supply to its segment or a link to a gateway.
+#: Kinds of cables: from a device to a point, between devices of a segment, from the cabinet to a
+#: point, and from a supply to its segment or to a gateway.
 RUN_KINDS = ("drop", "trunk", "home run", "feeder")
 
-#: A trunk that is alone, and the two of a redundant pair.
+#: Lines of a trunk: a single one, and the two of a redundant pair.
 LINES = ("", "A", "B")
 
 #: The columns of each table with their types; a segment may have more.
@@ -66,16 +66,14 @@ _DTYPES = {"float": float, "int": np.int64, "bool": bool}
 
 
 def frame(table: str, rows: Any = ()) -> pd.DataFrame:
-    """Return one of a design's tables, with its columns in order and of their types."""
+    """Return a table of a design with its columns in order and of their types."""
     types = COLUMNS[table]
     if not isinstance(rows, pd.DataFrame | Mapping):
         rows = list(rows)
     made = pd.DataFrame(rows) if len(rows) else pd.DataFrame(columns=list(types))
-    missing = [column for column in types if column not in made.columns]
-    if missing:
+    if missing := [column for column in types if column not in made.columns]:
         raise ArgumentError(f"{table} has no column {' and no column '.join(missing)}")
-    wanted = [*types, *(column for column in made.columns if column not in types)]
-    made = (made if [*made.columns] == wanted else made[wanted]).reset_index(drop=True)
+    made = made[[*types, *made.columns.difference(list(types), sort=False)]].reset_index(drop=True)
     for (column, kind), found in zip(types.items(), made.dtypes, strict=False):
         dtype = np.dtype(_DTYPES.get(kind, object))
         if found == dtype:
@@ -106,7 +104,7 @@ class Layout:
             object.__setattr__(self, table, frame(table, getattr(self, table)))
         if "at" not in self.devices.columns:
             inside = self.devices["kind"].isin(["master", "gateway"])
-            self.devices["at"] = inside.map({True: _cabinet(self.devices), False: ""})
+            self.devices["at"] = inside.map({True: self.cabinet, False: ""})
         faults = list(_faults(self))
         if faults:
             more = f"; and {len(faults) - 10} more" if len(faults) > 10 else ""
@@ -131,19 +129,15 @@ class Layout:
 
     @property
     def cabinet(self) -> str:
-        """Name of the cabinet among the devices."""
-        return _cabinet(self.devices)
-
-
-def _cabinet(devices: pd.DataFrame) -> str:
-    names = devices.loc[devices["kind"] == "cabinet", "device"]
-    return str(names.iloc[0]) if len(names) else ""
+        """Name of the cabinet among the devices, or "" if there is none."""
+        names = self.devices.loc[self.devices["kind"] == "cabinet", "device"]
+        return str(names.iloc[0]) if len(names) else ""
 
 
 def _faults(design: Layout) -> Iterator[str]:
     points, devices, runs = design.points, design.devices, design.cables
     if points["tag"].tolist() != design.iolist.points["tag"].tolist():
-        yield "the tags of points are not those of the list, in its order"
+        yield "the tags of points differ from those of the list, or are in another order"
     if (devices["kind"] == "cabinet").sum() != 1:
         yield f"there are {(devices['kind'] == 'cabinet').sum()} cabinets; it must be one"
     names = set(devices["device"])
@@ -152,7 +146,7 @@ def _faults(design: Layout) -> Iterator[str]:
         ("run", runs["run"]),
         ("segment", design.segments["segment"]),
     ):
-        yield from (f"{what} {name!r} stands twice" for name in column[column.duplicated()])
+        yield from (f"{what} {name!r} appears twice" for name in column[column.duplicated()])
     to_point = runs["kind"].isin(["drop", "home run"])
     segments = {"", *design.segments["segment"]}
     for what, values, known in (

@@ -1,8 +1,10 @@
-"""Points on AS-i: modules on lines that meet every rule of an installation."""
+"""Points on AS-i: modules, and lines that meet every rule of an installation."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import pairwise
 from math import ceil, inf
@@ -21,9 +23,10 @@ from shipnet.asi.profile import Profile
 from shipnet.asi.rules import meets, rule_limits
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import ADDRESSES, Cycle
-from shipnet.asi.topologies import assign_addresses as share_addresses
+from shipnet.asi.topologies import assign_addresses
 from shipnet.design.catalogue import cables, with_spare
 from shipnet.design.drafting import (
+    PAIR,
     Draft,
     Laid,
     Place,
@@ -40,13 +43,13 @@ from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
 
-# Which points share a module, where it is, and how late the host knows of them -------------------
+# Modules: the points of each, its position, and its response times ------------------------------
 
-#: A module of values takes an address of its own; its outputs and inputs have this profile.
+#: Profile of analogue modules, which take an address of their own.
 _ANALOGUE = "S-7.3"
 
-#: Digital modules by whether they have outputs and whether they may share their address. Four
-#: outputs of an A/B slave come in two requests, as one bit of four selects the half.
+#: Profiles of digital modules, by whether they have outputs and whether they may share their
+#: address. Four outputs of an A/B slave come in two requests, as one bit of four selects the half.
 _DIGITAL = {
     (False, False): "S-0.F",
     (True, False): "S-7.F",
@@ -54,7 +57,7 @@ _DIGITAL = {
     (True, True): "S-7.A.7",
 }
 
-#: Most points that are shared out among modules at once; the time grows with their cube.
+#: Most points that are divided among modules at once; the time grows with their cube.
 _MOST = 400
 
 
@@ -65,7 +68,7 @@ class Module(NamedTuple):
     place: Place
     rows: Indices
     ports: list[str]
-    #: What it draws from the line [A].
+    #: Current that it draws from the line [A].
     current: float
 
     @property
@@ -74,18 +77,13 @@ class Module(NamedTuple):
         return _extended(self.profile)
 
     @property
-    def analogue(self) -> bool:
-        """Whether it transfers values."""
-        return self.ports[0].startswith("A")
-
-    @property
     def channels(self) -> int:
-        """How many values it transfers; 1 of single bits."""
-        return len(self.ports) if self.analogue else 1
+        """Number of values that it transfers; 1 for single bits."""
+        return len(self.ports) if self.ports[0].startswith("A") else 1
 
     @property
     def outputs(self) -> bool:
-        """Whether it has outputs, which auxiliary power feeds."""
+        """Whether it has outputs, which the auxiliary supply feeds."""
         return any("Q" in port for port in self.ports)
 
 
@@ -94,8 +92,8 @@ def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
     limits, spare = draft.settings.asi, draft.settings.spare
     kinds = np.array([draft.types[row] for row in rows], dtype=object)
     channels = _channels(draft, rows, kinds)
-    # Which points share modules, their kinds, how many of each may, and the ports that there are:
-    # with fewer values than it has ports, a module is fast enough for them.
+    # Which points share modules, their kinds, how many of each kind a module may have, and its
+    # ports: a module with fewer values than ports is faster.
     digital = limits.inputs, limits.outputs
     sharing: list[tuple[Bools, tuple[str, ...], tuple[int, ...], tuple[int, ...]]] = [
         (np.isin(kinds, ["DI", "DO"]) & (channels > 0), ("DI", "DO"), digital, digital)
@@ -125,7 +123,7 @@ def response(
     profile: str, cycle: Cycle, limits: AsiLimits, *, channels: int = 1, output: bool = False,
     paired: bool = False,
 ) -> float:  # fmt: skip
-    """Return how late a change is known at the other end [s]."""
+    """Return the worst response time of a point [s]."""
     return float(
         cycle.response_time(
             profile, channels=channels, conversion=limits.conversion, paired=paired,
@@ -141,30 +139,20 @@ def _extended(profile: str) -> bool:
 
 def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> Indices:
     """Return how many points of its kind a point's module may have; 0 if even one is too slow."""
-    limits = draft.settings.asi
-    need = draft.need[rows]
-    channels = np.zeros(len(rows), dtype=np.intp)
-    least = np.empty(len(rows))
-    for kind, most in (("DI", limits.inputs), ("DO", limits.outputs)):
-        output = kind == "DO"
-        profile = _DIGITAL[output, limits.shared]
-        alone = response(profile, Cycle(1), limits, output=output)
-        least[kinds == kind] = alone
-        channels[(kinds == kind) & (need >= alone)] = most
-    for kind in ("AI", "AO"):
-        late = [
-            response(_ANALOGUE, Cycle(), limits, channels=n + 1) for n in range(limits.channels)
-        ]
-        least[kinds == kind] = late[0]
-        for number, one in enumerate(late, 1):
-            channels[(kinds == kind) & (need >= one)] = number
+    limits, need = draft.settings.asi, draft.need[rows]
+    channels, least = np.zeros(len(rows), dtype=np.intp), np.empty(len(rows))
+    for output, kind, most in ((False, "DI", limits.inputs), (True, "DO", limits.outputs)):
+        mine = kinds == kind
+        least[mine] = response(_DIGITAL[output, limits.shared], Cycle(1), limits, output=output)
+        channels[mine & (need >= least)] = most
+    analogue = np.isin(kinds, ["AI", "AO"])
+    for number in range(limits.channels, 0, -1):
+        late = response(_ANALOGUE, Cycle(), limits, channels=number)
+        least[analogue] = late
+        channels[analogue & (need >= late) & (channels == 0)] = number
     for place in np.flatnonzero(channels == 0):
-        tag, wanted, alone = draft.tags[rows[place]], 1e3 * need[place], 1e3 * least[place]
-        text = (
-            f"{tag} needs an update every {wanted:g} ms; with an AS-i module of its own it has a "
-            f"response of {alone:.3g} ms"
-        )
-        draft.reason(tag, "update", float(alone), float(wanted), "ms", text)
+        words = "with an AS-i module of its own it has a response of"
+        draft.too_slow(rows[place], float(least[place]), words)
     return channels
 
 
@@ -173,8 +161,8 @@ def _room(
 ) -> Indices:
     """Return how many points of each kind a module of each zone may have, (zones, kinds).
 
-    As many as it has room for; less in the fullest zones until there are as many ports to spare as
-    wanted, or each point has a module of its own.
+    Modules of the fullest zones get fewer until there are as many spare ports as wanted, or each
+    point has a module of its own.
     """
     used = np.zeros((zone.max(initial=-1) + 1, len(ports)), np.intp)
     np.add.at(used, (zone, kind), 1)
@@ -192,21 +180,17 @@ def _module(
     rows: Indices, places: Floats, kinds: npt.NDArray[np.object_], settings: Settings
 ) -> Module:
     letters = {"DI": "I", "DO": "Q", "AI": "AI", "AO": "AQ"}
-    seen: dict[str, int] = {}
-    ports = []
-    for kind in kinds:
-        seen[kind] = seen.get(kind, 0) + 1
-        ports.append(f"{letters[kind]}{seen[kind]}")
-    x, y, z = (float(value) for value in np.median(places, axis=0))
+    ports = [f"{letters[kind]}{(kinds[:n] == kind).sum() + 1}" for n, kind in enumerate(kinds)]
+    x, y, z = np.median(places, axis=0).tolist()
     analogue = kinds[0][0] == "A"
-    profile = _ANALOGUE if analogue else _DIGITAL["DO" in seen, settings.asi.shared]
+    profile = _ANALOGUE if analogue else _DIGITAL["DO" in kinds, settings.asi.shared]
     current = settings.asi.current + analogue * len(rows) * settings.supply.loop
     return Module(profile, (x, y, z), rows, ports, current)
 
 
-# One AS-i line: the way of its cable, the segments that repeaters make of it, their supplies
+# One line: the route of its cable, its segments between repeaters, and their supplies -----------
 
-#: Shortest cable of a plan, and the least that is worth a cable before a repeater [m].
+#: Shortest cable of a plan, and shortest piece of cable before a repeater [m].
 _SHORTEST, _WORTH = 0.01, 1.0
 
 
@@ -221,7 +205,7 @@ class Piece(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """The cable of a line, before anything is connected."""
+    """The cable and the repeaters of a line."""
 
     pieces: list[Piece]
     repeaters: list[tuple[str, str]]
@@ -230,22 +214,22 @@ class Drawn(NamedTuple):
 
     @property
     def length(self) -> float:
-        """All of its cable [m]."""
+        """Length of all its cable [m]."""
         return sum(piece.length for piece in self.pieces)
 
 
+@dataclass
 class _Segment:
-    """A segment while it is drawn: the cable in it [m], and the repeaters before it."""
+    """A segment while it is drawn: the repeaters before it, and the cable in it [m]."""
 
-    def __init__(self, depth: int) -> None:
-        self.used, self.depth = 0.0, depth
+    depth: int
+    used: float = 0.0
 
 
 def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn:
     """Lead the cable of a line from the master past all modules."""
     edges = tree(ways) if limits.tree else list(pairwise(chain(ways)))
-    ends = {0: ("0", _Segment(0))}
-    behind: dict[int, tuple[str, _Segment]] = {}
+    ends, behind = {0: ("0", _Segment(0))}, dict[int, tuple[str, _Segment]]()
     reach = {0: 0.0}
     pieces: list[Piece] = []
     repeaters: list[tuple[str, str]] = []
@@ -264,7 +248,7 @@ def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn:
         if not fits and not long:
             repeaters.append((ends[near][0], f"{near} out"))
             node, segment = f"{near} out", _Segment(ends[near][1].depth + 1)
-            if near in behind:  # a third segment from one place: a node cannot have one name twice
+            if near in behind:  # a third segment starts here, and its node needs another name
                 node = f"{near} out {len(repeaters)}"
                 repeaters[-1] = (ends[near][0], node)
             behind[near] = node, segment
@@ -290,26 +274,21 @@ def place_supply(
 ) -> str:
     """Return the node of a segment's supply: the first if the voltage allows, else the best."""
     nodes = list(dict.fromkeys(node for piece in pieces for node in (piece.near, piece.far)))
-    number = {node: place for place, node in enumerate(nodes)}
-    near, far = (
-        [number[node] for node in side]
-        for side in zip(*((p.near, p.far) for p in pieces), strict=True)
-    )
-    graph = coo_array(([piece.length for piece in pieces], (near, far)), shape=(len(nodes),) * 2)
+    ends = [[nodes.index(piece.near), nodes.index(piece.far)] for piece in pieces]
+    lengths = [piece.length for piece in pieces]
+    graph = coo_array((lengths, np.transpose(ends)), shape=(len(nodes),) * 2)
     away = shortest_path(graph.tocsr(), directed=False)
     current = np.array([draws.get(node, 0.0) for node in nodes])
 
-    def drops(here: slice) -> Floats:
-        # Axes: supply, device, device; what both ways from the supply have in common.
+    def drops(here: list[int]) -> Floats:
+        # Axes: supply, device, device; the length that both routes from the supply share.
         shared = (away[here, :, None] + away[here, None, :] - away[None]) / 2
         lost = resistance * shared @ current
         return np.asarray(lost.max(axis=1, where=current > 0, initial=0.0))
 
-    if first in number:
-        (drop,) = drops(slice(number[first], number[first] + 1))
-        if voltage - drop >= slave_voltage():
-            return first
-    drop = drops(slice(None))
+    if first in nodes and voltage - drops([nodes.index(first)])[0] >= slave_voltage():
+        return first
+    drop = drops([*range(len(nodes))])
     drop[[node not in draws for node in nodes]] = np.inf
     return nodes[int(drop.argmin())]
 
@@ -318,30 +297,27 @@ def plan_of(drawn: Drawn, slaves: Sequence[Slave], limits: AsiLimits) -> Plan:
     """Return the plan of a line, with a supply in each segment."""
     cable = cables()[limits.cable].line
     resistance = float(CABLES[cable].resistance)
-    runs = [
-        CableRun(piece.near, piece.far, max(piece.length, _SHORTEST), cable)
-        for piece in drawn.pieces
-    ]
+    runs = [CableRun(p.near, p.far, max(p.length, _SHORTEST), cable) for p in drawn.pieces]
     master = Master(node="0", current=limits.current)
     repeaters = [Repeater(a, b, current=limits.current) for a, b in drawn.repeaters]
     bare = Plan(runs, [master], (), slaves, repeaters)
     supplies = []
     for segment in bare.segments:
         ends = {(run.a, run.b) for run in segment.cables}
-        draws: dict[str, float] = {}
+        draws: dict[str, float] = defaultdict(float)
         for node, current in segment.draws:
-            draws[node] = draws.get(node, 0.0) + current
+            draws[node] += current
         pieces = [piece for piece in drawn.pieces if (piece.near, piece.far) in ends]
         node = place_supply(pieces, draws, "0", limits.voltage, resistance)
         supplies.append(Supply(node, limits.voltage, limits.rating))
     return Plan(runs, [master], supplies, slaves, repeaters)
 
 
-# One AS-i line with what is known of it: addresses, responses, and the limit that it breaks
+# One line as planned: addresses, responses, and the limit that it exceeds -----------------------
 
 
-class Broken(NamedTuple):
-    """A limit that is not kept."""
+class Exceeded(NamedTuple):
+    """A limit that is not met."""
 
     limit: str
     value: float
@@ -350,83 +326,66 @@ class Broken(NamedTuple):
 
 
 class Line(NamedTuple):
-    """A line with what is known of it."""
+    """A line as planned."""
 
     modules: list[Module]
     drawn: Drawn
     slaves: list[Slave]
     plan: Plan | None
     cycle: Cycle
+    #: Addresses that two slaves share.
+    paired: set[int]
     responses: list[Floats]
-    broken: Broken | None
-
-
-def assign_addresses(group: Sequence[Module], need: Sequence[float]) -> list[Slave]:
-    """Give each module an address, at the node of its number."""
-    shares = [module.shares for module in group]
-    labels = share_addresses(len(group), shares=shares, need=need)
-    return [
-        Slave(label, module.profile, node=str(place), current=module.current)
-        for place, (label, module) in enumerate(zip(labels, group, strict=True), 1)
-    ]
+    exceeded: Exceeded | None
 
 
 def build(
     group: Sequence[Module], ways: Floats, cable: Floats, need: Floats, limits: AsiLimits
 ) -> Line:
-    """Draw up a line."""
+    """Plan a line; the node of each module is its number from 1."""
     most = [float(min(need[module.rows])) for module in group]
-    slaves = assign_addresses(group, most)
-    pairs = sum(slave.half == "B" for slave in slaves)
-    cycle = Cycle(len(group), pairs=pairs)
-    paired = {slave.address for slave in slaves if slave.half == "B"}
-    responses = [
-        _responses(module, cycle, slave.address in paired, limits)
-        for module, slave in zip(group, slaves, strict=True)
+    labels = assign_addresses(len(group), shares=[module.shares for module in group], need=most)
+    slaves = [
+        Slave(label, module.profile, node=str(place), current=module.current)
+        for place, (label, module) in enumerate(zip(labels, group, strict=True), 1)
     ]
+    paired = {slave.address for slave in slaves if slave.half == "B"}
+    cycle = Cycle(len(group), pairs=len(paired))
+    responses = [
+        np.array([
+            response(module.profile, cycle, limits, channels=module.channels, output="Q" in port,
+                     paired=slave.address in paired)
+            for port in module.ports
+        ])
+        for module, slave in zip(group, slaves, strict=True)
+    ]  # fmt: skip
     drawn = draw(ways, cable, limits)
-    fault = _too_late(group, responses, need) or _too_long(drawn, limits)
+    exceeded = _too_late(group, responses, need) or _too_long(drawn, limits)
     plan = None
-    if fault is None:
+    if exceeded is None:
         plan = plan_of(drawn, slaves, limits)
-        fault = _against_rules(plan, limits)
-    return Line(list(group), drawn, slaves, plan, cycle, responses, fault)
+        exceeded = _against_rules(plan, limits)
+    return Line(list(group), drawn, slaves, plan, cycle, paired, responses, exceeded)
 
 
-def addresses_needed(group: Sequence[Module]) -> int:
-    """Return how many addresses modules need, where all share that can."""
-    sharing = sum(module.shares for module in group)
-    return len(group) - sharing + ceil(sharing / 2)
-
-
-def _responses(module: Module, cycle: Cycle, paired: bool, limits: AsiLimits) -> Floats:
-    outputs = ["Q" in port for port in module.ports]
-    late = {
-        output: response(
-            module.profile, cycle, limits, channels=module.channels, output=output, paired=paired
-        )
-        for output in set(outputs)
-    }
-    return np.array([late[output] for output in outputs])
-
-
-def _too_late(group: Sequence[Module], responses: Sequence[Floats], need: Floats) -> Broken | None:
+def _too_late(
+    group: Sequence[Module], responses: Sequence[Floats], need: Floats
+) -> Exceeded | None:
     for module, response in zip(group, responses, strict=True):
-        late = response > need[module.rows]
-        if late.any():
-            place = int(np.argmax(response / need[module.rows]))
-            bound = 1e3 * float(need[module.rows[place]])
-            return Broken("update", 1e3 * float(response[place]), bound, "ms")
+        place = int(np.argmax(response / need[module.rows]))
+        late, bound = float(response[place]), float(need[module.rows[place]])
+        if late > bound:
+            return Exceeded("update", 1e3 * late, 1e3 * bound, "ms")
     return None
 
 
-def _too_long(drawn: Drawn, limits: AsiLimits) -> Broken | None:
+def _too_long(drawn: Drawn, limits: AsiLimits) -> Exceeded | None:
     if drawn.depth <= limits.repeaters:
         return None
     reach = limits.length * (1 + limits.repeaters)
     if drawn.reach > reach:
-        return Broken("length", drawn.reach, reach, "m")
-    return Broken("repeaters in series", drawn.depth, limits.repeaters, "")
+        return Exceeded("length", drawn.reach, reach, "m")
+    return Exceeded("repeaters in series", drawn.depth, limits.repeaters, "")
 
 
 @lru_cache(1)
@@ -437,7 +396,7 @@ def _rules(limits: AsiLimits) -> pd.DataFrame:
     return rules
 
 
-def _against_rules(plan: Plan, limits: AsiLimits) -> Broken | None:
+def _against_rules(plan: Plan, limits: AsiLimits) -> Exceeded | None:
     rules = _rules(limits)
     if meets(plan.lines, rules):
         return None
@@ -445,17 +404,14 @@ def _against_rules(plan: Plan, limits: AsiLimits) -> Broken | None:
     first = findings.worst().query("verdict != 'met'").sort_values("margin", kind="stable").iloc[0]
     bound = first["low"] if first["value"] < first["low"] else first["high"]
     name = str(first.name).replace("_", " ")
-    return Broken(name, float(first["value"]), float(bound), str(first["unit"]))
+    return Exceeded(name, float(first["value"]), float(bound), str(first["unit"]))
 
 
-# Points on AS-i: modules among them, and lines that keep every rule of an installation
-
-#: Conductors of a line, and of a feeder.
-_PAIR = 2
+# All points: modules, divided among lines that meet every limit ---------------------------------
 
 
 def plan_asi(draft: Draft, rows: Indices) -> None:
-    """Connect points by AS-i modules near them, on as few lines as keep the limits."""
+    """Connect points by AS-i modules near them, on as few lines as meet the limits."""
     limits = draft.settings.asi
     places = np.where(draft.iolist.located[:, None], draft.places, draft.iolist.box_places)
     known = np.isfinite(places[rows]).all(axis=1)
@@ -466,35 +422,29 @@ def plan_asi(draft: Draft, rows: Indices) -> None:
 
     def judge(group: Sequence[int]) -> tuple[Line | None, float]:
         own = [found[place] for place in group]
-        needed = addresses_needed(own)
+        sharing = sum(module.shares for module in own)
+        needed = len(own) - sharing + ceil(sharing / 2)
         if needed > ADDRESSES:
             return None, needed / ADDRESSES
         at = spots[[0, *(place + 1 for place in group)]]
         ways = draft.site.route(at[:, None], at[None, :])
         line = build(own, ways, draft.site.length(ways), draft.need, limits)
-        return line, 1 if line.broken is None else inf
+        return line, 1 if line.exceeded is None else inf
 
     number = 0
     for _, line in divided(range(len(found)), lambda place: found[place].place, judge):
         assert line is not None
-        if line.broken is None:
+        if line.exceeded is None:
             number += 1
             _Laying(draft, f"AS-i {number}", line).lay()
-        else:
-            _refuse(draft, line)
-
-
-def _refuse(draft: Draft, line: Line) -> None:
-    """Say of each point of a module that even a line of its own breaks a limit."""
-    assert line.broken is not None
-    limit, value, bound, unit = line.broken
-    for row in line.modules[0].rows:
-        tag = draft.tags[row]
-        text = (
-            f"{tag} breaks the limit of AS-i {limit} with a line of its own: "
-            f"{value:.4g} {unit}, allowed {bound:.4g} {unit}"
-        )
-        draft.reason(tag, limit, value, bound, unit, text.replace(" ,", ","))
+            continue
+        limit, value, bound, unit = line.exceeded
+        of = f" {unit}" if unit else ""
+        said = f"with a line of its own: {value:.4g}{of}, allowed {bound:.4g} {unit}"
+        for row in line.modules[0].rows:
+            tag = draft.tags[row]
+            text = f"{tag} exceeds the limit of AS-i {limit} {said}"
+            draft.reason(tag, limit, value, bound, unit, text)
 
 
 class _Laying:
@@ -508,7 +458,7 @@ class _Laying:
         self.where = {str(place): spot for place, spot in enumerate(self.spots)}
 
     def lay(self) -> None:
-        """Put the devices and cables of the line into the draft, and connect its points."""
+        """Put down the devices and cables of the line, and connect its points."""
         draft, segment, names = self.draft, self.segment, self.names
         limits = draft.settings.asi
         names["0"] = self.device("master", draft.middle, draft.cabinet)
@@ -526,9 +476,9 @@ class _Laying:
             near, far = piece.edge
             laid = Laid(self.spots[near], self.spots[far], share=piece.share)
             ends = names[piece.near], names[piece.far]
-            draft.run("trunk", ends, laid, cables()[limits.cable], _PAIR, segment)
+            draft.run("trunk", ends, laid, cables()[limits.cable], PAIR, segment)
         if limits.auxiliary and (powered := self.powered()):
-            # From the cabinet along the line, as far as outputs need it.
+            # A feeder from the cabinet along the line, up to the last module with outputs.
             source = self.device("auxiliary supply", draft.middle, draft.cabinet)
             for near, far in dict.fromkeys(piece.edge for piece in self.line.drawn.pieces):
                 if far in powered:
@@ -537,16 +487,16 @@ class _Laying:
         self.connect()
 
     def device(self, kind: str, place: Place, at: str) -> str:
-        """Put a device in; return its name."""
+        """Put down a device, and return its name."""
         return self.draft.device(f"{self.segment} {kind}", kind, self.segment, place, at)
 
     def feed(self, begin: str, end: str, laid: Laid) -> None:
-        """Put a feeder in."""
+        """Put down a feeder."""
         feeder = cables()[self.draft.settings.feeder]
-        self.draft.run("feeder", (begin, end), laid, feeder, _PAIR, self.segment)
+        self.draft.run("feeder", (begin, end), laid, feeder, PAIR, self.segment)
 
     def lay_repeaters(self) -> None:
-        """Put repeaters beside the master or a module, or on the way where a cable is too long."""
+        """Put down repeaters beside the master or a module, or between them on a long cable."""
         names, where, drawn = self.names, self.where, self.line.drawn
         done = dict.fromkeys({piece.edge for piece in drawn.pieces}, 0.0)
         ends: dict[str, Place] = {}
@@ -564,7 +514,7 @@ class _Laying:
                 names[into], where[into] = names[out], place
 
     def powered(self) -> set[int]:
-        """Return the places on the way to a module with outputs, that module included."""
+        """Return the modules with outputs and those on the way to them, by number."""
         before = {far: near for near, far in (piece.edge for piece in self.line.drawn.pieces)}
         powered: set[int] = set()
         for place, module in enumerate(self.line.modules, 1):
@@ -574,7 +524,7 @@ class _Laying:
         return powered
 
     def connect(self) -> None:
-        """Connect the points, and put the segment in."""
+        """Connect the points, and put down the segment."""
         draft, segment, line = self.draft, self.segment, self.line
         for module, slave, response in zip(line.modules, line.slaves, line.responses, strict=True):
             device = self.names[slave.node]
@@ -583,10 +533,9 @@ class _Laying:
                 draft.connect(int(row), "AS-i", segment, device, address, float(late))
                 draft.drop(int(row), device, module.place, segment, np.nan)
         rows = np.concatenate([module.rows for module in line.modules])
-        shared = {slave.address for slave in line.slaves if slave.half == "B"}
         shares = [
             line.cycle.update_time(
-                module.profile, channels=module.channels, paired=slave.address in shared,
+                module.profile, channels=module.channels, paired=slave.address in line.paired,
                 direction="out" if module.outputs else "in",
             ) / draft.need[module.rows].min()
             for module, slave in zip(line.modules, line.slaves, strict=True)

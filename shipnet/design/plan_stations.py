@@ -14,23 +14,14 @@ from shipnet.can.lengths import frame_length
 from shipnet.can.messages import Message, MessageSet, packed
 from shipnet.can.response import response_times
 from shipnet.design.catalogue import cables
-from shipnet.design.drafting import (
-    Backbone,
-    Box,
-    Draft,
-    boxes,
-    divided,
-    lay,
-    route_past,
-    too_far,
-)
+from shipnet.design.drafting import Backbone, Box, Draft, boxes, divided, lay, route_past
 from shipnet.design.settings import ModbusLimits
 from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 
-# What both have in common ------------------------------------------------------------------------
+# Shared by both buses ----------------------------------------------------------------------------
 
 
 def _served(
@@ -42,30 +33,34 @@ def _served(
 ) -> list[Box]:
     """Return boxes with the points that a trunk of their own would serve; refuse the others.
 
-    `alone` returns how late each point of a box would be, for a trunk of some length, in words too.
+    `alone` returns the update time or response [s] of each point of a box at the end of a trunk of
+    its own, and words for them.
     """
     found = []
     for box in boxes(draft, rows):
         length = route_past(draft, [box]).length
         if length > longest:
-            too_far(draft, box, length, longest, most)
+            for row in box.rows:
+                text = f"{draft.tags[row]} is {length:.0f} m of trunk away; {most}"
+                draft.reason(draft.tags[row], "length", length, longest, "m", text)
             continue
         need = draft.need[box.rows]
         least, words = alone(box, length)
-        for row, late in zip(box.rows[least > need], 1e3 * least[least > need], strict=True):
-            tag, wanted = draft.tags[row], 1e3 * float(draft.need[row])
-            text = f"{tag} needs an update every {wanted:g} ms; {words} {late:.3g} ms"
-            draft.reason(tag, "update", late, wanted, "ms", text)
-        kept = np.flatnonzero(least <= need)
-        if len(kept):
-            found.append(box.part(kept))
+        for place in np.flatnonzero(least > need):
+            draft.too_slow(box.rows[place], float(least[place]), words)
+        if (least <= need).any():
+            found.append(box.part(np.flatnonzero(least <= need)))
     return found
 
 
 # CAN: messages, and segments that carry them in time --------------------------------------------
 
-#: What a value takes, and what a frame has for data [bit].
+#: Bits of an analogue value, and data bits of a frame.
 ANALOGUE_BITS, FRAME_BITS = 16, 64
+
+#: Most messages of a segment: the identifiers of 11 bits except the last 16, which early CAN
+#: controllers cannot send.
+_MESSAGES = 2**11 - 16
 
 
 class Packed(NamedTuple):
@@ -79,7 +74,7 @@ class Packed(NamedTuple):
 
 
 def pack(types: Sequence[str], times: Floats) -> list[Packed]:
-    """Return the messages of a station, as few as there can be."""
+    """Return the messages of a station, as few as possible."""
     kinds = np.asarray(types, dtype=object)
     output = np.isin(kinds, ["DO", "AO"])
     analogue = np.isin(kinds, ["AI", "AO"])
@@ -87,7 +82,7 @@ def pack(types: Sequence[str], times: Floats) -> list[Packed]:
     for way in (False, True):
         for time in np.unique(times[output == way]):
             rows = np.flatnonzero((output == way) & (times == time))
-            # Values fill whole frames, so none lies in two; the states follow in the last one.
+            # Values fill whole frames, so that none is split; states follow in the last frame.
             first, size = packed(analogue[rows], ANALOGUE_BITS)
             frame, bit = np.divmod(first, FRAME_BITS)
             for number in range(-(-8 * size // FRAME_BITS)):
@@ -97,95 +92,70 @@ def pack(types: Sequence[str], times: Floats) -> list[Packed]:
     return messages
 
 
-#: Most messages of a segment: the identifiers of 11 bits but for the last 16, which early CAN
-#: controllers cannot send.
-_MESSAGES = 2**11 - 16
-
-
-class Sent(NamedTuple):
-    """Where a message comes from, and how it fares."""
-
-    station: int
-    arbitration_id: int
-    response: float
-
-
 class _Segment(NamedTuple):
-    """A segment: its trunk, its bit rate, its messages with how they fare, its bus time."""
+    """A segment, with the station and the response [s] of each message in order of priority."""
 
     trunk: Backbone
     bit_rate: int
-    messages: list[tuple[Packed, Sent]]
+    messages: list[tuple[Packed, int, float]]
     bus_time: float
 
 
 def plan_can(draft: Draft, rows: Indices) -> None:
-    """Connect points by stations in their boxes, on as few CAN segments as keep the limits."""
+    """Connect points by stations in their boxes, on as few CAN segments as meet the limits."""
     limits = draft.settings.can
-    longest = _longest(draft)
-    most = f"a CAN segment has at most {{:.0f}} m at {min(limits.bit_rates) / 1e3:g} kbit/s"
+    slowest = min(limits.bit_rates)
+    longest = min(max(map(longest_bus, limits.bit_rates)), cables()[limits.cable].longest_m)
+    most = f"a CAN segment has at most {longest:.0f} m at {slowest / 1e3:g} kbit/s"
 
     def alone(box: Box, length: float) -> tuple[Floats, str]:
-        rate = bit_rate_for(length, limits.bit_rates) or min(limits.bit_rates)
+        rate = bit_rate_for(length, limits.bit_rates) or slowest
         size = np.array([2 if draft.types[row][0] == "A" else 1 for row in box.rows])
-        # The frame has to arrive in what its period leaves, and must not be more than the load
-        # allows.
+        # The frame must meet its deadline, and must not exceed the load limit.
         share = min(1 - limits.period_share, limits.period_share * limits.load)
         words = f"alone on CAN at {rate / 1e3:g} kbit/s it has one every"
         return frame_length(size) / rate / share, words
-
-    stations = _served(draft, rows, longest, most, alone)
 
     def judge(group: Sequence[Box]) -> tuple[_Segment | None, float]:
         # The host is a node of each segment.
         if len(group) >= limits.nodes:
             return None, len(group) / (limits.nodes - 1)
-        return _segment(draft, group)
+        return _segment(draft, group, longest)
 
+    stations = _served(draft, rows, longest, most, alone)
     segments = divided(stations, lambda box: box.place, judge, lambda box: box.halved(draft.need))
     for number, (group, segment) in enumerate(segments, 1):
         assert segment is not None
-        name = f"CAN {number}"
-        ordered = [group[place] for place in segment.trunk.order]
-        names = lay(draft, name, "CAN", ordered, segment.trunk, limits.cable)
-        devices = {id(box): device for box, device in zip(ordered, names, strict=True)}
-        for message, sent in segment.messages:
-            box = group[sent.station]
+        name, order = f"CAN {number}", segment.trunk.order
+        names = lay(draft, name, "CAN", [group[at] for at in order], segment.trunk, limits.cable)
+        device = dict(zip(order, names, strict=True))
+        for identifier, (message, station, late) in enumerate(segment.messages, 1):
             for row, bit in zip(message.rows, message.bits, strict=True):
-                point = int(box.rows[row])
-                address = f"{sent.arbitration_id:#05x} bit {bit}"
-                response = message.need * limits.period_share + sent.response
-                draft.connect(point, "CAN", name, devices[id(box)], address, response)
-        for box in group:
+                point, address = int(group[station].rows[row]), f"{identifier:#05x} bit {bit}"
+                response = message.need * limits.period_share + late
+                draft.connect(point, "CAN", name, device[station], address, response)
+        for station, box in enumerate(group):
             for row, length in zip(box.rows, box.lengths, strict=True):
-                draft.drop(int(row), devices[id(box)], box.place, name, float(length))
-        everything = np.concatenate([box.rows for box in group])
+                draft.drop(int(row), device[station], box.place, name, float(length))
         draft.segment(
-            everything, segment=name, bus="CAN", devices=len(group) + 1,
+            np.concatenate([box.rows for box in group]),
+            segment=name, bus="CAN", devices=len(group) + 1,
             length_m=segment.trunk.length, bus_time=segment.bus_time,
             capacity_used=max(segment.bus_time, (len(group) + 1) / limits.nodes),
             bit_rate=segment.bit_rate, messages=len(segment.messages),
-            # Every message goes out on both lines, so that none has to take over.
+            # Every message is sent on both lines, so that neither has to take over.
             switch_over_ms=0.0 if draft.settings.redundant else np.nan,
         )  # fmt: skip
 
 
 def bit_rate_for(length: float, bit_rates: Sequence[int]) -> int | None:
     """Return the highest bit rate that a trunk is short enough for."""
-    reaching = [rate for rate in bit_rates if longest_bus(rate) >= length]
-    return max(reaching, default=None)
+    return max((rate for rate in bit_rates if longest_bus(rate) >= length), default=None)
 
 
-def _longest(draft: Draft) -> float:
-    """Return the longest trunk that any of the bit rates, and the cable, allow [m]."""
+def _segment(draft: Draft, group: Sequence[Box], longest: float) -> tuple[_Segment, float]:
     limits = draft.settings.can
-    return min(max(map(longest_bus, limits.bit_rates)), cables()[limits.cable].longest_m)
-
-
-def _segment(draft: Draft, group: Sequence[Box]) -> tuple[_Segment, float]:
-    limits = draft.settings.can
-    trunk = route_past(draft, group)
-    longest = _longest(draft)
+    share, trunk = limits.period_share, route_past(draft, group)
     rate = bit_rate_for(min(trunk.length, longest), limits.bit_rates) or min(limits.bit_rates)
     packed = [
         (message, place)
@@ -194,34 +164,24 @@ def _segment(draft: Draft, group: Sequence[Box]) -> tuple[_Segment, float]:
     ]
     # Priorities are deadline monotonic: the deadline is the same share of every need.
     packed.sort(key=lambda item: item[0].need)
-    parts: float = len(packed) / _MESSAGES
-    period = np.array([message.need for message, _ in packed]) * limits.period_share
-    bits = frame_length([message.dlc for message, _ in packed])
-    bus_time = float((bits / period).sum()) / rate
-    parts = max(parts, bus_time / limits.load, inf if trunk.length > longest else 1)
+    period = np.array([message.need for message, _ in packed]) * share
+    bus_time = float((frame_length([message.dlc for message, _ in packed]) / period).sum()) / rate
+    parts = max(
+        len(packed) / _MESSAGES, bus_time / limits.load, inf if trunk.length > longest else 1
+    )
     responses = [np.nan] * len(packed)
     if parts <= 1:
-        answers = response_times(_message_set(packed, limits.period_share), rate)
+        messages = MessageSet(
+            Message(str(number), number, message.dlc, period=share * message.need,
+                    deadline=(1 - share) * message.need, sender=str(place))
+            for number, (message, place) in enumerate(packed, 1)
+        )  # fmt: skip
+        answers = response_times(messages, rate)
         responses = [answer.response for answer in answers]
         if not all(answer.met for answer in answers):
             parts = inf
-    messages = [
-        (message, Sent(place, number, response))
-        for number, ((message, place), response) in enumerate(
-            zip(packed, responses, strict=True), 1
-        )
-    ]
-    return _Segment(trunk, rate, messages, bus_time), parts
-
-
-def _message_set(packed: Sequence[tuple[Packed, int]], share: float) -> MessageSet:
-    return MessageSet(
-        Message(
-            str(number), number, message.dlc, period=share * message.need,
-            deadline=(1 - share) * message.need, sender=str(place),
-        )
-        for number, (message, place) in enumerate(packed, 1)
-    )  # fmt: skip
+    sent = [(*item, late) for item, late in zip(packed, responses, strict=True)]
+    return _Segment(trunk, rate, sent, bus_time), parts
 
 
 # Modbus RTU: registers, loops that are scanned in time, unit ids, repeaters -----------------------
@@ -232,7 +192,7 @@ _STATES, _READ, _WRITE = 16, 125, 123
 
 
 class Registers(NamedTuple):
-    """The registers of a station."""
+    """The registers of a station: counts, address of each point, requests of a scan."""
 
     inputs: int
     outputs: int
@@ -241,9 +201,9 @@ class Registers(NamedTuple):
 
 
 class _Loop(NamedTuple):
-    """A loop: trunk, bit rate, scan, longest transactions, time to the second line, repeaters.
+    """A loop; `on_wire` is the part of the scan in which a frame is on the wire [s].
 
-    `on_wire` is the part of the scan in which a frame is on the wire [s].
+    `longest` has the longest transaction of each station [s].
     """
 
     trunk: Backbone
@@ -257,23 +217,22 @@ class _Loop(NamedTuple):
 
 
 def plan_modbus(draft: Draft, rows: Indices) -> None:
-    """Connect points by stations in their boxes, on as few Modbus loops as keep the limits."""
+    """Connect points by stations in their boxes, on as few Modbus loops as meet the limits."""
     limits = draft.settings.modbus
 
     def alone(box: Box, length: float) -> tuple[Floats, str]:
         rate = max(rate for rate in limits.bit_rates if _longest_section(limits, rate) >= length)
         types = [draft.types[row] for row in box.rows]
         least = {
-            kind: 2 * _polls(draft, registers_of([kind]), rate)[0].time
-            for kind in dict.fromkeys(types)
+            kind: 2 * _polls(limits, registers_of([kind]), rate)[0].time for kind in set(types)
         }
         words = f"alone on Modbus RTU at {rate} bit/s it has a response of"
         return np.array([least[kind] for kind in types]), words
 
-    most_m = "a Modbus section has at most {:.0f} m"
     longest = _longest_section(limits, min(limits.bit_rates))
+    most_m = f"a Modbus section has at most {longest:.0f} m"
     stations = _served(draft, rows, longest, most_m, alone)
-    # The master takes a unit load, and a repeater one on either side.
+    # The master is one unit load, and a repeater one on either side.
     most = min(limits.units, (1 + limits.repeaters) * (limits.unit_loads - 2) + 1)
 
     def judge(group: Sequence[Box]) -> tuple[_Loop | None, float]:
@@ -282,15 +241,14 @@ def plan_modbus(draft: Draft, rows: Indices) -> None:
     loops = divided(stations, lambda box: box.place, judge, lambda box: box.halved(draft.need))
     for number, (group, loop) in enumerate(loops, 1):
         assert loop is not None
-        name = f"Modbus {number}"
-        ordered = [group[place] for place in loop.trunk.order]
+        name, order = f"Modbus {number}", loop.trunk.order
+        ordered = [group[place] for place in order]
         names = lay(draft, name, "Modbus", ordered, loop.trunk, limits.cable, loop.repeaters)
-        for unit, (place, device) in enumerate(zip(loop.trunk.order, names, strict=True), 1):
-            box, registers = group[place], loop.registers[place]
+        for unit, (place, device) in enumerate(zip(order, names, strict=True), 1):
+            box, addresses = group[place], loop.registers[place].addresses
             response = loop.scan + loop.longest[place]
-            for row, length, where in zip(box.rows, box.lengths, registers.addresses, strict=True):
-                address = f"{unit} {where}"
-                draft.connect(int(row), "Modbus RTU", name, device, address, response)
+            for row, length, where in zip(box.rows, box.lengths, addresses, strict=True):
+                draft.connect(int(row), "Modbus RTU", name, device, f"{unit} {where}", response)
                 draft.drop(int(row), device, box.place, name, float(length))
         everything = np.concatenate([box.rows for box in group])
         draft.segment(
@@ -330,7 +288,7 @@ def registers_of(types: Sequence[str]) -> Registers:
 
 
 def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[int] | None:
-    """Return after which stations a trunk needs a repeater."""
+    """Return the stations after which a trunk needs a repeater, or None if none would do."""
     found: list[int] = []
     loads, laid = 1, 0.0
     for place, hop in enumerate(hops):
@@ -351,7 +309,7 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
     registers = [registers_of([draft.types[row] for row in box.rows]) for box in group]
     needs = np.array([draft.need[box.rows].min() for box in group])
     for rate in sorted(limits.bit_rates):
-        polls = [_polls(draft, own, rate) for own in registers]
+        polls = [_polls(limits, own, rate) for own in registers]
         times = [[poll.time for poll in own] for own in polls]
         scan = sum(sum(own) for own in times)
         longest = [max(own) for own in times]
@@ -373,8 +331,7 @@ def _longest_section(limits: ModbusLimits, bit_rate: int) -> float:
     return min(limits.length, INTERFACES["RS-485"].product / bit_rate)
 
 
-def _polls(draft: Draft, registers: Registers, bit_rate: int) -> list[Poll]:
-    limits = draft.settings.modbus
+def _polls(limits: ModbusLimits, registers: Registers, bit_rate: int) -> list[Poll]:
     serial = SerialLine(bit_rate, limits.character)
     timeout = limits.timeout + limits.processing + serial.frame_time(256)
     return [

@@ -1,4 +1,4 @@
-"""Which point gets which cable: an I/O list, a site and an option become a design."""
+"""From an I/O list, a site and an option to a design: home runs, boxes, and mixes of options."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
 
-# Every point on wires of its own: to the cabinet, or to a box with a cable of many pairs -------
+# Each point on its own wires, to the cabinet or to a box with a cable of many pairs ------------
 
 
 def plan_home_runs(draft: Draft, rows: Indices) -> None:
@@ -59,10 +59,10 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
     def needed(pairs: int) -> int:
         return with_spare(2 * pairs, draft.settings.spare)
 
-    each = _pairs(draft, box.rows)
+    each = (draft.wires[box.rows] + 1) // 2
     number = max(1, ceil(needed(int(each.sum())) / largest))
     while True:
-        # Cut where the pairs so far pass an equal share.
+        # Divide where the sum of pairs passes an equal share.
         share = np.cumsum(each) - each / 2
         part = np.minimum((share * number / each.sum()).astype(np.intp), number - 1)
         parts = [box.rows[part == own] for own in range(number) if (part == own).any()]
@@ -73,38 +73,25 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
 
 
 def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
-    """Return conductors in use and pairs of a trunk; common returns count once a kind."""
-    signals = draft.iolist.points["signal"].to_numpy(object)[rows]
-    returns = 0
-    pairs = _pairs(draft, rows)
-    alone = draft.common[rows] == 0
-    for kind in dict.fromkeys(signals[~alone]):
-        returns += int(draft.common[rows][signals == kind][0])
-    own = int((draft.wires - draft.common)[rows].sum())
-    shared = int((draft.wires - draft.common)[rows][~alone].sum()) + returns
-    return own + returns, int(pairs[alone].sum()) + ceil(shared / 2)
+    """Return conductors in use and pairs of a trunk, with one common return per signal."""
+    signals, common = draft.iolist.points["signal"].to_numpy(object)[rows], draft.common[rows]
+    own, alone = draft.wires[rows] - common, common == 0
+    returns = sum(dict(zip(signals, common.tolist(), strict=True)).values())
+    pairs = ((own[alone] + 1) // 2).sum()
+    return int(own.sum()) + returns, int(pairs) + ceil((int(own[~alone].sum()) + returns) / 2)
 
 
-def _pairs(draft: Draft, rows: Indices) -> Indices:
-    return np.asarray((draft.wires[rows] + 1) // 2, dtype=np.intp)
-
-
-# The ways to connect all points alike, and a mix of them ----------------------------------------
+# The options, and a mix of them -----------------------------------------------------------------
 
 _PLANNERS: Mapping[str, Callable[[Draft, Indices], None]] = MappingProxyType(
-    {
-        "home runs": plan_home_runs,
-        "junction boxes": plan_boxes,
-        "AS-i": plan_asi,
-        "CAN": plan_can,
-        "Modbus RTU": plan_modbus,
-    }
-)
+    {"home runs": plan_home_runs, "junction boxes": plan_boxes, "AS-i": plan_asi,
+     "CAN": plan_can, "Modbus RTU": plan_modbus}
+)  # fmt: skip
 
-#: The ways to connect all points alike.
+#: The options: ways to connect points.
 OPTIONS = tuple(_PLANNERS)
 
-#: What a choice may go by; the first that names a point decides.
+#: Columns whose values a mix may name; the first that names a point decides.
 _BY = ("tag", "signal", "system", "category", "type")
 
 
@@ -118,19 +105,16 @@ def plan(
     name: str | None = None,
     rules: RuleSet | None = None,
 ) -> Design:
-    """Connect the points of a list in one way, and those that `mix` names in another.
+    """Connect the points of a list by one option, and those that `mix` names by another.
 
-    Where a response is longer than `rules` allow, all is planned anew within their limits, but for
-    points that then fit nowhere.
+    If a response is longer than `rules` allow, the points are planned again within that limit,
+    except those that would then fit nowhere.
     """
     choose = mix or {}
     check_choice("option", option, OPTIONS)
     for one in choose.values():
         check_choice("one of mix", one, OPTIONS)
-    allowances = {"detour": site.detour, "tails": site.tails}
-    values = Settings(allowances) if settings is None else settings
-    if any(values[what] != value for what, value in allowances.items()):
-        values = values.replace(allowances)
+    values = (settings or Settings()).replace({"detour": site.detour, "tails": site.tails})
     chosen = np.full(len(iolist), option, dtype=object)
     left = set(choose)
     for column in reversed(_BY) if choose else ():

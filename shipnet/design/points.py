@@ -1,4 +1,4 @@
-"""The rows of an I/O list as points, or all that is wrong with them, each with its place."""
+"""The rows of an I/O list as points, or all their faults with row and column."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from typing import Self
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from shipnet.arguments import checked
+from shipnet.arrays import Bools, Floats
 from shipnet.design.words import (
     COLUMNS,
     PLACED,
@@ -33,32 +33,29 @@ from shipnet.errors import ArgumentError, InputError, listed
 from shipnet.signals import SIGNALS, find_signal, meanings, plain, spellings
 from shipnet.tables import Remark, Sheet, frame_sheet, parse_sheet, read_sheet, read_sheets
 
-# Which rows of a sheet are points, and what their columns are ---------------------------------
+# The columns of a sheet, and the rows that are points -------------------------------------------
 
 _POSITION, _BOX = ("x_m", "y_m", "z_m"), ("box_x_m", "box_y_m", "box_z_m")
 
-#: Legal values in the unit of the column, both ends included, but for an update time of 0. No ship
-#: is a kilometre long, no cable of one ten.
+#: Legal values in the unit of the column, both ends included, except an update time of 0. A ship is
+#: shorter than a kilometre, and its cables are shorter than ten.
 RANGES: Mapping[str, tuple[float, float]] = {
     **dict.fromkeys((*_POSITION, *_BOX), (-1e3, 1e3)),
     **dict.fromkeys(("to_box_m", "home_run_m"), (0.0, 1e4)),
     "update_ms": (0.0, 3.6e6),
 }
 
-#: Marks of points that are not to be built, and of tags that stand for nothing yet.
+#: Marks of points that will not be built, and of tags not in use yet.
 _MARK = r"\W*(?:deleted?|cancell?ed|void|not used|spare|삭제|예비)"
 _MARKED = re.compile(rf"{_MARK}\W*", re.IGNORECASE)
 _MARKED_TAG = re.compile(rf"{_MARK}\b.*", re.IGNORECASE)
 
-#: How a list is read that brings no words of its own.
-_PLAIN = Reading()
-
-#: What a spreadsheet may take for a formula begins so; an apostrophe before it makes it text.
+#: The start of a text that a spreadsheet would take for a formula without the apostrophe.
 _FORMULA = re.compile(r"'+[=+\-@]")
 
 
 def score(reading: Reading) -> Callable[[Sequence[str]], float]:
-    """Return the function that says how many columns of an I/O list cells are the titles of."""
+    """Return a function that counts the titles of an I/O list among cells."""
 
     def worth(cells: Sequence[str]) -> float:
         found = {column.name for cell in cells if (column := column_of(cell, reading.columns))}
@@ -69,23 +66,24 @@ def score(reading: Reading) -> Callable[[Sequence[str]], float]:
 
 
 class Cells:
-    """The points of a sheet: their cells under the columns of an I/O list."""
+    """The points of a sheet: their cells by the columns of an I/O list."""
 
     def __init__(self, sheet: Sheet, reading: Reading) -> None:
         self.sheet, self.reading = sheet, reading
+        self._source = f"{sheet.source}, sheet {sheet.sheet}" if sheet.sheet else sheet.source
         self.remarks = list(sheet.remarks)
         self.places: dict[str, list[int]] = {}
         self.scales: dict[str, float] = {}
         self._faults: list[tuple[int, int, str]] = []
         rows = list(sheet.rows)
         self.titles = list(sheet.titles)
-        second = self._second_line(rows[0][1]) if rows else None
-        if second is not None:
+        self._repeated = [self.titles]
+        if rows and (second := self._second_line(rows[0][1])):
             self.titles = second
             self.remarks.append(Remark("titles in two rows", (sheet.top, rows[0][0]), detail=True))
+            self._repeated.append(rows.pop(0)[1])
         if sheet.above:
             self.remarks.append(Remark("left out, above the titles", sheet.above, detail=True))
-        self._repeated = [list(sheet.titles)] + ([rows.pop(0)[1]] if second is not None else [])
         self._find_columns(rows)
         rows = self._points_of(rows)
         if not rows:
@@ -95,13 +93,8 @@ class Cells:
         self._check_width(rows)
         self._fill_down("system")
 
-    @property
-    def _source(self) -> str:
-        sheet = self.sheet
-        return f"{sheet.source}, sheet {sheet.sheet}" if sheet.sheet else sheet.source
-
     def _second_line(self, below: Sequence[str]) -> list[str] | None:
-        """Return the titles with a second row of them below, if these cells are one."""
+        """Return the titles joined with a second row of titles, if these cells are one."""
         titles, above, understood = [], "", 0
         for title, cell in zip_longest(self.titles, below, fillvalue=""):
             above = title or above
@@ -128,7 +121,7 @@ class Cells:
             elif any(row[place] for _, row in rows if place < len(row)):
                 unused.append(f"column {_letter(place)}, which has no title")
         if "signal" not in self.places and len(self.places.get("type", ())) == 1:
-            # Many lists have signals, such as Pt100, in a column "type".
+            # Many lists have signals, such as Pt100, in a column called type.
             (place,) = self.places["type"]
             words = {clean(widened(row[place])) for _, row in rows if place < len(row)}
             others = (word for word in words if plain(word) not in spellings("type"))
@@ -151,7 +144,7 @@ class Cells:
         used = "; ".join(unused)
         if faults:
             faults = [f"row {self.sheet.top}: {fault}" for fault in faults]
-            hint = f"not known: {used}; [columns] in the settings may say what they mean"
+            hint = f"unknown titles: {used}; [columns] in the settings may explain them"
             raise InputError(self._source, *faults, *([hint] * bool(used)))
         if unused:
             self.remarks.append(Remark(f"not used: {used}"))
@@ -160,17 +153,14 @@ class Cells:
         """Return the rows that are points, and remark on the others."""
         points, left = [], dict[str, list[int]]()
         heads = [{cell for cell in titles if cell} for titles in self._repeated]
-        # Few rows have a cell that is a title, or a mark of points that are not to be built.
+        # Few rows have a cell that is a title, or that marks a point that will not be built.
         words = set(chain.from_iterable(cells for _, cells in rows))
         marked = set(filter(_MARKED.fullmatch, words))
         suspect = marked.union(*heads)
         meant: dict[tuple[str, str], bool] = {}
         for number, cells in rows:
-            if suspect.isdisjoint(cells):
-                why = self._no_point(number, cells, (), False, meant)
-            else:
-                is_marked = not marked.isdisjoint(cells)
-                why = self._no_point(number, cells, heads, is_marked, meant)
+            near = () if suspect.isdisjoint(cells) else heads
+            why = self._no_point(number, cells, near, not marked.isdisjoint(cells), meant)
             if why:
                 left.setdefault(why, []).append(number)
             else:
@@ -190,10 +180,7 @@ class Cells:
         is_marked: bool,
         meant: dict[tuple[str, str], bool],
     ) -> str:
-        """Return why a row is not a point; nothing if it is one.
-
-        `meant` keeps of which types and signals something is known.
-        """
+        """Return why a row is not a point, or "". `meant` caches which types and signals exist."""
         for head in heads:
             if not head.isdisjoint(cells):
                 same = sum(" ".join(cell.split()) in head for cell in cells if cell)
@@ -212,12 +199,10 @@ class Cells:
         if what not in meant:
             word, _ = without_safety(self.reading.signal(clean(widened(what[1]))))
             meant[what] = plain(widened(what[0])) in spellings("type") or bool(meanings(word))
-        numbers = [*RANGES, "conductors"]
-        if meant[what] or any(_holds_number(cell(name)) for name in numbers):
+        numbers = (cell(name) for name in (*RANGES, "conductors"))
+        if meant[what] or any(map(_holds_number, numbers)) or is_frame(cell("frame")):
             return ""
-        if is_frame(cell("frame")):
-            return ""
-        # What has nothing but a tag may still be a point, of which all else was forgotten.
+        # A row with only a tag may be a point for which all else was forgotten.
         return "" if re.search(r"[0-9]", tag) and not re.search(r"\s", tag) else _TEXT
 
     def _check_width(self, rows: Sequence[tuple[int, list[str]]]) -> None:
@@ -229,26 +214,23 @@ class Cells:
                 self.fault(row, "", f" has {len(rows[row][1])} cells; expected {width}")
         elif beside:
             numbers = tuple(self.rows[row] for row in beside)
-            self.remarks.append(Remark("not used: what stands beside the table", numbers))
+            self.remarks.append(Remark("not used: cells beside the table", numbers))
 
     def _fill_down(self, name: str) -> None:
-        """Fill a column whose values stand only in the first row of each group."""
+        """Fill a column that has values only in the first row of each group."""
         cells = self[name]
         given = [cell for cell in cells if cell]
         twice = any(a and a == b for a, b in pairwise(cells))
         if not given or len(given) == len(cells) or not cells[0] or twice:
             return
-        filled, last = [], ""
-        for row, cell in enumerate(cells):
-            last = cell or last
-            if not cell:
-                filled.append(self.rows[row])
-            cells[row] = last
+        filled = tuple(row for row, cell in zip(self.rows, cells, strict=True) if not cell)
+        for row in range(1, len(cells)):
+            cells[row] = cells[row] or cells[row - 1]
         said = f"{name} filled down from the row above, as it is given once per group"
-        self.remarks.append(Remark(said, tuple(filled), doubt=True))
+        self.remarks.append(Remark(said, filled, doubt=True))
 
     def __getitem__(self, name: str) -> list[str]:
-        """Return the cells of a column, empty ones if the list has no such column."""
+        """Return the cells of a column, which are empty if the list has no such column."""
         places = self.places.get(name)
         return self.column(places[0]) if places else [""] * len(self.rows)
 
@@ -256,12 +238,12 @@ class Cells:
         """Return the cells of a column by its place."""
         return self._columns[place] if place < len(self._columns) else [""] * len(self.rows)
 
-    def given(self, name: str) -> NDArray[np.bool_]:
-        """Return whether each cell of a column holds something."""
+    def given(self, name: str) -> Bools:
+        """Return whether each cell of a column is filled."""
         return np.fromiter(map(bool, self[name]), bool, len(self.rows))
 
     def title(self, name: str) -> str:
-        """Return what the list itself calls a column, with the letter that a spreadsheet shows."""
+        """Return the list's own title of a column, with its letter in a spreadsheet."""
         places = self.places.get(name)
         if not places:
             return name
@@ -269,31 +251,31 @@ class Cells:
         return f"{self.titles[places[0]]}{letter}"
 
     def fault(self, row: int, name: str, text: str) -> None:
-        """Keep a fault of a row."""
+        """Record a fault of a row."""
         place = self.places[name][0] if name in self.places else -1
         self._faults.append((row, place, f"row {self.rows[row]}{text}"))
 
     def wrong(self, rows: Iterable[int], name: str, expected: str) -> None:
-        """Keep the same fault of some cells of a column."""
+        """Record the same fault of some cells of a column."""
         cells = self[name]
         for row in rows:
             what = self.odd(row, name)
             cell = f"{cells[row]!r}{what and f', {what}'}" if cells[row] else "is empty"
             self.fault(row, name, f", column {self.title(name)}: {cell}; expected {expected}")
 
-    def doubt(self, what: str, rows: NDArray[np.bool_]) -> None:
-        """Remark on points that may not be meant so."""
+    def doubt(self, what: str, rows: Bools) -> None:
+        """Remark on points with a doubt."""
         if rows.any():
             numbers = tuple(self.rows[row] for row in np.flatnonzero(rows).tolist())
             self.remarks.append(Remark(what, numbers, doubt=True))
 
     def odd(self, row: int, name: str) -> str:
-        """Return what a cell is that is neither text nor number, else ``""``."""
+        """Return what a cell is if neither text nor a number, or ""."""
         places = self.places.get(name, [-1])
         return self.sheet.odd.get((self.rows[row], places[0]), "")
 
     def check(self, strict: bool) -> None:
-        """Raise all faults that were found, in the order of rows and columns."""
+        """Raise all recorded faults, in the order of rows and columns."""
         faults = [text for _, _, text in sorted(self._faults)]
         if strict:
             faults += [f"row {n}: {one.what}" for one in self.remarks if one.doubt
@@ -302,32 +284,31 @@ class Cells:
             raise InputError(self._source, *faults)
 
 
-#: Why rows are left out of which nobody expects that they are points.
+#: Reasons to leave out rows that nobody expects to be points.
 _REPEATED, _TEXT = "titles again", "no point: a subtitle, a page header or footer, or a note"
 
 
 def _letter(place: int) -> str:
-    """Return what a spreadsheet calls a column, by its place from 0."""
+    """Return the letter of a column in a spreadsheet, from its number from 0."""
     more, own = divmod(place, 26)
     return (_letter(more - 1) if more else "") + chr(65 + own)
 
 
 def _holds_number(cell: str) -> bool:
-    return (
-        bool(cell) and read_number(cell, "", 1.0, {**UNITS["length"], **UNITS["time"]}) is not None
-    )
+    units = {**UNITS["length"], **UNITS["time"]}
+    return bool(cell) and read_number(cell, "", 1.0, units) is not None
 
 
 def clean(cell: str) -> str:
-    """Return text on one line, without the apostrophe that kept it from being a formula."""
-    # Of all blanks, only the common one can be printed.
+    """Return text on one line, without an apostrophe before a formula."""
+    # The space is the only printable blank.
     text = cell if cell.isprintable() and "  " not in cell else " ".join(cell.split())
     return text[1:] if text[:1] == "'" and _FORMULA.match(text) else text
 
 
 def _cleaned(cells: Sequence[str]) -> list[str]:
-    """Return the cells of a column, each clean."""
-    # One look at all of them suffices where nothing is wrong; no cell may end before a blank.
+    """Return the clean cells of a column."""
+    # One test of all cells is enough if nothing is wrong; the cells themselves end without blanks.
     text = "|".join(cells)
     if text.isprintable() and "  " not in text and "'" not in text:
         return list(cells)
@@ -335,16 +316,14 @@ def _cleaned(cells: Sequence[str]) -> list[str]:
     return [known[cell] for cell in cells]
 
 
-# The numbers of an I/O list: where points and boxes are, lengths of cables, update times --------
+# The numbers of an I/O list: positions of points and boxes, lengths of cables, update times ------
 
-#: How far a cable may fall short of the straight way, as both are rounded [m].
+#: How far a cable may fall short of the straight distance, as both are rounded [m].
 _ROUNDED = 0.2
 
-_Floats = NDArray[np.float64]
 
-
-def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, _Floats]:
-    """Return the numbers of an I/O list, and keep the faults that are found."""
+def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, Floats]:
+    """Return the numbers of an I/O list, and record their faults."""
     mark = decimal_mark(set().union(*(cells[name] for name in RANGES)))
     if mark == ",":
         cells.remarks.append(Remark("numbers have a decimal comma", detail=True))
@@ -355,12 +334,12 @@ def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, _Floats]:
     return numbers
 
 
-def _numbers(cells: Cells, name: str, mark: str) -> _Floats:
+def _numbers(cells: Cells, name: str, mark: str) -> Floats:
     low, high = RANGES[name]
     if name not in cells.places:
         return np.full(len(cells.rows), np.nan)
     units, scale = UNITS[COLUMNS[name]], cells.scales[name]
-    # A list holds few different numbers; each is read once.
+    # A list has few different numbers, so each is read once.
     known = {cell: read_number(cell, mark, scale, units) for cell in set(cells[name])}
     wrong = {cell for cell, value in known.items() if cell and value is None}
     bad = [row for row, cell in enumerate(cells[name]) if cell in wrong] if wrong else []
@@ -373,7 +352,7 @@ def _numbers(cells: Cells, name: str, mark: str) -> _Floats:
     return values
 
 
-def _place_by_frames(cells: Cells, numbers: dict[str, _Floats]) -> None:
+def _place_by_frames(cells: Cells, numbers: dict[str, Floats]) -> None:
     """Place points by frame, deck and side where the list gives no x, y, z."""
     columns = [name for name in PLACED if name in cells.places]
     if not columns or "x_m" in cells.places:
@@ -381,14 +360,12 @@ def _place_by_frames(cells: Cells, numbers: dict[str, _Floats]) -> None:
     rows = list(zip(*(map(widened, cells[name]) for name in columns), strict=True))
     given = np.array([any(row) for row in rows], dtype=bool)
     if not (cells.reading.frames and cells.reading.decks):
-        cells.doubt("placed by frame and deck, of which the settings give no [frames] and [decks]",
-                    given)  # fmt: skip
+        said = "placed by frame and deck, but the settings give no [frames] and [decks]"
+        cells.doubt(said, given)
         return
     known = {row: cells.reading.place(dict(zip(columns, row, strict=True))) for row in set(rows)}
-    for place, row in enumerate(rows):
-        found = known[row]
-        if not given[place]:
-            continue
+    for place in np.flatnonzero(given).tolist():
+        found = known[rows[place]]
         if isinstance(found, str):
             cells.wrong([place], found if found in columns else "location", PLACED[found])
             continue
@@ -397,8 +374,8 @@ def _place_by_frames(cells: Cells, numbers: dict[str, _Floats]) -> None:
     cells.remarks.append(Remark("x, y, z computed from frame, deck and side", detail=True))
 
 
-def _check_partly(cells: Cells, names: Sequence[str]) -> NDArray[np.bool_]:
-    """Check that each point has all coordinates of a place or none; return which it has."""
+def _check_partly(cells: Cells, names: Sequence[str]) -> Bools:
+    """Check that each point has all coordinates or none, and return which it has."""
     have = np.column_stack([cells.given(name) for name in names])
     for row in np.flatnonzero(have.any(axis=1) & ~have.all(axis=1)).tolist():
         missing = [name for name, one in zip(names, have[row], strict=True) if not one]
@@ -408,12 +385,12 @@ def _check_partly(cells: Cells, names: Sequence[str]) -> NDArray[np.bool_]:
     return have
 
 
-def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, _Floats]) -> None:
-    """Check the boxes; all points of a box get the position that one of them names."""
+def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, Floats]) -> None:
+    """Check the boxes, and give all points of a box the position that one of them names."""
     have = _check_partly(cells, _BOX)
     named = np.array([box != "" for box in boxes], dtype=bool)
     alone = (have.any(axis=1) | cells.given("to_box_m")) & ~named
-    cells.wrong(np.flatnonzero(alone).tolist(), "box", "a name, as the list says where it is")
+    cells.wrong(np.flatnonzero(alone).tolist(), "box", "a name, as the list gives its position")
     places = np.column_stack([numbers[name] for name in _BOX])
     whole = np.isfinite(places).all(axis=1)
     first: dict[str, int] = {}
@@ -423,21 +400,19 @@ def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, _Floats]
     stray = whole & (same >= 0) & (places != places[same]).any(axis=1)
     for row in np.flatnonzero(stray).tolist():
         where = ", ".join(f"{value:g}" for value in places[same[row]])
-        cells.fault(
-            row, _BOX[0],
-            f", column {cells.title(_BOX[0])}: box {boxes[row]!r} stands elsewhere in row "
-            f"{cells.rows[same[row]]}; expected it at {where} m",
-        )  # fmt: skip
+        other = f"box {boxes[row]!r} has another position in row {cells.rows[same[row]]}"
+        said = f", column {cells.title(_BOX[0])}: {other}; expected it at {where} m"
+        cells.fault(row, _BOX[0], said)
     fill = (same >= 0) & ~have.any(axis=1)
     for axis, name in enumerate(_BOX):
         numbers[name] = np.where(fill, places[same, axis], numbers[name])
     away = [numbers[own] - numbers[box] for own, box in zip(_POSITION, _BOX, strict=True)]
     straight = np.sqrt(np.square(away).sum(axis=0))
     short = numbers["to_box_m"] < straight - _ROUNDED
-    cells.doubt("the cable to the box is shorter than the straight way, but kept", short)
+    cells.doubt("the cable to the box is shorter than the straight distance, but kept", short)
 
 
-# Rows of an I/O list made into points, or all that is wrong with them ---------------------------
+# The points, or all faults of the rows ------------------------------------------------------------
 
 _CATEGORIES = {
     plain(word): name
@@ -445,14 +420,14 @@ _CATEGORIES = {
     for word in (name, str(number), f"cat {name}", f"cat {number}", f"category {name}")
 }
 
-#: A signal, its mark of intrinsic safety, and what is wrong with the point by column.
+#: A signal, its mark of intrinsic safety, and the faults of the point by column.
 _Found = tuple[str, str, list[tuple[str, str]]]
 
 
 def points_of(
     sheet: Sheet, reading: Reading, *, strict: bool = False
 ) -> tuple[pd.DataFrame, tuple[Remark, ...]]:
-    """Make points of the rows of a sheet."""
+    """Make points from the rows of a sheet."""
     cells = Cells(sheet, reading)
     texts = {name: _text(cells, name) for name in ("tag", "system", "box", "device", "ex")}
     _check_tags(cells, texts["tag"])
@@ -465,11 +440,9 @@ def points_of(
     cells.check(strict)
     if safe := tuple(row for row, mark in zip(cells.rows, texts["ex"], strict=True) if mark):
         cells.remarks.append(Remark("intrinsically safe, each with a barrier", safe))
-    missing = np.isnan(numbers["update_ms"])
-    if missing.any():
-        count = int(missing.sum())
+    if count := int(np.isnan(numbers["update_ms"]).sum()):
         which = f"{count} points have" if count > 1 else "1 point has"
-        said = f"{which} no update time: that of the settings holds, 1000 ms unless they say other"
+        said = f"{which} no update time: that of the settings is used, by default 1000 ms"
         cells.remarks.append(Remark(said))
     columns: dict[str, object] = {
         **texts,
@@ -485,25 +458,20 @@ def points_of(
 
 def _text(cells: Cells, name: str) -> list[str]:
     texts = _cleaned(cells[name])
-    # One look at all of them suffices where nothing is wrong.
-    suspect = cells.sheet.odd or not "".join(texts).isprintable()
-    bad = [
-        row for row, text in enumerate(texts if suspect else ())
-        if not text.isprintable() or cells.odd(row, name)
-    ]  # fmt: skip
-    cells.wrong(bad, name, "printable text")
+    # One test of all texts is enough if nothing is wrong.
+    if cells.sheet.odd or not "".join(texts).isprintable():
+        bad = [n for n, text in enumerate(texts) if not text.isprintable() or cells.odd(n, name)]
+        cells.wrong(bad, name, "printable text")
     return texts
 
 
 def _notes(cells: Cells) -> list[str]:
-    """Return the remarks of each point, of all columns for them; what cannot be shown is left."""
+    """Return the printable text of each point's remarks, from all columns of remarks."""
     columns = [_cleaned(cells.column(place)) for place in cells.places.get("note", [])]
     if not columns:
         return [""] * len(cells.rows)
     notes = ["; ".join(filter(None, own)) for own in zip(*columns, strict=True)]
-    return [
-        note if note.isprintable() else "".join(filter(str.isprintable, note)) for note in notes
-    ]
+    return [n if n.isprintable() else "".join(filter(str.isprintable, n)) for n in notes]
 
 
 def _check_tags(cells: Cells, tags: list[str]) -> None:
@@ -512,15 +480,13 @@ def _check_tags(cells: Cells, tags: list[str]) -> None:
     for row, tag in enumerate(tags):
         before = first.setdefault(tag.casefold(), row)
         if before != row and tag:
-            cells.fault(
-                row, "tag",
-                f", column {cells.title('tag')}: {tag!r} stands in row {cells.rows[before]} "
-                "already; expected a tag of its own",
-            )  # fmt: skip
+            taken = f"{tag!r} is the tag of row {cells.rows[before]} already"
+            said = f", column {cells.title('tag')}: {taken}; expected another"
+            cells.fault(row, "tag", said)
 
 
 def _look_up(cells: Cells, name: str, known: Mapping[str, str], expected: str) -> list[str]:
-    """Return the meanings of the words of a column; that of an empty cell is ""."""
+    """Return the meanings of the words of a column; an empty cell means ""."""
     found = {cell: known.get(plain(widened(cell)), "") for cell in set(cells[name])}
     rows = [row for row, cell in enumerate(cells[name]) if cell and not found[cell]]
     cells.wrong(rows, name, expected)
@@ -528,10 +494,8 @@ def _look_up(cells: Cells, name: str, known: Mapping[str, str], expected: str) -
 
 
 def _signals(cells: Cells, kinds: list[str], safety: list[str]) -> list[str]:
-    """Return the signal of each point; a list has few different ones, each is looked up once.
-
-    A mark of intrinsic safety beside the signal goes into `safety`.
-    """
+    """Return the signal of each point, and put marks of intrinsic safety into `safety`."""
+    # A list has few different signals, so each is looked up once.
     known: dict[tuple[str, str, str, str], _Found] = {}
     signals: list[str] = []
     taken: dict[tuple[str, str], list[int]] = {}
@@ -549,37 +513,32 @@ def _signals(cells: Cells, kinds: list[str], safety: list[str]) -> list[str]:
         safety[row] = safety[row] or safe
         if point[0] and point[0] != signal and not faults:
             taken.setdefault((point[0], signal), []).append(cells.rows[row])
-    either = Counter(
-        word for word, kind in zip(words, kinds, strict=True) if not kind and _input_of(word)
-    )
-    cells.remarks += [
-        Remark(
-            f"signal {word!r} without a type is taken for an input, not an output: {count} times"
+    untyped = (word for word, kind in zip(words, kinds, strict=True) if not kind)
+    for word, count in Counter(filter(_input_of, untyped)).items():
+        said = f"signal {word!r} without a type is taken for an input, not an output"
+        cells.remarks.append(Remark(f"{said}: {count} times"))
+    for (word, signal), rows in taken.items():
+        cells.remarks.append(
+            Remark(f"signal {word!r} taken for {signal}", tuple(rows), detail=True)
         )
-        for word, count in either.items()
-    ]
-    cells.remarks += [
-        Remark(f"signal {word!r} taken for {signal}", tuple(rows), detail=True)
-        for (word, signal), rows in taken.items()
-    ]
     return signals
 
 
 def _input_of(word: str) -> str:
-    """Return the type of the input that a word means, if it may mean an output too, else ""."""
+    """Return the type of the input that a word means if it may also mean an output, or ""."""
     kinds = {SIGNALS[name].kind for name in meanings(word)}
     return next((k for k in kinds if k[1] == "I"), "") if {k[1] for k in kinds} == {*"IO"} else ""
 
 
 def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tuple[str, str]]]:
-    """Return the signal that a point names, or that of its type if it names none."""
+    """Return the signal that a point names, or that of its type, and the faults by column."""
     whole = re.fullmatch(r"([0-9]{1,4})([.,]0+)?", widened(count))
     conductors = int(whole[1]) if whole else None
     faults = []
     if count and not conductors:
         faults.append(("conductors", f"{count!r}; expected a whole number 1..9999"))
     if not word and not kind:
-        # That a type is unknown has been said.
+        # An unknown type is a fault already.
         none = [("signal", f"is empty; expected one of {', '.join(SIGNALS)}, or a type")]
         return "contact", faults + none * (not given)
     try:
@@ -598,8 +557,12 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
     return signal, faults
 
 
-# I/O lists: the points of a ship, from a CSV file or an Excel workbook --------------------------
+# The table of points ---------------------------------------------------------------------------
 
+#: How a list without words of its own is read.
+_PLAIN = Reading()
+
+#: What a file must have to be an I/O list.
 _WHAT = "titles of an I/O list, which are at least tag, and signal or type"
 
 
@@ -632,7 +595,7 @@ class PointTable:
 
     @classmethod
     def from_table(cls, table: pd.DataFrame, source: str = "table") -> Self:
-        """Make an I/O list of a table, checked as a file would be."""
+        """Make an I/O list from a table, checked as a file would be."""
         return cls._of(frame_sheet(table, source), _PLAIN, False)
 
     @classmethod
@@ -659,16 +622,15 @@ class PointTable:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was not used, left out, filled in or assumed, in sentences."""
+        """Sentences on what was not used, left out, filled in or assumed."""
         return tuple(str(note) for note in self.notes if not note.detail)
 
     def reading(self) -> pd.DataFrame:
         """Return how the list was read: what, how many rows, which, and whether it is a doubt."""
-        rows = [
-            (note.what, len(note.rows) or np.nan, listed(note.rows, None)[1:].lstrip()
-             if note.rows else "", note.doubt)
-            for note in self.notes
-        ]  # fmt: skip
+        rows = []
+        for note in self.notes:
+            which = listed(note.rows, None)[1:].lstrip() if note.rows else ""
+            rows.append((note.what, len(note.rows) or np.nan, which, note.doubt))
         table = pd.DataFrame(rows, columns=["what", "count", "rows", "doubt"])
         return table.astype({"count": "Int64"})
 
@@ -688,18 +650,18 @@ class PointTable:
         return f"{len(self)} point{'' if len(self) == 1 else 's'} ({kinds})"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per point, without the columns in which the list says nothing."""
+        """Return one row per point, without empty columns."""
         said = (self.points.notna() & (self.points != "")).any()
         return self.points.loc[:, said].copy()
 
     def where(self, query: str) -> Self:
-        """Return the points that a query of `pandas.DataFrame.query` chooses."""
+        """Return the points that a query selects, as `pandas.DataFrame.query` does."""
         try:
             chosen = self.points.query(query)
         except Exception as error:  # pandas raises many kinds for what cannot be parsed
             raise ArgumentError(f"query is {query!r}; {error}") from None
         if not len(chosen):
-            raise ArgumentError(f"query is {query!r}; no point of the list meets it")
+            raise ArgumentError(f"query is {query!r}; no point of the list matches it")
         return replace(self, points=chosen.reset_index(drop=True))
 
     @property
@@ -708,16 +670,16 @@ class PointTable:
         return {str(s): int(n) for s, n in self.points["signal"].value_counts().items()}
 
     @property
-    def places(self) -> NDArray[np.float64]:
-        """Positions of the points [m], shape (n, 3); NaN where the list gives none."""
-        return self.points[["x_m", "y_m", "z_m"]].to_numpy(dtype=np.float64)
+    def places(self) -> Floats:
+        """Positions of the points [m], shape (n, 3); NaN where unknown."""
+        return self.points[["x_m", "y_m", "z_m"]].to_numpy(float)
 
     @property
-    def box_places(self) -> NDArray[np.float64]:
-        """Positions of their junction boxes [m], shape (n, 3); NaN where the list gives none."""
-        return self.points[["box_x_m", "box_y_m", "box_z_m"]].to_numpy(dtype=np.float64)
+    def box_places(self) -> Floats:
+        """Positions of their junction boxes [m], shape (n, 3); NaN where unknown."""
+        return self.points[["box_x_m", "box_y_m", "box_z_m"]].to_numpy(float)
 
     @property
-    def located(self) -> NDArray[np.bool_]:
+    def located(self) -> Bools:
         """Whether the position of each point is known, shape (n,)."""
         return np.asarray(np.isfinite(self.places).all(axis=1))

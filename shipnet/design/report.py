@@ -6,7 +6,6 @@ from base64 import b64encode
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,15 +13,7 @@ import pandas as pd
 
 from shipnet import __version__
 from shipnet.design.catalogue import LEVELS
-from shipnet.design.costs import (
-    EXCLUDED,
-    Quantities,
-    Tornado,
-    counted,
-    label,
-    number,
-    ranges_of,
-)
+from shipnet.design.costs import EXCLUDED, Quantities, counted, label, number, ranges_of
 from shipnet.design.designs import Design
 from shipnet.design.drawing import sheets
 from shipnet.design.failures import FAILURES
@@ -30,11 +21,11 @@ from shipnet.design.plot import plot_pareto, plot_ranges, svg
 from shipnet.design.settings import shown
 from shipnet.errors import listed
 
-#: What the first page of a report and the end of a text say.
+#: The first page of a report and the end of a printed comparison say this.
 BANNER = "A design aid, not class approval."
 
 
-# One self-contained page of HTML: tables, pictures and text, nothing fetched, nothing run
+# One self-contained page of HTML: tables, pictures and text; it fetches and runs nothing
 
 
 def document(title: str, *parts: str) -> str:
@@ -51,12 +42,11 @@ def document(title: str, *parts: str) -> str:
 
 def section(title: str, *parts: str) -> str:
     """Return a section with its heading."""
-    body = "\n".join(parts)
-    return f"<section>\n<h2>{escape(title)}</h2>\n{body}\n</section>"
+    return "\n".join(["<section>", f"<h2>{escape(title)}</h2>", *parts, "</section>"])
 
 
 def text(words: str, kind: str = "", tag: str = "p") -> str:
-    """Return a paragraph, or another element that holds text alone."""
+    """Return a paragraph, or another element that holds only text."""
     named = f' class="{kind}"' if kind else ""
     return f"<{tag}{named}>{escape(words)}</{tag}>"
 
@@ -114,17 +104,18 @@ def picture(svg: str, words: str) -> str:
 
 # The later pages of a report: failures, what does not fit, segments, figures, assumptions
 
-#: Rows of a long table that the report shows; what is longer is in the files of a folder alone.
+#: Rows of a long table that the report shows; the saved files have all of them.
 _FAILURES_SHOWN, _POINTS_SHOWN, _REASONS_SHOWN = 4, 100, 50
 
 #: Where the rest is.
 _FILES = "The tables that `--tables FOLDER` writes have"
 
 _FAILURE_WORDS = {
-    "cut": "one cable cut", "short": "one pair of a bus or a supply shorted",
+    "cut": "one cable cut",
+    "short": "one pair of a bus or a supply shorted",
     "tray": "one tray lost",
-    "device": "one device dead (but the cabinet)",
-}  # fmt: skip
+    "device": "one device dead (except the cabinet)",
+}
 
 
 def _each(rows: pd.DataFrame) -> Iterator[Any]:
@@ -157,9 +148,8 @@ def _failures(designs: Mapping[str, Design]) -> str:
         "What one failure costs",
         text(
             "Every cable, every pair of a bus or of its supply, every tray and every device fails "
-            "alone. A point is lost when nothing leads from it to the cabinet any more, or its "
-            "station has no supply. "
-            "Reflections at an open end, and what lies in the cabinet, are not looked at."
+            "alone. A point is lost when no path leads from it to the cabinet, or its station has "
+            "no supply. Reflections at an open end, and parts in the cabinet, are not considered."
         ),
         table(
             ["option", "failure", "cases", "that cost a point", "worst", "what", "systems"], rows,
@@ -268,45 +258,29 @@ _BANNER_MORE = (
 )
 
 
-def report_html(
-    title: str,
-    date: str,
-    *,
-    designs: Mapping[str, Design],
-    table: pd.DataFrame,
-    quantities: Mapping[str, Quantities],
-    likely: pd.DataFrame,
-    findings: pd.DataFrame,
-    reasons: pd.DataFrame,
-    changes: pd.DataFrame,
-    tornado: Tornado,
-    pareto: Sequence[str],
-    criteria: Sequence[str],
-    remarks: Sequence[str],
-    conclusions: Sequence[str],
-) -> str:
-    """Return the report of a comparison, from what `Comparison` computes."""
+def report_html(found: Any, title: str, date: str) -> str:
+    """Return the report of a `Comparison`, whose module imports this one."""
+    designs, takes, likely = found.designs, found.quantities, found.likely()
+    annexes = [
+        _what(found),
+        _rules(found.findings().table(), list(designs)),
+        _failures(designs),
+        _reasons(found.reasons()),
+        _segments(designs),
+        _figures(takes, likely),
+        _assumptions(takes),
+        _points(designs),
+        _drawings(designs),
+    ]
     return document(
         title,
         text(title, tag="h1"),
         text(f"{date + ', ' if date else ''}shipnet {__version__}", "lead"),
         f'<p class="banner">{BANNER} <span>{_BANNER_MORE}</span></p>',
-        bullets(conclusions),
-        _side_by_side(table, criteria),
-        _pictures(table, quantities, likely, tornado, pareto),
-        *_numbered(
-            [
-                _what(next(iter(designs.values())), remarks, changes),
-                _rules(findings, list(designs)),
-                _failures(designs),
-                _reasons(reasons),
-                _segments(designs),
-                _figures(quantities, likely),
-                _assumptions(quantities),
-                _points(designs),
-                _drawings(designs),
-            ]
-        ),
+        bullets(found.conclusions()),
+        _side_by_side(found.table(), found.criteria),
+        _pictures(found, likely),
+        *_numbered(annexes),
     )
 
 
@@ -314,14 +288,10 @@ def _numbered(annexes: Sequence[str]) -> list[str]:
     """Return the table of contents, and the annexes with their letters."""
     made, lines = [], []
     for letter, annex in zip("ABCDEFGHIJ", annexes, strict=False):
-        head = f"Annex {letter}: "
-        made.append(
-            annex.replace("<section", f'<section id="annex-{letter}"', 1).replace(
-                "<h2>", f"<h2>{head}", 1
-            )
-        )
-        title = annex.partition("<h2>")[2].partition("</h2>")[0]
-        lines.append(f'<li><a href="#annex-{letter}">{head}{title}</a></li>')
+        named = annex.replace("<section", f'<section id="annex-{letter}"', 1)
+        made.append(named.replace("<h2>", f"<h2>Annex {letter}: ", 1))
+        title = made[-1].partition("<h2>")[2].partition("</h2>")[0]
+        lines.append(f'<li><a href="#annex-{letter}">{title}</a></li>')
     contents = "\n".join(["<h2>Contents</h2>", '<ul class="contents">', *lines, "</ul>"])
     return [f"<nav>\n{contents}\n</nav>", *made]
 
@@ -347,28 +317,25 @@ def _side_by_side(compared: pd.DataFrame, criteria: Sequence[str]) -> str:
     )  # fmt: skip
 
 
-def _what(design: Design, remarks: Sequence[str], changes: pd.DataFrame) -> str:
-    iolist, site = design.iolist, design.site
-    counts = iolist.points["type"].value_counts()
+def _what(found: Any) -> str:
+    iolist, site, changes = found.iolist, found.site, found.changes()
     systems = iolist.points["system"].replace("", None).nunique()
-    of_systems = f"of {systems} system{'s' if systems > 1 else ''}" if systems else "of no system"
+    in_systems = f"{systems} system{'s' if systems > 1 else ''}" if systems else "no system"
     trays = "cables run square to the ship's axes, as no trays are given"
     if site.trays is not None:
         trays = "cables run on the trays given"
     cabinet = ", ".join(f"{x:g}" for x in site.cabinet)
     where = (
-        f"Cabinet at {cabinet} m; {trays}. A cable is {site.detour:g} times its way and "
-        f"{site.tails:g} m for both ends{_assumed(changes, 'detour', 'tails')}."
+        f"Cabinet at {cabinet} m; {trays}. A cable is {site.detour:g} times as long as its route, "
+        f"plus {site.tails:g} m for both ends{_assumed(changes, 'detour', 'tails')}."
     )
     if not (iolist.located.any() or np.isfinite(iolist.box_places).all(axis=1).any()):
-        where = "The list gives no places: every length is its own."
+        where = "The list gives no places, so every length is the list's own."
     lines = [
-        f"I/O list {Path(iolist.source).name}: {len(iolist)} points ("
-        + ", ".join(f"{n} {kind}" for kind, n in counts.items())
-        + f") {of_systems}.",
-        *(f"{said[:1].upper()}{said[1:]}." for said in remarks),
+        f"I/O list: {iolist}, in {in_systems}.",
+        *(f"{said[:1].upper()}{said[1:]}." for said in found.remarks),
         where,
-        f"The host adds {design.settings.host_time:g} s to a response where a rule counts it"
+        f"The host adds {found.settings.host_time:g} s to a response where a rule counts it"
         f"{_assumed(changes, 'host_time')}.",
     ]
     read = [
@@ -385,7 +352,7 @@ def _what(design: Design, remarks: Sequence[str], changes: pd.DataFrame) -> str:
 
 
 def _assumed(changes: pd.DataFrame, *names: str) -> str:
-    """Return what to say of values that were not given."""
+    """Return a note on values that are the defaults, or ""."""
     if not {*names}.isdisjoint(changes["name"]):
         return ""
     return ", both assumed" if len(names) > 1 else ", assumed"
@@ -400,24 +367,19 @@ def _changes(changes: pd.DataFrame) -> str:
         return text("Every limit, price and allowance has its default value.")
     return table(
         ["name", "here", "default", "what it is", "designs"], rows,
-        caption="Values that are not the defaults; all others are.",
+        caption="Values that differ from the defaults.",
     )  # fmt: skip
 
 
-def _pictures(
-    compared: pd.DataFrame,
-    quantities: Mapping[str, Quantities],
-    likely: pd.DataFrame,
-    tornado: Tornado,
-    pareto: Sequence[str],
-) -> str:
+def _pictures(found: Any, likely: pd.DataFrame) -> str:
+    compared, tornado = found.table(), found.tornado()
     named = counted(compared)
     axes = ["total_cost_eur", "lost_by_failure"]
     dots = compared[axes].rename(index=named).set_axis(list(map(label, axes)), axis=1)
-    best = [named[name] for name in pareto]
+    best = [named[name] for name in found.pareto()]
 
     def ranges(figure: str, drawn: pd.DataFrame | None = None) -> str:
-        ends = ranges_of(quantities, figure).rename(index=named)
+        ends = ranges_of(found.quantities, figure).rename(index=named)
         return svg(
             lambda ax: plot_ranges(ends, label(figure), likely=drawn, ax=ax),
             height=1.2 + 0.4 * len(ends),
@@ -432,11 +394,11 @@ def _pictures(
         picture(ranges("conductors_at_cabinet"), "Conductors in use that enter the cabinet."),
         picture(
             svg(lambda ax: plot_pareto(dots, best, ax=ax)),
-            "Cost against the points that the worst failure takes along; filled: Pareto-optimal.",
+            "Cost against the points that the worst failure costs; filled: Pareto-optimal.",
         ),
     ]
     if best:
-        # Of options that leave points out, no difference in cost says anything.
+        # A difference in cost says nothing if every option leaves points out.
         figures.append(
             picture(svg(tornado.plot), f"What each assumption does to the {tornado.subject}.")
         )
@@ -475,12 +437,12 @@ def _rules(rules: Any, options: Sequence[str]) -> str:
             ["rule", "asks", "limit", *options],
             judged,
             verdicts=range(3, 3 + len(options)),
-            caption=f"Rule sets {sets}. Not verified: nothing in a plan tells, or the text of the "
-            "clause was not read; a value is what was computed all the same. From a maker: the "
-            "limit is that of a maker's document, and no standard was read for it.",
+            caption=f"Rule sets {sets}. Not verified: a plan cannot show it, or none of us has "
+            "read the clause; a value was computed all the same. From a maker: the limit is that "
+            "of a maker's document, and we read no standard for it.",
         ),
-        text("Where each rule stands", tag="h3"),
+        text("Source of each rule", tag="h3"),
         table(["rule", "set", "clause", "edition", "source", "text read"], read),
-        text("What the values are made of", tag="h3"),
+        text("How each value was computed", tag="h3"),
         table(["rule", "option", "where", "why"], why),
     )

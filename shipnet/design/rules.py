@@ -1,4 +1,4 @@
-"""Class rules as data, what can be computed for them, and the check of a design."""
+"""Class rules as data, the values computed for them, and the check of a design."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import MISSING, asdict, dataclass, fields
 from functools import cache, cached_property
 from operator import ge, le, lt
 from os import PathLike
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -39,23 +39,21 @@ from shipnet.fields import (
 from shipnet.lazy import pd
 from shipnet.tables import NUMBER, Sheet, frame_sheet, in_order, read_sheet, titled
 
-# What can be computed of a planned design for a rule: times, losses, lines, standards
+# Measures of a planned design that a rule may limit ---------------------------------------------
 
-
-#: Buses with an open international standard or public specification, and the CRC they have.
+#: Buses with an open international standard or public specification, and their CRC.
 STANDARDS: Mapping[str, tuple[str, Crc | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}
 
-#: What the list wants within so long is fast [ms]: the shortest time that class rules name, 0.1 s
-#: in DNV-OS-D202 Ch.2 Sec.3 Table A1.
+#: Longest update time of a fast point [ms]: the shortest time in class rules, 0.1 s in
+#: DNV-OS-D202 Ch.2 Sec.3 Table A1.
 FAST_MS = 100.0
 
-
-#: The measure that counts the points that are left out; all others know nothing of these.
+#: The only measure that counts the points left out.
 LEFT_OUT = "unconnected points"
 
 
 class Outcome(NamedTuple):
-    """What a measure came to."""
+    """The value of a measure: of what, why, and whether it covers only a part."""
 
     computed: float
     subject: str = ""
@@ -63,15 +61,13 @@ class Outcome(NamedTuple):
     partial: bool = False
 
 
-#: Which points a rule is for, by name.
+#: The points that a rule is for, by name.
 APPLIES: Mapping[str, Callable[[pd.DataFrame], pd.Series[bool]]] = {
     "all": lambda points: points["type"] != "",
     "inputs": lambda points: points["type"].isin(["DI", "AI"]),
     "outputs": lambda points: points["type"].isin(["DO", "AO"]),
     "fast": lambda points: points["update_ms"] <= FAST_MS,
-    "fast outputs": lambda points: (
-        points["type"].isin(["DO", "AO"]) & (points["update_ms"] <= FAST_MS)
-    ),
+    "fast outputs": lambda points: APPLIES["fast"](points) & APPLIES["outputs"](points),
     "essential": lambda points: points["category"] != "I",
     "category III": lambda points: points["category"] == "III",
 }
@@ -79,7 +75,7 @@ APPLIES: Mapping[str, Callable[[pd.DataFrame], pd.Series[bool]]] = {
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """A design with what several measures need of it."""
+    """A design with the tables that several measures need."""
 
     design: Layout
     #: Every single failure.
@@ -97,26 +93,27 @@ class Facts:
         segments = self.design.segments
         return segments[segments["bus"].isin(["AS-i", "CAN", "Modbus RTU"])]
 
-    def left_out(self, concerned: Bools) -> int:
-        """Return how many of the points concerned fit nowhere."""
-        return int((concerned & ~self.design.points["fits"].to_numpy(bool)).sum())
+    @property
+    def left_out(self) -> Bools:
+        """Which points fit nowhere."""
+        return ~self.design.points["fits"].to_numpy(bool)
 
-    def concerned(self, applies: str) -> Bools:
-        """Return which points are concerned."""
-        return APPLIES[applies](self.design.iolist.points).to_numpy(bool)
+
+#: Computes a measure for some points, with or without the time in the host.
+_Compute: TypeAlias = Callable[[Facts, Bools, bool], Outcome]
 
 
 class Measure(NamedTuple):
-    """Something that can be computed."""
+    """A value that can be computed of a design."""
 
     unit: str
     meaning: str
-    compute: Callable[[Facts, Bools, bool], Outcome]
+    compute: _Compute
 
 
 _NAN = float("nan")
 
-#: What one unit of load of NMEA 2000 is [A].
+#: A load equivalence number of NMEA 2000 counts this current [A].
 LOAD_UNIT = 0.05
 
 
@@ -124,7 +121,7 @@ def _response(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     points = facts.design.points[concerned]
     if points.empty:
         return Outcome(_NAN, why="the list has no such point")
-    # Nothing lies between a hardwired point and its host.
+    # A hardwired point responds at once.
     times = points["response_ms"].where(points["bus"] != "hardwired", 0.0) / 1e3
     known = times.dropna()
     missing = len(times) - len(known)
@@ -142,20 +139,19 @@ def _response(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 def _late(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     points = facts.design.points
     needs = facts.design.iolist.points["update_ms"]
-    late = concerned & (points["response_ms"] > needs).to_numpy()
-    first = str(points["tag"].to_numpy()[late][0]) if late.any() else ""
-    return Outcome(int(late.sum()), first, "response longer than the list's update time")
+    late = points["tag"][concerned & (points["response_ms"] > needs)]
+    first = str(late.iloc[0]) if len(late) else ""
+    return Outcome(len(late), first, "response longer than the list's update time")
 
 
 def _unconnected(facts: Facts, concerned: Bools, host: bool) -> Outcome:
-    out = concerned & ~facts.design.points["fits"].to_numpy()
-    first = str(facts.design.points["tag"].to_numpy()[out][0]) if out.any() else ""
-    return Outcome(int(out.sum()), first, "see the reasons of the plan" if first else "")
+    out = facts.design.points["tag"][concerned & facts.left_out]
+    if out.empty:
+        return Outcome(0)
+    return Outcome(len(out), str(out.iloc[0]), "see the reasons of the plan")
 
 
-def _lost(
-    failures: tuple[str, ...], kinds: tuple[str, ...] | None, none: str
-) -> Callable[[Facts, Bools, bool], Outcome]:
+def _lost(failures: tuple[str, ...], kinds: tuple[str, ...] | None, none: str) -> _Compute:
     def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         rows = facts.cuts[facts.cuts["failure"].isin(failures)]
         rows = rows[rows["kind"].isin(kinds)] if kinds else rows[rows["kind"] != "cabinet"]
@@ -168,9 +164,8 @@ def _lost(
             mine = set(facts.design.points["tag"].to_numpy()[concerned])
             counts = rows["tags"].map(lambda tags: len(mine.intersection(tags)))
         worst: Any = counts.idxmax()
-        return Outcome(
-            int(counts[worst]), str(rows.loc[worst, "failed"]), f"worst of {len(rows)} failures"
-        )
+        failed, why = str(rows.loc[worst, "failed"]), f"worst of {len(rows)} failures"
+        return Outcome(int(counts[worst]), failed, why)
 
     return compute
 
@@ -278,19 +273,17 @@ def _repeats(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     return Outcome(float("inf"), "", "CAN repeats by itself")
 
 
-def _most(values: pd.Series[float], subjects: pd.Series[str], none: str, why: str = "") -> Outcome:
-    """Return the largest of some values, and what it belongs to."""
+def _most(values: pd.Series[float], subjects: pd.Series[str], none: str) -> Outcome:
+    """Return the largest of some values, and its subject."""
     if not values.notna().any():
         return Outcome(_NAN, why=none)
     worst: Any = values.idxmax()
-    said = why or f"the largest of {int(values.notna().sum())}"
-    return Outcome(float(values[worst]), str(subjects[worst]), said)
+    why = f"the largest of {int(values.notna().sum())}"
+    return Outcome(float(values[worst]), str(subjects[worst]), why)
 
 
-def _fed(
-    value: Callable[[pd.DataFrame], pd.Series[float]], why: str = ""
-) -> Callable[[Facts, Bools, bool], Outcome]:
-    """Return a measure of the devices that a supply feeds, each with the row of its supply."""
+def _fed(value: Callable[[pd.DataFrame], pd.Series[float]]) -> _Compute:
+    """Return a measure of the devices that a supply feeds."""
 
     def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         supplies, devices = facts.fed
@@ -300,7 +293,7 @@ def _fed(
             source_v=devices["supply"].map(supplies.set_index("supply")["voltage_v"]),
             most_a=devices["run"].map(cable.map(lambda name: known[name].current)),
         )
-        return _most(value(table), table["device"], "no supply feeds a device", why)
+        return _most(value(table), table["device"], "no supply feeds a device")
 
     return compute
 
@@ -324,8 +317,8 @@ def _spur_current(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     return _most(point_currents(facts.design)[on], points["tag"], "no data link has such a point")
 
 
-def _runs(kind: str, total: bool, ohms: bool = False) -> Callable[[Facts, Bools, bool], Outcome]:
-    """Return a measure of the cables of a kind: the longest, or all of a segment and line."""
+def _runs(kind: str, total: bool, ohms: bool = False) -> _Compute:
+    """Return a measure of cables of a kind: the longest, or the sum per segment and line."""
 
     def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         runs, known = facts.design.cables, cables()
@@ -350,7 +343,7 @@ def _resistance_by_length(facts: Facts, concerned: Bools, host: bool) -> Outcome
     length, ohms = trunks["length_m"].sum(), trunks["ohms"].max()
     table = datasets.read("can_bus_resistances.csv")
     lengths, listed = table[["length_m", "resistance_ohm_per_km"]].to_numpy(float).T
-    # Nothing is listed for a trunk that is longer than the last row.
+    # A trunk longer than the last row has no listed value.
     listed = np.append(listed, _NAN) / 1e3
     share = 100 * (ohms / listed[np.searchsorted(lengths, length - 1e-9)])
     names = share.index.to_series().map(" ".join).str.strip()
@@ -365,7 +358,7 @@ def _nodes(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 def _units(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     devices = facts.fed[1]
-    # What rounding leaves beyond a whole unit is none.
+    # The excess over a whole unit that rounding leaves does not count.
     units = np.ceil(devices["load_a"] / LOAD_UNIT - 1e-9).groupby(devices["supply"]).sum()
     return _most(units, units.index.to_series(), "no supply feeds a device")
 
@@ -386,7 +379,7 @@ def _terminators(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 _PARTS = ("module", "station", "box")
 _LOST_BY_A_SUPPLY = _lost(("device",), ("supply", "auxiliary supply"), "no supply is planned")
 
-#: What can be computed, by the name that a rule uses.
+#: The measures, by the name that a rule uses.
 MEASURES: Mapping[str, Measure] = {
     "response": Measure("s", "longest time from a change to the host, and in it", _response),
     "late points": Measure("points", "points slower than the list wants them", _late),
@@ -459,13 +452,13 @@ MEASURES: Mapping[str, Measure] = {
 }  # fmt: skip
 
 
-# Class rules as data: what each asks, what is computed for it, and its source
+# Class rules as data ----------------------------------------------------------------------------
 
-#: Rule sets of `data/design_rules.csv`; what IMO asks holds beside the rules of a class society.
+#: Rule sets of `data/design_rules.csv`; a class society's rules hold together with those of IMO.
 RULE_SETS = ("DNV", "BV", "IMO", "lee2012", "supply", "NMEA 2000")
 _WITH_IMO = ("DNV", "BV")
 
-#: On which side of the limit a computed value is good.
+#: The comparison of a computed value with its limit.
 BOUNDS = {"at most": le, "below": lt, "at least": ge}
 
 _YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": False, "": False}
@@ -474,12 +467,12 @@ _YES = {"yes": True, "true": True, "1": True, "no": False, "false": False, "0": 
 @checked
 @record(slots=True)
 class Rule:
-    """One class rule as data: what is computed for it, and its limit.
+    """One class rule: the measure computed for it, and its limit.
 
     Raises
     ------
     ArgumentError
-        If a word is not one of those that are known, or the limit is not a number.
+        If a word is not one of its legal values, or the limit is not a number.
 
     Examples
     --------
@@ -490,24 +483,21 @@ class Rule:
 
     rule: str = text("Its name")
     measure: str = choice(
-        ("", *MEASURES), "What is computed, a name in `RuleSet.measures`; empty if a plan cannot "
-        "show it",
-    )  # fmt: skip
-    limit: float = number(0, 1e12, help="The limit, in the unit of the measure", missing=True)
-    topic: str = text("What it is about", default="own")
-    asks: str = text("What it asks, in words", default="", most=1000)
-    applies: str = choice(tuple(APPLIES), "The points concerned", default="all")
-    bound: str = choice(
-        tuple(BOUNDS), "On which side of the limit a value is good", default="at most"
+        ("", *MEASURES), "A name in `RuleSet.measures`, or empty if a plan cannot show it"
     )
+    limit: float = number(0, 1e12, help="The limit, in the unit of the measure", missing=True)
+    topic: str = text("Its topic", default="own")
+    asks: str = text("The requirement in words", default="", most=1000)
+    applies: str = choice(tuple(APPLIES), "The points concerned", default="all")
+    bound: str = choice(tuple(BOUNDS), "How a value compares with the limit", default="at most")
     unit: str = text("Unit of the limit; that of the measure", default="")
     host: bool = switch("Whether the time in the host counts", default=False)
     clause: str = text("Clause of the document", default="")
     edition: str = text("Edition of the document", default="")
-    source: str = text("Where it is written", default="", most=1000)
+    source: str = text("The document", default="", most=1000)
     confirmed: str = choice(
-        ("no", "maker", "yes"), "Whether its text was read; maker: no standard was, but a maker's "
-        "document that has the limit. With no, it is never met", default="no",
+        ("no", "maker", "yes"), "Whether its text was read; maker: only a maker's document with "
+        "the limit was. A rule with no is never met", default="no",
     )  # fmt: skip
     note: str = text("Why a plan cannot show it", default="", most=1000)
     rule_set: str = text("The set that it belongs to", default="own")
@@ -524,14 +514,14 @@ class Rule:
             object.__setattr__(self, "unit", unit)
 
     def meets(self, computed: float) -> bool:
-        """Return whether a computed value is on the good side of the limit; NaN is not."""
+        """Return whether a computed value meets the limit; NaN does not."""
         return bool(BOUNDS[self.bound](computed, self.limit))
 
 
 @checked
 @dataclass(frozen=True)
 class RuleSet:
-    """Class rules as data: a published set, or your own from a file.
+    """Class rules: a published set, or your own from a file.
 
     Parameters
     ----------
@@ -561,7 +551,7 @@ class RuleSet:
 
     @classmethod
     def published(cls, rules: str = "DNV") -> RuleSet:
-        """Return a set of a class society, of IMO, or as lee2012 quotes it."""
+        """Return the rules of a class society, of IMO, or as lee2012 quotes them."""
         if rules not in RULE_SETS:
             raise ArgumentError(
                 f"rules is {rules!r}; it must be one of {', '.join(RULE_SETS)}, or a file"
@@ -572,9 +562,8 @@ class RuleSet:
     @classmethod
     def read(cls, path: str | PathLike[str]) -> RuleSet:
         """Read rules of your own from a CSV file or an Excel workbook."""
-        return cls(
-            _rules(read_sheet(path, what="titles, which are at least rule, measure and limit"))
-        )
+        what = "titles, which are at least rule, measure and limit"
+        return cls(_rules(read_sheet(path, what=what)))
 
     @classmethod
     def of(cls, rules: RuleSet | str | PathLike[str]) -> RuleSet:
@@ -596,16 +585,15 @@ class RuleSet:
         return f"<RuleSet: {len(self)} rules of {sets}>"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per rule, by its name, with all that it says."""
+        """Return one row per rule, by its name."""
         return pd.DataFrame([asdict(rule) for rule in self.rules]).set_index("rule")
 
     @staticmethod
     def measures() -> pd.DataFrame:
-        """Return what can be computed for a rule, by name: unit and meaning."""
-        rows = {name: (measure.unit, measure.meaning) for name, measure in MEASURES.items()}
-        return pd.DataFrame.from_dict(
-            rows, orient="index", columns=["unit", "meaning"]
-        ).rename_axis("measure")
+        """Return the measures that rules may name: unit and meaning."""
+        rows = {name: measure[:2] for name, measure in MEASURES.items()}
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=["unit", "meaning"])
+        return table.rename_axis("measure")
 
 
 @cache
@@ -621,29 +609,28 @@ def _rules(sheet: Sheet) -> tuple[Rule, ...]:
     rules: list[Rule] = []
     for row, cells in rows:
         values: dict[str, Any] = {}
-        wrong = []
+        wrong = len(faults)
         for name, kind in kinds.items():
             if cells[name] or name in needed:
                 try:
                     values[name] = kind.check(name, _value(kind, cells[name]), None)
                 except ArgumentError as fault:
-                    wrong.append(str(fault))
-        if not wrong:
+                    faults.append((row, f": {fault}"))
+        if len(faults) == wrong:
             try:
                 rules.append(Rule(**values))
             except ArgumentError as fault:
-                wrong.append(str(fault))
-        faults += [(row, f": {fault}") for fault in wrong]
+                faults.append((row, f": {fault}"))
     said = in_order(faults)
     names = Counter((rule.rule_set, rule.rule) for rule in rules)
-    said += [f"rule {name!r} stands twice" for (_, name), count in names.items() if count > 1]
+    said += [f"rule {name!r} appears twice" for (_, name), count in names.items() if count > 1]
     if said or not rules:
         raise InputError(sheet.source, *(said or ["has no rule; expected one row per rule"]))
     return tuple(rules)
 
 
 def _value(kind: Kind, cell: str) -> object:
-    """Return what a cell says, or the cell itself if a field of this kind cannot hold it."""
+    """Return the value of a cell, or the cell itself if it is not legal."""
     if isinstance(kind, Switch):
         return _YES.get(cell.lower(), cell)
     if isinstance(kind, Choice):
@@ -657,19 +644,19 @@ def _value(kind: Kind, cell: str) -> object:
 def longest_responses(rules: Iterable[Rule], points: pd.DataFrame, host_time: float) -> Floats:
     """Return the longest response that rules allow each point [s]; inf where they name none.
 
-    A limit that the host alone exceeds is left out: no plan can meet it.
+    A limit that the host alone exceeds is ignored, because no plan can meet it.
     """
     longest = np.full(len(points), np.inf)
     for rule in rules:
         if rule.measure == "response" and rule.bound != "at least":
-            # A little less, so that no rounding decides.
+            # A little less, so that rounding does not decide.
             limit = (rule.limit - rule.host * host_time) * (1 - 1e-9)
             mine = APPLIES[rule.applies](points).to_numpy(bool)
             longest[mine] = np.minimum(longest[mine], limit)
     return np.where(longest > 0, longest, np.inf)
 
 
-# Does a planned design keep the rules? Each rule with the value computed for it ----------------
+# The check: each rule with the value computed for it, and its verdict ----------------------------
 
 
 def check(
@@ -679,41 +666,37 @@ def check(
     *,
     host_time: float | None = None,
 ) -> Findings:
-    """Check a design, of which every single failure is known, against class rules."""
+    """Check a design with its single failures against class rules."""
     host = design.settings.host_time if host_time is None else host_time
     facts = Facts(design, failures, check_scalar("host_time", host, "s", 0.0, 60.0))
     rows = []
     for rule in RuleSet.of(rules):
         outcome = _outcome(rule, facts)
         verdict, why = _judge(rule, outcome)
-        least = rule.bound == "at least"
-        low, high = (rule.limit, math.nan) if least else (math.nan, rule.limit)
-        rows.append(
-            {"rule": rule.rule, "object": outcome.subject, "value": float(outcome.computed),
-             "low": low, "high": high, "unit": rule.unit, "verdict": verdict, "why": why,
-             "source": rule.source, "limit": rule.limit, "bound": rule.bound, "clause": rule.clause,
-             "edition": rule.edition, "confirmed": rule.confirmed, "topic": rule.topic,
-             "asks": rule.asks, "rule_set": rule.rule_set}
-        )  # fmt: skip
-    return Findings(pd.DataFrame(rows))
+        limits = {"low" if rule.bound == "at least" else "high": rule.limit}
+        rows.append({**asdict(rule), "object": outcome.subject, "value": float(outcome.computed),
+                     **limits, "verdict": verdict, "why": why})  # fmt: skip
+    return Findings(pd.DataFrame(rows, columns=_FINDINGS))
+
+
+_FINDINGS = [
+    "rule", "object", "value", "low", "high", "unit", "verdict", "why", "source", "limit", "bound",
+    "clause", "edition", "confirmed", "topic", "asks", "rule_set",
+]  # fmt: skip
 
 
 def _outcome(rule: Rule, facts: Facts) -> Outcome:
     if not rule.measure:
-        return Outcome(float("nan"), why=rule.note or "nothing in a plan tells")
-    concerned = facts.concerned(rule.applies)
+        return Outcome(_NAN, why=rule.note or "a plan cannot show it")
+    concerned = APPLIES[rule.applies](facts.design.iolist.points).to_numpy(bool)
     outcome = MEASURES[rule.measure].compute(facts, concerned, rule.host)
-    out = facts.left_out(concerned)
+    out = int((concerned & facts.left_out).sum())
     if not out or outcome.partial or rule.measure == LEFT_OUT:
         return outcome
-    # What is not connected is neither late nor lost; a pass would not be one of all points.
+    # A point that is not connected is neither late nor lost, so a pass would not cover it.
     said = f"{out} point{'s' if out > 1 else ''} left out"
     why = f"{outcome.why}; {said}" if outcome.why else said
     return outcome._replace(why=why, partial=True)
-
-
-#: What a verdict says where the limit comes from a maker's document.
-_OF_A_MAKER = "the limit is from a maker's document; no standard was read for it"
 
 
 def _judge(rule: Rule, outcome: Outcome) -> tuple[str, str]:
@@ -723,9 +706,9 @@ def _judge(rule: Rule, outcome: Outcome) -> tuple[str, str]:
     verdict = "met" if rule.meets(outcome.computed) else "violated"
     if verdict == "met" and outcome.partial:
         return "not verified", outcome.why
-    if rule.confirmed == "yes":
-        return verdict, outcome.why
-    if rule.confirmed == "maker":
-        return verdict, f"{outcome.why}{'; ' if outcome.why else ''}{_OF_A_MAKER}"
-    made = f" ({outcome.why})" if outcome.why else ""
-    return "not verified", f"would be {verdict}{made}, but the clause was not read"
+    if rule.confirmed == "no":
+        made = f" ({outcome.why})" if outcome.why else ""
+        return "not verified", f"would be {verdict}{made}, but the clause was not read"
+    maker = "the limit is from a maker's document; no standard was read for it"
+    said = [outcome.why, maker if rule.confirmed == "maker" else ""]
+    return verdict, "; ".join(filter(None, said))

@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from difflib import get_close_matches
 from functools import cache, partial
 from itertools import accumulate
@@ -15,7 +15,7 @@ from os import PathLike
 from pathlib import Path
 from textwrap import wrap
 from types import MappingProxyType
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -53,13 +53,11 @@ class _CableFor(Kind):
     @property
     def legal(self) -> str:
         """The keys."""
-        return f"one of {', '.join(self._keys())}"
-
-    def _keys(self) -> list[str]:
-        return [name for name, cable in cables().items() if self.bus in cable.buses]
+        own = [name for name, cable in cables().items() if self.bus in cable.buses]
+        return f"one of {', '.join(own)}"
 
     def _check(self, name: str, value: Any, record: Any) -> str:
-        if not isinstance(value, str) or value not in self._keys():
+        if not isinstance(value, str) or self.bus not in getattr(cables().get(value), "buses", ()):
             raise ArgumentError(f"{name} is {value!r}; it must be {self.legal}")
         return value
 
@@ -108,19 +106,17 @@ def _bit_rates(help: str, default: tuple[int, ...]) -> Any:
 
 @record(slots=True)
 class BoxLimits:
-    """Junction boxes where the list names none; both are assumed."""
+    """Junction boxes where the list names none; distances are along the ship's axes."""
 
     points: int = whole(1, 100_000, help="Most points of a box; assumed", default=32)
     reach: float = number(
-        0, 1000, "m", "Longest way between two points of a box, along the axes of the ship; "
-        "assumed",
-        default=20.0,
-    )  # fmt: skip
+        0, 1000, "m", "Largest distance between two points of a box; assumed", default=20.0
+    )
 
 
 @record(slots=True)
 class AsiLimits:
-    """What an AS-i line may be.
+    """Limits of an AS-i line.
 
     Sources: ICN magazine, July 2007 (length, shared addresses); kim2023, section 3.3 (repeaters,
     ports); ifm AC2216 and AC2526 (channels); Schneider D-SA-0011271 (current); Murr (rating).
@@ -133,89 +129,79 @@ class AsiLimits:
     outputs: int = whole(1, 4, help="Digital outputs of a module", default=4)
     channels: int = whole(1, 4, help="Most analogue values of a module of profile S-7.3", default=4)
     reach: float = number(
-        0, 1000, "m", "Longest way between two points of a module, along the axes of the ship; "
-        "assumed", default=10.0,
-    )  # fmt: skip
+        0, 1000, "m", "Largest distance between two points of a module; assumed", default=10.0
+    )
     length: float = number(1, 10e3, "m", "Cable of a segment, all branches added up", default=100.0)
-    repeaters: int = whole(
-        0, 9, help="Repeaters in series between the master and a module", default=2
-    )
-    tree: bool = switch(
-        "Whether the cable branches; else it goes from module to module", default=True
-    )
+    repeaters: int = whole(0, 9, help="Repeaters between the master and a module", default=2)
+    tree: bool = switch("Whether the cable branches; else it is a chain of modules", default=True)
     cable: str = _cable(
-        "AS-i", "The line, a key of the catalogue. The flat cable is not type-approved for ships "
-        "as it is", "ASI_MARINE",
+        "AS-i", "The line, a key of the catalogue; the flat cable has no type approval for ships",
+        "ASI_MARINE",
     )  # fmt: skip
     current: float = number(
         0, 10, "A", "Current of a module with its sensors, without loops", default=0.065
     )
     voltage: float = number(1, 60, "V", "Voltage of a supply", default=30.0)
-    rating: float = number(0.01, 100, "A", "Most that a supply gives", default=8.0)
+    rating: float = number(0.01, 100, "A", "Largest current of a supply", default=8.0)
     auxiliary: bool = switch(
-        "Whether a second pair feeds the outputs, from a supply of its own in the cabinet along "
-        "the line", default=True,
+        "Whether a second pair along the line feeds the outputs, from a supply in the cabinet",
+        default=True,
     )  # fmt: skip
     conversion: float = number(
-        0, 10, "s", "Conversion of an analogue value; makers print 20 to 60 ms per channel",
-        default=0.06,
-    )  # fmt: skip
+        0, 10, "s", "Conversion of an analogue value; makers print 20 to 60 ms", default=0.06
+    )
     repetitions: int = whole(0, 1000, help="Telegrams repeated while a change waits", default=1)
 
 
 @record(slots=True)
 class CanLimits:
-    """What a CAN segment may be; 50 nodes are those of NMEA 2000 (Maretron's guide, pp. 20-21)."""
+    """Limits of a CAN segment; NMEA 2000 allows 50 nodes (Maretron's guide, pp. 20-21)."""
 
     bit_rates: tuple[int, ...] = _bit_rates(
-        "Bit rates to choose from; the highest that the length allows is taken, by "
-        "can_bus_lengths.csv", (50_000, 125_000, 250_000, 500_000),
-    )  # fmt: skip
-    nodes: int = whole(
-        2, 128, help="Nodes of a segment, the host among them: the 50 of NMEA 2000", default=50
+        "Bit rates to choose from; a segment has the highest that its length allows",
+        (50_000, 125_000, 250_000, 500_000),
     )
+    nodes: int = whole(2, 128, help="Nodes of a segment with the host: NMEA 2000", default=50)
     load: float = number(
-        0.001, 1, "", "Highest bus load; assumed, so that errors and growth find room", default=0.5
+        0.001, 1, "", "Highest bus load; assumed, to leave room for errors", default=0.5
     )
     period_share: float = number(
-        0.01, 0.99, "", "Part of a point's update need after which its message is sent again; the "
-        "rest is its deadline. Assumed", default=0.5,
+        0.01, 0.99, "", "Period of a message as a share of its points' update time; the rest is "
+        "its deadline. Assumed", default=0.5,
     )  # fmt: skip
     cable: str = _cable("CAN", "The trunk, a key of the catalogue", "CAN_5_0p75")
 
 
-#: The limits of RS-485 as makers print them; 1200 m, as some write, is 4000 ft rounded.
+#: The limits of RS-485 as makers print them; the 1200 m of some is 4000 ft rounded.
 _RS485 = INTERFACES["RS-485"]
 
 
 @record(slots=True)
 class ModbusLimits:
-    """What a Modbus RTU loop on RS-485 may be.
+    """Limits of a Modbus RTU loop on RS-485.
 
     Sources: EIA-485 (length, unit loads); "MODBUS over serial line" V1.02, sections 2.2 and 2.4.1
     (unit ids, time-out).
     """
 
     bit_rates: tuple[int, ...] = _bit_rates(
-        "Bit rates to choose from; the lowest that is fast enough is taken. Above 100 kbit/s, the "
-        "allowed length falls in proportion", (9600, 19_200, 38_400, 57_600),
-    )  # fmt: skip
+        "Bit rates to choose from; a loop has the lowest that is fast enough",
+        (9600, 19_200, 38_400, 57_600),
+    )
     length: float = number(
-        1, 10e3, "m", "Cable between the ends or repeaters: 4000 ft up to 100 kbit/s, EIA-485",
-        default=_RS485.length,
+        1, 10e3, "m", "Cable between the ends or repeaters: EIA-485, 4000 ft up to 100 kbit/s, in "
+        "inverse proportion above", default=_RS485.length,
     )  # fmt: skip
     unit_loads: int = whole(
-        2, 256, help="Devices between the ends or repeaters, the master among them: EIA-485",
+        2, 256, help="Devices between the ends or repeaters, with the master: EIA-485",
         default=_RS485.receivers,
     )  # fmt: skip
     repeaters: int = whole(0, 9, help="Most repeaters of a loop", default=0)
     units: int = whole(1, 247, help="Unit ids of a loop", default=247)
-    processing: float = number(
-        0, 60, "s", "How long a station works on a request; assumed", default=0.005
-    )
+    processing: float = number(0, 60, "s", "Processing time of a station; assumed", default=0.005)
     timeout: float = number(
-        0.001, 60, "s", "How long the master waits beyond the longest answer before it asks a "
-        "silent station on the second line; the guide has 1 s to several seconds", default=1.0,
+        0.001, 60, "s", "Time-out beyond the longest answer, after which the master uses the "
+        "second line; the guide has 1 s to several seconds", default=1.0,
     )  # fmt: skip
     character: str = choice(
         CHARACTERS, "Data bits, parity and stop bits of a character", default="8E1"
@@ -225,41 +211,33 @@ class ModbusLimits:
 
 @record(slots=True)
 class SupplyLimits:
-    """What the supplies of stations and outputs give, and what draws from them and AS-i lines.
+    """The supplies of stations and outputs, and the loads on them and on AS-i lines.
 
     Sources: WAGO 750-1405 (voltage drop: "24 VDC (-25 ... +30 %)", with approvals by DNV and GL),
     750-531 (short) and the manuals of the series 750 (station: "500 mA" at most); Atlas Copco
-    A4530001 (contact). What has no source is assumed.
+    A4530001 (contact). Values without a source are assumed.
     """
 
     voltage: float = number(1, 60, "V", "Voltage of a supply", default=24.0)
     drop: float = number(
-        0.001, 0.999, "", "Part of that voltage that may be lost on the way to a station, a module "
-        "or a coil: WAGO's marine modules work down to 25 % less", default=0.25,
+        0.001, 0.999, "", "Highest voltage drop to a station, a module or a coil, as a share of "
+        "the voltage: WAGO's marine modules accept 25 % less", default=0.25,
     )  # fmt: skip
-    rating: float = number(0.01, 1000, "A", "Most that a supply gives; assumed", default=20.0)
-    station: float = number(
-        0, 100, "A", "Current of a station without its points: at most 500 mA, WAGO", default=0.5
-    )
-    contact: float = number(
-        0, 10, "A", "Current of a contact or NAMUR switch: 7 mA, Atlas Copco", default=0.007
-    )
+    rating: float = number(0.01, 1000, "A", "Largest current of a supply; assumed", default=20.0)
+    station: float = number(0, 100, "A", "Current of a station without its points", default=0.5)
+    contact: float = number(0, 10, "A", "Current of a contact or NAMUR switch", default=0.007)
     sensor: float = number(
-        0, 10, "A", "Current of a proximity switch or potentiometer with its supply; assumed",
-        default=0.025,
-    )  # fmt: skip
+        0, 10, "A", "Current of a proximity switch or potentiometer; assumed", default=0.025
+    )
     loop: float = number(
-        0, 1, "A", "Current of a 4-20 mA loop or output, and of each analogue channel of an AS-i "
-        "module on top: its upper end, assumed", default=0.022,
+        0, 1, "A", "Current of a 4-20 mA loop or output, also added per analogue channel of an "
+        "AS-i module; its upper end, assumed", default=0.022,
     )  # fmt: skip
     solenoid: float = number(0, 10, "A", "Current of a coil: 6 W at 24 V, assumed", default=0.25)
-    simultaneity: float = number(
-        0, 1, "", "Part of the coils that are on at once; assumed", default=0.6
-    )
+    simultaneity: float = number(0, 1, "", "Share of coils that are on at once", default=0.6)
     short: float = number(
-        0, 100, "A", "What the shorted cable of one point draws on top, as its channel limits it: "
-        "1.7 A, WAGO", default=1.7,
-    )  # fmt: skip
+        0, 100, "A", "Additional current into a short on one point's cable: WAGO", default=1.7
+    )
 
 
 # All of it -----------------------------------------------------------------------------------
@@ -270,42 +248,34 @@ class _Plain:
     """Values whose names have no dot."""
 
     detour: float = number(
-        1, 10, "", "Laid length of a cable as a multiple of its route, for bends and what is in "
-        "the way; assumed", default=1.15,
-    )  # fmt: skip
-    tails: float = number(
-        0, 1000, "m", "Length for both ends of a cable together; assumed", default=5.0
+        1, 10, "", "Laid length of a cable as a multiple of its route; assumed", default=1.15
     )
-    # From a value's arrival at the host to its alarm or indication: scan, alarm logic and screen.
-    # It is the host's, which no plan of cables knows.
+    tails: float = number(0, 1000, "m", "Length for both ends of a cable; assumed", default=5.0)
+    # From the arrival of a value to its alarm or indication: scan, alarm logic and screen.
     host_time: float = number(
-        0, 60, "s", "What the host adds to a response where a rule counts it; assumed", default=0.5
+        0, 60, "s", "Time in the host, added where a rule counts it; assumed", default=0.5
     )
     spare: float = number(
-        0, 10, "", "Spare ones per one in use: pairs of a trunk of many pairs, and of each "
-        "kind all channels of the cabinet or the stations, or ports of AS-i modules; assumed",
-        default=0.2,
+        0, 10, "", "Spares per one in use: pairs of trunks, channels of the cabinet or the "
+        "stations, and ports of AS-i modules; assumed", default=0.2,
     )  # fmt: skip
     redundant: bool = switch("Whether the trunks of CAN and Modbus are doubled", default=False)
     update: float = number(
-        1e-4, 3600, "s", 'Update need of a point where the list names none: "other indications" of '
+        1e-4, 3600, "s", 'Update time of a point without one in the list: "other indications" of '
         "DNV-OS-D202, Ch. 2 Sec. 3 Table A1", default=1.0,
     )  # fmt: skip
     fed: bool = switch(
-        "Whether stations, and supplies in the field, are fed from the cabinet by a cable of "
-        "their own; else from a board beside them, which is not counted", default=True,
+        "Whether cables from the cabinet feed stations and supplies in the field; else a board "
+        "beside them does, which is not counted", default=True,
     )  # fmt: skip
-    feeder: str = _cable(
-        "hardwired", "The thinnest such cable, a key of the catalogue; 24 V feeders are thicker "
-        "where they have to be", "MI1P150",
-    )  # fmt: skip
+    feeder: str = _cable("hardwired", "The thinnest feeder, a key of the catalogue", "MI1P150")
     field_barriers: bool = switch(
         "Whether an intrinsically safe point goes onto a bus, through a barrier in its box; else "
         "it has a home run to a barrier in the cabinet", default=False,
     )  # fmt: skip
     list_lengths: bool = switch(
-        "Whether a cable whose length the list gives keeps it; else it is computed from places "
-        "like all others, where they are known", default=True,
+        "Whether cables keep the lengths in the list; else they are computed from positions",
+        default=True,
     )  # fmt: skip
 
 
@@ -318,32 +288,27 @@ _PARTS: Mapping[str, type[Any]] = MappingProxyType(
 )  # fmt: skip
 
 _HEAD = """\
-# What a comparison rests on, beside its list and its place. Change what you know better, and delete
-# the lines that you leave as they are.
+# The settings of a comparison. Change what you know better, and delete the lines that you leave as
+# they are.
 """
 
-_WIDTH = 98
+#: Comments in a file of settings in place of an empty table for a list's own words.
+_EXAMPLES: Mapping[str, str] = {
+    "columns": '# Titles of the list and their columns:\n# [columns]\n# "KKS code" = "tag"',
+    "signals": '# Words for signals and their meanings:\n# [signals]\n# "TIT" = "rtd_3wire"',
+    "frames": "# Frames and their x in m, interpolated between:\n# [frames]\n# 0 = 0.0\n"
+    "# 30 = 18.0",
+    "decks": "# Decks and their z in m:\n# [decks]\n# DK3 = 8.0",
+}
 
-#: What a file of settings says of the tables for a list's own words where they are empty.
-_EXAMPLES: Mapping[str, tuple[str, ...]] = {
-    "columns": ("# Titles of the list, and the columns that they mean:", "# [columns]",
-                '# "KKS code" = "tag"'),
-    "signals": ("# Its words for signals, and what they mean:", "# [signals]",
-                '# "TIT" = "rtd_3wire"'),
-    "frames": ("# Frames and where they are, x in m; those between are spaced evenly:",
-               "# [frames]", "# 0 = 0.0", "# 30 = 18.0"),
-    "decks": ("# Decks and how high they are, z in m:", "# [decks]", "# DK3 = 8.0"),
-}  # fmt: skip
-
-#: A value that is a number with a decimal comma, as much of Europe types it.
+#: A value with a decimal comma.
 _COMMA = re.compile(r"^[\w. \t]+=[ \t]*([0-9]+,[0-9]+)[ \t]*(?:#.*)?$", re.MULTILINE)
 
-
-#: Most characters of a file of settings, and how deep its values may be nested: the time that a
-#: reader of TOML takes grows with the square of either.
+#: Most characters of a file of settings, and its deepest nesting: the time to read TOML grows with
+#: the square of either.
 _LARGEST, _DEEPEST = 1_000_000, 8
 
-#: What a nested value begins and ends with, and a key of many parts, beside strings and comments.
+#: Strings and comments, brackets, and a key of many parts.
 _QUOTED = re.compile(r""""[^"\n]*"|'[^'\n]*'|#[^\n]*""")
 _BRACKET = re.compile(r"[\[{]|[\]}]")
 _LONG_KEY = re.compile(rf"(?<![\w\"-])(?:[\w\"-]+[ \t]*\.[ \t]*){{{_DEEPEST}}}")
@@ -358,31 +323,29 @@ def _check_size(text: str, source: str) -> None:
     bare = _QUOTED.sub('""', text)
     depths = accumulate(1 if one in "[{" else -1 for one in _BRACKET.findall(bare))
     if max(depths, default=0) > _DEEPEST or _LONG_KEY.search(bare):
-        raise InputError(source, f"nests values more than {_DEEPEST} deep; settings have 2 levels")
+        raise InputError(source, f"nests values more than {_DEEPEST} deep; settings need 2 levels")
 
 
 @checked
 @dataclass(frozen=True, init=False, repr=False)
 class Settings(_Plain):
-    """Every limit, price and allowance of a design, each by one dotted name.
+    """Every limit, price and allowance of a design, each under one dotted name.
 
-    Names without a prefix are ``detour``, ``tails``, ``host_time``, ``spare``, ``redundant``,
-    ``update``, ``fed``, ``feeder``, ``field_barriers`` and ``list_lengths``; then come ``boxes.``,
-    ``asi.``, ``can.`` and ``modbus.`` with the limits of each bus, ``supply.`` with what is fed,
-    and ``assumptions.`` with prices, hours and factors. `table` lists them all with their legal
-    values. The tables ``columns``, ``signals``, ``frames`` and ``decks`` hold the words of a list
-    that `read_iolist` does not know.
+    `table` lists all names with their legal values: some without a prefix, such as ``detour``,
+    then ``boxes.``, ``asi.``, ``can.``, ``modbus.``, ``supply.``, and ``assumptions.`` with prices,
+    hours and factors. The tables ``columns``, ``signals``, ``frames`` and ``decks`` explain a
+    list's own words to `read_iolist`.
 
     Parameters
     ----------
     values : mapping of str to object, optional
-        Values that are not the defaults. An assumption is low, nominal and high, or one number.
-        A mapping of mappings, as TOML has it, will do.
+        Values other than the defaults, also nested as in TOML. An assumption is low, nominal and
+        high, or one number.
 
     Raises
     ------
     ArgumentError
-        If there is no such name, or a value is not legal; all faults at once.
+        If there is no such name, or a value is not legal; lists all faults.
 
     Examples
     --------
@@ -405,14 +368,10 @@ class Settings(_Plain):
     assumptions: Assumptions = field(default_factory=Assumptions)
     reading: Reading = field(default_factory=Reading)
 
-    #: What is checked and compared when two designs are put side by side.
-    SHARED: ClassVar[tuple[str, ...]] = ("detour", "tails", "assumptions")
-
     def __init__(self, values: Mapping[str, object] | None = None) -> None:
-        more = {"assumptions": Assumptions, "reading": Reading}
-        for part, kind in ({**_PARTS, **more}).items():
-            if part:
-                object.__setattr__(self, part, kind())
+        for part in fields(self):
+            if part.default_factory is not MISSING:
+                object.__setattr__(self, part.name, part.default_factory())
         if faults := self._take(values or {}):
             raise ArgumentError("; ".join(faults))
 
@@ -422,7 +381,7 @@ class Settings(_Plain):
         return settings if isinstance(settings, Settings) else cls(settings)
 
     def _take(self, values: Mapping[str, object]) -> list[str]:
-        """Take values over those there are; return what is wrong with the ones not taken."""
+        """Replace values, and return what is wrong with those that are not taken."""
         faults: list[str] = []
         reading = self.reading
         words = {n: v for n, v in values.items() if n in Reading._fields and isinstance(v, Mapping)}
@@ -452,14 +411,14 @@ class Settings(_Plain):
         return faults
 
     def replace(self, values: Mapping[str, object]) -> Settings:
-        """Return settings of which some values are others; all faults are raised at once."""
+        """Return settings with some values replaced, or raise all faults at once."""
         made, faults = self.tried(values)
         if faults:
             raise ArgumentError("; ".join(faults))
         return made
 
     def tried(self, values: Mapping[str, object]) -> tuple[Settings, list[str]]:
-        """Return settings with all values that are legal, and what is wrong with the others."""
+        """Return settings with the legal values replaced, and the faults of the others."""
         made = copy(self)
         return made, made._take(values)
 
@@ -498,12 +457,12 @@ class Settings(_Plain):
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Settings:
-        """Read a file of settings, TOML; what it does not name is the default."""
+        """Read a TOML file of settings; values that it does not name are the defaults."""
         return cls.parse(text_of(read_bytes(path)), str(path))
 
     @classmethod
     def parse(cls, text: str, source: str = "text") -> Settings:
-        """Read settings from text, as `read`; all its faults are raised at once."""
+        """Read settings from TOML text, or raise all its faults at once."""
         _check_size(text, source)
         try:
             tables = tomllib.loads(text)
@@ -522,30 +481,25 @@ class Settings(_Plain):
         Path(path).write_text(self.text(), encoding="utf-8", newline="\n")
 
     def text(self) -> str:
-        """Return all values as TOML, each with what it is and may be."""
-        default = _default()
-        lines = [_HEAD]
-        table = ""
+        """Return all values as TOML, each with its meaning and legal range."""
+        default, lines, table = _default(), [_HEAD], ""
         for name, kind in _kinds().items():
             part, _, own = name.rpartition(".")
             assumed = part == "assumptions"
             if part != table:
                 table = part
-                lines.append(f"[{part}]")
-                if assumed:
-                    lines.append(f"# Each must be {legal(name)}.")
-                lines.append("")
+                lines += [f"[{part}]", *[f"# Each must be {legal(name)}."] * assumed, ""]
             was = f" Default {shown(default[name])}." if self[name] != default[name] else ""
             if assumed:
                 lines.append(f"{own} = {shown(self[name])}  # {kind.help}.{was}")
-            else:
-                lines += [f"# {line}" for line in wrap(f"{kind.help}.", _WIDTH)]
-                lines += [f"# {line}" for line in wrap(f"It must be {legal(name)}.{was}", _WIDTH)]
-                lines += [f"{own} = {shown(self[name])}", ""]
+                continue
+            for said in (f"{kind.help}.", f"It must be {legal(name)}.{was}"):
+                lines += [f"# {line}" for line in wrap(said, 98)]
+            lines += [f"{own} = {shown(self[name])}", ""]
         for words, pairs in zip(Reading._fields, self.reading, strict=True):
             own_words = [f"{dumps(word, ensure_ascii=False)} = {dumps(value, ensure_ascii=False)}"
                          for word, value in pairs]  # fmt: skip
-            lines += ["", f"[{words}]", *own_words] if own_words else ["", *_EXAMPLES[words]]
+            lines += ["", f"[{words}]", *own_words] if own_words else ["", _EXAMPLES[words]]
         return "\n".join(lines) + "\n"
 
 
@@ -556,7 +510,7 @@ def _default() -> Settings:
 
 @cache
 def _kinds() -> Mapping[str, Kind]:
-    """Return what each name declares."""
+    """Return the declaration of each name."""
     found = {
         f"{part}.{own}" if part else own: kind
         for part, record in _PARTS.items()
@@ -574,7 +528,7 @@ def names() -> tuple[str, ...]:
 
 
 def kind_of(name: str) -> Kind:
-    """Return what a value declares, or raise and name the nearest."""
+    """Return the declaration of a name, or raise and suggest the nearest name."""
     if name in _kinds():
         return _kinds()[name]
     part, _, own = name.rpartition(".")
@@ -590,7 +544,7 @@ def kind_of(name: str) -> Kind:
 
 
 def legal(name: str) -> str:
-    """Return what a value may be, in words."""
+    """Return the legal values of a name in words."""
     kind = kind_of(name)
     if isinstance(kind, Switch):
         return "true or false"
@@ -601,7 +555,7 @@ def legal(name: str) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value as a file of settings has it."""
+    """Return a value as TOML."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(shown, value))}]"
     if isinstance(value, bool):
@@ -610,7 +564,7 @@ def shown(value: object) -> str:
 
 
 def _flat(values: Mapping[str, object]) -> Iterable[tuple[str, object]]:
-    """Yield values by names with their table; an assumption may not be a table."""
+    """Yield values by dotted names; a table within a table is not flattened."""
     for name, value in values.items():
         if isinstance(value, Mapping) and "." not in name:
             yield from ((f"{name}.{own}", one) for own, one in value.items())
@@ -619,7 +573,7 @@ def _flat(values: Mapping[str, object]) -> Iterable[tuple[str, object]]:
 
 
 def _plain(value: object) -> object:
-    """Return a value as one that a check can take, however it was given."""
+    """Return a value as numbers, text and tuples, or raise if it is none of them."""
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
     if isinstance(value, list):
@@ -631,7 +585,7 @@ def _plain(value: object) -> object:
 
 
 def _is_number(value: object) -> bool:
-    # A file may hold a whole number of any size; no float holds one beyond 1e308.
+    # A file may hold a whole number of any size, but a float cannot exceed 1e308.
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return isinstance(value, float) or abs(value) < 2**63

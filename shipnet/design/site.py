@@ -1,4 +1,4 @@
-"""The ship as cables see it: a cabinet, trays, and the ways along them."""
+"""The ship for cables: a cabinet, trays, and the routes along them."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from os import PathLike
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from shipnet import style
 from shipnet.arguments import checked
+from shipnet.arrays import Floats, Indices
 from shipnet.design.plot import draw_cables
 from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
@@ -25,15 +25,15 @@ from shipnet.fields import number, part, record
 from shipnet.lazy import Axes, pd
 from shipnet.tables import NUMBER, Sheet, in_order, parse_sheet, read_sheet, titled
 
-# Cable trays of a ship as a graph: places where they meet, and the ways along them
+# Cable trays as a graph --------------------------------------------------------------------------
 
-#: A place on board [m]: x from aft to fore, y to port, z up, from wherever the list counts.
+#: A position on board [m]: x forward, y to port, z up, from the origin of the list.
 Place = tuple[float, float, float]
 
 _COLUMNS = ("kind", "name", "x_m", "y_m", "z_m", "from", "to")
 _KINDS = ("cabinet", "node", "tray")
 
-#: Most nodes: the ways between all pairs are kept.
+#: Most nodes, because the routes between all pairs are kept.
 _MOST_NODES = 2000
 
 
@@ -47,26 +47,26 @@ class Tray:
 
 
 @checked
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Trays:
-    r"""Cable trays of a ship as a graph, and the cabinets that have a name.
+    r"""Cable trays of a ship as a graph, with named cabinets.
 
-    `Trays.read` reads them from a file whose columns are kind (cabinet, node or tray), name, x_m,
-    y_m, z_m, from and to.
+    `Trays.read` reads a file with the columns kind (cabinet, node or tray), name, x_m, y_m, z_m,
+    from and to.
 
     Parameters
     ----------
     nodes : mapping of str to tuple of float
-        Places where trays meet, x, y, z [m].
+        Positions where trays meet, x, y, z [m].
     trays : tuple of Tray
         Straight trays, each from node to node.
     cabinets : mapping of str to tuple of float, optional
-        Places where cables may end [m].
+        Positions where cables may end [m].
 
     Raises
     ------
     ArgumentError
-        If they are not one graph; all faults at once.
+        If they are not one connected graph; lists all faults.
 
     Examples
     --------
@@ -78,11 +78,10 @@ class Trays:
 
     nodes: Mapping[str, Place]
     trays: tuple[Tray, ...]
-    cabinets: Mapping[str, Place] = field(default_factory=dict)
+    cabinets: Mapping[str, Place] = field(default_factory=dict, compare=False)
 
     def __post_init__(self) -> None:
-        faults = tray_faults(self.nodes, self.trays)
-        if faults:
+        if faults := tray_faults(self.nodes, self.trays):
             said = "; ".join(fault for _, fault in faults)
             raise ArgumentError(f"nodes and trays are not a graph: {said}")
 
@@ -98,15 +97,12 @@ class Trays:
 
     def table(self) -> pd.DataFrame:
         """Return one row per tray: from, to, length_m."""
-        columns = {
-            "from": [tray.a for tray in self.trays],
-            "to": [tray.b for tray in self.trays],
-            "length_m": self.lengths,
-        }
-        return pd.DataFrame(columns, index=pd.Index(self.names, name="tray"))
+        names = [(tray.name, tray.a, tray.b) for tray in self.trays]
+        table = pd.DataFrame(names, columns=["tray", "from", "to"]).set_index("tray")
+        return table.assign(length_m=self.lengths)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the trays from above, with their nodes and the cabinets that have a name."""
+        """Draw the trays from above, with nodes and named cabinets."""
         ax = style.axes(ax)
         a, b = self.places[self.ends.T][:, :, :2]
         draw_cables(ax, a, b, "C0", width=1.5)
@@ -121,29 +117,29 @@ class Trays:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the trays in their order."""
+        """Names of the trays in order."""
         return tuple(tray.name for tray in self.trays)
 
     @cached_property
-    def ends(self) -> NDArray[np.intp]:
+    def ends(self) -> Indices:
         """Numbers of the nodes at the ends of each tray, shape (m, 2)."""
         number = {name: n for n, name in enumerate(self.nodes)}
         return np.array([(number[tray.a], number[tray.b]) for tray in self.trays], dtype=np.intp)
 
     @cached_property
-    def places(self) -> NDArray[np.float64]:
-        """Places of the nodes [m], shape (n, 3)."""
+    def places(self) -> Floats:
+        """Positions of the nodes [m], shape (n, 3)."""
         return np.array(list(self.nodes.values()), dtype=np.float64)
 
     @cached_property
-    def lengths(self) -> NDArray[np.float64]:
+    def lengths(self) -> Floats:
         """Lengths of the trays [m], shape (m,)."""
         a, b = self.places[self.ends.T]
         return np.asarray(np.linalg.norm(b - a, axis=1))
 
 
 def tray_faults(nodes: Mapping[str, Place], trays: tuple[Tray, ...]) -> list[tuple[str, str]]:
-    """Return all that keeps nodes and trays from being one graph, each with the name concerned."""
+    """Return why nodes and trays are not one graph, each reason with the name concerned."""
     faults = [
         (name, f"node {name!r} is at {place!r}; expected three finite numbers")
         for name, place in nodes.items()
@@ -152,10 +148,10 @@ def tray_faults(nodes: Mapping[str, Place], trays: tuple[Tray, ...]) -> list[tup
     seen: set[str] = set()
     for tray in trays:
         unknown = [end for end in (tray.a, tray.b) if end not in nodes]
-        text = f"tray {tray.name!r} ends at {{!r}}, which is no node"
+        text = f"tray {tray.name!r} ends at {{!r}}, which is not a node"
         faults += [(tray.name, text.format(end)) for end in unknown]
         if tray.name in seen:
-            faults.append((tray.name, f"tray {tray.name!r} stands twice"))
+            faults.append((tray.name, f"tray {tray.name!r} appears twice"))
         if not unknown and tuple(nodes[tray.a]) == tuple(nodes[tray.b]):
             faults.append((tray.name, f"tray {tray.name!r} has no length"))
         seen.add(tray.name)
@@ -192,7 +188,7 @@ def _trays(sheet: Sheet) -> Trays:
             wrong += [f", column {end}: is empty; expected a node" for end in ("from", "to")
                       if not cells[end]]  # fmt: skip
         elif name in places.get(kind, {}):
-            wrong.append(f": {kind} {name!r} stands twice")
+            wrong.append(f": {kind} {name!r} appears twice")
         place = {axis: _metres(cells[axis], comma) for axis in ("x_m", "y_m", "z_m")}
         if kind in places:
             wrong += [
@@ -219,19 +215,14 @@ def _trays(sheet: Sheet) -> Trays:
 
 
 def _metres(cell: str, comma: bool) -> float | None:
-    text = cell.replace(",", ".") if comma and "." not in cell else cell
-    if not NUMBER.fullmatch(text) or (comma and "." in cell):
-        return None
-    value = float(text)
-    return value if -1e3 <= value <= 1e3 else None
+    if comma:
+        cell = "" if "." in cell else cell.replace(",", ".")
+    return float(cell) if NUMBER.fullmatch(cell) and abs(float(cell)) <= 1e3 else None
 
 
-# The shortest ways along trays between places beside them ---------------------------------------
+# The shortest routes along trays between positions beside them -----------------------------------
 
-_Floats = NDArray[np.float64]
-_Wholes = NDArray[np.intp]
-
-#: How much longer a metre of a tray counts that is to be avoided: longer than any way round it.
+#: Factor on the length of a tray to avoid, so that any detour is shorter.
 _AVOIDED = 1e6
 
 #: Distances to trays that are computed at once.
@@ -239,25 +230,25 @@ _AT_ONCE = 2**21
 
 
 class _Entry(NamedTuple):
-    """Where places reach the trays: which, how far along it [m], and how far away [m]."""
+    """Where positions reach the trays: which tray, how far along it and how far from it [m]."""
 
-    tray: _Wholes
-    along: _Floats
-    off: _Floats
+    tray: Indices
+    along: Floats
+    off: Floats
 
 
 class _Join(NamedTuple):
-    """A way from one entry to another."""
+    """The nodes where routes leave the first tray and reach the last, and the lengths [m]."""
 
-    first: _Wholes
-    last: _Wholes
-    out: _Floats
-    into: _Floats
-    length: _Floats
+    first: Indices
+    last: Indices
+    out: Floats
+    into: Floats
+    length: Floats
 
 
 class TrayRoutes:
-    """The shortest ways between all places of a ship, for one choice of trays to avoid."""
+    """The shortest routes between all positions, for one choice of trays to avoid."""
 
     def __init__(self, trays: Trays, avoid: frozenset[str]) -> None:
         if wrong := avoid.difference(trays.names):
@@ -269,7 +260,7 @@ class TrayRoutes:
         cost, metres = np.full((2, size, size), np.inf)
         self._tray = np.full((size, size), -1, dtype=np.intp)
         counted = trays.lengths * self._weight
-        # Of several trays between two nodes, the one that counts least is written last.
+        # Of several trays between two nodes, the cheapest is written last.
         for n in np.argsort(-counted, kind="stable"):
             for a, b in (trays.ends[n], trays.ends[n][::-1]):
                 cost[a, b], metres[a, b], self._tray[a, b] = counted[n], trays.lengths[n], n
@@ -277,31 +268,28 @@ class TrayRoutes:
         graph = csr_array((cost[a, b], (a, b)), shape=(size, size))
         self._cost, before = dijkstra(graph, return_predecessors=True)
         self._before = before.astype(np.intp)
-        # What counts is not what is laid: metres are summed along the ways found, nearest first.
+        # Costs are not lengths: metres are summed along the routes found, nearest first.
         self._length = np.zeros((size, size))
         rows = np.arange(size)
         for node in np.argsort(self._cost, axis=1, kind="stable").T[1:]:
             last = self._before[rows, node]
             self._length[rows, node] = self._length[rows, last] + metres[last, node]
 
-    def lengths(self, a: _Floats, b: _Floats) -> _Floats:
-        """Return the lengths of the ways between places."""
+    def lengths(self, a: Floats, b: Floats) -> Floats:
+        """Return the lengths of the routes between positions."""
         start, end, direct, shape = self._both(a, b)
         off = start.off + end.off
         length = np.where(direct <= off, direct, off + self._join(start, end).length)
         return np.asarray(length.reshape(shape))
 
-    def names(self, a: _Floats, b: _Floats) -> list[tuple[str, ...]]:
-        """Return the names of the trays between places."""
+    def names(self, a: Floats, b: Floats) -> list[tuple[str, ...]]:
+        """Return the names of the trays between positions."""
         start, end, direct, _ = self._both(a, b)
         join = self._join(start, end)
-        used = start.off + end.off < direct
         # A tray that is only touched at its end is not used.
-        keys = np.column_stack([
-            np.where(join.out > 0, start.tray, -1), join.first, join.last,
-            np.where(join.into > 0, end.tray, -1),
-        ])  # fmt: skip
-        keys[~used] = -1
+        trays = np.where(join.out > 0, start.tray, -1), np.where(join.into > 0, end.tray, -1)
+        keys = np.column_stack([trays[0], join.first, join.last, trays[1]])
+        keys[start.off + end.off >= direct] = -1
         different, place = np.unique(keys, axis=0, return_inverse=True)
         ways = [self._way(*key) for key in different.tolist()]
         return [ways[n] for n in place.ravel().tolist()]
@@ -317,15 +305,18 @@ class TrayRoutes:
         numbers = [n for n in reversed(path) if n >= 0]
         return tuple(dict.fromkeys(self.trays.names[n] for n in numbers))
 
-    def _both(self, a: _Floats, b: _Floats) -> tuple[_Entry, _Entry, _Floats, tuple[int, ...]]:
-        """Return the entries of places and their direct distance, flat, and the shape of all."""
+    def _both(self, a: Floats, b: Floats) -> tuple[_Entry, _Entry, Floats, tuple[int, ...]]:
+        """Return the entries of positions and their direct distance, flat, and the shape."""
         direct = np.abs(a - b).sum(axis=-1)
-        start, end = (_spread(self._enter(one), one.shape[:-1], direct.shape) for one in (a, b))
+        start, end = (
+            _Entry._make(np.broadcast_to(column.reshape(one.shape[:-1]), direct.shape).ravel()
+                         for column in self._enter(one.reshape(-1, 3)))
+            for one in (a, b)
+        )  # fmt: skip
         return start, end, direct.ravel(), direct.shape
 
-    def _enter(self, places: _Floats) -> _Entry:
-        """Return where places reach the nearest tray, the first of several as near; flat."""
-        points = places.reshape(-1, 3)
+    def _enter(self, points: Floats) -> _Entry:
+        """Return where positions reach the nearest tray, the first of equally near ones."""
         a, b = self.trays.places[self.trays.ends.T]
         span, square = b - a, self.trays.lengths**2
         tray = np.zeros(len(points), dtype=np.intp)
@@ -334,19 +325,18 @@ class TrayRoutes:
         step = max(1, _AT_ONCE // len(span))
         for rows in (known[k : k + step] for k in range(0, len(known), step)):
             own = points[rows]
-            # The nearest point of the line from a to b, kept between its ends.
+            # The point of the tray nearest to each position, between its ends.
             share = ((own @ span.T - (a * span).sum(axis=1)) / square).clip(0, 1)
             far = np.zeros_like(share)
             for axis in range(3):
                 far += np.abs(own[:, axis, None] - a[:, axis] - share * span[:, axis])
-            best = far.argmin(axis=1)
-            each = np.arange(len(rows))
+            best, each = far.argmin(axis=1), np.arange(len(rows))
             tray[rows], off[rows] = best, far[each, best]
             along[rows] = share[each, best] * self.trays.lengths[best]
         return _Entry(tray, along, off)
 
     def _join(self, start: _Entry, end: _Entry) -> _Join:
-        """Return the way that counts least, over either end of either tray or along one tray."""
+        """Return the cheapest route, over either end of either tray or along one tray."""
         ends, lengths, weight = self.trays.ends, self.trays.lengths, self._weight
         between = np.abs(start.along - end.along)
         best = np.where(start.tray == end.tray, weight[start.tray] * between, np.inf)
@@ -366,19 +356,12 @@ class TrayRoutes:
         return join
 
 
-def _spread(entry: _Entry, own: tuple[int, ...], shape: tuple[int, ...]) -> _Entry:
-    """Return entries of places of one shape for another to which it is broadcast, flat."""
-    tray = np.broadcast_to(entry.tray.reshape(own), shape).ravel()
-    along = np.broadcast_to(entry.along.reshape(own), shape).ravel()
-    return _Entry(tray, along, np.broadcast_to(entry.off.reshape(own), shape).ravel())
-
-
-# The place of the cabinet, and the way of cables to it: along trays, or square to the ship
+# The site: the cabinet, and routes along trays or square to the ship -----------------------------
 
 
 @record(eq=False)
 class Site:
-    """A ship as cables see it."""
+    """The position of the cabinet, the trays, and the allowances of cables."""
 
     cabinet: Place
     trays: Trays | None = part(Trays, default=None, optional=True)
@@ -391,19 +374,19 @@ class Site:
             raise ArgumentError(f"cabinet is {self.cabinet!r}; it must be three finite numbers")
         object.__setattr__(self, "cabinet", tuple(cabinet.tolist()))
 
-    def length(self, route: ArrayLike) -> _Floats:
-        """Return the length of a cable to lay, for a route [m]."""
-        return self.detour * np.asarray(route, dtype=np.float64) + self.tails
+    def length(self, route: ArrayLike) -> Floats:
+        """Return the length of cable to lay for a route [m]."""
+        return self.detour * np.asarray(route, dtype=float) + self.tails
 
-    def route(self, a: ArrayLike, b: ArrayLike, *, avoid: Collection[str] = ()) -> _Floats:
-        """Return the length of the way between places."""
+    def route(self, a: ArrayLike, b: ArrayLike, *, avoid: Collection[str] = ()) -> Floats:
+        """Return the length of the route between positions [m]."""
         a, b, routes = self._between(a, b, avoid)
         return np.asarray(np.abs(a - b).sum(axis=-1)) if routes is None else routes.lengths(a, b)
 
     def ways(
         self, a: ArrayLike, b: ArrayLike, *, avoid: Collection[str] = ()
     ) -> list[tuple[str, ...]]:
-        """Return the trays between each of two rows of places."""
+        """Return the trays between each pair of positions."""
         a, b, routes = self._between(a, b, avoid)
         if routes is None:
             return [()] * prod(np.broadcast_shapes(a.shape, b.shape)[:-1])
@@ -411,13 +394,15 @@ class Site:
 
     def _between(
         self, a: ArrayLike, b: ArrayLike, avoid: Collection[str]
-    ) -> tuple[_Floats, _Floats, TrayRoutes | None]:
-        """Return both ends as arrays that fit, and the ways of the trays, if there are any."""
+    ) -> tuple[Floats, Floats, TrayRoutes | None]:
+        """Return both ends as arrays that fit, and the routes of the trays, if any."""
         a, b = _places("a", a), _places("b", b)
         try:
             np.broadcast_shapes(a.shape, b.shape)
         except ValueError:
-            raise ArgumentError(f"a has shape {a.shape} and b {b.shape}; they must fit") from None
+            raise ArgumentError(
+                f"a has shape {a.shape}, which does not fit {b.shape} of b"
+            ) from None
         if self.trays is None and avoid:
             raise ArgumentError(f"avoid names {avoid!r}; the site has no trays")
         names = frozenset([avoid] if isinstance(avoid, str) else avoid)
@@ -430,8 +415,8 @@ class Site:
         return {}
 
 
-def _places(name: str, given: ArrayLike) -> _Floats:
-    """Return places as an array, or raise unless the last axis has three coordinates."""
+def _places(name: str, given: ArrayLike) -> Floats:
+    """Return positions as an array (..., 3), or raise."""
     try:
         places = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
@@ -443,24 +428,24 @@ def _places(name: str, given: ArrayLike) -> _Floats:
     return places
 
 
-# The place of the cabinet, found from the lengths that a list gives for cables to it
+# The position of the cabinet, inferred from the lengths of home runs -----------------------------
 
-#: Points with place and length that are needed for three coordinates and a look at what is left.
+#: Fewest points with position and length: three coordinates and one to check them.
 _FEWEST = 4
 
-#: Places along each axis in the first look and in the others, and how many are kept of a look.
+#: Positions per axis in the first search and in finer ones, and how many each search keeps.
 _FIRST, _NEXT, _KEPT = 15, 5, 25
 
-#: Reach of the last look [m], and how far a length may be rounded [m].
+#: Reach of the last search, and how far a length may be rounded [m].
 _CLOSE, _ROUNDED = 0.02, 0.2
 
 
-#: A place [m], the name of a cabinet in the trays, or None to find it from the list's lengths.
+#: A position [m], the name of a cabinet in the trays, or None to infer it from the list's lengths.
 Where: TypeAlias = "tuple[float, float, float] | Sequence[float] | str | Site | None"
 
 
 class Found(NamedTuple):
-    """A cabinet that lengths speak for."""
+    """The position of a cabinet as lengths suggest it."""
 
     place: tuple[float, float, float]
     misfit: float
@@ -470,29 +455,29 @@ class Found(NamedTuple):
     def __str__(self) -> str:
         x, y, z = self.place
         said = (
-            f"the cabinet is taken to stand at {x:g}, {y:g}, {z:g} m, where the cable lengths of "
-            f"{self.points} points put it, within {max(self.misfit, 0.1):.1f} m for half of them"
+            f"the cabinet is assumed at {x:g}, {y:g}, {z:g} m, from the cable lengths of "
+            f"{self.points} points, half of which it fits within {max(self.misfit, 0.1):.1f} m"
         )
-        other = "; other places fit as well as this one: give the right one if you know it"
+        other = "; other positions fit as well: give the right one if you know it"
         return said if self.settled else said + other
 
 
 def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0) -> Found:
-    """Find the place of the cabinet from home runs of known length."""
+    """Infer the position of the cabinet from home runs of known length."""
     length = iolist.points["home_run_m"].to_numpy(float)
     known = np.isfinite(length) & iolist.located
     if known.sum() < _FEWEST:
         raise ArgumentError(
             f"{known.sum()} points of {iolist.source} have a position and a length to the cabinet; "
-            f"it takes {_FEWEST} to find the cabinet"
+            f"{_FEWEST} are needed to find the cabinet"
         )
     places, wanted = iolist.places[known], length[known]
 
-    def off(cabinets: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def off(cabinets: Floats) -> Floats:
         way = np.abs(places - cabinets[..., None, :]).sum(axis=-1)
         return np.asarray(np.abs(detour * way + tails - wanted))
 
-    # There are many low places: the best of a look all over the ship, each looked at more closely.
+    # There are many local minima: search the whole ship, then ever closer around the best.
     centres = places.mean(axis=0, keepdims=True)
     reach, count = float(np.ptp(places, axis=0).max()) / 2 + 1.0, _FIRST
     while reach > _CLOSE:
@@ -502,11 +487,10 @@ def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0
         loss = np.log1p((off(tried) / scale) ** 2).sum(axis=-1)
         centres = tried[loss.argsort(kind="stable")[:_KEPT]]
         reach, count = reach * (2 / count), _NEXT
-    centre = centres[0]
-    x, y, z = (round(float(value), 1) + 0.0 for value in centre)
+    x, y, z = (round(float(value), 1) + 0.0 for value in centres[0])
     place = np.array([x, y, z])
     misfits = off(place)
-    # A length that goes up on one side of the cabinet and down on the other holds its coordinate.
+    # Points on both sides of the cabinet fix its coordinate.
     side = places[misfits <= max(float(np.median(misfits)), _ROUNDED)] - place
     held = ((side < -_ROUNDED).any(axis=0)) & ((side > _ROUNDED).any(axis=0))
     flat = np.ptp(places, axis=0) < _ROUNDED
@@ -520,7 +504,7 @@ def site_of(
     trays: Trays | str | PathLike[str] | None,
     settings: Settings,
 ) -> tuple[Site, str]:
-    """Return where a list is planned, and how the cabinet's place is known if it was found."""
+    """Return the site of a list, and a remark if the cabinet's position was inferred."""
     if isinstance(cabinet, Site):
         return cabinet, ""
     if isinstance(trays, str | PathLike):
@@ -539,17 +523,17 @@ def site_of(
                 found = find_cabinet(iolist)
             except ArgumentError as mistake:
                 raise ArgumentError(
-                    f"cabinet is not given, and {mistake}; give its place x, y, z in m, such as "
-                    f"26,6,14{names}"
+                    f"cabinet is not given, and {mistake}; give its position x, y, z in m, such "
+                    f"as 26,6,14{names}"
                 ) from None
             place, said = found.place, str(found)
     return Site(place, trays, settings.detour, settings.tails), said  # type: ignore[arg-type]
 
 
 def _typed(cabinet: str, names: str) -> Place:
-    """Return a place that is given as text."""
+    """Return a position that is given as text."""
     try:
-        x, y, z = (float(number) for number in cabinet.replace(";", ",").split(","))
+        x, y, z = map(float, cabinet.replace(";", ",").split(","))
         return Site((x, y, z)).cabinet
     except ValueError:
         raise ArgumentError(

@@ -24,7 +24,7 @@ from shipnet.design.layout import Layout
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 
-#: What each signal draws from its station, by the name of the setting; the others draw nothing.
+#: The setting that holds the current of each signal; other signals draw none.
 LOADS: Mapping[str, str] = MappingProxyType(
     {
         "contact": "contact", "contact_common": "contact", "namur": "contact",
@@ -34,9 +34,8 @@ LOADS: Mapping[str, str] = MappingProxyType(
     }
 )  # fmt: skip
 
-#: Lines of a device: each is a node of its own. The first holds single lines, lines A, and AS-i;
-#: the second lines B, and the side of an AS-i repeater that is towards the master; the third what
-#: feeds the outputs of AS-i modules.
+#: Layers of nodes, one node per device in each: single lines, lines A and AS-i; lines B and the
+#: side of an AS-i repeater towards the master; feeders of the outputs of AS-i modules.
 _LINE_B, _OUTPUTS, _LAYERS = 1, 2, 3
 
 
@@ -52,27 +51,27 @@ class Forest:
     #: Length [m] and resistance of both conductors [ohm/m] of that run.
     metres: Floats
     ohms: Floats
-    #: What each node draws itself, and what one shorted point would draw on top [A].
+    #: Current that each node draws, and the additional current of a shorted point [A].
     load: Floats
     short: Floats
-    #: Voltage lost in the cable of its worst point, and all that may be lost up to there [V].
+    #: Voltage drop in the cable of its worst point, and the largest drop up to there [V].
     spur: Floats
     allowed: Floats
     #: Node of the supply that feeds each node, and the device at it.
     root: Indices
     supply: Mapping[int, int]
-    #: Nodes but the roots, level by level from the supplies.
+    #: Nodes except the roots, level by level from the supplies.
     levels: tuple[Indices, ...]
 
     @property
     def fed(self) -> Indices:
-        """Nodes but the roots, those near the supplies first."""
+        """Nodes except the roots, those near the supplies first."""
         return np.concatenate([np.zeros(0, np.intp), *self.levels])
 
     def solve(self, *, short: bool = False) -> tuple[Floats, Floats]:
-        """Return the current into each node [A], and the voltage lost on the way there [V].
+        """Return the current into each node [A], and the voltage drop up to it [V].
 
-        With `short`, one point more is shorted on the way to each node.
+        With `short`, the current of a shorted point is added for each node.
         """
         flow, drop = self.load.copy(), np.zeros(len(self.load))
         for level in reversed(self.levels):
@@ -84,7 +83,7 @@ class Forest:
         return flow, drop
 
     def cut(self, nodes: Sequence[int], metres: float) -> Forest:
-        """Return a forest in which each of some nodes has a supply of its own, so far away."""
+        """Return a forest in which some nodes have supplies of their own at a distance [m]."""
         if not nodes:
             return self
         new = len(self.parent) + np.arange(len(nodes))
@@ -106,7 +105,7 @@ class Forest:
 
 
 def _rooted(parent: Indices, nodes: Indices) -> tuple[Indices, tuple[Indices, ...]]:
-    """Return the root of each node, and some nodes but the roots level by level."""
+    """Return the root of each node, and those of `nodes` that are not roots, by level."""
     root, depth, up = np.arange(len(parent)), np.zeros(len(parent), np.intp), parent.copy()
     while (up >= 0).any():
         root, depth = np.where(up >= 0, up, root), depth + (up >= 0)
@@ -116,7 +115,7 @@ def _rooted(parent: Indices, nodes: Indices) -> tuple[Indices, tuple[Indices, ..
 
 
 def forest(design: Layout) -> Forest:
-    """Return the trees of a design; of a ring, the run that closes it is left out."""
+    """Return the trees of a design, without the run that closes a ring."""
     devices, runs, settings = design.devices, design.cables, design.settings
     kinds, count = devices["kind"].to_numpy(object), len(devices)
     index = {name: number for number, name in enumerate(devices["device"])}
@@ -128,7 +127,7 @@ def forest(design: Layout) -> Forest:
     feeder, trunk = ((runs["kind"] == kind).to_numpy() for kind in ("feeder", "trunk"))
     own = np.flatnonzero(feeder | (trunk & run_asi))
     a, b = (runs[end].iloc[own].map(index).to_numpy(np.intp) for end in "ab")
-    # From the cabinet to a supply leads the mains, and to a gateway a link for data.
+    # A feeder from the cabinet is mains to a supply, or a data link to a gateway.
     kept = ~(feeder[own] & np.isin(kinds, ("cabinet", "gateway"))[np.stack([a, b])].any(axis=0))
     own, a, b = own[kept], a[kept], b[kept]
     outputs = feeder[own] & run_asi[own]
@@ -137,14 +136,16 @@ def forest(design: Layout) -> Forest:
     u, v = layer * count + a, np.where(towards, _LINE_B, layer) * count + b
     nodes = _LAYERS * count
 
-    master = {
-        segment: number
-        for number, segment in enumerate(devices["segment"])
-        if kinds[number] == "master"
-    }
-    supply = _roots(design, kinds, at, master, on_asi, u, v)
+    # A device in the cabinet is beside the master of its segment, any other beside its housing.
+    segments = devices["segment"].tolist()
+    master = {segments[number]: number for number in np.flatnonzero(kinds == "master").tolist()}
+    beside = [
+        master.get(segment, place) if place >= 0 and kinds[place] == "cabinet" else place
+        for segment, place in zip(segments, at.tolist(), strict=True)
+    ]
+    supply = _roots(kinds, beside, on_asi, u, v)
 
-    # One search from a node that all supplies hang on.
+    # One search from an extra node to which all supplies are joined.
     roots = np.fromiter(supply, np.intp, len(supply))
     ends = np.concatenate([u, np.full(len(roots), nodes)]), np.concatenate([v, roots])
     graph = coo_array((np.ones(len(ends[0])), ends), shape=(nodes + 1, nodes + 1)).tocsr()
@@ -161,7 +162,7 @@ def forest(design: Layout) -> Forest:
     ], dtype=np.float64)  # fmt: skip
     ohms, metres = np.zeros(len(runs) + 1), np.append(runs["length_m"].to_numpy(float), 0.0)
     ohms[own] = each
-    load, spur, fed_24 = _loads(design, kinds, at, master, on_asi, index, set(v.tolist()))
+    load, spur, fed_24 = _loads(design, kinds, beside, on_asi, index, set(v.tolist()))
     limits = settings.supply
     return Forest(
         np.arange(nodes, dtype=np.intp) % count, parent, run, metres[run], ohms[run], load,
@@ -173,36 +174,26 @@ def forest(design: Layout) -> Forest:
 
 @cache
 def slave_voltage() -> float:
-    """Return the least that an AS-i slave needs [V]."""
+    """Return the least voltage that an AS-i slave needs [V]."""
     return float(rule_limits()["low"]["slave_voltage"])
 
 
 def _roots(
-    design: Layout,
-    kinds: npt.NDArray[np.object_],
-    at: Indices,
-    master: Mapping[str, int],
-    on_asi: Bools,
-    u: Indices,
-    v: Indices,
+    kinds: npt.NDArray[np.object_], beside: Sequence[int], on_asi: Bools, u: Indices, v: Indices
 ) -> dict[int, int]:
-    """Return the node that each supply feeds, and the supply there."""
-    count, segments = len(kinds), design.devices["segment"].tolist()
-    reached = set(u.tolist()) | set(v.tolist())
+    """Return the supply at each node that one feeds."""
+    count, reached = len(kinds), {*u.tolist(), *v.tolist()}
     supply: dict[int, int] = {}
     between = []
     for number in np.flatnonzero(np.isin(kinds, ("supply", "auxiliary supply"))).tolist():
         feeding = [node for node in range(number, _LAYERS * count, count) if node in reached]
-        housing = int(at[number])
+        housing = beside[number]
         if feeding or not on_asi[number] or housing < 0:
             supply[feeding[0] if feeding else number] = number
         elif kinds[housing] == "repeater" and housing + count in reached:
             between.append((number, housing))
         else:
-            place = (
-                master.get(segments[number], housing) if kinds[housing] == "cabinet" else housing
-            )
-            supply[place] = number
+            supply[housing] = number
     if between:
         # In the housing of a repeater, a supply feeds the side that has none yet.
         shape = (_LAYERS * count,) * 2
@@ -216,30 +207,25 @@ def _roots(
 
 
 def point_currents(design: Layout) -> pd.Series[float]:
-    """Return what each point draws while it is on [A]."""
+    """Return the current of each point while it is on [A]."""
     draws = {name: getattr(design.settings.supply, kind) for name, kind in LOADS.items()}
     return design.iolist.points["signal"].map(draws).fillna(0.0).astype(float)
 
 
 def _loads(
-    design: Layout,
-    kinds: npt.NDArray[np.object_],
-    at: Indices,
-    master: Mapping[str, int],
-    on_asi: Bools,
-    index: Mapping[str, int],
-    ends: set[int],
-) -> tuple[Floats, Floats, Bools]:
-    """Return what each node draws [A], what is lost to its worst point [V], and which have 24 V."""
+    design: Layout, kinds: npt.NDArray[np.object_], beside: Sequence[int], on_asi: Bools,
+    index: Mapping[str, int], ends: set[int],
+) -> tuple[Floats, Floats, Bools]:  # fmt: skip
+    """Return load [A] and drop to its worst point [V] of each node, and whether it has 24 V."""
     settings, limits, count = design.settings, design.settings.supply, len(kinds)
     points, listed = design.points, design.iolist.points
-    load, spur = np.zeros(_LAYERS * count), np.zeros(_LAYERS * count)
+    load, spur = np.zeros((2, _LAYERS * count))
     known = cables()
     device = np.array([index.get(name, -1) for name in points["device"]], np.intp)
     amps = point_currents(design).to_numpy()
     share = np.where(listed["signal"].map(LOADS) == "solenoid", limits.simultaneity, 1.0)
     asi, types = (points["bus"] == "AS-i").to_numpy(), listed["type"].to_numpy(object)
-    # The line itself feeds its modules with all that is not a digital output.
+    # The line itself feeds all of its modules except their digital outputs.
     from_line = asi & (types != "DO") & (device >= 0)
     layer = np.where(asi, _OUTPUTS, 0)
     mine = (device >= 0) & ~from_line
@@ -257,40 +243,34 @@ def _loads(
     fed_24 = np.concatenate([~on_asi, ~on_asi, np.ones(count, bool)])
     load[:count][on_asi & np.isin(kinds, ("module", "master", "repeater"))] += settings.asi.current
     load[count : 2 * count][on_asi] = 0.0
-    segments = design.devices["segment"].tolist()
     for number in np.flatnonzero(on_asi & (kinds == "repeater")).tolist():
-        # A repeater draws from both sides: that towards the master is where it is, or its own.
-        beside = int(at[number])
-        if beside >= 0 and kinds[beside] == "cabinet":
-            beside = master.get(segments[number], -1)
-        node = number + count if number + count in ends else beside
+        # A repeater draws from both sides; the one towards the master may be the device beside it.
+        node = number + count if number + count in ends else beside[number]
         load[node] += settings.asi.current if node >= 0 else 0.0
     return load, spur, fed_24
 
 
-# Which cable each feeder needs, and where a supply has to be nearer ------------------------------
+# The cable that each feeder needs, and where a supply must be nearer -----------------------------
 
 
 class Feeders(NamedTuple):
-    """What the feeders of a design need."""
+    """Sizes of the feeders of a design, and its further supplies."""
 
     #: Cable of each feeder, by the number of its run.
     cable: Mapping[int, str]
-    #: Runs that are replaced by a supply beside the device at their far end, with the supply that
-    #: feeds it so far.
+    #: Runs replaced by a supply beside the device at their far end, with its former supply.
     own: Mapping[int, int]
-    #: Supplies that feed nothing then.
+    #: Supplies that then feed nothing.
     idle: Collection[int]
-    #: Devices that even a supply beside them does not serve, with what it comes to.
+    #: Devices that even a supply beside them does not serve: value, limit and unit.
     weak: Sequence[tuple[str, float, float, str]]
 
 
 def sized(design: Layout) -> Feeders:
     """Return the cheapest feeders that meet voltage and current: thicker cables, or more supplies.
 
-    Each cross-section has its least number of supplies, put nearer to their devices where the cable
-    is not enough, and the one that costs least is taken. At constant currents, the voltage lost is
-    proportional to the resistance of the cable, so that one solution then sizes each tree.
+    Each cross-section has its least number of supplies, and the cheapest is taken. At constant
+    currents the drop is proportional to the resistance, so one solution sizes each tree.
     """
     settings, trees = design.settings, forest(design)
     limits, kinds = settings.supply, design.cables["kind"].to_numpy(object)
@@ -313,7 +293,7 @@ def sized(design: Layout) -> Feeders:
     trees = replace(trees, ohms=np.where(trees.metres > 0, 1.0, 0.0))
     (flow, _), (_, lost) = trees.solve(), trees.solve(short=True)
     roots = trees.root[feeders]
-    # How much resistance per metre each tree may have, and how much its largest current is.
+    # The highest resistance per metre of each tree, and its largest current.
     left = (trees.allowed[feeders] - trees.spur[feeders]) / np.maximum(lost[feeders], 1e-12)
     most, into = np.full(len(flow), np.inf), np.zeros(len(flow))
     np.minimum.at(most, roots, left)
@@ -340,10 +320,10 @@ def sized(design: Layout) -> Feeders:
 
 
 def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: Indices) -> Floats:
-    """Return what the feeders of each tree cost with a cable, and supplies at some nodes [EUR].
+    """Return the cost of each tree's feeders with a cable, and supplies at some nodes [EUR].
 
-    Prices are the nominal ones of the data files: a plan does not depend on what is assumed. One
-    that only moves out of the cabinet counts as one more: there it needs a housing.
+    Prices are the nominal ones of the data files, so that a plan does not depend on the settings'
+    prices. A supply that moves out of the cabinet costs as much as another: it needs a housing.
     """
     settings, site, runs = design.settings, design.site, trees.metres
     price = {name: one.range.nominal for name, one in read_assumptions().items()}
@@ -364,7 +344,7 @@ def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: I
 
 
 def feeders_of(thinnest: str) -> list[Cable]:
-    """Return a cable and the thicker ones of one pair that may feed instead."""
+    """Return a cable and the thicker ones of one pair, by cross-section."""
     first = cables()[thinnest]
     more = [
         cable for cable in cables().values()
@@ -376,9 +356,9 @@ def feeders_of(thinnest: str) -> list[Cable]:
 def _cuts(
     trees: Forest, feeders: Sequence[int], cable: Cable, rating: float, tails: float
 ) -> list[int]:
-    """Return the nodes that need a supply of their own with a cable: as few as can be.
+    """Return the fewest nodes that need a supply of their own with a cable.
 
-    From the leaves, a branch stays with what is before it while a supply there could serve both.
+    From the leaves, a branch stays with its parent while a supply there could serve both.
     """
     parent, short = trees.parent.tolist(), trees.short.tolist()
     metres, allowed = trees.metres.tolist(), trees.allowed.tolist()
@@ -399,11 +379,11 @@ def _cuts(
     return cut
 
 
-# What a design's supplies give, and what arrives: two tables ------------------------------------
+# Two tables: the supplies of a design, and the devices that they feed ----------------------------
 
 
 def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return one row per supply, and one per device that is fed, on each of its lines."""
+    """Return one row per supply, and one row per fed device and line."""
     trees, devices, runs = forest(design), design.devices, design.cables
     (flow, drop), (_, shorted) = trees.solve(), trees.solve(short=True)
     line = devices["segment"].isin(design.segments.query("bus == 'AS-i'")["segment"])

@@ -1,13 +1,12 @@
-"""What a yard builds from: cable schedule, devices, terminals and points of a design."""
+"""Tables that a yard builds from: cable schedule, devices, terminals and points of a design."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
-from types import MappingProxyType
 from typing import TypeAlias
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
@@ -20,23 +19,21 @@ from shipnet.design.layout import Layout
 from shipnet.design.supply import supply_tables
 from shipnet.signals import SIGNALS
 
-#: What the two conductors of a trunk carry, by bus, and those of every feeder.
-_WIRES: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {"AS-i": ("AS-i +", "AS-i -"), "CAN": ("CAN_H", "CAN_L"), "Modbus RTU": ("D1", "D0")}
-)
+#: Names of the two conductors of a trunk, by bus, and of every feeder.
+_WIRES = {"AS-i": ("AS-i +", "AS-i -"), "CAN": ("CAN_H", "CAN_L"), "Modbus RTU": ("D1", "D0")}
 _FEED = ("L+", "L-")
 
-#: Cables that end at a point.
+#: Kinds of cables that end at a point.
 _TO_POINT = ("drop", "home run")
 
 
 def file_name(name: str) -> str:
-    """Return the name of a design as that of a file or folder on any system."""
+    """Return a name that any system allows for a file or folder."""
     return re.sub(r"[^\w.,+() -]", "-", name).strip(" .") or "design"
 
 
 def save_files(folder: str | PathLike[str], named: Iterable[tuple[str, bytes]]) -> None:
-    """Write files into a folder and those below it, which are made if they are missing."""
+    """Write files into a folder and those below it, and make missing folders."""
     for name, content in named:
         path = Path(folder, name)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -53,7 +50,7 @@ def zipped(named: Iterable[tuple[str, bytes]]) -> bytes:
 
 
 def tables(design: Layout) -> dict[str, pd.DataFrame]:
-    """Return the tables of a design by the names of their files, rows in a stable order."""
+    """Return the tables of a design by the names of their files."""
     supplies, voltages = supply_tables(design)
     return {
         "cables": schedule(design),
@@ -69,32 +66,29 @@ def tables(design: Layout) -> dict[str, pd.DataFrame]:
 
 
 def schedule(design: Layout) -> pd.DataFrame:
-    """Return the cable schedule: one row per cable, as it is ordered, pulled and connected."""
+    """Return the cable schedule: one row per cable, to order, pull and connect it."""
     runs, known = design.cables, catalogue()
-    at = dict(zip(design.devices["device"], design.devices["at"], strict=True))
-    return pd.DataFrame(
-        {
-            "cable": runs["run"],
-            "from": runs["a"],
-            "from_in": [at[name] for name in runs["a"]],
-            "to": runs["b"],
-            "to_in": [at.get(name, "") for name in runs["b"]],
-            "type": runs["cable"],
-            "description": [known[name].description for name in runs["cable"]],
-            "cores": runs["conductors"],
-            "cores_used": runs["used"],
-            "length_m": runs["length_m"],
-            "tails_m": runs["length_m"] - design.site.detour * runs["route_m"],
-            "route": runs["way"].map("; ".join),
-            "kind": runs["kind"],
-            "segment": runs["segment"],
-            "line": runs["line"],
-        }
+    at = design.devices.set_index("device")["at"]
+    names = {"run": "cable", "a": "from", "b": "to", "cable": "type", "conductors": "cores",
+             "used": "cores_used"}  # fmt: skip
+    table = runs.rename(columns=names).assign(
+        from_in=[at[name] for name in runs["a"]],
+        to_in=[at.get(name, "") for name in runs["b"]],
+        description=runs["cable"].map(lambda name: known[name].description),
+        tails_m=runs["length_m"] - design.site.detour * runs["route_m"],
+        route=runs["way"].map("; ".join),
     )
+    return table[_SCHEDULE]
+
+
+_SCHEDULE = [
+    "cable", "from", "from_in", "to", "to_in", "type", "description", "cores", "cores_used",
+    "length_m", "tails_m", "route", "kind", "segment", "line",
+]  # fmt: skip
 
 
 def devices(design: Layout) -> pd.DataFrame:
-    """Return all devices with place, housing and bus address, and how many points they have."""
+    """Return all devices with position, housing, bus address and number of points."""
     connected = design.points[design.points["bus"] != ""]
     # An address begins with that of the device: a slave, a unit, or one of several messages.
     own = connected.assign(address=connected["address"].str.split().str[0])
@@ -103,16 +97,15 @@ def devices(design: Layout) -> pd.DataFrame:
     name = design.devices["device"]
     count = name.map(connected["device"].value_counts()).fillna(0).astype(int)
     columns = ["device", "kind", "segment", "at", "x_m", "y_m", "z_m"]
-    return design.devices[columns].assign(
-        address=[of_device.get(own, "") for own in name], points=count
-    )  # fmt: skip
+    address = [of_device.get(own, "") for own in name]
+    return design.devices[columns].assign(address=address, points=count)
 
 
 def points(design: Layout) -> pd.DataFrame:
-    """Return all points of the list with the channel that each has, also those that do not fit."""
+    """Return all points of the list with their channels, also those that do not fit."""
     columns = ["tag", "system", "type", "signal", "x_m", "y_m", "z_m", "update_ms"]
     listed, own = design.iolist.points[columns], design.points.drop(columns="tag")
-    # A hardwired point ends on a card in the cabinet, whatever its cable passes on the way.
+    # A hardwired point ends on a card in the cabinet, also if it passes a box.
     reader = own["device"].where(own["bus"] != "hardwired", design.cabinet)
     number = listed.groupby([reader, listed["type"]]).cumcount() + 1
     channel = (listed["type"] + " " + number.astype(str)).where(own["bus"] != "", "")
@@ -123,10 +116,10 @@ def points(design: Layout) -> pd.DataFrame:
 
 
 def terminals(design: Layout) -> pd.DataFrame:
-    """Return the terminal plan: one row per core, what it carries, and its terminal at each end.
+    """Return the terminal plan: one row per core with its signal and its terminal at each end.
 
     The terminals of each device are numbered from 1 in the order of the cables. Cores that meet in
-    a junction box share a terminal, and so do the returns of one kind. Spare cores have none.
+    a junction box share a terminal, as do the returns of one signal. Spare cores have none.
     """
     runs = design.cables
     size = runs["conductors"].to_numpy(np.intp)
@@ -170,7 +163,7 @@ def terminals(design: Layout) -> pd.DataFrame:
 
 
 def _wires(design: Layout) -> Iterator[str]:
-    """Return what each core of each cable is called: on a bus by its signal, else by its number."""
+    """Yield the name of each core of each cable: its signal on a bus, else its number."""
     bus = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     runs = design.cables
     for kind, segment, cores in zip(runs["kind"], runs["segment"], runs["conductors"], strict=True):
@@ -179,17 +172,17 @@ def _wires(design: Layout) -> Iterator[str]:
         yield from (known[n] if n < len(known) else str(n + 1) for n in range(cores))
 
 
-#: What meets a core of a box's trunk: cables by their rows, each with the place of its wire, and
-#: the kind of signal whose return it is, if it is one.
+#: The wires that meet a core of a box's trunk, each as row of its cable and number, and the signal
+#: whose return the core is, or "".
 _Joint: TypeAlias = tuple[list[tuple[int, int]], str]
 
 
 def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
-    """Yield the row of each trunk of a box, and what meets each of its cores.
+    """Yield the row of each trunk of a box, and the wires that meet each of its cores.
 
-    The planner divides the points of a box among its trunks in their order, so the conductors in
-    use show where one trunk ends. A point has pairs of its own; those with a common return come
-    after all pairs, one conductor each, and then the returns.
+    The planner divides the points of a box among its trunks in order, so the conductors in use
+    show where a trunk ends. First come the pairs of points with their own return, then one
+    conductor per point with a common return, then the returns.
     """
     runs = design.cables
     kinds = dict(zip(design.points["tag"], design.iolist.points["signal"], strict=True))
@@ -216,7 +209,7 @@ def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
 
 
 def _joints(drops: Iterable[tuple[int, str, int]]) -> list[_Joint]:
-    """Return what meets each core of a trunk, for row, signal and wires of each drop."""
+    """Return the wires that meet each core of a trunk, from row, signal and wires of each drop."""
     pairs, shared, returns = list[_Joint](), list[_Joint](), dict[str, list[tuple[int, int]]]()
     for drop, kind, wires in drops:
         common = SIGNALS[kind].common

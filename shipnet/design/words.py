@@ -1,4 +1,4 @@
-"""What I/O lists call things: titles of columns, numbers with units, frames, decks and sides."""
+"""The words of I/O lists: titles of columns, numbers with units, frames, decks and sides."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.signals import find_signal, meanings, plain, spellings
 from shipnet.tables import Sheet
 
-#: Columns of a list of points, in their order, and what they hold: text, or a quantity whose unit
-#: the name ends with. `data/iolist_words.csv` has what lists call them.
+#: Columns of a list of points in order, and what they hold: text, or a quantity whose unit ends the
+#: name. `data/iolist_words.csv` has their titles.
 COLUMNS: Mapping[str, str] = {
     "tag": "text", "system": "text", "type": "text", "signal": "text", "conductors": "whole",
     "x_m": "length", "y_m": "length", "z_m": "length", "box": "text", "box_x_m": "length",
@@ -22,7 +22,7 @@ COLUMNS: Mapping[str, str] = {
     "update_ms": "time", "category": "text", "note": "text", "device": "text", "ex": "text",
 }  # fmt: skip
 
-#: Columns that say in other words where a point is, and what their cells must be.
+#: Columns that give a position by frame, deck and side, and what their cells must be.
 PLACED: Mapping[str, str] = {
     "frame": "a frame within [frames], such as FR 34+200",
     "deck": "one of [decks]",
@@ -30,7 +30,7 @@ PLACED: Mapping[str, str] = {
     "location": "frame, deck and side, such as FR 34+200, DK3, P 4.2",
 }
 
-#: Units that a title or a cell may name, each as a multiple of that of the column.
+#: Units that a title or a cell may name, as multiples of the column's unit.
 UNITS: Mapping[str, Mapping[str, float]] = {
     "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "meter": 1.0, "metre": 1.0},
     "time": {"ms": 1.0, "s": 1e3, "sec": 1e3, "msec": 1.0},
@@ -46,7 +46,7 @@ class Reading(NamedTuple):
     decks: tuple[tuple[str, float], ...] = ()
 
     def tried(self, table: str, values: Mapping[str, object]) -> tuple[Reading, list[str]]:
-        """Return the words with those of a table over them, and what is wrong with the others."""
+        """Return the words with those of a table added, and the faults of the table."""
         known, faults = dict(getattr(self, table)), []
         for word, value in values.items():
             try:
@@ -59,39 +59,36 @@ class Reading(NamedTuple):
         return self._replace(**{table: tuple(known.items())}), faults
 
     def with_sheets(self, sheets: Iterable[Sheet]) -> Reading:
-        """Return the words with the frames and decks of a workbook's own tables of them."""
+        """Return the words with the tables of frames and decks in a workbook added."""
         found = self
         for sheet in sheets:
-            columns = [column_of(title) for title in sheet.titles]
-            names = [column and column.name for column in columns]
-            word = "frame" if "frame" in names else "deck"
-            place = names.index("x_m" if word == "frame" else "z_m")
-            scale, at = columns[place].scale, names.index(word)  # type: ignore[union-attr]
+            columns = {c.name: (n, c) for n, t in enumerate(sheet.titles) if (c := column_of(t))}
+            word, axis = ("frame", "x_m") if "frame" in columns else ("deck", "z_m")
+            (at, _), (place, column) = columns[word], columns[axis]
             values: dict[str, object] = {}
+            faults = []
             for number, cells in sheet.rows:
-                cells += [""] * (len(names) - len(cells))
-                value = read_number(cells[place], ".", scale, UNITS["length"])
-                if value is None or not cells[at]:
-                    raise InputError(
-                        f"{sheet.source}, sheet {sheet.sheet}",
-                        f"row {number}: {cells[at]!r} at {cells[place]!r}; expected a {word} and a "
-                        "number in m",
-                    )
+                cells += [""] * (len(sheet.titles) - len(cells))
+                value = read_number(cells[place], ".", column.scale, UNITS["length"])
                 values[cells[at]] = value
-            found, faults = found.tried(f"{word}s", values)
+                if value is None or not cells[at]:
+                    said = f"{cells[at]!r} at {cells[place]!r}; expected a {word} and a number in m"
+                    faults.append(f"row {number}: {said}")
+            if not faults:
+                found, faults = found.tried(f"{word}s", values)
             if faults:
                 raise InputError(f"{sheet.source}, sheet {sheet.sheet}", *faults)
         return found
 
     def signal(self, word: str) -> str:
-        """Return what the list means by a word for a signal."""
+        """Return the signal that the list's own words explain, or the word itself."""
         own = {plain(spelling): name for spelling, name in self.signals}
         return own.get(plain(word), word)
 
     def place(self, cells: Mapping[str, str]) -> tuple[float, float, float] | str:
-        """Return the place that frame, deck and side mean, or which of them is not known."""
+        """Return the position that frame, deck and side mean, or which of them is unknown."""
         parts = {name: cell.replace(",", ".") for name, cell in cells.items() if name != "location"}
-        # A comma before a digit is a decimal one.
+        # A comma before a digit is a decimal comma.
         several = re.split(r"[;/]|,(?![0-9])", cells.get("location", ""))
         for part in filter(None, (one.strip().replace(",", ".") for one in several)):
             kind = "frame" if re.match(r"(?i)fr", part) else "deck"
@@ -121,17 +118,16 @@ def is_place_titles(cells: Sequence[str]) -> bool:
 
 
 def is_frame(cell: str) -> bool:
-    """Return whether a cell says a frame, known or not."""
+    """Return whether a cell has the form of a frame."""
     return _frame(_offset(cell)[0]) is not None
 
 
 def _offset(text: str) -> tuple[str, float]:
-    """Return a frame or a deck, and how far off it a place is [m], in mm unless it says m."""
-    if _frame(text.strip()) is not None:
-        return text.strip(), 0.0
-    found = re.fullmatch(r"(.*[^\s+-])\s*([+-]\s*[0-9]+(?:\.[0-9]+)?)\s*(mm|m)?", text.strip())
-    if found is None:
-        return text.strip(), 0.0
+    """Return a frame or a deck, and an offset [m], which is given in mm or m."""
+    text = text.strip()
+    found = re.fullmatch(r"(.*[^\s+-])\s*([+-]\s*[0-9]+(?:\.[0-9]+)?)\s*(mm|m)?", text)
+    if found is None or _frame(text) is not None:
+        return text, 0.0
     return found[1], float("".join(found[2].split())) * (1.0 if found[3] == "m" else 1e-3)
 
 
@@ -148,7 +144,7 @@ _PORT = {"p": 1, "ps": 1, "port": 1, "c": 0, "cl": 0, "centre": 0, "center": 0, 
 
 
 def _side(text: str) -> float | None:
-    """Return how far to port a place is [m]."""
+    """Return the distance to port [m]."""
     found = re.fullmatch(
         r"([^\W\d]*)\.?\s*([0-9]+(?:\.[0-9]+)?)?\s*(?:m)?\s*([^\W\d]*)", text.strip()
     )
@@ -176,7 +172,7 @@ def _is_signal(word: str, value: object) -> str:
     return str(value)
 
 
-#: What the values of each table must be, and in words.
+#: The check of the values of each table, and the legal values in words.
 _OWN = {"columns": _is_column, "signals": _is_signal, "frames": _is_metres, "decks": _is_metres}
 _LEGAL = {
     "columns": f"one of {', '.join((*COLUMNS, *PLACED))}",
@@ -190,7 +186,7 @@ _LEGAL = {
 
 
 class Column(NamedTuple):
-    """What a title means: the name of the column, and the multiple of its unit."""
+    """The meaning of a title: the name of the column, and the multiple of its unit."""
 
     name: str
     scale: float = 1.0
@@ -205,13 +201,13 @@ def _titles() -> Mapping[str, str]:
 
 @lru_cache(4096)
 def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | None:
-    """Return the column that a title means, also where it says it in two languages."""
+    """Return the column that a title means, perhaps in two languages."""
     mine = {plain(word): name for word, name in own}
     if plain(title) in mine:
         return Column(mine[plain(title)])
     if found := _column(title):
         return found
-    # A unit in brackets may stand anywhere, and a second language before or behind.
+    # A unit in brackets may be anywhere, and a second language before or after.
     unit = re.search(r"[\[(]\s*(\w+)\s*[\])]", title)
     bare, mark = title, ""
     if unit is not None and any(unit[1].casefold() in known for known in UNITS.values()):
@@ -221,7 +217,7 @@ def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | Non
     for split in (own_letters, re.split(r"[/|()\[\]]", bare)):
         parts = [part for part in split if plain(part)]
         each = [_column(part + mark) for part in parts]
-        # What is not known must at least be in another script, not another word.
+        # An unknown part must be in another script.
         foreign = all(found or not part.isascii() for part, found in zip(parts, each, strict=True))
         names = {found for found in each if found is not None}
         if names == {Column("type"), Column("signal")}:  # a column of types may hold signals
@@ -243,7 +239,7 @@ def _column(title: str) -> Column | None:
 
 # Numbers --------------------------------------------------------------------------------------
 
-#: Wide characters of East Asia, the true minus and blanks that are not broken, as plain ones.
+#: Wide characters of East Asia, the minus sign and non-breaking spaces, as plain ones.
 _WIDE = {0xFF01 + k: 0x21 + k for k in range(94)} | {0x3000: 32, 0x2212: 45, 0xA0: 32, 0x202F: 32}
 
 _CELL = re.compile(
@@ -260,7 +256,7 @@ def widened(cell: str) -> str:
 
 
 def decimal_mark(cells: Iterable[str]) -> str:
-    """Return the decimal mark of a list: a point, a comma, or nothing if its numbers do not say."""
+    """Return the decimal mark of a list: a point, a comma, or "" if its numbers do not tell."""
     marks = set()
     for cell in set(cells):
         found = _CELL.fullmatch(widened(cell))
@@ -272,10 +268,10 @@ def decimal_mark(cells: Iterable[str]) -> str:
 
 
 def read_number(cell: str, mark: str, scale: float, units: Mapping[str, float]) -> float | None:
-    """Return the number that a cell holds, in the unit of its column; None if it holds none.
+    """Return the number in a cell in the unit of its column, or None, also if it is ambiguous.
 
-    `scale` is that of the title's unit, which one in the cell overrides. None too if a comma may
-    be the decimal mark or part thousands.
+    `scale` is that of the title's unit, which a unit in the cell overrides. A comma is ambiguous
+    if it may be a decimal mark or separate thousands.
     """
     found = _CELL.fullmatch(widened(cell))
     if found is None or (found[3] and found[3].casefold() not in units):

@@ -428,7 +428,8 @@ def _numbers(comparison: Comparison) -> dict[str, str]:
         more = f"; and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
         said[f"{option} violates"] = "; ".join(violated[:_SHOWN]) + more
     for option, design in comparison.designs.items():
-        for row in worst(design.failures()).query("points_lost > 0").itertuples():
+        failures = worst(design.failures())
+        for row in failures[failures["points_lost"] > 0].itertuples():
             lost = f"{row.points_lost} point{'' if row.points_lost == 1 else 's'}"
             said[f"{option} at worst"] = (
                 f"{lost} lost when {row.failed} {_FAILED[str(row.failure)]}"

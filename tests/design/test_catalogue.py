@@ -96,7 +96,7 @@ def test_the_reserve_is_added_and_rounded_up():
 
 
 def test_more_conductors_than_the_largest_cable_has_are_refused():
-    with pytest.raises(ArgumentError, match=r"20 % that is 75, and the largest cable .* has 74"):
+    with pytest.raises(ArgumentError, match=r"75 with 20 % spares; the largest cable .* has 74"):
         smallest(62, spare=0.2)
 
 

@@ -35,24 +35,24 @@ def searched(design, cut=(), dead=(), needs=None):
     A line of AS-i carries telegrams only where it has current; `needs` holds the devices that do
     not work without.
     """
-    devices = design.devices.set_index("device")
-    kind = devices["kind"]
+    devices = {row.device: row for row in design.devices.itertuples()}
+    kind = {name: row.kind for name, row in devices.items()}
     dead = set(dead)
     while True:
         shells = [name for name in dead if kind[name] in ("box", "cabinet")]
-        more = set(devices.index[devices["at"].isin(shells)]) - dead
+        more = {name for name, row in devices.items() if row.at in shells} - dead
         if not more:
             break
         dead |= more
     if design.cabinet in dead:
         return set()
     graph, power, auxiliary = nx.Graph(), nx.Graph(), nx.Graph()
-    auxiliary.add_nodes_from(kind.index)
+    auxiliary.add_nodes_from(kind)
     lines_of_as_i = []
     unfed = set()
     for each in (graph, power):
-        each.add_nodes_from((name, line) for name in kind.index for line in "AB")
-    for name in kind.index[kind.isin(JOINS)]:
+        each.add_nodes_from((name, line) for name in kind for line in "AB")
+    for name in (name for name in kind if kind[name] in JOINS):
         graph.add_edge((name, "A"), (name, "B"))
     blocked = {name for name in dead if kind[name] in JOINS | {"box", "repeater"}}
 
@@ -61,7 +61,7 @@ def searched(design, cut=(), dead=(), needs=None):
             graph.add_edges_from([((a, line), (b, line)) for line in lines])
 
     wires = []
-    buses = design.segments.set_index("segment")["bus"]
+    buses = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     for run in design.cables.itertuples():
         if run.kind in ("drop", "home run"):
             wires.append((run.a, run.b, run.run))
@@ -84,21 +84,25 @@ def searched(design, cut=(), dead=(), needs=None):
     for run in design.cables.itertuples():
         if run.kind == "feeder" and run.run in cut and design.cabinet in (run.a, run.b):
             unfed |= {name for name in (run.a, run.b) if kind[name].endswith("supply")}
-    for name, row in devices[devices["at"] != ""].iterrows():
-        hangs_on = row["at"]
-        if row["kind"] in ("supply", "repeater"):
-            masters = kind.index[(kind == "master") & (devices["segment"] == row["segment"])]
-            if hangs_on == design.cabinet and len(masters):
+    for name, row in devices.items():
+        hangs_on = row.at
+        if not hangs_on:
+            continue
+        if row.kind in ("supply", "repeater"):
+            masters = [other for other, its in devices.items()
+                       if (its.kind, its.segment) == ("master", row.segment)]  # fmt: skip
+            if hangs_on == design.cabinet and masters:
                 hangs_on = masters[-1]
-        beside = (row["kind"], kind[hangs_on]) == ("repeater", "master")
-        if beside and buses.get(devices.loc[hangs_on, "segment"]) == "AS-i":
+        beside = (row.kind, kind[hangs_on]) == ("repeater", "master")
+        if beside and buses.get(devices[hangs_on].segment) == "AS-i":
             lines_of_as_i.append((name, hangs_on, "AB"))
         else:
             join(graph, hangs_on, name, "AB")
-        if row["kind"] == "supply":
+        if row.kind == "supply":
             join(power, hangs_on, name, "AB")
     supplied = set()
-    for name in kind.index[(kind == "supply") & ~kind.index.isin(dead | unfed)]:
+    live = kind.keys() - dead - unfed
+    for name in (name for name in live if kind[name] == "supply"):
         for line in "AB":
             supplied |= {n for n, _ in nx.node_connected_component(power, (name, line))}
     for a, b, lines in lines_of_as_i:
@@ -108,7 +112,7 @@ def searched(design, cut=(), dead=(), needs=None):
     reached = {name for name, _ in nx.node_connected_component(graph, (design.cabinet, "A"))}
     alive = reached - dead
     outputs = set()
-    for name in kind.index[(kind == "auxiliary supply") & ~kind.index.isin(dead | unfed)]:
+    for name in (name for name in live if kind[name] == "auxiliary supply"):
         outputs |= nx.node_connected_component(auxiliary, name)
     return alive, supplied, outputs, wires
 

@@ -133,7 +133,7 @@ def test_one_list_in_many_spellings_is_one_list():
         ({"home run": "12,500"}, r"column home run: '12,500'; expected a number 0..10000 m"),
         ({"update": "0"}, r"column update: '0'; expected a number above 0, up to 3600000 ms"),
         ({"update": "-5"}, r"column update: '-5'; expected a number above 0"),
-            ({"jb": ""}, "column jb: is empty; expected a name, as the list says where it is"),
+            ({"jb": ""}, "column jb: is empty; expected a name, as the list gives its position"),
     ],
 )  # fmt: skip
 def test_a_faulty_cell_is_named_with_what_is_expected(changes, fault):
@@ -152,8 +152,8 @@ def test_every_fault_is_told_at_once_in_the_order_of_the_file():
         "row 3, column tag", "row 3, column type", "row 4, column x", "row 4, column home run",
         "row 6, column tag", "row 6, column signal", "row 6, column update",
     ]  # fmt: skip
-    assert "'ls-1' stands in row 2 already" in found[0]
-    assert "'LS-4' stands in row 5 already" in found[4]
+    assert "'ls-1' is the tag of row 2 already" in found[0]
+    assert "'LS-4' is the tag of row 5 already" in found[4]
 
 
 def test_a_thousand_faulty_rows_are_all_kept_and_told_in_few_words():
@@ -192,7 +192,7 @@ def test_what_is_not_used_or_assumed_is_said():
     iolist = IoList.parse("tag,type,home run,alarm limit,range\nLS,DI,4,high,\nLT,DI,4,,")
     assert iolist.remarks == (
         "not used: alarm limit; range",
-        "2 points have no update time: that of the settings holds, 1000 ms unless they say other",
+        "2 points have no update time: that of the settings is used, by default 1000 ms",
     )
     assert iolist.points["update_ms"].isna().all()
 
@@ -245,14 +245,14 @@ def test_a_box_has_one_place_and_needs_it_only_once():
     assert points["box_x_m"].tolist()[:2] == [1.0, 1.0] and np.isnan(points["box_x_m"][2])
     found = faults(f"{head}a,DI,9,JB1,1,2,3\nb,DI,9,JB1,1,2,4\nc,DI,9,JB1,1,,")
     assert found == (
-        "row 3, column box x: box 'JB1' stands elsewhere in row 2; expected it at 1, 2, 3 m",
+        "row 3, column box x: box 'JB1' has another position in row 2; expected it at 1, 2, 3 m",
         "row 4, column box y and box z: is empty; expected box x, box y, box z, or none",
     )
 
 
 def test_a_cable_to_a_box_that_is_shorter_than_the_straight_way_is_a_doubt():
     head = "tag,type,x,y,z,box,box x,box y,box z,to box\n"
-    said = "the cable to the box is shorter than the straight way, but kept: 1 row (2)"
+    said = "the cable to the box is shorter than the straight distance, but kept: 1 row (2)"
     assert said not in IoList.parse(f"{head}a,DI,0,0,0,B,3,4,0,4.9").remarks
     assert said in IoList.parse(f"{head}a,DI,0,0,0,B,3,4,0,4.7").remarks
 
@@ -277,7 +277,7 @@ def test_a_table_is_checked_as_a_file_is():
     table = read_iolist(SHIP).points
     assert IoList.from_table(table).points.equals(table)
     assert IoList.from_table(table.iloc[::-1]).points["tag"].tolist() == table["tag"].tolist()[::-1]
-    with pytest.raises(InputError, match=r"row 1, column tag: 'a' stands in row 0"):
+    with pytest.raises(InputError, match=r"row 1, column tag: 'a' is the tag of row 0"):
         IoList.from_table(pd.DataFrame({"tag": ["a", "a"], "type": "DI", "length": 3}))
     with pytest.raises(InputError, match=r"column tag: 'True', true or false; expected printable"):
         IoList.from_table(pd.DataFrame({"tag": [True], "type": "DI", "length": 3}))

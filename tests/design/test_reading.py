@@ -389,5 +389,7 @@ def test_a_title_of_types_and_signals_in_two_languages_is_one_column(title):
 
 
 def test_a_list_whose_titles_are_not_known_says_where_to_name_them():
-    with pytest.raises(InputError, match=r"not known: wkz; \[columns\] in the settings may say"):
+    with pytest.raises(
+        InputError, match=r"unknown titles: wkz; \[columns\] in the settings may explain"
+    ):
         IoList.parse("tag,system,wkz,x,y,z\nA,b,contact,1,2,3")

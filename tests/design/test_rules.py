@@ -304,7 +304,7 @@ def test_all_faults_of_a_file_are_told_at_once(tmp_path):
         "row 2: measure is 'respons'", "row 3: limit is 'fast'", "row 3: confirmed is 'perhaps'",
         "row 4: limit is -1;", "row 4: applies is 'pumps'", "row 4: bound is 'about'",
         "row 5: rule is ''", "row 6 has 8 cells; expected 7",
-        "rule 'e' stands twice",
+        "rule 'e' appears twice",
     ]  # fmt: skip
     assert len(told) == len(expected)
     assert all(t.startswith(e) for t, e in zip(told, expected, strict=True)), told
@@ -336,7 +336,7 @@ def test_a_file_that_is_none_is_told_so(text, fault, tmp_path):
     | st.text(max_size=200).map(lambda t: ("rule,measure,limit\n" + t).encode())
 )
 def test_any_bytes_are_rules_or_an_input_error(tmp_path_factory, data):
-    file = tmp_path_factory.mktemp("rules") / "any.csv"
+    file = tmp_path_factory.getbasetemp() / "any rules.csv"
     file.write_bytes(data)
     try:
         assert RuleSet.read(file)

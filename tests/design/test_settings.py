@@ -251,9 +251,9 @@ def test_a_comparison_and_its_report_tell_what_is_not_the_default():
     }  # fmt: skip
     assert told["default"]["can.nodes"] == 50
     page = found.html()
-    assert "Values that are not the defaults; all others are." in page
+    assert "Values that differ from the defaults." in page
     assert "<td>assumptions.can_station</td>" in page and "<td>[500, 500, 500]</td>" in page
-    assert "1.4 times its way and 5 m for both ends." in page
+    assert "1.4 times as long as its route, plus 5 m for both ends." in page
     assert "The host adds 0.25 s to a response where a rule counts it." in page
     usual = iolist.compare((0, 0, 5), ["home runs"]).html()
     assert "Every limit, price and allowance has its default value." in usual
@@ -275,7 +275,7 @@ def test_the_command_takes_a_file_and_prints_one(tmp_path, capsys):
         "not the default: detour 1.5 (1.15)\nnot the default: assumptions.labour_rate [70, 70, 70]"
     )
     assert said in out and "not the default" not in usual
-    assert "1.5 times its way" in report.read_text(encoding="utf-8")
+    assert "1.5 times as long as its route" in report.read_text(encoding="utf-8")
     (longer,), (shorter,) = (
         [float(line.split()[-1]) for line in text.splitlines() if line.startswith("cable length")]
         for text in (out, usual)

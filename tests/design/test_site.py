@@ -160,7 +160,7 @@ def test_of_two_trays_between_the_same_nodes_the_other_is_taken_when_one_is_avoi
         (lambda: Site((0, 0, 0), tails=float("nan")), r"tails is nan m; .* 0\.\.1000"),
         (lambda: Site((0, 0, 0), tails=True), "tails is True"),
         (lambda: SITE.route((1, 2), (1, 2, 3)), "a is .* shape"),
-        (lambda: SITE.route(np.zeros((2, 3)), np.zeros((4, 3))), "they must fit"),
+        (lambda: SITE.route(np.zeros((2, 3)), np.zeros((4, 3))), "which does not fit"),
         (lambda: SITE.route((1, 2, 3), (1, 2, 3), avoid=["xx"]), "avoid names 'xx'"),
         (lambda: Site((0, 0, 0)).ways((1, 2, 3), (1, 2, 3), avoid=["x"]), "has no trays"),
     ],
@@ -181,10 +181,10 @@ TWO = "node,A,0,0,0,,\nnode,B,9,0,0,,\n"
         ("kind,name\nnode,A", ["row 1: no column x_m"]),
         (TITLES.replace("from", "form"), ["title 'form' is unknown", "row 1: no column from"]),
         (TITLES, ["there is no tray"]),
-        (TITLES + TWO + "tray,t,,,,A,C", ["row 4: tray 't' ends at 'C', which is no node"]),
+        (TITLES + TWO + "tray,t,,,,A,C", ["row 4: tray 't' ends at 'C', which is not a node"]),
         (TITLES + TWO + "tray,t,,,,A,A", ["row 4: tray 't' has no length"]),
-        (TITLES + TWO + "tray,t,,,,A,B\ntray,t,,,,B,A", ["row 5: tray 't' stands twice"]),
-        (TITLES + TWO + "node,A,1,1,1,,\ntray,t,,,,A,", ["row 4: node 'A' stands twice",
+        (TITLES + TWO + "tray,t,,,,A,B\ntray,t,,,,B,A", ["row 5: tray 't' appears twice"]),
+        (TITLES + TWO + "node,A,1,1,1,,\ntray,t,,,,A,", ["row 4: node 'A' appears twice",
                                                         "row 5, column to: is empty"]),
         (TITLES + TWO + "node,C,1,x,inf,,\npipe,,,,,,\ntray,t,,,,A,B",
          ["row 4, column y_m: 'x'; expected a number -1000..1000 m",
@@ -203,7 +203,7 @@ def test_every_fault_of_a_file_of_trays_is_told_at_once(text, found):
 
 
 def test_trays_that_are_no_graph_are_refused():
-    with pytest.raises(ArgumentError, match="ends at 'B', which is no node"):
+    with pytest.raises(ArgumentError, match="ends at 'B', which is not a node"):
         Trays({"A": (0, 0, 0)}, (Tray("t", "A", "B"),))
     with pytest.raises(ArgumentError, match="expected three finite numbers"):
         Trays({"A": (0, 0, np.nan), "B": (1, 1, 1)}, (Tray("t", "A", "B"),))

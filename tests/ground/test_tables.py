@@ -84,7 +84,7 @@ def test_a_formula_is_never_evaluated(tmp_path):
 def test_what_stands_beside_the_table_is_not_used(tmp_path):
     rows = [LIST[0], [*LIST[1], None, "checked by K."], LIST[2]]
     iolist = read_iolist(workbook(tmp_path / "list.xlsx", ("list", rows)))
-    assert iolist.remarks == ("not used: what stands beside the table: 1 row (2)",)
+    assert iolist.remarks == ("not used: cells beside the table: 1 row (2)",)
 
 
 def test_sheets_that_are_not_there_are_named(tmp_path):

@@ -156,7 +156,7 @@ def test_the_cabinet_is_typed_or_found_or_asked_for():
     found = ship.result
     assert found.site.cabinet == (26, 6, 14) and "26, 6, 14 m" in ship.numbers["cabinet"]
     assert SMALL.numbers["cabinet"] == "the cabinet is at 10, 0, 8 m"
-    with pytest.raises(ArgumentError, match="give its place x, y, z in m, such as 26,6,14"):
+    with pytest.raises(ArgumentError, match="give its position x, y, z in m, such as 26,6,14"):
         _ = replace(SMALL, cabinet="").result
     for wrong in ("1, 2", "1, 2, x", "1, 2, nan", "1, 2, inf", "1 2 3", ",,", "1,2,3,4"):
         with pytest.raises(ArgumentError, match=r"cabinet is .* three numbers x, y, z in m"):
@@ -242,7 +242,7 @@ def test_the_page_refuses_a_bad_list_fault_by_fault_and_takes_a_good_one():
     assert page._noted.value.count("<br>") == 4 and "<img" not in page._noted.value
     assert page.inputs == before
     load(upload, FEW.replace("P7", HOSTILE).encode(), "few.csv")
-    assert page.text.startswith("few.csv") is False and "give its place x, y, z" in page.text
+    assert page.text.startswith("few.csv") is False and "give its position x, y, z" in page.text
     page.controls["cabinet"].value = "10, 0, 8"
     assert "8 points: " in page.text and page.note == ""
     assert HOSTILE not in page._shown.value + page._details.value
