@@ -44,7 +44,7 @@ from shipnet.tools._view import (
 _FAULTS = 50
 
 #: Said where a file or a button changed nothing.
-_BEFORE = "The results above are still those from before."
+_BEFORE = "The results above are still the previous ones."
 
 #: Frames of a stepper at most.
 _MOST = 1000

@@ -63,21 +63,21 @@ class AsiLine(Tool):
     )  # fmt: skip
     cable: str = choice(
         list(CABLE_CHOICES), default=next(iter(CABLE_CHOICES)), label="cable",
-        help="Impedance and delay: the nominal cable, and the corners of a data sheet's limits.",
+        help="Impedance and delay: the nominal cable, or extremes of a data sheet.",
     )  # fmt: skip
     terminator: bool = switch(
         default=False,
         label="100 ohm at the end",
-        help="A terminator absorbs the echo, and loads the line.",
+        help="A terminator absorbs the echo but loads the line.",
     )
     noise: float = number(
         0, 10, default=0.0, unit="V", slider=(0, 1.5), step=0.05, label="noise in 2 MHz",
         help="Standard deviation of white noise at the master, in a bandwidth of 2 MHz: "
         "1 V is 0.71 mV per root hertz.",
     )  # fmt: skip
-    data: int = whole(0, 15, default=6, label="data", help="The four bits that the slave answers.")
+    data: int = whole(0, 15, default=6, label="data", help="The four bits of the answer.")
     seed: int = whole(
-        0, 999, default=0, slider=(0, 99), label="try", help="Another try draws other noise."
+        0, 999, default=0, slider=(0, 99), label="try", help="Each try has different noise."
     )
 
     @property
@@ -119,7 +119,7 @@ class AsiLine(Tool):
             verdict = f"read {read}, but {sent} was sent: the fault went undetected"
         within = bool(self.result.within_tolerance)
         if read == sent and not within:
-            verdict += "; but the pulses are outside their tolerance"
+            verdict += "; the pulses are outside their tolerance"
         return View(
             verdict=verdict,
             ok=read == sent and within,
@@ -143,6 +143,6 @@ class AsiLine(Tool):
         return {
             **swing,
             "first pulse": f"{heard.amplitude:.2f} V",
-            "weakest pulse": f"{heard.weakest:.1%} of the largest, {evenness:.0%} needed",
-            "ringing": f"{heard.ringing:.1%} of the largest, {ringing:.0%} allowed",
+            "weakest pulse": f"{heard.weakest:.1%} of the largest, {evenness:.0%} required",
+            "ringing": f"{heard.ringing:.1%} of the largest, at most {ringing:.0%} allowed",
         }

@@ -31,11 +31,11 @@ class AsiNetwork(Tool):
     """
 
     slaves: int = whole(
-        1, 2 * ADDRESSES, default=31, label="slaves", help="Slaves; above 31 they share addresses."
+        1, 2 * ADDRESSES, default=31, label="slaves", help="More than 31 slaves share addresses."
     )
     pairs: int = whole(
         0, ADDRESSES, default=0, label="A/B pairs",
-        help="Addresses that an A and a B slave share; what is out of range is brought into it.",
+        help="Number of addresses that an A and a B slave share; adjusted if out of range.",
     )  # fmt: skip
     structure: str = choice(
         {
@@ -44,19 +44,19 @@ class AsiNetwork(Tool):
             "ring": "ring: slaves along the cable, which comes back",
         },
         default="line", label="structure",
-        help="How the cable runs; the standard leaves it free.",
+        help="Layout of the cable; the standard allows any.",
     )  # fmt: skip
     length: float = number(
         10, 300, default=100.0, unit="m", step=5, label="cable",
-        help="Length of all cable together.",
+        help="Total length of cable.",
     )  # fmt: skip
     supply: float = number(
-        0, 1, default=0.5, step=0.05, label="place of supply",
-        help="0 is beside the master, 1 at the end; in a ring it is always beside the master.",
+        0, 1, default=0.5, step=0.05, label="position of supply",
+        help="0: beside the master; 1: at the end. In a ring it is always beside the master.",
     )  # fmt: skip
     current_ma: float = number(
-        0, 500, default=65.0, unit="mA", slider=(0, 200), step=5, label="a slave draws",
-        help="Current of each slave, which costs voltage along the cable.",
+        0, 500, default=65.0, unit="mA", slider=(0, 200), step=5, label="current per slave",
+        help="Current of each slave; it causes a voltage drop along the cable.",
     )  # fmt: skip
     error_rate: float = number(
         0, 1, default=0.0, slider=(0, 0.5), step=0.01, label="error rate",
@@ -111,7 +111,7 @@ class AsiNetwork(Tool):
             "cycle": f"{1e3 * float(cycle.time):.2f} ms",
             "bus time": f"{cycle.bus_time:.1%}".replace("%", " %"),
             "capacity used": f"{cycle.addresses} of {ADDRESSES} addresses",
-            "each slave heard after": f"{1e3 * float(cycle.update_time()):.2f} ms",
+            "each slave polled after": f"{1e3 * float(cycle.update_time()):.2f} ms",
             "input known after": f"{1e3 * response.best:.2f} to {1e3 * response.worst:.2f} ms",
             "repetitions": f"{effect['repetitions_per_s']:.3g} per second",
             "slaves dropped": f"{effect['drops_per_h']:.3g} per hour, if failures are independent",

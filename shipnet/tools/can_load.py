@@ -57,7 +57,7 @@ class CanLoad(Tool):
     )  # fmt: skip
     errors_per_s: int = whole(
         0, 1000, default=0, slider=(0, 100), unit="1/s", label="errors",
-        help="Errors on the bus, evenly spread; each costs an error frame and a repetition.",
+        help="Evenly spaced errors on the bus; each costs an error frame and a repetition.",
     )  # fmt: skip
     offsets: str = choice(
         ("not counted", "as listed", "spread"), default="not counted", label="offsets",
@@ -81,7 +81,7 @@ class CanLoad(Tool):
         if counted and self.errors_per_s:
             raise ArgumentError(
                 f"offsets are {self.offsets!r} and errors_per_s is {self.errors_per_s}; "
-                "errors_per_s must be 0 if offsets count"
+                "errors_per_s must be 0 if offsets are used"
             )
         return response_times(self.messages, bit_rate, faults=self.faults, offsets=counted)
 
@@ -116,7 +116,7 @@ class CanLoad(Tool):
             if late
             else f"all {n} messages meet their deadlines",
             ok=not late,
-            numbers={**load, "lowest standard bit rate that works": rate},
+            numbers={**load, "lowest standard bit rate that meets all deadlines": rate},
             plot=self.plot,
             height=1.2 + 0.28 * n,
             about="Longest response time of each message, as a bar, against its deadline",
@@ -134,6 +134,6 @@ class CanLoad(Tool):
                 given = "".join(f"# {fault}\n" for fault in messages.overlooked) + messages.text
             return replace(inputs, text=given)
 
-        tip = "A CSV or DBC file; it replaces the text above, with faults of a DBC file on top."
+        tip = "A CSV or DBC file; it replaces the text above. Faults of a DBC file come first."
         own = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
         return {"uploads": [own], "folds": {"message set": ("text",)}}

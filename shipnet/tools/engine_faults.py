@@ -64,11 +64,11 @@ class EngineFaults(Tool):
     )  # fmt: skip
     design: str = choice(
         list(DESIGNS), default=next(iter(DESIGNS)), label="design",
-        help="The system as lee2012 prints it, or with what this suite corrects in it.",
+        help="The system as lee2012 prints it, or with our corrections.",
     )  # fmt: skip
     time: float = number(
         2, _END, default=13.0, unit="s", step=0.25, label="time",
-        help=f"When the screen is looked at; the fault begins at {START:g} s.",
+        help=f"Time shown on the screen; the fault begins at {START:g} s.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -112,7 +112,7 @@ class EngineFaults(Tool):
             plot=self.plot,
             height=4.6,
             dense=True,
-            about="Screen of the alarm monitoring system, a field for each value",
+            about="Screen of the alarm monitoring system, one tile per value",
         )
 
 

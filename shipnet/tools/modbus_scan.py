@@ -38,21 +38,21 @@ class ModbusScan(Tool):
     )
     character: str = choice(
         CHARACTERS, default="8E1", label="character",
-        help="Data bits, parity and stop bits; the standard's have 11 bits, 8N1 has 10.",
+        help="Data bits, parity and stop bits; the standard's characters have 11 bits, 8N1 has 10.",
     )  # fmt: skip
     slaves: int = whole(
-        1, MAX_UNIT, default=31, label="slaves", help="Slaves that are asked in turn."
+        1, MAX_UNIT, default=31, label="slaves", help="Number of slaves, polled in turn."
     )
     registers: int = whole(
-        1, 125, default=10, label="registers of each", help="Holding registers read of each slave."
+        1, 125, default=10, label="registers per slave", help="Holding registers to read."
     )
     processing_ms: float = number(
-        0, 500, default=5.0, unit="ms", slider=(0, 100), step=1, label="a slave works",
-        help="How long a slave works on a request, on top of the silence between frames.",
+        0, 500, default=5.0, unit="ms", slider=(0, 100), step=1, label="processing time",
+        help="How long a slave processes a request, in addition to the silence between frames.",
     )  # fmt: skip
     dead: int = whole(
         0, MAX_UNIT, default=0, at_most="slaves", label="dead slaves",
-        help="Slaves that do not answer: the master waits for each until its timeout.",
+        help="Slaves that do not answer: the master waits for the full timeout each time.",
     )  # fmt: skip
     timeout_ms: float = number(
         10, 5000, default=500.0, unit="ms", slider=(10, 3000), step=10, label="response timeout",
@@ -63,11 +63,11 @@ class ModbusScan(Tool):
         10,
         default=1,
         label="retries",
-        help="How many more times it asks a slave that is silent.",
+        help="How often it repeats a request to a silent slave.",
     )
     limit: float = number(
         0.1, 60, default=2.0, unit="s", slider=(0.1, 10), step=0.1, label="longest scan",
-        help="The limit that the scan is measured against.",
+        help="Longest time that the scan may take.",
     )  # fmt: skip
 
     @cached_property

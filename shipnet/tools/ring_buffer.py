@@ -44,8 +44,8 @@ ACTIONS = MappingProxyType(
 _HELP = {
     "byte": "The interrupt stores the next byte of a packet.",
     "packet": "The interrupt stores bytes up to the end of a packet.",
-    "extract": "The task takes one byte, if the rule lets it.",
-    "empty": "The task takes bytes until the rule stops it.",
+    "extract": "The task extracts one byte, if the rule allows it.",
+    "empty": "The task extracts bytes until the rule stops it.",
     "repair": "The task moves its pointer as the paper does after an overrun.",
 }
 
@@ -73,24 +73,24 @@ class ReceiveRing(Tool):
     Examples
     --------
     >>> ReceiveRing(16, "intended", ("packet", "extract")).verdict
-    '0xCC taken from 0'
+    '0xCC extracted from 0'
     """
 
     #: The rules of the reader to choose from, and what each does.
     RULES: ClassVar[Mapping[Rule, str]] = RULES
 
     size: int = choice(
-        SIZES, default=16, label="places", help="Places of the ring; that of the paper has 128."
+        SIZES, default=16, label="places", help="Size of the ring; the paper's has 128."
     )
     rule: Rule = choice(
-        RULES, default="printed", label="reader", help="By which rule the reader works."
+        RULES, default="printed", label="reader", help="The rule that the reader follows."
     )
     actions: tuple[str, ...] = series(
         ACTIONS,
         default=(),
         most=2000,
         label="actions",
-        help="What has been done, from an empty ring on.",
+        help="The actions so far, starting with an empty ring.",
     )
 
     def then(self, action: str) -> ReceiveRing:
@@ -117,9 +117,9 @@ class ReceiveRing(Tool):
                 "unread": f"{ring.unread} bytes, of which {overwritten} are overwritten; the "
                 f"variables show {ring.seems_unread}",
                 "lost": f"{ring.lost} bytes",
-                "read though not due": f"{ring.stale} bytes",
+                "extracted in error": f"{ring.stale} bytes",
                 "packets found": f"{game.packets}, of which {game.wrong} old or false; "
-                f"{game.parser.discarded} bytes given up as no packet",
+                f"{game.parser.discarded} bytes discarded",
             },
             plot=self.plot,
             height=4.2,
@@ -203,14 +203,14 @@ class Game:
             if self._extract().action in ("wait", "stop"):
                 self.said = f"{taken} steps, then: {self.said}"
                 return
-        self.said = f"stopped after {2 * self.ring.size} steps: this goes on for ever"
+        self.said = f"stopped after {2 * self.ring.size} steps: it would never end"
 
     def _repair(self) -> None:
         trial = self.ring.copy().extract()
         if trial.action == "repair":
             self._extract()
         else:
-            self.said = "by the rule chosen there is nothing to repair"
+            self.said = "with the chosen rule there is nothing to repair"
 
 
 def _value(number: int) -> int:
@@ -222,9 +222,9 @@ def _in_words(step: Step, where: int, ring: Ring) -> str:
     if step.action == "wait":
         return "the ring is known to be empty: the reader waits"
     if step.action == "stop":
-        return "case a: the reader stops receiving and turns to sending"
+        return "case a: the reader stops receiving and starts sending"
     if step.action == "repair":
         return f"repaired: reader moved from {where} to {ring.state.get_no}, {step.lost} bytes lost"
-    what = ", which was not due" if step.stale else ""
+    what = ", in error" if step.stale else ""
     skipped = f", {step.lost} bytes lost unnoticed" if step.lost else ""
-    return f"0x{step.byte:02X} taken from {where}{what}{skipped}"
+    return f"0x{step.byte:02X} extracted from {where}{what}{skipped}"

@@ -61,8 +61,8 @@ _LONGEST = 1_000_000
 _STATE = 1_900_000
 
 _MIND = (
-    f"{BANNER} Prices, hours and masses are assumptions until a supplier's are put in; a cost is "
-    "given from all low to all high, around its nominal."
+    f"{BANNER} Prices, hours and masses are assumptions until you enter a supplier's; each cost is "
+    "nominal, with a range from all assumptions low to all high."
 )
 
 #: Ways to connect some points by one option and the others by another: what decides, and how the
@@ -128,27 +128,27 @@ class ShipDesign(Tool):
     )  # fmt: skip
     name: str = text(
         default="main engine (synthetic)", most=80, label="name of the list",
-        help="What the report calls it.",
+        help="Title in the report.",
     )  # fmt: skip
     cabinet: str = text(
         default=_CABINET, most=60, hint="found from the list", label="cabinet x, y, z [m]",
-        help="Where the cables end. Left empty, it is found from the lengths that the list gives.",
+        help="Where the cables end. If empty, it is computed from the lengths in the list.",
     )  # fmt: skip
     home_runs: bool = switch(
         default=True, label="home runs", help="A cable from each point to the cabinet."
     )
     junction_boxes: bool = switch(
         default=True, label="junction boxes",
-        help="A cable from each point to a box, and one of many pairs from there to the cabinet.",
+        help="A cable from each point to a box, and a multi-pair cable from there to the cabinet.",
     )  # fmt: skip
     asi: bool = switch(
-        default=True, label="AS-i", help="Modules on a line of two conductors with supply."
+        default=True, label="AS-i", help="Modules on a two-wire line that also carries the supply."
     )
     can: bool = switch(default=True, label="CAN", help="Stations on a trunk.")
     modbus: bool = switch(default=True, label="Modbus RTU", help="Stations polled on RS-485.")
     mixed: str = choice(
         {name: name for name in ("none", *MIXES)}, default="none", label="a mix",
-        help="One more option, which connects some points in one way and the others in another. "
+        help="One more option, which connects some points by one method and the others by another. "
         "With few boxes and stations, a mix may cost more than either.",
     )  # fmt: skip
     redundant: bool = switch(
@@ -158,19 +158,19 @@ class ShipDesign(Tool):
     )
     rules: str = choice(
         {name: name for name in RULE_SETS}, default="DNV", label="rules",
-        help="Whose rules are checked. A rule that a plan cannot show, or that none of us has "
-        "read, is not verified; it never counts as met.",
+        help="The rules to check. A rule is not verified, and never counts as met, "
+        "if a plan cannot show it or none of us has read it.",
     )  # fmt: skip
     update_ms: int = choice(
         {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
         default=0,
         unit="ms", slider=True, label="update, at most",
-        help="No point waits longer than this; tighten it to see which bus gives out first.",
+        help="No point waits longer than this; reduce it to see which bus fails first.",
     )  # fmt: skip
     list_lengths: bool = switch(
         default=True, label="lengths of the list",
-        help="A cable keeps the length that the list gives it. Switched off, all lengths are "
-        "computed from places, so that all options are compared alike.",
+        help="Use the cable lengths in the list. If off, all lengths are "
+        "computed from positions, so that all options are compared in the same way.",
     )  # fmt: skip
     detour: float = number(
         1, 2, default=1.15, step=0.05, label="detour",
@@ -178,26 +178,26 @@ class ShipDesign(Tool):
     )  # fmt: skip
     spare: float = number(
         0, 1, default=0.2, step=0.05, label="spare pairs",
-        help="Spare pairs of a cable of many pairs, as a share of the pairs in use. Assumed.",
+        help="Spare pairs of a multi-pair cable, as a fraction of the pairs in use. Assumed.",
     )  # fmt: skip
     labour: float = number(
         10, 200, default=55.0, step=5, unit="EUR/h", label="labour rate",
-        help="An hour of an electrician with overhead; its range goes with it. Assumed.",
+        help="Cost of an electrician per hour, with overhead; its range scales with it. Assumed.",
     )  # fmt: skip
     parts: float = number(
         0.25, 4, default=1.0, step=0.05, label="price of bus parts",
-        help="Modules, stations, masters and supplies, as a multiple of what is assumed.",
+        help="Modules, stations, masters and supplies, as a multiple of the assumed prices.",
     )  # fmt: skip
     own: str = text(
         default="", most=20_000, rows=4,
         hint="[asi]\nlength = 200", label="other limits and prices",
         help="Lines of a settings file: bit rates, lengths, currents, load, prices, the time of "
-        "the host. They override the controls. settings.toml, at the foot of the page, has all.",
+        "the host. They override the controls. settings.toml, at the foot of the page, lists all.",
     )  # fmt: skip
     picture: str = choice(
         PICTURES, default="cost", label="figure",
-        help="Filled dots are Pareto-optimal in both axes; assumptions are those that decide "
-        "between the first and the cheapest option.",
+        help="Filled dots are Pareto-optimal in both axes. The assumptions shown "
+        "are those for the comparison of the first with the cheapest option.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -220,7 +220,7 @@ class ShipDesign(Tool):
     def result(self) -> Comparison:
         """Plan the options and compare them; what is not changed is not planned anew."""
         if not self.options:
-            raise ArgumentError("no option is on; switch on one or more of home runs to Modbus RTU")
+            raise ArgumentError("no option is on; switch on one of home runs to Modbus RTU")
         printed = "".join(one if one.isprintable() else " " for one in self.name)
         settings = _settings_of(
             self.spare, self.redundant, self.list_lengths, self.detour, self.labour,

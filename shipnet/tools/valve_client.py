@@ -40,11 +40,11 @@ class ValveClient(Tool):
 
     address: str = text(
         default="", hint="own server", label="address",
-        help="Name or address of a server; empty is one of its own, which this page starts.",
+        help="Name or address of a server. If empty, this page starts its own server.",
     )  # fmt: skip
     port: int = whole(
         1, 0xFFFF, default=5020, typed=True, label="port",
-        help="Its port; without an address it is not read.",
+        help="Its port; ignored without an address.",
     )  # fmt: skip
     valves: int = whole(
         1, MAX_UNIT, default=_OWN, typed=True, label="valves shown",
@@ -56,7 +56,7 @@ class ValveClient(Tool):
     )  # fmt: skip
     target: int = whole(
         0, 100, default=40, unit="%", label="position",
-        help="Where the button of this name sends the valve.",
+        help="The position to which the button of this name moves the valve.",
     )  # fmt: skip
 
     @cached_property
@@ -89,7 +89,7 @@ class ValveClient(Tool):
             numbers=({"last command": answer} if answer else {}) | readout.numbers(self.valve),
             plot=lambda ax: readout.screen.plot(self.valve, ax),
             height=0.7 + 0.7 * -(-self.valves // 32),
-            about="Opening of every valve, as a bar",
+            about="Opening of each valve, as a bar",
         )
 
 
@@ -110,7 +110,7 @@ class Explorer(Page):
         self._answer, self._refused = "", 0
         # The browser counts, and each count is a reading: no thread is needed.
         clock = widgets.Play(min=0, max=10**6, interval=500, repeat=True, show_repeat=False)
-        clock.tooltip = "Reads all valves twice a second."
+        clock.tooltip = "Reads all valves twice per second."
         clock.observe(lambda _: self.refresh(), "value")
         super().__init__(
             start,
@@ -118,7 +118,7 @@ class Explorer(Page):
             buttons=[
                 Button("open", "Opens the valve.", lambda now: self._command(now, "open")),
                 Button("close", "Closes the valve.", lambda now: self._command(now, "close")),
-                Button("position", "Sends it there.", lambda now: self._command(now, now.target)),
+                Button("position", "Moves it there.", lambda now: self._command(now, now.target)),
                 Button("read again", "Reads all valves.", lambda _: None),
             ],
             extras=[clock],

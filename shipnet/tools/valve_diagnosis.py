@@ -61,13 +61,13 @@ class ValveDiagnosis(Tool):
     #: The states of a valve that the plant model can be read in.
     STATES: ClassVar[Mapping[str, Any]] = STATES
 
-    FP: float = _sensor("FP", 90.0, "pump pressure FP", "What the pump builds up; 90 is normal.")
-    OP: float = _sensor("OP", 2.0, "operating press. OP", "What moves the valve; 2 is normal.")
+    FP: float = _sensor("FP", 90.0, "pump pressure FP", "Pressure at the pump; 90 is normal.")
+    OP: float = _sensor("OP", 2.0, "operating press. OP", "Drives the valve; 2 is normal.")
     MC: float = _sensor("MC", 1.2, "motor current MC", "Of the pump's motor; 1.2 is normal.")
     OT: float = _sensor("OT", 50.0, "motor temp. OT", "Temperature of the pump's motor.")
-    VPos: float = _sensor("VPos", 50.0, "position VPos", "0 is closed, 100 open.")
+    VPos: float = _sensor("VPos", 50.0, "position VPos", "0 is closed, 100 is open.")
     DVPos: float = _sensor(
-        "DVPos", 11.0, "speed DVPos", "How fast the position changes; counts under a command only."
+        "DVPos", 11.0, "speed DVPos", "Rate of change of the position; used only under a command."
     )
     commanded: bool = switch(
         default=True, label="a command is active", help="The valve has not yet reached its target."
@@ -191,9 +191,9 @@ class _Plant:
         default=1.0,
         step=0.01,
         label="its severity",
-        help="0 is healthy, 1 the fault in full.",
+        help="0 is healthy, 1 is the full fault.",
     )
     state: str = choice(
         list(STATES), default="opening", label="the valve is",
-        help="What it does; one that moves starts half open and is read after 4 s.",
+        help="State of the valve; a moving valve starts half open and is read after 4 s.",
     )  # fmt: skip

@@ -34,7 +34,7 @@ def test_a_terminator_loads_the_line_and_leaves_the_tolerances_of_the_pulses():
 def test_a_telegram_read_from_uneven_pulses_is_no_good_line():
     far = AsiLine(length=230, place=230)
     assert far.numbers["ringing"] > "30%" and far._read() == Response(far.data).bits
-    assert not far.ok and far.verdict.endswith("; but the pulses are outside their tolerance")
+    assert not far.ok and far.verdict.endswith("; the pulses are outside their tolerance")
 
 
 def test_noise_hides_the_answer_and_another_try_may_pass():

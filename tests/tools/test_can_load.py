@@ -14,7 +14,7 @@ def test_the_example_is_read_and_in_time():
     assert tool.load["no stuff bits"] < tool.load["random data"]
     assert tool.load["random data"] < tool.load["most stuff bits"] < 0.25
     assert tool.lowest == 125_000
-    assert tool.numbers["lowest standard bit rate that works"] == "125 kbit/s"
+    assert tool.numbers["lowest standard bit rate that meets all deadlines"] == "125 kbit/s"
 
 
 def test_the_responses_are_those_of_the_analysis():
@@ -31,7 +31,7 @@ def test_too_slow_a_bus_and_errors_make_messages_late():
     pairs = zip(disturbed, calm, strict=True)
     assert all(more.response > less.response for more, less in pairs)
     hopeless = EXAMPLE.replace("shutdown,0x010,1,50,5", "shutdown,0x010,1,50,0.1")
-    assert CanLoad(hopeless).numbers["lowest standard bit rate that works"] == "none"
+    assert CanLoad(hopeless).numbers["lowest standard bit rate that meets all deadlines"] == "none"
 
 
 def test_offsets_count_if_that_is_chosen_and_there_are_no_errors():
@@ -48,7 +48,7 @@ def test_offsets_count_if_that_is_chosen_and_there_are_no_errors():
 
     page = CanLoad(offsets="spread").explore()
     page.controls["errors_per_s"].value = 10
-    assert "errors_per_s is 10; errors_per_s must be 0 if offsets count" in page.text
+    assert "errors_per_s is 10; errors_per_s must be 0 if offsets are used" in page.text
     page.controls["offsets"].value = "not counted"
     assert "meet their deadlines" in page.text
 

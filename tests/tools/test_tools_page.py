@@ -214,7 +214,7 @@ def test_an_upload_changes_inputs_or_says_why_not_and_takes_the_same_file_twice(
     load(page.uploads["own"], b"", "x.txt")
     assert kept == [()]
     assert page.note == "x.txt: it is empty" and page.inputs == Toy()
-    assert "those from before" in page._noted.value and "shipnet-before" in page._dom_classes
+    assert "the previous ones" in page._noted.value and "shipnet-before" in page._dom_classes
     load(page.uploads["own"], b"mine", "x.txt")
     assert page.note == "" and page.inputs == Toy(name="mine")
     assert "x.txt is loaded" in page._noted.value and "shipnet-before" not in page._dom_classes
@@ -326,7 +326,7 @@ def test_a_link_opens_the_page_on_its_values_and_the_page_gives_the_same_link(pa
 def test_a_link_that_cannot_be_is_refused_and_the_page_stays(page, seen, wrong, message):
     page.query.value = wrong
     assert re.search("^the link: " + message, page.note), page.note
-    assert "those from before" in page._noted.value and len(seen) == 1
+    assert "the previous ones" in page._noted.value and len(seen) == 1
     assert page.inputs == Toy()
 
 
