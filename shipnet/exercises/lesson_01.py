@@ -35,11 +35,11 @@ def levels(bits: str) -> Solution:
     right = _levels(bits)
     return Bits(right), {
         "in its middle a 0 falls and a 1 rises; do yours?": right.translate(_TURNED),
-        "the first bit of the row goes onto the line first": _levels(bits[::-1]),
-        "write the half-bits from left to right, as the bits themselves": right[::-1],
+        "the first bit of the sequence is sent first": _levels(bits[::-1]),
+        "write the half-bits from left to right, like the bits": right[::-1],
         "that is one level per bit; how many half-bits does a bit have?": bits,
         "these are plain levels: what changes in a bit?": "".join(2 * bit for bit in bits),
-        "each bit is coded for itself: the bit before it makes no difference": _differential(bits),
+        "each bit is coded on its own: the previous bit makes no difference": _differential(bits),
         "Take one bit at a time: which level does a 0 begin with, and which one a 1?": ANY,
     }
 
@@ -51,11 +51,11 @@ def telegram_time(n_bits: int, rate: int) -> Solution:
     return Number(right, "us"), {
         "the last bit takes its time too: n bits last n bit times": right - 1e3 / rate,
         "count the bit times again: n bits last n of them": right + 1e3 / rate,
-        "that is one bit; how long is the whole telegram?": 1e3 / rate,
+        "that is the duration of one bit; how long is the telegram?": 1e3 / rate,
         "a telegram of `n_bits` bits has that many bits, not bytes": 8 * right,
         "more bits take longer: what is divided by what?": rate / n_bits,
         "a higher rate makes a telegram shorter, not longer": n_bits * rate,
-        "6 us is a bit of AS-i; this bus has a rate of its own": 6 * n_bits,
+        "6 us is a bit of AS-i; this bus has another rate": 6 * n_bits,
         "Begin with one bit: how long does it last at this rate, and in which unit?": ANY,
     }
 
@@ -75,20 +75,20 @@ def pulses() -> Solution:
         lambda bits: Modulation(bits).pulses.count, _TRIED, lambda right: Whole(right, "pulses")
     ), {
         "a pulse in the middle of each bit is not all: what happens between two equal bits?": len,
-        "count again where the extra pulses are: between equal bits, or different ones?": (
+        "where are the extra pulses: between equal or between different bits?": (
             lambda bits: 2 * len(bits) - 1 - _equal(bits)
         ),
         "those are the pulses between bits; what happens in the middle of each bit?": _equal,
         "there is a pulse between two bits only if they are equal": lambda bits: 2 * len(bits) - 1,
         "is there a pulse after each bit, too?": lambda bits: 2 * len(bits),
-        "does your loop come to the last two bits?": lambda bits: len(bits) + _equal(bits[:-1]),
+        "does your loop include the last two bits?": lambda bits: len(bits) + _equal(bits[:-1]),
         "a 0 begins at the level of rest: is there a pulse before it?": (
             lambda bits: len(bits) + _equal(bits) + 1
         ),
         "two equal ones have a pulse between them, too": (
             lambda bits: len(bits) + sum(a == b == "0" for a, b in pairwise(bits))
         ),
-        "Draw the pulses of `00` and of `01` on paper: in which place do the two differ?": ANY,
+        "Draw the pulses of `00` and `01` on paper: where do the two differ?": ANY,
     }
 
 
@@ -98,7 +98,7 @@ def highest_rate(limit: int) -> Solution:
     return Number(limit / 4, "kbit/s"), {
         "that is 1 over the half-bit; how many half-bits does a bit have?": limit / 2,
         "that is the limit itself; how long is a half-bit then, and how long a bit?": limit,
-        "is one of the factors of 2 in it twice?": limit / 8,
+        "did you use a factor of 2 twice?": limit / 8,
         "a frequency of 2 over the half-bit is higher than the bit rate": 2 * limit,
         "that is the half-bit in us; what rate follows from it?": 2e3 / limit,
         "that is the bit time in us; what rate follows from it?": 4e3 / limit,

@@ -40,7 +40,7 @@ def cable_ends(echoes: tuple[float, ...]) -> Solution:
 
     opened, above, matched, below, shorted = _ENDS
     return Words(right, tuple(_ENDS)), {
-        "which end adds to the voltage, and which one takes it away?": (
+        "which end adds to the voltage, and which one subtracts?": (
             taken(opened, shorted, shorted, opened, above, below, below, above)
         ),
         "write them in the order of your echoes": right[::-1],
@@ -50,7 +50,7 @@ def cable_ends(echoes: tuple[float, ...]) -> Solution:
         "an echo as high as the pulse: which sign has it?": (
             taken(opened, shorted, shorted, opened)
         ),
-        "the sign is used; what does the height say?": taken(opened, above, shorted, below),
+        "you used the sign; what does the height mean?": taken(opened, above, shorted, below),
         "is each echo as high as the pulse?": taken(above, opened, below, shorted),
         "Compare each echo with the factor: which sign has it, and is it the whole pulse?": ANY,
     }
@@ -66,9 +66,9 @@ def echo_time(length: int, delay: float) -> Solution:
         "is that there and back, or one way?": right / 2,
         "there and back is twice the length: is it doubled once more?": 2 * right,
         "the echo goes there and back: is half the length right?": right / 4,
-        "that is as fast as light in air; your cable has its own delay": 2 * length / 299.79,
-        "that is as fast as light in air, and one way only": length / 299.79,
-        "How many metres is it there and back, and how long does one metre take?": ANY,
+        "that is the speed of light in air; your cable has its own delay": 2 * length / 299.79,
+        "that is the speed of light in air, and one way only": length / 299.79,
+        "How many metres is it there and back, and how long does each metre take?": ANY,
     }
 
 
@@ -150,8 +150,8 @@ def longest_cable(delay: float) -> Solution:
         ),
         "at the next length both tolerances are met, too: go on": longest - _STEP,
         "at this length a tolerance is exceeded already": longest + _STEP,
-        "the echo goes there and back, but the cable is laid once: no factor of 2": longest // 2,
+        "the echo travels there and back, but the cable is laid once: no factor of 2": longest // 2,
         "the cable is laid once: no factor of 2 for there and back": 2 * longest,
-        "that is the rule for all cables; how far does yours go?": 100,
+        "that is the general rule; how long may your cable be?": 100,
         "Print evenness and ringing for each length: where does one exceed its tolerance?": ANY,
     }

@@ -29,7 +29,7 @@ def telegram(bits: str) -> Solution:
         "which value does the end bit always have?": right[:-1] + "0",
         "these are six bits: what comes last?": right[:-1],
         "these are six bits: what comes first?": right[1:],
-        "where is the parity bit, before the data or after them?": f"0{parity}{bits}1",
+        "is the parity bit before or after the data?": f"0{parity}{bits}1",
         "Write start bit, data and end bit first; then count the ones without the end bit": ANY,
     }
 
@@ -62,9 +62,9 @@ def _mistaken(bits: str, generator: str) -> dict[str, object]:
         "make room first: four zeros after the bits, then divide": _remainder(bits, generator),
         "four zeros make room, not three": _remainder(bits + "000", generator),
         "is your generator written backwards?": _check_bits(bits, generator[::-1]),
-        "subtract without carries: each bit for itself": f"{int(row, 2) % int(generator, 2):04b}",
+        "subtract without carries, bit by bit": f"{int(row, 2) % int(generator, 2):04b}",
         "the first of the check bits goes onto the line first": right[::-1],
-        "that turns every bit over; a plain remainder is asked for": right.translate(_TURNED),
+        "that inverts every bit; the plain remainder is required": right.translate(_TURNED),
         "that is the generator of the text; yours is longer": _check_bits(bits, _SHORTER),
     }
 
@@ -117,7 +117,7 @@ _TRIED = [
 def distance() -> Solution:
     """Hamming distance of some words."""
     return Function(_distance, _TRIED, lambda right: Whole(right, "places")), {
-        "a word differs from itself nowhere: compare different words only": lambda words: 0,
+        "a word does not differ from itself: compare different words only": lambda words: 0,
         "neighbours in the list are not all pairs": lambda words: min(_between(pairwise(words))),
         "neighbours in the sorted list are not all pairs": (
             lambda words: min(_between(pairwise(sorted(words))))
@@ -131,15 +131,15 @@ def distance() -> Solution:
         "that is the mean of all pairs; which pair decides?": (
             lambda words: sum(found := _between(combinations(words, 2))) / len(found)
         ),
-        "that is how many wrong bits are always found; the distance itself is asked for": (
+        "that is the number of wrong bits always detected; enter the distance": (
             lambda words: _distance(words) - 1
         ),
-        "the last word has pairs, too: does your loop come to it?": (
+        "the last word has pairs, too: does your loop include it?": (
             lambda words: min(
                 _between(combinations(words[:-1], 2)) or _between(combinations(words, 2))
             )
         ),
-        "Count for every pair of these words by hand: in how many places do the two differ?": ANY,
+        "Count by hand for every pair of these words: in how many positions do they differ?": ANY,
     }
 
 
@@ -154,10 +154,12 @@ def crc_width(hits: int, years: int) -> Solution:
         "the hits are counted per day: how many are there in all the years?": (
             ceil(log2(hits * years))
         ),
-        "that is for one year; how long does the ship sail?": ceil(log2(hits * 365)),
+        "that is for one year; how many years does the ship sail?": ceil(log2(hits * 365)),
         "that is one day; how many days are there?": ceil(log2(hits)),
         "that is the number of messages; with n check bits, one in how many passes?": messages,
-        "each bit halves what passes: which base does the logarithm have?": ceil(log10(messages)),
+        "each bit halves the number that passes: what is the base of the logarithm?": ceil(
+            log10(messages)
+        ),
         "the natural logarithm does not count halvings": ceil(log(messages)),
-        "How many messages are hit in all? What part of them does one check bit let pass?": ANY,
+        "How many messages are hit in total? What fraction passes one check bit?": ANY,
     }

@@ -22,7 +22,7 @@ def transaction(master_pause: float, slave_pause: float) -> Solution:
         "those are the pauses; where are the telegrams?": (master_pause + slave_pause) * _BIT,
         "has the response as many bits as the request?": right + 7 * _BIT,
         "that is in bit times; how long is a bit time?": right / _BIT,
-        "up to the next request; one request is enough": right + 14 * _BIT,
+        "count up to the start of the next request; one request is enough": right + 14 * _BIT,
         "Name the parts from one request to the next, each with its bit times; then add them": ANY,
     }
 
@@ -33,13 +33,13 @@ def cycle(slaves: int, bits: int) -> Solution:
     one = bits * _BIT / 1e3
     return Number(float(cycle_time(slaves, transaction=Transaction(bits - 23, 2))) * 1e3, "ms"), {
         "two more requests belong to a cycle, besides those to the slaves": slaves * one,
-        "one request more than slaves is not enough: management, and who is new": (
+        "one more request than slaves is not enough: management and the search": (
             (slaves + 1) * one
         ),
         "management and the search for a new slave are two exchanges, not three": (
             (slaves + 3) * one
         ),
-        "that is a full line; how many slaves has yours?": (ADDRESSES + 2) * one,
+        "that is a full line; how many slaves does yours have?": (ADDRESSES + 2) * one,
         "that is in bit times; how long is a bit time?": (slaves + 2) * bits,
         "that is one exchange; how many does a cycle have?": one,
         "your exchanges take your `bits`, pauses included": (slaves + 2) * 21 * _BIT / 1e3,
@@ -59,23 +59,23 @@ _TRIED = [(8, 2, 2), (4, 3, 2), (7, 2, 1.5), (8, 10, 2), (0, 2, 2)]
 def efficiency() -> Solution:
     """Share of the line that carries user data."""
     return Function(_efficiency, _TRIED, lambda right: Number(right, "%")), {
-        "the pauses use up the line, too": lambda user, master, slave: 100 * user / (14 + 7),
+        "the pauses take time, too": lambda user, master, slave: 100 * user / (14 + 7),
         "the response belongs to the exchange, too": (
             lambda user, master, slave: 100 * user / (14 + master + slave)
         ),
-        "the pause after the response uses up the line, too": (
+        "the pause after the response takes time, too": (
             lambda user, master, slave: 100 * user / (21 + master)
         ),
-        "the pause before the response uses up the line, too": (
+        "the pause before the response takes time, too": (
             lambda user, master, slave: 100 * user / (21 + slave)
         ),
         "eight is an example: where is `user_bits`?": (
             lambda user, master, slave: 800 / (21 + master + slave)
         ),
-        "user bits are counted there and back already": (
+        "the user bits already count both directions": (
             lambda user, master, slave: 200 * user / (21 + master + slave)
         ),
-        "How many bit times has one exchange with its pauses? How many are user bits?": ANY,
+        "How many bit times does an exchange take with its pauses? How many are user bits?": ANY,
     }
 
 
@@ -101,15 +101,15 @@ def most_slaves(limit: float, repetitions: int) -> Solution:
     return Whole(right, "slaves"), {
         "each repetition takes the time of one exchange": _most(limit, 0),
         # Who rounds up, forgets the end, or one of the two extra requests, all come here.
-        "put this number in: cycle, repetitions, pause and response; is it within the limit?": (
+        "check this number: cycle, repetitions, pause and response; is it within the limit?": (
             right + 1
         ),
-        "two requests of a cycle go to no slave": right + 2,
-        "how often may the master ask again? All of them take time": right + repetitions - 1,
+        "two requests of a cycle are not for your slaves": right + 2,
+        "how many repetitions are there? All of them take time": right + repetitions - 1,
         "a repetition asks one slave again, not the whole cycle": (
             _fit(limit, 2, times=1 + repetitions)
         ),
-        "the line has as many addresses; is the limit met with that many slaves?": ADDRESSES,
-        "a change waits for one cycle at worst, not for two": _fit(limit, 2 + repetitions, times=2),
+        "that is the number of addresses; is the limit met with that many slaves?": ADDRESSES,
+        "a change waits for at most one cycle, not two": _fit(limit, 2 + repetitions, times=2),
         "Write the wait for ten slaves in bit times: cycle, repetitions, pause, response": ANY,
     }

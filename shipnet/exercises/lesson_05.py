@@ -119,17 +119,15 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
         "a less urgent frame may just have begun: who blocks, and for how long?": (
             stop + speed + yours
         ),
-        "while you wait, time passes: does a more urgent message come again?": (
-            log + stop + speed + yours
-        ),
+        "does a more urgent message come again while you wait?": (log + stop + speed + yours),
         "that is the wait; your own frame has to be sent too": right - yours,
         "frames without stuff bits; for the worst case count 55 + 10 n bits": (
             once + (bare[0] if once > stop_ms else 0.0) + bare[2]
         ),
-        "how often does stop come while you wait? Compare with its period": right + stop,
-        "how often does speed come while you wait? Compare with its period": right + speed,
-        "a frame of your own does not block you; which one does?": right - log + yours,
-        "that is your own frame alone; what may come before it?": yours,
+        "how often is stop sent while you wait? Compare the wait with its period": right + stop,
+        "how often is speed sent while you wait? Compare the wait with its period": right + speed,
+        "your own frame does not block you; which one does?": right - log + yours,
+        "that is your own frame alone; which frames may come before it?": yours,
         "which one is more urgent than yours besides stop?": right - speed,
         "Write the wait as a sum: the frame that blocks, then the urgent ones": ANY,
     }
@@ -171,7 +169,7 @@ def slack(messages: str) -> Solution:
     right = _slacks(known.ordered(good))
     mistakes: dict[str, object] = {
         "Compute the slacks of all six orders: in which of them is none below zero?": ANY,
-        "that is the largest slack; which message comes nearest to its deadline?": (
+        "that is the largest slack; which message comes closest to its deadline?": (
             max(right.values())
         ),
         "that is one of the slacks in the right order; is it the smallest?": (

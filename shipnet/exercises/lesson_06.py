@@ -23,15 +23,15 @@ def request(unit: int, number: int, quantity: int) -> Solution:
         return bytes([unit, function]) + _question(first, quantity).pdu[1:]
 
     return Bytes(asking(number - 1)), {
-        "the manual counts from 1, the line from 0: which register would this read?": (
+        "the manual counts from 1 and the line from 0: which register does this read?": (
             asking(number)
         ),
-        "the line counts from 0, the manual from 1: that is one place, not two": asking(number - 2),
+        "the line counts from 0 and the manual from 1: subtract one, not two": asking(number - 2),
         "the quantity counts registers, not bytes": (
             asking(number - 1)[:-2] + (2 * quantity).to_bytes(2)
         ),
         "the quantity has two bytes, too": asking(number - 1)[:-2] + quantity.to_bytes(1),
-        "each of the two numbers goes high byte first": (
+        "each of the two numbers is sent high byte first": (
             bytes([unit, 3]) + (number - 1).to_bytes(2, "little") + quantity.to_bytes(2, "little")
         ),
         "the 4 in front of 40001 only says that it is a holding register: it is not sent": (
@@ -41,7 +41,7 @@ def request(unit: int, number: int, quantity: int) -> Solution:
         "function code 4 reads input registers; these are holding registers": (
             asking(number - 1, 4)
         ),
-        "function code 6 writes a register; asked for is to read": asking(number - 1, 6),
+        "function code 6 writes a register, but the task is to read": asking(number - 1, 6),
         "function code 1 reads single bits; these are registers": asking(number - 1, 1),
         "Write the fields one by one: unit, function, two bytes for each of the numbers": ANY,
     }
@@ -58,15 +58,15 @@ def response_time(registers: int, rate: int) -> Solution:
     return Number(lasts(), "ms"), {
         "a byte is more than 8 bits on the line": lasts() * 8 / 11,
         "count a character of 8E1 again: start, data, parity, stop": lasts(character="8N1"),
-        "that is the data alone; what stands around them?": lasts(-5),
+        "that is the data alone; which bytes come before and after them?": lasts(-5),
         "every frame ends with a CRC: is it counted?": lasts(-2),
-        "one byte too few: name those around the data one by one": lasts(-1),
-        "one byte too many: name those around the data one by one": lasts(1),
+        "one byte too few: list the bytes before and after the data": lasts(-1),
+        "one byte too many: list the bytes before and after the data": lasts(1),
         "a register has 16 bits": lasts(-registers),
         "from its first bit to its last: the silence comes after it": (
             lasts() + 1e3 * SerialLine(rate).t35
         ),
-        "that is the response; the request is not asked for": lasts(8),
+        "that includes the request; only the response is required": lasts(8),
         "Count the bytes of the response one by one, then the bits of one character": ANY,
     }
 
@@ -104,11 +104,11 @@ def scan_time() -> Solution:
         "count a character of 8E1 again: start, data, parity, stop": (
             lambda *case: _scan(*case, character="8N1")
         ),
-        "that is one slave; how many are asked?": lambda n, *case: _scan(1, *case),
+        "that is one slave; how many are polled?": lambda n, *case: _scan(1, *case),
         "the request takes its time, too": (
             lambda *case: _scan(*case) - case[0] * 8 * SerialLine(case[2]).character_time
         ),
-        "1.75 ms is the silence of fast lines; from what rate up?": (
+        "1.75 ms is the silence on fast lines; above which rate?": (
             lambda n, registers, rate: n * ((13 + 2 * registers) * 11 / rate + 2 * 1.75e-3)
         ),
         "Compute one transaction with one slave by hand: request, silence, response, silence": ANY,
@@ -134,16 +134,18 @@ def most_valves(rate: int, think_ms: int, timeout_ms: int) -> Solution:
 
     right = most(think_ms)
     return Whole(right, "valves"), {
-        "with all of them alive; what does one dead valve cost?": most(think_ms, dead=0),
-        "valves need time to think": most(0),
+        "that is with no dead valve; how much time does one dead valve take?": most(
+            think_ms, dead=0
+        ),
+        "valves need time to process a request": most(0),
         # Who forgets to add the dead valve, and who lets it think, both come here.
-        "the dead valve counts too, but it neither thinks nor is followed by silences": right - 1,
-        "put this number in: request and time-out of the dead one, then the living; do they fit?": (
+        "the dead valve counts too, but it has no processing time and no silences": right - 1,
+        "check this number: request and time-out of the dead valve, then the rest: do they fit?": (
             right + 1
         ),
         "there are two silences in each transaction": fit(0),
         "how long is a silence above 19200 bit/s?": fit(3.5 * serial.character_time),
         "there is a silence after the response, too": fit(1.75e-3 / 2),
         "four registers are 8 bytes": fit(1.75e-3, 17),
-        "How long does the dead valve take, and how many living ones fit into what is left?": ANY,
+        "How long does the dead valve take, and how many others fit into the remaining time?": ANY,
     }

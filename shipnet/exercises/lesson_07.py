@@ -27,14 +27,15 @@ def unread(ring: dict[str, int]) -> Solution:
     while found.state != wanted:
         found.store(0)
     return Whole(found.seems_unread, "bytes"), {
-        "a distance below zero: what do the different flags say?": ring["no"] - ring["get_no"],
+        "the distance is below zero: what do the different flags mean?": ring["no"]
+        - ring["get_no"],
         "that is the free part; the writer is ahead, across the end": ring["get_no"] - ring["no"],
         "one lap of the ring too many": found.seems_unread + _SIZE,
         "from 0 to 127 are 128 places": found.seems_unread - 1,
         "at `no` nothing is written yet": found.seems_unread + 1,
-        "those before the end of the ring; what lies after it?": _SIZE - ring["get_no"],
-        "those after the end of the ring; what lies before it?": ring["no"],
-        "Draw the places as a circle and mark both variables: which places lie between them?": ANY,
+        "those are before the end of the ring; how many are after it?": _SIZE - ring["get_no"],
+        "those are after the end of the ring; how many are before it?": ring["no"],
+        "Draw the positions as a circle and mark both variables: which lie between them?": ANY,
     }
 
 
@@ -52,7 +53,7 @@ def empty_again(places: int, rate: int) -> Solution:
         "a byte takes 10 bits on this line, and full is not empty": 0.4 * right,
         "these lines have no parity bit: 10 bits per byte": 1.1 * right,
         "the rate counts bits, not bytes": right / _CHARACTER,
-        "that is one byte; how many come?": 1e3 * _CHARACTER / rate,
+        "that is one byte; how many bytes arrive?": 1e3 * _CHARACTER / rate,
         "two laps bring number and flag back": 2 * right,
         "After how many bytes are number and flag both back? How long is one byte?": ANY,
     }
@@ -115,15 +116,15 @@ _TRIED = [
 def lost_bytes() -> Solution:
     """Bytes that are lost by writes and reads in some order."""
     return Function(_lost, _TRIED, lambda right: Whole(right, "bytes")), {
-        "that many are not read yet; how many of them are still there?": (
+        "that many are unread; how many of them are still in the ring?": (
             lambda events, size: max(0, events.count("w") - events.count("r"))
         ),
-        "a ring of size places holds size bytes": _counting(-1),
+        "a ring of `size` positions holds `size` bytes": _counting(-1),
         "an empty ring gives nothing; the number that waits does not fall below 0": (
             _counting(0, -1000)
         ),
         "some are read in between": lambda events, size: max(0, events.count("w") - size),
-        "the order counts: what is lost by then, a later read does not bring back": (
+        "the order matters: a later read does not recover a lost byte": (
             lambda events, size: max(0, events.count("w") - events.count("r") - size)
         ),
         "a write into a full ring loses the oldest byte only": _emptied,
@@ -148,16 +149,16 @@ def free_places(rate: int, pause_ms: int, waiting: int) -> Solution:
     needed = waiting + coming
     size = _places(needed)
     return Whole(size - needed, "places"), {
-        "that ring holds what comes in the pause; some bytes wait already": (
+        "that ring holds the bytes of the pause; some bytes are already waiting": (
             _places(coming) - coming
         ),
         "those are the bytes that need room; how much of the ring is left?": needed,
-        "that is the size of the ring; how many of its places are free?": size,
+        "that is the size of the ring; how many of its positions are free?": size,
         "the next smaller power of two is enough": 2 * size - needed,
-        "some bytes wait already, and take their places": size - coming,
+        "some bytes are already waiting and need room": size - coming,
         "a byte takes 10 bits on this line": _free(waiting + rate * pause_ms / 8000),
-        "a ring of as many places as bytes loses nothing": size - needed - 1,
-        "First the bytes that need room, then the next power of two, then what it leaves free": ANY,
+        "a ring with as many positions as bytes loses nothing": size - needed - 1,
+        "Compute the bytes that need room, the next power of two, and the free positions": ANY,
     }
 
 

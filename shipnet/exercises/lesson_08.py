@@ -28,11 +28,11 @@ def between_cuts(n: int, first: int, second: int) -> Solution:
     """Valves that two cuts of a loop cost."""
     return Whole(_lost(n, [first, second]), "valves"), {
         "those are the valves that still answer": n - second + first,
-        "what lies beyond the second cut still hangs on port B": n - first,
-        "what lies before the first cut still hangs on port A": second,
+        "port B still reaches the valves after the second cut": n - first,
+        "port A still reaches the valves before the first cut": second,
         "port B reaches those; which ones does no port reach?": n - second,
         "port A reaches those; which ones does no port reach?": first,
-        "a cut after a valve leaves this valve with those before it: count again": (
+        "a cut after a valve leaves it connected to those before it: count again": (
             second - first + 1
         ),
         "the valve before the second cut is lost as well": second - first - 1,
@@ -50,22 +50,20 @@ def longest_gap(period: float, timeout: int, retries: int) -> Solution:
 
     right = gap(retries)
     return Number(right, "s"), {
-        "and how long until the master asks at all? The cut came just after an answer": (
+        "how long is it until the next request? The cut came just after an answer": (
             right - period
         ),
         "each retry waits for its own time-out": gap(0),
-        "each try in vain is a request and a time-out: how long is the request?": (
+        "each failed try is a request and a time-out: how long is the request?": (
             right - (1 + retries) * _REQUEST
         ),
-        "it counts from the end of one answer to the end of the next": (right + _POLL.time),
-        "the first try is in vain too: how often does it ask on the first cable?": (
-            gap(retries - 1)
-        ),
+        "count from the end of one answer to the end of the next": (right + _POLL.time),
+        "the first try fails too: how often does it ask on the first cable?": (gap(retries - 1)),
         "how often does it ask on the first cable? `retries` times after the first try": (
             gap(retries + 1)
         ),
         "that is one try; how many are there?": (right - period) / (1 + retries),
-        "Draw the time from one answer to the next: first nothing, then each try in vain": ANY,
+        "Draw the time from one answer to the next: first a pause, then each failed try": ANY,
     }
 
 
@@ -85,19 +83,19 @@ _TRIED: list[tuple[int, list[int]]] = [
 def lost_valves() -> Solution:
     """Valves that any cuts of a loop cost."""
     return Function(_lost, _TRIED, lambda right: Whole(right, "valves")), {
-        "that is a line; in a loop the far piece hangs on port B": (
+        "that is a line; in a loop port B reaches the far part": (
             lambda n, cuts: n - min(cuts, default=n)
         ),
         "the cuts may come in any order": lambda n, cuts: cuts[-1] - cuts[0] if cuts else 0,
         "there may be more than two cuts": (
             lambda n, cuts: abs(cuts[1] - cuts[0]) if len(cuts) > 1 else 0
         ),
-        "a cut after a valve leaves this valve with those before it": (
+        "a cut after a valve leaves it connected to those before it": (
             lambda n, cuts: max(cuts) - min(cuts) + 1 if len(cuts) > 1 else 0
         ),
-        "a cut may cost more than one valve, or none": lambda n, cuts: len(cuts),
-        "what lies before the first cut hangs on port A": lambda n, cuts: max(cuts, default=0),
-        "an uncut loop loses nothing": lambda n, cuts: max(cuts) - min(cuts) if cuts else n,
+        "one cut may disconnect several valves, or none": lambda n, cuts: len(cuts),
+        "port A reaches the valves before the first cut": lambda n, cuts: max(cuts, default=0),
+        "a loop without a cut loses no valve": lambda n, cuts: max(cuts) - min(cuts) if cuts else n,
         "Draw ten valves in a loop, cut after 3 and 7, then after 5: who is lost?": ANY,
     }
 
@@ -107,11 +105,12 @@ def timeout(n: int) -> Solution:
     """Time-out with which a round and two waits take the 2 s of the rule."""
     left = RULE - _POLL.scan_time(n)
     return Number(1e3 * (left / 2 - _REQUEST), "ms"), {
-        "how often can one cut be missed before all beyond it are moved?": 1e3 * (left - _REQUEST),
+        "how many failed polls does one cut cause before all after it move?": 1e3
+        * (left - _REQUEST),
         "the round itself takes time too": 1e3 * (RULE / 2 - _REQUEST),
-        "a poll in vain is more than its time-out: the request has to be sent": 1e3 * left / 2,
-        "one cut is missed twice at most, not three times": 1e3 * (left / 3 - _REQUEST),
-        "in the round every valve answers: how long is an answered poll?": (
+        "a failed poll takes longer than its time-out: the request has to be sent": 1e3 * left / 2,
+        "one cut causes two failed polls at most, not three": 1e3 * (left / 3 - _REQUEST),
+        "in a round every valve answers: how long is an answered poll?": (
             1e3 * ((RULE - n * _REQUEST) / 2 - _REQUEST)
         ),
         "that is what both waits take together, with their requests": 1e3 * left,

@@ -50,8 +50,8 @@ def codes(readings: dict[str, float]) -> Solution:
     """Rules that hold for some readings."""
     found = list(_BASE.decide(readings, method="crisp").codes())
     return Words(frozenset(found), _BASE.codes), {
-        "that is the first in rank only; asked for is every rule that holds": frozenset(found[:1]),
-        "that is the last in rank only; asked for is every rule that holds": frozenset(found[-1:]),
+        "that is only the first in rank; list every rule that is true": frozenset(found[:1]),
+        "that is only the last in rank; list every rule that is true": frozenset(found[-1:]),
         "in these rules one comparison holds; which rules have all of theirs?": (
             frozenset(_any_of(readings))
         ),
@@ -71,10 +71,10 @@ def strength(FP: float, OP: float) -> Solution:
     """Firing strength of a rule with two terms."""
     terms = [float(_BASE[name]["high"].membership(x)) for name, x in (("FP", FP), ("OP", OP))]
     return Number(min(terms)), {
-        "that is the product; a chain is as strong as its weakest link": float(np.prod(terms)),
-        "that is the mean; a strong term does not make up for a weak one": float(np.mean(terms)),
+        "that is the product; the weakest term decides": float(np.prod(terms)),
+        "that is the mean; a strong term does not compensate for a weak one": float(np.mean(terms)),
         "that is the stronger term; both must hold": max(terms),
-        "that is the sum; a chain is as strong as its weakest link": sum(terms),
+        "that is the sum; the weakest term decides": sum(terms),
         "that is how far the weaker term is from full": 1 - min(terms),
         "that is how far the stronger term is from full": 1 - max(terms),
         "Read each membership off its ramp: how far along is the reading? Then join them": ANY,
@@ -122,7 +122,7 @@ def persistence() -> Solution:
         "k readings are enough: k or more, not more than k": (
             lambda fires, k, n: _marks(part.count("1") > k for part in _windows(fires, n))
         ),
-        "the k readings need not stand in a row": (
+        "the k readings need not be consecutive": (
             lambda fires, k, n: _marks("1" * k in part for part in _windows(fires, n))
         ),
         "the reading itself is the last of the n": (
@@ -159,7 +159,7 @@ def windows(burst: int, period: int, step: int) -> Solution:
         "a long window holds more than one burst: count again in the longer ones": [
             {**row, "k": burst + 1, "delay": burst * step} for row in rows
         ],
-        "with this k the bursts themselves are an alarm: one more is needed": [
+        "with this k the bursts themselves raise an alarm: one more is needed": [
             {**row, "k": row["k"] - 1, "delay": row["delay"] - step} for row in rows
         ],
         "the first reading that fires already counts: how long from it to the last of the k?": [
@@ -171,11 +171,11 @@ def windows(burst: int, period: int, step: int) -> Solution:
         "that is how many readings the alarm waits; how long is a step?": [
             {**row, "delay": row["delay"] / step} for row in rows
         ],
-        "all readings of a window are safe, but fewer may do; asked for is the least `k`": [
+        "all readings of a window are safe, but fewer may be enough; enter the least `k`": [
             {**row, "k": row["n"], "delay": (row["n"] - 1) * step} for row in rows
         ],
-        "that is what the bursts reach; one more is needed": [
+        "that is the count that bursts reach; one more is needed": [
             {**row, "k": row["k"] - 1} for row in rows
         ],
-        "Slide a window along the pattern: how many disturbed readings does it hold at most?": ANY,
+        "Slide a window along the pattern: at most how many disturbed readings are in it?": ANY,
     }

@@ -35,13 +35,13 @@ def conductors_left(contacts: int, lines: int) -> Solution:
     """Conductors at the cabinet that AS-i leaves of those of home runs."""
     left = _left(contacts, lines)
     return Number(left, "%"), {
-        "that is what is saved; asked for is what is left": 100 - left,
-        "that is how many times fewer; asked for is what is left": contacts / lines,
+        "that is the saving; enter what is left": 100 - left,
+        "that is the ratio; enter what is left": contacts / lines,
         "that is one line; how many are there?": left / lines,
         "each contact has two wires, and so has each line": 2 * left,
         "each line has two wires, and so has each contact": left / 2,
-        "a share of all there was before, not of what is saved": 100 * left / (100 - left),
-        "that is how many are left; which share of all is it?": 2 * lines,
+        "divide by the number before, not by the saving": 100 * left / (100 - left),
+        "that is the number left; what percentage of all is it?": 2 * lines,
         "How many conductors come from the contacts, and how many from the lines?": ANY,
     }
 
@@ -68,13 +68,13 @@ def saved(modules: int, distance: float) -> Solution:
     return Number(right, "%"), {
         "that is the cable alone; work and hardware cost too": of("cable_cost_eur"),
         "that is the work alone; cable and hardware cost too": of("labour_cost_eur"),
-        "that is the conductors; asked for is the cost": of("conductors_at_cabinet"),
-        "a saving is a share of the cost without the bus": 100 * (wired / bus - 1),
-        "that is what is left; asked for is what is saved": 100 - right,
-        "that is in EUR; asked for is a share, in %": wired - bus,
+        "that is the saving in conductors; enter that in cost": of("conductors_at_cabinet"),
+        "a saving is relative to the cost without the bus": 100 * (wired / bus - 1),
+        "that is what is left; enter the saving": 100 - right,
+        "that is in EUR; enter a percentage": wired - bus,
         "does each door have its number of contacts?": of("total_cost_eur", contacts=1),
         "are the doors as far apart as they should be?": of("total_cost_eur", spacing=1),
-        "Print both total costs: what is paid without the bus, and how much less with it?": ANY,
+        "Print both total costs: what is it without the bus, and how much less with it?": ANY,
     }
 
 
@@ -88,12 +88,13 @@ def break_even(modules: int, spacing: float) -> Solution:
     wired_per_m, bus_per_m = (wired_far - wired) / (_FAR - _NEAR), (bus_far - bus) / (_FAR - _NEAR)
     beyond = (bus - wired) / (wired_per_m - bus_per_m)
     return Number(_NEAR + beyond, "m"), {
-        "both lines are known from 10 m on: have you counted from there?": beyond,
-        "AS-i grows with the distance too, only more slowly": _NEAR + (bus - wired) / wired_per_m,
+        "both costs are known at 10 m: did you count from there?": beyond,
+        "the cost of AS-i grows with the distance too, but more slowly": _NEAR
+        + (bus - wired) / wired_per_m,
         "is the difference that of 10 m or of 30 m? Count from there": _FAR + beyond,
         "how much does the difference change per metre?": _NEAR + beyond / (_FAR - _NEAR),
         "both costs have a part that does not grow with the distance": _NEAR * bus / wired,
-        "that goes to the other side: the difference falls with the distance": _NEAR - beyond,
+        "the sign is wrong: the difference falls with the distance": _NEAR - beyond,
         "Take the difference of both costs at 10 m and at 30 m: where is it zero?": ANY,
     }
 
@@ -146,10 +147,10 @@ def choice() -> Solution:
         "this one is cheap, but does it lose more points than the limit?": (
             lambda options, limit: _cheapest(options, inf)
         ),
-        "an option with faults is none: what is left out costs nothing": (
+        "an option with faults is not allowed: what it leaves out costs nothing": (
             lambda options, limit: _cheapest(options, limit, faults=True)
         ),
-        "the limit itself is allowed: at most, not less": (
+        "a loss equal to the limit is allowed": (
             lambda options, limit: _cheapest(options, limit - 1)
         ),
         "two things come before the cost: the faults, and the limit": (
@@ -160,11 +161,11 @@ def choice() -> Solution:
                 (row[1:] for row in _good(options, limit)), default=(0, "none")
             )[-1]
         ),
-        "asked for is the cheapest, not the dearest": (
+        "choose the cheapest, not the most expensive": (
             lambda options, limit: max(_good(options, limit), default=(0, 0, "none"))[-1]
         ),
-        "the first that will do need not be the cheapest": (
+        "the first suitable option need not be the cheapest": (
             lambda options, limit: next(_good(options, limit), (0, 0, "none"))[-1]
         ),
-        "Strike out what nobody may sign, then what loses too much; what is left?": ANY,
+        "Remove options with faults, then those that lose too much; which are left?": ANY,
     }

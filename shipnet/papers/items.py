@@ -147,8 +147,7 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
     """
     check_choice("paper", paper, PAPERS)
     judging.load((paper,))
-    # Drawings are registered as their modules are imported, which loads matplotlib.
-    importlib.import_module("shipnet.papers.plot")
+    # Drawings are registered as their module is imported, which loads matplotlib.
     with suppress(ModuleNotFoundError):
         importlib.import_module(f"shipnet.papers.{paper}.plot")
     drawn = sorted(name for key, name in FIGURES if key == paper)

@@ -146,7 +146,7 @@ def test_the_help_says_what_a_pseudo_terminal_cannot_do(capsys):
     with pytest.raises(SystemExit):
         main(["serve", "--help"])
     said = " ".join(capsys.readouterr().out.split())
-    assert "(pty) in place of a serial port has no parity: it needs --character 8N1" in said
+    assert "(pty) instead of a serial port has no parity: it needs --character 8N1" in said
 
 
 def test_a_fault_is_read_with_and_without_its_severity():
