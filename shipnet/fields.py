@@ -340,7 +340,7 @@ def _declare(
     kw_only: bool = False,
     **declares: Any,
 ) -> Any:
-    """Return a dataclass field with its kind, of which these are the fields."""
+    """Return a dataclass field of the kind that these values describe."""
     metadata = {"kind": of(**declares)}
     return field(
         default=default, default_factory=default_factory, kw_only=kw_only, metadata=metadata

@@ -148,7 +148,7 @@ def _integers(name: str, values: npt.ArrayLike) -> Integers:
 
 
 def _frame_errors(words: Integers, length: int) -> Codes:
-    """Return the error codes of the frames; the code that is written last is checked first."""
+    """Return the error codes of the frames; checks later in the code take precedence."""
     error = np.zeros(words.shape, dtype=np.uint8)
     error[np.bitwise_count(words >> 1) & 1 == 1] = ParityError.code
     error[words & 1 == 0] = EndBitError.code

@@ -99,7 +99,7 @@ class Redundancy:
 
 @record
 class Description:
-    """What is known of a monitoring system, for the class rules to judge; None is not known.
+    """Data of a monitoring system that the class rules judge; None means unknown.
 
     `links` maps each link to the stations on it other than the master, and `routes` the same links
     to the spaces or trays that they run through.

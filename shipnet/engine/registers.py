@@ -129,7 +129,7 @@ class Coding:
         return np.array([self.step_of(point) for point in points]), zero
 
     def _bounds(self, points: PointList) -> tuple[Floats, Floats]:
-        """Return the ends of the numbers in each point's register, without the error mark."""
+        """Return the lowest and highest number of each point's register, without the error mark."""
         signed = self.signed and self.step != "full scale"
         high = 2 ** (self.bits - signed) - 1
         low = -high - (self.error != 2**15) if signed else 0

@@ -45,7 +45,7 @@ _LONG = 80
 
 
 class _Ended(Exception):
-    """The process of a student has ended; says why."""
+    """The process of a student has ended; the text gives the reason."""
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

@@ -76,7 +76,7 @@ def _scan(n_slaves: int, n_registers: int, bit_rate: int, *, character: str = "8
 
 
 def _scan_with(silences: float, n_slaves: int, n_registers: int, bit_rate: int) -> float:
-    """Return a scan with so many characters of silence a transaction, at any bit rate."""
+    """Return the time of a scan with this many characters of silence per transaction."""
     return n_slaves * (13 + 2 * n_registers + silences) * 11 / bit_rate
 
 

@@ -181,7 +181,7 @@ def _columns_of(values: Floats) -> Callable[[int], Floats]:
 
 @contextmanager
 def _whole(file: str) -> Iterator[IO[bytes]]:
-    """Open a binary file whose parsers may raise anything if it is not whole."""
+    """Open a binary file whose parsers may raise any error if it is truncated."""
     try:
         with _opened(file) as stream:
             yield stream

@@ -50,7 +50,7 @@ class Value:
 
     @property
     def hops(self) -> tuple[Hop, ...]:
-        """The lines that it crosses, in the order of a cycle."""
+        """The lines on which the value is sent, in the order of a cycle."""
         crossed = {hop for route in self.routes for hop in pairwise(route)}
         return tuple(hop for hop in HOPS if hop in crossed)
 

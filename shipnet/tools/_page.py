@@ -289,7 +289,7 @@ class Controls:
 
     @property
     def inputs(self) -> Any:
-        """What the controls say, as an instance of the record; raises ArgumentError."""
+        """The values of the controls as an instance of the record; raises ArgumentError."""
         return self._kind(**self._values())
 
     def _values(self) -> dict[str, Any]:

@@ -133,7 +133,7 @@ class ValveDiagnosis(Tool):
         *,
         threshold: float = 0.5,
     ) -> ValveDiagnosis:
-        """Return the readings of a valve by the plant model, without noise.
+        """Return the readings of a simulated valve, without noise.
 
         `fault` is a code of the rule table or ``"normal"``, `severity` 0..1, and `state` one of
         `STATES`; a valve that moves starts half open and is read after 4 s.

@@ -185,7 +185,7 @@ def as_printed(items: int = ITEMS, **fields: Any) -> System:
 
 @numeric("chung1998-003")
 def cycle_time(*, items: int = ITEMS) -> float:
-    """Seconds of one exchange with BCS and one with SS, nothing but bytes counted."""
+    """Duration of one exchange with BCS and one with SS, without processing [s]."""
     return as_printed(items).cycle_time
 
 
@@ -234,9 +234,9 @@ numeric("chung1998-047")(lambda *, items=ITEMS: as_printed(items).cascade().sile
 def deaths(
     changes: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
 ) -> pd.DataFrame:
-    """Return who is taken as failed in `n` deaths of SS, spread over a cycle: one row per rule.
+    """Return the stations reported as failed in `n` failures of SS over a cycle: one row per rule.
 
-    Only that RCS fails SS is right. `changes` maps the name of each rule to the fields of `System`
+    Only the report of SS by RCS is correct. `changes` maps the name of each rule to the fields of `System`
     that it changes; the timers of the stations are drawn with the seed 2024.
     """
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))

@@ -85,7 +85,7 @@ def _packets(*, items: Mapping[int, int] = _ITEMS, ax: Axes) -> Axes:
 
 
 def _kinds(reading: str, size: int) -> list[str]:
-    """Return what the bytes of a packet are."""
+    """Return the meaning of each byte of a packet."""
     item = ["number", "low", "high"]
     if reading == "reading B":
         return ["marker", *(["marker", *item] * ((size - 2) // 4)), "marker"]

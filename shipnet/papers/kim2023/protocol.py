@@ -244,7 +244,7 @@ def asi_strands(*, lines: int) -> int:
 @numeric("kim2023-004", slaves=62, inputs=4, lines=1)
 @numeric("kim2023-074", slaves=190, inputs=1, lines=14)
 def strands_left(*, slaves: int, inputs: int, lines: int) -> float:
-    """Strands that AS-i leaves of the hardwired ones, in percent."""
+    """Strands on AS-i, in percent of the hardwired ones."""
     return 100 * asi_strands(lines=lines) / hardwired_strands(slaves=slaves, inputs=inputs)
 
 
@@ -388,7 +388,7 @@ SAMPLES = 20.0
 
 
 def least_cycles(bits: int, *, bits_per_cycle: int = 4) -> int:
-    """Return in how many cycles a message passes if every bit of every cycle carries it."""
+    """Return the number of cycles that a message needs if every bit of a cycle carries it."""
     return -(-bits // bits_per_cycle)
 
 
