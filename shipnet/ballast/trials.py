@@ -412,8 +412,8 @@ class FleetReport:
     -----
     The indices are those of `Trials`, with times counted from the beginning of the fault. A fault
     may show only during strokes, so a fault is isolated when its own code first becomes the top
-    fault of its valve. *True-detection rate*: the fraction of the duration of the fault during which its
-    valve has a top fault.
+    fault of its valve. *True-detection rate*: the fraction of the duration of the fault
+    during which its valve has a top fault.
 
     Examples
     --------

@@ -236,8 +236,8 @@ def deaths(
 ) -> pd.DataFrame:
     """Return the stations reported as failed in `n` failures of SS over a cycle: one row per rule.
 
-    Only the report of SS by RCS is correct. `changes` maps the name of each rule to the fields of `System`
-    that it changes; the timers of the stations are drawn with the seed 2024.
+    Only the report of SS by RCS is correct. `changes` maps the name of each rule to the
+    fields of `System` that it changes; the timers of the stations are drawn with the seed 2024.
     """
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
     runs, rows = check_whole("n", n, 1, 1000), []
