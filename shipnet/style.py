@@ -47,7 +47,8 @@ def use() -> None:
     pd.set_option("display.max_colwidth", None, "display.max_rows", 200)
     with as_file(files("shipnet") / "shipnet.mplstyle") as sheet:
         plt.style.use(sheet)
-    if "IPython" in sys.modules:
+    # Without a shell, the function below would make one.
+    if "IPython" in sys.modules and sys.modules["IPython"].get_ipython():
         from matplotlib_inline.backend_inline import set_matplotlib_formats
 
         set_matplotlib_formats("retina")  # type: ignore[no-untyped-call]

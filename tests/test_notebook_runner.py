@@ -14,6 +14,7 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_outp
 from PIL import Image
 
 from docs import notebooks
+from shipnet import style
 
 ROOT = Path(__file__).resolve().parents[1]
 TITLE = new_markdown_cell("# A title", id="title")
@@ -252,6 +253,15 @@ def test_pale_areas_differ_from_the_page():
     drawn = np.full((40, 60, 3), 255, np.uint8)
     drawn[10:30, 10:50] = 242
     assert np.abs(reduced(drawn) - drawn).max() <= 1
+
+
+@pytest.mark.parametrize(("shell", "asked"), [(None, []), (object(), ["retina"])])
+def test_only_in_a_shell_is_a_sharp_figure_asked_for(shell, asked, monkeypatch):
+    formats = []
+    monkeypatch.setattr("IPython.get_ipython", lambda: shell)
+    monkeypatch.setattr("matplotlib_inline.backend_inline.set_matplotlib_formats", formats.append)
+    style.use()
+    assert formats == asked
 
 
 def stems(*files):
