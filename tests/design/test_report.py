@@ -108,11 +108,11 @@ def test_the_contents_lead_to_every_annex_which_stand_after_the_pages_to_decide_
 
 def test_a_long_list_has_its_points_in_the_tables_and_a_bounded_report():
     # 25 pages of A4 for 1 000 points: a page takes about 45 rows, or one sheet of a drawing.
-    found = ship(500).compare((20, 0, 4), ["junction boxes", "CAN"])
+    found = ship(1000).compare((20, 0, 4), ["home runs", "junction boxes", "CAN", "Modbus RTU"])
     page = found.html()
-    assert "writes have all 500 points" in Page(page).text
-    assert page.count("<tr>") < 250
-    assert len(pictures(page)) <= 4 + len(found.designs)
+    assert "writes have all 1000 points" in Page(page).text
+    assert page.count("<tr>") < 420
+    assert len(pictures(page)) <= 4 + 2 * len(found.designs)
     for option, design in found.designs.items():
         assert design.tables()["points"]["tag"].tolist() == found.iolist.points["tag"].tolist()
         named = "".join(pictures(page)[4:])
