@@ -35,7 +35,7 @@ def unread(ring: dict[str, int]) -> Solution:
         "the byte at `no` is not written yet": found.seems_unread + 1,
         "those lie before the end of the ring; how many lie after it?": _SIZE - ring["get_no"],
         "those lie after the end of the ring; how many lie before it?": ring["no"],
-        "Draw the places as a circle and mark `no` and `get_no`: which bytes lie between them?": ANY,
+        "Draw the places as a circle and mark `no` and `get_no`: which bytes lie between?": ANY,
     }
 
 
