@@ -66,11 +66,11 @@ _TOLD = (
     ("lost_by_failure", "Fewest points lost by one cable or device", ""),
 )
 
-#: Rows of a comparison that a text shows; those of buses and trays only where there are some.
+#: Rows of a comparison that a text shows; those of buses only where there are some.
 _SHORT = (
     "points_left_out", "conductors_at_cabinet", "cable_length_km", "cable_mass_kg", "labour_h",
     "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", *_BUS, RESPONSE,
-    "lost_by_cable", "lost_by_tray", "lost_by_device", "rules_met", "rules_violated",
+    "lost_by_cable", "lost_by_device", "rules_met", "rules_violated",
     "rules_not_verified",
 )  # fmt: skip
 
@@ -96,7 +96,7 @@ class Comparison:
     r"""Several ways to connect the points of one list, side by side.
 
     `IoList.compare` plans and compares, `compare` takes designs that there are. All share the
-    cabinet, the trays, the prices, and the detour and tails of cables.
+    cabinet, the prices, and the detour and tails of cables.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class Comparison:
 
     @property
     def site(self) -> Site:
-        """Cabinet and trays, which all designs share."""
+        """The cabinet, which all designs share."""
         return self._first.site
 
     @property
@@ -179,7 +179,6 @@ class Comparison:
             **design.segments[list(_BUS)].max(),
             RESPONSE: design.worst_response_ms,
             "lost_by_cable": cable,
-            "lost_by_tray": most.get("tray", float("nan")),
             "lost_by_device": most.get("device", 0),
             "lost_by_failure": max(cable, most.get("device", 0)),
             "rules_met": int(verdicts.get("met", 0)),
@@ -375,8 +374,7 @@ class Comparison:
     def short(self) -> pd.DataFrame:
         """Return the rows that are asked for first, as text, one column per design."""
         table = self._table
-        optional = (*_BUS, "lost_by_tray")
-        rows = [row for row in _SHORT if row not in optional or table[row].notna().any()]
+        rows = [row for row in _SHORT if row not in _BUS or table[row].notna().any()]
         shown = table[rows].astype(object)
         for row in rows:
             shown[row] = [number(value) for value in shown[row]]
@@ -445,8 +443,7 @@ def compare(
     Parameters
     ----------
     designs : iterable of Design
-        One or more, each with a name of its own; the same cabinet, trays, prices, detour and
-        tails.
+        One or more, each with a name of its own; the same cabinet, prices, detour and tails.
     rules : RuleSet, str or path, default "DNV"
         A rule set, the name of a published one, or a file.
     criteria : sequence of str
@@ -505,9 +502,8 @@ def compared(
 
 def _differing(a: Design, b: Design) -> str:
     """Return the first thing that two designs must share but do not, or ""."""
-    for name in ("cabinet", "trays"):
-        if getattr(a.site, name) != getattr(b.site, name):
-            return name
+    if a.site.cabinet != b.site.cabinet:
+        return "cabinet"
     for name in ("detour", "tails", "assumptions"):
         if getattr(a.settings, name) != getattr(b.settings, name):
             return name
@@ -535,11 +531,10 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
         )
     if np.abs(own - given).sum() > _ALIKE * given.sum():
         cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
-        over = "" if site.trays is None else " over the trays"
         yield (
             f"Home runs keep the lengths of the list, {number(given.sum() / 1e3)} km for "
             f"{len(given)} points; computed like all other cables, from the cabinet at {cabinet} "
-            f"m{over}, they would be {number(own.sum() / 1e3)} km. Set list_lengths to false to "
+            f"m, they would be {number(own.sum() / 1e3)} km. Set list_lengths to false to "
             "compute all of them."
         )
 

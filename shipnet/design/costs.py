@@ -141,7 +141,6 @@ MERITS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "bus_time": ("bus time", ""),
         "capacity_used": ("capacity used", ""),
         "lost_by_cable": ("lost by one cable", ""),
-        "lost_by_tray": ("lost by one tray", ""),
         "lost_by_device": ("lost by one device", ""),
         "lost_by_failure": ("lost by one failure", ""),
         "rules_met": ("rules met", ""),

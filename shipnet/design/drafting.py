@@ -220,13 +220,12 @@ Place = tuple[float, float, float]
 
 
 class Laid(NamedTuple):
-    """The ends of a cable, its given length or share of the route, and the trays to avoid."""
+    """The ends of a cable, and its given length or its share of the route."""
 
     start: Place
     end: Place
     length: float = np.nan
     share: float = 1.0
-    avoid: frozenset[str] = frozenset()
 
 
 @dataclass(eq=False)
@@ -305,8 +304,7 @@ class Draft:
             {"run": self._free(name), "cable": cable.id, "a": a, "b": b,
              "segment": segment, "kind": kind, "used": used, "conductors": cable.conductors,
              "at_cabinet": a in self._in_cabinet or b in self._in_cabinet, "line": line,
-             "start": laid.start, "end": laid.end, "length": laid.length, "share": laid.share,
-             "avoid": laid.avoid}
+             "start": laid.start, "end": laid.end, "length": laid.length, "share": laid.share}
         )  # fmt: skip
 
     def given_lengths(self, column: str) -> Floats:
@@ -395,7 +393,7 @@ class Draft:
                 name = self.device(name, given["kind"], row["segment"], row["end"])
             row |= {"a": name, "start": row["end"], "at_cabinet": False}
             if self.settings.fed:
-                laid = Laid(self.middle, row["end"], avoid=row["avoid"])
+                laid = Laid(self.middle, row["end"])
                 ends, mains = (self.cabinet, name), known[self.settings.feeder]
                 self.run("feeder", ends, laid, mains, PAIR, row["segment"], row["line"])
         for device, value, bound, unit in wanted.weak:
@@ -416,21 +414,10 @@ class Draft:
             return frame("cables")
         runs = pd.DataFrame(rows).drop(columns=["start", "end"])
         start, end = (np.array([row[at] for row in rows], dtype=float) for at in ("start", "end"))
-        known = np.isfinite(start).all(axis=1) & np.isfinite(end).all(axis=1)
-        route = np.full(len(rows), np.nan)
-        length = runs["length"].to_numpy(np.float64, copy=True)
-        ways: list[tuple[str, ...]] = [()] * len(rows)
-        share = runs["share"].to_numpy(np.float64)
-        for avoid in dict.fromkeys(row["avoid"] for row in rows):
-            mine = np.flatnonzero(known & np.array([row["avoid"] == avoid for row in rows]))
-            found = self.site.ways(start[mine], end[mine], avoid=avoid)
-            for row, way in zip(mine, found, strict=True):
-                ways[row] = way
-            asked = mine[np.isnan(length[mine])]
-            route[asked] = self.site.route(start[asked], end[asked], avoid=avoid) * share[asked]
+        share, given = runs["share"].to_numpy(np.float64), runs["length"].to_numpy(np.float64)
+        route = np.where(np.isnan(given), self.site.route(start, end) * share, np.nan)
         own = self.site.detour * route + self.site.tails * share
-        length = np.where(np.isnan(length), own, length)
-        runs = runs.assign(route_m=route, length_m=length, way=pd.Series(ways, dtype=object))
+        runs = runs.assign(route_m=route, length_m=np.where(np.isnan(given), own, given))
         return frame("cables", runs[list(COLUMNS["cables"])])
 
 
@@ -510,7 +497,6 @@ class Backbone(NamedTuple):
 
     order: list[int]
     hops: Floats
-    avoid: frozenset[str]
 
     @property
     def length(self) -> float:
@@ -523,13 +509,8 @@ def route_past(draft: Draft, stations: Sequence[Box]) -> Backbone:
     places = np.array([draft.middle, *(station.place for station in stations)])
     order = chain(draft.site.route(places[:, None], places[None, :]))
     along = places[order]
-    routes = draft.site.route(along[:-1], along[1:])
-    avoid: frozenset[str] = frozenset()
-    if draft.settings.redundant:
-        ways = draft.site.ways(along[:-1], along[1:])
-        avoid = frozenset(tray for way in ways for tray in way)
-        routes = np.maximum(routes, draft.site.route(along[:-1], along[1:], avoid=avoid))
-    return Backbone([place - 1 for place in order[1:]], draft.site.length(routes), avoid)
+    hops = draft.site.length(draft.site.route(along[:-1], along[1:]))
+    return Backbone([place - 1 for place in order[1:]], hops)
 
 
 def lay(
@@ -547,7 +528,6 @@ def lay(
     hops, feeder = list(pairwise(places)), cables()[draft.settings.feeder]
     for line in ("A", "B") if draft.settings.redundant else ("",):
         of = f" {line}" if line else ""
-        avoid = trunk.avoid if line == "B" else frozenset[str]()
         master = draft.device(f"{segment} master{of}", "master", segment, places[0], draft.cabinet)
         # A cable leaves a station through its repeater if it has one.
         leaving = [master, *names]
@@ -557,14 +537,12 @@ def lay(
                 f"{name} repeater{of}", "repeater", segment, here, name
             )
         for (near, far), run in zip(hops, zip(leaving, names, strict=False), strict=True):
-            laid = Laid(near, far, avoid=avoid)
-            draft.run("trunk", run, laid, cables()[cable], PAIR, segment, line)
+            draft.run("trunk", run, Laid(near, far), cables()[cable], PAIR, segment, line)
         for number, (at, here) in enumerate([(master, places[0]), (names[-1], places[-1])], 1):
             draft.device(f"{segment} terminator {number}{of}", "terminator", segment, here, at)
         if draft.settings.fed:
             name = f"{segment} supply{of}"
             supply = draft.device(name, "supply", segment, places[0], draft.cabinet)
             for (near, far), run in zip(hops, pairwise([supply, *names]), strict=True):
-                laid = Laid(near, far, avoid=avoid)
-                draft.run("feeder", run, laid, feeder, PAIR, segment, line)
+                draft.run("feeder", run, Laid(near, far), feeder, PAIR, segment, line)
     return names

@@ -1,4 +1,4 @@
-"""The points lost by single failures of a design: every cable, tray and device, one at a time."""
+"""The points lost by single failures of a design: every cable and device, one at a time."""
 
 from __future__ import annotations
 
@@ -53,15 +53,6 @@ class Reach:
     def at_point(self) -> Bools:
         """Which runs end at a point."""
         return self.design.cables["kind"].isin(["drop", "home run"]).to_numpy()
-
-    @cached_property
-    def trays(self) -> dict[str, list[int]]:
-        """Runs on each tray."""
-        members: dict[str, list[int]] = {}
-        for number, way in enumerate(self.design.cables["way"]):
-            for tray in dict.fromkeys(way):
-                members.setdefault(str(tray), []).append(number)
-        return dict(sorted(members.items()))
 
     @cached_property
     def shorts(self) -> list[tuple[list[int], list[int]]]:
@@ -396,11 +387,11 @@ def _nth(values: Integers) -> Iterator[Integers]:
         yield order[nth == number]
 
 
-# Single failures: every cable, tray and device of a planned design, one at a time ----------------
+# Single failures: every cable and device of a planned design, one at a time ----------------------
 
-#: Failures: a cut cable, a short of the cables that are one pair of a bus or a supply, a tray with
-#: all cables on it cut, a dead device.
-FAILURES = ("cut", "short", "tray", "device")
+#: Failures: a cut cable, a short of the cables that are one pair of a bus or a supply, and a dead
+#: device.
+FAILURES = ("cut", "short", "device")
 
 
 def single_failures(design: Layout) -> pd.DataFrame:
@@ -410,11 +401,9 @@ def single_failures(design: Layout) -> pd.DataFrame:
     devices = design.devices[["device", "kind", "segment"]].to_numpy(object).tolist()
     rows = [["cut", *run] for run in runs]
     rows += [["short", *runs[pair[0]]] for pair, _ in reach.shorts]
-    rows += [["tray", tray, "", "", ""] for tray in reach.trays]
     rows += [["device", *device, ""] for device in devices]
     failures: list[Failure] = [((number,), ()) for number in range(len(runs))]
     failures += reach.shorts
-    failures += [(members, ()) for members in reach.trays.values()]
     failures += [((), (number,)) for number in range(len(devices))]
     table = pd.DataFrame(rows, columns=["failure", "failed", "kind", "segment", "line"])
 
@@ -435,25 +424,21 @@ def single_failures(design: Layout) -> pd.DataFrame:
 
 
 def lost(
-    design: Layout,
-    *,
-    cables: Collection[str] = (),
-    devices: Collection[str] = (),
-    trays: Collection[str] = (),
+    design: Layout, *, cables: Collection[str] = (), devices: Collection[str] = ()
 ) -> tuple[str, ...]:
     """Return the points that several simultaneous failures cost."""
-    reach = Reach(design)
-    numbers = {
-        "cable": {name: [n] for n, name in enumerate(design.cables["run"])},
-        "device": {name: [n] for n, name in enumerate(design.devices["device"])},
-        "tray": reach.trays,
-    }
-    given = {"cable": cables, "device": devices, "tray": trays}
-    unknown = [f"{w} {n!r}" for w, names in given.items() for n in names if n not in numbers[w]]
+    failed: list[list[int]] = []
+    unknown: list[str] = []
+    for what, names, known in (
+        ("cable", cables, design.cables["run"]),
+        ("device", devices, design.devices["device"]),
+    ):
+        number = {name: n for n, name in enumerate(known)}
+        unknown += [f"{what} {name!r}" for name in names if name not in number]
+        failed.append([number[name] for name in names if name in number])
     if unknown:
         raise ArgumentError(f"design {design.name!r} has no {', no '.join(unknown)}")
-    found = {w: [k for n in names for k in numbers[w][n]] for w, names in given.items()}
-    (points,) = reach.lost([(found["cable"] + found["tray"], found["device"])])
+    (points,) = Reach(design).lost([(failed[0], failed[1])])
     return tuple(design.points["tag"].to_numpy(object)[points])
 
 

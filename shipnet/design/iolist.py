@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from shipnet.design.designs import Design
     from shipnet.design.rules import RuleSet
     from shipnet.design.settings import Given, Settings
-    from shipnet.design.site import Found, Site, Trays, Where
+    from shipnet.design.site import Found, Site, Where
 
 
 @checked
@@ -84,7 +84,6 @@ class IoList(PointTable):
         option: str,
         cabinet: Where = None,
         *,
-        trays: Trays | str | PathLike[str] | None = None,
         settings: Given = None,
         mix: Mapping[str, str] | None = None,
         name: str | None = None,
@@ -92,9 +91,8 @@ class IoList(PointTable):
     ) -> Design:
         """Connect all points by one of `OPTIONS`.
 
-        `cabinet` is a position (x, y, z) [m], also as text, the name of a cabinet in the trays, or
-        None to infer it from the list's lengths. `trays` are the trays that cables follow, or a
-        file of them; `settings` are values by name. `mix` connects some points by another option,
+        `cabinet` is a position (x, y, z) [m], also as text, or None to infer it from the list's
+        lengths; `settings` are values by name. `mix` connects some points by another option,
         by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. `rules`, as in
         `compare`, limit the responses as far as a plan can meet them.
         """
@@ -104,7 +102,7 @@ class IoList(PointTable):
         from shipnet.design.site import site_of
 
         values, asked = Settings.of(settings), None if rules is None else RuleSet.of(rules)
-        site, _ = site_of(self, cabinet, trays, values)
+        site, _ = site_of(self, cabinet, values)
         return plan(self, site, option, settings=values, mix=mix, name=name, rules=asked)
 
     def compare(
@@ -112,7 +110,6 @@ class IoList(PointTable):
         cabinet: Where = None,
         options: Sequence[str] | None = None,
         *,
-        trays: Trays | str | PathLike[str] | None = None,
         settings: Given = None,
         mix: Mapping[str, str] | None = None,
         rules: RuleSet | str | PathLike[str] = "DNV",
@@ -135,7 +132,7 @@ class IoList(PointTable):
         from shipnet.parallel import teller
 
         values, rules = Settings.of(settings), RuleSet.of(rules)
-        site, said = site_of(self, cabinet, trays, values)
+        site, said = site_of(self, cabinet, values)
         ways = OPTIONS if options is None else options
         each = [(option, None) for option in ways] + [("home runs", mix)] * bool(mix)
         tell = teller(progress)
@@ -151,7 +148,6 @@ class IoList(PointTable):
         cabinet: Where = None,
         options: Sequence[str] | None = None,
         *,
-        trays: Trays | str | PathLike[str] | None = None,
         settings: Given = None,
         rules: RuleSet | str | PathLike[str] = "DNV",
         client: Any = None,
@@ -170,7 +166,7 @@ class IoList(PointTable):
         from shipnet.parallel import compute, points_of
 
         points, start = points_of(grid), Settings.of(settings)
-        site, _ = site_of(self, cabinet, trays, start)
+        site, _ = site_of(self, cabinet, start)
         start = start.replace({"detour": site.detour, "tails": site.tails})
         if faults := {fault for point in points for fault in start.tried(point)[1]}:
             raise ArgumentError("; ".join(sorted(faults)))

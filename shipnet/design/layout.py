@@ -47,7 +47,7 @@ COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         "cables": {
             "run": "str", "cable": "str", "a": "str", "b": "str", "segment": "str", "kind": "str",
             "route_m": "float", "length_m": "float", "used": "int", "conductors": "int",
-            "at_cabinet": "bool", "line": "str", "way": "object",
+            "at_cabinet": "bool", "line": "str",
         },
         "segments": {
             "segment": "str", "bus": "str", "points": "int", "devices": "int", "length_m": "float",

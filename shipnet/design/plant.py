@@ -233,7 +233,6 @@ class Plant:
         table["length_m"] = _SITE.length(table["route_m"].to_numpy(dtype=float))
         table["conductors"] = table["used"]
         table["run"] = [f"{kind} {a} - {b}" for a, b in zip(table["a"], table["b"], strict=True)]
-        table["way"] = pd.Series([()] * len(table), dtype=object)
         return table
 
     def _made(self, name: str, **tables: Any) -> Design:

@@ -113,7 +113,6 @@ _FILES = "The tables that `--tables FOLDER` writes have"
 _FAILURE_WORDS = {
     "cut": "one cable cut",
     "short": "one pair of a bus or a supply shorted",
-    "tray": "one tray lost",
     "device": "one device dead (except the cabinet)",
 }
 
@@ -147,9 +146,9 @@ def _failures(designs: Mapping[str, Design]) -> str:
     return section(
         "What one failure costs",
         text(
-            "Every cable, every pair of a bus or of its supply, every tray and every device fails "
-            "alone. A point is lost when no path leads from it to the cabinet, or its station has "
-            "no supply. Reflections at an open end, and parts in the cabinet, are not considered."
+            "Every cable, every pair of a bus or of its supply, and every device fails alone. A "
+            "point is lost if no path leads from it to the cabinet, or if its station has no "
+            "supply. Reflections at an open end, and parts in the cabinet, are not considered."
         ),
         table(
             ["option", "failure", "cases", "that cost a point", "worst", "what", "systems"], rows,
@@ -321,13 +320,11 @@ def _what(found: Any) -> str:
     iolist, site, changes = found.iolist, found.site, found.changes()
     systems = iolist.points["system"].replace("", None).nunique()
     in_systems = f"{systems} system{'s' if systems > 1 else ''}" if systems else "no system"
-    trays = "cables run square to the ship's axes, as no trays are given"
-    if site.trays is not None:
-        trays = "cables run on the trays given"
     cabinet = ", ".join(f"{x:g}" for x in site.cabinet)
     where = (
-        f"Cabinet at {cabinet} m; {trays}. A cable is {site.detour:g} times as long as its route, "
-        f"plus {site.tails:g} m for both ends{_assumed(changes, 'detour', 'tails')}."
+        f"Cabinet at {cabinet} m; cables run parallel to the ship's axes. A cable is "
+        f"{site.detour:g} times as long as its route, plus {site.tails:g} m for both ends"
+        f"{_assumed(changes, 'detour', 'tails')}."
     )
     if not (iolist.located.any() or np.isfinite(iolist.box_places).all(axis=1).any()):
         where = "The list gives no places, so every length is the list's own."

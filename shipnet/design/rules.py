@@ -229,19 +229,6 @@ def _change_over(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     return Outcome(0.0, "", "two supplies feed at once, so that none has to take over")
 
 
-def _shared(facts: Facts, concerned: Bools, host: bool) -> Outcome:
-    trunk = facts.design.cables[facts.design.cables["kind"] == "trunk"]
-    pairs = trunk[trunk["line"] != ""]
-    if pairs.empty:
-        return Outcome(_NAN, why="no link has two lines")
-    if not pairs["way"].map(len).any():
-        return Outcome(_NAN, why="no trays are given: how the lines run is not known")
-    on = pairs[["segment", "line", "way"]].explode("way").dropna().drop_duplicates()
-    twice = on[on.duplicated(["segment", "way"])]
-    names = ", ".join(dict.fromkeys(twice["way"]))
-    return Outcome(twice["way"].nunique(), names, "trays with both lines of a segment")
-
-
 def _buses(facts: Facts) -> list[str]:
     return sorted(set(facts.links["bus"]))
 
@@ -387,9 +374,6 @@ MEASURES: Mapping[str, Measure] = {
     "points lost by a cable": Measure(
         "points", "lost by the worst cut or short", _lost(("cut", "short"), None, "no cable")
     ),
-    "points lost by a tray": Measure(
-        "points", "lost by the worst tray", _lost(("tray",), None, "no trays are given")
-    ),
     "points lost by a station": Measure(
         "points", "lost by the worst station, module or box",
         _lost(("device",), _PARTS, "no station, module or box"),
@@ -405,7 +389,6 @@ MEASURES: Mapping[str, Measure] = {
     ),
     "systems on one link": Measure("systems", "hit by the worst failure of a link", _systems),
     "lines of a link": Measure("lines", "lines of the link that has the fewest", _lines),
-    "trays shared by two lines": Measure("trays", "trays that hold both lines of a link", _shared),
     "links without a standard": Measure("links", "buses without an open standard", _standard),
     "bit errors unseen": Measure("patterns", "wrong bits, one or two, that a CRC misses", _unseen),
     "voltage below nominal": Measure(

@@ -76,14 +76,13 @@ def schedule(design: Layout) -> pd.DataFrame:
         to_in=[at.get(name, "") for name in runs["b"]],
         description=runs["cable"].map(lambda name: known[name].description),
         tails_m=runs["length_m"] - design.site.detour * runs["route_m"],
-        route=runs["way"].map("; ".join),
     )
     return table[_SCHEDULE]
 
 
 _SCHEDULE = [
     "cable", "from", "from_in", "to", "to_in", "type", "description", "cores", "cores_used",
-    "length_m", "tails_m", "route", "kind", "segment", "line",
+    "length_m", "tails_m", "route_m", "kind", "segment", "line",
 ]  # fmt: skip
 
 

@@ -154,7 +154,7 @@ class ShipDesign(Tool):
     redundant: bool = switch(
         default=False,
         label="two lines",
-        help="The trunks of CAN and Modbus are laid twice, on separate routes.",
+        help="The trunks of CAN and Modbus are laid twice.",
     )
     rules: str = choice(
         {name: name for name in RULE_SETS}, default="DNV", label="rules",
@@ -340,7 +340,7 @@ def _points(text: str, name: str, update_ms: int, reading: Reading) -> IoList:
 @lru_cache(maxsize=8)
 def _site(iolist: IoList, cabinet: str, settings: Settings) -> tuple[Site, str]:
     """Return where a list is planned, and how the place of the cabinet is known if it was found."""
-    return site_of(iolist, cabinet.strip() or None, None, settings)
+    return site_of(iolist, cabinet.strip() or None, settings)
 
 
 @lru_cache(maxsize=48)
@@ -409,7 +409,7 @@ def _compared(
 #: Violated rules that are shown of each design.
 _SHOWN = 3
 
-_FAILED = {"cut": "is cut", "short": "is shorted", "tray": "is lost", "device": "is dead"}
+_FAILED = {"cut": "is cut", "short": "is shorted", "device": "is dead"}
 
 
 def _numbers(comparison: Comparison) -> dict[str, str]:

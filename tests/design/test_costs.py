@@ -32,6 +32,7 @@ from shipnet.design.settings import Settings
 from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 from shipnet.signals import hardwired_conductors
+from tests.design.lists import small_loop
 
 PLANT = Plant(modules=20, contacts=3, lines=2, distance=40, spacing=3)
 OPTIONS = {"hardwired": PLANT.hardwired, "AS-i": PLANT.on_asi}
@@ -58,8 +59,7 @@ def mixed():
     fixed = dict.fromkeys(
         ("bus_time", "capacity_used", "response_ms", "slowest_update_ms", "length_m"), 1.0
     )
-    run = {"cable": "MI4P075", "segment": "", "route_m": 8.0, "length_m": 10.0, "line": "",
-           "way": ()}  # fmt: skip
+    run = {"cable": "MI4P075", "segment": "", "route_m": 8.0, "length_m": 10.0, "line": ""}
     return Design(
         "mixed", replace(iolist, points=points), site=Site((0, 0, 0)),
         points=frame("points", rows),
@@ -297,7 +297,7 @@ def test_the_assumptions_file_is_in_order_and_every_row_is_used():
     # The mixed plant has every device and every channel; a digital module and stations with two
     # lines stand in the others, and a barrier.
     safe = IoList.parse("tag,signal,x,y,z\nA,4-20mA Ex ia,1,0,0").plan("home runs", (0, 0, 0))
-    redundant = Design.example(redundant=True)
+    redundant = small_loop(redundant=True)
     others = (Model(design).names for design in (PLANT.on_asi, redundant, safe))
     assert set(table.index) <= set(Model(MIXED).names).union(*others)
     # What a length laid may be, from the detour and the tails that the row names.

@@ -14,7 +14,6 @@ from shipnet.errors import ArgumentError
 RUN = {
     "run": "drop A", "cable": "MI1P075", "a": "M1", "b": "A", "segment": "AS-i 1", "kind": "drop",
     "route_m": 1.0, "length_m": 6.0, "used": 2, "conductors": 2, "at_cabinet": False, "line": "",
-    "way": (),
 }  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.rules import Rule, RuleSet, longest_responses
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site, Trays
+from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 from tests.design.checks import check_everything
 from tests.design.lists import lists, ship, table
@@ -233,28 +233,6 @@ def test_a_point_without_a_place_goes_home_and_nowhere_else():
         assert not design.points["fits"].any()
         assert design.reasons["limit"].tolist() == ["place", "place"]
         check_everything(design, Settings())
-
-
-def test_two_lines_keep_to_trays_of_their_own_where_there_are_some(example):
-    trays = Trays.read(datasets.path("synthetic_trays_ship.csv"))
-    site = Site((26, 6, 14), trays)
-    limits = Settings({"redundant": True})
-    for option in ("CAN", "Modbus RTU"):
-        design = plan(example, site, option, settings=limits)
-        assert design.fits
-        for segment in design.segments["segment"]:
-            runs = design.cables[
-                (design.cables["segment"] == segment) & (design.cables["kind"] == "trunk")
-            ]
-            used = {
-                line: {tray for way in runs.loc[runs["line"] == line, "way"] for tray in way}
-                for line in "AB"
-            }
-            assert used["A"] and used["B"] - used["A"]
-            # What both use, no way goes round: without these trays the second line has no way.
-            assert len(used["A"] & used["B"]) < len(used["A"])
-        lines = design.cables[design.cables["kind"] == "trunk"].groupby("line")["b"].apply(set)
-        assert lines["A"] == lines["B"]
 
 
 def test_a_mix_gives_each_kind_its_bus_and_the_first_choice_decides(example):

@@ -10,7 +10,6 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from shipnet.design.catalogue import Range, cables, read_assumptions
-from shipnet.design.designs import Design
 from shipnet.design.planning import plan
 from shipnet.design.rules import Rule, RuleSet
 from shipnet.design.settings import Settings
@@ -20,7 +19,7 @@ from shipnet.errors import ArgumentError
 from shipnet.line.cable import Cable
 from shipnet.line.network import CableRun, Network
 from shipnet.signals import SIGNALS
-from tests.design.lists import lists, ship, table
+from tests.design.lists import lists, ship, small_loop, table
 
 SITE = Site((0.0, 0.0, 0.0))
 
@@ -344,7 +343,7 @@ def test_a_trunk_whose_resistance_or_length_is_not_listed_is_not_verified():
 
 
 def test_a_design_without_feeders_has_no_supplies():
-    for design in (Design.example(), plan(ship(30), SITE, "junction boxes"),
+    for design in (small_loop(), plan(ship(30), SITE, "junction boxes"),
                    plan(ship(30), SITE, "CAN", settings=Settings({"fed": False}))):  # fmt: skip
         assert len(design.supplies()) == len(design.voltages()) == 0
 
