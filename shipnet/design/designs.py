@@ -18,7 +18,6 @@ from shipnet.design.layout import Layout
 from shipnet.design.plot import draw_cables
 from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
-from shipnet.design.supply import supply_tables
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv, as_workbook
 
@@ -59,11 +58,6 @@ class Design(Layout):
     without_limits : Design, optional
         The same option without the rules' limits on responses, if they made a difference.
 
-    Raises
-    ------
-    ArgumentError
-        If the tables contradict each other; the first ten faults.
-
     Examples
     --------
     >>> from shipnet.design import IoList
@@ -90,21 +84,6 @@ class Design(Layout):
     def quantities(self) -> Quantities:
         """Return conductors, cable, hours and money, each low, nominal and high."""
         return costs.quantities(self)
-
-    def bill(self) -> pd.DataFrame:
-        """Return the bill of cables by type, devices, channels and glands."""
-        return costs.bill_table(self)
-
-    def supplies(self) -> pd.DataFrame:
-        """Return one row per supply: place, voltage, current, rating, and its worst device.
-
-        Mains cables from the cabinet to a supply are not computed.
-        """
-        return supply_tables(self)[0]
-
-    def voltages(self) -> pd.DataFrame:
-        """Return one row per fed device and line: current, voltage and voltage drop."""
-        return supply_tables(self)[1]
 
     def check(
         self, rules: RuleSet | str | PathLike[str] = "DNV", *, host_time: float | None = None

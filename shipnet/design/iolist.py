@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from shipnet.design.designs import Design
     from shipnet.design.rules import RuleSet
     from shipnet.design.settings import Given, Settings
-    from shipnet.design.site import Found, Site, Where
+    from shipnet.design.site import Site, Where
 
 
 @checked
@@ -72,12 +72,6 @@ class IoList(PointTable):
         """Return the conductors of all points, wired one by one and on AS-i lines."""
         count = check_whole("lines", lines, 1, 10**9)
         return Saving(hardwired_conductors(self.counts), ASI_PAIR * count)
-
-    def find_cabinet(self) -> Found:
-        """Return the position of the cabinet, inferred from the lengths of home runs."""
-        from shipnet.design.site import find_cabinet
-
-        return find_cabinet(self)
 
     def plan(
         self,

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet import datasets
+from shipnet.design.costs import bill_table
 from shipnet.design.iolist import IoList, read_iolist
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.rules import Rule, RuleSet, longest_responses
@@ -104,7 +105,7 @@ def test_a_point_without_a_place_keeps_its_length_whatever_the_settings_say():
 def test_every_option_has_the_same_spare_channels(example, option, spare):
     design = plan(example, Site((26, 6, 14)), option, settings=Settings({"spare": spare}))
     value = example.points["type"].str[0] == "A"
-    bill = design.bill().set_index("item")["number"]
+    bill = bill_table(design).set_index("item")["number"]
     if option == "AS-i":
         # A module of values may be fast enough for some of its ports only; the others are spare.
         for kind, own in (("AS-i analogue module", value), ("AS-i module", ~value)):
@@ -410,6 +411,6 @@ def test_an_intrinsically_safe_point_is_on_a_bus_only_with_a_barrier_in_its_box(
         limits = Settings({"field_barriers": barriers})
         design = plan(iolist, SITE, option, settings=limits)
         assert design.points["bus"].tolist() == [bus, option]
-        assert design.bill().set_index("item").loc["barrier", "number"] == 1
+        assert bill_table(design).set_index("item").loc["barrier", "number"] == 1
     mixed = plan(iolist, SITE, "home runs", mix={"A": option})
     assert mixed.points["bus"].tolist() == ["hardwired", "hardwired"]
