@@ -17,8 +17,9 @@ import numpy.typing as npt
 from shipnet.answers import Findings
 from shipnet.arguments import checked
 from shipnet.design.costs import (
+    CRITERIA,
     FIGURES,
-    MERITS,
+    WEIGHED,
     Quantities,
     Rng,
     Tornado,
@@ -45,13 +46,8 @@ from shipnet.fields import check_choice, check_rng
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv
 
-RESPONSE = "worst_response_ms"
-
 #: Columns that are about the segments of a bus, of which the most used one counts.
 _BUS = ("bus_time", "capacity_used")
-
-#: Columns of a comparison in which less is better, and by which designs are weighed.
-CRITERIA = ("total_cost_eur", RESPONSE, "lost_by_failure")
 
 #: Lengths given by the list and our own may differ by this much per metre, unsaid; assumed.
 _ALIKE = 0.1
@@ -62,14 +58,14 @@ _ROUNDED = 0.2
 #: Columns whose lowest value is named, with words and unit.
 _TOLD = (
     ("conductors_at_cabinet", "Fewest conductors at the cabinet", ""),
-    (RESPONSE, "Shortest response at worst", "ms"),
+    ("worst_response_ms", "Shortest response at worst", "ms"),
     ("lost_by_failure", "Fewest points lost by one cable or device", ""),
 )
 
 #: Rows of a comparison that a text shows; those of buses only where there are some.
 _SHORT = (
     "points_left_out", "conductors_at_cabinet", "cable_length_km", "cable_mass_kg", "labour_h",
-    "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", *_BUS, RESPONSE,
+    "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", *_BUS, "worst_response_ms",
     "lost_by_cable", "lost_by_device", "rules_met", "rules_violated",
     "rules_not_verified",
 )  # fmt: skip
@@ -104,8 +100,6 @@ class Comparison:
         The designs by name.
     rules : RuleSet
         What they are checked against.
-    criteria : tuple of str
-        Columns of `table` that decide which designs are Pareto-optimal; less is better.
     rng : numpy.random.Generator
         Draws the assumptions from their ranges.
     remarks : tuple of str, optional
@@ -127,7 +121,6 @@ class Comparison:
 
     designs: dict[str, Design]
     rules: RuleSet
-    criteria: tuple[str, ...]
     rng: np.random.Generator
     remarks: tuple[str, ...] = ()
 
@@ -163,7 +156,7 @@ class Comparison:
     def _table(self) -> pd.DataFrame:
         rows = {name: self._row(name) for name in self.designs}
         table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("design")
-        best = self._optimal(table, self.criteria)
+        best = self._optimal(table, CRITERIA)
         return table.assign(pareto=best)
 
     def _row(self, name: str) -> dict[str, float]:
@@ -177,7 +170,7 @@ class Comparison:
             "total_cost_low_eur": figures.loc["total_cost_eur", "low"],
             "total_cost_high_eur": figures.loc["total_cost_eur", "high"],
             **design.segments[list(_BUS)].max(),
-            RESPONSE: design.worst_response_ms,
+            "worst_response_ms": design.worst_response_ms,
             "lost_by_cable": cable,
             "lost_by_device": most.get("device", 0),
             "lost_by_failure": max(cable, most.get("device", 0)),
@@ -195,9 +188,9 @@ class Comparison:
         return best
 
     def pareto(self, *columns: str) -> list[str]:
-        """Return the Pareto-optimal designs in some columns, by default in the criteria."""
+        """Return the Pareto-optimal designs, by default in cost, response and points lost."""
         known = [check_choice("one of columns", column, self._table.columns) for column in columns]
-        best = self._optimal(self._table, known or self.criteria)
+        best = self._optimal(self._table, known or CRITERIA)
         return [str(name) for name in self._table.index[best]]
 
     @property
@@ -321,9 +314,7 @@ class Comparison:
 
     def add(self, *designs: Design) -> Comparison:
         """Return a comparison with further designs of the same points."""
-        return compared(
-            [*self.designs.values(), *designs], self.rules, self.criteria, self.rng, self.remarks
-        )
+        return compared([*self.designs.values(), *designs], self.rules, self.rng, self.remarks)
 
     def conclusions(self) -> list[str]:
         """Return what the comparison comes to, in sentences."""
@@ -347,8 +338,7 @@ class Comparison:
                 least = number(values.min())
                 said.append(f"{words}: {same} ({least}{f' {in_}' if in_ else ''}).")
         if others := [str(name) for name in whole.index[~whole["pareto"]]]:
-            weighed = ", ".join(label(name).partition(" [")[0] for name in self.criteria)
-            said.append(f"Not Pareto-optimal in {weighed}: {', '.join(others)}.")
+            said.append(f"Not Pareto-optimal in {WEIGHED}: {', '.join(others)}.")
         last = str(self.tornado())
         return [*said, f"{last[:1].upper()}{last[1:]}."]
 
@@ -435,7 +425,6 @@ def compare(
     designs: Iterable[Design],
     *,
     rules: RuleSet | str | PathLike[str] = "DNV",
-    criteria: Sequence[str] = CRITERIA,
     rng: Rng = 2024,
 ) -> Comparison:
     """Compare designs of the same points at the same place.
@@ -446,9 +435,6 @@ def compare(
         One or more, each with a name of its own; the same cabinet, prices, detour and tails.
     rules : RuleSet, str or path, default "DNV"
         A rule set, the name of a published one, or a file.
-    criteria : sequence of str
-        Columns of `Comparison.table` that decide which designs are Pareto-optimal; by default
-        cost, response, and points lost by one failure.
     rng : numpy.random.Generator or int, default 2024
         Draws the assumptions from their ranges; what `numpy.random.default_rng` takes.
 
@@ -460,7 +446,7 @@ def compare(
     Raises
     ------
     ArgumentError
-        If the designs have other points or another place, or a criterion is not a column.
+        If there is no design, or they have other points or another place.
 
     Examples
     --------
@@ -469,13 +455,12 @@ def compare(
     >>> compare([plant.hardwired, plant.on_asi]).table()["total_cost_eur"].round().to_dict()
     {'hardwired': 8454.0, 'AS-i': 7440.0}
     """
-    return compared(list(designs), RuleSet.of(rules), tuple(criteria), check_rng(rng))
+    return compared(list(designs), RuleSet.of(rules), check_rng(rng))
 
 
 def compared(
     given: Sequence[Design],
     rules: RuleSet,
-    criteria: tuple[str, ...],
     rng: np.random.Generator,
     remarks: tuple[str, ...] = (),
 ) -> Comparison:
@@ -494,10 +479,7 @@ def compared(
                 f"designs {design.name!r} and {first.name!r} differ in {other}, so their costs "
                 "cannot be compared"
             )
-    known = [*FIGURES, *MERITS]
-    if not criteria or not set(criteria) <= set(known):
-        raise ArgumentError(f"criteria are {criteria}; each must be one of {', '.join(known)}")
-    return Comparison(named, rules, criteria, rng, remarks)
+    return Comparison(named, rules, rng, remarks)
 
 
 def _differing(a: Design, b: Design) -> str:

@@ -131,25 +131,27 @@ FIGURES: Mapping[str, tuple[str, str]] = MappingProxyType(
     }
 )
 
-#: Further columns of a comparison: words and unit.
-MERITS: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "points_left_out": ("points left out", ""),
-        "total_cost_low_eur": ("total cost, low", "EUR"),
-        "total_cost_high_eur": ("total cost, high", "EUR"),
-        "worst_response_ms": ("worst response", "ms"),
-        "bus_time": ("bus time", ""),
-        "capacity_used": ("capacity used", ""),
-        "lost_by_cable": ("lost by one cable", ""),
-        "lost_by_device": ("lost by one device", ""),
-        "lost_by_failure": ("lost by one failure", ""),
-        "rules_met": ("rules met", ""),
-        "rules_violated": ("rules violated", ""),
-        "rules_not_verified": ("rules not verified", ""),
-    }
-)
+#: The columns of a comparison: words and unit.
+_LABELS: Mapping[str, tuple[str, str]] = {
+    **FIGURES,
+    "points_left_out": ("points left out", ""),
+    "total_cost_low_eur": ("total cost, low", "EUR"),
+    "total_cost_high_eur": ("total cost, high", "EUR"),
+    "worst_response_ms": ("worst response", "ms"),
+    "bus_time": ("bus time", ""),
+    "capacity_used": ("capacity used", ""),
+    "lost_by_cable": ("lost by one cable", ""),
+    "lost_by_device": ("lost by one device", ""),
+    "lost_by_failure": ("lost by one failure", ""),
+    "rules_met": ("rules met", ""),
+    "rules_violated": ("rules violated", ""),
+    "rules_not_verified": ("rules not verified", ""),
+    "pareto": ("Pareto-optimal", ""),
+}
 
-_LABELS = {**FIGURES, **MERITS, "pareto": ("Pareto-optimal", "")}
+#: Columns that decide which designs are Pareto-optimal, where less is better, and their words.
+CRITERIA = ("total_cost_eur", "worst_response_ms", "lost_by_failure")
+WEIGHED = ", ".join(_LABELS[name][0] for name in CRITERIA)
 
 
 def label(column: str) -> str:

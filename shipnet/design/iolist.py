@@ -118,7 +118,7 @@ class IoList(PointTable):
         their ranges. `progress` is called after each plan; by default a terminal shows a bar after
         2 s.
         """
-        from shipnet.design.comparison import CRITERIA, compared
+        from shipnet.design.comparison import compared
         from shipnet.design.planning import OPTIONS, plan
         from shipnet.design.rules import RuleSet
         from shipnet.design.settings import Settings
@@ -134,7 +134,7 @@ class IoList(PointTable):
         for option, choose in each:
             designs.append(plan(self, site, option, settings=values, mix=choose, rules=rules))
             tell(len(designs), len(each))
-        return compared(designs, rules, CRITERIA, check_rng(rng), (said,) if said else ())
+        return compared(designs, rules, check_rng(rng), (said,) if said else ())
 
     def study(
         self,

@@ -13,7 +13,7 @@ import pandas as pd
 
 from shipnet import __version__
 from shipnet.design.catalogue import LEVELS
-from shipnet.design.costs import EXCLUDED, Quantities, counted, label, number, ranges_of
+from shipnet.design.costs import EXCLUDED, WEIGHED, Quantities, counted, label, number, ranges_of
 from shipnet.design.designs import Design
 from shipnet.design.drawing import sheets
 from shipnet.design.failures import FAILURES
@@ -277,7 +277,7 @@ def report_html(found: Any, title: str, date: str) -> str:
         text(f"{date + ', ' if date else ''}shipnet {__version__}", "lead"),
         f'<p class="banner">{BANNER} <span>{_BANNER_MORE}</span></p>',
         bullets(found.conclusions()),
-        _side_by_side(found.table(), found.criteria),
+        _side_by_side(found.table()),
         _pictures(found, likely),
         *_numbered(annexes),
     )
@@ -304,15 +304,14 @@ def _drawings(designs: Mapping[str, Design]) -> str:
     return section("Single-line drawings", *drawn)
 
 
-def _side_by_side(compared: pd.DataFrame, criteria: Sequence[str]) -> str:
+def _side_by_side(compared: pd.DataFrame) -> str:
     shown = compared.drop(columns="pareto")
     rows = [[label(str(name)), *(number(value) for value in shown[name])] for name in shown]
     rows.append([label("pareto"), *("yes" if one else "no" for one in compared["pareto"])])
-    weighed = ", ".join(label(name).partition(" [")[0] for name in criteria)
     return table(
         ["", *map(str, shown.index)], rows, numbers=range(1, len(shown) + 1),
         caption="The designs side by side. Pareto-optimal: connects every point, and no other is "
-        f"as good in {weighed} and better in one of them.",
+        f"as good in {WEIGHED} and better in one of them.",
     )  # fmt: skip
 
 

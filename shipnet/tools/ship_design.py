@@ -16,7 +16,7 @@ from matplotlib.axes import Axes
 from shipnet import datasets
 from shipnet.arguments import checked
 from shipnet.design.catalogue import Assumptions, Range
-from shipnet.design.comparison import RESPONSE, Comparison, compare
+from shipnet.design.comparison import Comparison, compare
 from shipnet.design.designs import Design
 from shipnet.design.failures import worst
 from shipnet.design.iolist import IoList, read_iolist
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 PICTURES = {
     "cost": "cost of each option, with its range",
     "conductors_at_cabinet": "conductors against cost",
-    RESPONSE: "worst response against cost",
+    "worst_response_ms": "worst response against cost",
     "lost_by_failure": "points lost by one failure against cost",
     "assumptions": "the assumptions that matter most",
 }
