@@ -1,4 +1,4 @@
-"""What a page shows and takes: verdict, numbers and figure, buttons, files, a saved state."""
+"""What a page shows: verdict, numbers, figure, buttons and files; and its saved states."""
 
 from __future__ import annotations
 

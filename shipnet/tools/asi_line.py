@@ -66,10 +66,9 @@ class AsiLine(Tool):
         help="Impedance and delay: the nominal cable, or extremes of a data sheet.",
     )  # fmt: skip
     terminator: bool = switch(
-        default=False,
-        label="100 ohm at the end",
+        default=False, label="100 ohm at the end",
         help="A terminator absorbs the echo but loads the line.",
-    )
+    )  # fmt: skip
     noise: float = number(
         0, 10, default=0.0, unit="V", slider=(0, 1.5), step=0.05, label="noise in 2 MHz",
         help="Standard deviation of white noise at the master, in a bandwidth of 2 MHz: "

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from shipnet.asi.emc.error_rates import independent_failures
 from shipnet.asi.plan import Plan, PlanFindings
@@ -85,10 +84,6 @@ class AsiNetwork(Tool):
     def result(self) -> PlanFindings:
         """What the rules say of the plan."""
         return self.plan.check()
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the plan, with what violates a rule in red."""
-        return self.result.plot(ax=ax)
 
     def _view(self) -> View:
         broken = self.result.broken

@@ -7,8 +7,6 @@ from functools import cached_property
 from math import inf
 from typing import Any
 
-from matplotlib.axes import Axes
-
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Stuffing
 from shipnet.can.messages import BIT_RATES, EXAMPLE, MessageSet, bus_load, parse_dbc
@@ -102,10 +100,6 @@ class CanLoad(Tool):
     def lowest(self) -> float:
         """The lowest standard bit rate at which all deadlines are met [bit/s]; inf if none is."""
         return next((rate for rate in BIT_RATES if self._times(rate).met), inf)
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the longest response of each message against its deadline."""
-        return self.result.plot(ax)
 
     def _view(self) -> View:
         late, n = self.result.late, len(self.result)

@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from typing import ClassVar
 
-from matplotlib.axes import Axes
-
 from shipnet.engine.faults import EngineFault
 from shipnet.engine.run import Run, Screen
 from shipnet.engine.simulation import simulate
@@ -93,10 +91,6 @@ class EngineFaults(Tool):
             f"{time:.2f} s: {who}, {kind}" + (f" ({count})" if count > 1 else "")
             for (time, who, kind), count in counted.items()
         ]
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the screen of the AMS."""
-        return self.result.plot(ax)
 
     def _view(self) -> View:
         old, marked = self.result.old, self.result.marked

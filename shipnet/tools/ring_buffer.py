@@ -29,25 +29,16 @@ RULES: MappingProxyType[Rule, str] = MappingProxyType(
     }
 )
 
-#: What can be done, by the text on its button.
+#: What can be done: the text on its button, and what it does.
 ACTIONS = MappingProxyType(
     {
-        "byte": "store a byte",
-        "packet": "store a packet",
-        "extract": "extract a byte",
-        "empty": "extract all",
-        "repair": "repair",
+        "byte": ("store a byte", "The interrupt stores the next byte of a packet."),
+        "packet": ("store a packet", "The interrupt stores bytes up to the end of a packet."),
+        "extract": ("extract a byte", "The task extracts one byte, if the rule allows it."),
+        "empty": ("extract all", "The task extracts bytes until the rule stops it."),
+        "repair": ("repair", "The task moves its pointer as the paper does after an overrun."),
     }
 )
-
-#: What each does, in a sentence.
-_HELP = {
-    "byte": "The interrupt stores the next byte of a packet.",
-    "packet": "The interrupt stores bytes up to the end of a packet.",
-    "extract": "The task extracts one byte, if the rule allows it.",
-    "empty": "The task extracts bytes until the rule stops it.",
-    "repair": "The task moves its pointer as the paper does after an overrun.",
-}
 
 #: The four cases in words.
 CASES = MappingProxyType(
@@ -86,12 +77,9 @@ class ReceiveRing(Tool):
         RULES, default="printed", label="reader", help="The rule that the reader follows."
     )
     actions: tuple[str, ...] = series(
-        ACTIONS,
-        default=(),
-        most=2000,
-        label="actions",
+        ACTIONS, default=(), most=2000, label="actions",
         help="The actions so far, starting with an empty ring.",
-    )
+    )  # fmt: skip
 
     def then(self, action: str) -> ReceiveRing:
         """Return the same ring after one more action, such as ``"byte"`` or ``"repair"``."""
@@ -128,7 +116,7 @@ class ReceiveRing(Tool):
 
     def _options(self) -> dict[str, Any]:
         def does(action: str) -> Button:
-            return Button(ACTIONS[action], _HELP[action], lambda inputs: inputs.then(action))
+            return Button(*ACTIONS[action], lambda inputs: inputs.then(action))
 
         def back(inputs: ReceiveRing) -> ReceiveRing:
             return replace(inputs, actions=inputs.actions[:-1])

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,9 +32,6 @@ from shipnet.fields import choice, number, record, switch, text
 from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, Upload, View
-
-if TYPE_CHECKING:
-    from shipnet.tools._page import Page
 
 #: What the figure can show; against cost, the column of the comparison that it is.
 PICTURES = {
@@ -152,9 +149,7 @@ class ShipDesign(Tool):
         "With few boxes and stations, a mix may cost more than either.",
     )  # fmt: skip
     redundant: bool = switch(
-        default=False,
-        label="two lines",
-        help="The trunks of CAN and Modbus are laid twice.",
+        default=False, label="two lines", help="The trunks of CAN and Modbus are laid twice."
     )
     rules: str = choice(
         {name: name for name in RULE_SETS}, default="DNV", label="rules",
@@ -222,13 +217,19 @@ class ShipDesign(Tool):
         if not self.options:
             raise ArgumentError("no option is on; switch on one of home runs to Modbus RTU")
         printed = "".join(one if one.isprintable() else " " for one in self.name)
-        settings = _settings_of(
-            self.spare, self.redundant, self.list_lengths, self.detour, self.labour,
-            self.parts, self.own,
-        )  # fmt: skip
-        name = " ".join(printed.split()) or "list"
+        name, settings = " ".join(printed.split()) or "list", self._settings()
         iolist = _points(self.points, name, self.update_ms, settings.reading)
         return _compared(iolist, self.cabinet, settings, self.options, self.rules)
+
+    def _settings(self) -> Settings:
+        """Return the values of the controls, overridden by the lines of one's own."""
+        values: dict[str, object] = {
+            "spare": self.spare, "redundant": self.redundant, "list_lengths": self.list_lengths,
+            "detour": self.detour, **_prices(self.labour, self.parts),
+        }  # fmt: skip
+        given = Settings.parse(self.own, "limits and prices")
+        words = {table: dict(pairs) for table, pairs in given.reading._asdict().items()}
+        return Settings(values | dict(given.changes()["value"]) | words)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what `ShipDesign.picture` asks for."""
@@ -259,10 +260,7 @@ class ShipDesign(Tool):
             files=files,
         )
 
-    def explore(self, story: bool = False) -> Page:
-        """Return the page with controls, examples, uploads, and a report to download."""
-        from shipnet.tools._page import Page
-
+    def _options(self) -> dict[str, Any]:
         # The inputs that the report is asked for; it goes when they change.
         asked: list[ShipDesign] = []
 
@@ -284,24 +282,19 @@ class ShipDesign(Tool):
                 ),
             )  # fmt: skip
 
-        return Page(
-            self,
-            see,
-            story=story,
-            folds=_FOLDS,
-            buttons=[
-                example("main engine", _CABINET),
-                example("ship", ""),
-                Button("make the report", "One file to read offline and print: tables, figures, "
-                       "rules and every assumption; in tables.zip the cables, terminals, points "
-                       "and drawing of each option. Buttons to download them appear at the "
-                       "foot of the page.", ask),
-            ],
-            uploads=[Upload("load a list", "CSV or Excel; it replaces the list above.",
-                            ".csv,.txt,.xlsx", from_file),
-                     Upload("load settings", "Limits and prices, as TOML; they replace those "
-                            "above.", ".toml,.txt", settings_from_file)],
+        report = Button(
+            "make the report", "One file to read offline and print: tables, figures, rules and "
+            "every assumption; in tables.zip the cables, terminals, points and drawing of each "
+            "option. Buttons to download them appear at the foot of the page.", ask,
         )  # fmt: skip
+        uploads = [
+            Upload("load a list", "CSV or Excel; it replaces the list above.",
+                   ".csv,.txt,.xlsx", from_file),
+            Upload("load settings", "Limits and prices, as TOML; they replace those above.",
+                   ".toml,.txt", settings_from_file),
+        ]  # fmt: skip
+        buttons = [example("main engine", _CABINET), example("ship", ""), report]
+        return {"see": see, "folds": _FOLDS, "buttons": buttons, "uploads": uploads}
 
 
 def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
@@ -354,27 +347,6 @@ def _planned(iolist: IoList, site: Site, settings: Settings, option: str, rules:
     return plan(iolist, site, default, settings=settings, mix=named, name=option, rules=asked)
 
 
-@lru_cache(maxsize=8)
-def _settings_of(
-    spare: float,
-    redundant: bool,
-    list_lengths: bool,
-    detour: float,
-    labour: float,
-    parts: float,
-    own: str,
-) -> Settings:
-    """Return the values of the controls, and over them lines of one's own."""
-    values: dict[str, object] = {
-        "spare": spare, "redundant": redundant, "list_lengths": list_lengths, "detour": detour,
-        **_prices(labour, parts),
-    }  # fmt: skip
-    given = Settings.parse(own, "limits and prices")
-    words = {table: dict(pairs) for table, pairs in given.reading._asdict().items()}
-    return Settings(values | dict(given.changes()["value"]) | words)
-
-
-@lru_cache(maxsize=8)
 def _prices(labour: float, parts: float) -> dict[str, Range]:
     """Return the assumptions that another labour rate and other prices of bus parts change."""
     assumed = Assumptions()

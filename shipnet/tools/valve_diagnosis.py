@@ -180,19 +180,13 @@ class ValveDiagnosis(Tool):
 @dataclass(frozen=True, slots=True)
 class _Plant:
     fault: str = choice(
-        [NORMAL, *FAULTS],
-        default=NORMAL,
-        label="fault",
+        [NORMAL, *FAULTS], default=NORMAL, label="fault",
         help="A fault of the plant; it sets the sensors.",
-    )
+    )  # fmt: skip
     severity: float = number(
-        0,
-        1,
-        default=1.0,
-        step=0.01,
-        label="its severity",
+        0, 1, default=1.0, step=0.01, label="its severity",
         help="0 is healthy, 1 is the full fault.",
-    )
+    )  # fmt: skip
     state: str = choice(
         list(STATES), default="opening", label="the valve is",
         help="State of the valve; a moving valve starts half open and is read after 4 s.",
