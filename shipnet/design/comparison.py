@@ -33,13 +33,13 @@ from shipnet.design.costs import (
 )
 from shipnet.design.designs import Design
 from shipnet.design.failures import worst
+from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.plot import plot_pareto, plot_ranges
 from shipnet.design.points import PointTable
 from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings, kind_of, names, shown
-from shipnet.design.site import Site
 from shipnet.design.tables import file_name, save_files
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng

@@ -19,10 +19,9 @@ from scipy.spatial.distance import cdist
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.design.catalogue import Cable, cables, smallest
 from shipnet.design.designs import Design
-from shipnet.design.layout import COLUMNS, frame
+from shipnet.design.layout import COLUMNS, Site, frame
 from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.design.supply import Feeders, sized
 from shipnet.lazy import pd
 from shipnet.signals import SIGNALS

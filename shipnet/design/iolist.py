@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from shipnet.design.comparison import Comparison
     from shipnet.design.costs import Rng
     from shipnet.design.designs import Design
+    from shipnet.design.layout import Site, Where
     from shipnet.design.rules import RuleSet
     from shipnet.design.settings import Given, Settings
-    from shipnet.design.site import Site, Where
 
 
 @checked
@@ -90,10 +90,10 @@ class IoList(PointTable):
         by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. `rules`, as in
         `compare`, limit the responses as far as a plan can meet them.
         """
+        from shipnet.design.layout import site_of
         from shipnet.design.planning import plan
         from shipnet.design.rules import RuleSet
         from shipnet.design.settings import Settings
-        from shipnet.design.site import site_of
 
         values, asked = Settings.of(settings), None if rules is None else RuleSet.of(rules)
         site, _ = site_of(self, cabinet, values)
@@ -119,10 +119,10 @@ class IoList(PointTable):
         2 s.
         """
         from shipnet.design.comparison import compared
+        from shipnet.design.layout import site_of
         from shipnet.design.planning import OPTIONS, plan
         from shipnet.design.rules import RuleSet
         from shipnet.design.settings import Settings
-        from shipnet.design.site import site_of
         from shipnet.parallel import teller
 
         values, rules = Settings.of(settings), RuleSet.of(rules)
@@ -154,9 +154,9 @@ class IoList(PointTable):
         per option, with the columns of `Comparison.table`. Long studies run on all cores; `client`,
         `folder` and `progress` are those of `shipnet.compute`.
         """
+        from shipnet.design.layout import site_of
         from shipnet.design.rules import RuleSet
         from shipnet.design.settings import Settings
-        from shipnet.design.site import site_of
         from shipnet.parallel import compute, points_of
 
         points, start = points_of(grid), Settings.of(settings)

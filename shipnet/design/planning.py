@@ -13,12 +13,12 @@ from shipnet.arrays import Floats, Indices
 from shipnet.design.catalogue import cables, smallest, with_spare
 from shipnet.design.designs import Design
 from shipnet.design.drafting import Box, Draft, Laid, boxes, without_place
+from shipnet.design.layout import Site
 from shipnet.design.plan_asi import plan_asi
 from shipnet.design.plan_stations import plan_can, plan_modbus
 from shipnet.design.points import PointTable
 from shipnet.design.rules import RuleSet, longest_responses
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
 

@@ -15,9 +15,8 @@ from shipnet.arguments import checked
 from shipnet.design.costs import Rng, conductors_at_cabinet, draw, quantities
 from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
-from shipnet.design.layout import COLUMNS, frame
+from shipnet.design.layout import COLUMNS, Site, frame
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.fields import check_whole, choice, number, record, whole
 from shipnet.signals import ASI_PAIR, SIGNALS
 from shipnet.signals import Saving as Saving

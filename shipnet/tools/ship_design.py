@@ -20,11 +20,11 @@ from shipnet.design.comparison import Comparison, compare
 from shipnet.design.designs import Design
 from shipnet.design.failures import worst
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.layout import Site, site_of
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.report import BANNER
 from shipnet.design.rules import RULE_SETS, RuleSet
 from shipnet.design.settings import Settings, names
-from shipnet.design.site import Site, site_of
 from shipnet.design.tables import zipped
 from shipnet.design.words import Reading
 from shipnet.errors import ArgumentError, InputError

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 
 from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
-from shipnet.design.layout import frame
-from shipnet.design.site import Site
+from shipnet.design.layout import Site, frame
 
 SIGNALS = ("contact", "solenoid", "rtd_3wire", "current_loop", "contact_common", "analogue_output")
 

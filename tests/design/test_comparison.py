@@ -15,9 +15,9 @@ from shipnet.design.costs import number, quantities
 from shipnet.design.designs import Design
 from shipnet.design.failures import single_failures
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.layout import find_cabinet
 from shipnet.design.rules import Rule, RuleSet
 from shipnet.design.settings import Settings
-from shipnet.design.site import find_cabinet
 from shipnet.errors import ArgumentError
 from tests.design.lists import ship, small_loop
 

@@ -25,12 +25,11 @@ from shipnet.design.costs import (
 )
 from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList, read_iolist
-from shipnet.design.layout import frame
+from shipnet.design.layout import Site, frame
 from shipnet.design.planning import OPTIONS as OPTIONS_OF_A_PLAN
 from shipnet.design.planning import plan
 from shipnet.design.plant import Plant
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 from shipnet.signals import hardwired_conductors
 from tests.design.lists import small_loop

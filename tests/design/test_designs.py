@@ -7,8 +7,7 @@ import pytest
 
 from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
-from shipnet.design.layout import COLUMNS, frame
-from shipnet.design.site import Site
+from shipnet.design.layout import COLUMNS, Site, frame
 
 RUN = {
     "run": "drop A", "cable": "MI1P075", "a": "M1", "b": "A", "segment": "AS-i 1", "kind": "drop",

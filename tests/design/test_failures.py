@@ -13,10 +13,9 @@ from shipnet import datasets
 from shipnet.design.designs import Design
 from shipnet.design.failures import FAILURES, Reach, lost, single_failures, worst
 from shipnet.design.iolist import IoList, read_iolist
-from shipnet.design.layout import frame
+from shipnet.design.layout import Site, frame
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 from tests.design.lists import ship, small_loop
 

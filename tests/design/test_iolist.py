@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.layout import find_cabinet
 from shipnet.design.points import RANGES
-from shipnet.design.site import find_cabinet
 from shipnet.design.words import COLUMNS, column_of
 from shipnet.errors import ArgumentError, InputError
 from shipnet.signals import KINDS, SIGNALS, find_signal, spellings

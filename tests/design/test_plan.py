@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from shipnet import datasets
 from shipnet.design.costs import bill_table
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.rules import Rule, RuleSet, longest_responses
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 from tests.design.checks import check_everything
 from tests.design.lists import lists, ship, table

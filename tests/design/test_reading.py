@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from shipnet.__main__ import main
 from shipnet.design import IoList, Settings, read_iolist
-from shipnet.design.site import site_of
+from shipnet.design.layout import site_of
 from shipnet.design.words import UNITS, decimal_mark, read_number
 from shipnet.errors import InputError
 from tests.design import messy

@@ -11,10 +11,10 @@ from shipnet import datasets
 from shipnet.design.designs import Design
 from shipnet.design.failures import lost
 from shipnet.design.iolist import IoList
+from shipnet.design.layout import Site
 from shipnet.design.planning import plan
 from shipnet.design.rules import APPLIES, MEASURES, RULE_SETS, Rule, RuleSet
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.engine import class_rules
 from shipnet.errors import ArgumentError, InputError
 from shipnet.modbus.faults import Break

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.design.iolist import read_iolist
-from shipnet.design.site import Site
+from shipnet.design.layout import Site
 from shipnet.errors import ArgumentError
 
 SHIP = read_iolist(datasets.path("synthetic_iolist_ship.csv"))

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from shipnet.design.catalogue import Range, cables, read_assumptions
 from shipnet.design.costs import bill_table
+from shipnet.design.layout import Site
 from shipnet.design.planning import plan
 from shipnet.design.rules import Rule, RuleSet
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.design.supply import LOADS, feeders_of, supply_tables
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import Cable

@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 
 from shipnet.design.costs import label
 from shipnet.design.iolist import IoList
+from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS
 from shipnet.design.report import BANNER
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.errors import ArgumentError, InputError
 from shipnet.tools import ship_design
 from shipnet.tools._view import read_state, write_state
