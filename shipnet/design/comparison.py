@@ -49,7 +49,7 @@ from shipnet.tables import as_csv
 #: Columns that are about the segments of a bus, of which the most used one counts.
 _BUS = ("bus_time", "capacity_used")
 
-#: Lengths given by the list and our own may differ by this much per metre, unsaid; assumed.
+#: Share by which given and computed lengths may differ without a remark; assumed.
 _ALIKE = 0.1
 
 #: How far a cable may fall short of the straight distance, as both are rounded [m].
@@ -91,7 +91,7 @@ def complete(designs: Mapping[str, Design]) -> dict[str, Design]:
 class Comparison:
     r"""Several ways to connect the points of one list, side by side.
 
-    `IoList.compare` plans and compares, `compare` takes designs that there are. All share the
+    `IoList.compare` plans and compares; `compare` compares existing designs. All share the
     cabinet, the prices, and the detour and tails of cables.
 
     Parameters
@@ -99,11 +99,11 @@ class Comparison:
     designs : dict of str to Design
         The designs by name.
     rules : RuleSet
-        What they are checked against.
+        The rules against which they are checked.
     rng : numpy.random.Generator
         Draws the assumptions from their ranges.
     remarks : tuple of str, optional
-        What was found out on the way, such as the place of the cabinet.
+        Remarks from planning, such as the inferred position of the cabinet.
 
     Examples
     --------
@@ -317,7 +317,7 @@ class Comparison:
         return compared([*self.designs.values(), *designs], self.rules, self.rng, self.remarks)
 
     def conclusions(self) -> list[str]:
-        """Return what the comparison comes to, in sentences."""
+        """Return the results of the comparison in sentences."""
         said, table = [], self._table
         for name, design in self.designs.items():
             if left := int(table["points_left_out"][name]):
@@ -344,7 +344,7 @@ class Comparison:
 
     @cached_property
     def _safe_points(self) -> list[str]:
-        """Where intrinsically safe points are connected, and what the other choice would cost."""
+        """How intrinsically safe points are connected, and the price of the alternative."""
         safe = (self.iolist.points["ex"] != "").to_numpy()
         buses = [name for name in OPTIONS[2:] if name in self.designs]
         said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
@@ -362,7 +362,7 @@ class Comparison:
         return [f"{said}{where}; {name} {_costs(more)} with {other_way}."]
 
     def short(self) -> pd.DataFrame:
-        """Return the rows that are asked for first, as text, one column per design."""
+        """Return the most important rows as text, one column per design."""
         table = self._table
         rows = [row for row in _SHORT if row not in _BUS or table[row].notna().any()]
         shown = table[rows].astype(object)
@@ -493,7 +493,7 @@ def _differing(a: Design, b: Design) -> str:
 
 
 def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
-    """Say where home runs with given lengths are not computed as other cables are."""
+    """Say where the given lengths of home runs differ from computed ones."""
     first = next(iter(designs.values()))
     iolist, site = first.iolist, first.site
     kept = set[str]()

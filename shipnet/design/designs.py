@@ -9,6 +9,8 @@ from functools import cached_property
 from importlib.util import find_spec
 from os import PathLike
 
+import numpy as np
+
 from shipnet import style
 from shipnet.answers import Findings
 from shipnet.arguments import checked
@@ -145,8 +147,8 @@ class Design(Layout):
         for kind, colour in _COLOURS.items():
             own = self.cables[self.cables["kind"] == kind]
             if len(own):
-                a, b = places.loc[own["a"]].to_numpy(float), places.loc[own["b"]].to_numpy(float)
-                draw_cables(ax, a, b, colour, kind)
+                ends = np.stack([places.loc[own[end]] for end in ("a", "b")], axis=1)
+                draw_cables(ax, ends, colour, kind)
         boxes = self.devices[self.devices["kind"].isin(["box", "module", "station"])]
         ax.plot(boxes["x_m"], boxes["y_m"], "s", color="0.25", markersize=4, label="box or module")
         ax.plot(points["x_m"], points["y_m"], ".", color="0.5", markersize=3, label="point")

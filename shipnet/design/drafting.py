@@ -1,4 +1,4 @@
-"""What all planners share: a draft of a design, boxes, clusters of places, trunks."""
+"""Parts that all planners share: drafts of designs, boxes, clusters of places, and trunks."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from shipnet.design.supply import Feeders, sized
 from shipnet.lazy import pd
 from shipnet.signals import SIGNALS
 
-# Which places belong together: clusters within reach, groups of equal size, groups that fit
+# Clusters of places: within reach, of equal size, or within limits -----------------------------
 
 #: More places than this are halved first: the tree of all distances takes too much memory.
 _MOST = 3000
@@ -162,9 +162,9 @@ def _renumbered(labels: Indices) -> Indices:
     return np.asarray(np.argsort(np.argsort(first))[inverse], dtype=np.intp)
 
 
-# How a trunk goes past its devices: branching, or from each to the next -------------------------
+# The route of a trunk past its devices: branching, or from each to the next ---------------------
 
-#: Added to distances, because scipy takes a distance below 1e-8 for no edge [m].
+#: Added to distances, because scipy treats a distance below 1e-8 as no edge [m].
 _APART = 1e-6
 
 
@@ -178,11 +178,11 @@ def tree(away: Floats) -> list[tuple[int, int]]:
 
 
 def chain(away: Floats) -> list[int]:
-    """Return the order in which a trunk goes from device to device on a short way."""
+    """Return an order of the devices in which the trunk from each to the next is short."""
     n = len(away)
     if n < 3:
         return list(range(n))
-    # After the last device comes a place that is near to all, so that the chain may end anywhere.
+    # An extra place at no distance from all others lets the chain end anywhere.
     order = np.append(_walk(tree(away), n), n)
     padded = np.zeros((n + 1, n + 1))
     padded[:n, :n] = away
@@ -213,7 +213,7 @@ def _walk(edges: list[tuple[int, int]], n: int) -> list[int]:
     return order
 
 
-# A draft: planners put down devices and cables; routes and feeders follow at the end
+# A draft: planners add devices and cables; routes and feeders follow at the end -----------------
 
 Place = tuple[float, float, float]
 
@@ -229,7 +229,7 @@ class Laid(NamedTuple):
 
 @dataclass(eq=False)
 class Draft:
-    """A design that planners put together."""
+    """A design under construction."""
 
     iolist: PointTable
     site: Site
@@ -262,7 +262,7 @@ class Draft:
         self._in_cabinet.add(self.cabinet)
 
     def device(self, name: str, kind: str, segment: str, place: Place, at: str = "") -> str:
-        """Put down a device, and return its name, which gets a number if it is taken."""
+        """Add a device, and return its name, with a number if the name is taken."""
         free = self._free(name)
         if at and at in self._in_cabinet:
             self._in_cabinet.add(free)
@@ -274,7 +274,7 @@ class Draft:
         return free
 
     def _free(self, name: str) -> str:
-        """Take a name, with a number if it is taken already."""
+        """Reserve a name, with a number if it is taken already, and return it."""
         free, number = name, 1
         while free in self._taken:
             number += 1
@@ -292,7 +292,7 @@ class Draft:
         segment: str = "",
         line: str = "",
     ) -> None:
-        """Put down a cable, named after its point, or numbered in its segment or to its box."""
+        """Add a cable, named after its point, or numbered within its segment or box."""
         a, b = ends
         name = f"{kind} {b}"
         if kind in ("trunk", "feeder"):
@@ -314,7 +314,7 @@ class Draft:
         return lengths
 
     def drop(self, row: int, device: str, place: Place, segment: str, length: float) -> None:
-        """Put down the cable of a point to its device."""
+        """Add the cable from a device to a point."""
         wires = int(self.wires[row])
         laid = Laid(place, self.spots[row], length)
         cable = smallest(wires, spare=0)
@@ -323,7 +323,7 @@ class Draft:
     def connect(
         self, row: int, bus: str, segment: str, device: str, address: str, response: float
     ) -> None:
-        """Say how a point is connected, with its response [s]."""
+        """Record how a point is connected, with its response [s]."""
         for column, value in zip(
             self._point.values(), (bus, segment, device, address), strict=True
         ):
@@ -331,7 +331,7 @@ class Draft:
         self._response[row] = response
 
     def segment(self, rows: Indices, **columns: Any) -> None:
-        """Put down a segment of connected points, with the times of its most urgent one."""
+        """Add a segment of connected points, with the times of the most urgent one."""
         nearest = rows[(self._response[rows] / self.need[rows]).argmax()]
         self._rows["segments"].append(
             {"points": len(rows), "response_ms": 1e3 * self._response[nearest],
@@ -341,14 +341,14 @@ class Draft:
     def reason(
         self, subject: str, limit: str, value: float, bound: float, unit: str, text: str
     ) -> None:
-        """Say why something does not fit."""
+        """Record why something does not fit."""
         self._rows["reasons"].append(
             {"subject": subject, "limit": limit, "value": value, "bound": bound, "unit": unit,
              "text": text}
         )  # fmt: skip
 
     def too_slow(self, row: int, least: float, words: str) -> None:
-        """Say that a point needs an update sooner than it could have one [s]."""
+        """Record that a point needs faster updates than it can have; `least` is in s."""
         tag, wanted = self.tags[row], 1e3 * float(self.need[row])
         text = f"{tag} needs an update every {wanted:g} ms; {words} {1e3 * least:.3g} ms"
         self.reason(tag, "update", 1e3 * least, wanted, "ms", text)
@@ -376,7 +376,7 @@ class Draft:
         return replace(laid, points=points, devices=devices, cables=runs, reasons=reasons)
 
     def _feed(self, runs: pd.DataFrame, wanted: Feeders) -> pd.DataFrame:
-        """Return the cables with feeders of the sizes wanted, and put supplies near where asked."""
+        """Return the cables with sized feeders, and add the supplies that are wanted."""
         rows, known = self._rows["cables"], cables()
         idle, old = set(wanted.idle), len(rows)
         for number, cable in wanted.cable.items():
@@ -420,7 +420,7 @@ class Draft:
         return frame("cables", runs[list(COLUMNS["cables"])])
 
 
-# Junction boxes: those that the list names, and clusters of the points that it gives none
+# Junction boxes: those that the list names, and clusters of all other points --------------------
 
 
 class Box(NamedTuple):
@@ -436,7 +436,7 @@ class Box(NamedTuple):
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
     def halved(self, need: Floats) -> list[Box]:
-        """Return two boxes here, the urgent points apart; none if there is one point."""
+        """Return two boxes at this place, urgent points apart; none for a single point."""
         if len(self.rows) < 2:
             return []
         order = np.argsort(need[self.rows], kind="stable")
@@ -473,7 +473,7 @@ def boxes(draft: Draft, rows: Indices) -> list[Box]:
 
 
 def without_place(draft: Draft, rows: Indices) -> None:
-    """Say that the position of points is not known."""
+    """Record that the positions of points are unknown."""
     for row in rows:
         tag = draft.tags[row]
         text = f"the list gives no position for {tag}, so nothing can be put near it"
@@ -485,26 +485,26 @@ def _box(name: str, places: Floats, rows: Indices, lengths: Floats) -> Box:
     return Box(name, (x, y, z), rows, lengths)
 
 
-# The trunk of a segment whose stations sit along one cable: its order, its second line, its ends
+# The trunk of a segment: the order of its stations, its second line, and its ends ---------------
 
 #: Conductors of a bus or a feeder, without the screen.
 PAIR = 2
 
 
 class Backbone(NamedTuple):
-    """The way of a trunk past its stations."""
+    """The route of a trunk past its stations."""
 
     order: list[int]
     hops: Floats
 
     @property
     def length(self) -> float:
-        """All of its cable [m]."""
+        """Length of its cable [m]."""
         return float(self.hops.sum())
 
 
 def route_past(draft: Draft, stations: Sequence[Box]) -> Backbone:
-    """Find the way of a trunk from the cabinet past all stations."""
+    """Return the route of a trunk from the cabinet past all stations."""
     places = np.array([draft.middle, *(station.place for station in stations)])
     order = chain(draft.site.route(places[:, None], places[None, :]))
     along = places[order]
@@ -521,7 +521,7 @@ def lay(
     cable: str,
     repeaters: Sequence[int] = (),
 ) -> list[str]:
-    """Put down masters, stations, trunk cables, feeders, terminators and repeaters of a segment."""
+    """Add the masters, stations, cables, terminators and repeaters of a segment."""
     names = [draft.device(f"{bus} {box.name}", "station", segment, box.place) for box in stations]
     places = [draft.middle, *(box.place for box in stations)]
     hops, feeder = list(pairwise(places)), cables()[draft.settings.feeder]

@@ -24,17 +24,17 @@ _NONE: Integers = np.empty(0, np.int64)
 #: Nodes at both ends of each edge, and its run; -1 if it is not a run.
 Edges = tuple[Integers, Integers, Integers]
 
-#: Devices that join the two lines of a pair, and those that block everything once dead.
+#: Devices that join the two lines of a pair, and those that block all lines once dead.
 _JOINS = ("cabinet", "master", "gateway")
 _BLOCKS = (*_JOINS, "repeater", "box")
 
 #: Devices at which a shorted pair ends, by the kind of its cables.
 _PAIR_ENDS = {"trunk": ("repeater", "gateway"), "feeder": ("cabinet", "gateway")}
 
-#: Housings that are lost with all that they hold.
+#: Housings that are lost with everything inside.
 _SHELLS = ("box", "cabinet")
 
-#: Most truth values held at once.
+#: Most truth values in memory at once.
 _CHUNK = 2**21
 
 
@@ -86,7 +86,7 @@ class Reach:
 
     @cached_property
     def alone(self) -> dict[int, int]:
-        """Points by the run that is the only cable over which they work."""
+        """Points that work over a single cable, by its run."""
         point, _, run = self._wires
         good = self._good(*self._masks(), self._needs_supply)[0]
         only = np.bincount(point[good], minlength=len(self._connected)) == 1
@@ -97,7 +97,7 @@ class Reach:
         """Return the numbers of the points that each failure costs.
 
         A failure has no effect outside its area, so one failure of each area is examined at once,
-        and the area of a lost point tells which one it was.
+        and the area of a lost point shows which failure it was.
         """
         of_item, of_point = self._areas
         size, n_points, connected = len(self.kinds), len(of_point), self._connected
@@ -154,7 +154,7 @@ class Reach:
 
     @cached_property
     def _at(self) -> Integers:
-        """Device in whose housing each one is; -1 in its own."""
+        """Device in whose housing each one is; -1 if it has its own."""
         return np.array([self._index.get(at, -1) for at in self.design.devices["at"]], np.int64)
 
     @cached_property

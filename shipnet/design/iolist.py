@@ -18,9 +18,7 @@ from shipnet.fields import check_rng, check_whole
 from shipnet.lazy import Axes
 from shipnet.signals import ASI_PAIR, Saving, hardwired_conductors
 from shipnet.signals import SIGNALS as SIGNALS
-from shipnet.tables import (
-    no_formula,
-)
+from shipnet.tables import no_formula
 
 if TYPE_CHECKING:
     from shipnet.design.comparison import Comparison

@@ -74,7 +74,7 @@ Where: TypeAlias = "tuple[float, float, float] | Sequence[float] | str | Site | 
 
 
 class Found(NamedTuple):
-    """The position of a cabinet as lengths suggest it."""
+    """The position of a cabinet, inferred from the lengths of cables."""
 
     place: tuple[float, float, float]
     misfit: float
@@ -87,8 +87,7 @@ class Found(NamedTuple):
             f"the cabinet is assumed at {x:g}, {y:g}, {z:g} m, from the cable lengths of "
             f"{self.points} points, half of which it fits within {max(self.misfit, 0.1):.1f} m"
         )
-        other = "; other positions fit as well: give the right one if you know it"
-        return said if self.settled else said + other
+        return said if self.settled else f"{said}; other positions fit as well: give the right one"
 
 
 def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0) -> Found:

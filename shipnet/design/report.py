@@ -213,7 +213,7 @@ def _figures(quantities: Mapping[str, Quantities], likely: pd.DataFrame) -> str:
             for cable, row in takes.by_cable.iterrows()
         ]  # fmt: skip
         parts.append(table(["cable", "runs", "m", "kg", "EUR"], cables, numbers=range(1, 5)))
-    return section("What each option takes", *parts)
+    return section("Quantities of each option", *parts)
 
 
 def _assumptions(quantities: Mapping[str, Quantities]) -> str:
@@ -227,9 +227,9 @@ def _assumptions(quantities: Mapping[str, Quantities]) -> str:
     ]  # fmt: skip
     head = ["what", "low", "nominal", "high", "unit", "status", "source"]
     return section(
-        "What was assumed",
+        "Assumptions",
         table(head, rows, numbers=[1, 2, 3], caption="Every price, mass, hour and factor in use."),
-        text("What no figure holds", tag="h3"),
+        text("Not included in any figure", tag="h3"),
         bullets(EXCLUDED),
     )
 
