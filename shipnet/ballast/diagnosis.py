@@ -353,10 +353,6 @@ class Diagnosis:
         k = self._place(valve)
         return _fire(self.base, {name: x[:, k] for name, x in self.samples.items()}, self.method)
 
-    def decision(self, valve: int) -> Decision:
-        """Return what was decided for one valve over time."""
-        return Decision(self.firing(valve), self.threshold, self.active[:, self._place(valve)])
-
     def explain(self, valve: int, time: float) -> str:
         """Return in one sentence why a valve is diagnosed as it is at a time [s].
 

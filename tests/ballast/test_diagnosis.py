@@ -124,9 +124,8 @@ def test_alarms_headline_and_explanation_tell_of_the_same_codes():
         sentence = diagnosis.explain(alarm.valve, alarm.time_s)
         assert sentence.startswith(alarm.top_fault)
         assert alarm.code in sentence
-        decided = diagnosis.decision(alarm.valve)
         row = int(np.searchsorted(run.time, alarm.time_s))
-        assert alarm.code in decided.codes(row)
+        assert diagnosis.is_active(alarm.valve, alarm.code)[row]
         first = diagnosis.first_alarm(alarm.valve, alarm.code)
         assert first <= alarm.time_s
     never = ~diagnosis.active.any(axis=0)
@@ -229,7 +228,7 @@ def test_an_instant_before_the_run_or_no_valve_of_it_is_named():
     with pytest.raises(ArgumentError, match="valve is 2"):
         diagnosis.explain(2, 0.0)
     with pytest.raises(ArgumentError, match="valve is 0"):
-        diagnosis.decision(0)
+        diagnosis.firing(0)
     with pytest.raises(ArgumentError, match="settle is -1"):
         diagnosis.commands(settle=-1)
 
