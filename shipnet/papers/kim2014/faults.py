@@ -11,7 +11,7 @@ import pandas as pd
 
 from shipnet import datasets
 from shipnet.ballast.diagnosis import Run
-from shipnet.ballast.master import MasterRun, operate, received_run
+from shipnet.ballast.master import MasterRun, operate
 from shipnet.ballast.plant import FAULTS, Command, Plant
 from shipnet.ballast.registers import RegisterMap
 from shipnet.ballast.rule_table import FILLS, rule_base, rule_vectors
@@ -282,7 +282,7 @@ def seen_strokes(
     for number in numbers:
         order = Command("open", start, valves=number)
         seen = operate(Plant(System(number, status_poll(9600))), [order], until=duration)
-        runs[number] = received_run(seen, number, target=100.0)
+        runs[number] = seen.received(number)
     return runs
 
 
