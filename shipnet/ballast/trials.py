@@ -390,8 +390,8 @@ class FleetReport:
     Examples
     --------
     >>> run_fleet(2, [Command("open", 60.0)], faults=Fault("V1", valves=2), until=120)
-    2 valves, 0.0333333 h, 0.0 million samples, 1 motor runs
-    1 faults: 1 detected, 0 named, 0 isolated; 0 false alarms
+    2 valves, 0.0333333 h, 0.0 million samples, 2 motor runs
+    1 faults: 1 detected, 1 named, 1 isolated; 0 false alarms
     """
 
     n_valves: int
