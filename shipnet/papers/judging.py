@@ -290,10 +290,7 @@ def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
 def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
     """Put one claim beside its recomputation."""
     recomputation = REGISTRY.get(claim["id"])
-    computed: Any = None
-    basis = ""
-    if recomputation:
-        computed, basis = recomputation.result
+    computed: Any = recomputation.value if recomputation else None
     difference, outcome = math.nan, ""
     if recomputation and claim["precision"]:
         published = as_number(claim["value"])
@@ -306,7 +303,7 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
         "published": claim["value"],
         "unit": claim["unit"],
         "computed": computed,
-        "basis": basis,
+        "basis": claim["basis"],
         "relative_difference": difference,
         "match": outcome,
         "verdict": claim["verdict"],
