@@ -129,10 +129,6 @@ class Ledger:
         columns = ["where", "claim", "published", "verdict", "holds_under", "corrected", "note"]
         return self.judged().query("verdict != 'agrees'")[columns]
 
-    def errata(self) -> pd.DataFrame:
-        """Return the misprints, wrong terms and slips of numbering, each with its correction."""
-        return self.table().query("kind == 'erratum'")[["where", "claim", "published", "corrected"]]
-
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw how many claims of each paper are treated how; numbers below 4 are not written."""
         ax, counts = style.axes(ax), self.counts()
