@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
 import pandas as pd
 
-from shipnet import datasets
+from shipnet import datasets, style
 from shipnet.asi.commands import ChangeAddress, ReadCodes
 from shipnet.asi.elements import Repeater, Supply
 from shipnet.asi.faults import MasterFailure
@@ -21,9 +22,10 @@ from shipnet.asi.telegram import Call, Half, Request, Response, frame
 from shipnet.asi.timing import BIT_TIME, Cycle, Transaction, exchanges
 from shipnet.design.costs import conductors_at_cabinet
 from shipnet.design.plant import Plant, lines_needed
+from shipnet.lazy import Axes
 from shipnet.line.network import CableRun
 from shipnet.papers.items import PrintedTable
-from shipnet.papers.registry import TABLES, check, is_legal, numeric
+from shipnet.papers.registry import TABLES, check, figure, is_legal, numeric
 
 # Section 3.4: the bits of a request and of a response, and their parity.
 
@@ -275,6 +277,49 @@ numeric("kim2023-070")(
     lambda *, masters=14, repeaters=5, segment=100: (masters + repeaters) * segment
 )
 numeric("kim2023-071")(lambda *, valves=200, slaves=190: valves / slaves)
+
+
+# Figs 7 and 9, whose printed pictures were not available: the positions are ours.
+
+
+#: Slaves that one line holds.
+_FULL = 62
+
+
+@figure("kim2023", "Fig 7")
+def _valves(*, valves: int = 400, ax: Axes) -> Axes:
+    """Draw valves on as many lines as they need, one slave per valve."""
+    from shipnet.papers.plot import FILL, box
+
+    lines = lines_needed(valves)
+    for row in range(lines):
+        here = min(_FULL, valves - row * _FULL)
+        box(ax, (-9.5, -row - 0.35), 8, 0.7, FILL["blue"], f"master {row + 1}")
+        ax.plot([-1.5, here], [-row, -row], color="0.3", lw=1)
+        ax.plot(np.arange(1, here + 1), np.full(here, -row), "o", color="C2", markersize=4)
+        ax.text(here + 1, -row, f"{here} valves", va="center")
+    return style.bare(ax, (-10, _FULL + 12), (-lines + 0.4, 0.6))
+
+
+@figure("kim2023", "Fig 9")
+def _index_table(*, ax: Axes) -> Axes:
+    """Draw ten drive units and twenty airboxes around an index table, all on one line."""
+    from shipnet.papers.plot import FILL, box
+
+    slaves = 30
+    angle = np.pi - 2 * np.pi * (np.arange(slaves) + 0.5) / slaves
+    turn = np.linspace(0, 2 * np.pi, 200)
+    ax.fill(0.72 * np.cos(turn), 0.72 * np.sin(turn), color="0.93")
+    ax.text(0, 0, "rotary\nindex table", ha="center", va="center")
+    x, y = np.cos(angle), np.sin(angle)
+    ax.plot([-1.35, *x], [0, *y], color="0.3", lw=1, zorder=0)
+    drive = np.arange(slaves) % 3 == 0
+    ax.plot(x[drive], y[drive], "s", color="C1", markersize=7, label="10 drive units")
+    ax.plot(x[~drive], y[~drive], "o", color="C0", markersize=7, label="20 airboxes")
+    box(ax, (-2.15, -0.16), 0.8, 0.32, FILL["blue"], "master")
+    ax.legend(loc="center left", bbox_to_anchor=(0.95, 0.5))
+    ax.set_aspect("equal")
+    return style.bare(ax, (-2.3, 1.2), (-1.15, 1.15))
 
 
 # Section 3.4, commands (c) to (e): addresses and ID codes of slaves, on a simulated line.
