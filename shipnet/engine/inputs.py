@@ -238,8 +238,7 @@ class InputCard:
     def accuracy(self) -> pd.DataFrame:
         """Return resolution and conversion error of each kind of analogue input, one row each.
 
-        ``codes`` counts those within the range; ``step_low`` and ``step_high`` are the steps at its
-        ends; ``error_at`` is the value with the largest ``conversion_error``. Only quantisation is
+        ``step_low`` and ``step_high`` are the steps at the ends of the range. Only quantisation is
         counted: sensors and amplifiers are ideal.
         """
         rows = []
@@ -259,16 +258,13 @@ class InputCard:
             below = np.flatnonzero(inside)
             pairs = np.column_stack([below, below + 1]).ravel()
             codes = np.concatenate([[first], pairs, [last]])
-            errors = np.abs(decoded[codes] - ends)
-            # Of equal errors the one at the highest value is named, whatever rounding does.
-            worst = int(np.flatnonzero(errors >= errors.max() * (1 - 1e-9))[-1])
             rows.append(
-                (point.condition, point.low, point.high, point.unit, count, last - first + 1,
+                (point.condition, point.low, point.high, point.unit, count,
                  decoded[first + 1] - decoded[first], decoded[last] - decoded[last - 1],
-                 errors[worst], ends[worst])
+                 np.abs(decoded[codes] - ends).max())
             )  # fmt: skip
-        columns = ["condition", "low", "high", "unit", "points", "codes", "step_low", "step_high",
-                   "conversion_error", "error_at"]  # fmt: skip
+        columns = ["condition", "low", "high", "unit", "points", "step_low", "step_high",
+                   "conversion_error"]  # fmt: skip
         return pd.DataFrame(rows, columns=columns)
 
     def broken(self, wire: Literal["open", "short"]) -> Words:
@@ -276,15 +272,11 @@ class InputCard:
         return self.code([WIRE_FAULTS[wire][point.condition] for point in self.points])
 
     def wire_faults(self) -> pd.DataFrame:
-        """Return what the box makes of a broken wire and a short circuit, two rows per kind.
+        """Return how a box reads a broken wire and a short circuit, two rows per kind of input.
 
-        ``reads`` is the value of the ``code``; ``legal`` says whether a healthy sensor gives it,
-        and ``detected`` whether the card's limits tell it from a value.
+        ``reads`` is the value of the ``code``, and ``detected`` whether the card's limits
+        distinguish it from a value.
         """
-        low, high = (
-            self.code(self.signal([getattr(point, end) for point in self.points])).astype(int)
-            for end in ("low", "high")
-        )
         rows = []
         codes = {fault: self.broken(fault) for fault in WIRE_FAULTS}
         values = {fault: self.value(code) for fault, code in codes.items()}
@@ -292,13 +284,11 @@ class InputCard:
         for k, count in self.points.kinds():
             point = self.points[k]
             for fault in WIRE_FAULTS:
-                code = int(codes[fault][k])
-                legal = min(low[k], high[k]) <= code <= max(low[k], high[k])
                 rows.append(
-                    (point.condition, point.low, point.high, point.unit, count, fault, code,
-                     float(values[fault][k]), bool(legal), bool(detected[fault][k]))
+                    (point.condition, point.low, point.high, point.unit, count, fault,
+                     int(codes[fault][k]), float(values[fault][k]), bool(detected[fault][k]))
                 )  # fmt: skip
-        columns = ["condition", "low", "high", "unit", "points", "fault", "code", "reads", "legal",
+        columns = ["condition", "low", "high", "unit", "points", "fault", "code", "reads",
                    "detected"]  # fmt: skip
         return pd.DataFrame(rows, columns=columns)
 

@@ -155,10 +155,6 @@ class Coding:
         return pd.DataFrame(
             {
                 "tag": [point.tag for point in known],
-                "box": [point.box for point in known],
-                "condition": [point.condition for point in known],
-                "low": low,
-                "high": high,
                 "unit": [point.unit for point in known],
                 "reads": zero + step * number,
                 "collides": meet,
@@ -205,8 +201,8 @@ class RegisterMap:
     >>> registers = engine.RegisterMap(engine.read_points())
     >>> len(registers), registers.requests()
     (99, (Request.read_holding_registers(0, 99),))
-    >>> registers.table().loc[98, ["holds", "box", "step"]].tolist()
-    ['ME-JB3-099', 'JB3', 1.0]
+    >>> registers.table().loc[98, ["holds", "box"]].tolist()
+    ['ME-JB3-099', 'JB3']
     """
 
     points: PointList = part(PointList, "One or more points", make=PointList)

@@ -48,7 +48,7 @@ def flags(*, with_position: bool = True) -> int:
 @numeric("kim2014-036")
 def nested_pairs(*, codes: tuple[str, ...] = BASE.codes) -> int:
     """Pairs of these rules of which one fires whenever the other does."""
-    pairs = BASE.overlaps().table()
+    pairs = BASE.overlaps()
     nested = pairs[pairs["relation"] != "overlap"]
     return int((nested["a"].isin(codes) & nested["b"].isin(codes)).sum())
 
