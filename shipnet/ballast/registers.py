@@ -176,9 +176,10 @@ class RegisterMap:
         if values.ndim != 2 or len(values) != len(SCALES):
             raise ArgumentError(f"readings have the shape {values.shape}; it must be (5, n_valves)")
         row = check_whole("fault", fault, 0, 12)
+        lasted = check_scalar("operating_time", operating_time, "s", 0, 1e9)
         in_status = self.status == "table 2"
         steps = np.empty((len(SCALES) + 1, values.shape[1]))
-        steps[:-1], steps[-1] = values / _STEPS, operating_time / _TIME_STEP
+        steps[:-1], steps[-1] = values / _STEPS, lasted / _TIME_STEP
         longest = 0xFFFF if in_status else 0xFF
         numbers, saturated = whole_steps(steps, _HIGHEST[longest], _MISSING[longest])
         registers = _PLACES @ numbers

@@ -77,8 +77,8 @@ def silent_pressures(
 @numeric("kim2014-100")
 def sensors_with_limit(*, limit: float = 2.5) -> int:
     """Sensors that the rules compare with this limit."""
-    terms = {variable.name: [term.crisp for term in variable.terms] for variable in BASE.variables}
-    return sum(any(limit in (one.low, one.high) for one in own) for own in terms.values())
+    limits = [[term.crisp for term in variable.terms] for variable in rule_base().variables]
+    return sum(any(limit in (one.low, one.high) for one in own) for own in limits)
 
 
 @check("kim2014-037", counter={"ramps": True})
