@@ -46,7 +46,7 @@ HOOKS = {"apply", "device", "disturbance", "of", "run", "transit", "view", "volt
 #: Mistakes that a call takes, which its annotation does not say.
 TAKEN = {
     **{f"ValveDiagnosis.{name}": "nan" for name in ("FP", "OP", "MC", "OT", "VPos", "DVPos")},
-    "Driver.current": "nan empty", "Rule.meets.computed": "nan",
+    "Rule.meets.computed": "nan",
     "decode.sample_interval": "text path nan empty object",  # of a file
     "Slave.answer.time": "None text path nan empty object",  # its device looks at it
     # A request does not look at what its function code does not have, nor does a response.
@@ -256,8 +256,6 @@ def of_line():
         "end": 100.0, "a": "a", "b": "b", "length": 10.0, "node": "a", "name": "b", "root": "a",
         "spectrum": np.ones_like, "duration": 1e-5, "supply": "a", "voltage": 30.0,
         "currents": {"b": 0.1}, "longest": 5, "u": np.zeros(4), "dt": 1e-8, "path": "x.csv",
-        "network": network, "until": 1e-6, "drivers": line.Driver("a", current=0.0),
-        "Driver.current": 0.0, "Driver.voltage": None,
     }  # fmt: skip
     wave = line.Waveform(np.zeros(4), 1e-7)
     return good, {"Cable": line.CABLES["as-i 1.5"], "Network": network, "Waveform": wave}
