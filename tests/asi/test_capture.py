@@ -13,7 +13,7 @@ from scipy.signal import bilinear, firwin, lfilter
 
 from shipnet.__main__ import main
 from shipnet.arrays import parts_of
-from shipnet.asi import Request, bursts
+from shipnet.asi import Call, Request, bursts
 from shipnet.asi.bursts import pieces
 from shipnet.asi.capture import decode
 from shipnet.asi.modulation import SEND_CURRENT, Modulation
@@ -320,7 +320,7 @@ def test_equal_requests_have_the_texts_of_their_own_answers():
 
 def test_calls_without_answer_and_without_meaning():
     telegrams = [
-        (20e-6, Request.broadcast_reset().bits, 60e-3),
+        (20e-6, Request(Call.BROADCAST_RESET, 31).bits, 60e-3),
         (300e-6, "01000001111101", 60e-3),
         (600e-6, "0011001", 60e-3),
     ]
