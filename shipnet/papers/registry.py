@@ -31,7 +31,6 @@ _MODELS = (
 
 #: What they only read from transcribed tables: a module, or a function of one.
 _READERS = (
-    "shipnet.asi.emc.immunity",
     "shipnet.ballast.registers.command_codes",
     "shipnet.engine.points.read_points",
 )

@@ -1,15 +1,12 @@
 from dataclasses import replace
 
-import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from scipy import stats
 
 from shipnet import asi, datasets
 from shipnet.asi.emc.disturbances import Impulses, Noise
 from shipnet.asi.emc.error_rates import (
-    ErrorRates,
     burst_failures,
     count_errors,
     error_rate,
@@ -30,8 +27,6 @@ SLOT = 156e-6
 class Added:
     """A disturbance whose voltage is given."""
 
-    quantity = "given"
-
     def __init__(self, voltage):
         self.given = voltage
 
@@ -44,8 +39,7 @@ def rng():
 
 
 def rates_of(wave, disturbance, amplitudes, count, rng, **receiver):
-    rates = count_errors(wave, disturbance, amplitudes, count, rng, receiver=Receiver(**receiver))
-    return rates.table()
+    return count_errors(wave, disturbance, amplitudes, count, rng, receiver=Receiver(**receiver))
 
 
 def theory_of(wave, amplitudes, **receiver):
@@ -264,7 +258,7 @@ def test_a_density_is_the_same_noise_whatever_the_step():
     # A finer step has more samples ahead of a telegram, so it is not quite the same.
     assert rates[1] == pytest.approx(rates[0], rel=0.25)
     assert Noise().density([0.0, 1.0]).tolist() == pytest.approx([0, (2 * 250e-9) ** 0.5])
-    counted = count_errors(fine, Noise(), 0.6, 6000, rng(), receiver=proof).table()["rate"][0]
+    counted = count_errors(fine, Noise(), 0.6, 6000, rng(), receiver=proof)["rate"][0]
     assert counted == pytest.approx(rates[1], rel=1 / 3)
 
 
@@ -314,41 +308,6 @@ def test_every_named_receiver_has_a_source():
     # Four standard deviations of the noise that the source names, behind the filter if any.
     assert RECEIVERS["noise-proof"].minimum == pytest.approx(4 * kept * 0.48, rel=0.01)
     assert RECEIVERS["unfiltered"].minimum == pytest.approx(4 * 0.3)
-
-
-def drawn(rows):
-    columns = ("amplitude_V", "failed", "rate", "rate_low", "rate_high")
-    with mpl.rc_context():
-        rates = ErrorRates((dict(zip(columns, row, strict=True)) for row in rows), "volts")
-        ax = rates.plot(Figure(figsize=(6.4, 4)).subplots(), label="noise")
-        ax.figure.draw_without_rendering()
-    return ax
-
-
-def test_rates_are_drawn_with_their_intervals_and_zeros_with_an_arrow():
-    ax = drawn([(0.1, 0, 0, 0, 0.04), (0.5, 3, 0.03, 0.01, 0.08), (0.6, 20, 0.2, 0.13, 0.29)])
-    points, arrows = ax.containers
-    assert points.lines[0].get_xydata().tolist() == [[0.5, 0.03], [0.6, 0.2]]
-    ends = np.sort([segment[:, 1] for segment in points.lines[2][0].get_segments()])
-    assert ends == pytest.approx(np.array([[0.01, 0.08], [0.13, 0.29]]))
-    assert arrows.lines[0].get_xydata().tolist() == [[0.1, 0.04]]
-    assert arrows.lines[0].get_color() == points.lines[0].get_color()
-    assert (ax.get_yscale(), ax.get_xlabel()) == ("log", "volts [V]")
-    assert ax.get_legend_handles_labels()[1] == ["noise"]
-    assert drawn([(0.1, 0, 0.0, 0.0, 0.1)]).containers
-
-
-@pytest.mark.parametrize(
-    ("disturbance", "axis"),
-    [
-        (Noise(), "noise in 2 MHz, standard deviation [V]"),
-        (Noise(reference=50e-9), "noise in 10 MHz, standard deviation [V]"),
-        (Impulses(), "mean height of the impulses [V]"),
-    ],
-)
-def test_an_axis_says_what_the_amplitude_is_and_in_which_bandwidth(disturbance, axis):
-    rates = count_errors(NEAR, disturbance, [0.5, 2.0], 20, rng())
-    assert rates.plot(Figure().subplots()).get_xlabel() == axis
 
 
 # What failures do to a cycle -------------------------------------------------------------------
