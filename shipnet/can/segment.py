@@ -132,7 +132,7 @@ class Segment:
         if dt is None:
             dt = shortest / np.ceil(shortest / min(rise / 5, shortest))
         step = check_scalar("dt", dt, "s", 1e-15, bit)
-        t = np.arange(int((begin + length * bit) / step + 1e-9) + 1) * step
+        t: Floats = np.arange(int((begin + length * bit) / step + 1e-9) + 1, dtype=float) * step
         sources, sent = {}, np.ones(length, dtype=np.int8)
         for node, pattern in patterns.items():
             name = self.point(node)
@@ -149,12 +149,10 @@ class Segment:
             conductance = np.maximum(on, 0) / ohms
             sources[name] = volts * conductance, conductance
         v = simulate(network, sources, step)
-        at = begin + (np.arange(length) + point) * bit
+        at: Floats = begin + (np.arange(length, dtype=float) + point) * bit
         seen = np.array([np.interp(at, t, row) for row in v])
         bits = np.where(seen >= DOMINANT, 0, np.where(seen <= RECESSIVE, 1, -1)).astype(np.int8)
-        return Signals(
-            self, rate, t, np.asarray(at, dtype=float), sent, network.nodes, v, seen, bits
-        )
+        return Signals(self, rate, t, at, sent, network.nodes, v, seen, bits)
 
     def __repr__(self) -> str:
         ends = "open ends" if self.terminator is None else "terminated"

@@ -16,7 +16,7 @@ from shipnet.asi.modulation import CLASSES, HALF_BIT, Modulation
 from shipnet.asi.receiver import RECEIVERS, Receiver, Waveform, matched_filter
 from shipnet.asi.segment import PROBES
 from shipnet.asi.telegram import RESPONSES
-from shipnet.asi.timing import Cycle
+from shipnet.asi.timing import Cycle, Transaction
 from shipnet.errors import ArgumentError
 
 NEAR = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
@@ -319,18 +319,20 @@ def test_three_failed_cycles_in_a_row_take_as_long_as_a_chain_of_states_says():
         q = p**2
         step = np.array([[1 - q, q, 0], [1 - q, 0, q], [1 - q, 0, 0]])
         cycles = np.linalg.solve(np.eye(3) - step, np.ones(3))[0]
-        row = independent_failures(p, Cycle(6, minimum=4e-3)).iloc[0]
-        assert row["between_drops_s"] == pytest.approx(4e-3 * cycles, rel=1e-9)
+        time = 8 * SLOT
+        row = independent_failures(p, Cycle(6)).iloc[0]
+        assert row["between_drops_s"] == pytest.approx(time * cycles, rel=1e-9)
         assert row["cycle_failure"] == pytest.approx(q)
         assert row["three_cycles"] == pytest.approx(q**3)
-        assert row["drops_per_h"] == pytest.approx(6 * 3600 / (4e-3 * cycles))
+        assert row["drops_per_h"] == pytest.approx(6 * 3600 / (time * cycles))
 
 
 def test_the_ends_of_the_scale_and_the_number_of_slaves():
-    table = independent_failures([0, 1, 1e-200], Cycle(10, minimum=2e-3))
-    assert table["between_drops_s"].tolist() == [np.inf, pytest.approx(6e-3), np.inf]
-    assert table["drops_per_h"].tolist() == [0, pytest.approx(10 * 3600 / 6e-3), 0]
-    assert table["repetitions_per_s"][:2].tolist() == [0, 5000]
+    table = independent_failures([0, 1, 1e-200], Cycle(10))
+    time = 12 * SLOT
+    assert table["between_drops_s"].tolist() == [np.inf, pytest.approx(3 * time), np.inf]
+    assert table["drops_per_h"].tolist() == [0, pytest.approx(10 * 3600 / (3 * time)), 0]
+    assert table["repetitions_per_s"][:2].tolist() == [0, pytest.approx(10 / time)]
     # One of 31 slaves fails in each cycle of 5.148 ms.
     assert independent_failures(1 / 31)["repetitions_per_s"][0] == pytest.approx(1 / 5.148e-3)
     assert independent_failures([]).empty
@@ -395,7 +397,8 @@ def test_in_a_packet_without_end_the_closed_form_holds():
     law = np.array([p**k * (1 - p) for k in range(1, 6)] + [p**6])
     share = (table["series"] / table["series"].sum()).tolist()
     assert share == pytest.approx(law / law.sum(), rel=0.03)
-    cycle = Cycle(slaves, minimum=(slaves * (1 + p) + 2) * SLOT)
+    longer = (slaves * (1 + p) + 2) / (slaves + 2)
+    cycle = Cycle(slaves, transaction=Transaction(bit_time=6e-6 * longer))
     drops = independent_failures(p, cycle)["drops_per_h"][0] * length / 3600
     assert table.loc[6, "per_packet"] == pytest.approx(drops, rel=0.03)
 

@@ -343,16 +343,15 @@ def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.Dat
     if rate.ndim != 1 or rate.dtype.kind not in "iuf" or not ((rate >= 0) & (rate <= 1)).all():
         raise ArgumentError(f"p is {p!r}; it must be one probability or a row, 0..1")
     cycle = cycle or Cycle(31)
-    slaves = check_whole("addresses", int(np.asarray(cycle.addresses)), 1, 31)
-    cycle_time = float(cycle.time)
+    slaves = check_whole("addresses", cycle.addresses, 1, 31)
     rate = rate.astype(float)
     failure = rate**TRIES
     with np.errstate(divide="ignore", over="ignore"):
-        between = cycle_time * (failure[:, np.newaxis] ** -np.arange(1.0, CYCLES + 1)).sum(axis=1)
+        between = cycle.time * (failure[:, np.newaxis] ** -np.arange(1.0, CYCLES + 1)).sum(axis=1)
     return pd.DataFrame(
         {
             "rate": rate,
-            "repetitions_per_s": slaves * rate / cycle_time,
+            "repetitions_per_s": slaves * rate / cycle.time,
             "cycle_failure": failure,
             "three_cycles": failure**CYCLES,
             "between_drops_s": between,
