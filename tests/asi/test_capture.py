@@ -392,7 +392,6 @@ def test_any_samples_give_a_table(u, dt):
         ([0.0], 2e-6, {}, "dt is 2e-06 s"),
         ([0.0], float("nan"), {}, "dt is nan"),
         ([0.0], 1e-7, {"threshold": 1}, "threshold is 1"),
-        ([0.0], 1e-7, {"minimum": 0}, "minimum is 0"),
         ([0.0], 1e-7, {"extended": [32]}, "extended holds 32"),
     ],
 )
