@@ -117,7 +117,8 @@ def news(m, extra=2, repeated=None, tail=10):
 
 
 def gap(m, tries=1, request=9.17e-3, period=1.0):
-    return m["period"] * period + (tries + m["retries"]) * (request + m["timeout"] / 1e3)
+    tried = (tries + m["retries"]) * (request + m["timeout"] / 1e3)
+    return m["age"] + m["period"] * period + tried
 
 
 def windows(fires, n, shift=1, least=0):
@@ -509,7 +510,7 @@ WRONG = {
         ("no period", lambda m, right: gap(m, period=0)),
         ("in ms", lambda m, right: 1e3 * right),
         ("the answer added", lambda m, right: right + 32.08e-3),
-        ("one try more", lambda m, right: gap(m, 2)),
+        ("the gap alone", lambda m, right: right - m["age"]),
     ],
     "ex-08-3": [
         ("a line", lambda m, right: lambda n, cuts: n - min(cuts) if cuts else 0),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shipnet.ballast.rule_table import rule_base
-from shipnet.exercises.checking import exercise
+from shipnet.exercises.exercise import exercise
 from tests.lessons.students import solved
 
 
