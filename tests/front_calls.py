@@ -239,8 +239,7 @@ def of_fuzzy():
         "vectors": ballast.rule_vectors(), "name": "a", "corners": (0.0, 1.0, 2.0, 3.0),
         "crisp": fuzzy.Interval(0, 1), "unit": "", "low": first.low, "high": first.high,
         "terms": first.terms, "method": "fuzzy", "RuleBase.overlaps.method": "crisp",
-        "RuleBase.save.rules": "a.csv", "RuleBase.save.terms": "b.csv", "read_rules.rules": "a.csv",
-        "read_rules.terms": "b.csv", "Firing.decide.n": 1, "Variable.plot.crisp": True,
+        "Firing.decide.n": 1, "Variable.plot.crisp": True,
     }  # fmt: skip
     instances = {
         "RuleBase": base, "Decision": decision, "Firing": base.fire(samples), "Variable": first,
