@@ -320,7 +320,6 @@ TARGETS: dict[str, Target] = {
     ),
     "modbus rtu": Target(lambda data: modbus.decode(data, "rtu"), _adus),
     "modbus tcp": Target(lambda data: modbus.decode(data, "tcp"), _adus),
-    "modbus ascii": Target(lambda data: modbus.decode(data, "ascii"), _adus),
     "modbus request": Target(modbus.Request.parse, lambda: [request.pdu for request in _REQUESTS]),
     "modbus response": Target(modbus.Response.parse, _answers),
     "modbus answer": Target(_answered, lambda: [adu[:-2] for adu in _adus()]),
