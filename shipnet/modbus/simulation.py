@@ -71,7 +71,7 @@ class Master:
         self.answered, self.unanswered = system.poll.time, system.poll.unanswered_time
         self.needed = system.poll.time - system.poll.line.t35
         self.paths = Paths(system, faults)
-        self.port, self.failed = [A] * n, [0] * n
+        self.port = [A] * n
         self.time, self.last_failure, self.probed = 0.0, -inf, n - 1
         self.tries: list[Try] = []
 
@@ -99,21 +99,18 @@ class Master:
         if port != A and self.due(slave):
             self.probed = slave
             if self.attempt(slave, A, _PROBE):
-                self.serve(slave, A)
+                self.port[slave] = A
                 return
             if port == LOST and self.rule.closed and self.attempt(slave, B, _PROBE):
-                self.serve(slave, B)
+                self.port[slave] = B
                 return
         if port == LOST or self.ask(slave, port, _POLL):
-            return
-        self.failed[slave] += 1
-        if self.failed[slave] < self.rule.failures:
             return
         other = B if port == A else A
         if not (self.rule.closed and self.ask(slave, other, _SWITCH)):
             self.port[slave] = LOST
             return
-        self.serve(slave, other)
+        self.port[slave] = other
         if self.rule.move == "downstream":
             downstream = range(slave + 1, self.n) if port == A else range(slave)
             for one in downstream:
@@ -127,17 +124,9 @@ class Master:
         following = ((self.probed + step) % self.n for step in range(1, self.n + 1))
         return slave == next(one for one in following if self.port[one] != A)
 
-    def serve(self, slave: int, port: int) -> None:
-        """Let a port serve a slave."""
-        self.port[slave], self.failed[slave] = port, 0
-
     def ask(self, slave: int, port: int, kind: int) -> bool:
         """Poll a slave with all retries; return whether it answered."""
-        for _ in range(self.attempts):
-            if self.attempt(slave, port, kind):
-                self.failed[slave] = 0
-                return True
-        return False
+        return any(self.attempt(slave, port, kind) for _ in range(self.attempts))
 
     def attempt(self, slave: int, port: int, kind: int) -> bool:
         """Send one request and let the time pass; return whether it was answered."""
@@ -280,7 +269,7 @@ class Run:
     def _lost_at(self, moment: float) -> set[int]:
         """Return the slaves that were lost at a moment."""
         system = self.system
-        enough = inf if system.closed else system.failures * (1 + system.poll.retries)
+        enough = inf if system.closed else 1 + system.poll.retries
         lost: set[int] = set()
         silent = [0] * system.n_slaves
         for start, slave, _, kind, answered in self.tries:

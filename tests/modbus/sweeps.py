@@ -20,10 +20,8 @@ def sweep(system, faults, instants=None):
         begin, each = system.period, system.poll.time
         whole = simulate(system, until=begin + (system.n_slaves - 0.5) * each)
         instants = whole.answer_times[-system.n_slaves :]
-    # A lost slave takes one more scan's time until it is given up than one that is moved.
-    settled = (system.failures + 3) * (
-        system.period + 2 * system.n_slaves * system.poll.timeout_time
-    )
+    # A lost slave is given up one scan later than a slave is moved.
+    settled = 4 * (system.period + 2 * system.n_slaves * system.poll.timeout_time)
     at = np.atleast_1d(np.asarray(instants, dtype=float))
     gaps = np.empty((at.size, system.n_slaves))
     for row, instant in enumerate(at):
