@@ -82,9 +82,7 @@ def _saved(suffix: str, *things: Callable[[Path], Any]) -> Callable[[], Iterable
 
 
 def _log(path: Path) -> None:
-    messages = can.example()
-    run = can.simulate(messages, 125e3, until=0.1)
-    run.log(payload=lambda name, k: bytes(messages[name].dlc)).save(path)
+    can.simulate(can.example(), 125e3, until=0.1).log().save(path)
 
 
 def _foreign_log(path: Path) -> None:
