@@ -60,8 +60,8 @@ class ErrorBound:
 
     Notes
     -----
-    The 31 bits are from [1]_. For the tables of [2]_ use ``bits=ERROR_BITS["Broster 2002"]``,
-    method ``"1994"`` and ``Assumptions(intermission="between", foreign_bits=3)``.
+    The 31 bits are from [1]_. For the tables of [2]_ use ``bits=ERROR_BITS["Broster 2002"]`` and
+    ``Assumptions(intermission="between")``.
 
     References
     ----------
