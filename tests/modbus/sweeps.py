@@ -33,7 +33,7 @@ def sweep(system, faults, instants=None):
             quiet = quiet + 1 if before > instant and master.last_failure < before else 0
             # All are lost.
             quiet = 2 if before > instant and len(master.tries) == tried else quiet
-        gaps[row] = Run(system, begun, master.tries[-1][0], master.tries).gaps
+        gaps[row] = Run(system, begun, master.tries[-1][0], master.tries, master.port).gaps
     gaps[:, [slave - 1 for slave in system.reach(failed).lost]] = np.inf
     return gaps
 

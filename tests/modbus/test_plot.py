@@ -105,20 +105,6 @@ def test_a_switch_over_shows_requests_responses_and_the_silence_between(ax):
     assert ax.get_xlabel() == "time [s]" and ax.get_xlim() == (0, 6)
 
 
-def test_a_part_of_a_run_has_only_what_happens_in_it(ax):
-    run = simulate(Loop(3, POLL), faults=[Break(1, start=1)], until=5)
-    run.plot(ax=ax, start=2, stop=2.1)
-    everything = [bar for label in ("request", "_request") for bar in bars(ax, label)]
-    assert 3 <= len(everything) <= 5 and ax.get_xlim() == (2, 2.1) and not ax.texts
-
-
-@pytest.mark.parametrize(
-    ("draw", "message"),
-    [
-        (lambda ax: Loop(3, POLL).plot([Break(9)], ax=ax), "section is 9"),
-        (lambda ax: simulate(Loop(3, POLL), until=1).plot(ax=ax, start=2), "stop is 1 s"),
-    ],
-)
-def test_what_cannot_be_drawn_is_named(ax, draw, message):
-    with pytest.raises(ArgumentError, match=message):
-        draw(ax)
+def test_a_fault_that_cannot_be_drawn_is_named(ax):
+    with pytest.raises(ArgumentError, match="section is 9"):
+        Loop(3, POLL).plot([Break(9)], ax=ax)

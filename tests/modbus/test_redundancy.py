@@ -220,20 +220,13 @@ def test_a_try_is_answered_exactly_if_its_path_is_whole_throughout():
 @pytest.mark.parametrize("fault", loop(6).single_faults(), ids=str)
 def test_all_is_as_before_soon_after_a_repair(fault, move):
     system = loop(6, move=move, recheck=2.0)
-    late, longest = 0.0, longest_recovery(system)
+    longest = longest_recovery(system)
     for stop in np.linspace(8, 10.5, 26):
         run = simulate(system, faults=[replace(fault, start=1.0, stop=stop)], until=20)
-        table = run.table()
-        assert (table.port == "A").all()
-        recovery = table.recovery_s.max()
-        assert not recovery > longest
-        late = max(late, np.nan_to_num(recovery))
+        assert (run.table().port == "A").all()
         events = run.events()
-        after = events.answered[events.start_s > stop + longest]
-        assert after.all() and len(after) > 100
-    if str(fault) not in ("break 6", "port B"):
-        # The bound is not loose: the slowest recovery includes the whole wait.
-        assert late > system.recheck
+        after = events[events.start_s > stop + longest]
+        assert after.answered.all() and (after.port == "A").all() and len(after) > 100
 
 
 def test_lost_slaves_cost_one_try_on_each_port_per_recheck():
@@ -251,9 +244,6 @@ def test_a_broken_loop_serves_its_slaves_from_both_sides():
     run = simulate(loop(6), faults=[Break(2, start=1.0)], until=10)
     table = run.table()
     assert table.port.tolist() == ["A"] * 2 + ["B"] * 4
-    assert np.isnan(table.switch_s[:2]).all() and (table.switch_s[2:] > 0).all()
-    assert (table.switch_s[2:] <= loop(6).worst_gap([Break(2)])[2:]).all()
-    assert table.recovery_s.isna().all()
     assert table.answers.sum() == run.events().answered.sum()
     assert table.longest_gap_s.tolist() == pytest.approx(run.gaps)
 
@@ -262,7 +252,8 @@ def test_a_loop_in_which_all_are_lost_waits_and_recovers():
     system = loop(3, recheck=1.0)
     run = simulate(system, faults=[Short(1, start=2, stop=20.5)], until=40)
     assert (run.table().port == "A").all()
-    assert run.table().recovery_s.between(0, longest_recovery(system)).all()
+    events = run.events()
+    assert events.answered[events.start_s > 20.5 + longest_recovery(system)].all()
 
 
 def test_one_lost_response_switches_the_slave_to_the_other_port():
@@ -281,11 +272,9 @@ def test_lost_slaves_are_tried_in_turn():
     assert {*pairwise(probed)} == {(2, 5), (5, 6), (6, 2)}
 
 
-def test_gaps_and_recovery_are_those_of_the_slaves_concerned():
+def test_gaps_and_ports_are_those_of_the_slaves_concerned():
     system = loop(6, recheck=2.0)
     run = simulate(system, faults=[Break(4, start=1, stop=6), DeadSlave(1, start=2)], until=12)
-    recovery = run.table().recovery_s
-    assert recovery.isna().tolist() == [True] * 4 + [False] * 2
     assert run.table().port.tolist() == ["-"] + ["A"] * 5
     ends = run.events().query("answered and slave == 1").start_s + system.poll.time - LINE.t35
     assert run.gaps[0] == pytest.approx(12 - ends.max()) and run.gaps[0] > 9
@@ -293,7 +282,7 @@ def test_gaps_and_recovery_are_those_of_the_slaves_concerned():
 
 def test_a_simulation_of_no_time_has_no_polls():
     run = simulate(loop(2), until=0)
-    assert len(run.events()) == 0 and run.table().port.tolist() == ["-", "-"]
+    assert len(run.events()) == 0 and run.table().port.tolist() == ["A", "A"]
     assert run.gaps.tolist() == [0, 0]
 
 
