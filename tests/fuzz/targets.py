@@ -197,7 +197,6 @@ _REQUESTS = [
     modbus.Request.write_single_register(7, 0xABCD),
     modbus.Request.write_multiple_registers(1, [1, 2, 3]),
     modbus.Request.write_multiple_coils(1, [1, 0, 1]),
-    modbus.Request.read_write_multiple_registers(0, 4, 9, [5, 6]),
 ]
 
 
@@ -205,7 +204,6 @@ def _adus() -> Iterable[bytes]:
     for request in _REQUESTS:
         yield request.rtu(17)
         yield request.tcp(3, 17)
-        yield request.ascii(17)
 
 
 _SLAVE = modbus.Slave(
