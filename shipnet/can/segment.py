@@ -19,7 +19,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole, number, record, whole
 from shipnet.lazy import Axes, pd
 from shipnet.line.cable import Cable
-from shipnet.line.characteristics import Driver, simulate
+from shipnet.line.characteristics import simulate
 from shipnet.line.network import CableRun, Load, Network
 
 Bits = npt.NDArray[np.int8]
@@ -115,7 +115,10 @@ class Segment:
         length = max(map(len, patterns.values()), default=0)
         if not length:
             raise ArgumentError("patterns are empty; there must be a bit to send")
-        drivers, sent = [], np.ones(length, dtype=np.int8)
+        shortest = min(float(run.length * run.made_of.delay) for run in network.runs)
+        step = shortest / np.ceil(shortest / min(_EDGE / _STEPS, shortest))
+        t: Floats = np.arange(int((begin + length * bit) / step + 1e-9) + 1, dtype=float) * step
+        sources, sent = {}, np.ones(length, dtype=np.int8)
         for node, pattern in patterns.items():
             name = self.point(node)
             if set(pattern) - {"0", "1"}:
@@ -123,25 +126,18 @@ class Segment:
             levels = np.array([int(c) for c in pattern.ljust(length, "1")], dtype=np.int8)
             sent &= levels
             steps = np.diff(1 - levels, prepend=0, append=0)
-
-            def conductance(t: Floats, steps: npt.NDArray[np.int8] = steps) -> Floats:
-                g = np.zeros_like(t)
-                for k in np.flatnonzero(steps):
-                    x = np.clip((t - begin - k * bit) / _EDGE, 0, 1)
-                    g += steps[k] * (x - np.sin(2 * np.pi * x) / (2 * np.pi))
-                # Rounding may make the sum of steps slightly negative.
-                return np.maximum(g, 0) / _SOURCE
-
-            drivers.append(Driver(name, voltage=_VOLTAGE, conductance=conductance))
-        shortest = min(float(run.length * run.made_of.delay) for run in network.runs)
-        dt = shortest / np.ceil(shortest / min(_EDGE / _STEPS, shortest))
-        wave = simulate(network, drivers, begin + length * bit, dt)
-        at = begin + (np.arange(length) + point) * bit
-        seen = np.array([np.interp(at, wave.t, row) for row in wave.u])
+            on = np.zeros_like(t)
+            for k in np.flatnonzero(steps):
+                x = np.clip((t - begin - k * bit) / _EDGE, 0, 1)
+                on += steps[k] * (x - np.sin(2 * np.pi * x) / (2 * np.pi))
+            # Rounding may make the sum of steps slightly negative.
+            conductance = np.maximum(on, 0) / _SOURCE
+            sources[name] = _VOLTAGE * conductance, conductance
+        v = simulate(network, sources, step)
+        at: Floats = begin + (np.arange(length, dtype=float) + point) * bit
+        seen = np.array([np.interp(at, t, row) for row in v])
         bits = np.where(seen >= DOMINANT, 0, np.where(seen <= RECESSIVE, 1, -1)).astype(np.int8)
-        return Signals(
-            self, rate, wave.t, np.asarray(at, dtype=float), sent, network.nodes, wave.u, seen, bits
-        )
+        return Signals(self, rate, t, at, sent, network.nodes, v, seen, bits)
 
     def __repr__(self) -> str:
         ends = "open ends" if self.terminator is None else "terminated"

@@ -24,7 +24,6 @@ from shipnet import (
     datasets,
     design,
     engine,
-    fuzzy,
     line,
     modbus,
     remote_control,
@@ -229,13 +228,6 @@ def _can_bits() -> Iterable[bytes]:
         yield frame.bits.encode()
 
 
-def _rules(data: bytes) -> Any:
-    rules, _, terms = data.partition(b"\0")
-    (_FOLDER / "rules.csv").write_bytes(rules)
-    (_FOLDER / "terms.csv").write_bytes(terms)
-    return fuzzy.read_rules(_FOLDER / "rules.csv", _FOLDER / "terms.csv")
-
-
 def _levels(data: bytes) -> Any:
     """Decode bytes as the samples of a record of an AS-i line, and judge them."""
     u = np.frombuffer(data[: len(data) // 8 * 8], "f8")
@@ -326,14 +318,6 @@ TARGETS: dict[str, Target] = {
     "serial capture.sr": Target(_file(".sr", remote_control.read_capture), lambda: [_serial()]),
     "strokes.npz": Target(
         _file(".npz", lambda path: ballast.read_strokes(path).scores()), _saved(".npz", _strokes)
-    ),
-    "rules": Target(
-        _rules,
-        lambda: [
-            datasets.path("kim2014_assumed_rules.csv").read_bytes()
-            + b"\0"
-            + datasets.path("kim2014_assumed_terms.csv").read_bytes()
-        ],
     ),
     "engine points": Target(
         _file(".csv", engine.read_points),
