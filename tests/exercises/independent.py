@@ -116,6 +116,10 @@ def news(m, extra=2, repeated=None, tail=10):
     return kept[-1] if kept else 0
 
 
+def V1(right, ramps):
+    return [right[0] | {"ramps": ramps}]
+
+
 def gap(m, tries=1, request=9.17e-3, period=1.0):
     tried = (tries + m["retries"]) * (request + m["timeout"] / 1e3)
     return m["age"] + m["period"] * period + tried
@@ -546,12 +550,12 @@ WRONG = {
         ("all", lambda m, right: list(ballast.rule_base().codes)),
     ],
     "ex-09-2": [
-        ("product", lambda m, right: membership(m)[0] * membership(m)[1]),
-        ("mean", lambda m, right: mean(membership(m))),
-        ("larger", lambda m, right: max(membership(m))),
-        ("in percent", lambda m, right: 100 * right),
-        ("sum", lambda m, right: sum(membership(m))),
-        ("distance from full", lambda m, right: 1 - right),
+        ("product", lambda m, right: V1(right, membership(m)[0] * membership(m)[1])),
+        ("mean", lambda m, right: V1(right, mean(membership(m)))),
+        ("larger", lambda m, right: V1(right, max(membership(m)))),
+        ("in percent", lambda m, right: V1(right, 100 * right[0]["ramps"])),
+        ("distance from full", lambda m, right: V1(right, 1 - right[0]["ramps"])),
+        ("either is enough", lambda m, right: [right[0] | {"printed": 1 - right[0]["printed"]}]),
     ],
     "ex-09-3": [
         (
