@@ -51,7 +51,7 @@ TAKEN = {
     "Slave.answer.time": "None text path nan empty object",  # its device looks at it
     # A request does not look at what its function code does not have, nor does a response.
     **dict.fromkeys(
-        ("Request.coils", "Request.registers", "Request.write_address", "Response.coils",
+        ("Request.coils", "Request.registers", "Response.coils",
          "Response.address", "Response.quantity"), "None text path nan empty object",
     ),
     "box.x": "nan", "box.y": "nan", "box.width": "nan", "box.height": "nan",
@@ -273,11 +273,11 @@ def of_modbus():
         "system": loop, "until": 1.0, "exception": 2, "slaves": {1: slave}, "adu": adu,
         "devices": {1: slave}, "units": [1], "path": modbus.udp.LossyPath(), "section": 1,
         "slave": 1, "port": "A", "transaction_id": 1, "values": [1, 2, 3, 4],
-        "write_address": 0, "size": 8, "frames": request.rtu(1), "update": 1.0, "period": 1.0,
+        "size": 8, "frames": request.rtu(1), "update": 1.0, "period": 1.0,
         "time": [0.0, 1.0], "level": [1.0, 1.0], "faults": (), "scan.registers": 4,
         "answer.time": 0.0, "Slave.answer.time": 0.0, "serve.port": 0, "Response.coils": (),
         "Response.registers": [1], "Request.quantity": 1, "Request.registers": (),
-        "Request.coils": (), "Request.write_address": None, "Response.address": None,
+        "Request.coils": (), "Response.address": None,
         "Slave.coils": (), "Response.parse.pdu": response.pdu, "name": "late", "fault": "late",
         "answer": modbus.Adu(1, response),
     }  # fmt: skip
