@@ -36,7 +36,7 @@ from shipnet.design.failures import worst
 from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.plot import plot_pareto, plot_ranges
-from shipnet.design.points import PointTable
+from shipnet.design.points import ROUNDED, PointTable
 from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings, kind_of, names, shown
@@ -51,9 +51,6 @@ _BUS = ("bus_time", "capacity_used")
 
 #: Share by which given and computed lengths may differ without a remark; assumed.
 _ALIKE = 0.1
-
-#: How far a cable may fall short of the straight distance, as both are rounded [m].
-_ROUNDED = 0.2
 
 #: Columns whose lowest value is named, with words and unit.
 _TOLD = (
@@ -79,11 +76,6 @@ def pareto_optimal(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
     rows = np.where(np.isnan(rows), np.inf, rows)
     as_low = (rows[:, None] <= rows).all(axis=-1)
     return np.asarray(~(as_low & ~as_low.T).any(axis=0))
-
-
-def complete(designs: Mapping[str, Design]) -> dict[str, Design]:
-    """Return the designs that connect every point, or all of them if none does."""
-    return {name: design for name, design in designs.items() if design.fits} or dict(designs)
 
 
 @checked
@@ -277,7 +269,8 @@ class Comparison:
         Without names, the cheapest design with all points is set against the first one.
         """
         if a is None and b is None:
-            return tornado(complete(self.designs), figure)
+            whole = {name: design for name, design in self.designs.items() if design.fits}
+            return tornado(whole or self.designs, figure)
         if a == b:
             raise ArgumentError(f"a and b are both {a!r}; they must be two designs")
         given = [(what, one) for what, one in (("b", b), ("a", a)) if one is not None]
@@ -506,7 +499,7 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
     given = iolist.points["home_run_m"].to_numpy(float)[mine]
     own = site.length(site.route(site.cabinet, iolist.places[mine]))
     straight = np.linalg.norm(iolist.places[mine] - np.array(site.cabinet), axis=1)
-    if short := int((given < straight - _ROUNDED).sum()):
+    if short := int((given < straight - ROUNDED).sum()):
         yield (
             f"{short} home run{'s' * (short > 1)} of the list {'are' if short > 1 else 'is'} "
             "shorter than the straight distance to the cabinet, but kept."

@@ -196,9 +196,9 @@ class Reach:
         trunk = self._asi & ~self._feeders & ~self.at_point
         trunk &= (self.kinds != "repeater")[self._ends[:, 1]]
         apart = np.isin(self.kinds, ("cabinet", "gateway"))[self._ends].any(axis=1)
-        return self._by_line(
-            np.flatnonzero(trunk | (self._feeders & ~self._asi & ~apart)), self._poles
-        )
+        number = np.flatnonzero(trunk | (self._feeders & ~self._asi & ~apart))
+        # A supply in a housing feeds its line there without a cable.
+        return self._by_line(number, self._joints[self.kinds[self._joints[:, 0]] == "supply"])
 
     @cached_property
     def _current_at(self) -> Integers:
@@ -259,11 +259,6 @@ class Reach:
             if at == self._cabinet and self.kinds[n] in ("repeater", "supply"):
                 joints[row, 1] = master.get(segment[n], at)
         return joints
-
-    @cached_property
-    def _poles(self) -> Integers:
-        """Supplies, and the device where they feed their line without a cable, shape (n, 2)."""
-        return np.asarray(self._joints[self.kinds[self._joints[:, 0]] == "supply"])
 
     def _by_line(self, number: Integers, joints: Integers) -> Edges:
         """Return runs and joints as edges; node n + D is device n on line B."""

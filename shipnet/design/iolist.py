@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from shipnet.arguments import checked
+from shipnet.design.layout import Site, Where, site_of
 from shipnet.design.points import PointTable
+from shipnet.design.settings import Given, Settings
 from shipnet.design.words import COLUMNS
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_whole
@@ -24,9 +26,7 @@ if TYPE_CHECKING:
     from shipnet.design.comparison import Comparison
     from shipnet.design.costs import Rng
     from shipnet.design.designs import Design
-    from shipnet.design.layout import Site, Where
     from shipnet.design.rules import RuleSet
-    from shipnet.design.settings import Given, Settings
 
 
 @checked
@@ -88,10 +88,8 @@ class IoList(PointTable):
         by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. `rules`, as in
         `compare`, limit the responses as far as a plan can meet them.
         """
-        from shipnet.design.layout import site_of
         from shipnet.design.planning import plan
         from shipnet.design.rules import RuleSet
-        from shipnet.design.settings import Settings
 
         values, asked = Settings.of(settings), None if rules is None else RuleSet.of(rules)
         site, _ = site_of(self, cabinet, values)
@@ -117,10 +115,8 @@ class IoList(PointTable):
         2 s.
         """
         from shipnet.design.comparison import compared
-        from shipnet.design.layout import site_of
         from shipnet.design.planning import OPTIONS, plan
         from shipnet.design.rules import RuleSet
-        from shipnet.design.settings import Settings
         from shipnet.parallel import teller
 
         values, rules = Settings.of(settings), RuleSet.of(rules)
@@ -152,9 +148,7 @@ class IoList(PointTable):
         per option, with the columns of `Comparison.table`. Long studies run on all cores; `client`,
         `folder` and `progress` are those of `shipnet.compute`.
         """
-        from shipnet.design.layout import site_of
         from shipnet.design.rules import RuleSet
-        from shipnet.design.settings import Settings
         from shipnet.parallel import compute, points_of
 
         points, start = points_of(grid), Settings.of(settings)
@@ -251,6 +245,4 @@ def read_iolist(
     >>> read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     <IoList: 353 points (176 AI, 129 DI, 48 DO)>
     """
-    from shipnet.design.settings import Settings
-
     return IoList.read(path, sheet, reading=Settings.of(settings).reading, strict=strict)

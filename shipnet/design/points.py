@@ -319,7 +319,7 @@ def _cleaned(cells: Sequence[str]) -> list[str]:
 # The numbers of an I/O list: positions of points and boxes, lengths of cables, update times ------
 
 #: How far a cable may fall short of the straight distance, as both are rounded [m].
-_ROUNDED = 0.2
+ROUNDED = 0.2
 
 
 def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, Floats]:
@@ -408,7 +408,7 @@ def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, Floats])
         numbers[name] = np.where(fill, places[same, axis], numbers[name])
     away = [numbers[own] - numbers[box] for own, box in zip(_POSITION, _BOX, strict=True)]
     straight = np.sqrt(np.square(away).sum(axis=0))
-    short = numbers["to_box_m"] < straight - _ROUNDED
+    short = numbers["to_box_m"] < straight - ROUNDED
     cells.doubt("the cable to the box is shorter than the straight distance, but kept", short)
 
 

@@ -1,4 +1,4 @@
-"""The CAN explorer: a message set as text, a bit rate, its load and its response times."""
+"""The CAN explorer: the load and the response times of a message set at a bit rate."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class CanLoad(Tool):
 
     @cached_property
     def messages(self) -> MessageSet:
-        """The messages of the text, their offsets spread if that is chosen."""
+        """The messages of the text, with spread offsets if that is chosen."""
         messages = MessageSet.parse(self.text)
         return spread_offsets(messages) if self.offsets == "spread" else messages
 
@@ -90,7 +90,7 @@ class CanLoad(Tool):
 
     @property
     def load(self) -> dict[str, float]:
-        """Load of the bus, by how its stuff bits are counted."""
+        """Load of the bus, by the way of counting stuff bits."""
         counted: dict[str, Stuffing] = {
             "no stuff bits": "none", "random data": "mean", "most stuff bits": "worst",
         }  # fmt: skip

@@ -1,4 +1,4 @@
-"""The scan explorer: how long a Modbus master takes to ask all its slaves, against a limit."""
+"""The scan explorer: the time that a Modbus master needs to poll all slaves, and its limit."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from shipnet.modbus.polling import BIT_RATES, Scan, scan
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
-#: Characters to choose from: those of the standard, and what many devices are set to.
+#: Characters to choose from: those of the standard, and a common setting of devices.
 CHARACTERS = ("8E1", "8O1", "8N2", "8N1")
 
 
 @record
 class ModbusScan(Tool):
-    """How long a Modbus master takes to ask all its slaves, against a limit.
+    """The time that a Modbus master needs to poll all slaves, and its limit.
 
     `result` is the scan, a `modbus.Scan`.
 

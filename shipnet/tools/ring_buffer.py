@@ -1,4 +1,4 @@
-"""The ring explorer: store and extract by hand, and see what the four variables make of it."""
+"""The ring explorer: store and extract bytes by hand, and watch the four variables."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from shipnet.tools._view import Button, View
 #: Sizes to choose from; 128 is that of chung1998.
 SIZES = (8, 16, 32, 64, 128)
 
-#: Rules to choose from, and what each does.
+#: Rules to choose from, and the effect of each.
 RULES: MappingProxyType[Rule, str] = MappingProxyType(
     {
         "printed": "as printed: an empty ring is read on",
@@ -29,7 +29,7 @@ RULES: MappingProxyType[Rule, str] = MappingProxyType(
     }
 )
 
-#: What can be done: the text on its button, and what it does.
+#: The actions: the text of each button, and what it does.
 ACTIONS = MappingProxyType(
     {
         "byte": ("store a byte", "The interrupt stores the next byte of a packet."),
@@ -50,7 +50,7 @@ CASES = MappingProxyType(
     }
 )
 
-#: Data of a packet, and the bytes it has.
+#: Items of a packet, and its format.
 _ITEMS = 1
 _FORM = MarkerFormat(n_numbers=_ITEMS)
 
@@ -59,7 +59,7 @@ _FORM = MarkerFormat(n_numbers=_ITEMS)
 class ReceiveRing(Tool):
     """A receive ring that is filled and read by hand, step by step.
 
-    `result` has the ring, what the last action did as `said`, and how many packets were found.
+    `result` has the ring, the effect of the last action as `said`, and the number of packets.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class ReceiveRing(Tool):
     '0xCC extracted from 0'
     """
 
-    #: The rules of the reader to choose from, and what each does.
+    #: The rules of the reader to choose from, and the effect of each.
     RULES: ClassVar[Mapping[Rule, str]] = RULES
 
     size: int = choice(
@@ -133,9 +133,9 @@ class ReceiveRing(Tool):
 
 
 class Game:
-    """A ring with somebody who writes packets and somebody who reads them.
+    """A ring with a writer and a reader of packets.
 
-    `said` is what the last action did, and `found` the values of the packets that were read.
+    `said` describes the last action, and `found` has the values of the packets that were read.
     """
 
     def __init__(self, inputs: ReceiveRing) -> None:
@@ -148,12 +148,12 @@ class Game:
 
     @property
     def packets(self) -> int:
-        """How many packets were found."""
+        """Number of packets found."""
         return len(self.found)
 
     @property
     def wrong(self) -> int:
-        """How many of them are older than one before, or were never sent."""
+        """Number of packets that are older than an earlier one, or were never sent."""
         sent = {_value(number) for number in range(self.ring.written // _FORM.size(_ITEMS))}
         due = accumulate((value + 1 for value in self.found), max, initial=0)
         pairs = zip(self.found, due, strict=False)
@@ -186,7 +186,7 @@ class Game:
         return step
 
     def _empty(self) -> None:
-        # An empty ring that is read on may have no end: two rounds show that.
+        # A ring that is read on while empty may never end: two rounds show that.
         for taken in range(2 * self.ring.size):
             if self._extract().action in ("wait", "stop"):
                 self.said = f"{taken} steps, then: {self.said}"
@@ -202,7 +202,7 @@ class Game:
 
 
 def _value(number: int) -> int:
-    # They rise, and neither byte is a marker or 0.
+    # Values increase, and neither byte is a marker or 0.
     return (number // 200 + 1) << 8 | number % 200 + 1
 
 

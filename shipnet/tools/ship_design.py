@@ -33,7 +33,7 @@ from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, Upload, View
 
-#: What the figure can show; against cost, the column of the comparison that it is.
+#: What the figure can show; a figure against cost is named by its column of the comparison.
 PICTURES = {
     "cost": "cost of each option, with its range",
     "conductors_at_cabinet": "conductors against cost",
@@ -53,7 +53,7 @@ _FOLDS = {
     ),
 }  # fmt: skip
 
-#: Characters of a list, for a state that holds it must not exceed 2 MB.
+#: Most characters of a list, because a state with it must not exceed 2 MB.
 _LONGEST = 1_000_000
 _STATE = 1_900_000
 
@@ -62,8 +62,7 @@ _MIND = (
     "nominal, with a range from all assumptions low to all high."
 )
 
-#: Ways to connect some points by one option and the others by another: what decides, and how the
-#: points that it does not name are connected.
+#: Mixes of options: the option of some types or categories, and that of all other points.
 MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
     {
         "digital AS-i + analogue CAN": ({"DI": "AS-i", "DO": "AS-i"}, "CAN"),
@@ -74,7 +73,7 @@ MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
     }
 )
 
-#: Seed of the draws of what is assumed, as `shipnet design` has it.
+#: Seed of the draws of the assumptions, the same as in `shipnet design`.
 _SEED = 2024
 
 #: Assumptions that make up the price of a bus, beside its cable.
@@ -196,7 +195,7 @@ class ShipDesign(Tool):
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        # JSON writes a character beyond ASCII as six, a line's end as two.
+        # JSON writes a non-ASCII character as six, and the end of a line as two.
         beyond = len(self.points.encode("ascii", errors="ignore"))
         size = 6 * (len(self.points) - beyond) + beyond + self.points.count("\n")
         if size > _STATE:
@@ -204,7 +203,7 @@ class ShipDesign(Tool):
 
     @property
     def options(self) -> tuple[str, ...]:
-        """What is compared."""
+        """The options to compare."""
         chosen = {
             "home runs": self.home_runs, "junction boxes": self.junction_boxes, "AS-i": self.asi,
             "CAN": self.can, "Modbus RTU": self.modbus, self.mixed: self.mixed != "none",
@@ -213,7 +212,7 @@ class ShipDesign(Tool):
 
     @cached_property
     def result(self) -> Comparison:
-        """Plan the options and compare them; what is not changed is not planned anew."""
+        """Plan the options and compare them; unchanged options are not planned again."""
         if not self.options:
             raise ArgumentError("no option is on; switch on one of home runs to Modbus RTU")
         printed = "".join(one if one.isprintable() else " " for one in self.name)
@@ -232,7 +231,7 @@ class ShipDesign(Tool):
         return Settings(values | dict(given.changes()["value"]) | words)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw what `ShipDesign.picture` asks for."""
+        """Draw the chosen figure."""
         if self.picture == "cost":
             return self.result.plot(ax=ax)
         if self.picture == "assumptions":
@@ -261,7 +260,7 @@ class ShipDesign(Tool):
         )
 
     def _options(self) -> dict[str, Any]:
-        # The inputs that the report is asked for; it goes when they change.
+        # The inputs of the report; it is dropped when they change.
         asked: list[ShipDesign] = []
 
         def see(inputs: ShipDesign) -> View:
@@ -298,7 +297,7 @@ class ShipDesign(Tool):
 
 
 def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
-    """Return inputs with the I/O list of a file, whose cabinet is to be found."""
+    """Return inputs with the I/O list of a file, and an empty cabinet."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "list"
         path.write_bytes(content)
@@ -321,18 +320,18 @@ def settings_from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDes
 
 @lru_cache(maxsize=8)
 def _points(text: str, name: str, update_ms: int, reading: Reading) -> IoList:
-    """Return the points of a text, none of which may wait longer than a time."""
+    """Return the points of a text, with a longest update time unless it is 0."""
     iolist = IoList.parse(text, name, reading=reading)
     if not update_ms:
         return iolist
-    # Where the list names none it is NaN, which fmin passes over.
+    # A point without an update time has NaN, which fmin ignores.
     needed = np.fmin(iolist.points["update_ms"], float(update_ms))
     return replace(iolist, points=iolist.points.assign(update_ms=needed))
 
 
 @lru_cache(maxsize=8)
 def _site(iolist: IoList, cabinet: str, settings: Settings) -> tuple[Site, str]:
-    """Return where a list is planned, and how the place of the cabinet is known if it was found."""
+    """Return the site of a list, and a remark if the cabinet's position was inferred."""
     return site_of(iolist, cabinet.strip() or None, settings)
 
 
@@ -348,7 +347,7 @@ def _planned(iolist: IoList, site: Site, settings: Settings, option: str, rules:
 
 
 def _prices(labour: float, parts: float) -> dict[str, Range]:
-    """Return the assumptions that another labour rate and other prices of bus parts change."""
+    """Return the assumptions changed by a labour rate and by the price of bus parts."""
     assumed = Assumptions()
     times = {"labour_rate": labour / assumed["labour_rate"].nominal}
     times |= {
@@ -367,7 +366,7 @@ def _prices(labour: float, parts: float) -> dict[str, Range]:
 def _compared(
     iolist: IoList, cabinet: str, settings: Settings, options: tuple[str, ...], rules: str
 ) -> Comparison:
-    """Plan and compare; a plan is kept for what it depends on, which prices are not."""
+    """Plan and compare; plans are kept when only prices change."""
     default = Settings()
     unpriced = settings.replace(
         {name: default[name] for name in names() if name.startswith("assumptions.")}
@@ -378,14 +377,14 @@ def _compared(
     return replace(found, remarks=(said,) if said else ())
 
 
-#: Violated rules that are shown of each design.
+#: Most violated rules that are shown per design.
 _SHOWN = 3
 
 _FAILED = {"cut": "is cut", "short": "is shorted", "device": "is dead"}
 
 
 def _numbers(comparison: Comparison) -> dict[str, str]:
-    """Return what the table of a comparison leaves out, in words."""
+    """Return what the table of a comparison omits, in words."""
     x, y, z = comparison.site.cabinet
     said = {
         "list": "; ".join([str(comparison.iolist), *comparison.iolist.remarks]),
