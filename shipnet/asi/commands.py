@@ -145,7 +145,7 @@ class WriteParameter(_OfSlave):
     def run(self, lists: Lists) -> Task[str]:
         """Yield the request."""
         key = _detected(lists, self.slave)
-        lists.set_parameter(self.slave, self.value)
+        lists.parameters[self.slave] = self.value
         echo = yield prepared(Call.WRITE_PARAMETER, key >> 1, self.value, slave_key(self.slave)[1])
         if echo < 0:
             raise CommandFailed(f"slave {self.slave} does not answer")

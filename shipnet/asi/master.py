@@ -136,8 +136,9 @@ class Lists:
         self.clock: Callable[[], float] = lambda: 0.0
         #: When [s] a slave entered a list (True) or left it: LDS, LAS or LPF.
         self.changes: list[tuple[float, str, str, bool]] = []
-        self._outputs = dict(settings.outputs)
-        self._parameters: dict[str, int] = {}
+        #: Outputs and parameters by label; by default all bits are set.
+        self.outputs = dict(settings.outputs)
+        self.parameters: dict[str, int] = {}
         self.clear()
 
     def clear(self) -> None:
@@ -164,21 +165,10 @@ class Lists:
         known = self.detected.get(key)
         return label_of(key, extended=known is not None and known.profile.extended)
 
-    def set_output(self, slave: str, value: int) -> None:
-        """Set the outputs that a slave is sent from now on."""
-        key = slave_key(slave)[0]
-        self._outputs[slave] = check_bits("output", slave, value)
-        if key in self.polls and self.label(key) == slave:
-            self._set_poll(key, value)
-
-    def set_parameter(self, slave: str, value: int) -> None:
-        """Set the parameter that a slave is sent at its next activation."""
-        self._parameters[slave] = check_bits("parameter", slave, value)
-
     def parameter(self, key: int) -> int:
-        """Return the parameter of a detected slave; by default all bits are set."""
+        """Return the parameter of a detected slave."""
         all_set = (1 << self.detected[key].profile.output_bits) - 1
-        return self._parameters.get(self.label(key), all_set) & all_set
+        return self.parameters.get(self.label(key), all_set) & all_set
 
     def wanted(self, key: int) -> bool:
         """Whether a detected slave should be active."""
@@ -197,15 +187,11 @@ class Lists:
         """Enter a detected slave into the LAS."""
         if key not in self.polls:
             self._change("LAS", key, True)
-        self._set_poll(key, self._outputs.get(self.label(key), 0xF))
+        profile = self.detected[key].profile
+        data = self.outputs.get(self.label(key), 0xF) & (1 << profile.output_bits) - 1
+        self.polls[key] = prepared(Call.DATA_EXCHANGE, key >> 1, data, half_of(key, profile))
         self.inputs[key] = inputs
         self._plan()
-
-    def _set_poll(self, key: int, outputs: int) -> None:
-        """Prepare the request with a slave's outputs; an A/B slave takes the lower three bits."""
-        profile = self.detected[key].profile
-        data = outputs & (1 << profile.output_bits) - 1
-        self.polls[key] = prepared(Call.DATA_EXCHANGE, key >> 1, data, half_of(key, profile))
 
     def periphery(self, key: int, faulty: bool) -> None:
         """Enter a slave into the LPF, or remove it."""
@@ -409,8 +395,8 @@ class RunningMaster:
                 raise ArgumentError(f"slave {label} is active; it must be projected, too")
             key = slave_key(label)[0]
             self.lists.note(key, Identity(self.lists.projected[label], -1))
+            self.lists.outputs[label] = outputs
             self.lists.join(key, 0)
-            self.lists.set_output(label, outputs)
 
     def _again(self, what: PreparedRequest, reply: int) -> Task[int]:
         """Repeat a request after a failed reply."""

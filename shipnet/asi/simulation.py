@@ -26,7 +26,7 @@ from shipnet.asi.channel import (
     Stations,
 )
 from shipnet.asi.faults import LineFault
-from shipnet.asi.master import Command, Master, Phase, RunningMaster, check_bits
+from shipnet.asi.master import Command, Master, Phase, RunningMaster
 from shipnet.asi.plan import Plan
 from shipnet.asi.slave import KINDS, RunningSlave, Slave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
@@ -427,7 +427,6 @@ def simulate(
     cycles: int | None = None,
     faults: Fault | Iterable[Fault] = (),
     inputs: Iterable[tuple[float, str, int]] = (),
-    outputs: Iterable[tuple[float, str, int]] = (),
     commands: Iterable[tuple[float, Command]] = (),
     transaction: Transaction = _USUAL,
     standby: Standby | None = None,
@@ -450,8 +449,6 @@ def simulate(
         Faults from `shipnet.asi.faults`.
     inputs : iterable of (float, str, int), optional
         Changes of input ports: time [s], slave and value 0..15.
-    outputs : iterable of (float, str, int), optional
-        Outputs that the host sets: time [s], slave and value.
     commands : iterable of (float, command), optional
         Commands of the host from `shipnet.asi.commands`, each with its time [s].
     transaction : Transaction, default Transaction()
@@ -519,11 +516,6 @@ def simulate(
         for station in stations[change.slave]:
             action = partial(setattr, station.slave, "inputs", change.value)
             channel.schedule(change.time, action)
-    for time, slave, value in outputs:
-        check_bits("output", slave, value)
-        channel.schedule(
-            check_scalar("time", time, "s", 0, 1e9), partial(_set_output, leading, slave, value)
-        )
     for time, command in commands:
         channel.schedule(
             check_scalar("time", time, "s", 0, 1e9), partial(_submit, leading, command)
@@ -557,10 +549,6 @@ def _places_of(plan: Plan) -> list[tuple[Slave, float, float]]:
             away = segment.lead + segment.distances.get(slave.node, 0.0)
             placed[id(slave)] = slave, away, delay
     return [placed[id(slave)] for slave in plan.slaves]
-
-
-def _set_output(leading: list[RunningMaster], slave: str, value: int) -> None:
-    leading[-1].lists.set_output(slave, value)
 
 
 def _submit(leading: list[RunningMaster], command: Command) -> None:

@@ -27,8 +27,8 @@ from shipnet.line.network import Load, check_node
 #: rev. 3.1, 2012, p. 47. The AS2702 does so after 50 ms to 100 ms (rev. C, 2001, p. 13).
 WATCHDOG = 94.2e-3
 
-#: Longest time that a slave takes to store its address [s]: Siemens, "IE/AS-INTERFACE LINK PN IO",
-#: manual, p. 169.
+#: Longest time that a slave takes to store its address or ID code 1 [s]: Siemens,
+#: "IE/AS-INTERFACE LINK PN IO", manual, p. 169.
 WRITE_TIME = 15e-3
 
 
@@ -103,9 +103,6 @@ class Slave:
         0, inf, "s", "Time without data or parameters after which it resets itself",
         default=WATCHDOG, kw_only=True,
     )  # fmt: skip
-    write_time: float = number(
-        0, inf, "s", "Time to store an address or ID code 1", default=WRITE_TIME, kw_only=True
-    )
     channels: int = whole(
         1, CHANNELS, help="Analogue values that it transfers, if its profile is for values",
         default=1, kw_only=True,
@@ -438,7 +435,7 @@ class RunningSlave:
     def _store(self, address: int, id1: int, time: float) -> None:
         self._stored, self.id1 = (address, id1), id1
         self.kind = self._kind()
-        self._writing_until = time + self.settings.write_time
+        self._writing_until = time + WRITE_TIME
 
     def _assign(self, data: int, time: float) -> int:
         if self.address != 0 or self._stores(time):

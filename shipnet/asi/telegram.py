@@ -21,7 +21,6 @@ from shipnet.asi.profile import describe_io_configuration, describe_status
 from shipnet.errors import (
     ArgumentError,
     EndBitError,
-    FrameError,
     LengthError,
     ParityError,
     StartBitError,
@@ -278,7 +277,7 @@ class Response:
     @classmethod
     def fields(cls) -> pd.DataFrame:
         """Return the fields of a response with lengths and values: kim2023's Table 6."""
-        return _fields(RESPONSE_BITS, ("I0~I3", "information", 4, "", "", ""))
+        return _fields(("I0~I3", "information", 4, "", "", ""))
 
     @classmethod
     def all(cls) -> tuple[Response, ...]:
@@ -463,50 +462,19 @@ class Request:
             " ".join(call.name for call in Call if call.rule.pattern[0] == bit) for bit in "01"
         )
         return _fields(
-            REQUEST_BITS,
             ("CB", "control bit", 1, zero, one, ""),
             ("A0~A4", "address", 5, "", "", ""),
             ("I0~I4", "information", 5, "", "", ""),
         )
 
 
-def _fields(length: int, *inner: tuple[str, str, int, str, str, str]) -> pd.DataFrame:
-    """Return the fields of a telegram; the decoder decides what start, parity and end bit mean."""
-    start, end = _start_and_end(length)
+def _fields(*inner: tuple[str, str, int, str, str, str]) -> pd.DataFrame:
+    """Return the fields of a telegram, with what `information_of` accepts around the `inner`."""
     rows = [
-        ("ST", "start bit", 1, *start, ""),
+        ("ST", "start bit", 1, "valid", "invalid", ""),
         *inner,
-        ("PB", "parity bit", 1, "", "", _parity_counts(length)),
-        ("EB", "end bit", 1, *end, ""),
+        ("PB", "parity bit", 1, "", "", "all bits but the end bit"),
+        ("EB", "end bit", 1, "invalid", "valid", ""),
     ]
     columns = ["symbol", "field", "length_bit", "value_0", "value_1", "ones_even_over"]
     return pd.DataFrame(rows, columns=columns).set_index("symbol")
-
-
-def _readable(bits: str) -> bool:
-    try:
-        information_of(bits, len(bits), "telegram")
-    except FrameError:
-        return False
-    return True
-
-
-def _start_and_end(length: int) -> tuple[tuple[str, str], tuple[str, str]]:
-    """Say for both values of the start and of the end bit whether a telegram can be read."""
-    word = frame("0" * (length - 3))
-    verdict = {True: "valid", False: "invalid"}
-    # A parity bit that follows the start bit keeps the parity from deciding.
-    start = tuple(verdict[_readable(f"{bit}{word[1:-2]}{bit}1")] for bit in "01")
-    end = tuple(verdict[_readable(f"{word[:-1]}{bit}")] for bit in "01")
-    return (start[0], start[1]), (end[0], end[1])
-
-
-def _parity_counts(length: int) -> str:
-    """Find out over which bits the decoder wants an even number of ones."""
-    spans = {"all bits": slice(0, length), "all bits but the end bit": slice(0, length - 1)}
-    words = [f"0{i:0{length - 2}b}1" for i in range(2 ** (length - 2))]
-    return next(
-        name
-        for name, span in spans.items()
-        if all((word[span].count("1") % 2 == 0) == _readable(word) for word in words)
-    )
