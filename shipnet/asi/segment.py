@@ -245,8 +245,8 @@ class Segment:
         for node, current in self.draws:
             drawn[node] = drawn.get(node, 0.0) + current
         (supply,) = self.supplies
-        point = self.network.operating_point(supply.node, supply.voltage, drawn)
-        return {node: float(volts) for node, volts in point.voltage.items()}
+        volts = self.network.operating_point(supply.node, supply.voltage, drawn)
+        return {node: float(one) for node, one in volts.items()}
 
     def waveforms(
         self, nodes: Sequence[str], *words: Any, dt: float, before: float, after: float
