@@ -16,8 +16,9 @@ import numpy.typing as npt
 
 from shipnet.arrays import Complexes, Floats, Integers
 from shipnet.asi.bursts import Sampling, find_telegrams, resample
-from shipnet.asi.elements import DEVICE, POWER_SUPPLY
 from shipnet.asi.modulation import Modulation
+from shipnet.asi.segment import POWER_SUPPLY
+from shipnet.asi.slave import DEVICE
 from shipnet.asi.telegram import REQUEST_BITS, frame
 from shipnet.lazy import pd
 

@@ -11,9 +11,8 @@ from collections.abc import Callable, Generator, Mapping
 from enum import IntEnum
 from typing import NamedTuple, Protocol, TypeAlias, TypeVar, cast
 
-from shipnet.asi.elements import CURRENT
 from shipnet.asi.profile import Profile
-from shipnet.asi.slave import PreparedRequest, label_of, prepared, slave_key
+from shipnet.asi.slave import CURRENT, PreparedRequest, label_of, prepared, slave_key
 from shipnet.asi.telegram import Call, Half
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, number, part, record, switch, text, whole

@@ -19,7 +19,6 @@ from shipnet import style
 from shipnet.answers import Findings, Utilisation
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
-from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan_file import read_elements, write_elements
 from shipnet.asi.receiver import RECEIVERS, TOLERANCE, Disturbance, RNGLike
@@ -30,7 +29,10 @@ from shipnet.asi.segment import (
     Element,
     Groups,
     Quality,
+    Repeater,
     Segment,
+    Supply,
+    Terminator,
     nodes_of,
     shortest_paths,
     structure_faults,

@@ -21,10 +21,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.profile import Profile
-from shipnet.asi.segment import Element, structure_faults
+from shipnet.asi.segment import Element, Repeater, Supply, Terminator, structure_faults
 from shipnet.asi.slave import Slave, slave_key
 from shipnet.asi.timing import CHANNELS, transfers_values
 from shipnet.errors import ArgumentError, InputError

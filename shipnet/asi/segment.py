@@ -16,17 +16,91 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Bools, Complexes, Floats
-from shipnet.asi.elements import DEVICE, Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
 from shipnet.asi.receiver import TOLERANCE, Waveform, receive
-from shipnet.asi.slave import Slave
+from shipnet.asi.slave import CURRENT, DEVICE, Slave
 from shipnet.asi.telegram import RESPONSES
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar
+from shipnet.fields import check_scalar, number, part, record, text
 from shipnet.lazy import pd
-from shipnet.line.network import CableRun, Load, Network
+from shipnet.line.network import CableRun as CableRun
+from shipnet.line.network import Load, Network, check_node
 from shipnet.line.waveform import F_MAX, laplace_grid, record_of, synthesize
+
+#: The decoupling of the power supply, 39 ohm beside 50 uH in each wire: assumed after IEC 62026-2.
+POWER_SUPPLY = Load(r=78.0, l=100e-6)
+
+
+@record
+class Supply:
+    """A power supply with its decoupling, by default 39 ohm beside 50 uH in each wire.
+
+    Examples
+    --------
+    >>> print(Supply("bridge", rating=4))
+    supply at bridge
+    """
+
+    node: str = text("Where it is")
+    voltage: float = number(1, 60, "V", "Voltage", default=30.0)
+    rating: float = number(0.01, 100, "A", "Maximum current", default=8.0)
+    load: Load = part(Load, "Load on the signal", default=POWER_SUPPLY, kw_only=True)
+
+    def __post_init__(self) -> None:
+        check_node(self.node)
+
+    def __str__(self) -> str:
+        return f"supply at {self.node}"
+
+
+@record
+class Repeater:
+    """A repeater: it couples two segments and passes telegrams but no current.
+
+    We found no maker's figure for the delay, so the default is one bit time: two such repeaters
+    meet the time-out of 10 bit times, three exceed it. The current is assumed to equal a slave's.
+
+    Examples
+    --------
+    >>> print(Repeater("deck", "hold"))
+    repeater deck | hold
+    """
+
+    a: str = text("Node in one segment")
+    b: str = text("Node in the other segment")
+    delay: float = number(0, 1e-3, "s", "Delay in one direction", default=6e-6)
+    current: float = number(0, 10, "A", "Current from each segment", default=CURRENT)
+
+    def __post_init__(self) -> None:
+        check_node(self.a)
+        check_node(self.b)
+
+    def __str__(self) -> str:
+        return f"repeater {self.a} | {self.b}"
+
+
+@record
+class Terminator:
+    """A terminator or extension plug: a resistance behind a capacitor, so only for the signal.
+
+    The default resistance is assumed: the wave impedance of the cable.
+
+    Examples
+    --------
+    >>> print(Terminator("bow"))
+    terminator at bow
+    """
+
+    node: str = text("Where it is")
+    resistance: float = number(1, 1e6, "ohm", "Resistance", default=100.0)
+
+    def __post_init__(self) -> None:
+        check_node(self.node)
+
+    def __str__(self) -> str:
+        return f"terminator at {self.node}"
+
 
 #: What a plan consists of.
 Element: TypeAlias = CableRun | Master | Supply | Slave | Terminator | Repeater

@@ -14,7 +14,6 @@ from typing import Any
 from shipnet import style
 from shipnet.arguments import checked
 from shipnet.asi.batch import NONE
-from shipnet.asi.elements import CURRENT, DEVICE
 from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
 from shipnet.asi.telegram import Answer, Call, Half, Request, Response
 from shipnet.asi.timing import ADDRESSES, CHANNELS, CONVERSION
@@ -22,6 +21,14 @@ from shipnet.errors import ArgumentError, FrameError, UnknownCallError
 from shipnet.fields import check_whole, number, record, text, whole
 from shipnet.lazy import Axes, pd
 from shipnet.line.network import Load, check_node
+
+#: Default current of a slave [A], from Schneider's AS-i help D-SA-0011271: 65 mA on average.
+#: Masters and repeaters are assumed to draw the same.
+CURRENT = 0.065
+
+#: Load of a slave or a master, the limits of the SAP5S/SAP51 data sheet (2012, p. 29) for an A/B
+#: slave.
+DEVICE = Load(r=13.5e3, l=13.5e-3, c=50e-12)
 
 #: A slave resets itself after this time without data or parameters [s]: SAP5S/SAP51 data sheet
 #: rev. 3.1, 2012, p. 47. The AS2702 does so after 50 ms to 100 ms (rev. C, 2001, p. 13).

@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from shipnet.arguments import checked
-from shipnet.asi.elements import CURRENT, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan, plan_of
-from shipnet.asi.slave import Slave
+from shipnet.asi.segment import Supply, Terminator
+from shipnet.asi.slave import CURRENT, Slave
 from shipnet.asi.timing import ADDRESSES
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole

@@ -8,10 +8,16 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from shipnet import datasets
-from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan, read_plan
-from shipnet.asi.segment import Groups, shortest_paths, structure_faults
+from shipnet.asi.segment import (
+    Groups,
+    Repeater,
+    Supply,
+    Terminator,
+    shortest_paths,
+    structure_faults,
+)
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import cycle_time
 from shipnet.asi.topologies import assign_addresses, evenly_spaced, line, ring, star

@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan, read_plan
 from shipnet.asi.plan_file import COLUMNS
 from shipnet.asi.profile import Profile
+from shipnet.asi.segment import Repeater, Supply, Terminator
 from shipnet.asi.slave import Slave
 from shipnet.asi.topologies import line, star
 from shipnet.errors import ArgumentError, InputError
