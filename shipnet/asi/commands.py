@@ -39,15 +39,10 @@ def _detected(lists: Lists, slave: str) -> int:
 class ChangeAddress:
     """Give a slave another label: delete its address, then assign the new one.
 
-    Raises
-    ------
-    ArgumentError
-        If a label is not legal.
-
     Notes
     -----
-    The command fails while the LDS holds the new label or slave 0: two slaves at address 0 would
-    both take the new address.
+    The command fails while the new label or slave 0 is in the LDS: two slaves at address 0 would
+    both get the new address.
 
     References
     ----------
@@ -83,8 +78,7 @@ class ChangeAddress:
         if old:
             if 0 in lists.detected:
                 raise CommandFailed("a slave without an address is in the LDS")
-            # The slave is not polled meanwhile; if it keeps its address, the inclusion phase
-            # finds it.
+            # If the slave keeps its address, the inclusion phase finds it again.
             lists.forget(old)
             yield prepared(Call.DELETE_ADDRESS, old >> 1, half=half_of(old, identity.profile))
             # The reply may be lost although the address is deleted: ask at address 0.
@@ -110,7 +104,7 @@ class _OfSlave:
 
 @record
 class ReadCodes(_OfSlave):
-    """Read the codes of a slave, whether it is in a list or not.
+    """Read the codes of a slave, which need not be in a list.
 
     Examples
     --------
@@ -129,7 +123,7 @@ class ReadCodes(_OfSlave):
 
 @record
 class WriteParameter(_OfSlave):
-    """Write the parameter of a slave in the LDS, now and at each later activation.
+    """Set the parameter of a slave in the LDS, now and at each later activation.
 
     Examples
     --------

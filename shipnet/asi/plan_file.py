@@ -1,4 +1,4 @@
-"""Plans as CSV files or spreadsheets: one row per element.
+"""Read and write plans as tables with one row per element.
 
     kind,node,to,length_m,cable,address,profile,current_ma,channels,voltage_v,rating_a
     master,bridge,,,,,,,,,
@@ -104,7 +104,7 @@ def read_elements(path: str | PathLike[str]) -> list[Element]:
     needed = ("kind", "node")
     known = {column: None if column in needed else "" for column in (*COLUMNS, "note")}
     rows, faults = titled(sheet, known)
-    # The structure is only checked if no cable is missing, since its devices would look loose.
+    # The structure is only checked if every cable was read, or devices would seem unconnected.
     whole = not faults
     point = "."
     if sheet.separator != "," and any("," in row[column] for _, row in rows for column in _NUMBERS):
@@ -174,9 +174,9 @@ def _label(cell: str) -> str:
     return f"{key >> 1}{half or ''}"
 
 
-#: How other cells are read, and what they may contain.
+#: Functions that read other cells, and what these may contain.
 _READ: dict[str, tuple[Callable[[str], Any], str]] = {
-    "address": (_label, "0 to 31, with A or B behind it for a slave that shares it"),
+    "address": (_label, "0 to 31, followed by A or B for a slave that shares it"),
     "profile": (Profile.parse, "a profile such as S-7.A.E or S-0.F"),
     "channels": (int, f"a whole number, 1 to {CHANNELS}"),
     "cable": (dict(zip(CABLES, CABLES, strict=True)).__getitem__, f"one of {', '.join(CABLES)}"),

@@ -1,6 +1,6 @@
-"""A segment of a plan, one electrical network: its supply voltages, telegrams and their quality.
+"""A segment of a plan, one electrical network: its devices, supply voltages and telegrams.
 
-The voltages of telegrams are those of the signal, without the 30 V of the supply.
+The voltages of telegrams are those of the signal, without the supply's 30 V.
 """
 
 from __future__ import annotations
@@ -105,8 +105,8 @@ class Terminator:
 #: What a plan consists of.
 Element: TypeAlias = CableRun | Master | Supply | Slave | Terminator | Repeater
 
-#: The worst of all 2048 requests: the first has the fewest pulses and so the least signal; runs
-#: of ones and of zeros make the most uneven signal. A test tries all requests.
+#: The worst of all 2048 requests: the first has the fewest pulses and so the least signal; the
+#: others have runs of ones or zeros, which are the most uneven. A test tries all requests.
 PROBES = ("01010101010101", "01111111111111", "00011111111111")
 
 #: A change of current has faded after this time [s] if at most this share of it is left. With
@@ -128,8 +128,8 @@ def telegram_voltages(
 ) -> list[Floats]:
     """Return the voltages of each batch of telegrams of one length, (n_nodes, n_words, n_t).
 
-    They are those at the nodes if the master sends, and at the master if the nodes send. At the
-    default `f_max` [Hz] the error is at most 5e-5 of a node's peak on networks of up to 300 m.
+    The voltages are those at the nodes if the master sends, and at the master if the nodes send. At
+    the default `f_max` [Hz] their error is at most 5e-5 of the peak on networks of up to 300 m.
     """
     many = [np.atleast_2d(Modulation(batch).steps).astype(float) for batch in bits]
     before = check_scalar("before", before, "s", 0, 1.0)
@@ -172,10 +172,10 @@ def _sent(before: float, frequencies: bytes) -> Complexes:
 
 
 class Quality(NamedTuple):
-    """How telegrams arrive between a master and each slave: the worst of all telegrams.
+    """Signal quality between a master and each slave: the worst of all telegrams.
 
-    It holds for both directions if master and slave send with the same current. Senders do not
-    clip here; a real one may.
+    It is the same in both directions if master and slave send with the same current. Senders do
+    not clip here; a real one may.
 
     Attributes
     ----------
@@ -224,7 +224,7 @@ class Quality(NamedTuple):
 
 
 def quality_of(*waves: Waveform) -> Quality:
-    """Return how the telegrams of waveforms arrive at each of their common nodes."""
+    """Return the quality of the telegrams of waveforms at each of their common nodes."""
     parts = []
     for wave in waves:
         heard = receive(wave.u, wave.dt, wave.bits.shape[-1])
@@ -243,7 +243,7 @@ def quality_of(*waves: Waveform) -> Quality:
 
 @dataclass(frozen=True)
 class Segment:
-    """One electrical network of a plan with its elements."""
+    """One electrical network of a plan, with its elements."""
 
     #: Number of its line, from 0.
     line: int
@@ -340,7 +340,7 @@ class Segment:
         ]
 
     def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
-        """Return how batches of telegrams arrive between `head` and nodes, which may be equal."""
+        """Return the quality of batches of telegrams between `head` and nodes, which may repeat."""
         places = list(dict.fromkeys(nodes))
         found = quality_of(*self.waveforms(places, *words, dt=250e-9, before=5e-6, after=55e-6))
         rows = [places.index(node) for node in nodes]
@@ -355,7 +355,7 @@ class Segment:
         return self.quality(nodes, RESPONSES, PROBES)
 
 
-# What hangs together ---------------------------------------------------------------------------
+# Connections -----------------------------------------------------------------------------------
 
 
 class Groups:
@@ -399,7 +399,7 @@ def shortest_paths(cables: Iterable[CableRun], start: str) -> dict[str, float]:
 
 
 def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
-    """Return each element that prevents the plan from being a network, and the reason."""
+    """Return each element that keeps the plan from being a network, and the reason."""
     faults: list[tuple[Element, str]] = []
     groups, lines = Groups(), Groups()
     laid = set()

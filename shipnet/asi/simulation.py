@@ -1,4 +1,4 @@
-"""Simulate a master, its slaves and a line, telegram by telegram, and evaluate what was sent."""
+"""Simulate a master, its slaves and a line, telegram by telegram, and evaluate the traffic."""
 
 from __future__ import annotations
 
@@ -44,13 +44,8 @@ class Standby:
     """A second master that listens, and takes over when the first one falls silent.
 
     It must know the projected slaves, because the four outputs of a standard slave look like the
-    three of an A/B slave. Its silence must exceed that of a working master, a time-out or a pause
-    of up to 500 us; the default is assumed, because no source gives a value.
-
-    Raises
-    ------
-    ArgumentError
-        If no slave is projected, or the silence is out of range.
+    three of an A/B slave. `silence` must exceed that of a working master, a time-out or a pause of
+    up to 500 us; the default is assumed, because no source states a value.
 
     References
     ----------
@@ -63,7 +58,7 @@ class Standby:
     0.001
     """
 
-    master: Master = part(Master, "The settings with which it leads")
+    master: Master = part(Master, "Its settings as the leading master")
     silence: float = number(501e-6, 1e9, "s", "Silence after which it takes over", default=1e-3)
 
     def __post_init__(self) -> None:
@@ -123,7 +118,7 @@ _MOST_REQUESTS = 500
 @checked
 @dataclass(frozen=True, repr=False)
 class Run:
-    """A finished simulation: all telegrams, and their evaluation.
+    """A finished simulation: all telegrams and their evaluation.
 
     Examples
     --------
@@ -136,7 +131,7 @@ class Run:
     {'5': {'exchanges': 51, 'failed': 0}, '7': {'exchanges': 51, 'failed': 0}}
     """
 
-    #: All transactions, packed.
+    #: All transactions, in packed form.
     record: Record
     #: When the simulation ended [bit].
     end: float
@@ -209,7 +204,7 @@ class Run:
         """
         try:
             events = self._events if where is None else self._events.query(where)
-        except Exception as problem:  # pandas raises whatever its parsing meets
+        except Exception as problem:  # pandas raises errors of many kinds
             raise ArgumentError(f"where is {where!r}: {problem}") from None
         ax = style.axes(ax)
         keep = events["time_s"] >= (0.0 if start is None else start)
@@ -238,7 +233,7 @@ class Run:
             fine, pause = one["outcome"] == "ok", one["master_pause_bit"]
             if fine and pause != pause:
                 continue  # a call without an answer
-            # A missing response is marked where it could have begun at the earliest.
+            # A missing response is drawn at its earliest possible start.
             colour = style.FIELD["information"] if fine else style.LIMIT["color"]
             look: dict[str, Any] = {"facecolor": colour, **edge}
             if pause != pause:
@@ -306,13 +301,13 @@ class Run:
     def failure_classes(self) -> pd.DataFrame:
         """Count how often n data exchanges failed in a row, by slave and n.
 
-        The last n, by default 6, is that at which the master drops the slave, and includes longer
-        rows. Siemens' analyser 3RK1904-3AB01 counts in the same way.
+        The last n, by default 6, is the one at which the master drops the slave; it includes longer
+        series. Siemens' analyser 3RK1904-3AB01 counts in the same way.
         """
         leading = self.masters[0]
         worst = (1 + leading.repetitions) * leading.drop_after
         found = self._exchanges[["slave", "failed"]]
-        # A row of failures ends with a success, with another slave, or with the record.
+        # A series of failures ends with a success, another slave or the record.
         run = (found != found.shift()).any(axis=1).cumsum()
         runs = found[found["failed"]].groupby(run)["slave"].agg(["first", "size"])
         table = pd.crosstab(runs["first"], runs["size"].clip(upper=worst))
@@ -398,10 +393,10 @@ class Run:
 
 
 def _values(own: pd.DataFrame, slave: Slave) -> pd.DataFrame:
-    """Return when the values of one channel were converted and known, from a slave's exchanges."""
+    """Return when the values of one channel were converted and when they were known."""
     try:
         needed = exchanges(slave.kind)
-    except ArgumentError:  # how it transfers values is not published
+    except ArgumentError:  # its transfer of values is not published
         return own[:0]
     ends = own["known"].to_numpy()[needed - 1 :: needed]
     taken, known = ends[: -1 : slave.channels], ends[1 :: slave.channels]
@@ -471,9 +466,8 @@ def simulate(
 
     Notes
     -----
-    Slaves are named by their label at the start. Whatever is due while a request is on the line
-    happens before the slave acts on the request, at its end. Repeaters delay the signal; cables
-    do not (0.5 us in 100 m).
+    Slaves are named by their label at the start. Events during a request happen before the slave
+    acts on the request, at its end. Repeaters delay the signal; cables do not (0.5 us in 100 m).
 
     Examples
     --------
@@ -531,7 +525,7 @@ def simulate(
 
 
 def _check_progress(channel: Channel, begun: int) -> None:
-    """Raise if no cycle has begun since the last check, because a master without slaves waits."""
+    """Raise if no cycle has begun since the last check: a master without slaves waits forever."""
     if channel.begun == begun:
         raise ArgumentError(
             f"until is None, but no slave answers and no cycle begins for {_PATIENCE:g} s"
@@ -562,7 +556,7 @@ def _lead(
     most: float,
     end: float,
 ) -> None:
-    """Let the master, and the standby master after it, send requests until the end [bit]."""
+    """Let the master, and then the standby master, send requests until the end [bit]."""
     master = leading[-1]
     program = master.run(channel)
     transact = channel.transact

@@ -1,4 +1,4 @@
-"""AS-i telegrams and what they say: a master's request, and the slave's response to it.
+"""AS-i telegrams: a master's request and a slave's response.
 
     request   ST=0  CB  A4..A0  I4..I0  PB  EB=1     14 bits
     response  ST=0      I3..I0          PB  EB=1      7 bits
@@ -34,7 +34,7 @@ from shipnet.lazy import Axes, pd
 
 
 class Answer(IntEnum):
-    """The answers that the standard fixes, whatever the slave."""
+    """Responses that the standard fixes for every slave."""
 
     DONE = 0x6
     ERASED = 0x0
@@ -42,7 +42,7 @@ class Answer(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """How one call looks on the line: a pattern of the bits between start bit and parity bit.
+    """Bits, wording and answer of a call; a pattern shows the bits between start and parity bit.
 
     0 and 1 are fixed bits, ``a`` is a bit of the address and ``d`` one of the data; ``s`` is the
     select bit of an A/B slave (A 0, B 1), and ``S`` the same bit inverted.
@@ -63,12 +63,12 @@ class Rule:
 
 @cache
 def _reader(layout: str) -> re.Pattern[str]:
-    """Return an expression with a group per letter of a pattern."""
+    """Return a regular expression with one group per letter of a pattern."""
     return re.compile(re.sub(r"([adsS])\1*", lambda n: f"(?P<{n[1]}>[01]{{{len(n[0])}}})", layout))
 
 
 class Call(IntEnum):
-    """The 13 calls of a master; the number is an index of this package, not of the standard.
+    """The 13 calls of a master; their numbers are ours, not the standard's.
 
     References
     ----------
@@ -91,7 +91,7 @@ class Call(IntEnum):
 
     @property
     def rule(self) -> Rule:
-        """Bits, wording and answer of the call; claims about them are model-based."""
+        """Bits, wording and answer of the call."""
         return self._rule
 
     DATA_EXCHANGE = Rule(
@@ -177,7 +177,7 @@ def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> A
     return ax
 
 
-#: Columns of the bits between start bit and parity bit.
+#: Titles of the bits between start bit and parity bit.
 _PLACES = ["CB", "A4", "A3", "A2", "A1", "A0", "I4", "I3", "I2", "I1", "I0"]
 
 
@@ -220,12 +220,7 @@ class Response:
     data : int
         The four information bits, 0..15.
     call : Call, optional
-        The call that is answered, which gives the bits their meaning.
-
-    Raises
-    ------
-    ArgumentError
-        If `data` is out of range, or no slave answers `call`.
+        The call that it answers, which determines the meaning of the bits.
 
     Examples
     --------
@@ -308,11 +303,6 @@ class Request:
     half : {"A", "B"}, optional
         Which of the two A/B slaves at an address; None for a standard slave.
 
-    Raises
-    ------
-    ArgumentError
-        If a field is outside the range that its call allows.
-
     Notes
     -----
     The select bit is inverted in data exchange, write parameter, reset and read status, so that
@@ -390,7 +380,7 @@ class Request:
         return self.call.rule.says.format(slave=self.slave, data=self.data, bits=self._data_bits)
 
     def answer(self, data: int | None = None) -> Response:
-        """Return the response to this request."""
+        """Return the response to this request; a fixed one needs no `data`."""
         expected = self.call.rule.answer
         if data is None and isinstance(expected, Answer):
             data = int(expected)

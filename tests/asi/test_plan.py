@@ -200,7 +200,7 @@ def test_voltages_cycle_and_responses_of_a_plan():
     assert times.loc["1", "worst_s"] == pytest.approx(2 * 7 * 4 * 156e-6 + 60e-3)
     assert times.loc["2A"].isna().tolist() == [True] * 4 + [False]
     assert "'S-7.A.9' in; how many exchanges" in times.loc["2A", "why"]
-    with pytest.raises(ArgumentError, match="cycle is of one line; the plan has 14"):
+    with pytest.raises(ArgumentError, match="cycle needs a plan of one line; this one has 14"):
         _ = read_plan(datasets.path("synthetic_asi_plan_submarine.csv")).cycle
 
 
