@@ -260,29 +260,6 @@ class Summary:
         )
 
 
-def summarise(capture: Capture) -> Summary:
-    """Return the summary of a capture."""
-    transactions = capture.transactions
-    states = transactions[["request_error", "response_error"]].to_numpy()
-    faults = [state for state in states.ravel() if state not in (*_FINE, NO_ANSWER)]
-    repeated = _repeated(transactions)
-    slaves = _slaves(transactions, capture._asked)
-    known = slaves[slaves.index != UNKNOWN]
-    silent = known[(known["answers"] == 0) & (known["unanswered"] > 0)]
-    return Summary(
-        len(transactions),
-        _cycle_time(transactions[~repeated], capture._asked[~repeated]),
-        int(repeated.sum()),
-        int((transactions["response_error"] == NO_ANSWER).sum()),
-        list(known.index[known["answers"] > 0]),
-        list(silent.index[silent["polled"]]),
-        list(silent.index[~silent["polled"]]),
-        {name: faults.count(name) for name in sorted(set(faults))},
-        int((states == CUT_OFF).sum()),
-        slaves.drop(silent.index[~silent["polled"]]).drop(columns=["unanswered", "polled"]),
-    )
-
-
 def _repeated(transactions: pd.DataFrame) -> Bools:
     """Return which rows repeat a request that failed in the row before."""
     request = transactions["request"].to_numpy()
@@ -393,7 +370,7 @@ class Capture:
     wave : shipnet.line.Waveform
         The record.
     extended : tuple of int
-        Addresses that hold A/B slaves.
+        Addresses of A/B slaves.
 
     Examples
     --------
@@ -561,6 +538,28 @@ class Capture:
         return self._summary
 
     @cached_property
+    def _summary(self) -> Summary:
+        transactions = self.transactions
+        states = transactions[["request_error", "response_error"]].to_numpy()
+        faults = [state for state in states.ravel() if state not in (*_FINE, NO_ANSWER)]
+        repeated = _repeated(transactions)
+        slaves = _slaves(transactions, self._asked)
+        known = slaves[slaves.index != UNKNOWN]
+        silent = known[(known["answers"] == 0) & (known["unanswered"] > 0)]
+        return Summary(
+            len(transactions),
+            _cycle_time(transactions[~repeated], self._asked[~repeated]),
+            int(repeated.sum()),
+            int((transactions["response_error"] == NO_ANSWER).sum()),
+            list(known.index[known["answers"] > 0]),
+            list(silent.index[silent["polled"]]),
+            list(silent.index[~silent["polled"]]),
+            {name: faults.count(name) for name in sorted(set(faults))},
+            int((states == CUT_OFF).sum()),
+            slaves.drop(silent.index[~silent["polled"]]).drop(columns=["unanswered", "polled"]),
+        )
+
+    @cached_property
     def _restored(self) -> Restored:
         """The first 40 ms with the cable's distortion removed, so that bad requests can be read."""
         rows = self.transactions
@@ -574,10 +573,6 @@ class Capture:
     def _asked(self) -> pd.DataFrame:
         """Slave and call of each transaction, if possible also of bad requests."""
         return _who(self)
-
-    @cached_property
-    def _summary(self) -> Summary:
-        return summarise(self)
 
 
 def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
@@ -691,7 +686,7 @@ def decode(
     threshold : float, default 0.5
         Smallest pulse, relative to the telegram's first one, between 0 and 1.
     extended : collection of int, optional
-        Addresses that hold A/B slaves, which the line does not show (see `Request.parse`).
+        Addresses of A/B slaves, which the line does not show (see `Request.parse`).
 
     Returns
     -------
@@ -731,10 +726,10 @@ def decode(
         wave = Waveform(np.asarray(record), dt)
     u, dt = _checked(wave.u, wave.dt), wave.dt
     if not 0 < threshold < 1:
-        raise ArgumentError(f"threshold is {threshold}; it must lie between 0 and 1")
+        raise ArgumentError(f"threshold is {threshold}; it must be between 0 and 1")
     for address in extended:
         if address not in range(1, 32):
-            raise ArgumentError(f"extended holds {address!r}; addresses are 1..31")
+            raise ArgumentError(f"extended has {address!r}; addresses are 1..31")
     found = find_telegrams(u, dt, threshold)
     table = transactions_of(found.telegrams, found.ends, extended)
     return Capture(

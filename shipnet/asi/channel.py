@@ -115,7 +115,7 @@ def _bits(code: int) -> str:
 
 
 #: Bits of a disturbance: the slave does not understand the request, or did not understand the one
-#: before it, which went to another slave. Bits 2..7 hold 0 or the number of the variant below.
+#: before it, which went to another slave. Bits 2..7 are 0 or the number of the variant below.
 REQUEST_LOST, MISSED = 1, 2
 
 #: Disturbances of one pulse of a response, counted from 1.

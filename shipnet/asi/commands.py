@@ -1,6 +1,6 @@
 """Commands of the host to a master, which sends one request per cycle in its management phase.
 
-`simulate` takes a command with its time; `Run.commands` reports the outcome.
+`simulate` accepts each command with its time; `Run.commands` reports the outcome.
 """
 
 from __future__ import annotations
@@ -20,12 +20,7 @@ from shipnet.asi.telegram import Call
 from shipnet.errors import ArgumentError
 from shipnet.fields import record, text, whole
 
-__all__ = [
-    "ChangeAddress",
-    "ReadCodes",
-    "ResetSlave",
-    "WriteParameter",
-]
+__all__ = ["ChangeAddress", "ReadCodes", "ResetSlave", "WriteParameter"]
 
 
 def _detected(lists: Lists, slave: str) -> int:

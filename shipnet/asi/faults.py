@@ -1,7 +1,7 @@
 """Faults of a line, from `start` to `stop` in simulated seconds.
 
 Slaves are named by their label at time 0, such as ``"5A"``. Two slaves at one address need no
-fault: give the simulation both.
+fault: simulate both.
 """
 
 from __future__ import annotations
@@ -75,7 +75,9 @@ class TelegramErrors(_OfSlave):
         """Set the probabilities, from which the channel draws the disturbances."""
         for station in stations[self.slave]:
             if station.rates != (0.0, 0.0):
-                raise ArgumentError(f"slave {self.slave} has telegram errors twice; give one")
+                raise ArgumentError(
+                    f"slave {self.slave} has telegram errors twice; it must have one"
+                )
             station.rates = (self.request, self.response)
             station.quiet = self.start > 0
             if station.quiet or self.stop < inf:
@@ -128,7 +130,9 @@ class SupplyDip(LineFault):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.stop == inf:
-            raise ArgumentError("stop is inf s; it must be finite: when the supply comes back")
+            raise ArgumentError(
+                "stop is inf s; it must be finite: the time when the supply returns"
+            )
 
     def apply(self, channel: Channel, stations: Stations) -> None:
         """Switch all slaves off and on again, and notify the master."""
@@ -212,7 +216,7 @@ class MasterFailure(LineFault):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.stop < inf:
-            raise ArgumentError(f"stop is {self.stop:g} s; a master that fails does not come back")
+            raise ArgumentError(f"stop is {self.stop:g} s; a master that failed stays silent")
 
     def apply(self, channel: Channel, stations: Stations) -> None:
         """Stop the master for good."""

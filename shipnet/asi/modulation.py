@@ -163,7 +163,7 @@ class Modulation:
             array = np.ascontiguousarray(array).view("U1").reshape(*array.shape, -1)
             array = np.where(np.isin(array, ("0", "1")), array == "1", 2)
         if array.ndim == 0 or array.shape[-1] == 0:
-            raise ArgumentError("bits must hold at least one bit")
+            raise ArgumentError("bits must have at least one bit")
         if not np.isin(array, (0, 1)).all():
             raise ArgumentError(f"bits of telegrams must be 0 or 1, but are {bits!r}")
         object.__setattr__(self, "bits", array.astype(np.int8))
@@ -365,7 +365,7 @@ class Pulses:
         """Return the bits of one telegram, or raise the FrameError of the first violated rule."""
         pulse: list[int] = self._one(self._columns).tolist()
         last = len(pulse) - 3
-        slot = [f"slot {j} holds {_SIGN[sign]}" for j, sign in enumerate(pulse)]
+        slot = [f"slot {j} has {_SIGN[sign]}" for j, sign in enumerate(pulse)]
         if pulse[0]:
             raise StartBitError(f"{slot[0]}; the first pulse belongs in slot 1")
         if pulse[1] != -1:
@@ -385,7 +385,7 @@ class Pulses:
         ones = bits[:-1].count("1")
         if ones % 2:
             raise ParityError(
-                f"slots 1 to {last - 2} hold {bits[:-1]} with {ones} ones; their number must be "
+                f"slots 1 to {last - 2} have {bits[:-1]} with {ones} ones; their number must be "
                 "even"
             )
         if pulse[last] != 1:
@@ -397,7 +397,7 @@ class Pulses:
 
     def _one(self, columns: Signs) -> Signs:
         if columns.ndim != 1:
-            raise ArgumentError(f"there are {self.signs.shape} pulses; one telegram is asked for")
+            raise ArgumentError(f"there are {self.signs.shape} pulses; there must be one telegram")
         return columns
 
     @property

@@ -39,13 +39,7 @@ from shipnet.asi.segment import (
 )
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES
-from shipnet.asi.timing import (
-    ADDRESSES,
-    Cycle,
-    Direction,
-    ResponseTime,
-    Transaction,
-)
+from shipnet.asi.timing import ADDRESSES, Cycle, Direction, ResponseTime, Transaction
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd

@@ -7,9 +7,8 @@
     slave,deck,,,,12A,S-0.A,20,,,
     slave,deck,,,,13,S-7.3,20,4,,
 
-A cell that does not apply to its kind of row must be empty; an optional cell that is empty takes
-the element's default. Columns may be in any order; those that no row needs, and `note`, are
-optional.
+A cell that does not apply to its kind of row must be empty; an empty optional cell means the
+element's default. Columns may be in any order; `note` and columns that no row needs are optional.
 """
 
 from __future__ import annotations

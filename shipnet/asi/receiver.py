@@ -26,7 +26,7 @@ from shipnet.fields import check_rng, check_scalar, check_whole, number, record,
 from shipnet.lazy import Axes
 from shipnet.line import waveform as line_waveform
 
-#: What `numpy.random.default_rng` takes.
+#: Arguments that `numpy.random.default_rng` accepts.
 RNGLike = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence | int
 
 #: Voltage below which nothing counts [V]: 30 % of 1.5 V, the smallest signal of 3 V peak to peak.
@@ -132,7 +132,7 @@ class Reception(NamedTuple):
         ax = style.axes(ax)
         receiver = receiver or Receiver()
         if wave.u.ndim != 1:
-            raise ArgumentError(f"wave holds {wave.u.shape[:-1]} telegrams; one can be drawn")
+            raise ArgumentError(f"wave has {wave.u.shape[:-1]} telegrams; it must have one")
         t = wave.t * 1e6
         seen = matched_filter(wave.u, wave.dt) if receiver.matched else wave.u
         ax.plot(t, wave.u, color="0.6", linewidth=1, label="on the line")
@@ -193,11 +193,7 @@ class Receiver:
     """
 
     threshold: float = number(
-        0,
-        1,
-        "",
-        "What counts as a pulse, over the size of the first pulse; not 0 or 1",
-        default=0.5,
+        0, 1, "", "Smallest pulse, relative to the first one; not 0 or 1", default=0.5
     )
     window: float = number(
         0, 0.5, "half-bits", "The largest sample this near to the middle of a slot counts",
@@ -209,7 +205,7 @@ class Receiver:
 
     def __post_init__(self) -> None:
         if not 0 < self.threshold < 1:
-            raise ArgumentError(f"threshold is {self.threshold}; it must lie between 0 and 1")
+            raise ArgumentError(f"threshold is {self.threshold}; it must be between 0 and 1")
 
     def receive(self, wave: Waveform) -> Reception:
         """Receive telegrams of known length; a bad one has an `error` and raises nothing."""
@@ -294,7 +290,7 @@ class Waveform(line_waveform.Waveform):
         bits, rows = self.records
         heard = receive(rows, self.dt, bits.shape[-1], matched=False)
         if not np.isfinite(heard.start).all():
-            raise ArgumentError("a telegram in u holds no pulse above the receiver's minimum")
+            raise ArgumentError("a telegram in u has no pulse above the receiver's minimum")
         signs = np.pad(Modulation(bits).pulses.signs, ((0, 0), (0, 2)))[:, 1:]
         t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, count)
         middles = heard.start[:, np.newaxis] + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
@@ -403,7 +399,7 @@ def _means(u: Floats, n_t: int) -> Floats:
         size = np.abs(flat)
         worst = int(np.argmax(np.where(np.isnan(size), np.inf, size)))
         raise ArgumentError(
-            f"u holds {flat[worst]} at sample {worst % u.shape[1]} of a row; voltages must be "
+            f"u has {flat[worst]} at sample {worst % u.shape[1]} of a row; voltages must be "
             "finite, below 1e150 V"
         )
     return np.asarray(u[:, :n_t] @ np.ones(n_t) / n_t)

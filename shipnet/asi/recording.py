@@ -41,7 +41,7 @@ class _Recorder:
         self, segment: Segment, node: str, size: int, dt: float, weak: Mapping[str, float]
     ) -> None:
         if segment.head is None or not segment.slaves:
-            raise ArgumentError(f"{segment} needs a master and a slave; one must ask, one answer")
+            raise ArgumentError(f"{segment} needs a master and a slave")
         self.slaves = [RunningSlave(slave) for slave in segment.slaves]
         for slave in self.slaves:
             slave.active = True
@@ -147,7 +147,7 @@ def record_segment(
     labels = [slave.label for slave in segment.slaves]
     for label, strength in weak.items():
         if label not in labels:
-            raise ArgumentError(f"weak holds {label!r}; the slaves are {', '.join(labels)}")
+            raise ArgumentError(f"weak has {label!r}; the slaves are {', '.join(labels)}")
         check_scalar(f"weak[{label!r}]", strength, "", 0, 10)
     random = check_rng(rng)
     size = round(duration / dt)

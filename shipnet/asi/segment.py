@@ -408,7 +408,7 @@ def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
     for cable in cables:
         ends = frozenset((cable.a, cable.b))
         if ends in laid:
-            faults.append((cable, f"{cable} lies there already"))
+            faults.append((cable, f"{cable} is there already"))
         elif not groups.join(cable.a, cable.b):
             closing.append(cable)
         laid.add(ends)
@@ -430,7 +430,7 @@ def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
             if a == b:
                 faults.append((element, f"{element} has both ends in one segment"))
             elif not lines.join(a, b):
-                faults.append((element, f"{element} gives telegrams a second path"))
+                faults.append((element, f"{element} makes a second path for telegrams"))
     return faults
 
 

@@ -498,18 +498,12 @@ def simulate(
 
     for fault in as_faults(faults, LineFault):
         fault.apply(channel, stations)
-    changes = [
-        InputChange(
-            check_scalar("time", time, "s", 0, 1e9),
-            slave,
-            check_whole(f"input of slave {slave}", bits, 0, 15),
-        )
-        for time, slave, bits in inputs
-    ]
-    for change in changes:
-        for station in stations[change.slave]:
-            action = partial(setattr, station.slave, "inputs", change.value)
-            channel.schedule(change.time, action)
+    changes = []
+    for time, slave, bits in inputs:
+        value = check_whole(f"input of slave {slave}", bits, 0, 15)
+        changes.append(InputChange(check_scalar("time", time, "s", 0, 1e9), slave, value))
+        for station in stations[slave]:
+            channel.schedule(changes[-1].time, partial(setattr, station.slave, "inputs", value))
     for time, command in commands:
         channel.schedule(
             check_scalar("time", time, "s", 0, 1e9), partial(_submit, leading, command)
@@ -550,11 +544,7 @@ def _submit(leading: list[RunningMaster], command: Command) -> None:
 
 
 def _lead(
-    channel: Channel,
-    leading: list[RunningMaster],
-    standby: Standby | None,
-    most: float,
-    end: float,
+    channel: Channel, leading: list[RunningMaster], standby: Standby | None, most: float, end: float
 ) -> None:
     """Let the master, and then the standby master, send requests until the end [bit]."""
     master = leading[-1]

@@ -168,7 +168,7 @@ def ring(
     last = max((*slaves, supply), default=0.0)
     if not 0 < last < length:
         raise ArgumentError(
-            f"the last place on the ring is {last} m; it must lie between 0 and {length} m"
+            f"the last place on the ring is {last} m; it must be between 0 and {length} m"
         )
     there = line(last, slaves, pairs=pairs, supply=supply, cable=cable, current=current)
     # Two nodes have at most one cable between them, so a second one needs a node halfway.

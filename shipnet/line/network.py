@@ -114,7 +114,7 @@ class Load(Valued):
 
     @property
     def shunt(self) -> tuple[Quantity, Quantity, Quantity]:
-        """What the load adds at its node: 1/r [S], 1/l [1/H] and c [F]."""
+        """Constants of the load that add up at a node: 1/r [S], 1/l [1/H] and c [F]."""
         return (
             0.0 if self.r is None else 1 / self.r,
             0.0 if self.l is None else 1 / self.l,
@@ -135,7 +135,7 @@ def _sum(one: Quantity | None, other: Quantity | None) -> Quantity | None:
 
 
 class Layout(NamedTuple):
-    """Where the nodes of a network lie in a drawing."""
+    """Places of the nodes of a network in a drawing."""
 
     spot: Floats  # distance from the root along the cable [m], and row, 0 and below
     strokes: list[Floats]  # points of each run: x in the first row, y in the second
@@ -195,7 +195,7 @@ class Network:
             group += range(len(group), len(self._index))
             pair = (i, j) if i < j else (j, i)
             if pair in ends:
-                raise ArgumentError(f"{run} lies there already; two nodes have at most one cable")
+                raise ArgumentError(f"{run} is there already; two nodes have at most one cable")
             ends.add(pair)
             one, other = _leader(group, i), _leader(group, j)
             if one == other:
@@ -248,7 +248,7 @@ class Network:
         return self._trees
 
     def index(self, name: str, what: str = "name") -> int:
-        """Return the number of a node, its row in every result; errors call it `what`."""
+        """Return the number of a node, its row in every result; `what` names it in errors."""
         try:
             return self._index[name]
         except (KeyError, TypeError):
@@ -267,7 +267,7 @@ class Network:
         return sums
 
     def rooted(self, root: str) -> Rooted:
-        """Return the network as a tree that grows from `root`."""
+        """Return the network as a tree with a root."""
         if not self.runs:
             raise ArgumentError("the network has no line; it must have at least one")
         order, parent, above = [self.index(root, "root")], [-1], [-1]
@@ -289,7 +289,7 @@ class Network:
         """Return the transfer impedances between the root and every node, or one other [ohm].
 
         Row k is the voltage at node k per ampere into the root, and, as the network is reciprocal,
-        the voltage at the root per ampere into node k. `s` holds complex frequencies [rad/s]; their
+        the voltage at the root per ampere into node k. `s` has complex frequencies [rad/s]; their
         real parts must not be negative. A ring takes two or three times as long as a tree.
         """
         bins = check_frequencies(s)
@@ -309,10 +309,7 @@ class Network:
         return z if to is None else z[..., self.index(to, "to"), :]
 
     def operating_point(
-        self,
-        supply: str,
-        voltage: npt.ArrayLike,
-        currents: Mapping[str, npt.ArrayLike],
+        self, supply: str, voltage: npt.ArrayLike, currents: Mapping[str, npt.ArrayLike]
     ) -> dict[str, Quantity]:
         """Return the voltage of each node at DC [V], while nodes draw `currents` [A].
 
@@ -338,7 +335,7 @@ class Network:
 
         drop = _drop(tree, drawn, ohms)
         if self.ring is not None:
-            # The voltages around the ring add up to 0, which gives the current in the closing run.
+            # The voltages around the ring add up to 0; the current in the closing run follows.
             ring = self.runs.index(self.ring)
             a, b = (tree.order.index(self.index(end)) for end in (self.ring.a, self.ring.b))
             around = np.zeros_like(drawn)
@@ -369,7 +366,7 @@ class Network:
             way = reach[place] + length[tree.run[place]]
             reach[tree.parent[place]] = max(reach[tree.parent[place]], way)
 
-        # The longest branch stays in its row and stubs take rows below, so that no lines cross.
+        # The longest branch stays in its row and stubs get rows below, so that no lines cross.
         row, lowest, waiting = [0] * count, 0, [(0, 0)]
         while waiting:
             place, beside = waiting.pop()
@@ -426,7 +423,7 @@ def _drop(tree: Rooted, drawn: Floats, resistance: Floats) -> Floats:
 
 
 def check_node(name: object) -> None:
-    """Raise unless the name of a node survives being written to a file."""
+    """Raise unless the name of a node can be written to a file and read again."""
     if not isinstance(name, str) or not name or name != name.strip() or not name.isprintable():
         raise ArgumentError(
             f"a node is {name!r}; it must be a printable name without blanks around it"

@@ -1,4 +1,4 @@
-r"""Voltages over time: recorded by a scope, or computed from a Laplace transform.
+r"""Voltages over time, recorded by a scope or computed from a Laplace transform.
 
 An inverse FFT is periodic: what still rings at the end of the window falls into its beginning.
 On the line :math:`s = (d + j \omega T) / T` this error shrinks by :math:`e^{-d}`, and the bin at
@@ -23,7 +23,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes
 
-#: Highest frequency that counts where a change of current takes 3 us [Hz].
+#: Highest frequency that matters if a change of current lasts 3 us [Hz].
 F_MAX = 12e6
 
 #: Window of the inverse transform over the record, and its damping. What rings on beyond the window
@@ -110,7 +110,7 @@ class Waveform:
         rows = np.atleast_2d(self.u)
         names = self.names or tuple(f"u{k}" for k in range(1, len(rows) + 1))
         if rows.ndim != 2:
-            raise ArgumentError(f"u has shape {self.u.shape}; a file holds one row per node")
+            raise ArgumentError(f"u has shape {self.u.shape}; a file has one row per node")
         if Path(path).suffix == ".npz":
             np.savez(path, u=rows.T, dt=self.dt, probes=np.array(names))
             return
@@ -151,7 +151,7 @@ def laplace_grid(duration: float, f_max: float, damping: float = 7.0) -> Complex
 def synthesize(
     spectrum: npt.ArrayLike, n_samples: int, duration: float, damping: float = 7.0
 ) -> Floats:
-    """Return the waveforms of Laplace transforms that were sampled on `laplace_grid`."""
+    """Return the waveforms of Laplace transforms sampled on `laplace_grid`."""
     bins = np.asarray(spectrum, dtype=complex)
     # At fewer samples than twice the highest frequency, bins alias: add up those that coincide.
     turns = ceil(bins.shape[-1] / n_samples)
@@ -168,7 +168,7 @@ def synthesize(
 def record_of(
     spectrum: Callable[[Complexes], Complexes], n_samples: int, dt: float, f_max: float
 ) -> Floats:
-    """Return the waveforms of a Laplace transform from t = 0, without what wraps around."""
+    """Return the waveforms of a Laplace transform from t = 0; nothing wraps around."""
     window = ceil(_WINDOW * n_samples)
     found = spectrum(laplace_grid(window * dt, f_max, _DAMPING))
     return synthesize(found, window, window * dt, _DAMPING)[..., :n_samples]

@@ -60,8 +60,8 @@ def ideal(start, height, duration, dt=1e-6):
     return Waveform(height * (Modulation(BITS).pulses.signs @ shapes), dt, start=-start, bits=BITS)
 
 
-#: Noise of so many volts a sample, whatever the step.
-NOISE = Noise(1e-6)
+#: Amplitude of noise whose samples 1 us apart have a standard deviation of 1 V.
+PER_SAMPLE = 2
 
 
 # What others found with another receiver, another first pulse (2.35 V, not 2.46 V) and unknown
@@ -102,7 +102,9 @@ def test_a_receiver_that_keeps_time_fails_as_often_as_theory_says():
     raw = {"matched": False, "minimum": 1.2}
     sigma = [0.35, 0.45, 0.6]
     theory = theory_of(telegrams, sigma, **raw)
-    table = rates_of(telegrams, NOISE, sigma, 30_000, rng(), window=0, **raw)
+    table = rates_of(
+        telegrams, Noise(), PER_SAMPLE * np.array(sigma), 30_000, rng(), window=0, **raw
+    )
     assert 0.005 < theory[0] < 0.02 < 0.3 < theory[2] < 0.5
     error = np.sqrt(theory * (1 - theory) / 30_000)
     assert (np.abs(table["rate"] - theory) < 4 * error + 0.02 * theory).all()
@@ -120,7 +122,7 @@ def test_noise_ahead_of_a_telegram_is_taken_for_its_start_as_often_as_theory_say
     below = 1 - 2 * stats.norm.sf(level)
     both = pair.cdf([level, level], lower_limit=[-level, -level])
     assert theory == pytest.approx(1 - below * (both / below) ** 301, rel=1e-6)
-    row = rates_of(telegrams, NOISE, 0.45, 20_000, rng(), window=0, **raw)
+    row = rates_of(telegrams, Noise(), PER_SAMPLE * 0.45, 20_000, rng(), window=0, **raw)
     assert row["rate"][0] == pytest.approx(theory, abs=4 * np.sqrt(theory / 20_000))
 
 

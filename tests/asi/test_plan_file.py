@@ -139,7 +139,7 @@ def test_faults_of_the_structure_come_with_those_of_cells_if_the_cables_are_righ
     content = SMALL + "slave,hold,,,,3,,,,\nslave,deck,,,,x,,,,\ncable,deck,bridge,9,,,,,,\n"
     assert [fault.split(";")[0] for fault in faults(load, content)] == [
         "row 7, column address: 'x'",
-        "row 8: cable deck - bridge lies there already",
+        "row 8: cable deck - bridge is there already",
         "row 6: slave 3 at hold: no cable reaches its node hold",
     ]
     # With a cable that cannot be read, what hangs on it is not called loose.

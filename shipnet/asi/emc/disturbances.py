@@ -17,6 +17,9 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, number, record, whole
 from shipnet.lazy import Axes, pd
 
+#: Spacing of the samples whose standard deviation is the amplitude of noise [s].
+_SPACING = 250e-9
+
 #: Begin and end of a telegram in its record [s].
 Span = tuple[float, float]
 
@@ -97,11 +100,11 @@ def _passed(since: Floats) -> Floats:
 @checked
 @record
 class Noise:
-    r"""White noise; its amplitude is the standard deviation of samples `reference` apart.
+    r"""White noise; its amplitude is the standard deviation of samples 250 ns apart.
 
-    Samples :math:`\Delta t` apart have a bandwidth of :math:`1 / 2 \Delta t`, 2 MHz by default,
-    and a one-sided density of :math:`2 \sigma^2 \Delta t`, 0.71 mV per root hertz for 1 V. A
-    waveform with another step gets noise of the same density, so its step changes no error rate.
+    Samples :math:`\Delta t` apart have a bandwidth of :math:`1 / 2 \Delta t`, here 2 MHz, and a
+    one-sided density of :math:`2 \sigma^2 \Delta t`, 0.71 mV per root hertz for 1 V. A waveform
+    with another step gets noise of the same density, so its step does not change error rates.
 
     Examples
     --------
@@ -109,22 +112,18 @@ class Noise:
     0.49 mV per root hertz
     """
 
-    reference: float = number(
-        1e-9, 1e-6, "s", "Spacing of the samples that have the amplitude", default=250e-9
-    )
-
     def density(self, amplitude: npt.ArrayLike) -> Floats:
         """Return the one-sided density of a standard deviation [V per root hertz]."""
-        return np.asarray(np.multiply(amplitude, (2 * self.reference) ** 0.5))
+        return np.asarray(np.multiply(amplitude, (2 * _SPACING) ** 0.5))
 
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
         """Return the noise on `size` telegrams."""
         dt = _step(t)
-        # A step equal to the reference must not change the noise by rounding.
-        if abs(dt / self.reference - 1) >= 1e-9:
-            amplitude *= (self.reference / dt) ** 0.5
+        # The usual step must not change the noise by rounding.
+        if abs(dt / _SPACING - 1) >= 1e-9:
+            amplitude *= (_SPACING / dt) ** 0.5
         return amplitude * rng.standard_normal((size, t.size))
 
 
@@ -181,7 +180,7 @@ class ConductedRF:
     .. math:: u(t) = a \bigl(1 + m \sin(2 \pi f_m t + \psi)\bigr) \sin(2 \pi f t + \varphi)
 
     The amplitude is the peak of the carrier without modulation; a test level of IEC 61000-4-6 is
-    its effective value. Carrier and sideband must lie below half the sampling rate: 80 MHz needs
+    its effective value. Carrier and sideband must be below half the sampling rate: 80 MHz needs
     a waveform with a step of 5 ns.
 
     Examples
@@ -208,7 +207,7 @@ class ConductedRF:
         f, f_mod = self.frequency, self.f_mod
         if f + f_mod >= 0.5 / dt:
             raise ArgumentError(
-                f"frequency is {f:g} Hz; with its sideband it must lie below {0.5 / dt:.6g} Hz, "
+                f"frequency is {f:g} Hz; with its sideband it must be below {0.5 / dt:.6g} Hz, "
                 "half the sampling rate"
             )
         carrier, slow = rng.uniform(0, 2 * np.pi, (2, size))

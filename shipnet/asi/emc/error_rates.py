@@ -104,7 +104,7 @@ _ALMOST_ONE = 1 - 1e-15
 
 
 def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, int]:
-    """Return the slots' heights from the first pulse on, and which of them hold pulses.
+    """Return the slots' heights from the first pulse on, and which of them have pulses.
 
     The other two are the number of samples before each telegram and that of a record.
     """
@@ -362,11 +362,7 @@ def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.Dat
 
 @checked
 def burst_failures(
-    inside: float,
-    rng: RNGLike | None = None,
-    packets: int = 1000,
-    *,
-    slaves: int = 31,
+    inside: float, rng: RNGLike | None = None, packets: int = 1000, *, slaves: int = 31
 ) -> pd.DataFrame:
     """Count series of failures while packets of a burst hit the cycles of a network.
 
