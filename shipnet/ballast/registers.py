@@ -1,7 +1,6 @@
 """The registers of a valve: command codes, scales, and a status of four registers.
 
-The paper prints no scales, and its tables disagree about the status bits and the command codes; a
-`RegisterMap` chooses a version.
+The paper prints no scales, and its tables disagree about the status bits and the command codes.
 """
 
 from __future__ import annotations
@@ -24,7 +23,8 @@ from shipnet.errors import ArgumentError, FieldError
 from shipnet.fields import check_scalar, check_whole, choice, record
 from shipnet.lazy import pd
 
-#: Readings of the codes of Table 2: column of the data file, base of its numbers.
+#: Readings of the codes of Table 2: column of the data file, base of its numbers. The first one is
+#: used: the position codes 6 and 10, with auto added to close and open.
 CODE_READINGS = {
     "flag sum": ("code_flag_sum", 10),
     "one bit": ("code_one_bit", 10),
@@ -45,8 +45,8 @@ class Code(Enum):
 
 
 @cache
-def command_codes(reading: str) -> dict[Code, int]:
-    """Return the command codes of a reading of Table 2."""
+def command_codes(reading: str = "flag sum") -> dict[Code, int]:
+    """Return the command codes by one of the `CODE_READINGS`."""
     column, base = CODE_READINGS[reading]
     with path("kim2014_table2_write_register_bits.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["message"] == "query"]
@@ -112,9 +112,6 @@ for _k, _scale in enumerate(SCALES):
 
 _PLACES[1, -1] = 1
 
-#: Bits of Manual, Auto, Close and Open, counted from the first of them.
-_FLAGS = np.array([1, 2, 4, 8])
-
 
 class Packed(NamedTuple):
     """Registers that a slave sends, and which readings did not fit."""
@@ -163,53 +160,32 @@ class RegisterMap:
         "neither prints, is then in the high byte of 0x4021 or in Bit4 to Bit7; the operating time "
         "has the other 8 bits of 0x4021, or all 16", default="table 3",
     )  # fmt: skip
-    codes: str = choice(
-        tuple(CODE_READINGS),
-        "Command codes: the position codes 6 and 10, with auto added to close and open; 16 and 32; "
-        "or as printed, with 10 read as decimal or hexadecimal", default="flag sum",
-    )  # fmt: skip
 
     def encode(
         self,
         readings: npt.ArrayLike,
         *,
-        auto: npt.ArrayLike = True,
-        close: npt.ArrayLike,
-        open: npt.ArrayLike,
-        fault: npt.ArrayLike = 0,
-        operating_time: npt.ArrayLike = 0.0,
+        auto: bool = True,
+        close: bool,
+        open: bool,
+        fault: int = 0,
+        operating_time: float = 0.0,
     ) -> Packed:
-        """Return the registers of many valves, whose readings have the shape (5, n_valves)."""
+        """Return the registers of valves in this state, for readings of shape (5, n_valves)."""
         values = np.asarray(readings, float)
         if values.ndim != 2 or len(values) != len(SCALES):
             raise ArgumentError(f"readings have the shape {values.shape}; it must be (5, n_valves)")
-        n = values.shape[1]
-        flags, times = np.empty((4, n), bool), np.empty(n)
-        for name, flag in (("auto", auto), ("close", close), ("open", open)):
-            _check_flag(name, flag)
-        try:
-            given = np.asarray(fault)
-            faults = np.empty(n, given.dtype)
-            # Assignment takes a tenth of the time of broadcast_to, and every poll packs a slave.
-            flags[1], flags[2], flags[3], times[:], faults[:] = (
-                auto, close, open, operating_time, given,
-            )  # fmt: skip
-        except (TypeError, ValueError):
-            raise ArgumentError(
-                "auto, close, open, fault and operating_time must be one value, or one for each of "
-                f"{n} valves"
-            ) from None
-        if faults.dtype.kind not in "iu" or np.count_nonzero((faults < 0) | (faults > 12)):
-            raise ArgumentError(f"fault is {fault!r}; it must be a whole number 0..12")
-        flags[0] = ~flags[1]
+        row = check_whole("fault", fault, 0, 12)
+        lasted = check_scalar("operating_time", operating_time, "s", 0, 1e9)
         in_status = self.status == "table 2"
-        steps = np.empty((len(SCALES) + 1, n))
-        steps[:-1], steps[-1] = values / _STEPS, times / _TIME_STEP
+        steps = np.empty((len(SCALES) + 1, values.shape[1]))
+        steps[:-1], steps[-1] = values / _STEPS, lasted / _TIME_STEP
         longest = 0xFFFF if in_status else 0xFF
         numbers, saturated = whole_steps(steps, _HIGHEST[longest], _MISSING[longest])
         registers = _PLACES @ numbers
-        registers[0] |= (_FLAGS @ flags) << self._first_bit
-        registers[0 if in_status else 1] |= faults.astype(int) << (4 if in_status else 8)
+        flags = (not auto) | auto << 1 | close << 2 | open << 3
+        registers[0] |= flags << self._first_bit
+        registers[0 if in_status else 1] |= row << (4 if in_status else 8)
         return Packed(registers.T.astype(np.uint16), saturated.T)
 
     def decode(self, registers: npt.ArrayLike) -> Status:
@@ -235,7 +211,7 @@ class RegisterMap:
         code = Code(code)
         highest = 100 if code in (Code.POSITION_CLOSE, Code.POSITION_OPEN) else 0
         percent = check_whole("position", position, 0, highest, f" for {code.value}")
-        return percent << 8 | command_codes(self.codes)[code]
+        return percent << 8 | command_codes()[code]
 
     def encode_command(self, action: str | float, now: float = 0.0) -> int:
         """Return the command register for ``open``, ``close``, ``manual``, ``auto`` or a position.
@@ -250,19 +226,18 @@ class RegisterMap:
         whole = round(asked)
         return self.command(Code.POSITION_CLOSE if whole < last else Code.POSITION_OPEN, whole)
 
-    def table(self, sensors: Sensors | None = None) -> pd.DataFrame:
+    def table(self) -> pd.DataFrame:
         """Return where and in which steps each reading is sent, and its largest error.
 
         The error is that of converter and register together, within the scales of both.
         """
-        converter = (sensors if sensors is not None else Sensors()).step
         rows = [
             (
                 scale.channel, channel.unit, f"0x{scale.register:04X}",
                 "high" if scale.shift else "low", scale.step, HIGHEST * scale.step, MISSING, step,
                 (scale.step + step) / 2,
             )
-            for scale, channel, step in zip(SCALES, CHANNELS, converter, strict=True)
+            for scale, channel, step in zip(SCALES, CHANNELS, Sensors().step, strict=True)
         ]  # fmt: skip
         columns = ["channel", "unit", "register", "byte", "step", "highest", "missing"]
         columns += ["converter_step", "largest_error"]
@@ -272,15 +247,14 @@ class RegisterMap:
         """Return the command of a register, and its position [%]."""
         word = check_whole("value", value, 0, 0xFFFF)
         position, number = word >> 8, word & 0xFF
-        meant = [code for code, known in command_codes(self.codes).items() if known == number]
-        if len(meant) != 1:
-            names = " and for ".join(code.value for code in meant) or "no command"
-            raise FieldError(f"code {number} stands for {names}")
-        if meant[0] not in (Code.POSITION_CLOSE, Code.POSITION_OPEN):
-            return meant[0], 0
+        meant = {known: code for code, known in command_codes().items()}
+        if number not in meant:
+            raise FieldError(f"code is {number}; it must be one of {', '.join(map(str, meant))}")
+        if meant[number] not in (Code.POSITION_CLOSE, Code.POSITION_OPEN):
+            return meant[number], 0
         if position > 100:
             raise FieldError(f"position is {position} %; it must be 0..100")
-        return meant[0], position
+        return meant[number], position
 
     @property
     def _first_bit(self) -> int:
@@ -296,15 +270,3 @@ def check_action(action: Any, words: Iterable[str]) -> str | float:
         return float(action)
     known = ", ".join(words)
     raise ArgumentError(f"action is {action!r}; it must be one of {known}, or a position 0..100 %")
-
-
-def _check_flag(name: str, flag: npt.ArrayLike) -> None:
-    if isinstance(flag, bool | np.bool_):
-        return
-    try:
-        values = np.asarray(flag)
-        good = values.dtype.kind in "biu" and bool(((values == 0) | (values == 1)).all())
-    except ValueError:
-        good = False
-    if not good:
-        raise ArgumentError(f"{name} is {flag!r}; it must be True or False, one or a row of them")

@@ -5,7 +5,6 @@ The paper prints no units; bar, bar, A, degC and percent are our reading (claim 
 
 from __future__ import annotations
 
-import re
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -14,7 +13,6 @@ import numpy.typing as npt
 
 from shipnet.arguments import checked
 from shipnet.arrays import Floats
-from shipnet.datasets import path
 from shipnet.errors import ArgumentError
 from shipnet.fields import record, whole
 
@@ -38,32 +36,6 @@ CHANNELS = (
 )
 
 
-class Limit(NamedTuple):
-    """A comparison that the rule table makes with a number other than 0."""
-
-    channel: str
-    comparison: str
-    value: float
-    codes: tuple[str, ...]
-
-
-def rule_limits() -> list[Limit]:
-    """Return the limits of the rule table, each once."""
-    found: dict[tuple[str, str, float], list[str]] = {}
-    for row in _rules():
-        pattern = r"(FP|OP|MC|OT) (<|>=|>) ([0-9.]+)"
-        for name, comparison, number in re.findall(pattern, row["antecedent_corrected"]):
-            found.setdefault((name, comparison, float(number)), []).append(row["code"])
-    return [Limit(*key, tuple(codes)) for key, codes in found.items()]
-
-
-def _rules() -> list[dict[str, str]]:
-    import csv
-
-    with path("kim2014_rule_table.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 #: Time over which the change of the position is taken [s]; the paper does not say.
 WINDOW = 1.0
 
@@ -84,13 +56,6 @@ def stroke_speed(speed: Floats, ran: npt.ArrayLike) -> Floats:
 
 
 _NAMES = tuple(channel.name for channel in CHANNELS)
-
-
-class _Scale(NamedTuple):
-    low: Floats
-    high: Floats
-    noise: Floats
-    step: Floats
 
 
 @checked
@@ -142,11 +107,6 @@ class Sensors:
         if self.bits is not None and not np.isfinite([self.low, self.high]).all():
             raise ArgumentError("low and high must be finite for a converter with bits")
 
-    @classmethod
-    def ideal(cls) -> Sensors:
-        """Return sensors without noise, limits and steps."""
-        return cls((-np.inf,) * 5, (np.inf,) * 5, (0.0,) * 5, None)
-
     @property
     def step(self) -> Floats:
         """Step of the converter, shape (5,), in the units of the channels; 0 without bits."""
@@ -155,20 +115,19 @@ class Sensors:
         return np.asarray((np.array(self.high) - self.low) / (2**self.bits - 1))
 
     @cached_property
-    def _scale(self) -> _Scale:
-        """The numbers as columns of shape (5, 1), which every reading needs."""
-        rows = (self.low, self.high, self.noise, self.step)
-        return _Scale(*(np.array(row)[:, np.newaxis] for row in rows))
+    def _scale(self) -> Floats:
+        """Low, high, noise and step as columns, which every reading needs; shape (4, 5, 1)."""
+        return np.array([self.low, self.high, self.noise, self.step])[..., np.newaxis]
 
     def read(self, truth: npt.ArrayLike, rng: np.random.Generator | None = None) -> Floats:
         """Return readings of true values."""
         values = np.asarray(truth, float)
         if values.ndim < 2 or values.shape[-2] != 5:
             raise ArgumentError(f"truth has the shape {values.shape}; it must be (5, n_valves)")
-        scale = self._scale
+        low, high, noise, step = self._scale
         if rng is not None:
-            values = values + rng.standard_normal(values.shape) * scale.noise
-        values = np.minimum(np.maximum(values, scale.low), scale.high)
+            values = values + rng.standard_normal(values.shape) * noise
+        values = np.minimum(np.maximum(values, low), high)
         if self.bits is None:
             return np.asarray(values)
-        return np.asarray(np.rint((values - scale.low) / scale.step) * scale.step + scale.low)
+        return np.asarray(np.rint((values - low) / step) * step + low)

@@ -1,4 +1,4 @@
-from .checking import check as check
-from .checking import given as given
-from .checking import glossary as glossary
+from .exercise import check as check
+from .exercise import given as given
+from .exercise import glossary as glossary
 from .exercise import student as student

@@ -1,41 +1,42 @@
-"""A student's own numbers, and an exercise: what it draws, its right answer, expected mistakes."""
+"""Exercises: a student's own numbers, the check of an answer with its hints, the glossary."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from importlib import import_module
+from importlib.util import find_spec
 from typing import Any, TypeAlias, TypeVar
 
+from shipnet import datasets
 from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
-from shipnet.exercises.answers import Answer, Misread
+from shipnet.exercises.answers import Answer, Misread, NotSolved, blank
+from shipnet.lazy import pd
 
 T = TypeVar("T")
 
 
-@checked
 @dataclass(frozen=True, slots=True)
 class Student:
-    """Who solves the exercises: a name, from which the student's own numbers follow."""
+    """A student, whose own numbers follow from the name."""
 
     name: str
 
-    def __post_init__(self) -> None:
-        plain = self.name.strip().casefold() if isinstance(self.name, str) else ""
-        if not plain:
-            raise ArgumentError(f"name is {self.name!r}; it must be a text, not empty")
-        object.__setattr__(self, "name", plain)
-
     def pick(self, what: str, options: Sequence[T]) -> T:
-        """Return the one of some options that is this student's, for a purpose."""
-        if not len(options):
-            raise ArgumentError("options are empty; there must be one or more")
-        # A hash gives the same on every computer and with every version of Python.
+        """Return this student's option for a purpose."""
+        # A hash is the same on every computer and with every version of Python.
         digest = sha256(f"{self.name}\0{what}".encode()).digest()
         return options[int.from_bytes(digest) % len(options)]
 
 
+#: Solves exercises that have the same numbers for everybody.
+_NOBODY = Student("nobody")
+
+
+@checked
 def student(name: str) -> Student:
     """Return the student of this name.
 
@@ -59,34 +60,37 @@ def student(name: str) -> Student:
     >>> student(" Kim ") == student("KIM")
     True
     """
-    return Student(name)
+    plain = name.strip().casefold()
+    if not plain:
+        raise ArgumentError(f"name is {name!r}; it must not be empty")
+    return Student(plain)
 
 
-#: In place of a wrong answer: the hint for all that no other hint is for, how to begin.
+#: Marks the hint for a wrong answer that no other hint explains: how to begin.
 ANY = object()
 
-#: What is right for a student's numbers, and by hint the wrong answer that the hint is for.
+#: The right answer for a student's numbers, and the wrong answer that each hint is for.
 Solution: TypeAlias = tuple[Answer, dict[str, object]]
 
 
 @dataclass(frozen=True)
 class Exercise:
-    """One exercise of a lesson: what it draws, and its solution for what was drawn."""
+    """One exercise of a lesson: the options for its numbers, and its solution for one choice."""
 
     key: str
     draws: Mapping[str, Sequence[Any]]
     solve: Callable[..., Solution]
 
     def given(self, me: Student) -> dict[str, Any]:
-        """Return the numbers of a student by their names."""
+        """Return a student's numbers by name."""
         return {
             name: me.pick(f"{self.key} {name}", options) for name, options in self.draws.items()
         }
 
     def fault(self, answered: object, me: Student) -> str | None:
-        """Say what is wrong with an answer.
+        """Return what is wrong with an answer, None if it is right.
 
-        A mistake is named only if it, and no other one, gives this answer.
+        A mistake is named only if it alone leads to this answer.
         """
         right, hints = self.solve(**self.given(me))
         try:
@@ -109,15 +113,151 @@ class Exercise:
         return f"{fact}. {begin}"
 
 
-#: The exercises by their keys; filled as the modules of the lessons are imported.
+#: The exercises by key; filled as the modules of the lessons are imported.
 EXERCISES: dict[str, Exercise] = {}
 
 
 def solution(key: str, **draws: Sequence[Any]) -> Callable[[T], T]:
-    """Register a function of the numbers that are drawn as the solution of an exercise."""
+    """Register a function of the drawn numbers as the solution of an exercise."""
 
     def decorate(solve: T) -> T:
         EXERCISES[key] = Exercise(key, draws, solve)  # type: ignore[arg-type]
         return solve
 
     return decorate
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The result of a check, such as ``"not solved yet"``; true if the answer is correct."""
+
+    key: str
+    text: str
+
+    def __bool__(self) -> bool:
+        return self.text == "correct"
+
+    def __repr__(self) -> str:
+        return f"{self.key}: {self.text}"
+
+
+def exercises(lesson: int) -> tuple[Exercise, ...]:
+    """Return the exercises of a lesson."""
+    name = f"shipnet.exercises.lesson_{lesson:02}"
+    if find_spec(name) is None:
+        raise ArgumentError(f"lesson is {lesson}; there is no such lesson")
+    import_module(name)
+    return tuple(one for key, one in EXERCISES.items() if key.startswith(f"ex-{lesson:02}-"))
+
+
+def exercise(key: str) -> Exercise:
+    """Return the exercise with this key."""
+    form = re.fullmatch(r"ex-(\d\d)-\d+", key) if isinstance(key, str) else None
+    known = {one.key: one for one in exercises(int(form[1]))} if form else {}
+    if key not in known:
+        raise ArgumentError(f"key is {key!r}; there is no such exercise")
+    return known[key]
+
+
+@checked
+def given(key: str, me: Student) -> dict[str, Any]:
+    """Return a student's own numbers for an exercise.
+
+    Parameters
+    ----------
+    key : str
+        Exercise, such as ``"ex-01-2"``.
+    me : Student
+        Who solves it.
+
+    Returns
+    -------
+    dict
+        The numbers by name.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such exercise.
+
+    Examples
+    --------
+    >>> from shipnet.exercises import student
+    >>> sorted(given("ex-01-1", student("Kim")))
+    ['bits']
+    """
+    return exercise(key).given(me)
+
+
+@checked
+def check(key: str, answer: object, me: Student | None = None) -> Verdict:
+    """Judge an answer; no answer raises an error.
+
+    Parameters
+    ----------
+    key : str
+        Exercise, such as ``"ex-01-2"``.
+    answer : object
+        The student's answer; ``...`` or None if there is none yet.
+    me : Student, optional
+        Who solves it; required if each student has other numbers.
+
+    Returns
+    -------
+    Verdict
+        Shows ``correct``, ``not solved yet``, or the fault and a hint; true if correct.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such exercise, or `me` is required and missing.
+
+    Examples
+    --------
+    >>> from shipnet.exercises import student
+    >>> check("ex-01-1", ..., student("Kim"))
+    ex-01-1: not solved yet
+    """
+    one = exercise(key)
+    if me is None and one.draws:
+        raise ArgumentError(f"me is missing: each student has other numbers in {key}")
+    if blank(answer):
+        return Verdict(key, "not solved yet")
+    try:
+        fault = one.fault(answer, me or _NOBODY)
+    except NotSolved:
+        return Verdict(key, "not solved yet")
+    except Exception as error:  # an answer may be an object that cannot be compared
+        fault = f"this answer cannot be compared ({type(error).__name__}): what kind is asked for?"
+    return Verdict(key, fault or "correct")
+
+
+def glossary(lesson: int | None = None) -> pd.DataFrame:
+    """Return the terms that a lesson introduces, or all of them.
+
+    Parameters
+    ----------
+    lesson : int, optional
+        Number of the lesson.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Index: the term; columns Korean and meaning.
+
+    Raises
+    ------
+    ArgumentError
+        If the lesson introduces no term.
+
+    Examples
+    --------
+    >>> glossary(1).loc["bit time", "meaning"]
+    'length of one bit: 6 us on AS-i'
+    """
+    words = datasets.read("glossary.csv")
+    if lesson is not None:
+        words = words[words["lesson"] == str(lesson)]
+        if words.empty:
+            raise ArgumentError(f"lesson is {lesson}; it introduces no term of the glossary")
+    return words.set_index("term")[["korean", "meaning"]]

@@ -29,8 +29,7 @@ from typing import Any
 import numpy as np
 
 from shipnet.errors import ArgumentError, InputError
-from shipnet.exercises.checking import check, exercises
-from shipnet.exercises.exercise import Student
+from shipnet.exercises.exercise import check, exercises, student
 from shipnet.lazy import pd
 
 #: The name in a notebook as it is handed out.
@@ -320,11 +319,11 @@ class _HandIn:
     def _judge(self, keys: list[str], session: _Session) -> None:
         try:
             self.name = str(session.ask("get", "me.name"))
-            me = Student(self.name)
+            me = student(self.name)
         except (_Ended, RuntimeError, ArgumentError):
             self.flags.append("no name")
-            me = Student(EXAMPLE)
-        if me == Student(EXAMPLE):
+            me = student(EXAMPLE)
+        if me == student(EXAMPLE):
             self.flags.append("name unchanged")
         for key in keys:
             if key not in self.checks:

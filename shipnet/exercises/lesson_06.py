@@ -12,7 +12,7 @@ _LIMIT = 2.0
 
 
 def _question(first: int, quantity: int, function: int = 3) -> Request:
-    return Request.read(FunctionCode(function), first, quantity)
+    return Request(FunctionCode(function), first, quantity)
 
 
 @solution("ex-06-1", unit=range(2, 31), number=range(301, 1000, 7), quantity=range(2, 11))
@@ -30,20 +30,22 @@ def request(unit: int, number: int, quantity: int) -> Solution:
         "the quantity counts registers, not bytes": (
             asking(number - 1)[:-2] + (2 * quantity).to_bytes(2)
         ),
-        "the quantity has two bytes, too": asking(number - 1)[:-2] + quantity.to_bytes(1),
+        "the quantity has two bytes": asking(number - 1)[:-2] + quantity.to_bytes(1),
         "each of the two numbers is sent high byte first": (
             bytes([unit, 3]) + (number - 1).to_bytes(2, "little") + quantity.to_bytes(2, "little")
         ),
         "the 4 in front of 40001 only says that it is a holding register: it is not sent": (
             asking(40000 + number - 1)
         ),
-        "the 4 in front is not sent, and the line counts from 0": asking(40000 + number),
+        "those are decimal digits: write the numbers in hexadecimal": (
+            bytes.fromhex(f"{unit:02}03{number - 1:04}{quantity:04}")
+        ),
         "function code 4 reads input registers; these are holding registers": (
             asking(number - 1, 4)
         ),
         "function code 6 writes a register, but the task is to read": asking(number - 1, 6),
         "function code 1 reads single bits; these are registers": asking(number - 1, 1),
-        "Write the fields one by one: unit, function, two bytes for each of the numbers": ANY,
+        "Write field by field: unit, function, then two bytes each for register and quantity": ANY,
     }
 
 
@@ -88,14 +90,12 @@ _TRIED = [(1, 1, 9600), (31, 10, 19200), (60, 4, 38400), (247, 4, 115200), (247,
 def scan_time() -> Solution:
     """How long a scan of all slaves takes."""
     return Function(_scan, _TRIED, lambda right: Number(right, "s")), {
-        "the silence is not counted in characters at every bit rate": (
-            lambda *case: _scan_with(7, *case)
-        ),
+        "is the silence 3.5 characters at every bit rate?": lambda *case: _scan_with(7, *case),
         "a transaction has two silences, one after each frame": (
             lambda *case: _scan(*case) - case[0] * SerialLine(case[2]).t35
         ),
-        "where is the silence?": lambda *case: _scan_with(0, *case),
-        "every frame ends with a CRC: is it counted, twice in a transaction?": (
+        "the silences are missing": lambda *case: _scan_with(0, *case),
+        "both frames end with a CRC: are both counted?": (
             lambda *case: _scan(*case) - case[0] * 4 * SerialLine(case[2]).character_time
         ),
         "a register has 16 bits": (
@@ -105,10 +105,10 @@ def scan_time() -> Solution:
             lambda *case: _scan(*case, character="8N1")
         ),
         "that is one slave; how many are polled?": lambda n, *case: _scan(1, *case),
-        "the request takes its time, too": (
+        "the request takes time too": (
             lambda *case: _scan(*case) - case[0] * 8 * SerialLine(case[2]).character_time
         ),
-        "1.75 ms is the silence on fast lines; above which rate?": (
+        "above which bit rate is the silence 1.75 ms?": (
             lambda n, registers, rate: n * ((13 + 2 * registers) * 11 / rate + 2 * 1.75e-3)
         ),
         "Compute one transaction with one slave by hand: request, silence, response, silence": ANY,
@@ -140,7 +140,7 @@ def most_valves(rate: int, think_ms: int, timeout_ms: int) -> Solution:
         "valves need time to process a request": most(0),
         # Who forgets to add the dead valve, and who lets it think, both come here.
         "the dead valve counts too, but it has no processing time and no silences": right - 1,
-        "check this number: request and time-out of the dead valve, then the rest: do they fit?": (
+        "the dead valve's request and time-out come first: do all the others fit into the rest?": (
             right + 1
         ),
         "there are two silences in each transaction": fit(0),

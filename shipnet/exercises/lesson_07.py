@@ -31,11 +31,11 @@ def unread(ring: dict[str, int]) -> Solution:
         - ring["get_no"],
         "that is the free part; the writer is ahead, across the end": ring["get_no"] - ring["no"],
         "one lap of the ring too many": found.seems_unread + _SIZE,
-        "from 0 to 127 are 128 places": found.seems_unread - 1,
-        "at `no` nothing is written yet": found.seems_unread + 1,
-        "those are before the end of the ring; how many are after it?": _SIZE - ring["get_no"],
-        "those are after the end of the ring; how many are before it?": ring["no"],
-        "Draw the positions as a circle and mark both variables: which lie between them?": ANY,
+        "there are 128 places from 0 to 127": found.seems_unread - 1,
+        "the byte at `no` is not written yet": found.seems_unread + 1,
+        "those lie before the end of the ring; how many lie after it?": _SIZE - ring["get_no"],
+        "those lie after the end of the ring; how many lie before it?": ring["no"],
+        "Draw the places as a circle and mark `no` and `get_no`: which bytes lie between?": ANY,
     }
 
 
@@ -48,14 +48,14 @@ def empty_again(places: int, rate: int) -> Solution:
         stored += 1
     right = 1e3 * stored * _CHARACTER / rate
     return Number(right, "ms"), {
-        "then it is full; when do the flags come back as well?": 1e3 * places * _CHARACTER / rate,
+        "then the ring is full; when are the flags equal again too?": right / 2,
         "a byte takes 10 bits on this line": 0.8 * right,
         "a byte takes 10 bits on this line, and full is not empty": 0.4 * right,
         "these lines have no parity bit: 10 bits per byte": 1.1 * right,
         "the rate counts bits, not bytes": right / _CHARACTER,
         "that is one byte; how many bytes arrive?": 1e3 * _CHARACTER / rate,
-        "two laps bring number and flag back": 2 * right,
-        "After how many bytes are number and flag both back? How long is one byte?": ANY,
+        "that is four laps; when do number and flag repeat?": 2 * right,
+        "After how many bytes do number and flag both repeat? How long is one byte?": ANY,
     }
 
 
@@ -100,7 +100,7 @@ def _emptied(events: str, size: int) -> int:
     return lost
 
 
-#: Nothing; just full; one too many; a read of nothing before; losses before and behind a read.
+#: Nothing; just full; one too many; a read of nothing before; losses before and after a read.
 _TRIED = [
     ("", 4),
     ("wwww", 4),
@@ -119,17 +119,17 @@ def lost_bytes() -> Solution:
         "that many are unread; how many of them are still in the ring?": (
             lambda events, size: max(0, events.count("w") - events.count("r"))
         ),
-        "a ring of `size` positions holds `size` bytes": _counting(-1),
-        "an empty ring gives nothing; the number that waits does not fall below 0": (
+        "a ring of `size` places holds `size` bytes": _counting(-1),
+        "a read of an empty ring changes nothing: the count of unread bytes stays at 0": (
             _counting(0, -1000)
         ),
-        "some are read in between": lambda events, size: max(0, events.count("w") - size),
+        "some bytes are read in between": lambda events, size: max(0, events.count("w") - size),
         "the order matters: a later read does not recover a lost byte": (
             lambda events, size: max(0, events.count("w") - events.count("r") - size)
         ),
-        "a write into a full ring loses the oldest byte only": _emptied,
+        "a write to a full ring loses only the oldest byte": _emptied,
         "a full ring loses a byte with each write": lambda events, size: 0,
-        "Follow by hand how many bytes wait after each event: from 0 up to `size`": ANY,
+        "Count by hand how many bytes are unread after each event: from 0 to `size`": ANY,
     }
 
 
@@ -153,12 +153,12 @@ def free_places(rate: int, pause_ms: int, waiting: int) -> Solution:
             _places(coming) - coming
         ),
         "those are the bytes that need room; how much of the ring is left?": needed,
-        "that is the size of the ring; how many of its positions are free?": size,
+        "that is the size of the ring; how many of its places are free?": size,
         "the next smaller power of two is enough": 2 * size - needed,
         "some bytes are already waiting and need room": size - coming,
         "a byte takes 10 bits on this line": _free(waiting + rate * pause_ms / 8000),
-        "a ring with as many positions as bytes loses nothing": size - needed - 1,
-        "Compute the bytes that need room, the next power of two, and the free positions": ANY,
+        "a ring with as many places as bytes loses nothing": size - needed - 1,
+        "Compute the bytes that need room, the next power of two, and the free places": ANY,
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -24,24 +25,18 @@ class PrintedTable:
     paper: str
     item: str
 
-    def __post_init__(self) -> None:
-        check_choice("paper", self.paper, PAPERS)
-        check_choice("item", self.item, _transcribed(self.paper))
-
     @property
     def printed(self) -> pd.DataFrame:
-        """The table as text, without conversions; indexed by its first column if we generate it."""
-        rows = datasets.read(_transcribed(self.paper)[self.item])
-        if self._generator is None:
-            return rows
+        """The table as text, without conversions, indexed by its first column."""
+        begin = f"{self.paper}_{self.item.lower().replace(' ', '')}_"
+        (file,) = (name for name in datasets.names() if name.startswith(begin))
+        rows = datasets.read(file)
         return rows.set_index(rows.columns[0]).drop(columns="name_printed", errors="ignore")
 
     @property
     def ours(self) -> pd.DataFrame:
-        """The same table from the code; ArgumentError if nothing generates it."""
-        if self._generator is None:
-            raise ArgumentError(f"{self.item} of {self.paper} is transcribed, not generated")
-        made: pd.DataFrame = self._generator()
+        """The same table from the code."""
+        made: pd.DataFrame = TABLES[self.paper, self.item]()
         return made
 
     def differences(self) -> pd.DataFrame:
@@ -64,23 +59,6 @@ class PrintedTable:
         reasons = datasets.read(f"{self.paper}_table_differences.csv")
         return cells.merge(reasons, on=["table", "row", "column"], how="left")
 
-    @property
-    def _generator(self):  # type: ignore[no-untyped-def]
-        """The function that generates the table, or None."""
-        judging.load((self.paper,))
-        return TABLES.get((self.paper, self.item))
-
-
-def _transcribed(paper: str) -> dict[str, str]:
-    """Return the data file of each transcribed table of a paper, by the table's number."""
-    found = {}
-    for name in datasets.names():
-        first, _, rest = name.partition("_")
-        number = rest.partition("_")[0].removeprefix("table")
-        if first == paper and rest.startswith("table") and number.isdigit():
-            found[f"Table {number}"] = name
-    return found
-
 
 @checked
 def table(paper: str, item: str) -> PrintedTable:
@@ -101,7 +79,7 @@ def table(paper: str, item: str) -> PrintedTable:
     Raises
     ------
     ArgumentError
-        If the table is not transcribed; the message lists those that are.
+        If the code does not generate the table; the message lists the tables that it generates.
 
     Examples
     --------
@@ -111,6 +89,10 @@ def table(paper: str, item: str) -> PrintedTable:
     >>> len(table("kim2023", "Table 7").differences())
     0
     """
+    check_choice("paper", paper, PAPERS)
+    judging.load((paper,))
+    if (paper, item) not in TABLES:
+        raise ArgumentError(f"item is {item!r}; {_known(TABLES, paper)}")
     return PrintedTable(paper, item)
 
 
@@ -150,13 +132,16 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
     # Drawings are registered as their module is imported, which loads matplotlib.
     with suppress(ModuleNotFoundError):
         importlib.import_module(f"shipnet.papers.{paper}.plot")
-    drawn = sorted(name for key, name in FIGURES if key == paper)
-    if item not in drawn:
+    if (paper, item) not in FIGURES:
         items = datasets.read("figures_tables.csv").set_index(["paper", "item"])["notebook"]
         shown = items.get((paper, item))
-        raise ArgumentError(
-            f"item is {item!r}; drawn of {paper} are {', '.join(drawn) or 'none'}"
-            + (f"; see notebooks/{shown}" if shown else "")
-        )
+        known = _known(FIGURES, paper) + (f"; see notebooks/{shown}" if shown else "")
+        raise ArgumentError(f"item is {item!r}; {known}")
     made: Axes = FIGURES[paper, item](ax=style.axes(ax), **inputs)
     return made
+
+
+def _known(registered: Mapping[tuple[str, str], object], paper: str) -> str:
+    """Return the end of an error that lists the registered items of a paper."""
+    items = sorted(item for key, item in registered if key == paper)
+    return f"it must be one of {', '.join(items)}" if items else f"{paper} has none"

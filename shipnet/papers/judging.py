@@ -129,10 +129,6 @@ class Ledger:
         columns = ["where", "claim", "published", "verdict", "holds_under", "corrected", "note"]
         return self.judged().query("verdict != 'agrees'")[columns]
 
-    def errata(self) -> pd.DataFrame:
-        """Return the misprints, wrong terms and slips of numbering, each with its correction."""
-        return self.table().query("kind == 'erratum'")[["where", "claim", "published", "corrected"]]
-
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw how many claims of each paper are treated how; numbers below 4 are not written."""
         ax, counts = style.axes(ax), self.counts()
@@ -290,10 +286,7 @@ def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
 def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
     """Put one claim beside its recomputation."""
     recomputation = REGISTRY.get(claim["id"])
-    computed: Any = None
-    basis = ""
-    if recomputation:
-        computed, basis = recomputation.result
+    computed: Any = recomputation.value if recomputation else None
     difference, outcome = math.nan, ""
     if recomputation and claim["precision"]:
         published = as_number(claim["value"])
@@ -306,7 +299,7 @@ def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
         "published": claim["value"],
         "unit": claim["unit"],
         "computed": computed,
-        "basis": basis,
+        "basis": claim["basis"],
         "relative_difference": difference,
         "match": outcome,
         "verdict": claim["verdict"],

@@ -50,6 +50,7 @@ def plot_ring(
             (0, 0), 1, middle - step / 2, middle + step / 2, width=0.25,
             facecolor=shade if cell in held else "white", alpha=0.45 if cell in held else 1,
             edgecolor="0.4", linewidth=0.8 if size <= 32 else 0.3, label=f"cell {cell}",
+            hatch="///" if overrun and cell in held else None,
         )  # fmt: skip
         ax.add_patch(wedge)
         if size <= 32:

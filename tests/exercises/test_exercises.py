@@ -30,8 +30,7 @@ from shipnet.exercises.answers import (
     Whole,
     Words,
 )
-from shipnet.exercises.checking import exercise, exercises
-from shipnet.exercises.exercise import ANY
+from shipnet.exercises.exercise import ANY, exercise, exercises
 from tests.exercises import independent
 
 SOURCES = editions.sources()

@@ -68,7 +68,7 @@ HOSTILE = {
         "import shipnet.exercises as x\nx.check = lambda *a: True\nrate_kbit = 1e9", "",
     ),
     "patched judge": (
-        "import shipnet.exercises.checking as x, json\njson.dumps = lambda *a: '{\"value\": 1e9}'\n"
+        "import shipnet.exercises.exercise as x, json\njson.dumps = lambda *a: '{\"value\": 1e9}'\n"
         "rate_kbit = 1e9", "",
     ),
     "written to the pipe": (
@@ -121,7 +121,7 @@ def test_what_a_teacher_should_look_at_is_flagged(tmp_path):
     write(tmp_path / "b/b.ipynb", ME.replace("Ann", "Ben"), "# mine\n" + copied, check)
     write(tmp_path / "c.ipynb", ME.replace("Ann", "Kim"), RIGHT, check)
     write(tmp_path / "d.ipynb", RIGHT, check, 'check("ex-01-4", 7)')
-    write(tmp_path / "e.ipynb", ME, "from shipnet.exercises.checking import exercise", RIGHT, check)
+    write(tmp_path / "e.ipynb", ME, "from shipnet.exercises.exercise import exercise", RIGHT, check)
     write(tmp_path / "f.ipynb", ME, "1 +", "%matplotlib inline\n" + RIGHT, check)
     (tmp_path / "g.ipynb").write_text('{"cells": [1]}')
     write(tmp_path / "h.ipynb", ME, 'check("ex-99-1", me)')

@@ -3,7 +3,7 @@
 import pytest
 
 from shipnet.exercises import given, student
-from shipnet.exercises.checking import exercise
+from shipnet.exercises.exercise import exercise
 
 NAMED = pytest.mark.parametrize("name", ["Kim", "Jeong", "a student", "Lee"])
 

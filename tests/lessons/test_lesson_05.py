@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shipnet.can import Frame, MessageSet, simulate_batch
-from shipnet.exercises.checking import exercise
+from shipnet.exercises.exercise import exercise
 from tests.lessons.students import solved
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet.exercises.checking import exercise
+from shipnet.exercises.exercise import exercise
 from shipnet.remote_control import MarkerFormat
 from shipnet.remote_control.ring_buffer import Ring
 from tests.lessons.students import solved

@@ -11,7 +11,7 @@ from shipnet.papers.judging import AS_PRINTED, UNDECIDED, as_number
 
 COLUMNS = (
     "id", "paper", "where", "kind", "claim", "value", "unit", "precision",
-    "verdict", "holds_under", "corrected", "evidence", "note",
+    "verdict", "holds_under", "corrected", "basis", "evidence", "note",
 )  # fmt: skip
 #: Kinds of claims: a number, a statement, a misprint with its correction, quoted only, our number.
 KINDS = ("numeric", "qualitative", "erratum", "context", "ours")
