@@ -1,4 +1,4 @@
-"""Faults of the link: a dead station, a stalled task, a lost packet, bit errors."""
+"""Faults of the link: a dead station, a stalled task, a lost packet."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from math import inf
 
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
-from shipnet.fields import choice, number, record
-from shipnet.remote_control.values import HOPS, STATIONS
+from shipnet.fields import choice, record
+from shipnet.remote_control.system import HOPS, STATIONS
 
-__all__ = ["BitErrors", "DeadStation", "LostPacket", "Stall"]
+__all__ = ["DeadStation", "LostPacket", "Stall"]
 
 
 @record
@@ -69,20 +69,3 @@ class LostPacket(Fault):
                 f"source and target are {self.source!r}, {self.target!r}; one must be RCS, the "
                 "other BCS or SS"
             )
-
-
-@record
-class BitErrors(Fault):
-    """Bits are inverted at random in all packets that begin from `start` to `stop`.
-
-    Each bit is inverted independently. A byte whose start bit is hit is lost. A hit parity or stop
-    bit does no harm, because the printed interrupt routine ignores the status register.
-
-    Examples
-    --------
-    >>> from shipnet.remote_control import faults
-    >>> faults.BitErrors(1e-4).rate
-    0.0001
-    """
-
-    rate: float = number(0, 0.5, "", "Probability that a bit is inverted")

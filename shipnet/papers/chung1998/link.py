@@ -19,8 +19,15 @@ from shipnet.remote_control.faults import DeadStation, LostPacket
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.simulation import Change, simulate, switch_delays
 from shipnet.remote_control.station import Sender
-from shipnet.remote_control.system import BIT_RATES, Supervision, System
-from shipnet.remote_control.values import HOPS, STATIONS, VALUES, Hop
+from shipnet.remote_control.system import (
+    BIT_RATES,
+    HOPS,
+    STATIONS,
+    VALUES,
+    Hop,
+    Supervision,
+    System,
+)
 
 #: What the paper prints, by its name: `chung1998_parameters.csv`.
 _TABLE = datasets.read("chung1998_parameters.csv")
