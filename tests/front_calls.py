@@ -30,13 +30,13 @@ AX = Figure().add_subplot()
 RESULTS = {
     "asi": "Call Capture Quality Reception Requests Run",
     "ballast": "Client Diagnosis FleetReport MasterRun Run Screen Strokes Trials Wear",
-    "can": "Analysis Arbitration Assignment BatchRun Capture LogComparison LogLoad ResponseTime "
+    "can": "Analysis Arbitration BatchRun Capture LogComparison LogLoad ResponseTime "
     "ResponseTimes Run Signals",
     "design": "Comparison Design Quantities Tornado",
     "engine": "Run Screen",
     "exercises": "Verdict",
     "fuzzy": "Decision Firing Overlaps",
-    "modbus": "Characters Device ExceptionCode FunctionCode Reach Run Scan Server",
+    "modbus": "Characters Device ExceptionCode FunctionCode Run Scan Server",
     "remote_control": "Comparison Run SerialCapture",
 }
 
@@ -175,7 +175,8 @@ def of_can():
         "text": messages.text, "table": messages.table(), "names": messages.names,
         "analyse.bit_rates": [125e3], "Frame.dlc": None, "MessageSet.messages": [messages[0]],
         "Message.bits": 100, "MessageSet.replace.name": "speed",
-        "Arbitration.plot.names": ["a", "b"], "faults.ErrorBound.bits": 31, "response_times.offsets": False,
+        "Arbitration.plot.names": ["a", "b"], "faults.ErrorBound.bits": 31,
+        "response_times.offsets": False,
         "spread_offsets.step": 1e-3, "Log.save.path": "a.log",
     }  # fmt: skip
     good |= {f"Log.{name}": getattr(log, name) for name in inspect.signature(can.Log).parameters}

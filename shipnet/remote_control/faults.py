@@ -1,4 +1,4 @@
-"""Faults of the link: a dead station, a stalled task, a lost packet."""
+"""The stations of the link, and faults: a dead station, a stalled task, a lost packet."""
 
 from __future__ import annotations
 
@@ -7,9 +7,16 @@ from math import inf
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
 from shipnet.fields import choice, record
-from shipnet.remote_control.system import HOPS, STATIONS
 
 __all__ = ["DeadStation", "LostPacket", "Stall"]
+
+Hop = tuple[str, str]
+
+#: Remote control system in the engine room (the master), bridge control system, safety system.
+STATIONS = ("RCS", "BCS", "SS")
+
+#: Senders and receivers, in the order of a cycle: chung1998, section 4.
+HOPS: tuple[Hop, ...] = (("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "RCS"))
 
 
 @record

@@ -18,11 +18,11 @@ from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole, choice, number, record, whole
 from shipnet.lazy import Axes, pd
-from shipnet.remote_control.faults import DeadStation, LostPacket, Stall
+from shipnet.remote_control.faults import STATIONS, DeadStation, LostPacket, Stall
 from shipnet.remote_control.packet import DATA_START, MarkerFormat
 from shipnet.remote_control.packet_format import Items
 from shipnet.remote_control.station import State, Station
-from shipnet.remote_control.system import BIT_RATES, STATIONS, System, forwarded
+from shipnet.remote_control.system import BIT_RATES, System, forwarded
 
 #: Values that RCS forwards from one slave to the other.
 _FORWARDED = {"BCS": ("SS", forwarded("BCS", "SS")), "SS": ("BCS", forwarded("SS", "BCS"))}

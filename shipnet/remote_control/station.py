@@ -9,9 +9,10 @@ from typing import NamedTuple
 from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.remote_control.faults import HOPS
 from shipnet.remote_control.packet_format import Items
 from shipnet.remote_control.ring_buffer import Ring, bytes_of
-from shipnet.remote_control.system import HOPS, Counter, System
+from shipnet.remote_control.system import Counter, System
 
 
 @checked

@@ -7,7 +7,6 @@ Times are for a link without bit errors in which every packet has all its items.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import ceil, floor
@@ -19,6 +18,7 @@ from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, number, part, record, switch, whole
 from shipnet.lazy import Axes, pd
+from shipnet.remote_control.faults import HOPS, Hop
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat
 
@@ -26,15 +26,7 @@ from shipnet.remote_control.packet_format import PacketFormat
 BIT_RATES = (9600, 4800, 2400, 1200, 600)
 
 
-# Stations and values ---------------------------------------------------------------------------
-
-Hop = tuple[str, str]
-
-#: Remote control system in the engine room (the master), bridge control system, safety system.
-STATIONS = ("RCS", "BCS", "SS")
-
-#: Senders and receivers, in the order of a cycle: chung1998, section 4.
-HOPS: tuple[Hop, ...] = (("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "RCS"))
+# Values ----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -363,9 +355,9 @@ class System:
         """
         return 6 * (self.packet_time + self.processing)
 
-    def timing(self, bit_rates: Iterable[float] = BIT_RATES) -> Timing:
-        """Return these times by bit rate [bit/s], as a table and a figure."""
-        return Timing(self, tuple(bit_rates))
+    def timing(self) -> Timing:
+        """Return these times at the paper's bit rates, as a table and a figure."""
+        return Timing(self)
 
     def signals(self) -> pd.DataFrame:
         """Return the values that cross the link: who sets them, who reads them, on which hops."""
@@ -471,7 +463,6 @@ class Timing:
     """The times of a link by bit rate, all items sent."""
 
     system: System
-    bit_rates: tuple[float, ...]
 
     def table(self) -> pd.DataFrame:
         """Return one row per bit rate.
@@ -481,7 +472,7 @@ class Timing:
         """
         limits = Supervision().n_ticks, Supervision.intended().n_ticks
         rows = []
-        for rate in self.bit_rates:
+        for rate in BIT_RATES:
             one = replace(self.system, bit_rate=rate)
             margins = (limit - one.max_ticks for limit in limits)
             rows.append((

@@ -18,9 +18,9 @@ from shipnet.remote_control import (
     switch_delays,
 )
 from shipnet.remote_control.experiment import candidates
-from shipnet.remote_control.faults import LostPacket, Stall
+from shipnet.remote_control.faults import HOPS, STATIONS, LostPacket, Stall
 from shipnet.remote_control.ring_buffer import case_of
-from shipnet.remote_control.system import BIT_RATES, HOPS, STATIONS
+from shipnet.remote_control.system import BIT_RATES
 
 
 def test_no_claim_is_open():

@@ -1,5 +1,6 @@
 from shipnet.remote_control import System
-from shipnet.remote_control.system import HOPS, VALUES, forwarded, values_on
+from shipnet.remote_control.faults import HOPS
+from shipnet.remote_control.system import VALUES, forwarded, values_on
 
 
 def test_the_values_are_numbered_used_and_sent_through_rcs():

@@ -15,19 +15,11 @@ from shipnet.lazy import pd
 from shipnet.papers.chung1998.usart import Status, Usart, send
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.experiment import switch_staleness
-from shipnet.remote_control.faults import DeadStation, LostPacket
+from shipnet.remote_control.faults import HOPS, STATIONS, DeadStation, Hop, LostPacket
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.simulation import Change, simulate, switch_delays
 from shipnet.remote_control.station import Sender
-from shipnet.remote_control.system import (
-    BIT_RATES,
-    HOPS,
-    STATIONS,
-    VALUES,
-    Hop,
-    Supervision,
-    System,
-)
+from shipnet.remote_control.system import BIT_RATES, VALUES, Supervision, System
 
 #: What the paper prints, by its name: `chung1998_parameters.csv`.
 _TABLE = datasets.read("chung1998_parameters.csv")
