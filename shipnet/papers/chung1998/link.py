@@ -200,10 +200,7 @@ def never_both_send(*, turn_timeout: float | None = None) -> bool:
     return apart and listening["time_s"].tolist() == ends
 
 
-@numeric("chung1998-007", "chung1998-045")
-def failure_time() -> float:
-    """Seconds until a partner is taken as failed, by the tests as printed."""
-    return Supervision().detection_time[1]
+numeric("chung1998-007", "chung1998-045")(lambda: Supervision().detection_time[1])
 
 
 @check("chung1998-043", counter={"readings": ("A", "B")})

@@ -38,10 +38,7 @@ def _limit(channel: str, comparison: str) -> float:
     return next(x.value for x in limits if (x.channel, x.comparison) == (channel, comparison))
 
 
-@numeric("kim2014-024")
-def faults() -> int:
-    """Faults that the rules diagnose."""
-    return len(rule_base().codes)
+numeric("kim2014-024")(lambda: len(rule_base().codes))
 
 
 @numeric("kim2014-025")

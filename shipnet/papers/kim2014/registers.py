@@ -168,10 +168,7 @@ numeric("kim2014-053")(
 numeric("kim2014-054")(lambda *, registers=N_REGISTERS: _answer(registers).pdu[1])
 
 
-@numeric("kim2014-080")
-def rtu_read_response(*, registers: int = N_REGISTERS) -> int:
-    """Bytes of the RTU frame that brings this many registers."""
-    return len(rtu_frame(1, _answer(registers).pdu))
+numeric("kim2014-080")(lambda *, registers=N_REGISTERS: len(rtu_frame(1, _answer(registers).pdu)))
 
 
 @check("kim2014-049", counter={"codes": (1, 2, 3, 7)})
@@ -270,10 +267,7 @@ def _at(position: float) -> list[list[float]]:
     return [[0.0], [0.0], [0.0], [50.0], [position]]
 
 
-@numeric("kim2014-023")
-def channels(*, names: tuple[str, ...] = tuple(channel.name for channel in CHANNELS)) -> int:
-    """Sensors of a valve, each of which needs a channel of the converter."""
-    return len(names)
+numeric("kim2014-023")(lambda *, names=tuple(channel.name for channel in CHANNELS): len(names))
 
 
 check("kim2014-021", counter={"reading": "flag sum"})(
@@ -324,10 +318,7 @@ numeric("kim2014-079")(lambda *, travel=90.0: SCALES[_VPOS].step / 100 * travel)
 numeric("kim2014-081")(lambda *, bits=8: int(whole_steps(np.array([305.0]), 2**bits - 1)[0][0]))
 
 
-@numeric("kim2014-044")
-def colours(*, bits: int = 16) -> int:
-    """Colours of a display with this many bits a pixel."""
-    return int(2**bits)
+numeric("kim2014-044")(lambda *, bits=16: int(2**bits))
 
 
 def code_table() -> pd.DataFrame:

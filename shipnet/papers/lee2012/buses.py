@@ -75,10 +75,9 @@ def character_bits(*, parity: bool = True, stop_bits: int = 1) -> int:
     return SerialLine(BIT_RATE, f"8{'E' if parity else 'N'}{stop_bits}").character_bits
 
 
-@numeric("lee2012-096")
-def character_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
-    """Microseconds of a character."""
-    return 1e6 * _serial(rate, parity).character_time
+numeric("lee2012-096")(
+    lambda *, rate=BIT_RATE, parity=True: 1e6 * _serial(rate, parity).character_time
+)
 
 
 numeric("lee2012-097")(lambda *, rate=BIT_RATE, parity=True: 1e3 * _serial(rate, parity).t35)
@@ -100,10 +99,9 @@ def lowest_address(*, broadcast: int = 0) -> int:
     return min(unit for unit in range(256) if unit != broadcast and is_legal(read(1).rtu, unit))
 
 
-@numeric("lee2012-025")
-def stations_on_rs485(*, unit_loads: int = INTERFACES["RS-485"].receivers, masters: int = 1) -> int:
-    """Stations beside the master on one segment, each of them one unit load."""
-    return unit_loads - masters
+numeric("lee2012-025")(
+    lambda *, unit_loads=INTERFACES["RS-485"].receivers, masters=1: unit_loads - masters
+)
 
 
 @check("lee2012-026", counter={"master": JB1})

@@ -214,7 +214,6 @@ def is_a_kind_of_switch(*, printed: str = "") -> bool:
     return (printed or last["type_printed"]) in set(others)
 
 
-@check("lee2012-042", counter={"printed": "RS-485"})
-def is_an_interface(*, printed: str = "RS-482") -> bool:
-    """Whether the name is that of one of the interfaces that a box can be set to."""
-    return printed in INTERFACES
+check("lee2012-042", counter={"printed": "RS-485"})(
+    lambda *, printed="RS-482": printed in INTERFACES
+)

@@ -49,10 +49,7 @@ def marked_after_four_seconds(*, stale_limit: float = 4.0) -> bool:
     return len(after) == 18 and bool(after.between(early, late).all())
 
 
-@numeric("lee2012-099")
-def time_until_marked() -> float:
-    """Seconds until the AMS sees the mark of a dead box at the latest."""
-    return System().staleness_flag().after
+numeric("lee2012-099")(lambda: System().staleness_flag().after)
 
 
 @check("lee2012-046", counter={"dead": "JB1"})
