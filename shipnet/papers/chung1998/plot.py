@@ -13,7 +13,7 @@ from shipnet import style
 from shipnet.lazy import pd
 from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings
 from shipnet.papers.plot import diagrams, fields
-from shipnet.papers.registry import figure
+from shipnet.papers.registry import drawing
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.values import HOPS, values_on
 
@@ -34,7 +34,7 @@ _ITEMS = {0: 1, 3: 120, 4: 0x1234}
 diagrams("chung1998", "Fig 5", "Fig 6", "Fig 7", "Fig 8(a)", "Fig 8(b)")
 
 
-@figure("chung1998", "Fig 1")
+@drawing("chung1998", "Fig 1")
 def _stations(*, ax: Axes) -> Axes:
     """Draw the three stations and the values on each line."""
     for name, (x, what) in _STATIONS.items():
@@ -65,7 +65,7 @@ def _stations(*, ax: Axes) -> Axes:
     return ax
 
 
-@figure("chung1998", "Fig 4")
+@drawing("chung1998", "Fig 4")
 def _packets(*, items: Mapping[int, int] = _ITEMS, ax: Axes) -> Axes:
     """Draw the bytes of the same data in the three readings of the packet."""
     rows = {
@@ -126,7 +126,7 @@ def plot_switch(runs: Mapping[str, Run], number: int, *, ax: Axes) -> Axes:
     return ax
 
 
-@figure("chung1998", "Fig 9")
+@drawing("chung1998", "Fig 9")
 def _given_up(*, ax: Axes, items: int = 10) -> Axes:
     """Draw how many bytes the repair of Fig 9 gives up, over the writer's place."""
     places = np.arange(SIZE)

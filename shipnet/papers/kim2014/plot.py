@@ -16,7 +16,7 @@ from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.faults import Picture
 from shipnet.papers.plot import FILL, HALF, arrow, box, diagram, diagrams, fields
-from shipnet.papers.registry import figure
+from shipnet.papers.registry import drawing
 
 __all__ = ["plot_ages", "plot_control_system", "plot_seen_strokes"]
 
@@ -27,7 +27,7 @@ _LINE = SerialLine(9600)
 diagrams("kim2014", "Fig 7", "Fig 9")
 
 
-@figure("kim2014", "Fig 1")
+@drawing("kim2014", "Fig 1")
 def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     """Draw central hydraulics with pipes to every valve beside valves with their own pumps."""
     places, low, aside = np.linspace(-0.8, 2.8, n_valves), 0.35, 5.2
@@ -60,7 +60,7 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     return style.bare(ax, (-1.4, 3.5 + aside), (-0.25, 3.8))
 
 
-@figure("kim2014", "Fig 2")
+@drawing("kim2014", "Fig 2")
 def _actuator(*, ax: Axes) -> Axes:
     """Draw the parts of an actuator and its sensors."""
     blocks = diagram("kim2014", "Fig 2", ax=ax)
@@ -76,7 +76,7 @@ def _actuator(*, ax: Axes) -> Axes:
     return style.bare(ax, (-1.1, 8.9), (0.2, 3.45))
 
 
-@figure("kim2014", "Fig 3", "Fig 4")
+@drawing("kim2014", "Fig 3", "Fig 4")
 def _rtu_frame(*, frame: bytes = _QUERY.rtu(1), serial: SerialLine = _LINE, ax: Axes) -> Axes:
     """Draw the general RTU frame, and a frame field by field below it."""
     pdu = decode(frame).pdu
@@ -94,7 +94,7 @@ def _rtu_frame(*, frame: bytes = _QUERY.rtu(1), serial: SerialLine = _LINE, ax: 
     return fields(ax, {"Fig 3": general, "Fig 4": detail})
 
 
-@figure("kim2014", "Fig 5", "Fig 6")
+@drawing("kim2014", "Fig 5", "Fig 6")
 def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
     """Draw a Modbus TCP frame, its header and PDU above its fields."""
     pdu = decode(frame, "tcp").pdu
@@ -113,7 +113,7 @@ def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
     return fields(ax, {"Fig 5": general, "Fig 6": detail})
 
 
-@figure("kim2014", "Fig 10")
+@drawing("kim2014", "Fig 10")
 def _command(*, ax: Axes) -> Axes:
     """Draw how a slave executes a command, as printed, and when it should reply."""
     blocks = diagram("kim2014", "Fig 10", ax=ax)
@@ -127,7 +127,7 @@ def _command(*, ax: Axes) -> Axes:
     return style.bare(ax, (-1.0, 9.6), (1.25, 3.5))
 
 
-@figure("kim2014", "Fig 15")
+@drawing("kim2014", "Fig 15")
 def _testbed(*, ax: Axes) -> Axes:
     """Draw the test bed, whose line is closed through the master's second port."""
     blocks = diagram("kim2014", "Fig 15", ax=ax)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -22,10 +23,10 @@ from shipnet.asi.telegram import Call, Half, Request, Response, frame
 from shipnet.asi.timing import BIT_TIME, Cycle, Transaction, exchanges
 from shipnet.design.costs import conductors_at_cabinet
 from shipnet.design.plant import Plant, lines_needed
+from shipnet.fields import check_choice
 from shipnet.lazy import Axes
 from shipnet.line.network import CableRun
-from shipnet.papers.items import PrintedTable
-from shipnet.papers.registry import TABLES, check, figure, is_legal, numeric
+from shipnet.papers.registry import check, drawing, is_legal, numeric
 
 # Section 3.4: the bits of a request and of a response, and their parity.
 
@@ -87,8 +88,6 @@ def start_0_end_1(*, start: str = "0", end: str = "1") -> bool:
 
 # Section 3.4, Tables 4 to 7: the bits of the calls, and the labels of the tables.
 
-_TABLE_5 = PrintedTable("kim2023", "Table 5")
-
 
 @check("kim2023-085", counter={"calls": (Call.DATA_EXCHANGE, Call.RESET)})
 def control_bit_0(
@@ -125,8 +124,8 @@ numeric("kim2023-045")(lambda *, calls=tuple(Call): len(calls))
 
 
 def _row_agrees(call: str, columns: list[str]) -> bool:
-    printed, generated = _TABLE_5.printed, _TABLE_5.ours
-    return bool((printed.loc[[call], columns] == generated.loc[[call], columns]).all(axis=None))
+    theirs, ours = (cells.loc[call, columns] for cells in (printed("Table 5"), table("Table 5")))
+    return bool((theirs == ours).all())
 
 
 check("kim2023-046", counter={"address": 0})(
@@ -140,14 +139,14 @@ check("kim2023-048", counter={"call": "DATA_EXCHANGE"})(
 @check("kim2023-049", counter={"expected": "01111111010101"})
 def broadcast_bits(*, expected: str = DATASHEET_FRAMES[0]) -> bool:
     """Whether Table 5's broadcast, with its parity, is the frame that a data sheet prints."""
-    row = _TABLE_5.printed.loc[["BROADCAST_RESET"]].to_numpy().ravel().tolist()
+    row = printed("Table 5").loc[["BROADCAST_RESET"]].to_numpy().ravel().tolist()
     return frame("".join(row[1:-2])) == expected
 
 
 @check("kim2023-051", counter={"data": "1", "parameter": "0"})
 def information_bit_4(*, data: str = "0", parameter: str = "1") -> bool:
     """Whether I4 has these values in a data request and in a parameter request."""
-    bits = _TABLE_5.ours.loc[["DATA_EXCHANGE", "WRITE_PARAMETER"], "I4"]
+    bits = table("Table 5").loc[["DATA_EXCHANGE", "WRITE_PARAMETER"], "I4"]
     return list(bits) == [data, parameter]
 
 
@@ -164,9 +163,7 @@ def address_0_refuses(*, address: int = 0) -> bool:
 
 
 numeric("kim2023-055")(lambda: len(Profile.table()))
-check("kim2023-056", counter={"table": "Table 5"})(
-    lambda *, table="Table 7": PrintedTable("kim2023", table).differences().empty
-)
+check("kim2023-056", counter={"item": "Table 5"})(lambda *, item="Table 7": differences(item).empty)
 
 
 @check("kim2023-052", counter={"shift": 1})
@@ -197,10 +194,45 @@ def requests() -> pd.DataFrame:
     return pd.concat([header, requests]).rename_axis("call")
 
 
-TABLES["kim2023", "Table 4"] = lambda: Request.fields().astype(str)
-TABLES["kim2023", "Table 5"] = requests
-TABLES["kim2023", "Table 6"] = lambda: Response.fields().astype(str)
-TABLES["kim2023", "Table 7"] = Profile.table
+#: The transcription of each table, and the function that generates it.
+_TABLES: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]] = {
+    "Table 4": ("kim2023_table4_request_fields.csv", lambda: Request.fields().astype(str)),
+    "Table 5": ("kim2023_table5_requests.csv", requests),
+    "Table 6": ("kim2023_table6_response_fields.csv", lambda: Response.fields().astype(str)),
+    "Table 7": ("kim2023_table7_io_codes.csv", Profile.table),
+}
+
+
+def printed(item: str) -> pd.DataFrame:
+    """Return a table as printed, as text indexed by its first column."""
+    rows = datasets.read(_TABLES[check_choice("item", item, _TABLES)][0])
+    return rows.set_index(rows.columns[0]).drop(columns="name_printed", errors="ignore")
+
+
+def table(item: str) -> pd.DataFrame:
+    """Return a table, such as ``"Table 5"``, as the code generates it."""
+    return _TABLES[check_choice("item", item, _TABLES)][1]()
+
+
+def differences(item: str) -> pd.DataFrame:
+    """Return the cells of a table that differ from the printed ones, with claim and reason.
+
+    A row that only one of the two has is listed once, with an empty column name.
+    """
+    theirs, ours = printed(item), table(item)
+    found = []
+    for row in ours.index.union(theirs.index, sort=False):
+        if row not in theirs.index or row not in ours.index:
+            pair = ("a row", "no row") if row in theirs.index else ("no row", "a row")
+            found.append((item, row, "", *pair))
+            continue
+        for column in ours.columns:
+            pair = theirs.loc[row, column], ours.loc[row, column]
+            if pair[0] != pair[1]:
+                found.append((item, row, column, *pair))
+    cells = pd.DataFrame(found, columns=["table", "row", "column", "printed", "ours"])
+    reasons = datasets.read("kim2023_table_differences.csv")
+    return cells.merge(reasons, on=["table", "row", "column"], how="left")
 
 
 # Sections 3.3, 3.5 and 3.6: how many slaves, strands and points.
@@ -277,7 +309,7 @@ numeric("kim2023-071")(lambda *, valves=200, slaves=190: valves / slaves)
 _FULL = 62
 
 
-@figure("kim2023", "Fig 7")
+@drawing("kim2023", "Fig 7")
 def _valves(*, valves: int = 400, ax: Axes) -> Axes:
     """Draw valves on as many lines as they need, one slave per valve."""
     from shipnet.papers.plot import FILL, box
@@ -292,7 +324,7 @@ def _valves(*, valves: int = 400, ax: Axes) -> Axes:
     return style.bare(ax, (-10, _FULL + 12), (-lines + 0.4, 0.6))
 
 
-@figure("kim2023", "Fig 9")
+@drawing("kim2023", "Fig 9")
 def _index_table(*, ax: Axes) -> Axes:
     """Draw ten drive units and twenty airboxes around an index table, all on one line."""
     from shipnet.papers.plot import FILL, box

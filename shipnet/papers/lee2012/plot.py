@@ -12,14 +12,14 @@ from shipnet import style
 from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import read_points
 from shipnet.papers.plot import FILL, arrow, box, diagram, diagrams
-from shipnet.papers.registry import figure
+from shipnet.papers.registry import drawing
 
 __all__ = ["plot_channels", "plot_inputs"]
 
 diagrams("lee2012", "Fig 7", arrowstyle="-")
 
 
-@figure("lee2012", "Fig 2")
+@drawing("lee2012", "Fig 2")
 def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
     """Draw a simplified side view of the engine, with a junction box on each floor."""
     box(ax, (0, 0), cylinders, 1, "0.92", "crankcase and bearings", edge="0.4")
@@ -37,7 +37,7 @@ def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
     return style.bare(ax, (-2.2, cylinders + 2.1), (-0.1, 3.0))
 
 
-@figure("lee2012", "Fig 6")
+@drawing("lee2012", "Fig 6")
 def _flow(*, ax: Axes) -> Axes:
     """Draw the main loop of a junction box and its three interrupts."""
     titles = "main loop", "(a) Modbus interrupt", "(b) timer interrupt", "(c) CAN interrupt"
