@@ -46,7 +46,7 @@ def main():
         rng, receiver = np.random.default_rng(2024), Receiver(minimum=minimum)
         batch = partial(count_errors, wave, disturbance, amplitude, NUMBER, rng, receiver=receiver)
         loop = partial(plain_loop, wave, disturbance, amplitude, SAMPLE, rng, receiver)
-        rate, low_rate = batch().table()["rate"][0], loop()
+        rate, low_rate = batch()["rate"][0], loop()
         # Both must do the same work: rates agree within five sigma of the loop's.
         assert abs(rate - low_rate) < 5 * np.sqrt(rate * (1 - rate) / SAMPLE) + 0.03
         ours, theirs = NUMBER / seconds(batch), SAMPLE / seconds(loop)

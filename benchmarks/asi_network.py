@@ -93,7 +93,7 @@ def simulated(disturbances):
         return rows
 
     with patch.object(channel, "draw_disturbances", given):
-        return simulate(SLAVES, Master(readmit=False), cycles=CYCLES)
+        return simulate(SLAVES, Master(drop_after=1000), cycles=CYCLES)
 
 
 def main():

@@ -29,10 +29,10 @@ def scenario(duration):
     return plan, Fault.random(24, rng=rng, until=0.9 * duration), rng
 
 
-def day(duration=DAY, size=2000):
+def day(duration=DAY):
     plan, faults, rng = scenario(duration)
     start = perf_counter()
-    report = run_fleet(256, plan, faults=faults, rng=rng, until=duration, size=size)
+    report = run_fleet(256, plan, faults=faults, rng=rng, until=duration)
     return report, perf_counter() - start
 
 
@@ -51,7 +51,10 @@ def alone(*arguments):
 
 def main():
     if sys.argv[1:2] == ["hour"]:
-        day(3600.0, int(sys.argv[2]))
+        plan, faults, rng = scenario(3600.0)
+        size = int(sys.argv[2])
+        for run in blocks(N, plan, faults=faults, until=3600.0, rng=rng, size=size):
+            run.diagnose()
         print(peak())
         return
     report, time = day()

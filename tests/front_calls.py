@@ -46,12 +46,12 @@ HOOKS = {"apply", "device", "disturbance", "of", "run", "transit", "view", "volt
 #: Mistakes that a call takes, which its annotation does not say.
 TAKEN = {
     **{f"ValveDiagnosis.{name}": "nan" for name in ("FP", "OP", "MC", "OT", "VPos", "DVPos")},
-    "Driver.current": "nan empty", "Rule.meets.computed": "nan",
+    "Rule.meets.computed": "nan",
     "decode.sample_interval": "text path nan empty object",  # of a file
     "Slave.answer.time": "None text path nan empty object",  # its device looks at it
     # A request does not look at what its function code does not have, nor does a response.
     **dict.fromkeys(
-        ("Request.coils", "Request.registers", "Request.write_address", "Response.coils",
+        ("Request.coils", "Request.registers", "Response.coils",
          "Response.address", "Response.quantity"), "None text path nan empty object",
     ),
     "box.x": "nan", "box.y": "nan", "box.width": "nan", "box.height": "nan",
@@ -239,8 +239,7 @@ def of_fuzzy():
         "vectors": ballast.rule_vectors(), "name": "a", "corners": (0.0, 1.0, 2.0, 3.0),
         "crisp": fuzzy.Interval(0, 1), "unit": "", "low": first.low, "high": first.high,
         "terms": first.terms, "method": "fuzzy", "RuleBase.overlaps.method": "crisp",
-        "RuleBase.save.rules": "a.csv", "RuleBase.save.terms": "b.csv", "read_rules.rules": "a.csv",
-        "read_rules.terms": "b.csv", "Firing.decide.n": 1, "Variable.plot.crisp": True,
+        "Firing.decide.n": 1, "Variable.plot.crisp": True,
     }  # fmt: skip
     instances = {
         "RuleBase": base, "Decision": decision, "Firing": base.fire(samples), "Variable": first,
@@ -256,8 +255,6 @@ def of_line():
         "end": 100.0, "a": "a", "b": "b", "length": 10.0, "node": "a", "name": "b", "root": "a",
         "spectrum": np.ones_like, "duration": 1e-5, "supply": "a", "voltage": 30.0,
         "currents": {"b": 0.1}, "longest": 5, "u": np.zeros(4), "dt": 1e-8, "path": "x.csv",
-        "network": network, "until": 1e-6, "drivers": line.Driver("a", current=0.0),
-        "Driver.current": 0.0, "Driver.voltage": None,
     }  # fmt: skip
     wave = line.Waveform(np.zeros(4), 1e-7)
     return good, {"Cable": line.CABLES["as-i 1.5"], "Network": network, "Waveform": wave}
@@ -276,11 +273,11 @@ def of_modbus():
         "system": loop, "until": 1.0, "exception": 2, "slaves": {1: slave}, "adu": adu,
         "devices": {1: slave}, "units": [1], "path": modbus.udp.LossyPath(), "section": 1,
         "slave": 1, "port": "A", "transaction_id": 1, "values": [1, 2, 3, 4],
-        "write_address": 0, "size": 8, "frames": request.rtu(1), "update": 1.0, "period": 1.0,
+        "size": 8, "frames": request.rtu(1), "update": 1.0, "period": 1.0,
         "time": [0.0, 1.0], "level": [1.0, 1.0], "faults": (), "scan.registers": 4,
         "answer.time": 0.0, "Slave.answer.time": 0.0, "serve.port": 0, "Response.coils": (),
         "Response.registers": [1], "Request.quantity": 1, "Request.registers": (),
-        "Request.coils": (), "Request.write_address": None, "Response.address": None,
+        "Request.coils": (), "Response.address": None,
         "Slave.coils": (), "Response.parse.pdu": response.pdu, "name": "late", "fault": "late",
         "answer": modbus.Adu(1, response),
     }  # fmt: skip

@@ -82,7 +82,6 @@ DUAL = modbus.DualChannel(
     modbus.Poll(
         modbus.Request.read_holding_registers(0, 99), modbus.SerialLine(9600), timeout=0.25
     ),
-    failures=2,
     recheck=1.5,
 )
 

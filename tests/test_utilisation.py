@@ -84,7 +84,6 @@ def test_nothing_uses_nothing():
     assert nothing[:2] == (0, 0) and math.isnan(nothing.worst_response)
     empty = line(0).utilisation(1.0)
     assert empty.capacity_used == 0 and math.isnan(empty.worst_response)
-    assert asi.Cycle(0, management=0, inclusion=0).bus_time == 0
 
 
 @pytest.mark.parametrize("update", [0, -1.0, math.nan, "1", None])

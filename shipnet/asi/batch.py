@@ -52,8 +52,6 @@ class Requests(NamedTuple):
     >>> batch = Requests.parse([0b00101010111001, 0b00101010111011])
     >>> batch.table()[["error", "address", "data"]].values.tolist()
     [['ok', 21, 14], ['ParityError', -1, -1]]
-    >>> [f"{word:014b}" for word in batch.words]
-    ['00101010111001', '00000000000000']
     """
 
     error: Codes
@@ -84,11 +82,6 @@ class Requests(NamedTuple):
         error[(error == 0) & (meaning[..., 0] == NONE)] = UnknownCallError.code
         meaning[error > 0] = NONE
         return cls(error, *np.moveaxis(meaning, -1, 0))
-
-    @property
-    def words(self) -> npt.NDArray[np.uint16]:
-        """The telegrams; 0 where the fields do not make a request."""
-        return encode_requests(self.call, self.address, self.data, self.half)[0]
 
     def table(self) -> pd.DataFrame:
         """Return one row per telegram, with its error and its call by name."""
@@ -128,18 +121,6 @@ def _meanings() -> npt.NDArray[np.int8]:
     return meaning
 
 
-@cache
-def _words() -> npt.NDArray[np.uint16]:
-    """Return the requests by call, address, data and half; `NONE` is the last half, 0 illegal."""
-    words = np.zeros((len(Call), 32, 32, 3), dtype=np.uint16)
-    information = np.arange(2**11)
-    for meaning in _meanings():
-        known = meaning[:, 0] != NONE
-        parity = np.bitwise_count(information) & 1
-        words[tuple(meaning[known].T)] = (information << 2 | parity << 1 | 1)[known]
-    return words
-
-
 def _integers(name: str, values: npt.ArrayLike) -> Integers:
     array = np.asarray(values)
     if array.size and array.dtype.kind not in "iu":
@@ -155,23 +136,6 @@ def _frame_errors(words: Integers, length: int) -> Codes:
     error[words >> (length - 1) == 1] = StartBitError.code
     error[(words < 0) | (words >> length > 0)] = LengthError.code
     return error
-
-
-def encode_requests(
-    call: npt.ArrayLike,
-    address: npt.ArrayLike,
-    data: npt.ArrayLike = 0,
-    half: npt.ArrayLike = NONE,
-) -> tuple[npt.NDArray[np.uint16], Codes]:
-    """Encode many requests: return their words, 0 if illegal, and their error codes."""
-    given = {"call": call, "address": address, "data": data, "half": half}
-    fields = np.broadcast_arrays(*(_integers(name, values) for name, values in given.items()))
-    table = _words()
-    legal = fields[3] >= NONE
-    for field, size, low in zip(fields, table.shape, (0, 0, 0, NONE), strict=True):
-        legal &= (field >= low) & (field < size + low)
-    words = np.where(legal, table[tuple(np.where(legal, field, 0) for field in fields)], 0)
-    return words, np.where(words > 0, 0, ArgumentError.code).astype(np.uint8)
 
 
 def parse_responses(words: npt.ArrayLike) -> tuple[npt.NDArray[np.int8], Codes]:

@@ -345,12 +345,11 @@ class Found(NamedTuple):
     disturbances: int
 
 
-def find_telegrams(u: Floats, dt: float, threshold: float, minimum: float | None) -> Found:
+def find_telegrams(u: Floats, dt: float, threshold: float) -> Found:
     """Find and receive the telegrams of a record; `decode` says how."""
     begins, ends = _edges(u, dt)
     sample = list(pieces(u, dt, length=round(_SAMPLE / dt), only=_liveliest(u, dt)))
-    limits = smallest_pulses(sample) if minimum is None else iter([minimum])
-    minimum, sign = _measure(sample, limits, threshold)
+    minimum, sign = _measure(sample, smallest_pulses(sample), threshold)
     parts: list[Telegrams] = []
     waiting: list[_Cut] = []
     disturbances = 0

@@ -581,7 +581,7 @@ class Capture:
 
 
 def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
-    """Return the findings on a capture as the table that `Findings` takes."""
+    """Return the findings on a capture as the table that `Findings` accepts."""
     nan, table, slaves = float("nan"), capture.transactions, capture.slaves
     volts, read = capture.supply_voltage, float(capture.telegrams)
     rows = [("telegrams", "line", read, 1.0, nan, "", "telegrams read")]
@@ -674,7 +674,6 @@ def decode(
     sample_interval: float | None = None,
     threshold: float = 0.5,
     extended: Collection[int] = (),
-    minimum: float | None = None,
 ) -> Capture:
     """Decode a recorded line voltage, from a scope's file or samples.
 
@@ -693,8 +692,6 @@ def decode(
         What counts as a pulse, over the size of the telegram's first one, between 0 and 1.
     extended : collection of int, optional
         Addresses that hold A/B slaves, which the line does not show (see `Request.parse`).
-    minimum : float, optional
-        Voltage below which nothing is a pulse [V]; estimated from noise and pulses if omitted.
 
     Returns
     -------
@@ -735,12 +732,10 @@ def decode(
     u, dt = _checked(wave.u, wave.dt), wave.dt
     if not 0 < threshold < 1:
         raise ArgumentError(f"threshold is {threshold}; it must lie between 0 and 1")
-    if minimum is not None and not 0 < minimum < np.inf:
-        raise ArgumentError(f"minimum is {minimum} V; it must be positive")
     for address in extended:
         if address not in range(1, 32):
             raise ArgumentError(f"extended holds {address!r}; addresses are 1..31")
-    found = find_telegrams(u, dt, threshold, minimum)
+    found = find_telegrams(u, dt, threshold)
     table = transactions_of(found.telegrams, found.ends, extended)
     return Capture(
         table, len(u) * dt, found.inverted, found.minimum, found.disturbances, wave, tuple(extended)

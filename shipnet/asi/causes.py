@@ -129,7 +129,7 @@ def restored(
     for times in (asked, asked[:0]):
         if best.short:
             break
-        found = find_telegrams(without_cable(best.x, step, times), step, 0.5, None)
+        found = find_telegrams(without_cable(best.x, step, times), step, 0.5)
         every = found.telegrams
         good = every[(every.error == 0) & (every.length == REQUEST_BITS)]
         if len(good) >= len(best.start):

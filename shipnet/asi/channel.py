@@ -12,11 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Floats, Integers
-from shipnet.asi.batch import encode_requests
 from shipnet.asi.master import FAULTY, SILENT, Phase
 from shipnet.asi.modulation import ONE_PULSE_CODES, collide
-from shipnet.asi.slave import OBEY, PreparedRequest, RunningSlave, Slave, slave_key
-from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Response
+from shipnet.asi.slave import KINDS, OBEY, PreparedRequest, RunningSlave, Slave, slave_key
+from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call, Request, Response
 from shipnet.asi.timing import Transaction
 from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_whole
@@ -78,8 +77,8 @@ class Record:
         call, address, half = self.field(0, 4), self.field(4, 5), self.field(9, 2)
         data, outcome, response = self.field(11, 5), self.field(OUTCOME, 4), self.field(RESPONSE, 5)
         executed = self.field(EXECUTED, 1).astype(bool)
-        words, _ = encode_requests(call, address, data, half=half - 1)
-        texts = np.array([f"{word:014b}" for word in range(1 << 14)])
+        which, different = pd.factorize(self.field(0, 16))
+        requests = np.array([_bits(code) for code in different.tolist()], dtype="U14")
 
         def named(codes: Integers, names: Sequence[str]) -> pd.Categorical[str]:
             whole = pd.Categorical.from_codes(codes, pd.Index(names))
@@ -94,7 +93,7 @@ class Record:
                 "address": address,
                 "half": named(half, ["", "A", "B"]),
                 "slave": LABELS[self.field(4, 7)],
-                "request": texts[words],
+                "request": requests[which],
                 "request_data": data,
                 "response_data": np.where(response == NO_RESPONSE, -1, response),
                 "master_pause_bit": self.pauses,
@@ -108,6 +107,11 @@ class Record:
                 "standby": self.field(STANDBY, 1).astype(bool),
             }
         )
+
+
+def _bits(code: int) -> str:
+    """Return the bits of the request with a `PreparedRequest.code`."""
+    return Request(Call(code & 15), code >> 4 & 31, code >> 11, KINDS[code >> 9 & 3]).bits
 
 
 #: Bits of a disturbance: the slave does not understand the request, or did not understand the one

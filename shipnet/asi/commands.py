@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from shipnet.asi.master import (
     CommandFailed,
     Lists,
@@ -17,17 +15,14 @@ from shipnet.asi.master import (
     identify,
     move,
 )
-from shipnet.asi.profile import describe_status
 from shipnet.asi.slave import prepared, slave_key
 from shipnet.asi.telegram import Call
 from shipnet.errors import ArgumentError
 from shipnet.fields import record, text, whole
 
 __all__ = [
-    "BroadcastReset",
     "ChangeAddress",
     "ReadCodes",
-    "ReadStatus",
     "ResetSlave",
     "WriteParameter",
 ]
@@ -133,25 +128,6 @@ class ReadCodes(_OfSlave):
 
 
 @record
-class ReadStatus(_OfSlave):
-    """Read the status of a slave.
-
-    Examples
-    --------
-    >>> ReadStatus("5A").slave
-    '5A'
-    """
-
-    def run(self, lists: Lists) -> Task[str]:
-        """Yield the request."""
-        key, half = slave_key(self.slave)
-        status = yield prepared(Call.READ_STATUS, key >> 1, half=half)
-        if status < 0:
-            raise CommandFailed(f"slave {self.slave} does not answer with its status")
-        return f"slave {self.slave}: {describe_status(status)}"
-
-
-@record
 class WriteParameter(_OfSlave):
     """Write the parameter of a slave in the LDS, now and at each later activation.
 
@@ -194,22 +170,3 @@ class ResetSlave(_OfSlave):
             raise CommandFailed(f"slave {self.slave} does not answer")
         active = key in lists.detected and (yield from activate(lists, key))
         return f"slave {self.slave} was reset and is {'active' if active else 'not active'}"
-
-
-@dataclass(frozen=True)
-class BroadcastReset:
-    """Reset all slaves at once; none answers.
-
-    A slave that was reset refuses data until it gets its parameters: the master drops the slaves
-    after the usual failures and includes them again, one by one.
-
-    Examples
-    --------
-    >>> BroadcastReset()
-    BroadcastReset()
-    """
-
-    def run(self, lists: Lists) -> Task[str]:
-        """Yield the request."""
-        yield prepared(Call.BROADCAST_RESET, 31)
-        return "broadcast reset was sent"

@@ -33,7 +33,9 @@ class Master:
     -----
     By default a slave is dropped after two tries in each of three cycles: the six tries after
     which an analyser counts it as lost [1]_. *Read I/O configuration* is repeated after a faulty
-    answer, but not after silence. The operating phases are those of [2]_.
+    answer, but not after silence. The operating phases are those of [2]_. The management phase
+    reads the slaves' status in turn while the host has no commands. If the supply fails, the
+    master stops, and starts again afterwards.
 
     References
     ----------
@@ -55,9 +57,6 @@ class Master:
         Mapping, "Outputs of each slave by label, 0..15, or 0..7 for an A/B slave; by default all "
         "bits are set", default_factory=dict, kw_only=True,
     )  # fmt: skip
-    parameters: Mapping[str, int] = part(
-        Mapping, "Parameter bits of each slave, likewise", default_factory=dict, kw_only=True
-    )
     repetitions: int = whole(
         0, 7, help="How often a failed request is sent again at once", default=1, kw_only=True
     )
@@ -68,18 +67,6 @@ class Master:
     automatic_addressing: bool = switch(
         "Whether a new slave at address 0 replaces the only missing slave, if its profile is the "
         "same; in protected mode only", default=False, kw_only=True,
-    )  # fmt: skip
-    status_poll: bool = switch(
-        "Whether the management phase reads the slaves' status in turn while the host has no "
-        "commands, which finds periphery faults (LPF)", default=True, kw_only=True,
-    )  # fmt: skip
-    readmit: bool = switch(
-        "Whether the inclusion phase asks at the addresses of slaves that were dropped",
-        default=True, kw_only=True,
-    )  # fmt: skip
-    monitors_supply: bool = switch(
-        "Whether the master stops when the supply fails, and starts again afterwards",
-        default=True, kw_only=True,
     )  # fmt: skip
     node: str = text("Where it is; needed in a plan", default="", kw_only=True)
     current: float = number(
@@ -106,9 +93,8 @@ class Master:
             raise ArgumentError(
                 "automatic_addressing is True, but there are no projected slaves; it needs them"
             )
-        for what, values in (("output", self.outputs), ("parameter", self.parameters)):
-            checked = {label: check_bits(what, label, value) for label, value in values.items()}
-            object.__setattr__(self, f"{what}s", checked)
+        outputs = {label: check_bits("output", label, n) for label, n in self.outputs.items()}
+        object.__setattr__(self, "outputs", outputs)
 
     @property
     def protected(self) -> bool:
@@ -150,7 +136,8 @@ class Lists:
         self.clock: Callable[[], float] = lambda: 0.0
         #: When [s] a slave entered a list (True) or left it: LDS, LAS or LPF.
         self.changes: list[tuple[float, str, str, bool]] = []
-        self._outputs, self._parameters = dict(settings.outputs), dict(settings.parameters)
+        self._outputs = dict(settings.outputs)
+        self._parameters: dict[str, int] = {}
         self.clear()
 
     def clear(self) -> None:
@@ -159,7 +146,6 @@ class Lists:
         #: The request that carries the outputs of each active slave.
         self.polls: dict[int, PreparedRequest] = {}
         self.inputs: dict[int, int] = {}
-        self.left: set[int] = set()
         self._periphery: set[int] = set()
         self._plan()
 
@@ -213,7 +199,6 @@ class Lists:
             self._change("LAS", key, True)
         self._set_poll(key, self._outputs.get(self.label(key), 0xF))
         self.inputs[key] = inputs
-        self.left.discard(key)
         self._plan()
 
     def _set_poll(self, key: int, outputs: int) -> None:
@@ -468,7 +453,6 @@ class RunningMaster:
             del self._failing[key]
             self.dropped.append((self._observer.seconds, self.lists.label(key)))
             self.lists.forget(key)
-            self.lists.left.add(key)
 
     def _detect(self) -> Task[None]:
         """Look for a slave at every address."""
@@ -494,7 +478,7 @@ class RunningMaster:
             command, task, what = self._command
             reply = yield from self._send(what)
             self._advance(command, task, reply)
-        elif self.settings.status_poll and polls:
+        elif polls:
             keys = sorted(polls)
             self._turn = next((key for key in keys if key > self._turn), keys[0])
             asked = prepared(Call.READ_STATUS, self._turn >> 1, half=polls[self._turn].request.half)
@@ -527,12 +511,9 @@ class RunningMaster:
             self._admission = None
 
     def _vacant(self) -> int:
-        lists = self.lists
         while True:
             self._probe = (self._probe + 1) % 64
-            if self._probe in lists.polls or not self._can_be(self._probe):
-                continue
-            if self.settings.readmit or self._probe not in lists.left:
+            if self._probe not in self.lists.polls and self._can_be(self._probe):
                 return self._probe
 
     def _admit(self, key: int) -> Task[bool]:

@@ -45,14 +45,14 @@ from shipnet.asi.timing import (
     Transaction,
 )
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole
+from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 from shipnet.line.network import CableRun, Network
 from shipnet.line.waveform import Waveform as LineWaveform
 from shipnet.style import LIMIT
 
 if TYPE_CHECKING:
-    from shipnet.asi.receiver import Receiver, Waveform
+    from shipnet.asi.receiver import Waveform
     from shipnet.asi.telegram import Request, Response
 
 _E = TypeVar("_E", bound=Element)
@@ -223,49 +223,33 @@ class Plan:
 
     # Other plans -------------------------------------------------------------------------------
 
-    def renamed(self, prefix: str) -> Plan:
-        """Return the same plan with a prefix before each node's name."""
-
-        def moved(element: Element) -> Element:
-            ends = [name for name in ("node", "a", "b") if hasattr(element, name)]
-            names: dict[str, Any] = {name: prefix + getattr(element, name) for name in ends}
-            return replace(element, **names)
-
-        return plan_of(map(moved, self))
-
     def with_repeater(
-        self,
-        node: str,
-        other: Plan,
-        *,
-        delay: float = 6e-6,
-        prefix: str = "2/",
-        first: int | None = None,
+        self, node: str, other: Plan, *, delay: float = 6e-6, prefix: str = "2/"
     ) -> Plan:
         """Return this plan with another one downstream of a repeater at one of its nodes.
 
         The repeater replaces the other plan's only master. The names of the other plan's nodes
-        get the `prefix`; the addresses of its slaves begin at `first`, by default after those in
-        use here.
+        get the `prefix`; its slaves get the addresses after those in use here.
         """
-        downstream = other.renamed(prefix)
-        if len(downstream.masters) != 1:
+        if len(other.masters) != 1:
             raise ArgumentError(
-                f"the other plan has {len(downstream.masters)} masters; it must have one"
+                f"the other plan has {len(other.masters)} masters; it must have one"
             )
         taken = {end for run in self.cables for end in (run.a, run.b)}
-        clash = sorted(taken & {end for run in downstream.cables for end in (run.a, run.b)})
+        clash = sorted(taken & {prefix + end for run in other.cables for end in (run.a, run.b)})
         if clash:
             raise ArgumentError(f"prefix is {prefix!r}; both plans would have a node {clash[0]!r}")
-        if first is None:
-            first = 1 + max((slave.address for slave in self.slaves), default=0)
-        moved = [
-            replace(slave, label=f"{slave.address + first - 1}{slave.half or ''}")
-            for slave in downstream.slaves
-        ]
-        link = Repeater(node, downstream.masters[0].node, delay)
-        kept = (one for one in downstream if not isinstance(one, Master | Slave))
-        return plan_of([*self, *kept, *moved, link])
+        last = max((slave.address for slave in self.slaves), default=0)
+        moved: list[Element] = []
+        for element in other:
+            names = [name for name in ("node", "a", "b") if hasattr(element, name)]
+            changes: dict[str, Any] = {name: prefix + getattr(element, name) for name in names}
+            if isinstance(element, Slave):
+                changes["label"] = f"{element.address + last}{element.half or ''}"
+            if not isinstance(element, Master):
+                moved.append(replace(element, **changes))
+        link = Repeater(node, prefix + other.masters[0].node, delay)
+        return plan_of([*self, *moved, link])
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write the plan as a CSV file, which `read_plan` reads."""
@@ -360,15 +344,13 @@ class Plan:
         found = segment.quality([slave.node for slave in segment.slaves], RESPONSES)
         return found._replace(slaves=tuple(slave.label for slave in segment.slaves))
 
-    def error_rates(
-        self, noise_density: float, *, receivers: Mapping[str, Receiver] = RECEIVERS
-    ) -> pd.DataFrame:
+    def error_rates(self, noise_density: float) -> pd.DataFrame:
         """Return how often white noise costs a telegram, in a plan of one segment with a master.
 
         The noise has a one-sided `noise_density` at every receiver [V per root hertz]. The table
-        has one row per slave and receiver: its `minimum_V`, and the probabilities that a `request`,
-        a `response`, or either (`exchange`) is not received correctly. They are NaN where
-        `emc.error_rate` cannot compute them; `why` has the reason.
+        has one row per slave and receiver of `RECEIVERS`: its `minimum_V`, and the probabilities
+        that a `request`, a `response`, or either (`exchange`) is not received correctly. They are
+        NaN where `emc.error_rate` cannot compute them; `why` has the reason.
         """
         from shipnet.asi.emc.error_rates import error_rate
 
@@ -377,7 +359,7 @@ class Plan:
         rows = []
         for place, slave in enumerate(self.slaves):
             own = [replace(wave, u=wave.u[place], names=()) for wave in waves]
-            for name, receiver in receivers.items():
+            for name, receiver in RECEIVERS.items():
                 why = ""
                 try:
                     request, response = (
@@ -406,9 +388,7 @@ class Plan:
         self.only_line("cycle")
         return Counter(slave.address for slave in self.slaves if slave.address)
 
-    def response_times(
-        self, *, direction: Direction = "in", repetitions: int = 0, host: float = 0.0
-    ) -> pd.DataFrame:
+    def response_times(self, *, direction: Direction = "in") -> pd.DataFrame:
         """Return the response times of each slave of a plan of one line.
 
         `best_s`, `typical_s` and `worst_s` are those of `Cycle.response_time`, `update_s` is that
@@ -416,7 +396,6 @@ class Plan:
         profile transfers its values.
         """
         used, cycle = self._addresses(), self.cycle
-        again = check_whole("repetitions", repetitions, 0, 10_000)
         rows = {}
         for slave in self.slaves:
             asked: dict[str, Any] = {
@@ -428,22 +407,19 @@ class Plan:
             except ArgumentError as unknown:
                 rows[slave.label] = (*[np.nan] * 4, str(unknown))
                 continue
-            asked |= {"conversion": slave.conversion, "repetitions": again, "host": host}
-            rows[slave.label] = (*cycle.response_time(slave.kind, **asked), renewed, "")
+            times = cycle.response_time(slave.kind, conversion=slave.conversion, **asked)
+            rows[slave.label] = (*times, renewed, "")
         columns = [*(f"{name}_s" for name in ResponseTime._fields), "update_s", "why"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("slave")
 
-    def utilisation(self, update: float, *, repetitions: int = 0, host: float = 0.0) -> Utilisation:
-        """Return the use of a plan of one line if each point needs an `update` [s].
-
-        `repetitions` and `host` are those of `Cycle.response_time`.
-        """
+    def utilisation(self, update: float) -> Utilisation:
+        """Return the use of a plan of one line if each point needs an `update` [s]."""
         check_scalar("update", update, "s", 1e-6, 1e6)
-        times = self.response_times(repetitions=repetitions, host=host)
+        times = self.response_times()
         shares = [len(self._addresses()) / ADDRESSES, *(times["update_s"] / update)]
         worst = times["worst_s"].max(skipna=False)
-        return Utilisation(float(self.cycle.bus_time), float(np.max(shares)), float(worst))
+        return Utilisation(self.cycle.bus_time, float(np.max(shares)), float(worst))
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
         """Draw the plan to scale along the cable; slaves that violate a rule are red crosses.

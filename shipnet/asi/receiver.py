@@ -22,7 +22,7 @@ from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, check_columns
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError, SilenceError
-from shipnet.fields import check_rng, check_whole, number, record, switch
+from shipnet.fields import check_rng, check_scalar, check_whole, number, record, switch
 from shipnet.lazy import Axes
 from shipnet.line import waveform as line_waveform
 
@@ -59,10 +59,6 @@ _EVEN, _LEAST = 1e-9, 1e-9
 
 class Disturbance(Protocol):
     """What `shipnet.asi.emc` adds to telegrams, such as `Noise`."""
-
-    @property
-    def quantity(self) -> str:
-        """What its amplitude measures, in words."""
 
     def voltage(
         self,
@@ -319,6 +315,7 @@ class Waveform(line_waveform.Waveform):
         self, disturbance: Disturbance, amplitude: float, rng: RNGLike | None = None
     ) -> Waveform:
         """Return the waveform with a disturbance such as ``emc.Noise()`` on every telegram."""
+        amplitude = check_scalar("amplitude", amplitude, "V", 0, 1e9)
         rows = self.u.reshape(-1, self.u.shape[-1])
         added = self.disturbance(disturbance, amplitude, check_rng(rng), len(rows))
         return replace(self, u=(rows + added).reshape(self.u.shape))

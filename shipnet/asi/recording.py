@@ -143,6 +143,7 @@ def record_segment(
     """Return the record of a scope at a node; see `Plan.record`."""
     duration = check_scalar("duration", duration, "s", 1e-3, 0.2)
     dt = check_scalar("dt", dt, "s", 50e-9, 500e-9)
+    amplitude = check_scalar("amplitude", amplitude, "V", 0, 1e9)
     labels = [slave.label for slave in segment.slaves]
     for label, strength in weak.items():
         if label not in labels:

@@ -129,7 +129,7 @@ def _line_rows(
         on_address = Counter(slave.address for slave in slaves if slave.address)
         pairs = sum(number > 1 for number in on_address.values())
         cycle = Cycle(len(on_address) + pairs, pairs=pairs, transaction=transaction)
-        yield "update_time", name, float(cycle.update_time()), wanted, ""
+        yield "update_time", name, cycle.update_time(), wanted, ""
 
 
 def _address_rows(line: tuple[Segment, ...]) -> Iterator[_Row]:

@@ -586,8 +586,6 @@ def _lead(
                 request = send(transact(request, master.attempt))
         except MasterStops as stop:
             if stop.until < inf:
-                if not master.settings.monitors_supply:
-                    continue
                 wait = min(stop.until / channel.transaction.bit_time, end)
                 channel.time = max(channel.time, wait)
                 program = master.run(channel)

@@ -80,7 +80,7 @@ class Slave:
     How it reacts to the telegrams that it hears; an empty one is a pause:
 
     >>> from shipnet import asi
-    >>> request = asi.Request.read_id(21).bits
+    >>> request = asi.Request(asi.Call.READ_ID, 21).bits
     >>> heard = Slave("21", "S-3.F.F").listen([request, "", request])
     >>> heard["state"].tolist()
     ['asynchronous', 'receive', 'synchronous']

@@ -297,8 +297,6 @@ Half = Literal["A", "B"]
 class Request:
     """A master's request.
 
-    The named constructors (`data_exchange`, `write_parameter`, ...) read better than the fields.
-
     Parameters
     ----------
     call : Call
@@ -432,69 +430,6 @@ class Request:
     def data_exchange(cls, address: int, data: int, half: Half | None = None) -> Request:
         """Return a request that sends outputs to a slave and asks for its inputs."""
         return cls(Call.DATA_EXCHANGE, address, data, half)
-
-    @classmethod
-    @checked
-    def write_parameter(cls, address: int, parameter: int, half: Half | None = None) -> Request:
-        """Return a request that sets a slave's parameter bits."""
-        return cls(Call.WRITE_PARAMETER, address, parameter, half)
-
-    @classmethod
-    @checked
-    def assign_address(cls, new_address: int) -> Request:
-        """Return a request that gives the slave at address 0 a new address, 1..31."""
-        return cls(Call.ASSIGN_ADDRESS, 0, new_address)
-
-    @classmethod
-    @checked
-    def write_id1(cls, id1: int) -> Request:
-        """Return a request that writes extended ID code 1 into the slave at address 0."""
-        return cls(Call.WRITE_ID1, 0, id1)
-
-    @classmethod
-    def delete_address(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request that sets a slave, address 1..31, back to address 0."""
-        return cls(Call.DELETE_ADDRESS, address, half=half)
-
-    @classmethod
-    def reset(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request that resets a slave, address 0..31, to its initial state."""
-        return cls(Call.RESET, address, half=half)
-
-    @classmethod
-    def read_io_configuration(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request for the I/O configuration code of a slave, address 0..31."""
-        return cls(Call.READ_IO_CONFIGURATION, address, half=half)
-
-    @classmethod
-    def read_id(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request for the ID code of a slave, address 0..31."""
-        return cls(Call.READ_ID, address, half=half)
-
-    @classmethod
-    def read_id1(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request for extended ID code 1 of a slave, address 0..31."""
-        return cls(Call.READ_ID1, address, half=half)
-
-    @classmethod
-    def read_id2(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request for extended ID code 2 of a slave, address 0..31."""
-        return cls(Call.READ_ID2, address, half=half)
-
-    @classmethod
-    def read_status(cls, address: int, half: Half | None = None) -> Request:
-        """Return a request for the status bits of a slave, address 0..31."""
-        return cls(Call.READ_STATUS, address, half=half)
-
-    @classmethod
-    def broadcast_reset(cls) -> Request:
-        """Return the request that resets all slaves at once; none answers."""
-        return cls(Call.BROADCAST_RESET, 31)
-
-    @classmethod
-    def enter_program_mode(cls) -> Request:
-        """Return the request that opens the chip's program mode at address 0; no answer."""
-        return cls(Call.ENTER_PROGRAM_MODE, 0)
 
     @classmethod
     @checked

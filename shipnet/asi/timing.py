@@ -8,7 +8,6 @@ cycle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from typing import Any, Literal, NamedTuple
 
@@ -17,11 +16,11 @@ import numpy.typing as npt
 
 from shipnet import datasets, style
 from shipnet.arguments import checked
-from shipnet.arrays import Floats, Integers
+from shipnet.arrays import Floats
 from shipnet.asi.profile import Profile
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Request, Response, plot_telegram
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, number, record
+from shipnet.fields import check_scalar, check_whole, number, part, record, whole
 from shipnet.lazy import Axes
 
 #: Length of one bit on the line [s], from icn2007 section 5 and OMRON manual W357, p. 5.
@@ -153,11 +152,6 @@ class Transaction:
 #: Addresses of slaves: five bits without address 0.
 ADDRESSES = 31
 
-_USUAL = Transaction()
-
-#: Largest legal number of management, inclusion or repeated requests; no cycle comes near.
-_MOST = 10_000
-
 #: Most channels of a slave for analogue values.
 CHANNELS = 4
 
@@ -168,55 +162,40 @@ Direction = Literal["in", "out"]
 
 
 class ResponseTime(NamedTuple):
-    """Time from a change at a slave until the host receives it [s].
+    """Time from a change at a slave until the master knows it [s].
 
     `typical` is the mean over changes at random times, on a line without repetitions.
     """
 
-    best: float | Floats
-    typical: float | Floats
-    worst: float | Floats
+    best: float
+    typical: float
+    worst: float
 
 
 @checked
-@dataclass(frozen=True)
+@record
 class Cycle:
     r"""The cycle of a master that polls all slaves of a line.
 
-    .. math:: T_c = \max\left(T_{min},\, (n - n_{pairs} + m + i + k) \, T\right)
+    .. math:: T_c = (n - n_{pairs} + 1 + i) \, T
 
-    Parameters
-    ----------
-    slaves : int or array_like of int, default 31
-        Number of slaves n, 0..62. All numbers may be arrays, which broadcast.
-    pairs : int or array_like of int, optional
-        Addresses that an A and a B slave share, at least and by default n - 31.
-    transaction : Transaction, default Transaction()
-        One exchange, of length T.
-    management, inclusion : int or array_like of int, default 1
-        Requests m and i of the management and inclusion phases per cycle, 0..10000.
-    repetitions : int or array_like of int, default 0
-        Requests k that are repeated, 0..10000.
-    minimum : float, default 0
-        Shortest cycle of the master [s].
+    Here T is the length of a transaction, and the 1 is the request of the management phase.
 
     Raises
     ------
     ArgumentError
-        If a number is not whole or out of range.
+        If a number is out of range, or the slaves do not fit on 31 addresses.
 
     Notes
     -----
     OMRON [1]_ adds two requests to any number of slaves. Schneider adds only one at 31 slaves
-    [2]_, because no address is left for a new slave: ``inclusion=0``. Schneider's masters have
-    cycles of 3 ms or more [3]_: ``minimum=3e-3``. The specification's "5 ms for 31 slaves" needs
-    transactions of 25 bit times; 26 bit times give 5.148 ms.
+    [2]_, because no address is left for a new slave: ``inclusion=0``. The specification's "5 ms
+    for 31 slaves" needs transactions of 25 bit times; 26 bit times give 5.148 ms.
 
     References
     ----------
     .. [1] OMRON, "CQM1-ARM21", manual W357, 1999, p. 5.
     .. [2] Schneider Electric, AS-i help D-SA-0011791.
-    .. [3] Schneider Electric, FAQ FA231757.
 
     Examples
     --------
@@ -229,54 +208,46 @@ class Cycle:
 
     >>> Cycle(62).time == Cycle(31).time, f"{Cycle(62).update_time() * 1e3:.3f} ms"
     (True, '10.296 ms')
-    >>> Cycle([6, 31], transaction=Transaction(2, 2)).time.round(5).tolist()
-    [0.0012, 0.00495]
     """
 
-    slaves: npt.ArrayLike = ADDRESSES
-    pairs: npt.ArrayLike | None = field(default=None, kw_only=True)
-    transaction: Transaction = field(default=_USUAL, kw_only=True)
-    management: npt.ArrayLike = field(default=1, kw_only=True)
-    inclusion: npt.ArrayLike = field(default=1, kw_only=True)
-    repetitions: npt.ArrayLike = field(default=0, kw_only=True)
-    minimum: float = field(default=0.0, kw_only=True)
+    slaves: int = whole(0, 2 * ADDRESSES, help="Number of slaves n", default=ADDRESSES)
+    pairs: int | None = whole(
+        0, ADDRESSES, help="Addresses that an A and a B slave share; by default as few as possible",
+        default=None, optional=True, kw_only=True,
+    )  # fmt: skip
+    transaction: Transaction = part(
+        Transaction, "One exchange", default=Transaction(), kw_only=True
+    )
+    inclusion: int = whole(
+        0, 1, help="Requests i per cycle that look for new slaves", default=1, kw_only=True
+    )
 
     def __post_init__(self) -> None:
-        slaves = _whole("slaves", self.slaves, 2 * ADDRESSES)
-        least = np.maximum(slaves - ADDRESSES, 0)
-        pairs = least if self.pairs is None else _whole("pairs", self.pairs, ADDRESSES)
-        if (pairs < least).any() or (2 * pairs > slaves).any():
+        least = max(self.slaves - ADDRESSES, 0)
+        pairs = least if self.pairs is None else self.pairs
+        if pairs < least or 2 * pairs > self.slaves:
             raise ArgumentError(
-                f"pairs is {self.pairs!r}; {self.slaves!r} slaves take {ADDRESSES} addresses at "
-                "most, and two slaves share one"
+                f"pairs is {pairs}; {self.slaves} slaves take {ADDRESSES} addresses at most, and "
+                "two slaves share one"
             )
-        for name in ("management", "inclusion", "repetitions"):
-            _whole(name, getattr(self, name), _MOST)
-        check_scalar("minimum", self.minimum, "s", 0, 1e9)
-        object.__setattr__(self, "pairs", pairs if pairs.ndim else int(pairs))
+        object.__setattr__(self, "pairs", pairs)
 
     @property
-    def addresses(self) -> int | Integers:
+    def addresses(self) -> int:
         """Addresses that are polled in each cycle."""
-        used = np.asarray(self.slaves) - np.asarray(self.pairs)
-        return used if used.ndim else int(used)
+        return self.slaves - (self.pairs or 0)
 
     @property
-    def time(self) -> float | Floats:
+    def time(self) -> float:
         """Time in which the master polls every address once [s]."""
-        requests = np.asarray(self.addresses)
-        for extra in (self.management, self.inclusion, self.repetitions):
-            requests = requests + np.asarray(extra)
-        return _plain(np.maximum(requests * self.transaction.duration, self.minimum))
+        return (self.addresses + 1 + self.inclusion) * self.transaction.duration
 
     @property
-    def bus_time(self) -> float | Floats:
+    def bus_time(self) -> float:
         """Share of the time when a telegram is on the line, if no new slave answers."""
-        asked = np.asarray(self.addresses) + np.asarray(self.management) + self.repetitions
-        bits = asked * (REQUEST_BITS + RESPONSE_BITS) + np.asarray(self.inclusion) * REQUEST_BITS
-        time = np.asarray(self.time)
-        busy = bits * self.transaction.bit_time
-        return _plain(np.divide(busy, time, out=np.zeros(time.shape), where=time > 0))
+        answered = (self.addresses + 1) * (REQUEST_BITS + RESPONSE_BITS)
+        bits = answered + self.inclusion * REQUEST_BITS
+        return bits * self.transaction.bit_time / self.time
 
     def update_time(
         self,
@@ -284,20 +255,16 @@ class Cycle:
         *,
         channels: int = 1,
         direction: Direction = "in",
-        paired: npt.ArrayLike | None = None,
-    ) -> float | Floats:
+        paired: bool | None = None,
+    ) -> float:
         """Return the time after which a slave's bits or values are updated [s].
 
         The arguments are those of `response_time`.
         """
-        shared = np.asarray(self.pairs) > 0 if paired is None else np.asarray(paired)
-        if shared.dtype.kind != "b":
-            raise ArgumentError(f"paired is {paired!r}; it must be True or False")
         count = check_whole("channels", channels, 1, CHANNELS)
-        asked = np.where(shared, 2, 1) * exchanges(profile, direction)
-        if transfers_values(profile):
-            asked = asked * count
-        return _plain(np.asarray(self.time) * asked)
+        shared = bool(self.pairs) if paired is None else paired
+        asked = (2 if shared else 1) * exchanges(profile, direction)
+        return self.time * asked * (count if transfers_values(profile) else 1)
 
     def response_time(
         self,
@@ -306,9 +273,8 @@ class Cycle:
         channels: int = 1,
         conversion: float = CONVERSION,
         direction: Direction = "in",
-        paired: npt.ArrayLike | None = None,
-        repetitions: npt.ArrayLike = 0,
-        host: float = 0.0,
+        paired: bool | None = None,
+        repetitions: int = 0,
     ) -> ResponseTime:
         """Return the response times to a change of an input, or of an output.
 
@@ -322,38 +288,32 @@ class Cycle:
         conversion, and the next value misses a whole round of transfers. Siemens adds another
         round, lost to synchronising (SlimLine analogue module, manual).
 
-        The `host` reads the master's image at this interval [s]. Each of the `repetitions` delays
-        the worst case by one transaction.
+        Each of the `repetitions` delays the worst case by one transaction.
         """
-        late = _whole("repetitions", repetitions, _MOST) * self.transaction.duration
+        late = check_whole("repetitions", repetitions, 0, 10_000) * self.transaction.duration
         each = check_scalar("conversion", conversion, "s", 0, 1e9)
-        waits = np.asarray(
-            self.update_time(profile, channels=channels, direction=direction, paired=paired)
-        )
+        wait = self.update_time(profile, channels=channels, direction=direction, paired=paired)
         if transfers_values(profile):
-            known = waits / channels
-            waits = waits + channels * each
+            known = wait / channels
+            wait += channels * each
         else:
-            bits = self.transaction.master_pause + RESPONSE_BITS
-            known = np.asarray(bits * self.transaction.bit_time)
-        waits = waits + check_scalar("host", host, "s", 0, 1e9)
-        times = np.broadcast_arrays(known, known + waits / 2, known + waits + late)
-        return ResponseTime(*map(_plain, times))
+            known = (self.transaction.master_pause + RESPONSE_BITS) * self.transaction.bit_time
+        return ResponseTime(known, known + wait / 2, known + wait + late)
 
 
-def cycle_time(slaves: npt.ArrayLike = ADDRESSES, **options: Any) -> float | Floats:
+def cycle_time(slaves: int = ADDRESSES, **options: Any) -> float:
     """Return the time in which the master polls every address once: `Cycle.time`.
 
     Parameters
     ----------
-    slaves : int or array_like of int, default 31
+    slaves : int, default 31
         Number of slaves, 0..62.
     **options
         The other arguments of `Cycle`.
 
     Returns
     -------
-    float or ndarray of float
+    float
         Cycle time [s].
 
     Examples
@@ -406,15 +366,3 @@ def exchanges(profile: Profile | str, direction: Direction = "in") -> int:
             f"profile is '{profile}' {direction}; how many exchanges its value takes is not known"
         )
     return sizes[max(sizes)]
-
-
-def _whole(name: str, value: npt.ArrayLike, high: int) -> Integers:
-    array = np.asarray(value)
-    numbers = array.dtype.kind in "iuf"
-    if not numbers or not ((array >= 0) & (array <= high) & (array % 1 == 0)).all():
-        raise ArgumentError(f"{name} is {value!r}; it must be whole numbers 0..{high}")
-    return array.astype(np.int64)
-
-
-def _plain(array: npt.NDArray[np.generic]) -> float | Floats:
-    return np.asarray(array, dtype=np.float64) if array.ndim else float(array)

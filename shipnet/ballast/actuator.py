@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
-from shipnet.fields import Quantity, check_scalar, number, record
+from shipnet.fields import Quantity, number, record
 
 
 def _number(low: float, high: float, unit: str, help: str, default: float) -> Any:
@@ -196,29 +196,17 @@ def velocity(actuator: Actuator, opening: npt.ArrayLike, direction: npt.ArrayLik
     return np.asarray(flow / np.asarray(actuator.stroke_volume))
 
 
-def move_time(actuator: Actuator, begin: float, end: float) -> Floats:
-    """Return how long a valve takes from one opening to another."""
-    first, last = check_scalar("begin", begin, "", 0, 1), check_scalar("end", end, "", 0, 1)
-    low, high = min(first, last), max(first, last)
+def stroke_time(actuator: Actuator, direction: int = 1) -> Floats:
+    """Return how long a valve takes from end to end: to open (1) or to close (-1)."""
     # Two panels: the seat, whose torque decays within a few hundredths, needs its own nodes.
-    edge = min(max(10 * _SEAT, low), high)
+    edge = 10 * _SEAT
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    x = np.concatenate(
-        [low + (edge - low) * (nodes + 1) / 2, edge + (high - edge) * (nodes + 1) / 2]
-    )
-    w = np.concatenate([(edge - low) * weights / 2, (high - edge) * weights / 2])
-    speeds = np.stack([velocity(actuator, place, 1 if last >= first else -1) for place in x])
+    x = np.concatenate([edge * (nodes + 1) / 2, edge + (1 - edge) * (nodes + 1) / 2])
+    w = np.concatenate([edge * weights / 2, (1 - edge) * weights / 2])
+    speeds = np.stack([velocity(actuator, place, direction) for place in x])
     slow = np.full(speeds.shape, np.inf)
     np.divide(1.0, speeds, out=slow, where=speeds > 0)
-    # A panel without width takes no time, however slow the valve is there.
-    return np.asarray(np.tensordot(w[w > 0], slow[w > 0], axes=1))
-
-
-def stroke_time(actuator: Actuator, direction: int = 1) -> Floats:
-    """Return how long a valve takes from end to end."""
-    if direction not in (-1, 1):
-        raise ArgumentError(f"direction is {direction!r}; it must be 1 to open or -1 to close")
-    return move_time(actuator, 0.0, 1.0) if direction > 0 else move_time(actuator, 1.0, 0.0)
+    return np.asarray(np.tensordot(w, slow, axes=1))
 
 
 def _root(a: npt.ArrayLike, b: npt.ArrayLike, c: npt.ArrayLike) -> Floats:

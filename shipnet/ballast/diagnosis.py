@@ -33,6 +33,9 @@ _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
 #: Least travel from which the time of a whole stroke is estimated [%]; our choice.
 _SHORTEST = 20.0
 
+#: Time after the end of a command during which codes count as its result [s]; our choice.
+_SETTLE = 5.0
+
 #: Valve readings whose strengths are held at once: those of 12 rules take 25 MB.
 _AT_ONCE = 2**18
 
@@ -327,15 +330,14 @@ class Diagnosis:
             }
         )
 
-    def commands(self, settle: float = 5.0) -> pd.DataFrame:
-        """Return what the master shows for every command up to `settle` seconds after its end."""
-        wait = check_scalar("settle", settle, "s", 0, 3600)
+    def commands(self) -> pd.DataFrame:
+        """Return the diagnosis of every command until 5 s after its end, one row each."""
         table = stroke_rows(self.run)[["valve", "action", "start_s", "end_s", "outcome"]].copy()
         found = np.zeros((len(table), len(self.base.codes)), bool)
         delay = np.full(len(table), np.nan)
         for place, moved in enumerate(self.run.movements):
             first, ended, last = np.searchsorted(
-                self.time, [moved.start - 1e-9, moved.end - 1e-9, moved.end + wait + 1e-9]
+                self.time, [moved.start - 1e-9, moved.end - 1e-9, moved.end + _SETTLE + 1e-9]
             )
             again = np.flatnonzero(self.run.running[ended:last, moved.valve])
             last = ended + again[0] if again.size else last
@@ -352,10 +354,6 @@ class Diagnosis:
         """Return the firing strengths of one valve over time."""
         k = self._place(valve)
         return _fire(self.base, {name: x[:, k] for name, x in self.samples.items()}, self.method)
-
-    def decision(self, valve: int) -> Decision:
-        """Return what was decided for one valve over time."""
-        return Decision(self.firing(valve), self.threshold, self.active[:, self._place(valve)])
 
     def explain(self, valve: int, time: float) -> str:
         """Return in one sentence why a valve is diagnosed as it is at a time [s].
@@ -466,7 +464,6 @@ def diagnose(
     method: str = "fuzzy",
     *,
     threshold: float = 0.5,
-    rules: RuleBase | None = None,
     **values: float,
 ) -> Decision:
     """Diagnose readings of a valve.
@@ -481,8 +478,6 @@ def diagnose(
         middle of the ramps.
     threshold : float, default 0.5
         Lowest strength at which a rule fires, above 0 and up to 1.
-    rules : shipnet.fuzzy.RuleBase, optional
-        The rules; `rule_base` if omitted.
     **values : float
         Readings by keyword, besides or instead of `readings`.
 
@@ -496,6 +491,5 @@ def diagnose(
     >>> diagnose(FP=125, OP=4, MC=4)
     Decision(P1 1.00: FP 125 bar high 1.00, MC 4 A over 1.00; also V1 1.00; missing OT VPos DVPos)
     """
-    base = rules if rules is not None else rule_base()
     given: dict[str, Any] = {} if readings is None else dict(readings)
-    return base.decide({**given, **values}, method, threshold=threshold)
+    return rule_base().decide({**given, **values}, method, threshold=threshold)

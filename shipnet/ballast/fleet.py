@@ -41,9 +41,6 @@ _LAST, _APART, _SHARE = 82_800.0, 60.0, 0.9
 #: growth to repair; our assumptions.
 _GROWS, _STEPS, _REPAIR = (5.0, 60.0), 5, (1.0, 10.0)
 
-#: Differences among the valves, as for `fault_trials`.
-_VARIETY = 0.02
-
 
 class _Block(NamedTuple):
     """A task: some valves for all days."""
@@ -130,7 +127,7 @@ def _written(block: _Block, rng: np.random.Generator) -> dict[str, int]:
     """Write the files of a block and return their counts; this is the task."""
     history = [_History.drawn(block.days, block.faults_per_year, rng) for _ in range(block.valves)]
     faults = [fault for valve, mine in enumerate(history, 1) for fault in mine.faults(valve)]
-    system = spread_valves(block.valves, _VARIETY, None, rng)
+    system = spread_valves(block.valves, rng)
     save = _Writer(block)
     first = BLOCK * block.number + 1
     rows = [(first + k, *row) for k, mine in enumerate(history) for row in mine.rows]

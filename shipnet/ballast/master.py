@@ -281,16 +281,29 @@ class MasterRun:
     def received(self, valve: int) -> Run:
         """Return the readings of one valve as the master received them, one instant per scan.
 
-        A command counts as active while the motor current shows that the motor runs and the
+        The last command counts as active while the current shows that the motor runs and the
         commanded position is not reached.
         """
-        target = np.nan
+        unit, target = check_whole("valve", valve, 1, self.n_valves), np.nan
         for write in self.writes:
-            if write.unit == valve and write.outcome == "done":
+            if write.unit == unit and write.outcome == "done":
                 code, position = self.registers.decode_command(write.value)
                 ends = {Code.OPEN: 100.0, Code.CLOSE: 0.0}
                 target = ends.get(code, float(position))
-        return received_run(self, valve, target=target)
+        rows = self.answers[self.answers["unit"] == unit]
+        if rows.empty:
+            raise ArgumentError(f"valve is {unit}; it has sent no status")
+        time = rows["read_s"].to_numpy()
+        readings = rows[[c.column for c in CHANNELS]].to_numpy()[:, :, np.newaxis]
+        running, place = readings[:, 2] >= LEAST_CURRENT, readings[:, 4]
+        starts = running.copy()
+        starts[1:] &= ~running[:-1]
+        began = np.maximum.accumulate(np.where(starts, time[:, np.newaxis], -np.inf))
+        ran = np.where(running, time[:, np.newaxis] - began, np.nan)
+        speed = position_speed(time, place)
+        moving = running & (stroke_speed(speed, ran) != 0)
+        active = running & (np.abs(place - target) > 0.5)
+        return Run(time, readings, speed, ran, moving, active, place / 100, ())
 
     def __repr__(self) -> str:
         return (
@@ -461,22 +474,3 @@ def scan_fleet(
         writes=sorted(writes, key=lambda one: one.time),
         tries=sorted(tries),
     )
-
-
-def received_run(seen: MasterRun, unit: int, *, target: float) -> Run:
-    """Return the readings of one valve as its statuses reported them."""
-    unit = check_whole("valve", unit, 1, seen.n_valves)
-    rows = seen.answers[seen.answers["unit"] == unit]
-    if rows.empty:
-        raise ArgumentError(f"valve is {unit}; it has sent no status")
-    time = rows["read_s"].to_numpy()
-    readings = rows[[c.column for c in CHANNELS]].to_numpy()[:, :, np.newaxis]
-    running, place = readings[:, 2] >= LEAST_CURRENT, readings[:, 4]
-    starts = running.copy()
-    starts[1:] &= ~running[:-1]
-    began = np.maximum.accumulate(np.where(starts, time[:, np.newaxis], -np.inf))
-    ran = np.where(running, time[:, np.newaxis] - began, np.nan)
-    speed = position_speed(time, place)
-    moving = running & (stroke_speed(speed, ran) != 0)
-    active = running & (np.abs(place - target) > 0.5)
-    return Run(time, readings, speed, ran, moving, active, place / 100, ())

@@ -7,7 +7,7 @@ the rules.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import ceil, floor, inf
 from typing import Any, NamedTuple
@@ -33,7 +33,6 @@ from shipnet.clock import Fault as TimedFault
 from shipnet.clock import as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
-    check_choice,
     check_rng,
     check_scalar,
     check_whole,
@@ -255,18 +254,14 @@ class Fault(TimedFault):
         *,
         n_valves: int = 256,
         until: float = 86400.0,
-        codes: Sequence[str] = tuple(FAULTS),
         severity: float | tuple[float, float] = 1.0,
         rng: Any = None,
     ) -> list[Fault]:
         """Return faults that begin at random times up to `until` [s], each on a different valve.
 
-        All `codes` occur equally often, give or take one; `severity` is one for all, or the lowest
+        All codes occur equally often, give or take one; `severity` is one for all, or the lowest
         and the highest, 0..1.
         """
-        known = [check_choice("one of codes", code, FAULTS) for code in codes]
-        if not known:
-            raise ArgumentError("codes is empty; it must name one fault or more")
         valves = check_whole("n_valves", n_valves, 1, 10_000)
         count = check_whole("n_faults", n_faults, 0, valves)
         end = check_scalar("until", until, "s", 0, 1e8)
@@ -274,7 +269,7 @@ class Fault(TimedFault):
         low = check_scalar("severity", low, "", 0, 1)
         high = check_scalar("severity", high, "", low, 1)
         generator = check_rng(rng)
-        names = np.resize(np.array(known, dtype=object), count)
+        names = np.resize(np.array(list(FAULTS), dtype=object), count)
         generator.shuffle(names)
         where = generator.choice(valves, count, replace=False)
         when, how = np.sort(generator.uniform(0, end, count)), generator.uniform(low, high, count)

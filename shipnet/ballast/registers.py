@@ -1,7 +1,6 @@
 """The registers of a valve: command codes, scales, and a status of four registers.
 
-The paper prints no scales, and its tables disagree about the status bits and the command codes; a
-`RegisterMap` chooses a version.
+The paper prints no scales, and its tables disagree about the status bits and the command codes.
 """
 
 from __future__ import annotations
@@ -24,7 +23,8 @@ from shipnet.errors import ArgumentError, FieldError
 from shipnet.fields import check_scalar, check_whole, choice, record
 from shipnet.lazy import pd
 
-#: Readings of the codes of Table 2: column of the data file, base of its numbers.
+#: Readings of the codes of Table 2: column of the data file, base of its numbers. The first one is
+#: used: the position codes 6 and 10, with auto added to close and open.
 CODE_READINGS = {
     "flag sum": ("code_flag_sum", 10),
     "one bit": ("code_one_bit", 10),
@@ -45,8 +45,8 @@ class Code(Enum):
 
 
 @cache
-def command_codes(reading: str) -> dict[Code, int]:
-    """Return the command codes of a reading of Table 2."""
+def command_codes(reading: str = "flag sum") -> dict[Code, int]:
+    """Return the command codes by one of the `CODE_READINGS`."""
     column, base = CODE_READINGS[reading]
     with path("kim2014_table2_write_register_bits.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["message"] == "query"]
@@ -163,11 +163,6 @@ class RegisterMap:
         "neither prints, is then in the high byte of 0x4021 or in Bit4 to Bit7; the operating time "
         "has the other 8 bits of 0x4021, or all 16", default="table 3",
     )  # fmt: skip
-    codes: str = choice(
-        tuple(CODE_READINGS),
-        "Command codes: the position codes 6 and 10, with auto added to close and open; 16 and 32; "
-        "or as printed, with 10 read as decimal or hexadecimal", default="flag sum",
-    )  # fmt: skip
 
     def encode(
         self,
@@ -235,7 +230,7 @@ class RegisterMap:
         code = Code(code)
         highest = 100 if code in (Code.POSITION_CLOSE, Code.POSITION_OPEN) else 0
         percent = check_whole("position", position, 0, highest, f" for {code.value}")
-        return percent << 8 | command_codes(self.codes)[code]
+        return percent << 8 | command_codes()[code]
 
     def encode_command(self, action: str | float, now: float = 0.0) -> int:
         """Return the command register for ``open``, ``close``, ``manual``, ``auto`` or a position.
@@ -250,19 +245,18 @@ class RegisterMap:
         whole = round(asked)
         return self.command(Code.POSITION_CLOSE if whole < last else Code.POSITION_OPEN, whole)
 
-    def table(self, sensors: Sensors | None = None) -> pd.DataFrame:
+    def table(self) -> pd.DataFrame:
         """Return where and in which steps each reading is sent, and its largest error.
 
         The error is that of converter and register together, within the scales of both.
         """
-        converter = (sensors if sensors is not None else Sensors()).step
         rows = [
             (
                 scale.channel, channel.unit, f"0x{scale.register:04X}",
                 "high" if scale.shift else "low", scale.step, HIGHEST * scale.step, MISSING, step,
                 (scale.step + step) / 2,
             )
-            for scale, channel, step in zip(SCALES, CHANNELS, converter, strict=True)
+            for scale, channel, step in zip(SCALES, CHANNELS, Sensors().step, strict=True)
         ]  # fmt: skip
         columns = ["channel", "unit", "register", "byte", "step", "highest", "missing"]
         columns += ["converter_step", "largest_error"]
@@ -272,15 +266,14 @@ class RegisterMap:
         """Return the command of a register, and its position [%]."""
         word = check_whole("value", value, 0, 0xFFFF)
         position, number = word >> 8, word & 0xFF
-        meant = [code for code, known in command_codes(self.codes).items() if known == number]
-        if len(meant) != 1:
-            names = " and for ".join(code.value for code in meant) or "no command"
-            raise FieldError(f"code {number} stands for {names}")
-        if meant[0] not in (Code.POSITION_CLOSE, Code.POSITION_OPEN):
-            return meant[0], 0
+        meant = {known: code for code, known in command_codes().items()}
+        if number not in meant:
+            raise FieldError(f"code is {number}; it must be one of {', '.join(map(str, meant))}")
+        if meant[number] not in (Code.POSITION_CLOSE, Code.POSITION_OPEN):
+            return meant[number], 0
         if position > 100:
             raise FieldError(f"position is {position} %; it must be 0..100")
-        return meant[0], position
+        return meant[number], position
 
     @property
     def _first_bit(self) -> int:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 from math import inf
 
 from shipnet import datasets
 from shipnet.arguments import checked
 from shipnet.arrays import Bools
 from shipnet.fields import check_choice, check_scalar
-from shipnet.fuzzy.rule_files import read_rules
 from shipnet.fuzzy.rules import RuleBase
 from shipnet.fuzzy.terms import Rule, Term, Variable
 from shipnet.lazy import pd
@@ -44,8 +44,7 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
     >>> str(base["MC"]["run"].crisp), base["MC"]["run"].corners
     ('0 < x < 2.5', (0.05, 0.15, 2.0, 3.0))
     """
-    files = (datasets.path(f"kim2014_assumed_{what}.csv") for what in ("rules", "terms"))
-    base = read_rules(*files)
+    base = _paper()
     if slow_stroke is None:
         return base
     limit = check_scalar("slow_stroke", slow_stroke, "s", 1, 3600)
@@ -54,6 +53,38 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
     last = max(rule.priority for rule in base.rules) + 1
     rule = Rule("T1", "Time.slow", last, "Degraded", "stroke slow (ours)")
     return RuleBase((*base.variables, time), (*base.rules, rule))
+
+
+def _paper() -> RuleBase:
+    """Return the rules of the paper."""
+    rows = _rows("kim2014_assumed_terms.csv")
+    variables = [
+        Variable(
+            row["variable"], row["unit"], float(row["low"]), float(row["high"]),
+            tuple(_term(one) for one in rows if one["variable"] == row["variable"] and one["term"]),
+            row["english"],
+        )
+        for row in rows
+        if not row["term"]
+    ]  # fmt: skip
+    rules = [
+        Rule(row["code"], row["antecedent"], int(row["priority"]), row["flag"], row["english"])
+        for row in _rows("kim2014_assumed_rules.csv")
+    ]
+    return RuleBase(variables, rules)
+
+
+def _term(row: dict[str, str]) -> Term:
+    """Return the term of a row, in which an empty corner is an open shoulder."""
+    a, b = (float(row[corner] or -inf) for corner in ("left_foot", "left_shoulder"))
+    c, d = (float(row[corner] or inf) for corner in ("right_shoulder", "right_foot"))
+    return Term(row["term"], (a, b, c, d), row["crisp"], row["english"])
+
+
+def _rows(name: str) -> list[dict[str, str]]:
+    """Return the rows of a data file, without pandas, which a server does not load."""
+    with datasets.path(name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 @checked

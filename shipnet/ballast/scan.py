@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import KW_ONLY, field, replace
 from typing import Literal
 
@@ -143,7 +142,7 @@ class System:
         count = check_whole("commands", commands, 0, 1000)
         return system.period + count * command_poll(poll).time + poll.shortest_timeout
 
-    def scan_times(self, bit_rates: Iterable[float] = BIT_RATES) -> pd.DataFrame:
+    def scan_times(self) -> pd.DataFrame:
         """Return how long transactions and scans take, one row per bit rate.
 
         ``scan_s`` is the scan of the master with the most valves, ``halves_s`` that of a loop cut
@@ -154,7 +153,7 @@ class System:
         masters = -(-self.n_valves // MAX_UNIT)
         largest = -(-self.n_valves // masters)
         rows = {}
-        for rate in bit_rates:
+        for rate in BIT_RATES:
             serial = SerialLine(rate, given.line.character)
             # With this time-out, any processing time is possible; nothing times out here.
             read = status_poll(serial, processing=given.processing, timeout=3600)

@@ -5,7 +5,6 @@ The paper prints no units; bar, bar, A, degC and percent are our reading (claim 
 
 from __future__ import annotations
 
-import re
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -14,7 +13,6 @@ import numpy.typing as npt
 
 from shipnet.arguments import checked
 from shipnet.arrays import Floats
-from shipnet.datasets import path
 from shipnet.errors import ArgumentError
 from shipnet.fields import record, whole
 
@@ -36,32 +34,6 @@ CHANNELS = (
     Channel("OT", "motor temperature", "degC", "OT_degC"),
     Channel("VPos", "valve position", "%", "VPos_percent"),
 )
-
-
-class Limit(NamedTuple):
-    """A comparison that the rule table makes with a number other than 0."""
-
-    channel: str
-    comparison: str
-    value: float
-    codes: tuple[str, ...]
-
-
-def rule_limits() -> list[Limit]:
-    """Return the limits of the rule table, each once."""
-    found: dict[tuple[str, str, float], list[str]] = {}
-    for row in _rules():
-        pattern = r"(FP|OP|MC|OT) (<|>=|>) ([0-9.]+)"
-        for name, comparison, number in re.findall(pattern, row["antecedent_corrected"]):
-            found.setdefault((name, comparison, float(number)), []).append(row["code"])
-    return [Limit(*key, tuple(codes)) for key, codes in found.items()]
-
-
-def _rules() -> list[dict[str, str]]:
-    import csv
-
-    with path("kim2014_rule_table.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
 
 
 #: Time over which the change of the position is taken [s]; the paper does not say.

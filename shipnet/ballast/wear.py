@@ -117,15 +117,15 @@ class Wear:
         """Return the pump pressure readings of one valve, one per stroke [bar]."""
         return np.asarray(self.FP[:, self._place(valve)])
 
-    def alarms(self, *, k: int = 3, n: int = 5) -> pd.DataFrame:
+    def alarms(self) -> pd.DataFrame:
         """Return the true life of each valve, and the strokes at which rules report it.
 
-        ``P2`` is FP below 2.5 bar, and ``T1`` (ours) a stroke longer than 10 s, each in `k` of the
-        last `n` strokes; NaN if the rule never fires.
+        ``P2`` is FP below 2.5 bar, and ``T1`` (ours) a stroke longer than 10 s, each in three of
+        the last five strokes; NaN if the rule never fires.
         """
 
         def first(fires: Bools) -> Floats:
-            reported = persistent(fires, k, n)
+            reported = persistent(fires, 3, 5)
             return np.where(reported.any(axis=0), reported.argmax(axis=0).astype(float), np.nan)
 
         return pd.DataFrame(
@@ -133,31 +133,26 @@ class Wear:
             index=pd.RangeIndex(1, self.life.size + 1, name="valve"),
         )
 
-    def predict(
-        self, valve: int, at: int, *, predictor: str = "leak", window: int = 200
-    ) -> Prediction:
-        """Predict from the last `window` of the first `at` strokes how many are left.
+    def predict(self, valve: int, at: int, *, predictor: str = "leak") -> Prediction:
+        """Predict how many strokes are left, from up to 200 strokes before stroke number `at`.
 
-        `predictor` is ``leak`` (the pump leak from FP by the inverted model, with a straight
-        logarithm), ``stroke time`` or ``FP membership`` (both straight in the number of strokes).
+        `predictor` is ``leak`` (that of the pump, computed from FP by the inverted model; its
+        logarithm rises linearly), ``stroke time`` or ``FP membership`` (which rise linearly).
         """
         k = self._place(valve)
         check_choice("predictor", predictor, PREDICTORS)
         last = check_whole("at", at, _FEWEST, len(self.FP))
-        first = max(last - check_whole("window", window, _FEWEST, 10**6), 0)
+        first = max(last - _WINDOW, 0)
         values, limit, _ = self._indicator(predictor, slice(first, last), k)
         trend = fit_trend(np.arange(first, last), values, logarithmic=predictor == "leak")
         return Prediction(self, k + 1, last, predictor, trend, remaining_life(trend, limit, last))
 
-    def predictions(self, at: int, *, predictor: str = "leak", window: int = 200) -> pd.DataFrame:
-        """Return the strokes left of every valve after `at` strokes, indexed by ``valve``.
+    def predictions(self, at: int) -> pd.DataFrame:
+        """Return how many strokes every valve has left after `at` strokes, indexed by ``valve``.
 
         The prediction ``remaining`` has the interval ``low`` to ``high``; ``true`` is the truth.
         """
-        rows = {
-            valve: self.predict(valve, at, predictor=predictor, window=window).remaining
-            for valve in range(1, self.life.size + 1)
-        }
+        rows = {valve: self.predict(valve, at).remaining for valve in range(1, self.life.size + 1)}
         table = pd.DataFrame.from_dict(rows, orient="index", columns=["remaining", "low", "high"])
         table["true"] = self.life - at
         return table.rename_axis("valve")
@@ -170,9 +165,7 @@ class Wear:
         table = pd.DataFrame(rows, index=columns, dtype=float).T
         return table.rename_axis("strokes")
 
-    def compare_predictors(
-        self, parts: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9), *, window: int = 200
-    ) -> pd.DataFrame:
+    def compare_predictors(self, parts: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)) -> pd.DataFrame:
         """Compare the remaining life that each predictor gives with the true one.
 
         Indexed by ``predictor`` and by the ``part`` of the true life at which it predicts: the
@@ -188,8 +181,7 @@ class Wear:
                     now = int(share * life)
                     if not _FEWEST <= now <= len(self.FP):
                         continue
-                    given = self.predict(valve + 1, now, predictor=predictor, window=window)
-                    left = given.remaining
+                    left = self.predict(valve + 1, now, predictor=predictor).remaining
                     ratios.append(left.estimate / (life - now))
                     covers.append(left.low <= life - now <= left.high)
                 ratio = np.array(ratios, float)
@@ -425,5 +417,5 @@ WORN = Term("worn", (-inf, -inf, 2.5, 90.0), "x < 2.5", "worn")
 #: What the remaining life may be predicted from.
 PREDICTORS = ("FP membership", "stroke time", "leak")
 
-#: Least number of strokes for a prediction.
-_FEWEST = 10
+#: Least and most strokes that a prediction uses.
+_FEWEST, _WINDOW = 10, 200

@@ -374,7 +374,7 @@ def bus_load(
         The messages.
     bit_rate : float or array_like of float
         Bit rate, 1000..1000000 [bit/s].
-    stuffing : {"none", "mean", "attainable", "worst", "worst 1994"}, default "worst"
+    stuffing : {"none", "mean", "attainable", "worst"}, default "worst"
         Which stuff bits count, as in `frame_length`; a message with its own ``bits`` has those.
 
     Returns

@@ -32,37 +32,39 @@ def between_cuts(n: int, first: int, second: int) -> Solution:
         "port A still reaches the valves before the first cut": second,
         "port B reaches those; which ones does no port reach?": n - second,
         "port A reaches those; which ones does no port reach?": first,
-        "a cut after a valve leaves it connected to those before it: count again": (
-            second - first + 1
-        ),
-        "the valve before the second cut is lost as well": second - first - 1,
-        "Write down which valves port A reaches, and which ones port B; then count the others": ANY,
+        "the first cut leaves valve `first` connected to port A": second - first + 1,
+        "the valve just before the second cut is lost too": second - first - 1,
+        "List the valves that port A reaches, and those that port B reaches; count the others": ANY,
     }
 
 
-@solution("ex-08-2", period=(0.5, 1.0, 2.0), timeout=range(120, 221, 20), retries=(2, 3))
-def longest_gap(period: float, timeout: int, retries: int) -> Solution:
-    """Longest time without an answer while a master changes to its second channel."""
+@solution(
+    "ex-08-2",
+    period=(0.5, 1.0, 2.0),
+    timeout=range(120, 221, 20),
+    retries=(2, 3),
+    age=(0.3, 0.4, 0.6, 0.7),
+)
+def oldest(period: float, timeout: int, retries: int, age: float) -> Solution:
+    """Age of values on the screen before a master hears from its second channel."""
 
-    def gap(retries: int) -> float:
+    def old(retries: int) -> float:
         poll = Poll(_STATUS, _LINE, timeout=timeout / 1e3, retries=retries)
-        return float(DualChannel(poll, period=period).worst_gap(Break(0))[0])
+        return age + float(DualChannel(poll, period=period).worst_gap(Break(0))[0])
 
-    right = gap(retries)
+    right = old(retries)
     return Number(right, "s"), {
-        "how long is it until the next request? The cut came just after an answer": (
-            right - period
-        ),
-        "each retry waits for its own time-out": gap(0),
+        "that is the gap; how old were the values when it began?": right - age,
+        "how long is it until the next request? The cut came just after an answer": right - period,
+        "each retry waits for its own time-out": old(0),
         "each failed try is a request and a time-out: how long is the request?": (
             right - (1 + retries) * _REQUEST
         ),
         "count from the end of one answer to the end of the next": (right + _POLL.time),
-        "the first try fails too: how often does it ask on the first cable?": (gap(retries - 1)),
+        "the first try fails too: how often does it ask on the first cable?": old(retries - 1),
         "how often does it ask on the first cable? `retries` times after the first try": (
-            gap(retries + 1)
+            old(retries + 1)
         ),
-        "that is one try; how many are there?": (right - period) / (1 + retries),
         "Draw the time from one answer to the next: first a pause, then each failed try": ANY,
     }
 
@@ -96,7 +98,7 @@ def lost_valves() -> Solution:
         "one cut may disconnect several valves, or none": lambda n, cuts: len(cuts),
         "port A reaches the valves before the first cut": lambda n, cuts: max(cuts, default=0),
         "a loop without a cut loses no valve": lambda n, cuts: max(cuts) - min(cuts) if cuts else n,
-        "Draw ten valves in a loop, cut after 3 and 7, then after 5: who is lost?": ANY,
+        "Draw ten valves in a loop, cut after 3 and 7, then after 5: which are lost?": ANY,
     }
 
 
@@ -105,14 +107,14 @@ def timeout(n: int) -> Solution:
     """Time-out with which a round and two waits take the 2 s of the rule."""
     left = RULE - _POLL.scan_time(n)
     return Number(1e3 * (left / 2 - _REQUEST), "ms"), {
-        "how many failed polls does one cut cause before all after it move?": 1e3
+        "how many failed polls can one cut cause before all valves downstream of it are moved?": 1e3
         * (left - _REQUEST),
-        "the round itself takes time too": 1e3 * (RULE / 2 - _REQUEST),
+        "the round of answered polls takes time too": 1e3 * (RULE / 2 - _REQUEST),
         "a failed poll takes longer than its time-out: the request has to be sent": 1e3 * left / 2,
         "one cut causes two failed polls at most, not three": 1e3 * (left / 3 - _REQUEST),
         "in a round every valve answers: how long is an answered poll?": (
             1e3 * ((RULE - n * _REQUEST) / 2 - _REQUEST)
         ),
-        "that is what both waits take together, with their requests": 1e3 * left,
-        "Write the 2 s as a sum: one round, and how often a request and a time-out?": ANY,
+        "that is the time for both failed polls, requests included": 1e3 * left,
+        "Write the 2 s as a sum: one round, and how many times a request and a time-out?": ANY,
     }

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from shipnet.ballast.rule_table import rule_base
-from shipnet.exercises.answers import Bits, Function, Number, Table, Words
+from shipnet.exercises.answers import Bits, Function, Table, Words
 from shipnet.exercises.exercise import ANY, Solution, solution
 
 _BASE = rule_base()
@@ -45,22 +45,25 @@ def _any_of(readings: dict[str, float]) -> list[str]:
     ]
 
 
+def _mean(found: list[str]) -> frozenset[str]:
+    """Return the fault at the mean of the numbers of others."""
+    return frozenset({_BASE.codes[round(np.mean([*map(_BASE.codes.index, found)]))]})
+
+
 @solution("ex-09-1", readings=_cases())
 def codes(readings: dict[str, float]) -> Solution:
     """Rules that hold for some readings."""
     found = list(_BASE.decide(readings, method="crisp").codes())
     return Words(frozenset(found), _BASE.codes), {
-        "that is only the first in rank; list every rule that is true": frozenset(found[:1]),
-        "that is only the last in rank; list every rule that is true": frozenset(found[-1:]),
-        "in these rules one comparison holds; which rules have all of theirs?": (
+        "that is only the first in rank; list every rule that holds": frozenset(found[:1]),
+        "that is only the last in rank; list every rule that holds": frozenset(found[-1:]),
+        "that is the fault at the mean of the numbers; fault numbers are names": _mean(found),
+        "in these rules at least one comparison holds; all of them must hold": (
             frozenset(_any_of(readings))
         ),
-        "with ramps these fire a little; which ones hold?": frozenset(
-            _firing(readings, "fuzzy")[0]
-        ),
+        "with ramps these fire; which ones hold?": frozenset(_firing(readings, "fuzzy")[0]),
         "these rules do not hold; which ones do?": frozenset(_BASE.codes) - frozenset(found),
-        "there are some: compare the readings with the thresholds, row by row": frozenset(),
-        "not all rules hold: compare the readings row by row": frozenset(_BASE.codes),
+        "some rules hold: compare the readings with the thresholds, row by row": frozenset(),
         "Go through the table row by row: a rule holds only if each of its comparisons does": ANY,
     }
 
@@ -70,14 +73,21 @@ def codes(readings: dict[str, float]) -> Solution:
 def strength(FP: float, OP: float) -> Solution:
     """Firing strength of a rule with two terms."""
     terms = [float(_BASE[name]["high"].membership(x)) for name, x in (("FP", FP), ("OP", OP))]
-    return Number(min(terms)), {
-        "that is the product; the weakest term decides": float(np.prod(terms)),
-        "that is the mean; a strong term does not compensate for a weak one": float(np.mean(terms)),
-        "that is the stronger term; both must hold": max(terms),
-        "that is the sum; the weakest term decides": sum(terms),
-        "that is how far the weaker term is from full": 1 - min(terms),
-        "that is how far the stronger term is from full": 1 - max(terms),
-        "Read each membership off its ramp: how far along is the reading? Then join them": ANY,
+    holds = int(_BASE.fire({"FP": FP, "OP": OP}, method="crisp")["V1"])
+
+    def row(ramps: float, printed: int = holds) -> list[dict[str, float]]:
+        return [{"printed": printed, "ramps": ramps}]
+
+    return Table(row(min(terms))), {
+        "as printed the rule holds only if both comparisons do": row(min(terms), 1 - holds),
+        "`ramps` is the product; the weakest term decides": row(float(np.prod(terms))),
+        "`ramps` is the mean; a strong term does not compensate for a weak one": row(
+            float(np.mean(terms))
+        ),
+        "`ramps` is the stronger term; both must apply": row(max(terms)),
+        "`ramps` is the sum; the weakest term decides": row(sum(terms)),
+        "`ramps` is how far the weaker term is from 1": row(1 - min(terms)),
+        "How far along its ramp is each reading? Then join the two memberships": ANY,
     }
 
 
@@ -131,7 +141,7 @@ def persistence() -> Solution:
         "the window ends with this reading; it does not begin with it": (
             lambda fires, k, n: _marks(fires[i : i + n].count("1") >= k for i in range(len(fires)))
         ),
-        "that is what fires now; count over the last n readings": lambda fires, k, n: fires,
+        "those are the readings; count over the last n of them": lambda fires, k, n: fires,
         "at the beginning the window is shorter: where does your slice begin?": (
             lambda fires, k, n: _marks(part.count("1") >= k for part in _slices(fires, n))
         ),
@@ -140,7 +150,7 @@ def persistence() -> Solution:
                 len(part) == n and part.count("1") >= k for part in _windows(fires, n)
             )
         ),
-        "which one is the window, and which one the number that must fire?": (
+        "which of k and n is the window, and which the number that must fire?": (
             lambda fires, k, n: _marks(part.count("1") >= n for part in _windows(fires, k))
         ),
         "Write the last n readings below each reading, and count the ones": ANY,
@@ -159,7 +169,7 @@ def windows(burst: int, period: int, step: int) -> Solution:
         "a long window holds more than one burst: count again in the longer ones": [
             {**row, "k": burst + 1, "delay": burst * step} for row in rows
         ],
-        "with this k the bursts themselves raise an alarm: one more is needed": [
+        "with these k the bursts themselves raise an alarm: one more is needed": [
             {**row, "k": row["k"] - 1, "delay": row["delay"] - step} for row in rows
         ],
         "the first reading that fires already counts: how long from it to the last of the k?": [
@@ -168,14 +178,12 @@ def windows(burst: int, period: int, step: int) -> Solution:
         "the alarm need not wait until the window is full": [
             {**row, "delay": (row["n"] - 1) * step} for row in rows
         ],
-        "that is how many readings the alarm waits; how long is a step?": [
+        "`delay` counts readings; how long is a step?": [
             {**row, "delay": row["delay"] / step} for row in rows
         ],
-        "all readings of a window are safe, but fewer may be enough; enter the least `k`": [
+        "`k` = `n` is safe, but a smaller `k` may be enough": [
             {**row, "k": row["n"], "delay": (row["n"] - 1) * step} for row in rows
         ],
-        "that is the count that bursts reach; one more is needed": [
-            {**row, "k": row["k"] - 1} for row in rows
-        ],
-        "Slide a window along the pattern: at most how many disturbed readings are in it?": ANY,
+        "bursts reach this `k`; one more is needed": [{**row, "k": row["k"] - 1} for row in rows],
+        "Slide a window along the pattern: how many disturbed readings are in it at most?": ANY,
     }

@@ -1,4 +1,4 @@
-"""Rule tables: which rules fire, what is reported and why, and what a table leaves open."""
+"""Fuzzy rule tables: firing strengths, decisions with their reasons, overlaps and gaps."""
 
 import lazy_loader
 

@@ -1,4 +1,3 @@
-from .rule_files import read_rules as read_rules
 from .rules import Decision as Decision
 from .rules import Firing as Firing
 from .rules import Overlaps as Overlaps

@@ -1,4 +1,4 @@
-"""Firing strengths from arrays: how far each rule holds for each sample, all rules at once."""
+"""Firing strengths of all rules at once, from arrays of samples."""
 
 from __future__ import annotations
 
@@ -17,19 +17,22 @@ from shipnet.fields import check_whole
 from shipnet.fuzzy.terms import Rule, Variable
 from shipnet.lazy import pd
 
-#: Values by the name of their variable.
+#: Values by variable name.
 Samples: TypeAlias = "Mapping[str, npt.ArrayLike] | pd.DataFrame"
 
-#: How the terms are read.
+#: How terms are evaluated.
 METHODS = {
     "crisp": "comparisons as written",
     "midpoint": "comparisons in the middle of the ramps",
     "fuzzy": "membership functions",
 }
 
+#: Points of a universe in scikit-fuzzy, besides the corners of its terms.
+_POINTS = 101
+
 
 class Ramps:
-    """The terms of all rules as ramps that rise with x or with -x, rows of one array."""
+    """The terms of all rules as ramps that rise with x or with -x."""
 
     # A trapezoid is the minimum of two ramps, and a rule the minimum of its terms.
 
@@ -86,7 +89,7 @@ class Ramps:
 def compare(
     variables: Sequence[Variable], rules: Sequence[Rule], x: Floats, *, midpoint: bool
 ) -> Floats:
-    """Return firing strengths of 0 and 1: whether the comparisons of each rule hold."""
+    """Return firing strengths of 0 or 1: whether all comparisons of each rule hold."""
     used = {pair for rule in rules for pair in rule.antecedent}
     holds = {}
     for values, variable in zip(x, variables, strict=True):
@@ -113,10 +116,6 @@ def persistent(fires: Bools, k: int, n: int) -> Bools:
 
 def arrays(names: Sequence[str], samples: Samples) -> dict[str, Floats]:
     """Return one array per variable, all of one shape."""
-    if not hasattr(samples, "keys"):
-        raise ArgumentError(
-            f"samples is {samples!r}; it must give the variables {', '.join(names)} by name"
-        )
     unknown = [str(name) for name in samples if name not in names]
     if unknown:
         raise ArgumentError(
@@ -137,17 +136,16 @@ def arrays(names: Sequence[str], samples: Samples) -> dict[str, Floats]:
         raise ArgumentError(f"shapes are {shapes}; they must be equal or broadcast") from None
 
 
-def control_system(variables: Sequence[Variable], rules: Sequence[Rule], n_points: int) -> Any:
+def control_system(variables: Sequence[Variable], rules: Sequence[Rule]) -> Any:
     """Return the rules as a control system of scikit-fuzzy, without the unused variables."""
     from skfuzzy import control
     from skfuzzy.membership import trapmf
 
-    n_points = check_whole("n_points", n_points, 2, 100_001)
     used = {name for rule in rules for name in rule.variables}
     antecedents = {}
     for variable in variables:
         if variable.name in used:
-            grid = np.linspace(variable.low, variable.high, n_points)
+            grid = np.linspace(variable.low, variable.high, _POINTS)
             corners = np.array([term.corners for term in variable.terms]).reshape(-1)
             # The membership functions are linear between their corners.
             within = (corners > variable.low) & (corners < variable.high)

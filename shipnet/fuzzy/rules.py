@@ -1,4 +1,4 @@
-"""The rule base, which rules fire, what is reported and why, and what the rules leave open."""
+"""Rule bases: firing strengths, decisions with their reasons, and overlaps of rules."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, product
 from math import isnan, prod
-from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from shipnet.fuzzy.firing import (
     control_system,
     persistent,
 )  # fmt: skip
-from shipnet.fuzzy.terms import NORMAL, UNKNOWN, Rule, Term, Variable, number_text
+from shipnet.fuzzy.terms import NORMAL, UNKNOWN, Rule, Term, Variable
 from shipnet.lazy import Axes, pd
 
 #: Samples that are processed together: their arrays fit in the cache.
@@ -35,11 +34,6 @@ _BLOCK = 8192
 
 #: Most regions that are computed, and most columns of a drawing in which a number can be read.
 _MOST_REGIONS, _MOST_NUMBERS = 10**6, 20
-
-#: Columns of the two files of a rule base, in the order in which they are written.
-RULE_COLUMNS = ("code", "antecedent", "flag", "priority", "english", "korean")
-CORNERS = ("left_foot", "left_shoulder", "right_shoulder", "right_foot")
-TERM_COLUMNS = ("variable", "term", "unit", "low", "high", *CORNERS, "crisp", "english", "korean")
 
 
 @checked
@@ -52,7 +46,7 @@ class RuleBase:
     variables : sequence of Variable
         One or more, each name once.
     rules : sequence of Rule
-        One or more, each code and each priority once, of terms that exist; numbered from 1.
+        One or more, with distinct codes and priorities and terms that exist; numbered from 1.
 
     Examples
     --------
@@ -80,7 +74,7 @@ class RuleBase:
             raise ArgumentError("variables or rules are empty; there must be one or more of each")
         twice = sorted({name for name in self.names if self.names.count(name) > 1})
         faults = [f"variable {name} occurs twice" for name in twice]
-        faults += [fault for _, fault in rule_faults(self.variables, self.rules)]
+        faults += rule_faults(self.variables, self.rules)
         if faults:
             raise ArgumentError("; ".join(faults))
 
@@ -108,14 +102,14 @@ class RuleBase:
         return Ramps(self.variables, [rule.antecedent for rule in self.rules])
 
     def __getitem__(self, name: str) -> Variable:
-        """Return the variable of a name."""
+        """Return the variable with this name."""
         for variable in self.variables:
             if variable.name == name:
                 return variable
         raise ArgumentError(f"variable is {name!r}; there are {', '.join(self.names)}")
 
     def rule(self, code: str) -> Rule:
-        """Return the rule of a code."""
+        """Return the rule with this code."""
         for rule in self.rules:
             if rule.code == code:
                 return rule
@@ -141,12 +135,11 @@ class RuleBase:
         return [" ".join(names[row]) for row in active[:, places]]
 
     def table(self) -> pd.DataFrame:
-        """Return the rules: code, antecedent, flag, priority and labels."""
+        """Return one row per rule: code, antecedent, flag, priority and English label."""
         rows = [
-            (rule.code, rule.text, rule.flag, rule.priority, rule.english, rule.korean)
-            for rule in self.rules
+            (rule.code, rule.text, rule.flag, rule.priority, rule.english) for rule in self.rules
         ]
-        return pd.DataFrame(rows, columns=list(RULE_COLUMNS))
+        return pd.DataFrame(rows, columns=["code", "antecedent", "flag", "priority", "english"])
 
     def random_samples(self, n: int, rng: Any = None) -> dict[str, Floats]:
         """Return `n` samples, uniform over the universe of each variable."""
@@ -156,8 +149,8 @@ class RuleBase:
     def fire(self, samples: Samples, method: str = "fuzzy") -> Firing:
         """Return the firing strength of every rule for every sample.
 
-        `samples` gives the values of the variables by name: numbers, arrays or a DataFrame. A
-        variable that is left out is missing, as is NaN, and a rule that needs it does not fire.
+        `samples` maps names of variables to numbers or arrays; it may be a DataFrame. NaN and
+        variables that are left out are missing, and a rule that needs one does not fire.
         `method` is ``fuzzy``, ``crisp`` (comparisons as written) or ``midpoint`` (comparisons in
         the middle of the ramps).
         """
@@ -193,34 +186,28 @@ class RuleBase:
         """Return the pairs of rules that can fire together."""
         return Overlaps(self, method)
 
-    def regions(
-        self, method: str = "crisp", *, values: Mapping[str, Sequence[float]] | None = None
-    ) -> pd.DataFrame:
+    def regions(self, method: str = "crisp") -> pd.DataFrame:
         """Return every combination of terms that can hold at once, and the rules that then fire.
 
-        One row per region: a value of each variable (those of `values` where given), the codes that
-        ``fired``, and their ``count``. The regions cover all that the sensors can report; how often
-        each occurs is another question. `method` is ``crisp`` or ``midpoint``.
+        One row per region: a value of each variable, the codes that ``fired``, and their ``count``.
+        The regions cover everything that the sensors can report; how often each occurs is another
+        question. `method` is ``crisp`` or ``midpoint``.
         """
         check_choice("method", method, ("crisp", "midpoint"))
-        chosen = {v.name: v.cells(method) for v in self.variables} if values is None else values
-        if set(chosen) != set(self.names) or not all(len(one) for one in chosen.values()):
-            raise ArgumentError(
-                f"values are of {', '.join(chosen)}; expected {', '.join(self.names)}"
-            )
-        number = prod(len(one) for one in chosen.values())
+        cells = [variable.cells(method) for variable in self.variables]
+        number = prod(map(len, cells))
         if number > _MOST_REGIONS:
             raise ArgumentError(
-                f"values make {number} regions; at most {_MOST_REGIONS} are allowed"
+                f"the variables have {number} regions; at most {_MOST_REGIONS} are computed"
             )
-        points = np.array(list(product(*(chosen[name] for name in self.names))), dtype=float)
+        points = np.array(list(product(*cells)), dtype=float)
         table = pd.DataFrame(points, columns=list(self.names))
         fires = self.fire(table, method).strength > 0
         codes = np.array(self.codes, dtype=object)
         return table.assign(fired=[" ".join(codes[row]) for row in fires], count=fires.sum(axis=1))
 
     def check(self, vectors: pd.DataFrame, method: str = "fuzzy") -> pd.DataFrame:
-        """Return what the rules report for test vectors, whose index is the code expected of each.
+        """Return what the rules report for test vectors, whose index holds the expected codes.
 
         One row per vector: the code ``expected``, the codes that ``fired``, the ``top`` one, and
         whether that is ``right``.
@@ -232,11 +219,11 @@ class RuleBase:
         return table[["expected", "fired", "top", "right"]]
 
     def centroid(self, samples: Samples) -> pd.DataFrame:
-        r"""Defuzzify the number of the fault, as a controller would, to show why one must not.
+        r"""Defuzzify the number of the fault as a controller would, which shows why one must not.
 
         One row per sample: the ``active`` codes, the ``top`` one, the ``centroid`` z of their
-        numbers, and the code ``nearest`` to it, the lower of two. Rule i has the consequent "number
-        is i", a triangle of half-width 1/2 on i, cut at the firing strength:
+        numbers, and the code ``nearest`` to it, the lower one in a tie. Rule i has the consequent
+        "number is i", a triangle of half-width 1/2 about i that is cut at the firing strength:
 
         .. math:: z = \frac{\sum_i w_i \left( 2 - w_i \right) i}{\sum_i w_i \left( 2 - w_i \right)}
         """
@@ -252,40 +239,22 @@ class RuleBase:
         decided = firing.decide().table()[["active", "top"]]
         return decided.assign(centroid=number, nearest=np.where(silent, UNKNOWN, nearest))
 
-    def to_skfuzzy(self, n_points: int = 101) -> Any:
-        """Return the rules as a `skfuzzy.control.ControlSystem`, to compare with.
+    def to_skfuzzy(self) -> Any:
+        """Return the rules as a `skfuzzy.control.ControlSystem`, for comparison.
 
-        Each variable becomes an antecedent with `n_points` points and the corners of its terms, and
-        each rule a consequent of its code with the one term ``on``.
+        Each variable becomes an antecedent with 101 points and the corners of its terms. Each rule
+        becomes a consequent that is named by its code and has the single term ``on``.
         """
-        return control_system(self.variables, self.rules, n_points)
-
-    def save(self, rules: str | PathLike[str], terms: str | PathLike[str]) -> None:
-        """Write two CSV files, from which `read_rules` reads the same rule base."""
-        term_rows: list[tuple[Any, ...]] = []
-        for variable in self.variables:
-            ends = (number_text(variable.low), number_text(variable.high))
-            labels = (variable.english, variable.korean)
-            empty = ("",) * len((*CORNERS, "crisp"))
-            term_rows.append((variable.name, "", variable.unit, *ends, *empty, *labels))
-            for term in variable.terms:
-                corners = (number_text(corner) for corner in term.corners)
-                labels = (term.english, term.korean)
-                term_rows.append(
-                    (variable.name, term.name, "", "", "", *corners, str(term.crisp), *labels)
-                )
-        self.table().to_csv(rules, index=False, lineterminator="\n")
-        columns = list(TERM_COLUMNS)
-        pd.DataFrame(term_rows, columns=columns).to_csv(terms, index=False, lineterminator="\n")
+        return control_system(self.variables, self.rules)
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Firing:
-    """How far each rule holds for each sample, as `RuleBase.fire` returns it.
+    """The firing strength of each rule for each sample, as `RuleBase.fire` returns it.
 
-    A strength is the membership of the weakest term of the rule, to the last bit as
-    `skfuzzy.trapmf` computes it.
+    A strength is the lowest membership among the rule's terms, equal to that of `skfuzzy.trapmf` to
+    the last bit.
 
     Parameters
     ----------
@@ -319,14 +288,14 @@ class Firing:
 
     @cached_property
     def clipped(self) -> Bools:
-        """Which sensors lie outside their universe, shape (..., n_variables)."""
+        """Which values lie outside their universe, shape (..., n_variables)."""
         ends = [(variable.low, variable.high) for variable in self.base.variables]
         values = zip(self.values.values(), ends, strict=True)
         return np.stack([(x < low) | (x > high) for x, (low, high) in values], axis=-1)
 
     @cached_property
     def normal(self) -> Floats:
-        """Strength of "no fault", 1 - the greatest; NaN where every sensor is missing."""
+        """Strength of "no fault": 1 less the greatest strength; NaN without any sensor."""
         rest = np.asarray(1 - self.strength.max(axis=-1))
         return np.where(self.missing.all(axis=-1), np.nan, rest)
 
@@ -334,18 +303,11 @@ class Firing:
         """Return the strength of one rule for each sample."""
         return np.asarray(self.strength[..., self.base.codes.index(self.base.rule(code).code)])
 
-    def table(self) -> pd.DataFrame:
-        """Return one row per sample, one column per rule, and ``normal``."""
-        if self.strength.ndim > 2:
-            raise ArgumentError(f"strength has {self.strength.ndim} axes; a table has two")
-        table = pd.DataFrame(np.atleast_2d(self.strength), columns=list(self.base.codes))
-        return table.assign(**{NORMAL: np.atleast_1d(self.normal)})
-
     def decide(self, *, threshold: float = 0.5, k: int = 1, n: int = 1) -> Decision:
         """Return what to report: rules that fired in `k` or more of the last `n` samples.
 
-        A rule fires if its strength is `threshold` or more, above 0 and up to 1. With `n` above 1,
-        time runs along the first axis and the sample itself is the last of the `n`.
+        A rule fires if its strength is at least `threshold`, which is above 0 and up to 1. With `n`
+        above 1, time runs along the first axis, and the `n` samples include the present one.
         """
         if not isinstance(threshold, (int, float, np.floating)) or not 0 < threshold <= 1:
             raise ArgumentError(
@@ -357,7 +319,7 @@ class Firing:
         return Decision(self, float(threshold), persistent(fires, k, n))
 
     def plot(self, labels: Sequence[object] | None = None, ax: Axes | None = None) -> Axes:
-        """Draw the strengths as a matrix, a row per rule and a column per sample."""
+        """Draw the strengths as a matrix with one row per rule and one column per sample."""
         if self.strength.ndim > 2:
             raise ArgumentError(f"strength has {self.strength.ndim} axes; a matrix has two")
         strength = np.atleast_2d(self.strength)
@@ -449,10 +411,10 @@ class Decision:
         )
 
     def explain(self, *index: int) -> str:
-        """Return in one sentence why the sample at this index is decided as it is.
+        """Return one sentence that explains the decision for the sample at this index.
 
-        The top code with its strength and terms, the other active codes, and the sensors that are
-        missing or out of range. ``normal`` is followed by the rule that comes closest, if any.
+        It names the top code with its strength and terms, the other active codes, and the sensors
+        that are missing or out of range; after ``normal``, the rule that comes closest, if any.
         """
         place, firing = self._place(index), self.firing
         base, top = firing.base, self.top[place]
@@ -473,37 +435,6 @@ class Decision:
             if flags[place].any():
                 parts.append(f"{word} {self._sensors(flags[place])}")
         return "; ".join(parts)
-
-    def plot(self, time: npt.ArrayLike, ax: Axes | None = None) -> Axes:
-        """Draw over time [s] how strongly every rule fires, and when it is active."""
-        strength, when = self.firing.strength, np.asarray(time, float)
-        if when.size < 2 or strength.shape[:-1] != when.shape:
-            raise ArgumentError(
-                f"time has the shape {when.shape}, the samples {strength.shape[:-1]}; they must be "
-                "equal rows of 2 or more"
-            )
-        ax = style.axes(ax)
-        base = self.firing.base
-        ranking, codes = base.ranking, base.codes
-        places = [codes.index(code) for code in ranking]
-        # A reading holds until the next one.
-        edges = np.append(when, 2 * when[-1] - when[-2])
-        rows = np.arange(len(ranking) + 1) - 0.5
-        mesh = ax.pcolormesh(edges, rows, strength[:, places].T, cmap="Blues", vmin=0, vmax=1)
-        for row, place in enumerate(places):
-            active = np.append(self.active[:, place], False)
-            ax.fill_between(
-                edges, row + 0.28, row + 0.5, where=active, step="post", color=style.LIMIT["color"],
-                linewidth=0, label="active" if row == 0 else "_again",
-            )  # fmt: skip
-        ax.set_ylim(len(ranking) - 0.5, -0.5)
-        ax.set_yticks(range(len(ranking)), ranking)
-        ax.grid(visible=False)
-        ax.tick_params(axis="y", length=0)
-        ax.set(xlabel="time [s]", ylabel="rule")
-        ax.legend(loc="upper left", bbox_to_anchor=(0, 1.14), borderpad=0)
-        ax.figure.colorbar(mesh, ax=ax, label="firing strength", pad=0.02)
-        return ax
 
     def _reason(self, rule: Rule, place: tuple[int, ...]) -> str:
         said = []
@@ -545,8 +476,6 @@ class Overlaps:
     Overlaps(42 of 66 pairs of rules)
     >>> overlaps.table().query("relation == 'b in a'")[["a", "b"]].to_numpy().tolist()
     [['S1', 'Pos1'], ['S2', 'Pos2']]
-    >>> overlaps.matrix.loc["Pos1", ["Pos1", "S1", "Pos3", "Pos4"]].tolist()
-    [12, 12, 12, 0]
     """
 
     base: RuleBase
@@ -557,16 +486,10 @@ class Overlaps:
 
     @cached_property
     def _counts(self) -> Integers:
-        """The number of regions in which each pair of rules fires."""
+        """Number of regions in which each pair of rules fires; on the diagonal, each rule."""
         table = self.base.regions(self.method)[list(self.base.names)]
         fires = self.base.fire(table, self.method).strength.astype(np.int64)
         return fires.T @ fires
-
-    @property
-    def matrix(self) -> pd.DataFrame:
-        """The number of regions in which each pair of rules fires; on the diagonal, each rule."""
-        codes = list(self.base.codes)
-        return pd.DataFrame(self._counts, index=codes, columns=codes)
 
     def __len__(self) -> int:
         return int(np.count_nonzero(np.triu(self._counts, 1)))
@@ -595,7 +518,7 @@ class Overlaps:
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the share of the regions of the row's rule in which the column's rule also fires."""
         ax = style.axes(ax)
-        count = self.matrix.to_numpy(dtype=float)
+        count = self._counts.astype(float)
         alone = np.diag(count)[:, None]
         share = np.divide(count, alone, out=np.zeros_like(count), where=alone > 0)
 
@@ -611,22 +534,22 @@ class Overlaps:
         return ax
 
 
-def rule_faults(variables: Sequence[Variable], rules: Sequence[Rule]) -> list[tuple[int, str]]:
-    """Return the faults of rules, each with the place of its rule."""
+def rule_faults(variables: Sequence[Variable], rules: Sequence[Rule]) -> list[str]:
+    """Return the faults of rules for these variables."""
     known = {(variable.name, term.name) for variable in variables for term in variable.terms}
     faults = []
     codes: set[str] = set()
     priorities: set[int] = set()
-    for place, rule in enumerate(rules):
+    for rule in rules:
         faults += [
-            (place, f"{rule.code}: there is no term {variable}.{term}")
+            f"{rule.code}: there is no term {variable}.{term}"
             for variable, term in rule.antecedent
             if (variable, term) not in known
         ]
         if rule.code in codes:
-            faults.append((place, f"code {rule.code} occurs twice"))
+            faults.append(f"code {rule.code} occurs twice")
         if rule.priority in priorities:
-            faults.append((place, f"{rule.code}: priority {rule.priority} occurs twice"))
+            faults.append(f"{rule.code}: priority {rule.priority} occurs twice")
         codes.add(rule.code)
         priorities.add(rule.priority)
     return faults

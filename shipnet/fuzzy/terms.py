@@ -54,11 +54,11 @@ class Interval:
         point = self.low == self.high and self.low_closed and self.high_closed
         if not (self.low < self.high or point) or (self.low, self.high) == (-inf, inf):
             raise ArgumentError(
-                f"low is {self.low:g} and high {self.high:g}; they must rise, and one be finite"
+                f"low is {self.low:g} and high {self.high:g}; low must be lower, and one finite"
             )
 
     def __str__(self) -> str:
-        low, high = number_text(self.low), number_text(self.high)
+        low, high = _number_text(self.low), _number_text(self.high)
         if self.low == self.high:
             return f"x == {low}"
         if self.high == inf:
@@ -98,7 +98,7 @@ def parse_comparison(crisp: str) -> Interval:
 @checked
 @record(slots=True)
 class Term:
-    """A word for some values of a variable.
+    """A word for a range of a variable's values.
 
     Parameters
     ----------
@@ -106,11 +106,12 @@ class Term:
         The word, such as ``high``: letters, digits and underscores.
     corners : tuple of float
         Left foot, left shoulder, right shoulder and right foot of the trapezoid, in rising order.
-        Two equal corners are a step; both left ones -inf, or both right ones inf, an open shoulder.
+        Two equal corners make a step. If both left corners are -inf, or both right ones inf, that
+        shoulder is open.
     crisp : Interval or str
         The word as a comparison, such as ``x > 90``.
-    english, korean : str, default ""
-        Labels.
+    english : str, default ""
+        Label in figures and explanations.
 
     Examples
     --------
@@ -123,7 +124,6 @@ class Term:
     corners: tuple[float, float, float, float]
     crisp: Interval = part(Interval, make=parse_comparison)
     english: str = ""
-    korean: str = ""
 
     if TYPE_CHECKING:
 
@@ -133,7 +133,6 @@ class Term:
             corners: tuple[float, float, float, float],
             crisp: Interval | str,
             english: str = "",
-            korean: str = "",
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -144,7 +143,9 @@ class Term:
         left, right = corners[:2], corners[2:]
         open_ends = (left == (-inf, -inf), right == (inf, inf))
         if list(corners) != sorted(corners) or all(open_ends):
-            raise ArgumentError(f"corners are {corners}; they must rise, and one side must close")
+            raise ArgumentError(
+                f"corners are {corners}; they must rise, and one side must be finite"
+            )
         closed = (() if open_ends[0] else left) + (() if open_ends[1] else right)
         if not all(isfinite(corner) for corner in closed):
             raise ArgumentError(
@@ -154,7 +155,7 @@ class Term:
 
     @property
     def midpoint(self) -> Interval:
-        """The values with a membership of 0.5 or more: a comparison in the middle of the ramps."""
+        """The values with a membership of 0.5 or more."""
         a, b, c, d = self.corners
         # inf - inf would be NaN; a step holds at its edge, as a ramp does in its middle.
         low, high = (x if x == y else (x + y) / 2 for x, y in ((a, b), (c, d)))
@@ -193,9 +194,9 @@ class Variable:
     low, high : float
         Ends of the universe, the values that a sensor can report.
     terms : tuple of Term
-        One or more words, each once; shoulder and comparison must reach into the universe.
-    english, korean : str, default ""
-        Labels.
+        One or more, each name once; the shoulder and the comparison of each must meet the universe.
+    english : str, default ""
+        Label in figures.
 
     Examples
     --------
@@ -210,7 +211,6 @@ class Variable:
     high: float
     terms: tuple[Term, ...]
     english: str = ""
-    korean: str = ""
 
     def __post_init__(self) -> None:
         check_word("name of a variable", self.name)
@@ -219,12 +219,12 @@ class Variable:
         object.__setattr__(self, "high", high)
         object.__setattr__(self, "terms", tuple(self.terms))
         if not (isfinite(low) and isfinite(high) and low < high):
-            raise ArgumentError(f"low of {self.name} is {low:g}, high {high:g}; they must rise")
+            raise ArgumentError(f"low of {self.name} is {low:g}, high {high:g}; low must be lower")
         names = [term.name for term in self.terms]
         if not names or len(set(names)) < len(names):
             raise ArgumentError(
                 f"terms of {self.name} are {', '.join(names) or 'none'}; "
-                "there must be one or more, each once"
+                "there must be one or more, with different names"
             )
         for term in self.terms:
             ends = {"shoulder": term.corners[1:3], "comparison": (term.crisp.low, term.crisp.high)}
@@ -232,11 +232,11 @@ class Variable:
                 if last < low or first > high:
                     raise ArgumentError(
                         f"{what} of {self.name}.{term.name} lies outside {low:g}..{high:g}; "
-                        "it must reach into the universe"
+                        "it must meet the universe"
                     )
 
     def __getitem__(self, name: str) -> Term:
-        """Return the term of a name."""
+        """Return the term with this name."""
         for term in self.terms:
             if term.name == name:
                 return term
@@ -244,7 +244,7 @@ class Variable:
         raise ArgumentError(f"term is {name!r}; {self.name} has {names}")
 
     def cells(self, method: str) -> list[float]:
-        """Return one value for each set of terms that holds somewhere in the universe."""
+        """Return one value for each combination of terms that can hold at once."""
         intervals = [term.midpoint if method == "midpoint" else term.crisp for term in self.terms]
         ends = {end for one in intervals for end in (one.low, one.high)} | {self.low, self.high}
         edges = sorted(end for end in ends if self.low <= end <= self.high)
@@ -261,7 +261,7 @@ class Variable:
         return sorted(float(points[place]) for place in found.values())
 
     def plot(self, ax: Axes | None = None, *, crisp: bool = True) -> Axes:
-        """Draw the membership functions, and with `crisp` the limits of the comparisons, dashed."""
+        """Draw the membership functions; `crisp` adds the comparisons' limits as dashed lines."""
         ax = style.axes(ax)
         grid = np.linspace(self.low, self.high, 501)
         for term in self.terms:
@@ -288,20 +288,20 @@ class Variable:
 
 @record(slots=True)
 class Rule:
-    """If all of these terms hold, then this fault.
+    """A rule that reports a fault if all of its terms hold.
 
     Parameters
     ----------
     code : str
         Name of the fault, such as ``V1``; not ``normal`` or ``unknown``.
     antecedent : str or tuple of (str, str)
-        Variables and terms such as ``FP.high & OP.high``, or pairs of them; each variable once.
+        Terms such as ``FP.high & OP.high``, or pairs of variable and term; each variable once.
     priority : int
         Rank when several rules fire, 1..9999; 1 is reported first.
     flag : str, default ""
         The flag that the rule sets; several rules may set the same flag.
-    english, korean : str, default ""
-        Labels.
+    english : str, default ""
+        Label in figures.
 
     Examples
     --------
@@ -315,7 +315,6 @@ class Rule:
     priority: int = whole(1, 9999)
     flag: str = text(default="")
     english: str = text(default="")
-    korean: str = text(default="")
 
     if TYPE_CHECKING:
 
@@ -326,7 +325,6 @@ class Rule:
             priority: int,
             flag: str = "",
             english: str = "",
-            korean: str = "",
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -365,12 +363,12 @@ class Rule:
 
 
 def check_word(what: str, text: str) -> str:
-    """Return a name, or raise unless it is letters, digits and underscores, a letter first."""
+    """Return a name if it is of letters, digits and underscores and begins with a letter."""
     if not isinstance(text, str) or not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", text):
         raise ArgumentError(f"{what} is {text!r}; it must be letters, digits and underscores")
     return text
 
 
-def number_text(value: float) -> str:
-    """Return a number with as many digits as distinguish it; ``""`` for an infinite one."""
-    return repr(float(value)).removesuffix(".0") if isfinite(value) else ""
+def _number_text(value: float) -> str:
+    """Return a number with as many digits as distinguish it from all others."""
+    return repr(float(value)).removesuffix(".0")

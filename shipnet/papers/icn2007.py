@@ -110,16 +110,16 @@ def goes_on_after(*, repeats: bool, wait: float = 10.0) -> bool:
 @check("icn2007-028", counter={"damaged": False})
 def silent_after_error(*, damaged: bool = True) -> bool:
     """Whether a synchronous slave ignores a damaged request."""
-    bits = Request.read_id(3).bits
+    bits = Request(Call.READ_ID, 3).bits
     if damaged:
         bits = bits[:-2] + str(1 - int(bits[-2])) + bits[-1]
     return answer_to(bits) == "silence"
 
 
-@check("icn2007-052", counter={"bits": Request.read_id(3).bits})
+@check("icn2007-052", counter={"bits": Request(Call.READ_ID, 3).bits})
 def silent_to_others(*, bits: str = "") -> bool:
     """Whether a synchronous slave ignores requests to others and unknown calls."""
-    asked = [bits] if bits else [Request.read_id(4).bits, UNKNOWN]
+    asked = [bits] if bits else [Request(Call.READ_ID, 4).bits, UNKNOWN]
     return all(answer_to(one) == "silence" for one in asked)
 
 

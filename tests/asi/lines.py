@@ -1,5 +1,6 @@
 """Helpers of tests: slaves by address, lines with given disturbances, slaves at their places."""
 
+from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
@@ -8,7 +9,7 @@ from shipnet.asi import channel
 from shipnet.asi.elements import Repeater
 from shipnet.asi.master import Master
 from shipnet.asi.modulation import Modulation
-from shipnet.asi.plan import Plan
+from shipnet.asi.plan import Plan, plan_of
 from shipnet.asi.simulation import simulate
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import frame
@@ -21,6 +22,15 @@ RESPONSES = Modulation([frame(f"{data:04b}") for data in range(16)]).bits
 
 def slave(profile, address=0, half=None, **options):
     return Slave(f"{address}{half or ''}", profile, **options)
+
+
+def renamed(plan, prefix):
+    """Return a plan with a prefix before each node's name."""
+    moved = []
+    for element in plan:
+        ends = [name for name in ("node", "a", "b") if hasattr(element, name)]
+        moved.append(replace(element, **{name: prefix + getattr(element, name) for name in ends}))
+    return plan_of(moved)
 
 
 def draw(rng, n_cycles, request, response, *, attempts=2):

@@ -34,8 +34,9 @@ def test_messages_of_more_than_four_bits_take_several_cycles():
 
 def test_sharing_an_address_doubles_the_time():
     answer = 60e-6
-    times = Cycle([10, 31]).response_time("S-7.A.7", paired=True, direction="out").worst
-    assert times.tolist() == pytest.approx([4 * cycle_time(n) + answer for n in (10, 31)])
+    for n in (10, 31):
+        times = Cycle(n).response_time("S-7.A.7", paired=True, direction="out")
+        assert times.worst == pytest.approx(4 * cycle_time(n) + answer)
     late = Cycle(31).response_time("S-7.A.7", paired=True).worst
     assert late == pytest.approx(2 * cycle_time(31) + answer)
     # About 50 Bd: 16 bits take 0.32 s in cycles of 5 ms.

@@ -48,7 +48,7 @@ def test_the_specified_cycles_need_short_transactions():
 def test_schneider_prints_156_us_times_n_plus_one_above_a_floor():
     n = np.arange(1, 32)
     last, floor = published("cycle, Schneider, slaves up to")
-    ours = cycle_time(n, inclusion=0, minimum=floor)
+    ours = np.maximum([cycle_time(int(number), inclusion=0) for number in n], floor)
     printed = np.where(n <= last, floor, 156e-6 * (1 + n))
     # At 19 slaves the formula gives 3.12 ms already; the FAQ still prints 3.
     assert n[~np.isclose(ours, printed)].tolist() == [last]
@@ -85,23 +85,11 @@ def test_changes_at_any_time_are_heard_within_the_bounds(alone, pairs, slave):
     assert worst - 1e-6 < waited.max() <= worst
 
 
-def test_repetitions_and_the_host_only_make_it_later():
+def test_repetitions_only_delay_the_worst_case():
     cycle = Cycle(31)
-    plain, late = cycle.response_time(), cycle.response_time(repetitions=3, host=10e-3)
-    assert late.best == plain.best
-    assert late.typical - plain.typical == pytest.approx(5e-3)
-    assert late.worst - plain.worst == pytest.approx(3 * 156e-6 + 10e-3)
-
-
-def test_arrays_broadcast():
-    alone, pairs = np.arange(20)[:, np.newaxis], np.arange(12)
-    cycles = Cycle(alone + 2 * pairs, pairs=pairs)
-    assert cycles.time.shape == (20, 12)
-    assert cycles.time[7, 5] == cycle_time(17, pairs=5)
-    assert cycles.update_time()[3].tolist() == [
-        Cycle(3 + 2 * int(number), pairs=int(number)).update_time() for number in pairs
-    ]
-    assert [times.shape for times in cycles.response_time()] == [(20, 12)] * 3
+    plain, late = cycle.response_time(), cycle.response_time(repetitions=3)
+    assert late[:2] == plain[:2]
+    assert late.worst - plain.worst == pytest.approx(3 * 156e-6)
 
 
 @pytest.mark.parametrize(
@@ -113,11 +101,9 @@ def test_arrays_broadcast():
         (lambda: cycle_time(True), "slaves is True"),
         (lambda: cycle_time("5"), "slaves is '5'"),
         (lambda: cycle_time(44, pairs=12), "pairs is 12; 44 slaves take 31 addresses"),
-        (lambda: cycle_time([3, 31], pairs=[2, 1]), "two slaves share one"),
-        (lambda: cycle_time(1, repetitions=-1), "repetitions is -1"),
-        (lambda: cycle_time(1, minimum=float("nan")), "minimum is nan s"),
+        (lambda: cycle_time(3, pairs=2), "two slaves share one"),
+        (lambda: cycle_time(1, inclusion=2), "inclusion is 2"),
         (lambda: Cycle().response_time(paired=2), "paired is 2"),
-        (lambda: Cycle().response_time(host=-1), "host is -1 s"),
         (lambda: Cycle().response_time(repetitions=0.5), "repetitions is 0.5"),
         (lambda: Cycle().response_time("S-7.3", conversion=-1), "conversion is -1 s"),
     ],
@@ -129,4 +115,3 @@ def test_what_is_no_cycle_is_refused(call, message):
 
 def test_an_empty_line_still_looks_for_slaves():
     assert cycle_time(0) == pytest.approx(2 * 156e-6)
-    assert cycle_time(0, management=0, inclusion=0) == 0

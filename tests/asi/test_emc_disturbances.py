@@ -1,5 +1,3 @@
-from math import inf
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -9,6 +7,7 @@ from shipnet.asi.emc.disturbances import (
     _DECAY,
     _RISE,
     AREA,
+    INPUT_CORNER,
     PACKET_LENGTH,
     PULSE_RATE,
     Burst,
@@ -53,34 +52,6 @@ def test_a_disturbance_grows_with_its_amplitude(disturbance):
     # Neither sign is preferred: the sum is small beside what one sign alone would add up to.
     many = draw(disturbance, T, 1.0, rng(), 4000)
     assert abs(many.sum()) < 0.1 * np.abs(many).sum()
-
-
-@each
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"t": []}, "t has the shape .0,. .* a row of two times or more"),
-        ({"t": [1.0]}, "t has the shape .1,."),
-        ({"t": [[0.0, 1.0]]}, "t has the shape .1, 2."),
-        ({"t": ["a", "b"]}, "dtype <U1"),
-        ({"t": [0, 1, 3]}, "t must be finite, rise and be evenly spaced"),
-        ({"t": [0, 0, 0]}, "t must be finite, rise"),
-        ({"t": [2, 1, 0]}, "t must be finite, rise"),
-        ({"t": [0, np.nan, 2]}, "t must be finite"),
-        ({"t": [0, 1, np.inf]}, "t must be finite"),
-        ({"amplitude": -1}, r"amplitude is -1 V; it must be 0..1e\+09 V"),
-        ({"amplitude": np.nan}, "amplitude is nan V"),
-        ({"amplitude": np.inf}, "amplitude is inf V"),
-        ({"amplitude": "1"}, "amplitude is '1'"),
-        ({"amplitude": [1, 2]}, "must be a single number"),
-        ({"size": -1}, "size is -1"),
-        ({"size": 1.5}, "size is 1.5"),
-    ],
-)
-def test_bad_arguments_are_named(disturbance, change, message):
-    arguments = {"t": T, "amplitude": 1.0, "rng": rng(), "size": 3} | change
-    with pytest.raises(ArgumentError, match=message), np.errstate(invalid="ignore"):
-        disturbance.voltage(**arguments, span=(0, 42e-6))
 
 
 def test_noise_is_normal_and_white():
@@ -198,14 +169,10 @@ def test_a_telegram_meets_the_carrier_at_any_strength_and_phase():
 def test_a_carrier_in_a_zero_of_the_filter_does_no_harm():
     # The filter of 3 us is blind at 667 kHz; at 200 kHz, amid the signal, 2.5 V do harm.
     near = asi.line(100, slaves=(5,)).waveform()
-    rates = {
-        frequency: asi.emc.count_errors(near, ConductedRF(frequency, f_mod=0), 2.5, 500, rng())
-        .table()["rate"]
-        .item()
-        for frequency in (200e3, 2 / 3e-6)
-    }
-    assert rates[200e3] > 0.5
-    assert rates[2 / 3e-6] == 0
+    for frequency, low, high in ((200e3, 0.5, 1), (2 / 3e-6, 0, 0)):
+        carrier = ConductedRF(frequency, f_mod=0)
+        rate = asi.emc.count_errors(near, carrier, 2.5, 500, rng())["rate"].item()
+        assert low <= rate <= high
 
 
 @pytest.mark.parametrize(
@@ -264,12 +231,11 @@ def test_the_formula_of_the_standard_is_near():
     assert area == pytest.approx(AREA, rel=0.05)
 
 
-@pytest.mark.parametrize("corner", [0.3e6, 1e6, 2.862e6, 1e9])
 @pytest.mark.parametrize("dt", [20e-9, 250e-9, 1e-6])
-def test_the_samples_keep_the_area_of_the_pulses_on_any_grid(dt, corner):
+def test_the_samples_keep_the_area_of_the_pulses_on_any_grid(dt):
     # 1 ms holds five pulses; one that the ends of the record cut is the exception.
     t = np.arange(round(1e-3 / dt)) * dt
-    u = draw(Burst(corner=corner), t, 40.0, rng(), 60)
+    u = draw(Burst(), t, 40.0, rng(), 60)
     pulses = np.abs(u.sum(axis=1)) * dt / (40 * AREA)
     whole = np.abs(pulses - pulses.round()) < 1e-6
     assert whole.mean() > 0.9
@@ -279,15 +245,15 @@ def test_the_samples_keep_the_area_of_the_pulses_on_any_grid(dt, corner):
 
 def test_a_sample_is_the_pulse_behind_the_low_pass_and_the_mean():
     # 100 us in steps of 10 ns with one pulse: its spectrum is the product of all three.
-    dt, corner = 10e-9, 1e6
+    dt = 10e-9
     t = np.arange(10_000) * dt
-    u = draw(Burst(1e4, corner), t, 1.0, rng(), 40)
+    u = draw(Burst(1e4), t, 1.0, rng(), 40)
     u = u[(np.abs(u[:, :300]).max(axis=1) == 0) & (np.abs(u[:, -500:]).max(axis=1) < 1e-7)]
     assert len(u) > 20
     f = np.fft.rfftfreq(t.size, dt)[:1000]
     s = 2j * np.pi * f
     pulse = AREA / ((1 + s * _DECAY) * (1 + s * _RISE))
-    expected = np.abs(pulse / (1 + 1j * f / corner)) * np.sinc(f * dt)
+    expected = np.abs(pulse / (1 + 1j * f / INPUT_CORNER)) * np.sinc(f * dt)
     numeric = np.abs(np.fft.rfft(u)[:, :1000]) * dt
     assert np.abs(numeric - expected).max() < 1e-3 * AREA
 
@@ -307,19 +273,10 @@ def test_pulses_come_at_their_rate_with_one_sign_and_any_phase():
 
 
 def test_a_pulse_ahead_of_the_record_is_still_felt_in_it():
-    # A slow input makes the pulses long; the first sample is disturbed as often as the last.
-    u = np.abs(draw(Burst(corner=30e3), np.arange(100) * 250e-9, 1.0, rng(), 4000))
+    # The input makes the pulses long; the first sample is disturbed as often as the last.
+    u = np.abs(draw(Burst(1e6), np.arange(100) * 25e-9, 1.0, rng(), 4000))
     assert u[:, 0].mean() == pytest.approx(u[:, -1].mean(), rel=0.15)
     assert u[:, 0].mean() > 0
-
-
-def test_constants_that_coincide_are_no_pole():
-    t = np.arange(400) * 25e-9
-    for constant in (55.61e-9, 3.291e-9):
-        corner = 1 / (2 * np.pi * constant)
-        at, beside = (draw(Burst(1e6, c), t, 1.0, rng(), 50) for c in (corner, corner * 1.001))
-        assert np.abs(at).max() > 0.1
-        assert np.abs(at - beside).max() < 2e-3
 
 
 @pytest.mark.parametrize(
@@ -327,8 +284,6 @@ def test_constants_that_coincide_are_no_pole():
     [
         ({"rate": 0}, r"rate is 0 1/s; it must be 1\.\.1e\+06 1/s"),
         ({"rate": np.nan}, "rate is nan"),
-        ({"corner": 10}, "corner is 10 Hz"),
-        ({"corner": inf}, "corner is inf; it must be 1000"),
     ],
 )
 def test_bad_bursts_are_named(change, message):

@@ -36,7 +36,7 @@ def within(row, low, high):
     [(0.6, PROOF, 40_000), (0.5, PROOF, 150_000), (0.7, DEAF, 100_000)],
 )
 def test_counting_gives_the_same_rate(deviation, receiver, n):
-    counted = count_errors(NEAR, Noise(), deviation, n, 1, receiver=receiver).table().iloc[0]
+    counted = count_errors(NEAR, Noise(), deviation, n, 1, receiver=receiver).iloc[0]
     sampled = rate_of(deviation, 20_000, receiver)
     assert within(sampled, counted["rate_low"], counted["rate_high"]) and sampled["sound"]
     # And it knows the rate better.

@@ -4,10 +4,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet import datasets, style
-from shipnet.asi.emc.disturbances import PULSE_RATE
-from shipnet.asi.emc.immunity import gaps, levels
+from shipnet.asi.emc.disturbances import PULSE_RATE, gaps, levels, plot_levels
 
-TABLE = levels().table()
+TABLE = levels()
 PRINTED = datasets.read("kim2023_table2_emc.csv")
 
 
@@ -102,7 +101,7 @@ def names(ax):
 
 
 def test_every_test_that_a_ship_asks_for_has_its_row(ax):
-    assert levels().plot(ax) is ax
+    assert plot_levels(ax) is ax
     asked = TABLE.loc[TABLE["gap"] != "not asked", "test"].unique()
     shown = {name.removesuffix(", highest frequency") for name in names(ax)}
     assert shown == set(asked) - {"burst"}
@@ -112,7 +111,7 @@ def test_every_test_that_a_ship_asks_for_has_its_row(ax):
 
 
 def test_dots_stand_at_the_ratio_and_show_what_is_wrong_or_unsure(ax):
-    levels().plot(ax)
+    plot_levels(ax)
     dots = {line.get_ydata()[0]: line for line in ax.lines if line.get_marker() in ("o", "x")}
     texts = [text.get_text() for text in ax.texts]
     seen = {name: (dots[y], texts[y]) for y, name in enumerate(names(ax))}

@@ -49,7 +49,7 @@ def test_noise_of_one_density_costs_the_same_at_any_step():
     rates = [
         asi.emc.count_errors(
             plan.waveform(dt=dt), asi.emc.Noise(), 0.7, 4000, 2024, receiver=receiver
-        ).table()["rate"][0]
+        )["rate"][0]
         for dt in (125e-9, 250e-9)
     ]
     assert rates == pytest.approx([0.068, 0.068], abs=0.012)

@@ -18,6 +18,7 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import declared
 from shipnet.line import CABLES
 from shipnet.line.network import CableRun
+from tests.asi.lines import renamed
 
 SMALL = """kind,node,to,length_m,cable,address,profile,current_ma,voltage_v,rating_a
 master,bridge,,,,,,100,,
@@ -224,7 +225,7 @@ def plans(draw):
 
 @given(plans(), quantities(Repeater, "delay"))
 def test_a_saved_plan_comes_back_to_the_last_bit(tmp_path_factory, plan, delay):
-    other = line(7.7).renamed("\N{WAVE DASH}")
+    other = renamed(line(7.7), "\N{WAVE DASH}")
     both = Plan(
         [*plan.cables, *other.cables], plan.masters, plan.supplies, plan.slaves,
         [Repeater(plan.cables[0].a, other.cables[0].a, delay)], plan.terminators,
@@ -294,7 +295,7 @@ def submarine():
         if number <= 5:
             aft = line(84, 7, supply=48)
             plan = line(84, 7).with_repeater("84 m", aft, prefix="aft ")
-        lines.append(plan.renamed(f"L{number:02} "))
+        lines.append(renamed(plan, f"L{number:02} "))
     kinds = ("cables", "masters", "supplies", "slaves", "repeaters")
     together = {kind: [e for plan in lines for e in getattr(plan, kind)] for kind in kinds}
     valves = Profile(7, 0xF)

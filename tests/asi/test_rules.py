@@ -14,6 +14,7 @@ from shipnet.asi.timing import MASTER_PAUSE_BITS, Cycle, Transaction
 from shipnet.asi.topologies import line, ring, star
 from shipnet.errors import ArgumentError
 from shipnet.line.network import CableRun
+from tests.asi.lines import renamed
 
 SHARED, ALONE = "S-0.A", "S-0.F"
 NUMBERS = datasets.read("icn2007_numbers.csv").set_index("parameter")["value"]
@@ -164,7 +165,7 @@ def test_addresses(slaves, breaks):
 
 
 def test_lines_do_not_share_addresses_with_each_other():
-    first, second = line(30, [30]).renamed("a "), line(30, [30]).renamed("b ")
+    first, second = renamed(line(30, [30]), "a "), renamed(line(30, [30]), "b ")
     both = Plan(
         [*first.cables, *second.cables],
         [*first.masters, *second.masters],

@@ -24,22 +24,22 @@ BY_HAND = [
     (Request.data_exchange(21, 0xE), "00101010111001"),
     (Request.data_exchange(21, 0x6, "A"), "00101010111001"),
     (Request.data_exchange(21, 0x6, "B"), "00101010011011"),
-    (Request.write_parameter(1, 0xF), "00000011111101"),
-    (Request.write_parameter(1, 0x7, "B"), "00000011011111"),
-    (Request.assign_address(5), "00000000010101"),
-    (Request.write_id1(0x9), "01000000100111"),
-    (Request.delete_address(3), "01000110000011"),
-    (Request.delete_address(3, "B"), "01000110100001"),
-    (Request.reset(3), "01000111110001"),
-    (Request.reset(3, "B"), "01000111010011"),
-    (Request.read_io_configuration(31), "01111111000011"),
-    (Request.read_id(31), "01111111000101"),
-    (Request.read_id1(31), "01111111001001"),
-    (Request.read_id2(31), "01111111001111"),
-    (Request.read_status(31), "01111111111001"),
-    (Request.read_status(31, "B"), "01111111011011"),
-    (Request.broadcast_reset(), "01111111010111"),
-    (Request.enter_program_mode(), "01000001110111"),
+    (Request(Call.WRITE_PARAMETER, 1, 0xF), "00000011111101"),
+    (Request(Call.WRITE_PARAMETER, 1, 0x7, "B"), "00000011011111"),
+    (Request(Call.ASSIGN_ADDRESS, 0, 5), "00000000010101"),
+    (Request(Call.WRITE_ID1, 0, 0x9), "01000000100111"),
+    (Request(Call.DELETE_ADDRESS, 3), "01000110000011"),
+    (Request(Call.DELETE_ADDRESS, 3, half="B"), "01000110100001"),
+    (Request(Call.RESET, 3), "01000111110001"),
+    (Request(Call.RESET, 3, half="B"), "01000111010011"),
+    (Request(Call.READ_IO_CONFIGURATION, 31), "01111111000011"),
+    (Request(Call.READ_ID, 31), "01111111000101"),
+    (Request(Call.READ_ID1, 31), "01111111001001"),
+    (Request(Call.READ_ID2, 31), "01111111001111"),
+    (Request(Call.READ_STATUS, 31), "01111111111001"),
+    (Request(Call.READ_STATUS, 31, half="B"), "01111111011011"),
+    (Request(Call.BROADCAST_RESET, 31), "01111111010111"),
+    (Request(Call.ENTER_PROGRAM_MODE, 0), "01000001110111"),
 ]
 
 
@@ -58,7 +58,7 @@ def test_parity_of_the_data_sheets():
     for bits in FRAMES:
         assert bits[:-1].count("1") % 2 == 0
         assert bits.count("1") % 2 == 1
-    assert Request.broadcast_reset().bits == FRAMES["broadcast reset"]
+    assert Request(Call.BROADCAST_RESET, 31).bits == FRAMES["broadcast reset"]
     assert Response(6).bits == FRAMES["answer 6"]
     assert Response(0).bits == FRAMES["answer 0"]
     assert Request.data_exchange(21, 0xE).bits == "00101010111001"
@@ -223,33 +223,6 @@ def test_bits_of_another_type(bits):
             parse(bits)
 
 
-@pytest.mark.parametrize("half", [None, "A", "B"])
-@pytest.mark.parametrize(
-    ("name", "call", "data"),
-    [
-        ("data_exchange", Call.DATA_EXCHANGE, (5,)),
-        ("write_parameter", Call.WRITE_PARAMETER, (5,)),
-        ("delete_address", Call.DELETE_ADDRESS, ()),
-        ("reset", Call.RESET, ()),
-        ("read_io_configuration", Call.READ_IO_CONFIGURATION, ()),
-        ("read_id", Call.READ_ID, ()),
-        ("read_id1", Call.READ_ID1, ()),
-        ("read_id2", Call.READ_ID2, ()),
-        ("read_status", Call.READ_STATUS, ()),
-    ],
-)
-def test_each_call_to_a_slave_has_its_maker(name, call, data, half):
-    assert getattr(Request, name)(3, *data, half) == Request(call, 3, *data, half=half)
-
-
-def test_each_call_to_all_or_to_address_0_has_its_maker():
-    assert Request.assign_address(5) == Request(Call.ASSIGN_ADDRESS, 0, 5)
-    assert Request.write_id1(5) == Request(Call.WRITE_ID1, 0, 5)
-    assert Request.broadcast_reset() == Request(Call.BROADCAST_RESET, 31)
-    assert Request.enter_program_mode() == Request(Call.ENTER_PROGRAM_MODE, 0)
-    assert Response.all() == tuple(Response(data) for data in range(16))
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -257,10 +230,10 @@ def test_each_call_to_all_or_to_address_0_has_its_maker():
         (lambda: Request.data_exchange(-1, 0), r"address is -1"),
         (lambda: Request.data_exchange(0, 0), r"address is 0; .*1\.\.31: data exchange needs"),
         (
-            lambda: Request.write_parameter(0, 0),
+            lambda: Request(Call.WRITE_PARAMETER, 0, 0),
             r"address is 0; .*31: .* needs an addressed slave$",
         ),
-        (lambda: Request.delete_address(0), r"address is 0; .*1\.\.31"),
+        (lambda: Request(Call.DELETE_ADDRESS, 0), r"address is 0; .*1\.\.31"),
         (lambda: Request.data_exchange(1, 16), r"data is 16; .*0\.\.15"),
         (
             lambda: Request.data_exchange(1, 8, "B"),
@@ -270,11 +243,14 @@ def test_each_call_to_all_or_to_address_0_has_its_maker():
         (lambda: Request.data_exchange(True, 1), r"address is True; .*whole number"),
         (lambda: Request.data_exchange("1", 1), r"address is '1'; .*whole number"),
         (lambda: Request.data_exchange(1, 1, "C"), r"half is 'C'"),
-        (lambda: Request.assign_address(0), r"data is 0; .*1\.\.31"),
-        (lambda: Request.assign_address(32), r"data is 32; .*1\.\.31"),
-        (lambda: Request.write_id1(16), r"data is 16; .*0\.\.15 in write extended ID code 1$"),
-        (lambda: Request.reset(32), r"address is 32; .*0\.\.31$"),
-        (lambda: Request.read_id(-1), r"address is -1; .*0\.\.31$"),
+        (lambda: Request(Call.ASSIGN_ADDRESS, 0, 0), r"data is 0; .*1\.\.31"),
+        (lambda: Request(Call.ASSIGN_ADDRESS, 0, 32), r"data is 32; .*1\.\.31"),
+        (
+            lambda: Request(Call.WRITE_ID1, 0, 16),
+            r"data is 16; .*0\.\.15 in write extended",
+        ),
+        (lambda: Request(Call.RESET, 32), r"address is 32; .*0\.\.31$"),
+        (lambda: Request(Call.READ_ID, -1), r"address is -1; .*0\.\.31$"),
         (
             lambda: Request(Call.ASSIGN_ADDRESS, 0, 3, "B"),
             r"half is 'B', but assign address has no",
@@ -294,7 +270,10 @@ def test_each_call_to_all_or_to_address_0_has_its_maker():
         (lambda: Request(Call.RESET, 3, 1), r"data is 1; .*0\.\.0 in reset slave"),
         (lambda: Response(16), r"data is 16; .*0\.\.15 in a response$"),
         (lambda: Response(0, Call.BROADCAST_RESET), r"broadcast reset, which no slave answers"),
-        (lambda: Request.broadcast_reset().answer(), r"broadcast reset, which no slave answers"),
+        (
+            lambda: Request(Call.BROADCAST_RESET, 31).answer(),
+            r"broadcast reset, which no slave answers",
+        ),
         (lambda: Request.data_exchange(1, 1).answer(), r"data is missing"),
     ],
 )
@@ -338,7 +317,7 @@ def test_fixed_and_missing_answers_are_those_of_the_data_sheet():
         assert FIXED.get(call) == (answer if isinstance(answer, int) else None)
     silent = [call for call in Call if call.rule.answer is None]
     assert silent == [Call.BROADCAST_RESET, Call.ENTER_PROGRAM_MODE]
-    assert Request.reset(3).answer(0x1) == Response(0x1, Call.RESET)
+    assert Request(Call.RESET, 3).answer(0x1) == Response(0x1, Call.RESET)
 
 
 @pytest.mark.parametrize(
@@ -346,18 +325,21 @@ def test_fixed_and_missing_answers_are_those_of_the_data_sheet():
     [
         (Request.data_exchange(21, 0xB), "data exchange with slave 21: outputs 1011 (B)"),
         (Request.data_exchange(21, 0x3, "B"), "data exchange with slave 21B: outputs 011 (3)"),
-        (Request.write_parameter(7, 0x9), "write parameter 1001 (9) to slave 7"),
-        (Request.assign_address(29), "assign address 29 to the slave at address 0"),
-        (Request.write_id1(0xC), "write extended ID code 1 1100 (C) to the slave at address 0"),
-        (Request.delete_address(8), "delete the address of slave 8"),
-        (Request.reset(9, "A"), "reset slave 9A"),
-        (Request.read_io_configuration(3), "read the I/O configuration of slave 3"),
-        (Request.read_id(4), "read the ID code of slave 4"),
-        (Request.read_id1(5), "read extended ID code 1 of slave 5"),
-        (Request.read_id2(6), "read extended ID code 2 of slave 6"),
-        (Request.read_status(12), "read the status of slave 12"),
-        (Request.broadcast_reset(), "broadcast reset of all slaves, without answer"),
-        (Request.enter_program_mode(), "enter program mode at address 0, without answer"),
+        (Request(Call.WRITE_PARAMETER, 7, 0x9), "write parameter 1001 (9) to slave 7"),
+        (Request(Call.ASSIGN_ADDRESS, 0, 29), "assign address 29 to the slave at address 0"),
+        (
+            Request(Call.WRITE_ID1, 0, 0xC),
+            "write extended ID code 1 1100 (C) to the slave at address 0",
+        ),
+        (Request(Call.DELETE_ADDRESS, 8), "delete the address of slave 8"),
+        (Request(Call.RESET, 9, half="A"), "reset slave 9A"),
+        (Request(Call.READ_IO_CONFIGURATION, 3), "read the I/O configuration of slave 3"),
+        (Request(Call.READ_ID, 4), "read the ID code of slave 4"),
+        (Request(Call.READ_ID1, 5), "read extended ID code 1 of slave 5"),
+        (Request(Call.READ_ID2, 6), "read extended ID code 2 of slave 6"),
+        (Request(Call.READ_STATUS, 12), "read the status of slave 12"),
+        (Request(Call.BROADCAST_RESET, 31), "broadcast reset of all slaves, without answer"),
+        (Request(Call.ENTER_PROGRAM_MODE, 0), "enter program mode at address 0, without answer"),
     ],
 )
 def test_a_request_says_what_it_is(request_, text):
@@ -388,6 +370,6 @@ def test_a_response_says_what_it_is(response, text):
 
 
 def test_the_reading_of_the_select_bit():
-    assert Request.parse(Request.read_id(4, "B").bits).slave == "4B"
-    assert Request.parse(Request.read_id(4, "A").bits).slave == "4"
-    assert Request.parse(Request.read_id(4, "A").bits, extended=True).slave == "4A"
+    assert Request.parse(Request(Call.READ_ID, 4, half="B").bits).slave == "4B"
+    assert Request.parse(Request(Call.READ_ID, 4, half="A").bits).slave == "4"
+    assert Request.parse(Request(Call.READ_ID, 4, half="A").bits, extended=True).slave == "4A"

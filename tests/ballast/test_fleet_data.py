@@ -106,7 +106,7 @@ def test_a_fault_begins_grows_ends_and_may_come_next_to_midnight():
     assert [names[place + 1] for place in code] == ["", "", "V1", "", "P2", ""]
     assert severity.tolist() == [0, 0, 1, 0, 0.4, 0]
     block = _Block("", 0, 2, 3, 0.0, 4, 60.0, 1)
-    plant = Plant(spread_valves(2, 0.02, None, np.random.default_rng(1)), [*history.faults(2)])
+    plant = Plant(spread_valves(2, np.random.default_rng(1)), [*history.faults(2)])
     last = [run.time[-1] for _, run, _ in _days(block, plant, np.random.default_rng(1))]
     assert last == pytest.approx([DAY - 1, 2 * DAY - 1, 3 * DAY - 1])
 
@@ -124,7 +124,7 @@ def test_over_years_a_valve_is_as_often_and_as_long_faulty_as_asked():
 
 def test_days_one_by_one_are_one_run():
     block = _Block("", 0, 4, 3, 0.0, 5, 60.0, 1)
-    system = spread_valves(4, 0.02, None, np.random.default_rng(1))
+    system = spread_valves(4, np.random.default_rng(1))
     history = _History([], [(0.0, "", 0.0), (DAY + 40.0, "P2", 0.6), (2.4 * DAY, "", 0.0)])
     faults = list(history.faults(3))
     moved = [

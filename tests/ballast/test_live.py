@@ -1,27 +1,31 @@
+from functools import partial
 from math import pi
 
 import numpy as np
 import pytest
 
 from shipnet.ballast.diagnosis import Recorder, diagnose_run
-from shipnet.ballast.live import Client, _diagnosis_of, acceptance_tests
+from shipnet.ballast.live import Client, _diagnosis_of, _manual, _remote, acceptance_tests
 from shipnet.ballast.live import TestBed as Bed
-from shipnet.ballast.master import received_run
 from shipnet.ballast.plant import FAULTS, Command, Plant
 from shipnet.ballast.simulation import simulate
 from shipnet.errors import ArgumentError
 from tests.support import check_mistakes
 
 
-def test_the_three_tests_of_control_are_passed_with_noise():
-    table = acceptance_tests(rng=np.random.default_rng(2024), tests=("manual", "remote", "PC"))
-    assert table["passed"].all(), table[~table["passed"]]
-    assert table["test"].value_counts().to_dict() == {"manual": 20, "remote": 20, "PC": 11}
+@pytest.fixture(scope="module")
+def accepted():
+    return acceptance_tests(rng=np.random.default_rng(2024))
 
 
-def test_the_slaves_find_all_twelve_faults_and_nothing_where_nothing_is_wrong():
-    table = acceptance_tests(rng=np.random.default_rng(2024), tests=["diagnosis"])
-    assert table["passed"].all(), table[~table["passed"]]
+def test_all_acceptance_tests_pass_with_noise(accepted):
+    assert accepted["passed"].all(), accepted[~accepted["passed"]]
+    counts = {"manual": 20, "remote": 20, "PC": 11, "diagnosis": 26}
+    assert accepted["test"].value_counts(sort=False).to_dict() == counts
+
+
+def test_the_slaves_find_all_twelve_faults_and_nothing_where_nothing_is_wrong(accepted):
+    table = accepted[accepted["test"] == "diagnosis"]
     assert table["expected"].tolist()[::2] == ["normal", *FAULTS]
     screens = table[1::2].set_index("step")
     assert screens.loc["screen with V1", ["expected", "found"]].tolist() == ["fault 4", "fault 4"]
@@ -36,25 +40,14 @@ def test_a_slave_that_finds_nothing_or_reports_another_row_does_not_pass(monkeyp
     for wrong, left in ((0, None), (8, "O1")):
         monkeypatch.setattr("shipnet.ballast.slave.Monitor.row", lambda *_, row=wrong: row)
         for code in (None, "V1", "O1"):
-            _, screen = _diagnosis_of(Bed, code, "slave")
+            _, screen = _diagnosis_of(Bed, code)
             assert screen.passed == (code == left)
-
-
-def test_the_master_misses_positions_below_zero_because_the_byte_has_no_sign():
-    table = acceptance_tests(
-        rng=np.random.default_rng(2024), tests=["diagnosis"], diagnosed_by="master"
-    )
-    missed = table[~table["passed"]]
-    assert missed["expected"].tolist() == ["S2", "Pos2", "Pos4"]
-    assert missed["found"].tolist() == ["normal"] * 3
-    assert len(table) == 13
 
 
 def test_a_broken_system_does_not_pass(monkeypatch):
     monkeypatch.setattr("shipnet.ballast.slave.ValveDevice.turn", lambda *_: None)
-    table = acceptance_tests(tests=["manual"])
-    failed = table[~table["passed"]]["step"]
-    assert failed.tolist() == [f"S{unit} switched to open" for unit in range(1, 6)]
+    failed = [step.step for step in _manual(Bed) if not step.passed]
+    assert failed == [f"S{unit} switched to open" for unit in range(1, 6)]
 
 
 def test_the_tank_rises_by_the_closed_form():
@@ -103,17 +96,14 @@ def test_what_the_master_received_has_the_steps_of_the_registers():
     bed.wait(1.0)
     bed.station.command("open", 5)
     bed.wait(12.0)
-    run = received_run(bed.station.seen, 5, target=100.0)
+    run = bed.station.seen.received(5)
     assert (run.samples["VPos"] == np.rint(run.samples["VPos"])).all()
     assert np.allclose(run.samples["MC"] / 0.1, np.rint(run.samples["MC"] / 0.1))
     assert np.diff(run.time).max() < 0.2
     moving = run.DVPos[np.isfinite(run.DVPos) & run.active]
     # Two roundings to whole percent, and readings that are up to 0.1 s old.
     assert moving == pytest.approx(11.1, abs=1 + 1.11)
-    passed = float(run.samples["VPos"][run.running[:, 0], 0][20])
-    there = received_run(bed.station.seen, 5, target=passed)
-    assert (there.active == (there.running & (there.samples["VPos"] != passed))).all()
-    assert (there.running & ~there.active).any()
+    assert (run.active == (run.running & (run.samples["VPos"] < 100))).all()
     assert np.nanmax(run.time[run.running[:, 0]]) == pytest.approx(10.0, abs=0.2)
     assert (diagnose_run(run).top == "normal").all()
 
@@ -121,12 +111,10 @@ def test_what_the_master_received_has_the_steps_of_the_registers():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: acceptance_tests(diagnosed_by="ship"), "diagnosed_by is 'ship'"),
-        (lambda: acceptance_tests(tests=["sea"]), "tests is 'sea'"),
         (lambda: Bed(fault="X"), "fault is 'X'"),
         (lambda: Recorder(Plant()).run, "nothing has been recorded"),
-        (lambda: received_run(Bed().station.seen, 1, target=0), "it has sent no status"),
-        (lambda: received_run(Bed().station.seen, 6, target=0), "valve is 6"),
+        (lambda: Bed().station.seen.received(1), "it has sent no status"),
+        (lambda: Bed().station.seen.received(6), "valve is 6"),
         (lambda: Bed().device(6), r"unit is 6; it must be a whole number 1\.\.5"),
     ],
 )
@@ -143,5 +131,4 @@ def test_an_argument_of_a_client_is_named_before_it_connects():
 def test_a_rate_below_those_printed_is_too_slow():
     # At the slowest that is printed all tests are passed: kim2014, part 3 shows it.
     # Here it is so slow that the screen is older than what is left of the 10 s after a stroke.
-    late = acceptance_tests(bit_rate=300, tests=["remote"])
-    assert not late["passed"].all()
+    assert not all(step.passed for step in _remote(partial(Bed, bit_rate=300)))

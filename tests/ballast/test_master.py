@@ -7,17 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shipnet.ballast.live import Gateway
+from shipnet.ballast.live import gateway
 from shipnet.ballast.master import Station, operate
 from shipnet.ballast.plant import Command, Fault, Plant
 from shipnet.ballast.registers import COMMAND_REGISTER, Code
 from shipnet.ballast.scan import READ_STATUS, System, command_poll, status_poll
 from shipnet.ballast.simulation import simulate
-from shipnet.errors import ArgumentError, FrameError
+from shipnet.errors import ArgumentError
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
-from shipnet.modbus.pdu import Request
+from shipnet.modbus.pdu import Adu, Request
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.simulation import simulate as poll_loop
+from shipnet.modbus.slave import answer
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.registers import answer_table
 
@@ -192,27 +193,26 @@ def test_modes_and_refusals():
 def test_a_pc_sees_the_last_scan_and_commands_through_the_master():
     system = System(3, status_poll(LINE))
     station = Station(Plant(system, Fault("Pos3", valves=3)))
-    pc = Gateway(station)
+    served = gateway(station)
+
+    def ask(unit, request):
+        return answer(served, Adu(unit, request), station.time).pdu
+
     write_request = partial(Request.write_single_register, COMMAND_REGISTER)
-    early = pc.answer(READ_STATUS.tcp(1, 7))
-    assert early.hex() == "000700000003" + "01" + "840b"
+    assert ask(1, READ_STATUS).hex() == "840b"
     station.run_until(1.0)
-    value = station.registers.command(Code.OPEN)
-    sent = write_request(value).tcp(1, 8)
+    sent = write_request(station.registers.command(Code.OPEN))
     before = station.time
-    assert pc.answer(sent) == sent
+    assert ask(1, sent) == sent.pdu
     assert station.time - before == pytest.approx(command_poll(station.seen.poll).time)
     station.run_until(14.0)
-    answered = pc.answer(READ_STATUS.tcp(3, 0))
-    assert answered[9] == 15
-    assert pc.answer(READ_STATUS.tcp(1, 0))[9] == 100
-    assert pc.answer(READ_STATUS.tcp(9, 0))[7:].hex() == "840b"
-    assert pc.answer(write_request(7).tcp(1, 0))[7:].hex() == "8603"
-    assert pc.answer(write_request(value).tcp(0, 0)) == b""
+    assert ask(3, READ_STATUS)[2] == 15
+    assert ask(1, READ_STATUS)[2] == 100
+    assert ask(9, READ_STATUS).hex() == "840b"
+    assert ask(1, write_request(7)).hex() == "8603"
+    assert ask(0, sent) == b""
     station.slaves[1].device.local = True
-    assert pc.answer(sent)[7:].hex() == "8604"
-    with pytest.raises(FrameError):
-        pc.answer(sent[:-1])
+    assert ask(1, sent).hex() == "8604"
 
 
 @settings(max_examples=25)

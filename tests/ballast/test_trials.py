@@ -75,9 +75,9 @@ def test_trials_say_what_their_numbers_are_based_on(trials):
 
 def test_a_trial_is_what_the_run_of_the_same_valve_shows():
     rng = np.random.default_rng(11)
-    trials = fault_trials(["V2"], n_valves=3, methods=["fuzzy"], spread=0.1, rng=rng).table()
+    trials = fault_trials(["V2"], n_valves=3, methods=["fuzzy"], rng=rng).table()
     again = np.random.default_rng(11)
-    system = spread_valves(3, 0.1, None, again)
+    system = spread_valves(3, again)
     orders = [Command("open", 5.0), Command("close", 35.0)]
     run = simulate(system, orders, until=65, faults=[Fault("V2")], idle_step=0.5, rng=again)
     diagnosis = diagnose_run(run)
@@ -102,12 +102,9 @@ def test_severities_may_differ_from_valve_to_valve():
 
 
 def test_false_alarms_are_those_of_a_diagnosis_of_the_whole_run():
-    more = dict(n_valves=6, spread=0.0)
-    table = false_alarms(
-        until=130, period=60, methods=["crisp", "fuzzy"], rng=np.random.default_rng(4), **more
-    )
+    table = false_alarms(6, until=130, period=60, methods=["crisp", "fuzzy"], rng=4)
     rng = np.random.default_rng(4)
-    system = spread_valves(6, 0.0, None, rng)
+    system = spread_valves(6, rng)
     orders = [Command("open"), Command("close", 60.0)]
     run = simulate(system, orders, until=119.9, idle_step=1.0, rng=rng)
     quiet = diagnose_run(run, method="crisp").top == "normal"
@@ -157,7 +154,6 @@ def test_blocks_do_not_change_the_count_of_false_alarms(monkeypatch):
         ),
         (lambda r: false_alarms(until=10, period=60, rng=r), "until is 10"),
         (lambda r: false_alarms(period=1, rng=r), "period is 1"),
-        (lambda r: spread_valves(3, -1, None, r), "spread is -1"),
     ],
 )
 def test_an_argument_of_a_trial_out_of_range_is_named(call, message):

@@ -257,5 +257,3 @@ def test_arguments_of_wear_are_named():
         wear.predict(1, 51)
     with pytest.raises(ArgumentError, match="part is 1"):
         wear.compare_predictors(parts=(1.0,))
-    with pytest.raises(ArgumentError, match="k is 4"):
-        wear.alarms(k=4, n=3)

@@ -11,7 +11,7 @@ from shipnet.asi.elements import Supply
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.slave import Slave
-from shipnet.asi.timing import Cycle
+from shipnet.asi.timing import Cycle, Transaction
 from shipnet.design.plan_asi import Piece, draw, place_supply, response
 from shipnet.design.planning import plan
 from shipnet.design.settings import Settings
@@ -108,7 +108,7 @@ def test_a_response_is_that_of_the_published_cycles():
     assert late == pytest.approx(21e-3, rel=0.02)
     # ifm: seven cycles a value, 5 ms each; a round of four, its own, and four conversions.
     quick = Settings({"asi.conversion": 0, "asi.repetitions": 0}).asi
-    five = Cycle(1, minimum=5e-3)
+    five = Cycle(1, transaction=Transaction(bit_time=5e-3 / 3 / 26))
     assert response("S-7.3", five, quick, channels=4) == pytest.approx(5 * 35e-3)
 
 

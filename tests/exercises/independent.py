@@ -116,8 +116,13 @@ def news(m, extra=2, repeated=None, tail=10):
     return kept[-1] if kept else 0
 
 
+def V1(right, ramps):
+    return [right[0] | {"ramps": ramps}]
+
+
 def gap(m, tries=1, request=9.17e-3, period=1.0):
-    return m["period"] * period + (tries + m["retries"]) * (request + m["timeout"] / 1e3)
+    tried = (tries + m["retries"]) * (request + m["timeout"] / 1e3)
+    return m["age"] + m["period"] * period + tried
 
 
 def windows(fires, n, shift=1, least=0):
@@ -250,10 +255,10 @@ WRONG = {
     "ex-02-2": [
         ("one way", lambda m, right: right / 2),
         ("in ns", lambda m, right: 1e3 * right),
-        ("as fast as light", lambda m, right: 2 * m["length"] / 300),
-        ("divided by the delay", lambda m, right: 2 * m["length"] / m["delay"]),
+        ("as fast as light", lambda m, right: 2 * (m["length"] - m["place"]) / 300),
+        ("from the receiver", lambda m, right: 2 * m["length"] * m["delay"] / 1e3),
+        ("when it arrives", lambda m, right: (2 * m["length"] - m["place"]) * m["delay"] / 1e3),
         ("twice there and back", lambda m, right: 2 * right),
-        ("a wrong length of 100 m", lambda m, right: 0.2 * m["delay"]),
     ],
     "ex-02-3": [
         ("sign turned round", lambda m, right: lambda v, r, z: v * (z - r) / (z + r)),
@@ -509,7 +514,7 @@ WRONG = {
         ("no period", lambda m, right: gap(m, period=0)),
         ("in ms", lambda m, right: 1e3 * right),
         ("the answer added", lambda m, right: right + 32.08e-3),
-        ("one try more", lambda m, right: gap(m, 2)),
+        ("the gap alone", lambda m, right: right - m["age"]),
     ],
     "ex-08-3": [
         ("a line", lambda m, right: lambda n, cuts: n - min(cuts) if cuts else 0),
@@ -545,12 +550,12 @@ WRONG = {
         ("all", lambda m, right: list(ballast.rule_base().codes)),
     ],
     "ex-09-2": [
-        ("product", lambda m, right: membership(m)[0] * membership(m)[1]),
-        ("mean", lambda m, right: mean(membership(m))),
-        ("larger", lambda m, right: max(membership(m))),
-        ("in percent", lambda m, right: 100 * right),
-        ("sum", lambda m, right: sum(membership(m))),
-        ("distance from full", lambda m, right: 1 - right),
+        ("product", lambda m, right: V1(right, membership(m)[0] * membership(m)[1])),
+        ("mean", lambda m, right: V1(right, mean(membership(m)))),
+        ("larger", lambda m, right: V1(right, max(membership(m)))),
+        ("in percent", lambda m, right: V1(right, 100 * right[0]["ramps"])),
+        ("distance from full", lambda m, right: V1(right, 1 - right[0]["ramps"])),
+        ("either is enough", lambda m, right: [right[0] | {"printed": 1 - right[0]["printed"]}]),
     ],
     "ex-09-3": [
         (

@@ -24,7 +24,6 @@ from shipnet import (
     datasets,
     design,
     engine,
-    fuzzy,
     line,
     modbus,
     remote_control,
@@ -82,9 +81,7 @@ def _saved(suffix: str, *things: Callable[[Path], Any]) -> Callable[[], Iterable
 
 
 def _log(path: Path) -> None:
-    messages = can.example()
-    run = can.simulate(messages, 125e3, until=0.1)
-    run.log(payload=lambda name, k: bytes(messages[name].dlc)).save(path)
+    can.simulate(can.example(), 125e3, until=0.1).log().save(path)
 
 
 def _foreign_log(path: Path) -> None:
@@ -199,7 +196,6 @@ _REQUESTS = [
     modbus.Request.write_single_register(7, 0xABCD),
     modbus.Request.write_multiple_registers(1, [1, 2, 3]),
     modbus.Request.write_multiple_coils(1, [1, 0, 1]),
-    modbus.Request.read_write_multiple_registers(0, 4, 9, [5, 6]),
 ]
 
 
@@ -207,7 +203,6 @@ def _adus() -> Iterable[bytes]:
     for request in _REQUESTS:
         yield request.rtu(17)
         yield request.tcp(3, 17)
-        yield request.ascii(17)
 
 
 _SLAVE = modbus.Slave(
@@ -231,13 +226,6 @@ def _answers() -> Iterable[bytes]:
 def _can_bits() -> Iterable[bytes]:
     for frame in (can.Frame(0x123, b"\x01\x02"), can.Frame(0x1ABCDEF, bytes(8), extended=True)):
         yield frame.bits.encode()
-
-
-def _rules(data: bytes) -> Any:
-    rules, _, terms = data.partition(b"\0")
-    (_FOLDER / "rules.csv").write_bytes(rules)
-    (_FOLDER / "terms.csv").write_bytes(terms)
-    return fuzzy.read_rules(_FOLDER / "rules.csv", _FOLDER / "terms.csv")
 
 
 def _levels(data: bytes) -> Any:
@@ -320,7 +308,6 @@ TARGETS: dict[str, Target] = {
     ),
     "modbus rtu": Target(lambda data: modbus.decode(data, "rtu"), _adus),
     "modbus tcp": Target(lambda data: modbus.decode(data, "tcp"), _adus),
-    "modbus ascii": Target(lambda data: modbus.decode(data, "ascii"), _adus),
     "modbus request": Target(modbus.Request.parse, lambda: [request.pdu for request in _REQUESTS]),
     "modbus response": Target(modbus.Response.parse, _answers),
     "modbus answer": Target(_answered, lambda: [adu[:-2] for adu in _adus()]),
@@ -331,14 +318,6 @@ TARGETS: dict[str, Target] = {
     "serial capture.sr": Target(_file(".sr", remote_control.read_capture), lambda: [_serial()]),
     "strokes.npz": Target(
         _file(".npz", lambda path: ballast.read_strokes(path).scores()), _saved(".npz", _strokes)
-    ),
-    "rules": Target(
-        _rules,
-        lambda: [
-            datasets.path("kim2014_assumed_rules.csv").read_bytes()
-            + b"\0"
-            + datasets.path("kim2014_assumed_terms.csv").read_bytes()
-        ],
     ),
     "engine points": Target(
         _file(".csv", engine.read_points),

@@ -84,30 +84,11 @@ def test_there_are_432_regions_and_41_of_them_have_no_rule():
     assert (table["count"] == table["fired"].str.split().str.len()).all()
 
 
-def test_chosen_values_count_what_is_chosen():
-    # Two pressures without flow and no 2.5 A: 432 points again, but not the same regions.
-    chosen = {
-        "FP": [0, 2, 90, 125], "OP": [0, 2, 4], "MC": [0, 1.2, 4], "OT": [50, 90],
-        "VPos": [-5, 50, 305], "DVPos": [0, 10],
-    }  # fmt: skip
-    count = BASE.regions(values=chosen)["count"]
-    assert len(count) == 432 and count.max() == 6
-    assert [int((count == n).sum()) for n in range(3)] == [38, 110, 144]
-    with pytest.raises(ArgumentError, match="expected FP, OP"):
-        BASE.regions(values={"FP": [1]})
-    with pytest.raises(ArgumentError, match="expected FP, OP"):
-        BASE.regions(values={**chosen, "FP": []})
-    with pytest.raises(ArgumentError, match="4320000 regions"):
-        BASE.regions(values={**chosen, "FP": range(40_000)})
-
-
-def test_the_matrix_counts_the_regions_that_list_both_codes():
-    matrix, table = BASE.overlaps().matrix, BASE.regions()
-    lists = table["fired"].str.split()
-    for a, b in combinations(BASE.codes, 2):
-        both = sum(a in fired and b in fired for fired in lists)
-        assert matrix.loc[a, b] == matrix.loc[b, a] == both
-    assert np.diag(matrix).tolist() == [sum(c in one for one in lists) for c in BASE.codes]
+def test_more_regions_than_can_be_computed_are_refused():
+    terms = tuple(Term(f"t{k}", (k, k, k, k), f"x == {k}") for k in range(9))
+    variables = [Variable(name, "", 0, 9, terms) for name in "ABCDEFG"]
+    with pytest.raises(ArgumentError, match="have 10000000 regions; at most 1000000"):
+        RuleBase(variables, [Rule("one", "A.t1", 1)]).regions()
 
 
 def test_a_point_between_two_terms_is_a_cell_of_its_own():

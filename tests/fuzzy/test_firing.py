@@ -3,7 +3,6 @@ import subprocess
 import sys
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -197,15 +196,6 @@ def test_the_inputs_are_left_as_they_are():
     assert all(np.array_equal(samples[name], copies[name]) for name in samples)
 
 
-def test_a_table_has_a_column_per_rule():
-    table = BASE.fire(pd.DataFrame({"FP": [125, 90], "MC": [0, 1.2]})).table()
-    assert table.columns.tolist() == [*BASE.codes, "normal"]
-    assert table["G1"].tolist() == [1, 0] and table["normal"].tolist() == [0, 1]
-    with pytest.raises(ArgumentError, match="a table has two"):
-        BASE.fire({"FP": [[125]]}).table()
-    assert BASE.fire({"FP": 125, "MC": 0}).table()["G1"].tolist() == [1]
-
-
 @pytest.mark.parametrize(
     ("samples", "fault"),
     [
@@ -271,36 +261,34 @@ def test_a_variable_that_no_rule_uses_is_left_out_of_the_control_system():
     theirs = control_strengths(small, samples)
     assert theirs.shape == (2, 2, 1)
     assert np.allclose(theirs, small.fire(samples).strength, rtol=0, atol=TOLERANCE)
-    for wrong in (1, 100_002):
-        message = rf"^n_points is {wrong}; it must be a whole number 2\.\.100001$"
-        with pytest.raises(ArgumentError, match=message):
-            small.to_skfuzzy(n_points=wrong)
 
 
 def test_a_control_system_has_the_terms_on_its_points_and_a_consequent_per_rule():
     low = Term("low", (-math.inf, -math.inf, 1.5, 2.5), "x < 2")
     high = Term("high", (7.5, 8.5, math.inf, math.inf), "x > 8")
     rules = (Rule("cold", (("x", "low"),), 1), Rule("hot", (("x", "high"),), 2))
-    system = RuleBase((Variable("x", "", 0, 10, (low, high)),), rules).to_skfuzzy(n_points=2)
+    system = RuleBase((Variable("x", "", 0, 10, (low, high)),), rules).to_skfuzzy()
     (x,) = system.antecedents
-    assert x.universe.tolist() == [0, 1.5, 2.5, 7.5, 8.5, 10]
-    assert x["low"].mf.tolist() == [1, 1, 0, 0, 0, 0]
-    assert x["high"].mf.tolist() == [0, 0, 0, 0, 1, 1]
+    assert x.universe.size == 101 and x.universe[[0, -1]].tolist() == [0, 10]
+    assert {1.5, 2.5, 7.5, 8.5} <= set(x.universe)
+    for term in (low, high):
+        assert np.array_equal(x[term.name].mf, term.membership(x.universe))
     made = {consequent.label: consequent for consequent in system.consequents}
     assert sorted(made) == ["cold", "hot"]
     for consequent in made.values():
         assert consequent.universe.tolist() == consequent["on"].mf.tolist() == [0, 0.5, 1]
-    coarse = RuleBase((Variable("x", "", 0, 10, (high,)),), rules[1:]).to_skfuzzy(n_points=5)
-    (x,) = coarse.antecedents
-    assert x.universe.tolist() == [0, 2.5, 5, 7.5, 8.5, 10]
+    # A corner that is not among the even steps is a point as well.
+    odd = Term("high", (7.55, 8.55, math.inf, math.inf), "x > 8")
+    (x,) = RuleBase((Variable("x", "", 0, 10, (odd,)),), rules[1:]).to_skfuzzy().antecedents
+    assert x.universe.size == 103 and {7.55, 8.55} <= set(x.universe)
 
 
 def test_a_corner_between_the_points_is_given_to_scikit_fuzzy_as_well():
-    term = Term("high", (7.5, 8.5, math.inf, math.inf), "x > 8")
+    term = Term("high", (7.52, 7.56, math.inf, math.inf), "x > 7.54")
     base = RuleBase((Variable("x", "", 0, 10, (term,)),), (Rule("on", (("x", "high"),), 1),))
-    # Without it scikit-fuzzy interpolates 0.625 between its points at 8 and 9.
-    assert base.fire({"x": 8.25})["on"] == 0.75
-    assert control_strengths(base, {"x": 8.25}).tolist() == [pytest.approx(0.75, abs=1e-12)]
+    # Without them scikit-fuzzy interpolates 0.5 between its points at 7.5 and 7.6.
+    assert base.fire({"x": 7.55})["on"] == pytest.approx(0.75, abs=1e-12)
+    assert control_strengths(base, {"x": 7.55}).tolist() == [pytest.approx(0.75, abs=1e-12)]
 
 
 def test_single_precision_is_computed_in_double():

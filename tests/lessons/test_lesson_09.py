@@ -45,7 +45,9 @@ def test_the_strength_is_read_off_the_ramps_of_the_figure():
     for FP in draws["FP"]:
         for OP in draws["OP"]:
             ramps = np.interp(FP, [115, 125], [0, 1]), np.interp(OP, [2, 3], [0, 1])
-            assert right("ex-09-2", FP=FP, OP=OP) == pytest.approx(min(ramps), rel=1e-12)
+            (row,) = right("ex-09-2", FP=FP, OP=OP)
+            assert row["ramps"] == pytest.approx(min(ramps), rel=1e-12)
+            assert row["printed"] == (FP > 120 and OP >= 2.5) == (row["ramps"] >= 0.5)
             assert abs(ramps[0] - ramps[1]) > 0.04  # each mistake gives another number
 
 

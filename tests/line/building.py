@@ -1,5 +1,8 @@
 """A network that tests put together step by step."""
 
+import math
+from itertools import pairwise
+
 import numpy as np
 
 from shipnet.line.cable import CABLES
@@ -31,6 +34,16 @@ class Net:
 
     def __getattr__(self, name):
         return getattr(self.network, name)
+
+
+def subdivided(network, longest):
+    """Return a network of single lengths with every run cut into sections of at most `longest`."""
+    fine = []
+    for run in network.runs:
+        count = math.ceil(run.length / longest - 1e-9)
+        stops = [run.a, *(f"{run.a}-{run.b}:{k}" for k in range(1, count)), run.b]
+        fine += [CableRun(a, b, run.length / count, run.cable) for a, b in pairwise(stops)]
+    return Network(fine, network.loads)
 
 
 def dense_transfer(network, root, s):

@@ -1,4 +1,3 @@
-import math
 from itertools import pairwise
 from pathlib import Path
 
@@ -6,9 +5,10 @@ import numpy as np
 import pytest
 
 from shipnet.errors import ArgumentError
-from shipnet.line import CABLES, Cable, Driver, simulate
+from shipnet.line import CABLES, Cable
+from shipnet.line.characteristics import simulate
 from shipnet.line.waveform import laplace_grid, synthesize
-from tests.line.building import DEVICE, Net
+from tests.line.building import DEVICE, Net, subdivided
 from tests.support import tolerance
 
 FOLDER = Path(__file__).parents[1] / "reference" / "line"
@@ -16,22 +16,38 @@ ASI, BUS = (np.load(FOLDER / name) for name in ("asi.npz", "can_rs485.npz"))
 LOSSLESS = CABLES["as-i lossless"]
 
 
-def waves(network, drivers, until, dt, **options):
-    """Return the voltages of each case; drivers that are not in lists are one case."""
-    u = simulate(network.network, drivers, until, dt, **options).u
-    return u if isinstance(drivers[0], list) else u[:, np.newaxis]
+def times(until, dt):
+    return np.arange(int(until / dt + 1e-9) + 1) * dt
 
 
-def timed(network, drivers, until, dt, **options):
-    t = simulate(network.network, drivers, until, dt, **options).t
-    return t, waves(network, drivers, until, dt, **options)
+def waves(network, senders, until, dt, probes=None):
+    """Return the voltages at some nodes; a sender is its node, then what `drawn` or `driven` made.
+
+    Senders at one node act together.
+    """
+    t = times(until, dt)
+    sources = {}
+    for node, sender in senders:
+        current, conductance = sender(t)
+        before = sources.get(node, (0, 0))
+        sources[node] = before[0] + current, before[1] + conductance
+    network = getattr(network, "network", network)
+    v = simulate(network, sources, dt)
+    return v if probes is None else v[[network.index(probe) for probe in probes]]
 
 
-def fine(network, longest):
-    cut = Net()
-    cut.network = network.subdivided(longest)
-    cut.runs, cut.loads = [*cut.network.runs], cut.network.loads
-    return cut
+def drawn(current):
+    """Return a sender that draws a current."""
+    return lambda t: (-current(t), np.zeros_like(t))
+
+
+def driven(voltage, conductance):
+    """Return a sender with a voltage behind a conductance."""
+    return lambda t: (conductance(t) * voltage(t), conductance(t))
+
+
+def constant(value):
+    return lambda t: np.full_like(t, value)
 
 
 def ramp(x):
@@ -66,20 +82,15 @@ def asi_network(supply, cable, far=100):
 def test_asi_waveforms_agree_with_ngspice(name, supply, far, model):
     network = asi_network(supply, CABLES["as-i lossless" if model == "T" else "as-i 1.5"], far)
     if model == "LTRA":
-        network = fine(network, 5)
-    cases = [
-        case
-        for case in sorted({key.split("/")[0] for key in ASI.files})
-        if case.startswith(f"{name}_") and case.endswith(f"_{model}")
-    ]
-    drivers = [
-        [Driver(str(ASI[f"{case}/sender"]), send_current(ASI[f"{case}/bits"]))] for case in cases
-    ]
-    probes = ASI[f"{cases[0]}/probes"].tolist()
-    v = waves(network, drivers, 110e-6, 2.5e-9, probes=probes)
-    for column, case in enumerate(cases):
+        network = subdivided(network, 5)
+    cases = sorted({key.split("/")[0] for key in ASI.files})
+    for case in cases:
+        if not (case.startswith(f"{name}_") and case.endswith(f"_{model}")):
+            continue
+        sender = str(ASI[f"{case}/sender"]), drawn(send_current(ASI[f"{case}/bits"]))
+        v = waves(network, [sender], 110e-6, 2.5e-9, ASI[f"{case}/probes"].tolist())
         expected = ASI[f"{case}/v"]
-        error = v[:, column, ::100][:, : expected.shape[1]] - expected
+        error = v[:, ::100][:, : expected.shape[1]] - expected
         assert np.abs(error).max() <= tolerance("line.ngspice_steps") * np.abs(expected).max()
 
 
@@ -105,13 +116,13 @@ def pattern(t):
 @pytest.mark.parametrize("case", ["term", "open", "term_stub10m", "open_stub10m"])
 def test_can_and_rs485_waveforms_agree_with_ngspice(case):
     network = bus(case, terminated=case.startswith("term"))
-    can = Driver("b0", conductance=lambda t: pattern(t) / 40, voltage=3.2)
-    rs485 = Driver("b0", conductance=1 / 27, voltage=lambda t: 5 * pattern(t))
+    can = driven(constant(3.2), lambda t: pattern(t) / 40)
+    rs485 = driven(lambda t: 5 * pattern(t), constant(1 / 27))
     probes = BUS[f"can_40m_1M_{case}/probes"].tolist()
-    v = waves(network, [[can], [rs485]], 10e-6, 0.25e-9, probes=probes)
-    for column, name in enumerate(("can", "rs485")):
+    for name, sender in (("can", can), ("rs485", rs485)):
+        v = waves(network, [("b0", sender)], 10e-6, 0.25e-9, probes)[:, ::80]
         expected = BUS[f"{name}_40m_1M_{case}/v"]
-        error = np.abs(v[:, column, ::80] - expected).max()
+        error = np.abs(v - expected).max()
         assert error <= tolerance("line.ngspice_fast") * np.abs(expected).max()
 
     network.load("b0", r=27)
@@ -125,7 +136,7 @@ def test_can_and_rs485_waveforms_agree_with_ngspice(case):
     rows = [network.index(probe) for probe in probes]
     wave = synthesize(network.transfer("b0", s)[rows] * current, 1000, duration)[:, :501]
     assert np.abs(wave - expected).max() <= 2e-4 * np.abs(expected).max()
-    assert np.abs(wave - v[:, 1, ::80]).max() <= 3e-4 * np.abs(expected).max()
+    assert np.abs(wave - v).max() <= 3e-4 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("closed", [False, True])
@@ -142,16 +153,15 @@ def test_steps_agree_with_frequencies_on_a_network_with_everything(closed):
     network.load("c", **DEVICE)
     bits = np.array([0, 1, 1])
     duration = 60e-6
-    cut = fine(network, 5)
-    rows = [cut.index(node) for node in network.nodes]
-    v = waves(cut, [Driver("c", send_current(bits))], 40e-6, 2.5e-9)
+    cut, sender = subdivided(network, 5), drawn(send_current(bits))
+    v = waves(cut, [("c", sender)], 40e-6, 2.5e-9, network.nodes)
     s = laplace_grid(duration, 20e6)
     x = s * 1.5e-6
     edge = -np.expm1(-2 * x) / (2 * x) / (1 + (x / np.pi) ** 2)
     steps = np.diff(np.stack([bits, 1 - bits], axis=-1).ravel(), prepend=0)
     current = 0.06 * edge / s * (steps @ np.exp(-np.outer(5e-6 + 3e-6 * np.arange(6), s)))
     wave = synthesize(-network.transfer("c", s) * current, 600, duration)[:, :401]
-    assert np.abs(v[rows, 0, ::40] - wave).max() <= 2e-5 * np.abs(wave).max()
+    assert np.abs(v[:, ::40] - wave).max() <= 2e-5 * np.abs(wave).max()
 
 
 def line(length=100, cable=LOSSLESS):
@@ -162,26 +172,26 @@ def line(length=100, cable=LOSSLESS):
 
 def test_a_matched_line_only_delays_and_an_open_one_doubles():
     network = line()
-    matched = Driver("near", conductance=0.01, voltage=lambda t: 2 * ramp(t / 200e-9))
+    matched = "near", driven(lambda t: 2 * ramp(t / 200e-9), constant(0.01))
     v = waves(network, [matched], 3e-6, 10e-9)
-    t = 10e-9 * np.arange(301)
-    assert v[1, 0] == pytest.approx(2 * ramp((t - 650e-9) / 200e-9), abs=1e-12)
+    t = times(3e-6, 10e-9)
+    assert v[1] == pytest.approx(2 * ramp((t - 650e-9) / 200e-9), abs=1e-12)
     expected = ramp(t / 200e-9) + ramp((t - 1300e-9) / 200e-9)
-    assert v[0, 0] == pytest.approx(expected, abs=1e-12)
+    assert v[0] == pytest.approx(expected, abs=1e-12)
     network.terminator("far", 100)
     v = waves(network, [matched], 3e-6, 10e-9)
-    assert v[1, 0] == pytest.approx(ramp((t - 650e-9) / 200e-9), abs=1e-12)
+    assert v[1] == pytest.approx(ramp((t - 650e-9) / 200e-9), abs=1e-12)
 
 
 def test_a_delay_between_two_steps_is_interpolated():
     network = line(99.37)
     network.terminator("far", 100)
-    driver = Driver("near", conductance=0.01, voltage=lambda t: 2 * ramp(t / 1e-6))
+    sender = "near", driven(lambda t: 2 * ramp(t / 1e-6), constant(0.01))
     delay = 99.37 * 6.5e-9
     errors = []
     for dt in (20e-9, 10e-9):
-        t, v = timed(network, [driver], 3e-6, dt)
-        errors.append(np.abs(v[1, 0] - ramp((t - delay) / 1e-6)).max())
+        t, v = times(3e-6, dt), waves(network, [sender], 3e-6, dt)
+        errors.append(np.abs(v[1] - ramp((t - delay) / 1e-6)).max())
     assert errors[0] < 1e-3
     assert errors[1] < errors[0]
 
@@ -190,106 +200,65 @@ def test_a_delay_between_two_steps_is_interpolated():
 def test_a_capacitor_fills_and_an_inductor_lets_go_with_its_time_constant(load, rising):
     network = line()
     network.load("far", **load)
-    t, v = timed(network, [Driver("near", conductance=0.01, voltage=2.0)], 2e-6, 1e-9)
+    sender = "near", driven(constant(2.0), constant(0.01))
+    t, v = times(2e-6, 1e-9), waves(network, [sender], 2e-6, 1e-9)
     tau = 200e-9
     since = t - 650e-9 - 0.5e-9  # a jump between two samples counts from their middle
     later = since > 5e-9
     fading = np.exp(-since[later] / tau)
     expected = 2 * (1 - fading) if rising else 2 * fading
-    assert v[1, 0][later] == pytest.approx(expected, abs=2e-4)
+    assert v[1][later] == pytest.approx(expected, abs=2e-4)
 
 
 def test_a_network_never_gives_more_energy_than_it_took():
     network = asi_network(50, CABLES["as-i 1.5"])
     current = send_current(np.array([0, 1, 1, 0, 1]))
-    t, v = timed(network, [Driver("n5", current)], 60e-6, 5e-9, probes=["n5"])
-    taken = np.cumsum(-v[0, 0] * current(t)) * 5e-9
+    t, (v,) = times(60e-6, 5e-9), waves(network, [("n5", drawn(current))], 60e-6, 5e-9, ["n5"])
+    taken = np.cumsum(-v * current(t)) * 5e-9
     assert taken.min() > -1e-12
     assert taken[-1] > 0.3 * taken.max()
 
 
-def test_columns_do_not_see_each_other_and_drivers_of_one_column_do():
+def test_the_voltages_of_senders_add_up():
     network = asi_network(0, LOSSLESS)
-    a = Driver("n5", send_current(np.array([0, 1])))
-    b = Driver("n100", lambda t: 0.01 * ramp(t / 5e-6))
-    v = waves(network, [[a], [b], [a, b], [a, a], []], 30e-6, 10e-9)
-    assert v.shape == (4, 5, 3001)
-    assert v[:, 2] == pytest.approx(v[:, 0] + v[:, 1], abs=1e-12)
-    assert v[:, 3] == pytest.approx(2 * v[:, 0], abs=1e-12)
-    assert not v[:, 4].any()
-    t = 10e-9 * np.arange(3001)
-    same = waves(network, [Driver("n5", a.current(t))], 30e-6, 10e-9)
-    assert (same[:, 0] == v[:, 0]).all()
+    a = "n5", drawn(send_current(np.array([0, 1])))
+    b = "n100", drawn(lambda t: 0.01 * ramp(t / 5e-6))
+    one, other, both, twice = (
+        waves(network, some, 30e-6, 10e-9) for some in ([a], [b], [a, b], [a, a])
+    )
+    assert one.shape == (4, 3001)
+    assert both == pytest.approx(one + other, abs=1e-12)
+    assert twice == pytest.approx(2 * one, abs=1e-12)
 
 
 def test_two_can_nodes_at_once_pull_harder_than_one():
     network = bus("", terminated=True)
-    one, other = (Driver(node, conductance=1 / 40, voltage=3.2) for node in ("b0", "b8"))
-    v = waves(network, [[one], [one, other]], 8e-6, 5e-9, probes=["b4"])
-    assert v[0, 0, -1] == pytest.approx(3.2 / 40 / (1 / 40 + 2 / 120 + 9 / 20e3), rel=1e-3)
-    assert v[0, 1, -1] == pytest.approx(6.4 / 40 / (2 / 40 + 2 / 120 + 9 / 20e3), rel=1e-3)
+    one, other = ((node, driven(constant(3.2), constant(1 / 40))) for node in ("b0", "b8"))
+    (alone,) = waves(network, [one], 8e-6, 5e-9, ["b4"])
+    (both,) = waves(network, [one, other], 8e-6, 5e-9, ["b4"])
+    assert alone[-1] == pytest.approx(3.2 / 40 / (1 / 40 + 2 / 120 + 9 / 20e3), rel=1e-3)
+    assert both[-1] == pytest.approx(6.4 / 40 / (2 / 40 + 2 / 120 + 9 / 20e3), rel=1e-3)
 
 
 def test_a_wave_can_be_watched_on_its_way():
-    cut = fine(line(), 10)
-    cut.terminator("far", 100)
+    network = line()
+    network.terminator("far", 100)
     probes = ["near", *(f"near-far:{k}" for k in range(1, 10)), "far"]
-    pulse = Driver(
-        "near", conductance=0.01, voltage=lambda t: 2 * np.sin(np.pi * np.clip(t / 2e-7, 0, 1))
-    )
-    t, v = timed(cut, [pulse], 1e-6, 5e-9, probes=probes)
-    peaks = t[v[:, 0].argmax(axis=-1)]
+    pulse = driven(lambda t: 2 * np.sin(np.pi * np.clip(t / 2e-7, 0, 1)), constant(0.01))
+    v = waves(subdivided(network, 10), [("near", pulse)], 1e-6, 5e-9, probes)
+    peaks = times(1e-6, 5e-9)[v.argmax(axis=-1)]
     assert peaks == pytest.approx(1e-7 + 65e-9 * np.arange(11), abs=1e-12)
 
 
-def quiet(**changed):
-    arguments = {
-        "network": line(),
-        "drivers": [Driver("near", 0.0)],
-        "until": 1e-6,
-        "dt": 50e-9,
-        **changed,
-    }
-    arguments["network"] = arguments["network"].network
-    return lambda: simulate(**arguments)
-
-
 @pytest.mark.parametrize(
-    ("call", "message"),
+    ("network", "dt", "message"),
     [
-        (quiet(dt=0.7e-6), r"dt is 7e-07 s, but cable near - far delays by 6.5e-07 s only"),
-        (quiet(dt=0), "dt is 0 s"),
-        (quiet(dt=-1e-9), "dt is -1e-09 s"),
-        (quiet(dt=math.nan), "dt is nan s"),
-        (quiet(dt=[1e-9, 1e-9]), "dt is .* must be a single number"),
-        (quiet(until=1e-9), "until is 1e-09 s; it must be at least dt"),
-        (quiet(until=math.inf), "until is inf s"),
-        (quiet(network=Net()), "the network has no line"),
-        (quiet(network=line([10, 20])), "the network holds 2 trees"),
-        (quiet(network=line(cable=Cable(0.1, 1e-6, 1e-10, skin=1e4))), "near - far has skin"),
-        (quiet(network=line(cable=Cable(5, 1e-6, 1e-10))), "near - far has 500 ohm"),
-        (quiet(drivers=[]), "drivers are empty"),
-        (quiet(drivers=[[]]), "drivers are empty"),
-        (lambda: Driver("far"), "driver at node 'far' must have a current, or a voltage and"),
-        (lambda: Driver("far", voltage=1.0), "must have a current"),
-        (quiet(drivers=[[3]]), "one of drivers is 3"),
-        (quiet(drivers=[3]), "one of drivers is 3"),
-        (quiet(drivers=[Driver("x", 0.0)]), "node of a driver is 'x'"),
-        (quiet(drivers=[Driver("far", math.nan)]), "current of the driver at node 'far'"),
-        (quiet(drivers=[Driver("far", [1.0, 2.0])]), r"'far' has shape \(2,\)"),
-        (quiet(drivers=[Driver("far", [1.0])]), "'far' has shape"),
-        (quiet(drivers=[Driver("far", None, 0, -1)]), "conductance .* 'far' is -1 S"),
-        (quiet(drivers=[Driver("far", None, math.inf, 1)]), "voltage .* 'far' is inf V"),
-        (quiet(probes=["x"]), "one of probes is 'x'"),
+        (line(), 0.7e-6, r"dt is 7e-07 s, but cable near - far delays by 6.5e-07 s only"),
+        (line([10, 20]), 5e-8, "the network holds 2 trees"),
+        (line(cable=Cable(0.1, 1e-6, 1e-10, skin=1e4)), 5e-8, "near - far has skin"),
+        (line(cable=Cable(5, 1e-6, 1e-10)), 5e-8, "near - far has 500 ohm"),
     ],
 )
-def test_bad_arguments_are_refused(call, message):
+def test_networks_that_steps_in_time_cannot_compute_are_refused(network, dt, message):
     with pytest.raises(ArgumentError, match=message):
-        call()
-
-
-def test_an_unconnected_node_is_named():
-    network = line()
-    network.load("lost", r=50)
-    with pytest.raises(ArgumentError, match="no line leads from node 'near' to 'lost'"):
-        simulate(network.network, Driver("near", 0.0), 1e-6, 50e-9)
+        waves(network, [("near", drawn(np.zeros_like))], 1e-6, dt)

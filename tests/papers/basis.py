@@ -11,7 +11,6 @@ MODELS = (
 
 #: What they only read from transcribed tables: a module, or a function of one.
 READERS = (
-    "shipnet.asi.emc.immunity",
     "shipnet.ballast.registers.command_codes",
     "shipnet.engine.points.read_points",
 )

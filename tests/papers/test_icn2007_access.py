@@ -1,7 +1,7 @@
 from shipnet.asi.commands import ChangeAddress
 from shipnet.asi.faults import DeadSlave
 from shipnet.asi.simulation import simulate
-from shipnet.asi.telegram import Request
+from shipnet.asi.telegram import Call, Request
 from shipnet.asi.timing import Transaction
 from shipnet.asi.topologies import star
 from shipnet.papers import icn2007
@@ -16,9 +16,9 @@ def test_the_wait_is_that_of_the_timing():
 
 
 def test_only_own_and_sound_requests_are_answered():
-    assert icn2007.answer_to(Request.read_id(3).bits) != "silence"
+    assert icn2007.answer_to(Request(Call.READ_ID, 3).bits) != "silence"
     for address in (1, 2, 4, 31):
-        assert icn2007.answer_to(Request.read_id(address).bits) == "silence"
+        assert icn2007.answer_to(Request(Call.READ_ID, address).bits) == "silence"
     assert icn2007.answer_to(icn2007.UNKNOWN) == "silence"
 
 

@@ -11,7 +11,7 @@ from pymodbus.transport import CommType
 from shipnet import datasets
 from shipnet.ballast.registers import SCALES, Code, RegisterMap, command_codes
 from shipnet.ballast.rule_table import rule_vectors
-from shipnet.ballast.sensors import CHANNELS, rule_limits
+from shipnet.ballast.sensors import CHANNELS
 from shipnet.errors import ArgumentError, LengthError
 from shipnet.modbus.faults import Break, Short
 from shipnet.modbus.frame import rtu_frame
@@ -270,11 +270,11 @@ def test_a_threshold_of_a_half_is_a_table_of_comparisons():
 
 
 def test_the_motor_temperature_has_no_lower_limit():
-    limits = {(one.channel, one.comparison[0]) for one in rule_limits()}
-    assert {sign for channel, sign in limits if channel == "OT"} == {">"}
-    for channel in ("FP", "OP", "MC"):
-        assert {sign for name, sign in limits if name == channel} == {"<", ">"}
-    assert {one.value for one in rule_limits() if one.channel == "OP"} == {2.5}
+    limits = {v.name: [term.crisp for term in v.terms] for v in k_faults.BASE.variables}
+    assert [one.high for one in limits["OT"]] == [np.inf]
+    for name in ("FP", "OP", "MC"):
+        assert {np.isinf(one.high) for one in limits[name]} == {True, False}
+    assert [str(one) for one in limits["OP"]] == ["x >= 2.5", "0 < x < 2.5"]
 
 
 def test_a_byte_has_no_position_below_closed():

@@ -303,7 +303,7 @@ def test_half_of_the_printed_numbers_come_from_a_model():
     ("basis", "imported", "function"),
     [
         ("model", "shipnet.asi.timing cycle_time", "lambda *, n=31: cycle_time(n)"),
-        ("model", "shipnet.modbus.pdu Request", "lambda *, n=1: Request.read(4, 0, n).pdu"),
+        ("model", "shipnet.modbus.pdu Request", "lambda *, n=1: Request(4, 0, n).pdu"),
         ("arithmetic", "shipnet.fields check_whole", "lambda *, n=3: check_whole('n', n, 0, 9)"),
         ("arithmetic", "math log", "lambda *, rate=167e3: log(rate)"),
         ("count", "math log", "lambda *, bits='0011', end=True: len(bits)"),

@@ -239,8 +239,8 @@ def test_rs_482_stands_for_rs_422():
 
 def test_channels_lie_below_each_other_with_their_own_scales():
     ax = Figure().subplots()
-    waves = buses.LINE.waveform(b"\x01"), buses.LINE.waveform(b"\x02", differential=2.0)
-    one, two = ((wave.time, wave.level) for wave in waves)
+    first, second = buses.LINE.waveform(b"\x01"), buses.LINE.waveform(b"\x02")
+    one, two = (first.time, first.level), (second.time, 4 * second.level - 2)
     assert plot_channels({"JB1": one, "JB3": two, "idle": ([0, 1], [1, 1])}, ax=ax) is ax
     for place, (line, (time, level)) in enumerate(zip(ax.lines, (one, two), strict=False)):
         assert (line.get_xdata() == time * 1e3).all()

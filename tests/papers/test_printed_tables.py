@@ -55,7 +55,7 @@ def test_table_5_is_what_the_encoder_sends():
 def test_write_id1_with_an_address_would_be_delete_address():
     information = f"1{21:05b}00000"
     bits = f"0{information}{information.count('1') % 2}1"
-    assert Request.parse(bits) == Request.delete_address(21)
+    assert Request.parse(bits) == Request(Call.DELETE_ADDRESS, 21)
     assert printed("Table 5").loc["WRITE_ID1", "A4":"A0"].tolist() == ["A4", "A3", "A2", "A1", "A0"]
     assert table("Table 5").loc["WRITE_ID1", "A4":"A0"].tolist() == ["0"] * 5
 

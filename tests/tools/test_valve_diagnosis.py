@@ -5,10 +5,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from shipnet.ballast.actuator import Actuator
-from shipnet.ballast.diagnosis import diagnose_run
-from shipnet.ballast.plant import FAULTS, Command, Fault, faulty
+from shipnet.ballast.plant import FAULTS, Fault, faulty
 from shipnet.ballast.rule_table import rule_vectors
-from shipnet.ballast.simulation import simulate
 from shipnet.ballast.trials import fault_trials
 from shipnet.ballast.wear import Wear
 from shipnet.errors import ArgumentError
@@ -137,22 +135,6 @@ def test_the_confusion_matrix_shows_percent_and_frames_what_is_right():
     assert [label.get_text() for label in ax.get_xticklabels()] == ["normal", "Pos3", "S1"]
     assert sorted(p.get_xy() for p in ax.patches) == [(-0.5, -0.5), (0.5, 0.5)]
     assert ax.get_xlabel() == "top-ranked fault [% of the row]"
-
-
-def test_the_strengths_over_time_are_those_of_the_diagnosis():
-    run = simulate(2, [Command("open", 1.0)], until=15, faults=[Fault("S1", valves=2)])
-    diagnosis = diagnose_run(run)
-    ax = diagnosis.decision(2).plot(diagnosis.time, ax=axes())
-    drawn = ax.collections[0].get_array()
-    base = diagnosis.base
-    for row, code in enumerate(base.ranking):
-        np.testing.assert_array_equal(drawn[row], diagnosis.firing(2)[code])
-    assert [label.get_text() for label in ax.get_yticklabels()] == list(base.ranking)
-    once = diagnose_run(simulate(1, until=0))
-    with pytest.raises(ArgumentError, match=r"time has the shape \(1,\)"):
-        once.decision(1).plot(once.time, ax=axes())
-    with pytest.raises(ArgumentError, match=r"time has the shape \(3,\)"):
-        diagnosis.decision(2).plot([0, 1, 2], ax=axes())
 
 
 def test_the_trend_is_drawn_up_to_its_limit_and_no_trend_is_said():

@@ -2,9 +2,10 @@ from .disturbances import Burst as Burst
 from .disturbances import ConductedRF as ConductedRF
 from .disturbances import Impulses as Impulses
 from .disturbances import Noise as Noise
+from .disturbances import levels as levels
+from .disturbances import plot_levels as plot_levels
 from .error_rates import burst_failures as burst_failures
 from .error_rates import count_errors as count_errors
 from .error_rates import error_rate as error_rate
 from .error_rates import independent_failures as independent_failures
-from .immunity import levels as levels
 from .rare_errors import rare_error_rates as rare_error_rates

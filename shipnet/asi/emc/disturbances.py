@@ -1,45 +1,29 @@
-"""Disturbances as a receiver sees them: voltages between the wires, to be added to telegrams.
+"""Disturbances: voltages between the wires to be added to telegrams, and immunity test levels.
 
-The user gives the amplitude: how much of a test level arrives between the wires is not modelled.
+No standard says how much of a test level arrives between the wires, so the user states amplitudes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from shipnet import datasets, style
 from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, number, record, whole
+from shipnet.fields import check_scalar, number, record, whole
+from shipnet.lazy import Axes, pd
 
 #: Begin and end of a telegram in its record [s].
 Span = tuple[float, float]
 
-#: Largest legal amplitude [V]; the receiver takes no voltage whose square overflows.
-_MOST = 1e9
 
-
-def _checked(t: npt.ArrayLike, amplitude: float, size: int) -> tuple[Floats, float, float, int]:
-    """Return evenly spaced times and their step, the amplitude, and the number of rows."""
-    times = np.asarray(t)
-    if times.dtype.kind not in "iuf" or times.ndim != 1 or times.size < 2:
-        raise ArgumentError(
-            f"t has the shape {times.shape} and dtype {times.dtype}; it must be a row of two "
-            "times or more"
-        )
-    times = times.astype(np.float64, copy=False)
-    dt = float(times[-1] - times[0]) / (times.size - 1)
-    if not (dt > 0 and np.abs(np.diff(times) - dt).max() <= 1e-6 * dt):
-        raise ArgumentError("t must be finite, rise and be evenly spaced")
-    volts, rows = (
-        check_scalar("amplitude", amplitude, "V", 0, _MOST),
-        check_whole("size", size, 0, 2**31),
-    )
-    return times, dt, volts, rows
+def _step(t: Floats) -> float:
+    """Return the time between two of some evenly spaced times [s]."""
+    return float(t[-1] - t[0]) / (t.size - 1)
 
 
 def add_events(
@@ -54,7 +38,7 @@ def add_events(
 
     `begin` and each parameter have one number per row. What falls outside the record is lost.
     """
-    dt = (t[-1] - t[0]) / (t.size - 1)
+    dt = _step(t)
     first = np.ceil((begin - t[0]) / dt).astype(np.intp)
     column = first[:, np.newaxis] + np.arange(int(length / dt) + 1)
     row, place = np.nonzero((column >= 0) & (column < t.size))
@@ -91,16 +75,20 @@ _TOP_AT = np.log(_DECAY / _RISE) * _DECAY * _RISE / (_DECAY - _RISE)
 AREA = (_DECAY - _RISE) / float(np.exp(-_TOP_AT / _DECAY) - np.exp(-_TOP_AT / _RISE))
 
 
-def _mean(since: Floats, dt: float, constants: Floats) -> Floats:
-    """Return the area that leaves three low-passes in a row between `since` - `dt` and `since`."""
-    return _passed(since, constants) - _passed(np.maximum(since - dt, 0.0), constants)
+#: Time constants of the three low-passes in a row that a pulse passes [s].
+_CONSTANTS = np.array([_DECAY, _RISE, 1 / (2 * np.pi * INPUT_CORNER)])
 
 
-def _passed(since: Floats, constants: Floats) -> Floats:
-    apart = constants[:, np.newaxis] - constants
+def _mean(since: Floats, dt: float) -> Floats:
+    """Return the area that leaves the low-passes between `since` - `dt` and `since`."""
+    return _passed(since) - _passed(np.maximum(since - dt, 0.0))
+
+
+def _passed(since: Floats) -> Floats:
+    apart = _CONSTANTS[:, np.newaxis] - _CONSTANTS
     np.fill_diagonal(apart, 1.0)
-    share = constants**2 / apart.prod(axis=1)
-    return np.asarray(1 - np.exp(-since[..., np.newaxis] / constants) @ share)
+    share = _CONSTANTS**2 / apart.prod(axis=1)
+    return np.asarray(1 - np.exp(-since[..., np.newaxis] / _CONSTANTS) @ share)
 
 
 # Objects ---------------------------------------------------------------------------------------
@@ -117,12 +105,8 @@ class Noise:
 
     Examples
     --------
-    >>> from shipnet.asi.topologies import line
-    >>> from shipnet.asi.emc.error_rates import count_errors
-    >>> from shipnet.asi.receiver import RECEIVERS
-    >>> answers = line(100, slaves=(5,)).waveform()
-    >>> count_errors(answers, Noise(), 0.7, 1000, 2024, receiver=RECEIVERS["noise-proof"])
-    <ErrorRates: 0.7 V, 6.5 % of 1000 telegrams lost, 0 undetected>
+    >>> print(f"{1e3 * Noise().density(0.7):.2f} mV per root hertz")
+    0.49 mV per root hertz
     """
 
     reference: float = number(
@@ -133,16 +117,11 @@ class Noise:
         """Return the one-sided density of a standard deviation [V per root hertz]."""
         return np.asarray(np.multiply(amplitude, (2 * self.reference) ** 0.5))
 
-    @property
-    def quantity(self) -> str:
-        """What its amplitude is."""
-        return f"noise in {0.5e-6 / self.reference:g} MHz, standard deviation"
-
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
         """Return the noise on each of some telegrams."""
-        t, dt, amplitude, size = _checked(t, amplitude, size)
+        dt = _step(t)
         # A step that is the reference must not change the noise by a rounding.
         if abs(dt / self.reference - 1) >= 1e-9:
             amplitude *= (self.reference / dt) ** 0.5
@@ -170,9 +149,6 @@ class Impulses:
     2.0 V
     """
 
-    #: What its amplitude is.
-    quantity: ClassVar[str] = "mean height of the impulses"
-
     count: int = whole(0, 1000, "", "Impulses per telegram", default=1)
     width: tuple[float, float] = (0.5e-6, 4e-6)
     spread: float = number(0, 1, "", "Spread of the heights", default=0.5)
@@ -181,7 +157,6 @@ class Impulses:
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
         """Return the impulses on each of some telegrams."""
-        t, _, amplitude, size = _checked(t, amplitude, size)
         longest = float(t[-1] - t[0])
         if not (np.shape(self.width) == (2,) and 0 < self.width[0] <= self.width[1] <= longest):
             raise ArgumentError(
@@ -218,9 +193,6 @@ class ConductedRF:
     1.8
     """
 
-    #: What its amplitude is.
-    quantity: ClassVar[str] = "peak of the carrier without modulation"
-
     frequency: float = number(1e-3, 1e12, "Hz", "Frequency of the carrier; 150 kHz to 80 MHz")
     modulation: float = number(0, 1, "", "Depth of the amplitude modulation", default=0.8)
     f_mod: float = number(0, 1e12, "Hz", "Frequency of the modulation", default=1e3)
@@ -232,7 +204,7 @@ class ConductedRF:
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
         """Return the carrier on each of some telegrams, at a random phase of its modulation."""
-        t, dt, amplitude, size = _checked(t, amplitude, size)
+        dt = _step(t)
         f, f_mod = self.frequency, self.f_mod
         if f + f_mod >= 0.5 / dt:
             raise ArgumentError(
@@ -265,31 +237,127 @@ class Burst:
     33% of the records are hit
     """
 
-    #: What its amplitude is.
-    quantity: ClassVar[str] = "peak of a pulse ahead of the receiver's input"
-
     rate: float = number(1, 1e6, "1/s", "Pulses per second", default=PULSE_RATE)
-    corner: float = number(
-        1e3, 1e9, "Hz", "Corner of the low-pass that stands for the input", default=INPUT_CORNER
-    )
 
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
         """Return the train of pulses on each of some telegrams."""
-        t, dt, amplitude, size = _checked(t, amplitude, size)
-        slowest = 1 / (2 * np.pi * self.corner)
-        # The formula divides by differences of time constants; a millionth apart is apart.
-        if min(abs(slowest / _DECAY - 1), abs(slowest / _RISE - 1)) < 1e-6:
-            slowest *= 1 + 2e-6
-        constants = np.array([_DECAY, _RISE, slowest])
-        length = dt + _ENOUGH * float(constants.max())
+        dt = _step(t)
+        length = dt + _ENOUGH * float(_CONSTANTS.max())
         sign = amplitude * AREA / dt * rng.choice([-1.0, 1.0], size)
         begin = t[0] - length + rng.uniform(0, 1 / self.rate, size)
         u = np.zeros((size, t.size))
         for _ in range(int((t[-1] - t[0] + length) * self.rate) + 1):
-            add_events(
-                u, t, begin, length, lambda since, sign: sign * _mean(since, dt, constants), sign
-            )
+            add_events(u, t, begin, length, lambda since, sign: sign * _mean(since, dt), sign)
             begin = begin + 1 / self.rate
         return u
+
+
+# Test levels ----------------------------------------------------------------------------------
+
+#: The parameters that say how severe a test is; the others say what kind of test it is.
+_SEVERITY = [
+    "voltage", "peak voltage", "field strength", "highest frequency",
+    "voltage over that of the supply",
+]  # fmt: skip
+
+#: Where a test that AS-i does not have is drawn: left of all ratios.
+_NONE = 0.4
+
+
+def gaps(asi: Floats, marine: Floats, better: npt.NDArray[np.str_]) -> npt.NDArray[np.str_]:
+    """Compare levels, of which the "higher", the "lower" or an "equal" one is the better."""
+    ratio = asi / marine
+    # Levels are round numbers; a part in a million is no gap.
+    fine = np.select(
+        [better == "higher", better == "lower"],
+        [ratio > 1 - 1e-6, ratio < 1 + 1e-6],
+        np.abs(ratio - 1) < 1e-6,
+    )
+    names = ["not asked", "test missing", "covers"]
+    return np.select([np.isnan(marine), np.isnan(asi), fine], names, "below")
+
+
+def levels() -> pd.DataFrame:
+    """Return the immunity tests of AS-i and of ships, and the gap between them.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per parameter of a test: both levels, their ratio, gap and sources. ``gap`` is
+        "covers", "below", "test missing" (AS-i has none) or "not asked" (by the ship).
+        ``asi_printed`` is what kim2023 prints in Table 2, ``asi`` what it means. Where
+        ``confirmed`` is "yes", the marine value is on a public page of a type-tested product or
+        of a test house; where it is "no", it is general knowledge: confirm it before using it.
+
+    Notes
+    -----
+    A kilovolt of the test is not a kilovolt between the wires: the coupling depends on cable,
+    earthing and symmetry.
+
+    Examples
+    --------
+    >>> table = levels()
+    >>> table.loc[table["gap"] == "below", ["test", "asi", "marine", "unit"]].values.tolist()
+    [['electrostatic discharge, contact', 4.0, 6.0, 'kV'], ['radio-frequency field', 1000.0, 2000.0, 'MHz']]
+    """  # noqa: E501 - the output is one line
+    table = datasets.read("emc_levels.csv")
+    table[["asi", "marine"]] = table[["asi", "marine"]].apply(pd.to_numeric)
+    table["ratio"] = table["asi"] / table["marine"]
+    table["gap"] = gaps(*(table[name].to_numpy() for name in ("asi", "marine", "better")))
+    first = "test parameter unit asi_printed asi criterion marine ratio gap better".split()
+    return table[[*first, "printed_name", "standard", "source", "confirmed", "note"]]
+
+
+def plot_levels(ax: Axes | None = None) -> Axes:
+    """Draw the test levels of AS-i over those that a ship asks for, one row per test.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw on.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes.
+
+    Examples
+    --------
+    >>> print(plot_levels().get_xlabel())
+    AS-i level over marine level [1]
+    """
+    ax, table = style.axes(ax, figsize=(6.4, 4)), levels()
+    asked = table["parameter"].isin(_SEVERITY) & (table["gap"] != "not asked")
+    rows = table[asked].to_dict("records")
+    for y, row in enumerate(rows):
+        missing, unsure = row["gap"] == "test missing", row["confirmed"] != "yes"
+        colour = "C0" if row["gap"] == "covers" else style.LIMIT["color"]
+        x = _NONE if missing else row["ratio"]
+        ax.plot([1, x], [y, y], color=colour, linewidth=3, alpha=0.5, visible=not missing)
+        ax.plot(
+            [x], [y], marker="x" if missing else "o", linestyle="none", color=colour,
+            markerfacecolor="white" if unsure else colour,
+        )  # fmt: skip
+        tested = "no test" if missing else f"{row['asi']:g} {row['unit']}"
+        text = f"{tested}, ship {row['marine']:g} {row['unit']}"
+        ax.annotate(
+            text + (" (not confirmed)" if unsure else ""), (max(x, 1.0), y), (7, 0),
+            textcoords="offset points", va="center",
+        )  # fmt: skip
+    ax.axvline(1, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"], zorder=0)
+    ax.annotate(
+        "what a ship asks for", (1, 1), (0, 3), xycoords=ax.get_xaxis_transform(),
+        textcoords="offset points", ha="center", color=style.LIMIT["color"],
+    )  # fmt: skip
+    names = [row["test"] + ("" if row["unit"] != "MHz" else ", highest frequency") for row in rows]
+    ax.set_yticks(range(len(rows)), names)
+    ax.set_xscale("log")
+    ticks = [0.5, 1, 2, 5]
+    ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    ax.minorticks_off()
+    ax.set(xlim=(0.8 * _NONE, 40), ylim=(len(rows) - 0.5, -0.5))
+    ax.set_xlabel("AS-i level over marine level [1]")
+    ax.grid(visible=False, axis="y")
+    return ax

@@ -5,13 +5,11 @@ An analyser counts *series*: 1 to 6 exchanges with a slave that fail in a row; t
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import asdict
 
 import numpy as np
 import numpy.typing as npt
 
-from shipnet import style
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
 from shipnet.asi.emc.disturbances import PACKET_LENGTH, PACKET_PERIOD
@@ -21,7 +19,7 @@ from shipnet.asi.timing import Cycle, Transaction
 from shipnet.errors import ArgumentError, SilenceError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.intervals import share_interval
-from shipnet.lazy import Axes, pd
+from shipnet.lazy import pd
 
 #: Samples worked on at a time: an array of them is 2 MB.
 _SAMPLES = 2**18
@@ -180,47 +178,6 @@ def _missed(
     return np.asarray(missed)
 
 
-class ErrorRates:
-    """The telegrams lost at each amplitude of a disturbance."""
-
-    def __init__(self, rows: Iterable[dict[str, float]], quantity: str) -> None:
-        self._table, self._quantity = pd.DataFrame(rows), quantity
-
-    def table(self) -> pd.DataFrame:
-        """Return one row per amplitude: counts, rate with its 95 % interval, and causes.
-
-        ``failed`` counts the telegrams that were not received as sent, ``undetected`` those of
-        them that no check found. The intervals are those of Clopper and Pearson. The columns of
-        the checks, and ``silence``, hold the share of the failed that violate each one.
-        """
-        return self._table.copy()
-
-    def plot(self, ax: Axes | None = None, *, label: str | None = None, marker: str = "o") -> Axes:
-        """Draw the rates over the amplitude, with their intervals as bars."""
-        ax, table = style.axes(ax), self._table
-        seen = table[table["failed"] > 0]
-        bars = np.stack([seen["rate"] - seen["rate_low"], seen["rate_high"] - seen["rate"]])
-        points = ax.errorbar(
-            seen["amplitude_V"], seen["rate"], bars, fmt=marker, markersize=4, capsize=2,
-            label=label,
-        )  # fmt: skip
-        none = table[table["failed"] == 0]
-        ax.errorbar(
-            none["amplitude_V"], none["rate_high"], 0.5 * none["rate_high"], fmt="_", uplims=True,
-            color=points.lines[0].get_color(),
-        )  # fmt: skip
-        ax.set_yscale("log")
-        ax.set(xlabel=f"{self._quantity} [V]", ylabel="telegram error rate [1]")
-        return ax
-
-    def __repr__(self) -> str:
-        t = self._table
-        volts = ", ".join(f"{volt:g}" for volt in t["amplitude_V"])
-        share = ", ".join(f"{100 * rate:.3g}" for rate in t["rate"])
-        count, missed = int(t["telegrams"].iloc[0]), int(t["undetected"].sum())
-        return f"<ErrorRates: {volts} V, {share} % of {count} telegrams lost, {missed} undetected>"
-
-
 @checked
 def count_errors(
     wave: Waveform,
@@ -230,7 +187,7 @@ def count_errors(
     rng: RNGLike | None = None,
     *,
     receiver: Receiver | None = None,
-) -> ErrorRates:
+) -> pd.DataFrame:
     """Count how many telegrams a disturbance costs, by Monte Carlo.
 
     Parameters
@@ -240,7 +197,7 @@ def count_errors(
     disturbance : Noise, Impulses, ConductedRF or Burst
         What is added at the receiver.
     amplitudes : float or array_like of float, shape (n_amplitudes,)
-        Its amplitudes, 0..1e9 [V]; `disturbance.quantity` says of what.
+        Its amplitudes, 0..1e9 [V].
     n_telegrams : int
         Trials at each amplitude, 1 or more.
     rng : numpy.random.Generator or int, optional
@@ -251,16 +208,21 @@ def count_errors(
 
     Returns
     -------
-    ErrorRates
-        With ``table()`` and ``plot(ax)``.
+    pandas.DataFrame
+        One row per amplitude, ``amplitude_V``: how many ``telegrams`` were sent, how many
+        ``failed``, that is, were not received as sent, and how many of them no check found,
+        ``undetected``; the ``rate`` with its 95 % interval of Clopper and Pearson, ``rate_low`` and
+        ``rate_high``, and ``undetected_high``; and the share of the failed telegrams that violate
+        each check, or whose first pulse was missed: ``silence``.
 
     Examples
     --------
     >>> from shipnet.asi.emc.disturbances import Impulses
     >>> from shipnet.asi.topologies import line
     >>> answers = line(100, slaves=(5,)).waveform()
-    >>> count_errors(answers, Impulses(count=4), [0, 2], 2000, 2024)
-    <ErrorRates: 0, 2 V, 0, 60 % of 2000 telegrams lost, 0 undetected>
+    >>> counted = count_errors(answers, Impulses(count=4), [0, 2], 2000, 2024)
+    >>> counted[["amplitude_V", "failed", "undetected"]].astype(int).values.tolist()
+    [[0, 0, 0], [2, 1200, 0]]
     """
     volts = np.atleast_1d(np.asarray(amplitudes))
     if volts.ndim != 1 or volts.dtype.kind not in "iuf":
@@ -269,7 +231,7 @@ def count_errors(
     count = check_whole("n_telegrams", n_telegrams, 1, 2**31)
     source, receiver = check_rng(rng), receiver or Receiver()
     rows = (_row(wave, disturbance, volt, count, source, receiver) for volt in checked)
-    return ErrorRates(rows, disturbance.quantity)
+    return pd.DataFrame(rows)
 
 
 @checked
@@ -381,16 +343,15 @@ def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.Dat
     if rate.ndim != 1 or rate.dtype.kind not in "iuf" or not ((rate >= 0) & (rate <= 1)).all():
         raise ArgumentError(f"p is {p!r}; it must be one probability or a row, 0..1")
     cycle = cycle or Cycle(31)
-    slaves = check_whole("addresses", int(np.asarray(cycle.addresses)), 1, 31)
-    cycle_time = float(cycle.time)
+    slaves = check_whole("addresses", cycle.addresses, 1, 31)
     rate = rate.astype(float)
     failure = rate**TRIES
     with np.errstate(divide="ignore", over="ignore"):
-        between = cycle_time * (failure[:, np.newaxis] ** -np.arange(1.0, CYCLES + 1)).sum(axis=1)
+        between = cycle.time * (failure[:, np.newaxis] ** -np.arange(1.0, CYCLES + 1)).sum(axis=1)
     return pd.DataFrame(
         {
             "rate": rate,
-            "repetitions_per_s": slaves * rate / cycle_time,
+            "repetitions_per_s": slaves * rate / cycle.time,
             "cycle_failure": failure,
             "three_cycles": failure**CYCLES,
             "between_drops_s": between,

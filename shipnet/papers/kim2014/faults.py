@@ -11,12 +11,12 @@ import pandas as pd
 
 from shipnet import datasets
 from shipnet.ballast.diagnosis import Run
-from shipnet.ballast.master import MasterRun, operate, received_run
+from shipnet.ballast.master import MasterRun, operate
 from shipnet.ballast.plant import FAULTS, Command, Plant
 from shipnet.ballast.registers import RegisterMap
 from shipnet.ballast.rule_table import FILLS, rule_base, rule_vectors
 from shipnet.ballast.scan import System, status_poll
-from shipnet.ballast.sensors import CHANNELS, rule_limits
+from shipnet.ballast.sensors import CHANNELS
 from shipnet.ballast.trials import fault_trials
 from shipnet.ballast.wear import Wear
 from shipnet.errors import ArgumentError
@@ -31,11 +31,6 @@ BASE = rule_base()
 
 _TABLE = datasets.read("kim2014_rule_table.csv")
 _POSITION_FLAG = "PosFault"
-
-
-def _limit(channel: str, comparison: str) -> float:
-    limits = rule_limits()
-    return next(x.value for x in limits if (x.channel, x.comparison) == (channel, comparison))
 
 
 numeric("kim2014-024")(lambda: len(rule_base().codes))
@@ -69,14 +64,18 @@ numeric("kim2014-074")(
 
 
 @numeric("kim2014-082")
-def silent_pressures(*, high: float = _limit("FP", ">"), low: float = _limit("FP", "<")) -> float:
+def silent_pressures(
+    *, high: float = BASE["FP"]["high"].crisp.low, low: float = BASE["FP"]["none"].crisp.high
+) -> float:
     """Width of the range of FP that no rule uses [bar]."""
     return high - low
 
 
-numeric("kim2014-100")(
-    lambda *, limit=2.5: len({one.channel for one in rule_limits() if one.value == limit})
-)
+@numeric("kim2014-100")
+def sensors_with_limit(*, limit: float = 2.5) -> int:
+    """Sensors that the rules compare with this limit."""
+    terms = {variable.name: [term.crisp for term in variable.terms] for variable in BASE.variables}
+    return sum(any(limit in (one.low, one.high) for one in own) for own in terms.values())
 
 
 @check("kim2014-037", counter={"ramps": True})
@@ -273,7 +272,7 @@ def seen_strokes(
     for number in numbers:
         order = Command("open", start, valves=number)
         seen = operate(Plant(System(number, status_poll(9600))), [order], until=duration)
-        runs[number] = received_run(seen, number, target=100.0)
+        runs[number] = seen.received(number)
     return runs
 
 

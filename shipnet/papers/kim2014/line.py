@@ -118,7 +118,7 @@ def sensors_are_seen_before_the_reply(*, at_end: bool = True, movement: float = 
 def two_wires_are_enough(*, interface: str = "RS-485") -> bool:
     """Whether one pair and a common conductor serve both directions."""
     pair_and_common = 3
-    return INTERFACES[interface].wires.get("half") == pair_and_common
+    return INTERFACES[interface].wires == pair_and_common
 
 
 def break_table(

@@ -117,7 +117,7 @@ def _answer(registers: int) -> Response:
 @numeric("kim2014-006")
 def crc_bits(*, address: int = 1) -> int:
     """Bits of an RTU frame other than its PDU and an address of this many bytes."""
-    pdu = Request.read(_READ, FIRST_REGISTER, N_REGISTERS).pdu
+    pdu = Request(_READ, FIRST_REGISTER, N_REGISTERS).pdu
     return 8 * (len(rtu_frame(1, pdu)) - len(pdu) - address)
 
 
@@ -134,7 +134,7 @@ numeric("kim2014-010")(lambda *, longest_pdu=MAX_PDU: (longest_pdu - len(_answer
 @numeric("kim2014-086")
 def least_registers(*, data: int = 2) -> int:
     """Fewest registers of a legal query for at least this many data bytes."""
-    legal = (n for n in range(126) if is_legal(Request.read, _READ, FIRST_REGISTER, n))
+    legal = (n for n in range(126) if is_legal(Request, _READ, FIRST_REGISTER, n))
     return next(n for n in legal if len(_answer(n).pdu) >= 2 + data)
 
 
@@ -144,7 +144,7 @@ def names_a_register(*, message: str = "response") -> bool:
     slave = Slave(input_registers=[0] * 4)
     said = []
     for address in (1, 2):
-        query = Request.read(_READ, address, 1).pdu
+        query = Request(_READ, address, 1).pdu
         said.append(query if message == "query" else slave.answer(query))
     return said[0] != said[1]
 
@@ -160,7 +160,7 @@ def length_field(*, messages: tuple[str, ...]) -> int:
 
 numeric("kim2014-020")(lambda *, registers=N_REGISTERS: 1 + len(_answer(registers).pdu))
 numeric("kim2014-053")(
-    lambda *, first=0x4020, last=0x4023: Request.read(_READ, first, last - first + 1).quantity
+    lambda *, first=0x4020, last=0x4023: Request(_READ, first, last - first + 1).quantity
 )
 numeric("kim2014-054")(lambda *, registers=N_REGISTERS: _answer(registers).pdu[1])
 

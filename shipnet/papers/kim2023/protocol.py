@@ -384,7 +384,7 @@ def outputs_are_reset(*, silence: float = 0.06) -> bool:
 def reset_is_acknowledged(*, call: Call = Call.RESET) -> bool:
     """Whether a slave answers this call with 6 and keeps its address."""
     slave = Slave("21")
-    asked = slave.listen(["", Request(call, 21).bits, "", Request.read_id(21).bits])["answer"]
+    asked = slave.listen(["", Request(call, 21).bits, "", Request(Call.READ_ID, 21).bits])["answer"]
     return ": 6" in asked.iloc[1] and asked.iloc[3] != "silence"
 
 

@@ -192,5 +192,5 @@ def supply_decides(
     for supply, deviation in zip(supplies, deviations, strict=True):
         lifted = replace(near, u=near.u + supply)
         rates = count_errors(lifted, Noise(), deviation, 2000, 2024, receiver=receiver)
-        lost.append(int(rates.table()["failed"].iloc[0]))
+        lost.append(int(rates["failed"].iloc[0]))
     return lost[0] != lost[1]

@@ -49,7 +49,7 @@ _FC03 = FunctionCode.READ_HOLDING_REGISTERS
 
 def read(registers: int, start: int = 0) -> Request:
     """Return a request for this many holding registers."""
-    return Request.read(_FC03, start, registers)
+    return Request(_FC03, start, registers)
 
 
 def answer(registers: int) -> Response:
