@@ -35,7 +35,7 @@ RESULTS = {
     "design": "Comparison Design Quantities Tornado",
     "engine": "Run Screen",
     "exercises": "Verdict",
-    "fuzzy": "Decision Firing Overlaps",
+    "fuzzy": "Decision Firing",
     "modbus": "Characters Device ExceptionCode FunctionCode Reach Run Scan Server",
     "remote_control": "Comparison Run SerialCapture",
 }
@@ -243,7 +243,7 @@ def of_fuzzy():
     }  # fmt: skip
     instances = {
         "RuleBase": base, "Decision": decision, "Firing": base.fire(samples), "Variable": first,
-        "Overlaps": base.overlaps(), "Term": first.terms[0], "Interval": fuzzy.Interval(0, 1),
+        "Term": first.terms[0], "Interval": fuzzy.Interval(0, 1),
     }  # fmt: skip
     return good, instances
 

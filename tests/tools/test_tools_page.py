@@ -259,6 +259,13 @@ def test_the_link_saves_what_load_takes_back(page):
     assert b64decode(report) == b"<p>fine</p>"
 
 
+def test_a_state_that_is_saved_when_the_verdict_changes_is_the_new_one(page):
+    links = []
+    page._shown.observe(lambda _: links.append(page.links.value), "value")
+    page.controls["slaves"].value = 9
+    assert links == [page.links.value] and "?slaves=9" in links[0]
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

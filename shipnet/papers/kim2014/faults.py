@@ -45,7 +45,7 @@ def flags(*, with_position: bool = True) -> int:
 @numeric("kim2014-036")
 def nested_pairs(*, codes: tuple[str, ...] = BASE.codes) -> int:
     """Pairs of these rules where one fires whenever the other does."""
-    pairs = BASE.overlaps().table()
+    pairs = BASE.overlaps()
     nested = pairs[pairs["relation"] != "overlap"]
     return int((nested["a"].isin(codes) & nested["b"].isin(codes)).sum())
 
@@ -74,8 +74,8 @@ def silent_pressures(
 @numeric("kim2014-100")
 def sensors_with_limit(*, limit: float = 2.5) -> int:
     """Sensors that the rules compare with this limit."""
-    terms = {variable.name: [term.crisp for term in variable.terms] for variable in BASE.variables}
-    return sum(any(limit in (one.low, one.high) for one in own) for own in terms.values())
+    limits = [[term.crisp for term in variable.terms] for variable in rule_base().variables]
+    return sum(any(limit in (one.low, one.high) for one in own) for own in limits)
 
 
 @check("kim2014-037", counter={"ramps": True})
