@@ -292,7 +292,7 @@ def of_modbus():
 
 
 def of_papers():
-    good = {"paper": "kim2023", "id": "kim2023-004", "item": "Fig 7", "table.item": "Table 5"}
+    good = {"paper": "kim2023", "id": "kim2023-004", "item": "Fig 7"}
     return good, {"Claim": papers.Claim("kim2023-004")}
 
 

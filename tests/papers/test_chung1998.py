@@ -7,6 +7,7 @@ from shipnet.errors import ArgumentError
 from shipnet.papers import ledger
 from shipnet.papers.chung1998 import given_up, link, recovered, ring, ring_trials, send_loops
 from shipnet.papers.chung1998.link import PRINTED
+from shipnet.papers.registry import REGISTRY
 from shipnet.remote_control import (
     Change,
     MarkerFormat,
@@ -32,7 +33,9 @@ def test_three_seconds_need_both_tests_to_be_reached():
         float(PRINTED[name]) for name in ("tick", "count_threshold", "miss_threshold")
     )
     assert (
-        link.failure_time() == pytest.approx((count + 1) * (miss + 1) * tick) == pytest.approx(4.4)
+        REGISTRY["chung1998-007"]()
+        == pytest.approx((count + 1) * (miss + 1) * tick)
+        == pytest.approx(4.4)
     )
     assert (
         Supervision.intended().detection_time[1]
