@@ -185,7 +185,7 @@ def test_no_lesson_takes_more_than_an_hour_of_class():
     ).read_text("utf-8")
     rows = re.findall(r"^\| \d\d \|.*\|$", editions.table(editions.ROOT), flags=re.M)
     minutes = [int(row.split("|")[5]) for row in rows]
-    assert len(minutes) == 10 and all(45 <= each <= 60 for each in minutes)
+    assert len(minutes) == 10 and all(40 <= each <= 60 for each in minutes)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,10 @@ from shipnet.can.faults import BitErrors, ErrorAt, Simulated
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import NEVER, nanoseconds
 
-WAITING, OVERWRITTEN = -1, -2  #: Stand for the start of a frame that never began.
+WAITING = -1  #: The start of a frame that never began.
+
+#: Length of an error frame with intermission, if a second flag of 6 bits follows the first [bit].
+ERROR_FRAME = 23
 
 #: Error counts from which a node is error passive, and bus off; the recessive sequences that a
 #: node waits for when bus off, and their length [bit]; and the bits that an error passive node lets
@@ -39,7 +42,7 @@ _FEW = 30  #: Fewest busy periods of one size that are solved side by side.
 class _Traffic:
     """Frames in order of release, and the progress of the bus through them."""
 
-    def __init__(self, releases: Releases, overwrite: bool) -> None:
+    def __init__(self, releases: Releases) -> None:
         number = len(releases.time)
         self.shift = number.bit_length()
         self.mask = (1 << self.shift) - 1
@@ -48,8 +51,6 @@ class _Traffic:
         #: Priority and index in one number; the smallest is sent next.
         self.item = (releases.message << self.shift | np.arange(number)).tolist()
         self.length = releases.length.tolist()
-        self.overwrite = overwrite
-        self.newest = [-1] * len(self.length)
         self.start = [WAITING] * number
         self.waiting: list[int] = []
         self.at = self.now = 0
@@ -58,18 +59,11 @@ class _Traffic:
         """Queue releases, send up to `most` frames that begin before `until`, and return them."""
         due, items, length, waiting = self.due, self.item, self.length, self.waiting
         start, shift, mask = self.start, self.shift, self.mask
-        newest, overwrite = self.newest, self.overwrite
         at, now, sent = self.at, self.now, []
         upcoming = due[at]
         while now < until:
             while upcoming <= now:
-                item = items[at]
-                if overwrite:
-                    rank = item >> shift
-                    if newest[rank] >= 0:
-                        start[newest[rank]] = OVERWRITTEN
-                    newest[rank] = at
-                heappush(waiting, item)
+                heappush(waiting, items[at])
                 at += 1
                 upcoming = due[at]
             if not most:
@@ -79,10 +73,6 @@ class _Traffic:
                 continue
             item = heappop(waiting)
             rank = item >> shift
-            if overwrite:
-                if start[item & mask] == OVERWRITTEN:
-                    continue
-                newest[rank] = -1
             start[item & mask] = now
             sent.append(rank)
             now += length[rank]
@@ -126,7 +116,7 @@ def send_undisturbed(releases: Releases, horizon: int) -> Integers:
             now = waited + duration[sent] << shift
             release[picked, np.arange(busy)] = gone
     others = np.repeat(left, size)
-    traffic = _Traffic(Releases(time[others], message[others], length), overwrite=False)
+    traffic = _Traffic(Releases(time[others], message[others], length))
     traffic.send(len(time), horizon)
     start[others] = traffic.start
     start[start >= horizon] = WAITING
@@ -210,19 +200,19 @@ class Failure(NamedTuple):
 
 def send(
     releases: Releases, horizon: int, sender: Integers, faults: tuple[Simulated, ...], bit: int,
-    rng: np.random.Generator, recover: bool, *, overwrite: bool,
+    rng: np.random.Generator,
 ) -> tuple[Integers, list[Failure], Nodes]:  # fmt: skip
     """Return when each frame begins, which failed, and the nodes at the end."""
     owner = sender.tolist()
     nodes = Nodes(max(owner) + 1)
     failures: list[Failure] = []
-    if not (faults or overwrite):
+    if not faults:
         return send_undisturbed(releases, horizon), failures, nodes
-    traffic = _Traffic(releases, overwrite)
+    traffic = _Traffic(releases)
     start, waiting = traffic.start, traffic.waiting
-    at_times = sorted((nanoseconds(f.time), f.bits) for f in faults if isinstance(f, ErrorAt))
-    strikes = iter([*at_times, (NEVER, 0)])
-    struck, struck_bits = next(strikes)
+    at_times = sorted(nanoseconds(fault.time) for fault in faults if isinstance(fault, ErrorAt))
+    strikes = iter([*at_times, NEVER])
+    struck = next(strikes)
     longest = max(traffic.length)
     random = [f for f in faults if isinstance(f, BitErrors) and f.rate]
     chances = _chances([f.rate for f in random], longest // bit - INTERMISSION, rng)
@@ -236,7 +226,7 @@ def send(
     while traffic.now < horizon:
         traffic.send(0, horizon)
         now = traffic.now
-        if nodes.missing and recover:
+        if nodes.missing:
             rested = (now - counted) // sequence
             counted += rested * sequence
             nodes.come_back(rested, now)
@@ -246,14 +236,13 @@ def send(
                     heappush(waiting, item)
         if not waiting:
             nexts = [traffic.due[traffic.at], *(rest for rest in rest_until if now < rest)]
-            if recover:
-                nexts += [counted + number * sequence for number in nodes.missing.values()]
+            nexts += [counted + number * sequence for number in nodes.missing.values()]
             if min(nexts) == NEVER:
                 break
             traffic.now = min(nexts)
             continue
         while struck < now:
-            struck, struck_bits = next(strikes)
+            struck = next(strikes)
         if not (clear or gaps):
             clear, gaps = next(chances)
         if nodes.calm and clear and now < min(horizon, struck - longest):
@@ -266,15 +255,13 @@ def send(
         item = heappop(waiting)
         picked, rank = item & traffic.mask, item >> traffic.shift
         node = owner[rank]
-        if start[picked] == OVERWRITTEN:
-            continue
         if rest_until[node] > now:
             held.setdefault(node, []).append(item)
             continue
         open_bits = traffic.length[rank] // bit - INTERMISSION
-        broken, error_bits = open_bits, 0
+        broken = open_bits
         if struck < now + open_bits * bit:
-            broken, error_bits = (struck - now) // bit, struck_bits
+            broken = (struck - now) // bit
         if clear:
             clear -= 1
         else:
@@ -283,17 +270,16 @@ def send(
                 # Bits of the frame that pass before the first disturbed one.
                 hit = gap - 1 + max(-((now - begin) // bit), 0)
                 if hit < broken and now + hit * bit < end:
-                    broken, error_bits = hit, fault.bits
+                    broken = hit
             clear, gaps = next(chances)
         good = broken == open_bits
-        traffic.now = now + (traffic.length[rank] if good else (broken + 1 + error_bits) * bit)
+        traffic.now = now + (traffic.length[rank] if good else (broken + 1 + ERROR_FRAME) * bit)
         # Delimiter, end of frame and intermission make one sequence of 11 recessive bits.
         counted = traffic.now
-        if nodes.missing and recover:
+        if nodes.missing:
             nodes.come_back(1, counted)
         if good:
             start[picked] = now
-            traffic.newest[rank] = -1
             nodes.good[node] += 1
         else:
             heappush(waiting, item)

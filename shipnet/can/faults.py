@@ -22,7 +22,7 @@ ERROR_BITS: Mapping[str, int] = MappingProxyType(
 )
 
 
-@record(repr=False)
+@record
 class BitErrors(Fault):
     """Random, independent bit errors while the fault lasts, for simulations.
 
@@ -31,22 +31,10 @@ class BitErrors(Fault):
     Examples
     --------
     >>> BitErrors(1e-4, start=1.0)
-    BitErrors(rate=0.0001, start=1)
+    BitErrors(start=1.0, stop=inf, rate=0.0001)
     """
 
     rate: float = number(0, 0.5, "", "Probability that a bit is disturbed")
-    bits: int = whole(
-        17, 23, "bit", "Length of an error frame with intermission; 23 if a second flag of 6 bits "
-        "follows the first", default=23, kw_only=True,
-    )  # fmt: skip
-
-    def __repr__(self) -> str:
-        times = "".join(
-            f", {name}={value:g}"
-            for name, value, usual in (("start", self.start, 0), ("stop", self.stop, math.inf))
-            if value != usual
-        )
-        return f"BitErrors(rate={self.rate:g}{times})"
 
 
 @record
@@ -56,13 +44,10 @@ class ErrorAt:
     Examples
     --------
     >>> ErrorAt(0.2e-3)
-    ErrorAt(time=0.0002, bits=23)
+    ErrorAt(time=0.0002)
     """
 
     time: float = number(0, 1e6, "s", "When the bit is disturbed")
-    bits: int = whole(
-        17, 23, "bit", "Length of an error frame with intermission", default=23, kw_only=True
-    )
 
 
 @checked
@@ -75,8 +60,8 @@ class ErrorBound:
 
     Notes
     -----
-    The 31 bits are from [1]_. For the tables of [2]_ use ``bits=ERROR_BITS["Broster 2002"]``,
-    method ``"1994"`` and ``Assumptions(intermission="between", foreign_bits=3)``.
+    The 31 bits are from [1]_. For the tables of [2]_ use ``bits=ERROR_BITS["Broster 2002"]`` and
+    ``Assumptions(intermission="between")``.
 
     References
     ----------

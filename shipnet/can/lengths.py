@@ -18,7 +18,7 @@ from shipnet.crc import CAN as CRC
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
 
-Stuffing = Literal["none", "mean", "attainable", "worst", "worst 1994"]
+Stuffing = Literal["none", "mean", "attainable", "worst"]
 
 Octets = npt.NDArray[np.uint8]
 
@@ -51,7 +51,6 @@ def _bits(most: Callable[[int, int, bool], float]) -> tuple[tuple[float, ...], t
 _TABLE: dict[Stuffing, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "none": _bits(lambda bits, n, kind: 0),
     "mean": _bits(lambda bits, n, kind: _MEAN_STUFF[kind][n]),
-    "worst 1994": _bits(lambda bits, n, kind: bits // 5),
     "attainable": _bits(lambda bits, n, kind: _MOST_STUFF[kind][n]),
     "worst": _bits(lambda bits, n, kind: (bits - 1) // 4),
 }
@@ -76,16 +75,15 @@ def frame_length(
 
     With :math:`g` = 34 stuffed bits without data (54 for a 29-bit identifier) and :math:`s` bytes:
 
-    .. math:: n_{2007} = g + 8 s + 13 + \left\lfloor \frac{g + 8 s - 1}{4} \right\rfloor, \qquad
-              n_{1994} = g + 8 s + 13 + \left\lfloor \frac{g + 8 s}{5} \right\rfloor
+    .. math:: n = g + 8 s + 13 + \left\lfloor \frac{g + 8 s - 1}{4} \right\rfloor
 
     Parameters
     ----------
     dlc : int or array_like of int
         Data bytes, 0..8.
-    stuffing : {"none", "mean", "attainable", "worst", "worst 1994"}, default "worst"
+    stuffing : {"none", "mean", "attainable", "worst"}, default "worst"
         Which stuff bits count: none, the mean over random identifiers and data, the most in any
-        frame, the bound of 2007, or that of 1994, which is too low.
+        frame, or the bound above.
     extended : bool or array_like of bool, default False
         Whether the identifier has 29 bits.
 
@@ -96,15 +94,15 @@ def frame_length(
 
     Notes
     -----
-    In the bound of Davis et al. (2007), a stuff bit begins the next run, which Tindell and Burns
-    (1994) overlooked; `response_times` has the references. No frame reaches it, because identifier,
-    reserved bits and CRC are not free: the longest standard frame has 133 bits. Real data are not
-    random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
+    In the bound of Davis et al. (2007), a stuff bit begins the next run. Tindell and Burns (1994)
+    overlooked this, and divide by 5; `response_times` has the references. No frame reaches the
+    bound, because identifier, reserved bits and CRC are not free: the longest standard frame has
+    133 bits. Real data are not random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
 
     Examples
     --------
-    >>> frame_length(8), frame_length(8, stuffing="none"), frame_length(8, stuffing="worst 1994")
-    (135, 111, 130)
+    >>> frame_length(8), frame_length(8, stuffing="none"), frame_length(8, stuffing="attainable")
+    (135, 111, 133)
     >>> frame_length([0, 7, 8], extended=True).tolist()
     [80.0, 150.0, 160.0]
     """

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shipnet import style
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.can.frame import check_bit_rate, highest_id
@@ -20,7 +19,7 @@ from shipnet.can.lengths import measure_frames
 from shipnet.can.messages import Message, MessageSet
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
-from shipnet.lazy import Axes, pd
+from shipnet.lazy import pd
 
 #: Kinds of numpy arrays that each column of a log may be.
 _KINDS = {
@@ -262,18 +261,6 @@ class LogLoad:
     def windows(self) -> pd.DataFrame:
         """Return one row per frame: the load of the window that ends with it."""
         return self._windows.copy()
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the load over time, one line per bus."""
-        ax = style.axes(ax)
-        for channel, own in self._windows.groupby("channel"):
-            time = own["time_s"] - self._windows["time_s"].min()
-            ax.plot(time, 100 * own["load"], label=str(channel))
-        ax.set(xlabel="time since the first frame [s]", ylabel="bus load [%]")
-        ax.set_ylim(bottom=0)
-        if len(self._total) > 1:
-            ax.legend()
-        return ax
 
     def __repr__(self) -> str:
         parts = [

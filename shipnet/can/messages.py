@@ -40,7 +40,7 @@ from shipnet.fields import (
     whole,
 )
 from shipnet.lazy import pd
-from shipnet.tables import NUMBER, Sheet, frame_sheet, parse_sheet, read_bytes, read_sheet, text_of
+from shipnet.tables import NUMBER, Sheet, parse_sheet, read_bytes, read_sheet, text_of
 
 T = TypeVar("T")
 
@@ -307,19 +307,6 @@ class MessageSet(Named[Message]):
         return pd.DataFrame(columns, index=index).astype({"bits": "Int64", "sender": object})
 
     @classmethod
-    def from_table(cls, table: pd.DataFrame) -> MessageSet:
-        """Return the set described by a table with the columns of `table`, or some of them.
-
-        A missing value takes its default. One error reports all faults of the table.
-        """
-        if table.index.name == "name" and "name" not in table:
-            table = table.reset_index()
-        try:
-            return _from_sheet(frame_sheet(table), {}, None)
-        except InputError as error:
-            raise ArgumentError(str(error)) from None
-
-    @classmethod
     def parse(cls, text: str) -> MessageSet:
         """Return the set described by text in the CSV form that `read_messages` takes."""
         return _from_sheet(parse_sheet(text, "text", is_titles=_is_titles), {}, None)
@@ -374,7 +361,7 @@ def bus_load(
         The messages.
     bit_rate : float or array_like of float
         Bit rate, 1000..1000000 [bit/s].
-    stuffing : {"none", "mean", "attainable", "worst", "worst 1994"}, default "worst"
+    stuffing : {"none", "mean", "attainable", "worst"}, default "worst"
         Which stuff bits count, as in `frame_length`; a message with its own ``bits`` has those.
 
     Returns

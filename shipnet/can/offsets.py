@@ -34,9 +34,8 @@ class Streams(NamedTuple):
     jitter: Integers
     offset: Integers
     clock: Integers
-    #: How late a more urgent message may be queued and still win, and the longest foreign frame.
+    #: How late a more urgent message may be queued and still win.
     tau: int
-    foreign: int
 
 
 def clocks(senders: list[str], periods: list[int]) -> Integers:
@@ -59,9 +58,8 @@ def longest_responses(streams: Streams) -> list[int] | None:
     if load >= _HIGHEST_LOAD:
         return None
     jitter = streams.frame * (1 + streams.jitter / streams.period)
-    blocked = max(int(streams.frame.max(initial=0)), streams.foreign)
     # No busy period is longer; most are much shorter, so the window starts small and doubles.
-    most = 2 * (int((blocked + jitter.sum()) / (1 - load)) + 2) + streams.tau
+    most = 2 * (int((streams.frame.max(initial=0) + jitter.sum()) / (1 - load)) + 2) + streams.tau
     span = int(4 * streams.frame.sum()) + 1
     while (found := _within(streams, min(span, most))) is None:
         span *= 2
@@ -131,7 +129,7 @@ def _within(streams: Streams, span: int) -> list[int] | None:
     for m, clock in enumerate(streams.clock.tolist()):
         frame, jitter = int(streams.frame[m]), int(streams.jitter[m])
         higher = members.get(clock, [])
-        blocking = max(int(streams.frame[m + 1 :].max(initial=0)), streams.foreign)
+        blocking = int(streams.frame[m + 1 :].max(initial=0))
         own = _Clock(streams, [*higher, m], span)
         # Higher releases of this clock must cover the hyperperiod that includes the message.
         above = _Clock(streams, higher, span + jitter, own.hyperperiod) if higher else None

@@ -24,10 +24,8 @@ from shipnet.can.messages import Message, MessageSet, Named
 from shipnet.can.offsets import Streams, clocks, longest_responses
 from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
-from shipnet.fields import choice, record, switch, whole
+from shipnet.fields import choice, record, switch
 from shipnet.lazy import Axes, pd
-
-Method = Literal["exact", "sufficient", "1994"]
 
 
 @record
@@ -46,22 +44,16 @@ class Assumptions:
     0.002136
     """
 
-    stuffing: Literal["none", "attainable", "worst", "worst 1994"] = choice(
-        ("none", "attainable", "worst", "worst 1994"),
+    stuffing: Literal["none", "attainable", "worst"] = choice(
+        ("none", "attainable", "worst"),
         "Which stuff bits count, as in `frame_length`", default="worst",
     )  # fmt: skip
-    intermission: Literal["everywhere", "between", "nowhere"] = choice(
-        ("everywhere", "between", "nowhere"), "Whether the 3 bits after a frame count: also after "
-        "the message itself, only between frames, or never", default="everywhere",
+    intermission: Literal["everywhere", "between"] = choice(
+        ("everywhere", "between"), "Whether the 3 bits after a frame count also after the message "
+        "itself, or only between frames", default="everywhere",
     )  # fmt: skip
     own_jitter: bool = switch(
         "Whether the response begins with the event, or when the message is queued", default=True
-    )
-    arbitration_bits: int = whole(
-        0, 11, "bit", "How late a more urgent message may be queued and still win", default=1
-    )
-    foreign_bits: int = whole(
-        0, 160, "bit", "Longest frame of nodes that are not in the set; it may block", default=0
     )
 
 
@@ -84,12 +76,6 @@ class Bus(NamedTuple):
     deadline: tuple[int, ...]
     assumptions: Assumptions
 
-    @property
-    def foreign_bits(self) -> int:
-        """Longest frame of nodes outside the set, without intermission if that counts nowhere."""
-        bits = self.assumptions.foreign_bits
-        return max(0, bits - INTERMISSION) if self.assumptions.intermission == "nowhere" else bits
-
     def reported(self, message: int) -> int:
         """Return how much longer a message's response is than its delay."""
         _, frame, jitter = self.streams[message]
@@ -105,11 +91,10 @@ def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions | Non
         raise ArgumentError(f"bit_rate is {bit_rate!r}; it must be a whole number of bit/s")
     second = math.lcm(10**9, int(rate))
     bit, nanosecond = second // int(rate), second // 10**9
-    spared = INTERMISSION if assumptions.intermission == "nowhere" else 0
     streams = tuple(
         (
             nanoseconds(m.period) * nanosecond,
-            (int(m.frame_length(assumptions.stuffing)) - spared) * bit,
+            int(m.frame_length(assumptions.stuffing)) * bit,
             nanoseconds(m.jitter) * nanosecond,
         )
         for m in messages
@@ -123,14 +108,14 @@ class Level:
 
     def __init__(
         self, bus: Bus, message: int, higher: Sequence[int], lower: Sequence[int],
-        errors: ErrorBound, own_blocking: bool = False,
+        errors: ErrorBound,
     ) -> None:  # fmt: skip
-        streams, assumptions = bus.streams, bus.assumptions
+        streams = bus.streams
         self.period, self.frame, self.jitter = streams[message]
-        blocking = [streams[k][1] for k in lower] + [self.frame] * own_blocking
-        self.blocking = max(*blocking, bus.foreign_bits * bus.bit, 0)
+        self.blocking = max((streams[k][1] for k in lower), default=0)
         self._reported = bus.reported(message)
-        self._tau = assumptions.arbitration_bits * bus.bit
+        # A more urgent message wins if it is queued up to a bit after the bus became free.
+        self._tau = bus.bit
         self._higher = [streams[k] for k in higher]
         self._equal = [*self._higher, streams[message]]
         self._constant = self.blocking
@@ -142,28 +127,24 @@ class Level:
             self._equal.append((interval, cost, 0))
             # The search adds tau to a delay, but errors count up to the end of the frame.
             self._higher.append((interval, cost, self.frame - self._tau))
-        # Messages queued at the same time go first, at least once, even if tau is 0.
+        # Messages queued at the same time go first, at least once.
         self._least = self._constant + sum(frame for _, frame, _ in self._higher)
 
     @cached_property
     def busy_period(self) -> float:
         """Longest time that the bus is busy with this or higher priority; infinite if endless."""
-        if not _ends(self._constant, self._equal, 0):
+        if not _ends(self._constant, self._equal):
             return math.inf
         # It lasts at least until all messages queued at its start are sent.
         busy = _settle(self._constant, self._equal, self._least + self.frame, 0)
         return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
 
-    def responses(self, *, every: bool) -> Iterator[float]:
-        """Yield the longest responses in a busy period, or the first; one infinity if endless."""
-        if every:
-            ends = self.busy_period < math.inf
-        else:
-            ends = _ends(self._constant, self._higher, self._tau)
-        if not ends:
+    def responses(self) -> Iterator[float]:
+        """Yield the longest responses in a busy period; one infinity if it is endless."""
+        if self.busy_period == math.inf:
             yield math.inf
             return
-        number = int(-(-(self.busy_period + self.jitter) // self.period)) if every else 1
+        number = int(-(-(self.busy_period + self.jitter) // self.period))
         w: float = self._least
         for q in range(number):
             w = _settle(self._constant + q * self.frame, self._higher, w, self._tau)
@@ -171,8 +152,8 @@ class Level:
             w += self.frame
 
 
-def _ends(constant: int, streams: Sequence[_Stream], tau: int) -> bool:
-    """Return whether some t is constant + sum of ceil((t + tau + ahead) / period) * frame."""
+def _ends(constant: int, streams: Sequence[_Stream]) -> bool:
+    """Return whether some t is constant + sum of ceil((t + ahead) / period) * frame."""
     load = sum([frame / period for period, frame, _ in streams])
     if abs(load - 1) > 1e-9:
         return load < 1
@@ -180,7 +161,7 @@ def _ends(constant: int, streams: Sequence[_Stream], tau: int) -> bool:
     used = sum(hyperperiod // period * frame for period, frame, _ in streams)
     # At a load of 1 the bus never makes up a delay.
     return used < hyperperiod or (
-        used == hyperperiod and constant == 0 and not any(tau + ahead for _, _, ahead in streams)
+        used == hyperperiod and constant == 0 and not any(ahead for _, _, ahead in streams)
     )
 
 
@@ -212,9 +193,8 @@ def _solve_together(bus: Bus) -> list[_Solved] | None:
     if number < _FEW or load > 0.999 or max(map(max, bus.streams)) > 2**60:
         return None
     period, frame, jitter = streams = np.array(bus.streams).T
-    place, tau = np.arange(number), bus.assumptions.arbitration_bits * bus.bit
+    place, tau = np.arange(number), bus.bit
     blocking = np.r_[np.maximum.accumulate(frame[:0:-1])[::-1], 0]
-    blocking = np.maximum(blocking, bus.foreign_bits * bus.bit)
     # A guess, doubled until no busy period is longer.
     span = int((frame.sum() + blocking[0]) * max(1.2, 0.7 / (1 - load)))
     while (events := int(-(-(span + jitter + tau) // period).sum())) * number < _MOST_CELLS:
@@ -246,7 +226,7 @@ def _first_gaps(
     work.
     """
     period, frame, _ = streams
-    # What is released at the start counts even if tau is 0.
+    # What is released at the start counts.
     once = ahead // period + 1
     count = -(-(span + ahead) // period) - once
     which = np.repeat(np.arange(len(period)), count)
@@ -276,7 +256,7 @@ class ResponseTime(NamedTuple):
         Longest frame that may already be on the bus [s].
     busy_period : float
         Longest time that the bus is busy with this or higher priority, including blocking [s];
-        infinite if endless, NaN if the method does not need it.
+        infinite if endless, NaN with offsets.
     instances : tuple of float
         Longest response of each instance of the message in the busy period [s].
     response : float
@@ -410,7 +390,6 @@ def response_times(
     messages: MessageSet,
     bit_rate: float,
     *,
-    method: Method = "exact",
     assumptions: Assumptions | None = None,
     faults: ErrorBound | None = None,
     offsets: bool = False,
@@ -427,10 +406,6 @@ def response_times(
         The messages.
     bit_rate : float
         Bit rate, a whole number 1000..1000000 [bit/s].
-    method : {"exact", "sufficient", "1994"}, default "exact"
-        ``"exact"``: all instances in the busy period [1]_. ``"sufficient"``: only the first,
-        blocked by a frame at least as long as its own; safe if it meets the deadline. ``"1994"``:
-        only the first, as in [2]_, which may be too short.
     assumptions : Assumptions, optional
         How long frames are, and what counts as the response.
     faults : ErrorBound, optional
@@ -438,7 +413,7 @@ def response_times(
     offsets : bool, default False
         Whether messages of one sender share a clock, so that their offsets count. Each must then be
         strictly periodic apart from its jitter, and the sender must never restart its clock. Needs
-        the exact method, no faults, and `Assumptions.own_jitter`.
+        no faults, and `Assumptions.own_jitter`.
 
     Returns
     -------
@@ -447,9 +422,11 @@ def response_times(
 
     Notes
     -----
-    Computed in whole ticks and rounded once. A load within about 1e-4 of 1 counts as an overload if
-    a busy period takes more than 200000 steps or instances. Every node must send its most urgent
-    message first and keep the instances of a message in order.
+    The method is that of [1]_, with a tau of one bit. Older analyses [2]_ examine only the first
+    instance in a busy period, so their bounds may be too low. Times are whole ticks, rounded once.
+    A load within about 1e-4 of 1 counts as an overload if a busy period takes more than 200000
+    steps or instances. Every node must send its most urgent message first and keep the instances
+    of a message in order.
 
     With `offsets`, only the sender's own clock is followed; every other sender has its worst phase.
     The bound is safe. It equals that without offsets if each message has its own sender, at loads
@@ -465,8 +442,7 @@ def response_times(
 
     Examples
     --------
-    The example of [1]_ at 125 kbit/s: the second instance of C misses its deadline, which the older
-    analysis overlooks.
+    The example of [1]_ at 125 kbit/s: the second instance of C misses its deadline.
 
     >>> messages = MessageSet(
     ...     [
@@ -478,21 +454,12 @@ def response_times(
     >>> c = response_times(messages, 125e3)["C"]
     >>> c.instances, c.response, c.met
     ((0.003, 0.0035), 0.0035, False)
-    >>> response_times(messages, 125e3, method="1994")["C"].response
-    0.003
     """
-    if method != "exact":
-        for message in messages:
-            if message.deadline > message.period:
-                raise ArgumentError(
-                    f"deadline of {message.name!r} is {message.deadline} s, longer than its period "
-                    f"{message.period} s; only the exact method allows that"
-                )
     errors = faults or NO_ERRORS
     bus = on_bus(messages, bit_rate, assumptions)
-    solved = None if method != "exact" or errors.burst else _solve_together(bus)
+    solved = None if errors.burst else _solve_together(bus)
     if solved is None:
-        solved = [_solve(bus, place, method, errors) for place in range(len(messages))]
+        solved = [_solve(bus, place, errors) for place in range(len(messages))]
     found = [
         ResponseTime(
             message,
@@ -508,8 +475,8 @@ def response_times(
         )
     ]
     if offsets:
-        if method != "exact" or errors.burst or not bus.assumptions.own_jitter:
-            raise ArgumentError("offsets is True; it needs the exact method, no faults, own_jitter")
+        if errors.burst or not bus.assumptions.own_jitter:
+            raise ArgumentError("offsets is True; it needs no faults, and own_jitter")
         found = _with_offsets(bus, messages, found)
     return ResponseTimes(found, bit_rate)
 
@@ -523,12 +490,8 @@ def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> 
     try:
         short = np.array([[time // tick for time in row] for row in rows], dtype=np.int64)
         period, frame, jitter, offset = short.reshape(-1, 4).T
-        bit = bus.bit // tick
-        # At least a tick: a message queued as the bus becomes free takes part.
-        tau = max(bus.assumptions.arbitration_bits * bit, 1)
-        ticks = longest_responses(
-            Streams(period, frame, jitter, offset, clock, tau, bus.foreign_bits * bit)
-        )
+        streams = Streams(period, frame, jitter, offset, clock, tau=bus.bit // tick)
+        ticks = longest_responses(streams)
     except OverflowError:
         ticks = None
     if ticks is None:
@@ -546,30 +509,15 @@ def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> 
     ]
 
 
-def _solve(bus: Bus, place: int, method: Method, errors: ErrorBound) -> _Solved:
-    higher, lower = range(place), range(place + 1, len(bus.streams))
-    level = Level(bus, place, higher, lower, errors, own_blocking=method == "sufficient")
-    exact = method == "exact"
-    busy = level.busy_period if exact else math.nan
-    return level.blocking, busy, list(level.responses(every=exact))
+def _solve(bus: Bus, place: int, errors: ErrorBound) -> _Solved:
+    level = Level(bus, place, range(place), range(place + 1, len(bus.streams)), errors)
+    return level.blocking, level.busy_period, list(level.responses())
 
 
 class Assignment(NamedTuple):
-    """A priority order, and whether it is feasible; `audsley` returns it.
+    """Messages in a priority order, and whether that meets all deadlines.
 
-    Attributes
-    ----------
-    messages : MessageSet
-        The messages, with identifiers in that order.
-    feasible : bool
-        Whether all deadlines are met.
-    unplaced : tuple of str
-        Names of the messages of which none can have the lowest priority; empty if feasible.
-
-    Examples
-    --------
-    >>> audsley(MessageSet([Message("A", 1, 8, 1e-3), Message("B", 2, 8, 2e-3)]), 250e3)
-    Assignment(messages=MessageSet(2 messages: A, B), feasible=False, unplaced=('A',))
+    `unplaced` names messages of which none can have the lowest priority; it is empty if feasible.
     """
 
     messages: MessageSet
@@ -640,7 +588,7 @@ def audsley(
         for m in reversed(left):
             higher = [k for k in left if k != m]
             level = Level(bus, m, higher, placed, errors)
-            if all(response <= bus.deadline[m] for response in level.responses(every=True)):
+            if all(response <= bus.deadline[m] for response in level.responses()):
                 break
         else:
             break

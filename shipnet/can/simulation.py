@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ from shipnet import style
 from shipnet.answers import Utilisation
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
-from shipnet.can.bus import OVERWRITTEN, WAITING, Failure, Nodes, Releases, send, send_batch
+from shipnet.can.bus import Failure, Nodes, Releases, send, send_batch
 from shipnet.can.faults import BitErrors, ErrorAt, Simulated
 from shipnet.can.frame import check_bit_rate
 from shipnet.can.log import Log
@@ -59,17 +59,15 @@ class Run:
         """Return one row per frame, in the order of release; times are NaN for frames not sent.
 
         ``arrival_ms`` is the time of the event, ``release_ms`` that plus jitter, and
-        ``response_ms`` the time from the event to the end. ``outcome`` is sent, waiting or
-        overwritten.
+        ``response_ms`` the time from the event to the end. ``outcome`` is sent or waiting.
         """
         return self._events.copy()
 
     def table(self) -> pd.DataFrame:
         """Return one row per message, the highest priority first, indexed by name.
 
-        ``released``, ``sent``, ``waiting`` and ``overwritten`` count frames; ``min_ms``,
-        ``mean_ms`` and ``max_ms`` refer to the response; ``missed`` counts frames that missed the
-        deadline.
+        ``released``, ``sent`` and ``waiting`` count frames; ``min_ms``, ``mean_ms`` and ``max_ms``
+        refer to the response; ``missed`` counts frames that missed the deadline.
         """
         return self._table.copy()
 
@@ -111,16 +109,12 @@ class Run:
             )  # fmt: skip
 
         shown = frames[(frames["release_ms"] < high) & (frames["end_ms"].fillna(high) > low)]
-        lost = shown[shown["outcome"] == "overwritten"]
-        waits = shown[shown["outcome"] != "overwritten"]
         failed = errors[(errors["start_ms"] < high) & (errors["free_ms"] > low)]
-        begin = waits["start_ms"].fillna(high)
-        ax.hlines(rows(waits), waits["release_ms"], begin, color="0.45", lw=1, zorder=0.5)
+        begin = shown["start_ms"].fillna(high)
+        ax.hlines(rows(shown), shown["release_ms"], begin, color="0.45", lw=1, zorder=0.5)
         bars(shown[shown["outcome"] == "sent"], "end_ms", "C0", "frame")
         if len(failed):
             bars(failed, "free_ms", style.LIMIT["color"], "error")
-        if len(lost):
-            ax.plot(lost["release_ms"], rows(lost), "x", color="0.2", label="overwritten")
         ax.plot([], [], color="0.45", lw=1, label="waiting")
         ax.set(xlabel="time [ms]", xlim=(low, high), ylim=(len(lane) - 0.4, -0.6))
         ax.set_yticks(range(len(lane)), list(lane))
@@ -128,14 +122,8 @@ class Run:
         style.legend(ax)
         return ax
 
-    def log(
-        self, *, channel: str = "can0", payload: Callable[[str, int], bytes] | None = None
-    ) -> Log:
-        """Return the frames sent, as a recording of the bus.
-
-        `payload` returns the data for the name of a message and the number of its frame; by default
-        they are zeros.
-        """
+    def log(self) -> Log:
+        """Return the frames sent, as a recording of the bus with zeros as data."""
         sent = self._events[self._events["outcome"] == "sent"].sort_values("end_ms")
         rank = sent["message"].cat.codes.to_numpy()
         ids, extended, dlc = (
@@ -143,17 +131,9 @@ class Run:
             for field in ("arbitration_id", "extended", "dlc")
         )
         data = np.zeros((len(sent), 8), dtype=np.uint8)
-        if payload is not None:
-            numbers = sent.groupby("message", observed=True).cumcount()
-            for row, (name, number) in enumerate(zip(sent["message"], numbers, strict=True)):
-                octets = payload(name, number)
-                if not isinstance(octets, bytes | bytearray) or len(octets) > 8:
-                    raise ArgumentError(f"payload of {name!r} is {octets!r}; it must be 0..8 bytes")
-                data[row, : len(octets)] = list(octets)
-                dlc[row] = len(octets)
         no = np.zeros(len(sent), dtype=bool)
         time = sent["end_ms"].to_numpy() / 1e3
-        return Log(time, np.full(len(sent), channel), ids, extended, no, dlc.astype(np.uint8), data)
+        return Log(time, np.full(len(sent), "can0"), ids, extended, no, dlc.astype(np.uint8), data)
 
     def __repr__(self) -> str:
         return (
@@ -169,8 +149,6 @@ def simulate(
     *,
     until: float,
     faults: Simulated | Iterable[Simulated] = (),
-    queue: Literal["fifo", "overwrite"] = "fifo",
-    recover: bool = True,
     rng: Any = None,
 ) -> Run:
     """Simulate the arbitration of periodic messages on a CAN bus.
@@ -185,11 +163,6 @@ def simulate(
         Time to simulate, 1e-9..1e6 [s], at most 20 million frames; the last frame is finished.
     faults : BitErrors, ErrorAt or iterable of them, optional
         Faults that disturb the bus, from `faults`.
-    queue : {"fifo", "overwrite"}, default "fifo"
-        Whether frames of a message queue up, or the newest replaces one still waiting, as in a
-        controller with one buffer per message.
-    recover : bool, default True
-        Whether a node that is bus off returns after 128 sequences of 11 recessive bits.
     rng : int, numpy.random.Generator or None, optional
         Random generator for jitter and `BitErrors`, as `numpy.random.default_rng` takes it.
 
@@ -203,9 +176,10 @@ def simulate(
     A frame ends with its 3 bits of intermission, as in response-time analysis. Jitter delays each
     release by a uniformly random time, and frames of one message stay in order. All nodes see an
     error at once; it destroys the frame, and the sender tries again. An error passive node lets 8
-    more bits pass after its own frames, and a node whose counter reaches 256 leaves the bus (Bosch,
-    "CAN specification 2.0", 1991, part B, sections 3.2.5 and 8). Errors in error frames, overload
-    frames and missing acknowledgement are not modelled.
+    more bits pass after its own frames. A node whose counter reaches 256 is bus off until it has
+    seen 128 sequences of 11 recessive bits (Bosch, "CAN specification 2.0", 1991, part B, sections
+    3.2.5 and 8). Errors in error frames, overload frames and missing acknowledgement are not
+    modelled.
 
     A simulation does not find the worst case; `response_times` bounds it.
 
@@ -232,10 +206,7 @@ def simulate(
     several = as_faults(faults, BitErrors, ErrorAt)
     generator = check_rng(rng)
     arrival, releases = _releases(columns, horizon, bit, generator)
-    start, failures, at_end = send(
-        releases, horizon, columns.owner, several, bit, generator, recover,
-        overwrite=queue == "overwrite",
-    )  # fmt: skip
+    start, failures, at_end = send(releases, horizon, columns.owner, several, bit, generator)
     failed = np.array([failure.release for failure in failures], dtype=int)
     retries = np.bincount(failed, minlength=len(start))
     duration = releases.length[releases.message]
@@ -252,12 +223,11 @@ def simulate(
             "response_ms": np.where(sent, response / 1e6, np.nan),
             "retries": retries,
             "outcome": pd.Categorical.from_codes(
-                np.select([sent, start == WAITING], [0, 1], 2),
-                pd.Index(["sent", "waiting", "overwritten"]),
+                np.where(sent, 0, 1), pd.Index(["sent", "waiting"])
             ),
         }
     )
-    waited = np.where(sent, response, np.where(start == OVERWRITTEN, -1, horizon - arrival))
+    waited = np.where(sent, response, horizon - arrival)
     table = _statistics(messages, events, waited > columns.deadline[releases.message])
     errors, nodes = _error_tables(messages, columns, releases, failures, at_end)
     busy = int(duration[sent].sum()) + sum(f.free - f.start for f in failures)
@@ -439,7 +409,7 @@ def _statistics(messages: MessageSet, events: pd.DataFrame, missed: Bools) -> pd
     number, outcome = len(messages), events["outcome"].cat
     message = events["message"].cat.codes.to_numpy(dtype=np.intp)
     places = message + number * outcome.codes.to_numpy()
-    counts = np.bincount(places, minlength=3 * number).reshape(3, number)
+    counts = np.bincount(places, minlength=2 * number).reshape(2, number)
     times = events["response_ms"].groupby(message)
     ranges = {f"{how}_ms": times.agg(how).reindex(range(number)) for how in ("min", "mean", "max")}
     return pd.DataFrame(

@@ -46,17 +46,17 @@ def levels(bits: str) -> Solution:
 
 @solution("ex-01-2", n_bits=range(7, 22), rate=(50, 125, 200, 250, 400))
 def telegram_time(n_bits: int, rate: int) -> Solution:
-    """How long a telegram is at a rate in kbit/s."""
+    """How long a telegram of equal bits is without an edge, at a rate in kbit/s."""
     right = 1e3 * n_bits / rate
     return Number(right, "us"), {
         "the last bit takes its time too: n bits last n bit times": right - 1e3 / rate,
         "count the bit times again: n bits last n of them": right + 1e3 / rate,
-        "that is the duration of one bit; how long is the telegram?": 1e3 / rate,
-        "a telegram of `n_bits` bits has that many bits, not bytes": 8 * right,
+        "that is one bit time; what if the next bit is equal?": 1e3 / rate,
+        "`n_bits` counts bits, not bytes": 8 * right,
         "more bits take longer: what is divided by what?": rate / n_bits,
         "a higher rate makes a telegram shorter, not longer": n_bits * rate,
-        "6 us is a bit of AS-i; this bus has another rate": 6 * n_bits,
-        "Begin with one bit: how long does it last at this rate, and in which unit?": ANY,
+        "6 us is the bit time of AS-i; this bus has another rate": 6 * n_bits,
+        "Which data have no edge at all? Then begin with one bit: how long is it?": ANY,
     }
 
 
@@ -79,10 +79,12 @@ def pulses() -> Solution:
             lambda bits: 2 * len(bits) - 1 - _equal(bits)
         ),
         "those are the pulses between bits; what happens in the middle of each bit?": _equal,
-        "there is a pulse between two bits only if they are equal": lambda bits: 2 * len(bits) - 1,
+        "`count` skips overlapping pairs: how many equal neighbours has `000`?": (
+            lambda bits: len(bits) + bits.count("00") + bits.count("11")
+        ),
         "is there a pulse after each bit, too?": lambda bits: 2 * len(bits),
         "does your loop include the last two bits?": lambda bits: len(bits) + _equal(bits[:-1]),
-        "a 0 begins at the level of rest: is there a pulse before it?": (
+        "a 0 begins at the idle level: is there a pulse before it?": (
             lambda bits: len(bits) + _equal(bits) + 1
         ),
         "two equal ones have a pulse between them, too": (
@@ -99,7 +101,7 @@ def highest_rate(limit: int) -> Solution:
         "that is 1 over the half-bit; how many half-bits does a bit have?": limit / 2,
         "that is the limit itself; how long is a half-bit then, and how long a bit?": limit,
         "did you use a factor of 2 twice?": limit / 8,
-        "a frequency of 2 over the half-bit is higher than the bit rate": 2 * limit,
+        "the limit is 2 over the half-bit, so the bit rate is lower than the limit": 2 * limit,
         "that is the half-bit in us; what rate follows from it?": 2e3 / limit,
         "that is the bit time in us; what rate follows from it?": 4e3 / limit,
         "Go step by step: from the limit to the half-bit, to the bit, to the rate": ANY,

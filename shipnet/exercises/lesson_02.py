@@ -47,28 +47,32 @@ def cable_ends(echoes: tuple[float, ...]) -> Solution:
         "what comes back from an end of the wave impedance, and what from an open one?": (
             taken(matched, opened, opened, matched)
         ),
-        "an echo as high as the pulse: which sign has it?": (
+        "an echo is as high as the pulse: which sign does it have?": (
             taken(opened, shorted, shorted, opened)
         ),
         "you used the sign; what does the height mean?": taken(opened, above, shorted, below),
         "is each echo as high as the pulse?": taken(above, opened, below, shorted),
-        "Compare each echo with the factor: which sign has it, and is it the whole pulse?": ANY,
+        "For each echo: is it positive, zero or negative, and is it the whole pulse?": ANY,
     }
 
 
-@solution("ex-02-2", length=range(60, 321, 20), delay=(5.0, 5.5, 6.0, 6.5, 7.0))
-def echo_time(length: int, delay: float) -> Solution:
-    """When an echo comes back, for a delay in ns/m."""
-    right = 2 * length * delay * 1e-3
+@solution("ex-02-2", length=range(60, 321, 20), delay=(5.0, 5.5, 6.0, 6.5, 7.0), place=(5, 10, 15))
+def echo_time(length: int, delay: float, place: int) -> Solution:
+    """How much later than a valve's signal its echo comes, for a delay in ns/m."""
+    beyond = length - place
+    right = 2 * beyond * delay * 1e-3
     return Number(right, "us"), {
-        "the delay is the time for one metre: how long for all of them?": 2 * length / delay,
-        "the delay is the time for one metre; and how many metres are there?": length / delay,
-        "is that there and back, or one way?": right / 2,
-        "there and back is twice the length: is it doubled once more?": 2 * right,
-        "the echo goes there and back: is half the length right?": right / 4,
-        "that is the speed of light in air; your cable has its own delay": 2 * length / 299.79,
-        "that is the speed of light in air, and one way only": length / 299.79,
-        "How many metres is it there and back, and how long does each metre take?": ANY,
+        "the delay is the time for one metre: how long for all of them?": 2 * beyond / delay,
+        "is that from the valve to the end, or there and back?": right / 2,
+        "the path to the end and back is doubled once too often": 2 * right,
+        "that is from 0 m to the end and back; where does the signal begin?": (
+            2 * length * delay * 1e-3
+        ),
+        "that is when the echo arrives; when does the signal itself arrive?": (
+            (2 * length - place) * delay * 1e-3
+        ),
+        "that is the speed of light in air; your cable has its own delay": 2 * beyond / 299.79,
+        "Draw the paths of signal and echo: how many metres longer is the second?": ANY,
     }
 
 
@@ -93,13 +97,13 @@ def echo_height() -> Solution:
             lambda volts, r, z0: volts * 2 * r / (r + z0)
         ),
         "that is the factor: how high is the pulse?": lambda volts, r, z0: _echo(1, r, z0),
-        "from a resistor above the wave impedance the echo has the same sign": (
+        "a resistor above the wave impedance gives an echo of the same sign": (
             lambda volts, r, z0: -_echo(volts, r, z0)
         ),
-        "below the wave impedance the echo has the opposite sign": (
+        "a resistor below the wave impedance gives an echo of the opposite sign": (
             lambda volts, r, z0: abs(_echo(volts, r, z0))
         ),
-        "that is a voltage divider; the factor has a difference above and a sum below": (
+        "that is a voltage divider; the factor is a difference divided by a sum": (
             lambda volts, r, z0: volts * r / (r + z0)
         ),
         "the difference is divided by the sum, not by the wave impedance": (
@@ -148,10 +152,10 @@ def longest_cable(delay: float) -> Solution:
         "every answer is still read there, but is the ringing within its tolerance?": (
             _last(_read, delay)
         ),
-        "at the next length both tolerances are met, too: go on": longest - _STEP,
-        "at this length a tolerance is exceeded already": longest + _STEP,
+        "both tolerances are also met at the next length: go on": longest - _STEP,
+        "at this length a tolerance is already violated": longest + _STEP,
         "the echo travels there and back, but the cable is laid once: no factor of 2": longest // 2,
         "the cable is laid once: no factor of 2 for there and back": 2 * longest,
         "that is the general rule; how long may your cable be?": 100,
-        "Print evenness and ringing for each length: where does one exceed its tolerance?": ANY,
+        "Print evenness and ringing for each length: where is a tolerance first violated?": ANY,
     }

@@ -24,9 +24,9 @@ def telegram(bits: str) -> Solution:
         "count the ones again: without the end bit, their number must be even": (
             right[:-2] + parity.translate(_TURNED) + "1"
         ),
-        "in which order are the data sent? As they are given": frame(bits[::-1]),
-        "which value does the start bit always have?": "1" + right[1:],
-        "which value does the end bit always have?": right[:-1] + "0",
+        "the data are sent in the order given": frame(bits[::-1]),
+        "what value does the start bit always have?": "1" + right[1:],
+        "what value does the end bit always have?": right[:-1] + "0",
         "these are six bits: what comes last?": right[:-1],
         "these are six bits: what comes first?": right[1:],
         "is the parity bit before or after the data?": f"0{parity}{bits}1",
@@ -63,9 +63,9 @@ def _mistaken(bits: str, generator: str) -> dict[str, object]:
         "four zeros make room, not three": _remainder(bits + "000", generator),
         "is your generator written backwards?": _check_bits(bits, generator[::-1]),
         "subtract without carries, bit by bit": f"{int(row, 2) % int(generator, 2):04b}",
-        "the first of the check bits goes onto the line first": right[::-1],
-        "that inverts every bit; the plain remainder is required": right.translate(_TURNED),
-        "that is the generator of the text; yours is longer": _check_bits(bits, _SHORTER),
+        "write the check bits from left to right, like the bits": right[::-1],
+        "every bit is inverted; give the plain remainder": right.translate(_TURNED),
+        "you used the generator of the text; yours is longer": _check_bits(bits, _SHORTER),
     }
 
 
@@ -131,7 +131,7 @@ def distance() -> Solution:
         "that is the mean of all pairs; which pair decides?": (
             lambda words: sum(found := _between(combinations(words, 2))) / len(found)
         ),
-        "that is the number of wrong bits always detected; enter the distance": (
+        "that is how many wrong bits are always detected; what is the distance?": (
             lambda words: _distance(words) - 1
         ),
         "the last word has pairs, too: does your loop include it?": (
@@ -149,17 +149,17 @@ def crc_width(hits: int, years: int) -> Solution:
     messages = hits * 365 * years
     width = ceil(log2(messages))
     return Whole(width, "bits"), {
-        "compute how many pass with this number of bits: is it fewer than one?": width - 1,
-        "a bit cannot be divided: round, but up or down?": log2(messages),
-        "the hits are counted per day: how many are there in all the years?": (
+        "compute how many messages pass with that many bits: fewer than one?": width - 1,
+        "the number of bits is whole: round up or down?": log2(messages),
+        "the hits are counted per day: how many days are there in all the years?": (
             ceil(log2(hits * years))
         ),
         "that is for one year; how many years does the ship sail?": ceil(log2(hits * 365)),
-        "that is one day; how many days are there?": ceil(log2(hits)),
+        "that is for one day; how many days are there?": ceil(log2(hits)),
         "that is the number of messages; with n check bits, one in how many passes?": messages,
         "each bit halves the number that passes: what is the base of the logarithm?": ceil(
             log10(messages)
         ),
         "the natural logarithm does not count halvings": ceil(log(messages)),
-        "How many messages are hit in total? What fraction passes one check bit?": ANY,
+        "How many messages are hit in total? What fraction passes with one check bit?": ANY,
     }

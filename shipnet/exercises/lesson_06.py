@@ -12,7 +12,7 @@ _LIMIT = 2.0
 
 
 def _question(first: int, quantity: int, function: int = 3) -> Request:
-    return Request.read(FunctionCode(function), first, quantity)
+    return Request(FunctionCode(function), first, quantity)
 
 
 @solution("ex-06-1", unit=range(2, 31), number=range(301, 1000, 7), quantity=range(2, 11))

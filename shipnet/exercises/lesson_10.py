@@ -36,11 +36,11 @@ def conductors_left(contacts: int, lines: int) -> Solution:
     left = _left(contacts, lines)
     return Number(left, "%"), {
         "that is the saving; enter what is left": 100 - left,
-        "that is the ratio; enter what is left": contacts / lines,
+        "that is the ratio of contacts to lines; what percentage is left?": contacts / lines,
         "that is one line; how many are there?": left / lines,
         "each contact has two wires, and so has each line": 2 * left,
         "each line has two wires, and so has each contact": left / 2,
-        "divide by the number before, not by the saving": 100 * left / (100 - left),
+        "divide by the conductors before, not by those saved": 100 * left / (100 - left),
         "that is the number left; what percentage of all is it?": 2 * lines,
         "How many conductors come from the contacts, and how many from the lines?": ANY,
     }
@@ -66,15 +66,15 @@ def saved(modules: int, distance: float) -> Solution:
     right = of("total_cost_eur")
     wired, bus = (one["total_cost_eur"] for one in _quantities(modules, distance, 4))
     return Number(right, "%"), {
-        "that is the cable alone; work and hardware cost too": of("cable_cost_eur"),
-        "that is the work alone; cable and hardware cost too": of("labour_cost_eur"),
-        "that is the saving in conductors; enter that in cost": of("conductors_at_cabinet"),
+        "that is the cable alone; labour and hardware cost too": of("cable_cost_eur"),
+        "that is the labour alone; cable and hardware cost too": of("labour_cost_eur"),
+        "that is the saving in conductors; enter the saving in cost": of("conductors_at_cabinet"),
         "a saving is relative to the cost without the bus": 100 * (wired / bus - 1),
         "that is what is left; enter the saving": 100 - right,
         "that is in EUR; enter a percentage": wired - bus,
-        "does each door have its number of contacts?": of("total_cost_eur", contacts=1),
-        "are the doors as far apart as they should be?": of("total_cost_eur", spacing=1),
-        "Print both total costs: what is it without the bus, and how much less with it?": ANY,
+        "how many contacts does each door have?": of("total_cost_eur", contacts=1),
+        "how far apart are the doors?": of("total_cost_eur", spacing=1),
+        "Print both total costs: what percentage of the hardwired cost does the bus save?": ANY,
     }
 
 
@@ -88,10 +88,10 @@ def break_even(modules: int, spacing: float) -> Solution:
     wired_per_m, bus_per_m = (wired_far - wired) / (_FAR - _NEAR), (bus_far - bus) / (_FAR - _NEAR)
     beyond = (bus - wired) / (wired_per_m - bus_per_m)
     return Number(_NEAR + beyond, "m"), {
-        "both costs are known at 10 m: did you count from there?": beyond,
+        "that is the distance beyond 10 m; count from the cabinet": beyond,
         "the cost of AS-i grows with the distance too, but more slowly": _NEAR
         + (bus - wired) / wired_per_m,
-        "is the difference that of 10 m or of 30 m? Count from there": _FAR + beyond,
+        "is your difference that at 10 m or at 30 m? Count from there": _FAR + beyond,
         "how much does the difference change per metre?": _NEAR + beyond / (_FAR - _NEAR),
         "both costs have a part that does not grow with the distance": _NEAR * bus / wired,
         "the sign is wrong: the difference falls with the distance": _NEAR - beyond,

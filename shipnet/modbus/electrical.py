@@ -6,10 +6,8 @@ The limits agree between makers' tables. The standards themselves limit the capa
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Literal
+from math import inf
+from typing import NamedTuple
 
 from shipnet.arguments import checked
 from shipnet.fields import check_scalar, check_whole
@@ -20,15 +18,15 @@ _NI = "National Instruments, PCMCIA-232 manual, table B-1"
 _BRAINBOXES = "Brainboxes, FAQ 'RS232 RS422 RS485 standards'"
 _TI = "Texas Instruments, SN75ALS174 data sheet SLLSFU5A, section 8.2.2.3"
 
-#: 4000 ft and 50 ft as the tables print them [m].
-_FEET_4000, _FEET_50 = 1219.0, 15.0
+#: 4000 ft as the tables print them [m], and the product of 10 Mbit/s and 40 ft, or of 100 kbit/s
+#: and 4000 ft [m bit/s].
+_FEET_4000 = 1219.0
+_PRODUCT = _FEET_4000 * 100e3
 
 
-@dataclass(frozen=True, slots=True)
-class Interface:
+class Interface(NamedTuple):
     """A serial interface standard, and the source of its limits."""
 
-    name: str
     #: Most drivers and receivers on a line; for RS-485 with one unit load each.
     drivers: int
     receivers: int
@@ -37,44 +35,21 @@ class Interface:
     length: float
     bit_rate: float
     product: float
-    #: Conductors by "half" and "full" duplex, without screen; a balanced line has a common one.
-    wires: Mapping[str, int]
+    #: Conductors for both directions, without screen; a balanced line has a common one.
+    wires: int
     source: str
 
-    def longest_line(self, bit_rate: float) -> float:
-        """Return the longest line at a bit rate [m]; 0 if the rate is too high."""
-        rate = check_scalar("bit_rate", bit_rate, "bit/s", 50, 10e6)
-        return min(self.length, self.product / rate) if rate <= self.bit_rate else 0.0
 
-
-#: The interfaces by name. The product is that of 10 Mbit/s and 40 ft, or 100 kbit/s and 4000 ft.
-INTERFACES: Mapping[str, Interface] = MappingProxyType(
-    {
-        one.name: one
-        for one in (
-            Interface("RS-232", 1, 1, _FEET_50, 20e3, float("inf"), {"half": 3, "full": 3}, _NI),
-            Interface(
-                "RS-422", 1, 10, _FEET_4000, 10e6, _FEET_4000 * 100e3, {"full": 5},
-                f"{_NI}; {_BRAINBOXES}",
-            ),
-            Interface(
-                "RS-485", 32, 32, _FEET_4000, 10e6, _FEET_4000 * 100e3, {"half": 3, "full": 5},
-                f"{_NI}; {_BRAINBOXES}; {_TI}",
-            ),
-        )
-    }
-)  # fmt: skip
+#: The interfaces by name.
+INTERFACES = {
+    "RS-232": Interface(1, 1, 15.0, 20e3, inf, 3, _NI),
+    "RS-422": Interface(1, 10, _FEET_4000, 10e6, _PRODUCT, 5, f"{_NI}; {_BRAINBOXES}"),
+    "RS-485": Interface(32, 32, _FEET_4000, 10e6, _PRODUCT, 3, f"{_NI}; {_BRAINBOXES}; {_TI}"),
+}
 
 
 @checked
-def interfaces(
-    n_stations: int,
-    length: float,
-    bit_rate: float,
-    *,
-    duplex: Literal["half", "full"] = "half",
-    unit_load: float = 1.0,
-) -> pd.DataFrame:
+def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
     r"""Return which serial interfaces fit a master with its slaves, and why others do not.
 
     Parameters
@@ -85,10 +60,6 @@ def interfaces(
         Length of the line, 0..100000 [m].
     bit_rate : float
         Bit rate, 50..10e6 [bit/s].
-    duplex : {"half", "full"}, default "half"
-        Whether the two sides send in turn or at once; Modbus needs ``"half"``.
-    unit_load : float, default 1
-        Load of a receiver in unit loads of RS-485 (about 12 kohm), 0.125..1.
 
     Returns
     -------
@@ -117,21 +88,19 @@ def interfaces(
     """
     count = check_whole("n_stations", n_stations, 2, 256)
     far = check_scalar("length", length, "m", 0, 1e5)
-    load = check_scalar("unit_load", unit_load, "", 0.125, 1)
+    rate = check_scalar("bit_rate", bit_rate, "bit/s", 50, 10e6)
     rows = []
-    for one in INTERFACES.values():
-        longest = one.longest_line(bit_rate)
+    for name, one in INTERFACES.items():
+        longest = min(one.length, one.product / rate) if rate <= one.bit_rate else 0.0
         # One driver per direction connects two stations, however many receivers listen.
-        most = 2 if one.drivers == 1 else int(one.receivers / load)
+        most = 2 if one.drivers == 1 else one.receivers
         faults = []
         if count > most:
             faults.append(f"{count} stations are more than {most}")
-        if bit_rate > one.bit_rate:
-            faults.append(f"{bit_rate:g} bit/s are more than {one.bit_rate:g} bit/s")
+        if rate > one.bit_rate:
+            faults.append(f"{rate:g} bit/s are more than {one.bit_rate:g} bit/s")
         elif far > longest:
             faults.append(f"{far:g} m are more than {longest:.4g} m")
-        # A line with one pair per direction can also be used in turn.
-        wires = one.wires.get(duplex, one.wires["full"])
-        rows.append((one.name, not faults, "; ".join(faults), most, longest, wires, one.source))
+        rows.append((name, not faults, "; ".join(faults), most, longest, one.wires, one.source))
     columns = ["interface", "fits", "why_not", "stations", "longest_m", "wires", "source"]
     return pd.DataFrame(rows, columns=columns)

@@ -1,4 +1,4 @@
-"""The bytes around a PDU, called ADU in the standard: RTU and ASCII on a serial line, and TCP."""
+"""The bytes around a PDU, called ADU in the standard: RTU on a serial line, and TCP."""
 
 from __future__ import annotations
 
@@ -6,28 +6,23 @@ from struct import pack, unpack
 from typing import Literal
 
 from shipnet.crc import MODBUS
-from shipnet.errors import ArgumentError, CrcError, FieldError, FormError, LengthError, SymbolError
+from shipnet.errors import ArgumentError, CrcError, FieldError, LengthError
 from shipnet.fields import check_choice, check_whole
 
-Framing = Literal["rtu", "tcp", "ascii"]
+Framing = Literal["rtu", "tcp"]
 
 #: Longest PDU [byte]: "MODBUS application protocol specification" V1.1b3, section 4.1; and highest
 #: address of a slave on a serial line: "MODBUS over serial line" V1.02, section 2.2.
 MAX_PDU, MAX_UNIT = 253, 247
 RTU_BYTES, MBAP_BYTES = 3, 7  #: Bytes that a frame adds to its PDU: unit id and CRC; MBAP header.
-_HEXADECIMAL = frozenset(b"0123456789ABCDEFabcdef")
 
 
 def rtu_frame(unit_id: int, pdu: bytes) -> bytes:
     """Return the RTU frame of a PDU."""
-    body = _serial_body(unit_id, pdu)
+    if not (type(unit_id) is int and 0 <= unit_id <= MAX_UNIT):
+        unit_id = check_whole("unit_id", unit_id, 0, MAX_UNIT)
+    body = bytes((unit_id,)) + checked_pdu(pdu)
     return body + MODBUS.of(body).to_bytes(2, "little")
-
-
-def ascii_frame(unit_id: int, pdu: bytes) -> bytes:
-    """Return the ASCII frame of a PDU."""
-    body = _serial_body(unit_id, pdu)
-    return b":%s\r\n" % (body + bytes([_lrc(body)])).hex().upper().encode()
 
 
 def tcp_frame(unit_id: int, pdu: bytes, transaction_id: int) -> bytes:
@@ -40,15 +35,7 @@ def tcp_frame(unit_id: int, pdu: bytes, transaction_id: int) -> bytes:
 
 def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
     """Return unit id, PDU and transaction id of a frame, or raise the error of its first fault."""
-    if check_choice("framing", framing, ("rtu", "tcp", "ascii")) == "rtu":
-        frame = _checked_frame(data, "RTU", 1 + RTU_BYTES, MAX_PDU + RTU_BYTES)
-        body, found = frame[:-2], int.from_bytes(frame[-2:], "little")
-        expected = MODBUS.of(body)
-        if found != expected:
-            raise CrcError(f"CRC is 0x{found:04X}, but the bytes before it make 0x{expected:04X}")
-    elif framing == "ascii":
-        body = _ascii_body(data)
-    else:
+    if check_choice("framing", framing, ("rtu", "tcp")) == "tcp":
         frame = _checked_frame(data, "TCP", 1 + MBAP_BYTES, MAX_PDU + MBAP_BYTES)
         transaction, protocol, length, unit = unpack(">HHHB", frame[:MBAP_BYTES])
         if protocol != 0:
@@ -56,6 +43,11 @@ def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
         if length != len(frame) - 6:
             raise LengthError(f"length field is {length}, but {len(frame) - 6} bytes follow it")
         return unit, frame[MBAP_BYTES:], transaction
+    frame = _checked_frame(data, "RTU", 1 + RTU_BYTES, MAX_PDU + RTU_BYTES)
+    body, found = frame[:-2], int.from_bytes(frame[-2:], "little")
+    expected = MODBUS.of(body)
+    if found != expected:
+        raise CrcError(f"CRC is 0x{found:04X}, but the bytes before it make 0x{expected:04X}")
     if body[0] > MAX_UNIT:
         raise FieldError(f"unit id is {body[0]}; it must be 0..{MAX_UNIT}")
     return body[0], body[1:], None
@@ -68,33 +60,6 @@ def checked_pdu(pdu: bytes) -> bytes:
     if not isinstance(pdu, bytes | bytearray | memoryview) or not 1 <= len(pdu) <= MAX_PDU:
         raise ArgumentError(f"pdu is {pdu!r}; it must be 1..{MAX_PDU} bytes")
     return bytes(pdu)
-
-
-def _serial_body(unit_id: int, pdu: bytes) -> bytes:
-    if not (type(unit_id) is int and 0 <= unit_id <= MAX_UNIT):
-        unit_id = check_whole("unit_id", unit_id, 0, MAX_UNIT)
-    return bytes((unit_id,)) + checked_pdu(pdu)
-
-
-def _ascii_body(data: bytes) -> bytes:
-    frame = _checked_frame(data, "ASCII", 9, 2 * (MAX_PDU + 2) + 3)
-    if frame[:1] != b":" or frame[-2:] != b"\r\n":
-        raise FormError("an ASCII frame begins with ':' and ends with carriage return, line feed")
-    digits = frame[1:-2]
-    if odd := set(digits) - _HEXADECIMAL:
-        raise SymbolError(f"{bytes([min(odd)])!r} is not a hexadecimal digit")
-    if len(digits) % 2:
-        raise LengthError(f"the ASCII frame has {len(digits)} digits; two make a byte")
-    values = bytes.fromhex(digits.decode())
-    body, found = values[:-1], values[-1]
-    if found != _lrc(body):
-        raise CrcError(f"LRC is 0x{found:02X}, but the bytes before it make 0x{_lrc(body):02X}")
-    return body
-
-
-def _lrc(body: bytes) -> int:
-    """Return what makes the sum of all bytes 0."""
-    return -sum(body) & 0xFF
 
 
 def _checked_frame(frame: bytes, kind: str, low: int, high: int) -> bytes:

@@ -29,6 +29,10 @@ _HELD_BACK, _ALL_HELD_BACK = 256, 1 << 15
 _UNSENT = 1 << 16  #: Unread answers at which a client is disconnected [byte]: 250 of the longest.
 _APART = 1e-6  #: Time between timers that must fire in order [s].
 
+#: Most TCP connections, and the time after which one without requests is closed [s].
+_CLIENTS, _IDLE = 128, 600.0
+_SILENCE = 0.05  #: Silence after which an incomplete frame on a serial line is dropped [s].
+
 #: Bytes of a TCP frame before those that its length field counts, and the legal range of that.
 _HEAD, _SHORTEST, _LONGEST = 6, 2, 1 + MAX_PDU
 
@@ -126,7 +130,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
         self.space = bytearray(_READ)
         self.in_turn = False
         self.last_request = self.loop.time()
-        self.timer = self.loop.call_later(listener.idle_limit, self._end_if_idle)
+        self.timer = self.loop.call_later(_IDLE, self._end_if_idle)
 
     def connection_made(self, transport: Any) -> None:
         """Start, or close a connection that is one too many."""
@@ -197,10 +201,10 @@ class _TcpHandler(_Handler, BufferedProtocol):
 
     def _end_if_idle(self) -> None:
         """Close a connection without recent requests, or look again later."""
-        now, limit = self.loop.time(), self.listener.idle_limit
+        now = self.loop.time()
         if self.held_back:
             self.last_request = now
-        rest = self.last_request + limit - now
+        rest = self.last_request + _IDLE - now
         if rest > 0:
             self.timer = self.loop.call_later(rest, self._end_if_idle)
         elif self._is_open():
@@ -234,7 +238,8 @@ class _RtuHandler(_Handler, Protocol):
         try:
             adu = decode(self.received)
         except FrameError:
-            self.timer = self.loop.call_later(self.listener.silence, self._forget)
+            silence = max(_SILENCE, self.listener.line.t35)
+            self.timer = self.loop.call_later(silence, self._forget)
             return
         self._forget()
         self.reply(adu, wait=self.listener.line.t35)
@@ -246,11 +251,9 @@ class _RtuHandler(_Handler, Protocol):
 class TcpListener(Listener):
     """Accepts a limited number of clients."""
 
-    def __init__(
-        self, respond: Respond, host: str, port: int, max_clients: int, idle_limit: float
-    ) -> None:
+    def __init__(self, respond: Respond, host: str, port: int) -> None:
         super().__init__(respond, f"{host}, port {port}")
-        self.address, self.max_clients, self.idle_limit = (host, port), max_clients, idle_limit
+        self.address = host, port
         self.refuses = False
         self.server: Server | None = None
 
@@ -268,10 +271,10 @@ class TcpListener(Listener):
 
     def has_room(self) -> bool:
         """Return whether one more client may connect; log the first that may not."""
-        full = len(self.handlers) >= self.max_clients
+        full = len(self.handlers) >= _CLIENTS
         if full and not self.refuses:
             said = "connections are refused: %d clients are connected"
-            logging.getLogger("shipnet.modbus.server").warning(said, self.max_clients)
+            logging.getLogger("shipnet.modbus.server").warning(said, _CLIENTS)
         self.refuses = full
         return not full
 
@@ -294,9 +297,9 @@ class UdpListener(Listener):
 class RtuListener(Listener):
     """Holds a serial port, through pymodbus and pyserial."""
 
-    def __init__(self, respond: Respond, path: str, line: SerialLine, silence: float) -> None:
+    def __init__(self, respond: Respond, path: str, line: SerialLine) -> None:
         super().__init__(respond, path)
-        self.line, self.silence = line, silence
+        self.line = line
 
     async def listen(self) -> None:
         """Open the port and check its parity; Linux may ignore that of a pseudo-terminal."""

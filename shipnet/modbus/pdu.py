@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
 from struct import pack, unpack, unpack_from
-from typing import Any, ClassVar
+from typing import Any
 
 from shipnet.errors import (
     ArgumentError,
@@ -26,21 +26,19 @@ from shipnet.fields import check_whole
 from shipnet.lazy import pd
 from shipnet.modbus.frame import (
     MAX_PDU,
-    MAX_UNIT,
     MBAP_BYTES,
     Framing,
-    ascii_frame,
     checked_pdu,
     read_frame,
     rtu_frame,
     tcp_frame,
 )
 
-#: Most coils or registers that one request reads and writes, by function code; section 6.
-READ_LIMITS = {1: 2000, 2: 2000, 3: 125, 4: 125, 23: 125}
-WRITE_LIMITS = {5: 1, 6: 1, 15: 1968, 16: 123, 23: 121}
+#: Most coils or registers that one request reads or writes, by function code; section 6.
+READ_LIMITS = {1: 2000, 2: 2000, 3: 125, 4: 125}
+WRITE_LIMITS = {5: 1, 6: 1, 15: 1968, 16: 123}
 
-_REGISTERS_READ, _CODES = frozenset({3, 4, 23}), "1..6, 15, 16 or 23"
+_COILS, _CODES = frozenset({1, 2, 5, 15}), "1..6, 15 or 16"
 
 
 class FunctionCode(IntEnum):
@@ -60,7 +58,6 @@ class FunctionCode(IntEnum):
     WRITE_SINGLE_REGISTER = 6
     WRITE_MULTIPLE_COILS = 15
     WRITE_MULTIPLE_REGISTERS = 16
-    READ_WRITE_MULTIPLE_REGISTERS = 23
 
 
 class ExceptionCode(IntEnum):
@@ -153,10 +150,6 @@ class _Framed:
         """Return the RTU frame for a unit id."""
         return rtu_frame(unit_id, self.pdu)
 
-    def ascii(self, unit_id: int) -> bytes:
-        """Return the ASCII frame for a unit id."""
-        return ascii_frame(unit_id, self.pdu)
-
     def tcp(self, unit_id: int, transaction_id: int) -> bytes:
         """Return the TCP frame for a unit id and transaction id."""
         return tcp_frame(unit_id, self.pdu, transaction_id)
@@ -172,18 +165,16 @@ class Request(_Framed):
     Parameters
     ----------
     function : FunctionCode
-        1..6, 15, 16 or 23.
+        1..6, 15 or 16.
     address : int
-        Address of the first coil or register, 0..65535; with code 23, of the first to read.
+        Address of the first coil or register, 0..65535.
     quantity : int, optional
         How many to read: 1..2000 coils or inputs, 1..125 registers. For writes, the number of
         values.
     coils : sequence of bool, optional
         States to write from the lowest address: 1 with code 5, 1..1968 with code 15.
     registers : sequence of int, optional
-        Values to write, 0..65535: 1 with code 6, 1..123 with code 16, 1..121 with code 23.
-    write_address : int, optional
-        Address of the first register to write with code 23, 0..65535.
+        Values to write, 0..65535: 1 with code 6, 1..123 with code 16.
 
     Examples
     --------
@@ -203,7 +194,6 @@ class Request(_Framed):
     quantity: int = 0
     coils: tuple[bool, ...] = ()
     registers: tuple[int, ...] = ()
-    write_address: int | None = None
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -213,23 +203,12 @@ class Request(_Framed):
         code, address, quantity = int(self.function), self.address, self.quantity
         if not (type(address) is int and 0 <= address <= 0xFFFF):
             put(self, "address", check_whole("address", address, 0, 0xFFFF))
-        if code in (5, 15):
-            put(self, "coils", check_coils(self.coils, WRITE_LIMITS[code]))
-        elif code in WRITE_LIMITS:
-            put(self, "registers", check_registers(self.registers, WRITE_LIMITS[code]))
-        if code not in READ_LIMITS:
+        if code in WRITE_LIMITS:
+            _check_values(self, WRITE_LIMITS[code])
             put(self, "quantity", len(self.coils or self.registers))
         elif not (type(quantity) is int and 1 <= quantity <= READ_LIMITS[code]):
             why = f" for function code {code}"
             put(self, "quantity", check_whole("quantity", quantity, 1, READ_LIMITS[code], why))
-        if code == 23:
-            start: Any = self.write_address
-            put(self, "write_address", check_whole("write_address", start, 0, 0xFFFF))
-
-    @classmethod
-    def read(cls, function: int, address: int, quantity: int) -> Request:
-        """Return a read request for a function code 1..4."""
-        return cls(FunctionCode(check_whole("function", function, 1, 4)), address, quantity)
 
     @classmethod
     def read_coils(cls, address: int, quantity: int) -> Request:
@@ -274,37 +253,22 @@ class Request(_Framed):
         return cls(FunctionCode.WRITE_MULTIPLE_REGISTERS, address, registers=registers)  # type: ignore[arg-type]
 
     @classmethod
-    def read_write_multiple_registers(
-        cls, address: int, quantity: int, write_address: int, registers: Iterable[int]
-    ) -> Request:
-        """Request to write 1..121 registers, then read 1..125, function code 23."""
-        return cls(
-            FunctionCode.READ_WRITE_MULTIPLE_REGISTERS, address, quantity,
-            registers=registers, write_address=write_address,  # type: ignore[arg-type]
-        )  # fmt: skip
-
-    @classmethod
     def parse(cls, pdu: bytes) -> Request:
         """Return the request in a PDU, or raise an error that names the wrong field."""
         data = _opened(pdu, "request")
-        (address, number, *more), values = _read(data, _REQUESTS)
+        (address, number), values = _read(data, _REQUESTS)
+        code = data[0]
         try:
-            match data[0]:
-                case 5:
-                    return cls(FunctionCode.WRITE_SINGLE_COIL, address, coils=(_coil(number),))
-                case 6:
-                    return cls(FunctionCode.WRITE_SINGLE_REGISTER, address, registers=(number,))
-                case 15:
-                    if -(-number // 8) != len(values):
-                        count = f"byte count is {len(values)}"
-                        raise FieldError(f"{count}, but {number} coils need another")
-                    return cls.write_multiple_coils(address, unpack_coils(values)[:number])
-                case 16:
-                    return cls.write_multiple_registers(address, _registers(values, number))
-                case 23:
-                    registers = _registers(values, more[1])
-                    return cls.read_write_multiple_registers(address, number, more[0], registers)
-            return cls(FunctionCode(data[0]), address, number)
+            if code in READ_LIMITS:
+                return cls(FunctionCode(code), address, number)
+            if code in (5, 6):
+                return cls(FunctionCode(code), address, **_single(code, number))
+            if code == 16:
+                return cls.write_multiple_registers(address, _registers(values, number))
+            if -(-number // 8) != len(values):
+                count = f"byte count is {len(values)}"
+                raise FieldError(f"{count}, but {number} coils need another")
+            return cls.write_multiple_coils(address, unpack_coils(values)[:number])
         except ArgumentError as error:
             raise FieldError(str(error)) from None
 
@@ -312,58 +276,42 @@ class Request(_Framed):
     def pdu(self) -> bytes:
         """The bytes, function code first."""
         code, address = int(self.function), self.address
-        if code <= 4:
+        if code in READ_LIMITS:
             return pack(">BHH", code, address, self.quantity)
-        if code == 5:
-            return pack(">BHH", code, address, 0xFF00 * self.coils[0])
-        if code == 6:
-            return pack(">BHH", code, address, self.registers[0])
-        if code == 15:
-            data = pack_coils(self.coils)
-            return pack(">BHHB", code, address, self.quantity, len(data)) + data
-        n = len(self.registers)
-        if code == 16:
-            return pack(f">BHHB{n}H", code, address, n, 2 * n, *self.registers)
-        head = (code, address, self.quantity, self.write_address, n, 2 * n)
-        return pack(f">B4HB{n}H", *head, *self.registers)
+        if code in (5, 6):
+            return pack(">BHH", code, address, _number(self))
+        data = _values(self)
+        return pack(">BHHB", code, address, self.quantity, len(data)) + data
 
     @property
     def response_size(self) -> int:
         """Length of the normal response's PDU [byte]."""
-        code = int(self.function)
-        if code in _REGISTERS_READ:
-            return 2 + 2 * self.quantity
-        return 2 + -(-self.quantity // 8) if code <= 2 else 5
+        if self.function not in READ_LIMITS:
+            return 5
+        return 2 + (-(-self.quantity // 8) if self.function in _COILS else 2 * self.quantity)
 
     def response(self, values: Iterable[int] = ()) -> Response:
         """Return the normal response, with the coils or registers requested."""
         code = int(self.function)
-        if code not in READ_LIMITS:
-            if code in (5, 6):
-                return Response(
-                    code, coils=self.coils, registers=self.registers, address=self.address
-                )
+        if code in (5, 6):
+            return Response(code, coils=self.coils, registers=self.registers, address=self.address)
+        if code in WRITE_LIMITS:
             return Response(code, address=self.address, quantity=self.quantity)
         found = _sequence("values", values, self.quantity)
         if len(found) != self.quantity:
             raise ArgumentError(f"values has {len(found)} values; {self.quantity} were asked for")
-        if code in _REGISTERS_READ:
-            return Response(code, registers=found)
-        return Response(code, coils=found)
+        return Response(code, **_named(code, found))
 
     def exception(self, exception: int) -> Response:
         """Return the exception response to this request."""
         return Response(self.function, exception=exception_code(exception))
 
     def __repr__(self) -> str:
-        values: tuple[Any, ...] = {5: self.coils, 6: self.registers}.get(self.function, ())
-        if self.function in READ_LIMITS:
-            values = (self.quantity,)
-        if self.function in (15, 16, 23):
-            written = list(self.coils or self.registers)
-            values += (written,) if self.function < 23 else (self.write_address, written)
-        arguments = ", ".join(map(repr, (self.address, *values)))
-        return f"Request.{self.function.name.lower()}({arguments})"
+        written = list(self.coils or self.registers)
+        last = self.quantity if self.function in READ_LIMITS else written
+        if self.function in (5, 6):
+            (last,) = written
+        return f"Request.{self.function.name.lower()}({self.address}, {last})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -373,11 +321,11 @@ class Response(_Framed):
     Parameters
     ----------
     function : int
-        1..6, 15, 16 or 23; in an exception response 1..127.
+        1..6, 15 or 16; in an exception response 1..127.
     coils : sequence of bool, optional
         States read by code 1 or 2, 1..2000 from the lowest address; with code 5 the one set.
     registers : sequence of int, optional
-        Values read by code 3, 4 or 23, 1..125, each 0..65535; with code 6 the one written.
+        Values read by code 3 or 4, 1..125, each 0..65535; with code 6 the one written.
     address : int, optional
         First address written by code 5, 6, 15 or 16, 0..65535.
     quantity : int, optional
@@ -412,11 +360,9 @@ class Response(_Framed):
         function = _function(self.function)
         put(self, "function", function)
         code = int(function)
-        if code in (1, 2, 5):
-            put(self, "coils", check_coils(self.coils, READ_LIMITS.get(code, 1)))
-        elif code in (3, 4, 6, 23):
-            put(self, "registers", check_registers(self.registers, READ_LIMITS.get(code, 1)))
-        if code in (5, 6, 15, 16):
+        if code <= 6:
+            _check_values(self, READ_LIMITS.get(code, 1))
+        if code in WRITE_LIMITS:
             address: Any = self.address
             put(self, "address", check_whole("address", address, 0, 0xFFFF))
         if code in (15, 16):
@@ -437,14 +383,11 @@ class Response(_Framed):
         try:
             if code > 0x80:
                 response = cls(code & 0x7F, exception=data[1])  # type: ignore[arg-type]
-            elif code <= 2:
-                response = cls(code, coils=unpack_coils(values))
-            elif code in _REGISTERS_READ:
-                response = cls(code, registers=_registers(values))
-            elif code == 5:
-                response = cls(code, coils=(_coil(numbers[1]),), address=numbers[0])
-            elif code == 6:
-                response = cls(code, registers=(numbers[1],), address=numbers[0])
+            elif code in READ_LIMITS:
+                found = unpack_coils(values) if code in _COILS else _registers(values)
+                response = cls(code, **_named(code, found))
+            elif code in (5, 6):
+                response = cls(code, address=numbers[0], **_single(code, numbers[1]))
             else:
                 response = cls(code, address=numbers[0], quantity=numbers[1])
         except ArgumentError as error:
@@ -457,15 +400,42 @@ class Response(_Framed):
         code = int(self.function)
         if self.exception is not None:
             return bytes([code | 0x80, self.exception])
-        if code in _REGISTERS_READ:
-            n = len(self.registers)
-            return pack(f">BB{n}H", code, 2 * n, *self.registers)
-        if code <= 2:
-            data = pack_coils(self.coils)
+        if code in READ_LIMITS:
+            data = _values(self)
             return bytes([code, len(data)]) + data
-        if code == 5:
-            return pack(">BHH", code, self.address, 0xFF00 * self.coils[0])
-        return pack(">BHH", code, self.address, self.registers[0] if code == 6 else self.quantity)
+        return pack(">BHH", code, self.address, _number(self) if code <= 6 else self.quantity)
+
+
+def _named(code: int, values: tuple[Any, ...]) -> dict[str, Any]:
+    """Return coils or registers, as the function code decides, as an argument."""
+    return {"coils" if code in _COILS else "registers": values}
+
+
+def _check_values(message: Request | Response, most: int) -> None:
+    """Check the coils or registers of a message, and store them as a tuple."""
+    if message.function in _COILS:
+        object.__setattr__(message, "coils", check_coils(message.coils, most))
+    else:
+        object.__setattr__(message, "registers", check_registers(message.registers, most))
+
+
+def _values(message: Request | Response) -> bytes:
+    """Return the coils or registers of a message as bytes."""
+    if message.coils:
+        return pack_coils(message.coils)
+    return pack(f">{len(message.registers)}H", *message.registers)
+
+
+def _number(message: Request | Response) -> int:
+    """Return the number that stands for the one coil or register of a message."""
+    return 0xFF00 * message.coils[0] if message.coils else message.registers[0]
+
+
+def _single(code: int, number: int) -> dict[str, Any]:
+    """Return the one coil or register for which a number stands, as an argument."""
+    if code == 5 and number not in (0, 0xFF00):
+        raise FieldError(f"coil value is 0x{number:04X}; it must be 0x0000 or 0xFF00")
+    return _named(code, (number > 0,) if code == 5 else (number,))
 
 
 #: Fields after the function code of requests and normal responses, by function code. Each has two
@@ -478,10 +448,9 @@ _BLOCK, _ONE, _COUNTED = (
 _REQUESTS: dict[int, tuple[str, ...]] = {
     **dict.fromkeys((1, 2, 3, 4), _BLOCK), **dict.fromkeys((5, 6), _ONE),
     **dict.fromkeys((15, 16), _BLOCK + _COUNTED),
-    23: (*_BLOCK, "write starting address", "write quantity", *_COUNTED),
 }  # fmt: skip
 _RESPONSES: dict[int, tuple[str, ...]] = {
-    **dict.fromkeys((1, 2, 3, 4, 23), _COUNTED), **dict.fromkeys((5, 6), _ONE),
+    **dict.fromkeys((1, 2, 3, 4), _COUNTED), **dict.fromkeys((5, 6), _ONE),
     **dict.fromkeys((15, 16), _BLOCK),
 }  # fmt: skip
 
@@ -512,12 +481,6 @@ def _read(data: bytes, layouts: dict[int, tuple[str, ...]]) -> tuple[tuple[int, 
     if counted and data[end] != len(data) - end - 1:
         raise LengthError(f"byte count is {data[end]}, but {len(data) - end - 1} bytes follow")
     return unpack_from(f">{n}H", data, 1), data[end + 1 :]
-
-
-def _coil(value: int) -> bool:
-    if value not in (0, 0xFF00):
-        raise FieldError(f"coil value is 0x{value:04X}; it must be 0x0000 or 0xFF00")
-    return bool(value)
 
 
 def _registers(data: bytes, quantity: int | None = None) -> tuple[int, ...]:
@@ -560,8 +523,8 @@ class Adu:
     Examples
     --------
     >>> adu = Adu(17, Request.read_holding_registers(0x6B, 3))
-    >>> adu.rtu.hex(" "), adu.ascii
-    ('11 03 00 6b 00 03 76 87', b':1103006B00037E\r\n')
+    >>> adu.rtu.hex(" ")
+    '11 03 00 6b 00 03 76 87'
     >>> adu.request()
     Request.read_holding_registers(107, 3)
     """
@@ -569,10 +532,6 @@ class Adu:
     unit_id: int
     pdu: bytes
     transaction_id: int | None = None
-
-    #: Longest PDU [byte], and highest address of a slave on a serial line.
-    MAX_PDU: ClassVar[int] = MAX_PDU
-    MAX_UNIT: ClassVar[int] = MAX_UNIT
 
     def __post_init__(self) -> None:
         put, unit, pdu = object.__setattr__, self.unit_id, self.pdu
@@ -588,11 +547,6 @@ class Adu:
     def rtu(self) -> bytes:
         """RTU frame of 4..256 bytes: unit id, PDU, CRC with its low byte first."""
         return rtu_frame(self.unit_id, self.pdu)
-
-    @property
-    def ascii(self) -> bytes:
-        """ASCII frame of 9..513 characters: colon, hexadecimal digits with their LRC, CR, LF."""
-        return ascii_frame(self.unit_id, self.pdu)
 
     @property
     def tcp(self) -> bytes:
@@ -644,8 +598,8 @@ def decode(data: bytes, framing: Framing = "rtu") -> Adu:
     Parameters
     ----------
     data : bytes-like
-        One whole frame; an ASCII frame includes colon and line end.
-    framing : {"rtu", "tcp", "ascii"}, default "rtu"
+        One whole frame.
+    framing : {"rtu", "tcp"}, default "rtu"
         Kind of frame.
 
     Returns
@@ -656,11 +610,9 @@ def decode(data: bytes, framing: Framing = "rtu") -> Adu:
     Raises
     ------
     LengthError
-        If the frame is too short or too long, contradicts its length field, or has half a byte.
+        If the frame is too short or too long, or contradicts its length field.
     CrcError
-        If the CRC or LRC is wrong.
-    FormError, SymbolError
-        If the colon or line end of an ASCII frame is missing, or a character is not hexadecimal.
+        If the CRC is wrong.
     FieldError
         If the unit id is reserved, or the protocol id of TCP is not 0.
 
@@ -668,7 +620,5 @@ def decode(data: bytes, framing: Framing = "rtu") -> Adu:
     --------
     >>> decode(bytes.fromhex("11 03 00 6b 00 03 76 87")).unit_id
     17
-    >>> decode(b":1103006B00037E\r\n", "ascii").pdu.hex(" ")
-    '03 00 6b 00 03'
     """
     return Adu(*read_frame(data, framing))

@@ -39,24 +39,10 @@ def line_faults(faults: Faults) -> tuple[Fault, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """The slaves that each port of a master reaches; `Loop` and `DualChannel` have a `reach`.
+    """The slaves that each port of a master reaches.
 
-    Parameters
-    ----------
-    n_slaves : int
-        Number of slaves.
-    last_a : int
-        Last slave that port A reaches, 0 if none.
-    first_b : int
-        First slave that port B reaches, n_slaves + 1 if none.
-    dead : frozenset of int
-        Slaves that do not answer.
-
-    Examples
-    --------
-    >>> reach = Reach(5, last_a=2, first_b=4, dead=frozenset({5}))
-    >>> reach.through_a, reach.through_b, reach.lost
-    ([1, 2], [4], [3, 5])
+    They are 1 to `last_a` through port A, and `first_b` to `n_slaves` through port B, without those
+    that are `dead`.
     """
 
     n_slaves: int
@@ -109,7 +95,7 @@ class _Redundant:
         def reach(self, faults: Faults = ()) -> Reach: ...
         def _gaps(
             self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
-        ) -> tuple[Floats, Floats, Floats]: ...
+        ) -> tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]: ...
         def single_faults(self) -> list[Fault]: ...
 
     def _check(self) -> None:
@@ -128,7 +114,7 @@ class _Redundant:
         served = np.array(self.reach(faults).served)
         stay, moved, lost = (int((served == port).sum()) for port in "AB-")
         staying, moving, last = self._gaps(stay, moved, lost)
-        gap = np.select([served == "A", served == "B"], [staying, moving], np.inf)
+        gap: Floats = np.select([served == "A", served == "B"], [staying, moving], np.inf)
         if moved:
             gap[np.flatnonzero(served == "B")[-1]] = last
         return gap
@@ -161,25 +147,21 @@ class Loop(_Redundant):
     -----
     From kim2014, sections 2.1 and 3: two-wire RS-485, slaves with one port, and a master with two
     ports that uses the other direction when the line is broken. The paper gives no rule for the
-    switch-over: `move`, `failures` and `recheck` are assumptions. We also assume that a dead slave
+    switch-over: `move` and `recheck` are assumptions. We also assume that a dead slave
     or port leaves the line alone, that all slaves are polled through A while the line is whole,
     that there is one transaction at a time, that a section both broken and shorted is shorted on
     both sides of the break, and that termination remains adequate. The paper says 256 slaves, and
     250 for the master; the standard has 247.
 
-    With s slaves that stay on their port, m that are moved and l that are lost, f `failures`, T an
-    answered poll and G one that times out, the longest gap of a slave that is moved, or stays, is
+    With s slaves that stay on their port, m that are moved and l that are lost, T an answered poll
+    and G one that times out, the longest gap is
 
-    .. math:: t_m = f s T + m (f G + T) + l (f + 1) G, \qquad t_s = s T + m (G + T) + 2 l G
+    .. math:: t = s T + m (G + T) + 2 l G, \qquad t = (s + m) T + G + 2 l G
 
-    if each slave is moved by itself, and
-
-    .. math:: t_m = f s T + m T + (f - 1) m G + 2 G + l (f + 1) G
-
-    if those downstream are moved with it; one G less for the last one moved. On an open line a lost
-    slave costs l G. The worst moment for a fault is the end of the slave's answer. All values are
-    attained except one: with "downstream" and several failures, that of a slave that stays is a
-    bound.
+    if each slave is moved by itself, or if those downstream are moved with it; then it is one G
+    longer for all that are moved but the last, and one shorter if none is moved. On an open line a
+    lost slave costs G instead of 2 G. The worst moment for a fault is the end of the slave's
+    answer; all values are attained.
 
     Examples
     --------
@@ -214,13 +196,10 @@ class Loop(_Redundant):
         "every slave and port connected to it", default=False, kw_only=True,
     )  # fmt: skip
     move: Literal["slave", "downstream"] = choice(
-        ("slave", "downstream"), "Which slaves move to the other port: only the silent one, or "
-        "also all downstream of it on the same port", default="slave", kw_only=True,
-    )  # fmt: skip
-    failures: int = whole(
-        1, 100, help="Polls in a row, each with all retries, that a slave must leave unanswered "
-        "before the master asks through the other port; if it is silent there too, it is lost and "
-        "no longer polled", default=1, kw_only=True,
+        ("slave", "downstream"), "Which slaves move to the other port after a poll without an "
+        "answer, including its retries: only the silent one, or also all downstream of it on the "
+        "same port. A slave that is silent there too is lost and no longer polled",
+        default="slave", kw_only=True,
     )  # fmt: skip
     recheck: float = number(
         1e-3, 1e6, "s", "Time since the last failed try, at least a scan, after which the master "
@@ -280,21 +259,16 @@ class Loop(_Redundant):
 
     def _gaps(
         self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
-    ) -> tuple[Floats, Floats, Floats]:
+    ) -> tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]:
         """Return the longest gap [s] of a slave that stays, one that moves and the last to move."""
         s, m, lo = (np.asarray(count, dtype=np.float64) for count in (stay, moved, lost))
-        answered, silent = self.poll.time, self.poll.timeout_time
-        f = self.failures
-        common = f * s * answered + lo * (f + self.closed) * silent
+        silent = self.poll.timeout_time
+        gap = (s + m) * self.poll.time + (1 + self.closed) * lo * silent
         if self.move == "slave":
-            staying = s * answered + m * (silent + answered) + (1 + self.closed) * lo * silent
-            moving = common + m * (f * silent + answered)
-            return staying, moving, moving
-        discovery = (m > 0) * (silent if f == 1 else answered)
-        each = answered if f == 1 else max(silent, answered)
-        staying = s * answered + m * each + discovery + (1 + self.closed) * lo * silent
-        last = common + m * (answered + (f - 1) * silent) + silent
-        return staying, last + silent, last
+            gap = gap + m * silent
+            return gap, gap, gap
+        gap = gap + (m > 0) * silent
+        return gap, gap + silent, gap
 
     def plot(self, faults: Faults = (), ax: Axes | None = None) -> Axes:
         """Draw the loop, its faults, and the port that serves each slave; return the axes.
@@ -359,11 +333,8 @@ class DualChannel(_Redundant):
     The two slaves are one source of data, so `n_slaves` is 1: port A reaches it through the first
     slave, port B through the second. How the slaves share their data is not modelled.
 
-    With the period P, f `failures` and a timed-out poll G, the longest time between two answers is
-
-    .. math:: t = P + (f - 1) \max \left( P, G \right) + G
-
-    or P if one channel stays in use. lee2012 (sections III.2 and IV.2) gives no time-out or
+    With the period P and a timed-out poll G, the longest time between two answers is P + G, or P if
+    the channel stays in use. lee2012 (sections III.2 and IV.2) gives no time-out or
     retries. Its switching time of 133 us is only 1.3 bit times; 133 ms would be a request of 9.17
     ms and a time-out of 124 ms.
 
@@ -389,10 +360,6 @@ class DualChannel(_Redundant):
     period: float = number(
         0, 3600, "s", "Time between the starts of two polls, at least that of a poll; a longer one "
         "delays the next. The AMS of lee2012 polls once per second", default=1.0, kw_only=True,
-    )  # fmt: skip
-    failures: int = whole(
-        1, 100, help="Polls in a row, each with all retries, that must fail before the master asks "
-        "on the other channel", default=1, kw_only=True,
     )  # fmt: skip
     recheck: float = number(
         1e-3, 1e6, "s", "As for `Loop`; not shorter than `period`", default=60.0, kw_only=True
@@ -426,13 +393,10 @@ class DualChannel(_Redundant):
 
     def _gaps(
         self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
-    ) -> tuple[Floats, Floats, Floats]:
+    ) -> tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]:
         """Return the longest gap [s] of data that stay on their channel, or are moved (twice)."""
-        silent, f = self.poll.timeout_time, self.failures
-        switched = self.period + (f - 1) * max(self.period, silent) + silent
-        shape = np.broadcast_shapes(np.shape(stay), np.shape(moved), np.shape(lost))
-        moving = np.full(shape, switched)
-        return np.full(shape, self.period), moving, moving
+        switched = self.period + self.poll.timeout_time
+        return self.period, switched, switched
 
 
 System = Loop | DualChannel  #: A master with two ports.

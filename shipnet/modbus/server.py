@@ -152,11 +152,8 @@ def serve(
     port: int = 0,
     serial_port: str = "",
     line: SerialLine = _DEFAULT_LINE,
-    silence: float = 0.05,
     speed: float = 1.0,
     clock: Clock | None = None,
-    max_clients: int = 128,
-    idle_limit: float = 600.0,
     wire_faults: WireFault | Iterable[WireFault] = (),
     rng: Any = 2024,
 ) -> Server:
@@ -179,18 +176,11 @@ def serve(
     line : SerialLine, default 9600 bit/s and 8E1
         Settings of that port; an answer waits for t3.5. A Linux pseudo-terminal has no parity: use
         ``SerialLine(9600, "8N1")``.
-    silence : float, default 0.05
-        Silence after which an incomplete frame is dropped, t3.5..10 [s]; long enough for adapters
-        and drivers that pass on bytes in portions.
     speed : float, default 1
         Model seconds per real second, from the start of the server, 0..1e6.
     clock : callable, optional
         Returns the model time [s] passed to devices, in place of `speed`. A slave's delay is in
         real seconds.
-    max_clients : int, default 128
-        Most TCP connections at a time, 1..10000; any further one is closed at once.
-    idle_limit : float, default 600
-        Time after which a TCP connection without requests is closed, 0.01..1e6 [s].
     wire_faults : WireFault or iterable of WireFault, optional
         Faults of answers over TCP or a serial line; at most one hits an answer.
     rng : optional
@@ -212,12 +202,15 @@ def serve(
     Notes
     -----
     Frames of other protocols, invalid datagrams and RTU frames with a wrong CRC get no answer; an
-    impossible length field closes the TCP connection, because the next frame cannot be found.
+    impossible length field closes the TCP connection, because the next frame cannot be found. On a
+    serial line an incomplete frame is dropped after a silence of 50 ms, long enough for adapters
+    and drivers that pass on bytes in portions.
 
-    TCP clients take turns of at most four requests. A client that leaves 64 KiB of answers unread
-    is disconnected; one with 256 delayed answers must wait. Datagrams share one queue, which drops
-    them when it is full. Further datagrams are dropped at 256 delayed answers per sender, or 32768
-    in all.
+    There may be 128 TCP connections at a time; any further one is closed at once. One without
+    requests is closed after 10 minutes. TCP clients take turns of at most four requests. A client
+    that leaves 64 KiB of answers unread is disconnected; one with 256 delayed answers must wait.
+    Datagrams share one queue, which drops them when it is full. Further datagrams are dropped at
+    256 delayed answers per sender, or 32768 in all.
 
     Examples
     --------
@@ -241,9 +234,6 @@ def serve(
     bound = check_whole("port", port, 0, 0xFFFF)
     if rtu != bool(serial_port):
         raise ArgumentError(f"serial_port is {serial_port!r}; RTU needs one, and nothing else does")
-    quiet = check_scalar("silence", silence, "s", line.t35, 10)
-    limit = check_scalar("idle_limit", idle_limit, "s", 0.01, 1e6)
-    most = check_whole("max_clients", max_clients, 1, 10_000)
     check_scalar("speed", speed, "s/s", 0, 1e6)
     faults = check_faults(wire_faults, transport)
     check_rng(rng)
@@ -254,11 +244,11 @@ def serve(
     def make(respond: Respond) -> Listener:
         listener: Listener
         if rtu:
-            listener = RtuListener(respond, serial_port, line, quiet)
+            listener = RtuListener(respond, serial_port, line)
         elif transport == "udp":
             listener = UdpListener(respond, host, bound)
         else:
-            listener = TcpListener(respond, host, bound, most, limit)
+            listener = TcpListener(respond, host, bound)
         listener.wire = Wire(faults, rng) if faults else None
         return listener
 

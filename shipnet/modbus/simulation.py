@@ -14,7 +14,6 @@ from shipnet.answers import Utilisation
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers
 from shipnet.clock import Fault
-from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT
@@ -71,7 +70,7 @@ class Master:
         self.answered, self.unanswered = system.poll.time, system.poll.unanswered_time
         self.needed = system.poll.time - system.poll.line.t35
         self.paths = Paths(system, faults)
-        self.port, self.failed = [A] * n, [0] * n
+        self.port = [A] * n
         self.time, self.last_failure, self.probed = 0.0, -inf, n - 1
         self.tries: list[Try] = []
 
@@ -99,21 +98,18 @@ class Master:
         if port != A and self.due(slave):
             self.probed = slave
             if self.attempt(slave, A, _PROBE):
-                self.serve(slave, A)
+                self.port[slave] = A
                 return
             if port == LOST and self.rule.closed and self.attempt(slave, B, _PROBE):
-                self.serve(slave, B)
+                self.port[slave] = B
                 return
         if port == LOST or self.ask(slave, port, _POLL):
-            return
-        self.failed[slave] += 1
-        if self.failed[slave] < self.rule.failures:
             return
         other = B if port == A else A
         if not (self.rule.closed and self.ask(slave, other, _SWITCH)):
             self.port[slave] = LOST
             return
-        self.serve(slave, other)
+        self.port[slave] = other
         if self.rule.move == "downstream":
             downstream = range(slave + 1, self.n) if port == A else range(slave)
             for one in downstream:
@@ -127,17 +123,9 @@ class Master:
         following = ((self.probed + step) % self.n for step in range(1, self.n + 1))
         return slave == next(one for one in following if self.port[one] != A)
 
-    def serve(self, slave: int, port: int) -> None:
-        """Let a port serve a slave."""
-        self.port[slave], self.failed[slave] = port, 0
-
     def ask(self, slave: int, port: int, kind: int) -> bool:
         """Poll a slave with all retries; return whether it answered."""
-        for _ in range(self.attempts):
-            if self.attempt(slave, port, kind):
-                self.failed[slave] = 0
-                return True
-        return False
+        return any(self.attempt(slave, port, kind) for _ in range(self.attempts))
 
     def attempt(self, slave: int, port: int, kind: int) -> bool:
         """Send one request and let the time pass; return whether it was answered."""
@@ -167,6 +155,7 @@ class Run:
     faults: tuple[Fault, ...]
     until: float
     tries: list[Try]
+    _ports: list[int]
 
     def __repr__(self) -> str:
         n = self.system.n_slaves
@@ -202,13 +191,13 @@ class Run:
         return start, slave, port, kind, answered
 
     @cached_property
-    def _answers(self) -> tuple[Floats, Integers, Integers]:
-        """Return end, slave and port of the responses, slave by slave."""
-        start, slave, port, _, answered = self._columns
+    def _answers(self) -> tuple[Floats, Integers]:
+        """The ends and the slaves of the responses, slave by slave."""
+        start, slave, _, _, answered = self._columns
         order = np.flatnonzero(answered)
         order = order[np.argsort(slave[order], kind="stable")]
         poll = self.system.poll
-        return start[order] + poll.time - poll.line.t35, slave[order], port[order]
+        return start[order] + poll.time - poll.line.t35, slave[order]
 
     @property
     def answer_times(self) -> Floats:
@@ -218,7 +207,7 @@ class Run:
     @cached_property
     def gaps(self) -> Floats:
         """Longest time without an answer of each slave, the end included [s]."""
-        time, slave, _ = self._answers
+        time, slave = self._answers
         last = np.flatnonzero(np.diff(slave, append=-1))
         longest = np.full(self.system.n_slaves, self.until)
         longest[slave[last]] = self.until - time[last]
@@ -229,39 +218,16 @@ class Run:
         return longest
 
     def table(self) -> pd.DataFrame:
-        """Return one row per slave: its port at the end, and its longest time without an answer.
+        """Return one row per slave: its port, its answers and its longest time without one.
 
-        ``port`` is ``"-"`` if lost; ``switch_s`` is the time from the first fault to the first
-        answer through another port; ``recovery_s`` that from the last repair to the first answer
-        through port A of a slave not served there. NaN if there was none.
+        ``port`` is that which serves the slave at the end, ``"-"`` if it is lost.
         """
-        time, slave, port = self._answers
-        begin = min((fault.start for fault in self.faults), default=inf)
-        repaired = max((fault.stop for fault in self.faults if fault.stop < inf), default=inf)
         n = self.system.n_slaves
-        served, switch, recovery = np.full(n, "-"), np.full(n, np.nan), np.full(n, np.nan)
-        lost, lost_before = self._lost_at(inf), self._lost_at(repaired)
-        for own in range(n):
-            mine = slice(*np.searchsorted(slave, [own, own + 1]))
-            when, through = time[mine], port[mine]
-            if when.size and own not in lost:
-                served[own] = "AB"[through[-1]]
-            changed = 1 + np.flatnonzero(np.diff(through))
-            after = when[changed[when[changed] >= begin]]
-            if after.size:
-                switch[own] = after[0] - begin
-            before = through[when < repaired]
-            late = when[(when >= repaired) & (through == A)]
-            away = (before.size and before[-1] != A) or own in lost_before
-            if away and late.size:
-                recovery[own] = late[0] - repaired
         return pd.DataFrame(
             {
-                "port": served,
-                "answers": np.bincount(slave, minlength=n),
+                "port": np.array(["A", "B", "-"])[self._ports],
+                "answers": np.bincount(self._answers[1], minlength=n),
                 "longest_gap_s": self.gaps,
-                "switch_s": switch,
-                "recovery_s": recovery,
             },
             index=pd.RangeIndex(1, n + 1, name="slave"),
         )
@@ -277,37 +243,13 @@ class Run:
         worst = (good["end_s"] - good.groupby("slave")["start_s"].shift()).max()
         return Utilisation(busy / float(events["end_s"].max()), capacity, float(worst))
 
-    def _lost_at(self, moment: float) -> set[int]:
-        """Return the slaves that were lost at a moment."""
-        system = self.system
-        enough = inf if system.closed else system.failures * (1 + system.poll.retries)
-        lost: set[int] = set()
-        silent = [0] * system.n_slaves
-        for start, slave, _, kind, answered in self.tries:
-            if start >= moment:
-                break
-            silent[slave] = 0 if answered else silent[slave] + 1
-            if answered:
-                lost.discard(slave)
-            elif kind == _SWITCH or silent[slave] >= enough:
-                lost.add(slave)
-        return lost
-
-    def plot(
-        self, ax: Axes | None = None, *, start: float | None = None, stop: float | None = None
-    ) -> Axes:
-        """Draw the frames at both ports from `start` to `stop` [s]; return the axes.
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the frames at both ports; return the axes.
 
         A request without a response is red until its time-out.
         """
         ax = style.axes(ax)
-        begin = check_scalar("start", 0.0 if start is None else start, "s", 0, 1e5)
-        end = check_scalar("stop", self.until if stop is None else stop, "s", 0, 1e6)
-        if not end > begin:
-            raise ArgumentError(f"stop is {end:g} s; it must be later than start, {begin:g} s")
-        polls = self.events()
-        polls = polls[(polls["end_s"] > begin) & (polls["start_s"] < end)]
-        poll = self.system.poll
+        polls, poll = self.events(), self.system.poll
         request = poll.line.frame_time(poll.request_size)
         response = poll.line.frame_time(poll.response_size)
         for row, port in ((1.0, "A"), (0.0, "B")):
@@ -329,11 +271,11 @@ class Run:
         red = style.LIMIT["color"]
         for fault in self.faults:
             for at, words in ((fault.start, str(fault)), (fault.stop, f"{fault} repaired")):
-                if begin <= at <= end:
+                if at <= self.until:
                     ax.axvline(at, color=red, linestyle=style.LIMIT["linestyle"], linewidth=1)
                     ax.annotate(f" {words}", (at, 1.75), color=red, va="center")
         ax.set_yticks([1.3, 0.3], labels=["port A", "port B"])
-        ax.set(xlabel="time [s]", xlim=(begin, end), ylim=(-0.2, 1.95))
+        ax.set(xlabel="time [s]", xlim=(0, self.until), ylim=(-0.2, 1.95))
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
         return ax
 
@@ -377,4 +319,5 @@ def simulate(system: System, *, faults: Faults = (), until: float) -> Run:
     """
     end = check_scalar("until", until, "s", 0, 1e5)
     failed = line_faults(faults)
-    return Run(system, failed, end, Master(system, failed).run(end))
+    master = Master(system, failed)
+    return Run(system, failed, end, master.run(end), master.port)

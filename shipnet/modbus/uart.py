@@ -9,7 +9,6 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -81,13 +80,11 @@ class SerialLine:
         *,
         gap: float | Sequence[float] | None = None,
         start: float | None = None,
-        differential: float | None = None,
     ) -> Waveform:
         """Return the level while frames are sent, as corners of a step function.
 
         `gap` is the silence after each frame, one for all or one per frame, and `start` that before
-        the first [s]; both are t3.5 by default, but a single `gap` also applies to `start`. With
-        `differential`, 0.2..12 [V], the result is that RS-485 voltage for 1 and its opposite for 0.
+        the first [s]; both are t3.5 by default, but a single `gap` also applies to `start`.
         """
         parts = [frames] if isinstance(frames, bytes | bytearray | memoryview) else list(frames)
         single = self.t35 if gap is None else gap
@@ -100,8 +97,6 @@ class SerialLine:
             first = check_scalar("gap", single, "s", 0, 3600)
             pauses = [first] * len(parts)
         begin = check_scalar("start", first if start is None else start, "s", 0, 3600)
-        if differential is not None:
-            check_scalar("differential", differential, "V", 0.2, 12)
         times, levels = [np.zeros(1)], [np.ones(1)]
         for part, pause in zip(parts, pauses, strict=True):
             bits = _line_bits(part, self).ravel()
@@ -114,25 +109,20 @@ class SerialLine:
         time, level = time[keep], level[keep]
         corner = np.append(True, np.diff(level) != 0)
         time, level = np.append(time[corner], begin), np.append(level[corner], level[-1])
-        if differential is not None:
-            level = differential * (2 * level - 1)
-        return Waveform(time, level, self, threshold=0.5 if differential is None else 0.0)
+        return Waveform(time, level, self)
 
-    def clock_tolerance(self, *, oversampling: int | None = None) -> tuple[float, float]:
+    def clock_tolerance(self) -> tuple[float, float]:
         r"""Return the lowest and highest relative error of a sender's bit rate that is still read.
 
-        .. math:: -\frac{1/2}{n - 1/2} < \delta < \frac{1/2 - 1/k}{n - 1/2 + 1/k}
+        .. math:: -\frac{1/2}{n - 1/2} < \delta < \frac{1/2}{n - 1/2}
 
-        for n bits up to the first stop bit and k = `oversampling` ticks per bit, 4..256, infinite
-        if omitted. With two stop bits the sample of the first may fall into the second, so the
-        right side has n - 1. Rise times and jitter reduce the range.
+        for n bits up to the first stop bit. With two stop bits the sample of the first may fall
+        into the second, so the right denominator is n - 3/2. Rise times, jitter and a receiver that
+        samples the line only at some moments reduce the range.
         """
-        tick = 0.0
-        if oversampling is not None:
-            tick = 1 / check_whole("oversampling", oversampling, 4, 256)
         n = 1 + _DATA + (self.character[1] != "N") + 1
         stops = int(self.character[2])
-        highest = min((n - 1) / (n - 1.5 + tick), (n - 1 + stops) / (n - 0.5 + tick))
+        highest = min((n - 1) / (n - 1.5), (n - 1 + stops) / (n - 0.5))
         return (n - 1) / (n - 0.5) - 1, highest - 1
 
 
@@ -174,18 +164,16 @@ class Characters(NamedTuple):
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform:
-    r"""The level or voltage of a line over time; `SerialLine.waveform` returns one.
+    r"""The level of a line over time; `SerialLine.waveform` returns one.
 
     Parameters
     ----------
     time : array_like of float, shape (n_samples,)
         Non-decreasing times [s]: corners of a step function or samples of a scope.
     level : array_like of float, shape (n_samples,)
-        Level or voltage from each time to the next; the last one stays.
+        Level from each time to the next, 1 above 0.5; the last one stays.
     line : SerialLine
         Settings of the sender.
-    threshold : float, default 0.5
-        Level above which the line is 1, -1e6..1e6; 0 for a differential voltage.
 
     Examples
     --------
@@ -201,10 +189,8 @@ class Waveform:
     time: Floats
     level: Floats
     line: SerialLine
-    threshold: float = 0.5
 
     def __post_init__(self) -> None:
-        check_scalar("threshold", self.threshold, "", -1e6, 1e6)
         at = np.asarray(self.time, dtype=np.float64)
         value = np.asarray(self.level, dtype=np.float64)
         if at.ndim != 1 or at.shape != value.shape:
@@ -222,22 +208,17 @@ class Waveform:
         end = self.time[-1] if self.time.size else 0.0
         return f"Waveform({self.time.size} corners, {1e3 * end:.3g} ms, {self.line!r})"
 
-    def decode(
-        self, receiver: SerialLine | None = None, *, oversampling: int | None = None
-    ) -> Characters:
+    def decode(self, receiver: SerialLine | None = None) -> Characters:
         """Return the characters that a receiver reads; errors are codes, never exceptions.
 
-        The bit rate of `receiver` may differ from the sender's, which is the default. It sees the
-        line at any moment, or at `oversampling` ticks per bit, 4..256, one at time 0; most chips
-        use 16. A falling edge is a start bit if the level is still 0 half a bit later; bits are
-        sampled in the middle. A first stop bit of 0 is a framing error (`FormError`), which hides a
-        parity error.
+        The bit rate of `receiver` may differ from the sender's, which is the default. A falling
+        edge is a start bit if the level is still 0 half a bit later; bits are sampled in the
+        middle. A first stop bit of 0 is a framing error (`FormError`), which hides a parity error.
         """
         line = self.line if receiver is None else receiver
         # Keep the last corner of each time.
         keep = np.append(np.diff(self.time) > 0, True)[: self.time.size]
-        at, one = self.time[keep], self.level[keep] > self.threshold
-        ticks = None if oversampling is None else check_whole("oversampling", oversampling, 4, 256)
+        at, one = self.time[keep], self.level[keep] > 0.5
         bit = 1 / line.bit_rate
         bits = 1 + _DATA + (line.character[1] != "N") + 1
         corners, levels = at.tolist(), one.tolist()
@@ -246,8 +227,6 @@ class Waveform:
         next_fall = 0
         while next_fall < len(falls):
             edge = falls[next_fall]
-            if ticks is not None:
-                edge = ceil(edge / bit * ticks - 1e-9) * bit / ticks
             places = [edge + (k + 0.5) * bit for k in range(bits)]
             taken = [levels[max(bisect_right(corners, place) - 1, 0)] for place in places]
             if taken[0]:
@@ -268,25 +247,13 @@ class Waveform:
         """Draw the level over time [ms], with each byte above its data bits; return the axes."""
         ax = style.axes(ax)
         line, time, level = self.line, self.time, self.level
-        found = self.decode()
-        low, high = float(level.min()), float(level.max())
-        differential = self.threshold == 0
-        span, bit = high - low, 1e3 / line.bit_rate
+        found, bit = self.decode(), 1e3 / line.bit_rate
         start = found.time * 1e3
-        ax.bar(
-            start + bit, span, 8 * bit, bottom=low, align="edge",
-            color=style.FIELD["information"], alpha=0.6,
-        )  # fmt: skip
+        data = style.FIELD["information"]
+        ax.bar(start + bit, 1, 8 * bit, align="edge", color=data, alpha=0.6)
         for middle, value in zip(start + line.character_bits * bit / 2, found.value, strict=True):
-            ax.text(
-                middle, high + 0.08 * span, f"{value:02X}",
-                ha="center", va="bottom", family="monospace",
-            )  # fmt: skip
+            ax.text(middle, 1.08, f"{value:02X}", ha="center", va="bottom", family="monospace")
         ax.plot(time * 1e3, level, drawstyle="steps-post", color="C0")
-        ax.set(
-            xlabel="time [ms]", ylabel="D1 - D0 [V]" if differential else "level",
-            xlim=(0, time[-1] * 1e3), ylim=(low - 0.1 * span, high + 0.4 * span),
-        )  # fmt: skip
-        if not differential:
-            ax.set_yticks([0, 1])
+        ax.set(xlabel="time [ms]", ylabel="level", xlim=(0, time[-1] * 1e3), ylim=(-0.1, 1.4))
+        ax.set_yticks([0, 1])
         return ax

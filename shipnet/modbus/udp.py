@@ -1,4 +1,4 @@
-"""Modbus in datagrams: the effect of late replies if nothing shows which request they answer.
+"""Modbus in datagrams: what late replies do if nothing shows which request they answer.
 
 Only the transaction id and the unit id of a frame are modelled, in simulated time.
 """
@@ -55,15 +55,13 @@ class LossyPath:
 
 
 class Run(NamedTuple):
-    """The fate of a master's requests, one entry per request."""
+    """The requests of a master: the unit of each, and the request whose reply it took.
+
+    `reply_to` is -1 after a time-out; `dropped` counts replies received and not taken.
+    """
 
     unit: Integers
-    #: When the request went out and a reply was taken [s]; NaN after a time-out.
-    sent: Floats
-    taken: Floats
-    #: The request whose reply was taken, -1 after a time-out.
     reply_to: Integers
-    #: How many replies the master received and did not take.
     dropped: int
 
     @property
@@ -89,9 +87,6 @@ def simulate(
     *,
     match: Match = "transaction id",
     timeout: float = 0.5,
-    period: float = 0.0,
-    processing: float = 0.0,
-    flush: bool = False,
     rng: Any = None,
 ) -> Run:
     """Simulate a master that asks one unit after the other in datagrams.
@@ -105,12 +100,10 @@ def simulate(
     if asked.min() < 0 or asked.max() > 255:
         raise ArgumentError(f"units reach from {asked.min()} to {asked.max()}; they must be 0..255")
     wait = check_scalar("timeout", timeout, "s", 1e-9, 3600)
-    step = check_scalar("period", period, "s", 0, 3600)
-    work = check_scalar("processing", processing, "s", 0, 3600)
     n, generator = len(asked), check_rng(rng)
     there = path.transit(n, generator)
     back = path.transit(2 * n, generator).reshape(n, 2, 2)
-    trips = (there[:, :, np.newaxis] + work + back).reshape(n, 4).tolist()
+    trips = (there[:, :, np.newaxis] + back).reshape(n, 4).tolist()
 
     marks = {
         "nothing": np.zeros(n, np.int64),
@@ -118,23 +111,21 @@ def simulate(
         "transaction id": np.arange(n) % _IDS,
     }[match].tolist()
     in_transit: list[tuple[float, int]] = []
-    sent, taken = np.zeros(n), np.full(n, np.nan)
     reply_to, dropped, now = np.full(n, -1), 0, 0.0
     for k in range(n):
-        start = sent[k] = now
+        start = now
         for trip in trips[k]:
             if trip < np.inf:
                 heappush(in_transit, (start + trip, k))
         now = start + wait
         while in_transit and in_transit[0][0] <= start + wait:
             arrival, request = heappop(in_transit)
-            if marks[request] == marks[k] and not (flush and arrival < start):
+            if marks[request] == marks[k]:
                 now = max(arrival, start)
-                taken[k], reply_to[k] = now, request
+                reply_to[k] = request
                 break
             dropped += 1
-        now = max(now, start + step)
-    return Run(asked, sent, taken, reply_to, dropped)
+    return Run(asked, reply_to, dropped)
 
 
 @checked
@@ -143,9 +134,6 @@ def compare(
     path: LossyPath,
     *,
     timeout: float = 0.5,
-    period: float = 0.0,
-    processing: float = 0.0,
-    flush: bool = False,
     rng: Any = None,
 ) -> pd.DataFrame:
     r"""Compare what a master may check in a reply, on the same network.
@@ -158,12 +146,6 @@ def compare(
         The network, in both directions.
     timeout : float, default 0.5
         Time-out of a reply, 1e-9..3600 [s].
-    period : float, default 0
-        Shortest time between two requests, 0..3600 [s].
-    processing : float, default 0
-        Time that a unit works on its reply, 0..3600 [s].
-    flush : bool, default False
-        Whether the master empties its socket before each request, or reads earlier arrivals first.
     rng : int or numpy.random.Generator, optional
         Random generator; all rows see the same datagrams.
 
@@ -185,11 +167,7 @@ def compare(
 
     .. math:: n - 1 - j
 
-    until another fault. With `flush` and a period, each late reply mismatches at most one request.
-    If a fraction p of the replies arrives during request m later, before its own reply, the
-    expected number is
-
-    .. math:: (n - m) \, p
+    until another fault.
 
     Examples
     --------
@@ -201,10 +179,9 @@ def compare(
     transaction id           0           0        39       38
     """
     seed = int(check_rng(rng).integers(2**63))
-    settings = {"timeout": timeout, "period": period, "processing": processing, "flush": flush}
     rows = {}
     for match in get_args(Match):
-        run = simulate(units, path, match=match, rng=seed, **settings)  # type: ignore[arg-type]
+        run = simulate(units, path, match=match, timeout=timeout, rng=seed)
         rows[match] = (run.mismatched, run.wrong_unit, run.timeouts, run.dropped)
     columns = ["mismatched", "wrong_unit", "timeouts", "dropped"]
     return pd.DataFrame.from_dict(rows, orient="index", columns=columns)

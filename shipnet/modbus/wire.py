@@ -121,7 +121,7 @@ class WireFault:
             case "wrong-function":  # 1 and 2, 3 and 4, ... look the same but for it
                 code = ((pdu[0] - 1 ^ 1) + 1) % 256
                 frame = _frame(replace(other, pdu=bytes([code]) + other.pdu[1:]))
-            case "wrong-count" if pdu[0] in (1, 2, 3, 4, 23):
+            case "wrong-count" if pdu[0] in (1, 2, 3, 4):
                 frame = _frame(replace(answer, pdu=bytes([pdu[0], max(pdu[1] - 2, 0)]) + pdu[2:]))
             case "wrong-crc":
                 frame = _frame(other)[:-2] + frame[-2:]

@@ -11,8 +11,8 @@ from shipnet.errors import ArgumentError
 from tests.can.frames import LONGEST, frames, rows
 from tests.support import tolerance
 
-#: Ways of counting, shortest frames first.
-WAYS = ("none", "mean", "worst 1994", "attainable", "worst")
+#: Ways of counting stuff bits, shortest frames first.
+WAYS = ("none", "mean", "attainable", "worst")
 
 # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1
 POLYNOMIAL = 0x4599
@@ -24,7 +24,6 @@ def test_lengths_are_those_of_the_reference(row):
     for stuffing, column in (
         ("none", "nominal_incl_ifs3"),
         ("worst", "worst_davis_incl_ifs3"),
-        ("worst 1994", "worst_tindell1994_incl_ifs3"),
     ):
         assert frame_length(s, stuffing=stuffing, extended=extended) == int(row[column])
 
@@ -37,16 +36,15 @@ def test_the_bound_is_55_and_80_bits_with_ten_a_byte():
     assert both.tolist() == np.stack([47 + 8 * s, 67 + 8 * s], axis=1).tolist()
 
 
-def test_ways_of_counting_keep_their_order():
+def test_the_ways_of_counting_stuff_bits_rank_in_order():
     for extended in (False, True):
-        nominal, mean, old, attainable, worst = (
+        nominal, mean, attainable, worst = (
             frame_length(np.arange(9), stuffing=way, extended=extended) for way in WAYS
         )
         assert (nominal < mean).all()
-        assert (mean < old).all()
+        assert (mean < attainable).all()
         assert (attainable < worst).all()
-    # The form of 1994 promises 130 bits, and a frame of 133 exists.
-    assert length_table("worst 1994")[0][8] == 130 < length_table("attainable")[0][8] == 133
+    assert length_table("attainable")[0][8] == 133
 
 
 def frame_head(extended, dlc):

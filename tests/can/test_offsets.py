@@ -39,11 +39,9 @@ def shifted(messages, phases):
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.4, 1.5])
-@pytest.mark.parametrize(
-    "more", [{}, {"foreign_bits": 150}, {"arbitration_bits": 11}, {"intermission": "between"}]
-)
-def test_clocks_of_their_own_give_the_bounds_without_offsets(jitter, more):
-    rng, assumptions = np.random.default_rng(1), can.Assumptions(**more)
+@pytest.mark.parametrize("intermission", ["everywhere", "between"])
+def test_clocks_of_their_own_have_the_bounds_without_offsets(jitter, intermission):
+    rng, assumptions = np.random.default_rng(1), can.Assumptions(intermission=intermission)
     for _ in range(40):
         messages = random_set(rng, jitter=jitter)
         for alone in ("", None):
@@ -80,15 +78,15 @@ def test_frames_of_the_sender_count_in_its_whole_hyperperiod():
 
 @pytest.mark.parametrize("offset", [200, 200.5])
 def test_a_bound_with_offsets_is_one_instance_without_a_busy_period(offset):
-    # The low message comes this many bits after the high one, and waits for a foreign frame of 150.
+    # The second message comes this many bits after the first, and waits for a frame of 150.
     for deadline, met in ((250, True), (249.999, False)):
         messages = can.MessageSet(
             can.Message(f"m{k}", k, 8, 1000 * US, deadline=deadline * US, offset=k * offset * US,
                         sender="s", bits=100)
             for k in range(2)
         )  # fmt: skip
-        some = can.Assumptions(foreign_bits=150)
-        found = can.response_times(messages, FAST, assumptions=some, offsets=True)["m1"]
+        messages = can.MessageSet([*messages, can.Message("last", 9, 8, 1.0, bits=150)])
+        found = can.response_times(messages, FAST, offsets=True)["m1"]
         assert math.isnan(found.busy_period)
         assert found.instances == (found.response,)
         assert found.response == pytest.approx(250 * US, rel=1e-12)
@@ -117,14 +115,14 @@ def test_no_simulated_response_passes_the_bound_and_no_bound_that_without_offset
 
 
 def test_what_is_queued_within_the_arbitration_time_of_the_own_sender_goes_first():
-    # Behind a foreign frame of 50 bits the low message goes, unless the high one was queued.
-    for arbitration, offset, expected in ((0, 50, 210), (0, 51, 150), (1, 50, 210), (2, 51, 210)):
+    # After a frame of 50 bits m1 is sent, unless m0 is queued less than a bit later.
+    for offset, expected in ((50, 210), (50.5, 210), (51, 150)):
         messages = can.MessageSet(
             can.Message(f"m{k}", k, 8, 1000 * US, offset=at * US, sender="s", bits=bits)
             for k, (at, bits) in enumerate([(offset, 60), (0, 100)])
         )
-        some = can.Assumptions(arbitration_bits=arbitration, foreign_bits=50)
-        low = can.response_times(messages, FAST, assumptions=some, offsets=True)["m1"]
+        messages = can.MessageSet([*messages, can.Message("last", 9, 8, 1.0, bits=50)])
+        low = can.response_times(messages, FAST, offsets=True)["m1"]
         assert low.response == pytest.approx(expected * US, rel=1e-12)
 
 
@@ -231,10 +229,9 @@ def test_offsets_are_spread_as_by_loops_and_without_a_sender_they_stay(case):
     assert {m.name: round(m.offset * 1e3) for m in found if m.sender} == expected
 
 
-def test_what_offsets_do_not_go_with_is_refused():
+def test_arguments_that_exclude_offsets_are_refused():
     messages = can.example()
     for more in (
-        {"method": "sufficient"},
         {"faults": can.faults.ErrorBound(0.1)},
         {"assumptions": can.Assumptions(own_jitter=False)},
     ):

@@ -94,11 +94,13 @@ def test_an_order_that_fails_in_a_second_instance_alone_is_not_feasible():
 
 
 def test_assumptions_and_errors_reach_the_test_of_an_order():
-    # 135 + 135 bits fit 270 us; a fault, or a foreign frame, is too much.
+    # 135 + 135 bits fit 270 us; a fault is too much.
     messages = MessageSet([Message("a", 1, 8, 270 * US), Message("b", 2, 8, 540 * US)])
     assert audsley(messages, FAST).feasible
     assert not audsley(messages, FAST, faults=ErrorBound(math.inf)).feasible
-    assert not audsley(messages, FAST, assumptions=Assumptions(foreign_bits=160)).feasible
+    short = messages.replace("a", deadline=267 * US)
+    assert not audsley(short, FAST).feasible
+    assert audsley(short, FAST, assumptions=Assumptions(intermission="between")).feasible
 
 
 def test_the_order_of_deadlines_breaks_ties_by_the_order_before():

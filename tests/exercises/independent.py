@@ -255,10 +255,10 @@ WRONG = {
     "ex-02-2": [
         ("one way", lambda m, right: right / 2),
         ("in ns", lambda m, right: 1e3 * right),
-        ("as fast as light", lambda m, right: 2 * m["length"] / 300),
-        ("divided by the delay", lambda m, right: 2 * m["length"] / m["delay"]),
+        ("as fast as light", lambda m, right: 2 * (m["length"] - m["place"]) / 300),
+        ("from the receiver", lambda m, right: 2 * m["length"] * m["delay"] / 1e3),
+        ("when it arrives", lambda m, right: (2 * m["length"] - m["place"]) * m["delay"] / 1e3),
         ("twice there and back", lambda m, right: 2 * right),
-        ("a wrong length of 100 m", lambda m, right: 0.2 * m["delay"]),
     ],
     "ex-02-3": [
         ("sign turned round", lambda m, right: lambda v, r, z: v * (z - r) / (z + r)),

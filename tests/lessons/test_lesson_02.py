@@ -43,7 +43,7 @@ def test_an_open_cable_is_a_short_at_a_quarter_wave(name):
     """An echo that needs half a period of a wave comes back against it."""
     numbers, echo = right("ex-02-2", name)
     cable = Cable.lossless(100, numbers["delay"] * 1e-9)
-    network = Network([CableRun("near", "far", numbers["length"], cable)])
+    network = Network([CableRun("near", "far", numbers["length"] - numbers["place"], cable)])
     f = np.linspace(1e3, 1.2e6, 4000)
     z = abs(network.transfer("near", 2j * np.pi * f)[network.index("near")])
     first = f[np.flatnonzero((z[1:-1] < z[:-2]) & (z[1:-1] < z[2:]))[0] + 1]

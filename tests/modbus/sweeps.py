@@ -20,10 +20,8 @@ def sweep(system, faults, instants=None):
         begin, each = system.period, system.poll.time
         whole = simulate(system, until=begin + (system.n_slaves - 0.5) * each)
         instants = whole.answer_times[-system.n_slaves :]
-    # A lost slave takes one more scan's time until it is given up than one that is moved.
-    settled = (system.failures + 3) * (
-        system.period + 2 * system.n_slaves * system.poll.timeout_time
-    )
+    # A lost slave is given up one scan later than a slave is moved.
+    settled = 4 * (system.period + 2 * system.n_slaves * system.poll.timeout_time)
     at = np.atleast_1d(np.asarray(instants, dtype=float))
     gaps = np.empty((at.size, system.n_slaves))
     for row, instant in enumerate(at):
@@ -35,7 +33,7 @@ def sweep(system, faults, instants=None):
             quiet = quiet + 1 if before > instant and master.last_failure < before else 0
             # All are lost.
             quiet = 2 if before > instant and len(master.tries) == tried else quiet
-        gaps[row] = Run(system, begun, master.tries[-1][0], master.tries).gaps
+        gaps[row] = Run(system, begun, master.tries[-1][0], master.tries, master.port).gaps
     gaps[:, [slave - 1 for slave in system.reach(failed).lost]] = np.inf
     return gaps
 

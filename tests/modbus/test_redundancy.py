@@ -27,16 +27,13 @@ def loop(
     *,
     timeout=0.1,
     retries=0,
-    failures=1,
     move="slave",
     isolators=False,
     recheck=60,
     closed=True,
 ):
     poll = Poll(STATUS, LINE, timeout=timeout, retries=retries)
-    return Loop(
-        n, poll, closed=closed, isolators=isolators, move=move, failures=failures, recheck=recheck
-    )
+    return Loop(n, poll, closed=closed, isolators=isolators, move=move, recheck=recheck)
 
 
 def joined_in_a_graph(loop, faults):
@@ -62,7 +59,7 @@ def joined_in_a_graph(loop, faults):
 
 @pytest.mark.parametrize("isolators", [False, True])
 @pytest.mark.parametrize("n", [1, 2, 6])
-def test_reach_is_what_a_walk_along_the_cable_finds(n, isolators):
+def test_reach_equals_a_walk_along_the_cable(n, isolators):
     system = loop(n, isolators=isolators)
     faults = system.single_faults()
     for count in range(4):
@@ -73,7 +70,7 @@ def test_reach_is_what_a_walk_along_the_cable_finds(n, isolators):
             assert union == set(range(1, n + 1))
 
 
-def test_one_break_loses_nobody_and_two_lose_those_between():
+def test_one_break_loses_no_slave_and_two_lose_those_between():
     system = loop(20)
     for k in range(21):
         reach = system.reach([Break(k)])
@@ -82,7 +79,7 @@ def test_one_break_loses_nobody_and_two_lose_those_between():
     assert system.reach([Break(3), DeadPort("B")]).lost == list(range(4, 21))
 
 
-def test_a_short_takes_all_without_isolators_and_nobody_with_them():
+def test_a_short_loses_all_slaves_without_isolators_and_none_with_them():
     assert loop(20).reach([Short(7)]).lost == list(range(1, 21))
     assert loop(20).reach([Short(7), Break(5)]).served == ["A"] * 5 + ["-"] * 15
     assert loop(20, isolators=True).reach([Short(7)]) == loop(20).reach([Break(7)])
@@ -90,8 +87,8 @@ def test_a_short_takes_all_without_isolators_and_nobody_with_them():
 
 @pytest.mark.parametrize("isolators", [False, True])
 @pytest.mark.parametrize("move", ["slave", "downstream"])
-def test_the_table_of_all_cases_says_what_each_case_says(isolators, move):
-    system = loop(7, isolators=isolators, move=move, failures=2)
+def test_the_table_of_all_cases_agrees_with_each_case(isolators, move):
+    system = loop(7, isolators=isolators, move=move)
     table = system.single_failures()
     cases = system.single_faults()
     assert len(table) == len(cases)
@@ -106,39 +103,31 @@ def test_the_table_of_all_cases_says_what_each_case_says(isolators, move):
 
 
 RULES = [
-    pytest.param(retries, timeout, failures, move, id=f"{retries}-{timeout}-{failures}-{move}")
+    pytest.param(retries, timeout, move, id=f"{retries}-{timeout}-{move}")
     for retries, timeout in ((0, 0.02), (1, 0.1), (0, 1.0))
-    for failures in (1, 2, 3)
     for move in ("slave", "downstream")
 ]
 
 
-@pytest.mark.parametrize(("retries", "timeout", "failures", "move"), RULES)
-def test_the_closed_form_is_what_a_simulation_finds_at_worst(retries, timeout, failures, move):
-    system = loop(4, retries=retries, timeout=timeout, failures=failures, move=move)
-    given_up = system.poll.timeout_time
+@pytest.mark.parametrize(("retries", "timeout", "move"), RULES)
+def test_the_closed_form_equals_the_worst_of_a_simulation(retries, timeout, move):
+    system = loop(4, retries=retries, timeout=timeout, move=move)
     for case in [*((f,) for f in system.single_faults()), *pairs(system)]:
         bound, found = system.worst_gap(case), sweep(system, case).max(axis=0)
         served = np.array(system.reach(case).served)
         assert (np.isinf(found) == (served == "-")).all()
         slack = bound[served != "-"] - found[served != "-"]
-        assert (slack >= -DUST).all(), case
-        # One form is a bound only: the slaves that stay, moved together after several failures.
-        loose = move == "downstream" and failures > 1
-        allowed = np.where(served == "A", given_up if loose else 0, 0)[served != "-"]
-        assert (slack <= allowed + DUST).all(), case
+        assert (np.abs(slack) <= DUST).all(), case
 
 
 @settings(max_examples=60)
 @given(data=st.data())
 def test_no_instant_of_a_fault_is_worse_than_the_closed_form(data):
-    failures, retries = data.draw(st.integers(1, 3)), data.draw(st.integers(0, 2))
+    retries = data.draw(st.integers(0, 2))
     move, n = data.draw(st.sampled_from(["slave", "downstream"])), data.draw(st.integers(1, 9))
     timeout = data.draw(st.floats(0.02, 1.5))
     isolators = data.draw(st.booleans())
-    system = loop(
-        n, timeout=timeout, retries=retries, failures=failures, move=move, isolators=isolators
-    )
+    system = loop(n, timeout=timeout, retries=retries, move=move, isolators=isolators)
     faults = st.sampled_from(system.single_faults())
     case = data.draw(st.lists(faults, min_size=1, max_size=4, unique=True))
     instants = data.draw(st.lists(st.floats(system.period, 5 * system.period), min_size=1))
@@ -158,9 +147,8 @@ def test_the_bound_is_attained_on_the_largest_loop(move):
 
 
 @pytest.mark.parametrize("timeout", [0.05, 0.3, 1.7])
-@pytest.mark.parametrize("failures", [1, 2, 4])
-def test_channels_switch_within_the_closed_form_and_as_late_as_that(timeout, failures):
-    ams = DualChannel(Poll(ONE, LINE, timeout=timeout, retries=1), failures=failures)
+def test_channels_switch_as_late_as_the_closed_form_at_worst(timeout):
+    ams = DualChannel(Poll(ONE, LINE, timeout=timeout, retries=1))
     for fault in (Break(0), Short(0), DeadSlave(1), DeadPort("A")):
         assert sweep(ams, [fault]).max() == pytest.approx(ams.worst_gap([fault]).max())
         found = sweep(ams, [fault], np.linspace(1, 2, 23))
@@ -171,9 +159,8 @@ def test_channels_switch_within_the_closed_form_and_as_late_as_that(timeout, fai
     assert len(lost) == 28 and sum(lost) == 16
 
 
-@pytest.mark.parametrize("failures", [1, 2, 3])
-def test_a_line_that_is_not_closed_has_one_port(failures):
-    system = loop(5, failures=failures, closed=False)
+def test_a_line_that_is_not_closed_has_one_port():
+    system = loop(5, closed=False)
     faults = system.single_faults()
     assert {str(f) for f in loop(5).single_faults()} - {str(f) for f in faults} == {
         "break 5", "short 5", "port B",
@@ -196,9 +183,9 @@ def test_the_printed_switching_time_is_a_request_and_a_time_out():
     assert first.start_s - last.start_s == pytest.approx(0.133)
 
 
-def test_polls_never_overlap_and_take_what_their_outcome_takes():
+def test_polls_never_overlap_and_their_outcome_decides_their_length():
     faults = [Break(2, start=1.0, stop=30), DeadSlave(4, start=5, stop=40), DeadPort("B", start=9)]
-    polls = simulate(loop(6, retries=1, failures=2, recheck=3), faults=faults, until=60).events()
+    polls = simulate(loop(6, retries=1, recheck=3), faults=faults, until=60).events()
     assert (polls.start_s.to_numpy()[1:] >= polls.end_s.to_numpy()[:-1] - DUST).all()
     length = (polls.end_s - polls.start_s).groupby(polls.answered).agg(["min", "max"])
     poll = loop().poll
@@ -206,7 +193,7 @@ def test_polls_never_overlap_and_take_what_their_outcome_takes():
     assert length.loc[False].tolist() == pytest.approx([poll.unanswered_time] * 2)
 
 
-def test_a_try_is_answered_exactly_if_its_path_is_whole_all_the_while():
+def test_a_try_is_answered_exactly_if_its_path_is_whole_throughout():
     faults = [
         Break(2, start=1.0, stop=9.015),
         Short(4, start=5.01, stop=14),
@@ -233,23 +220,16 @@ def test_a_try_is_answered_exactly_if_its_path_is_whole_all_the_while():
 @pytest.mark.parametrize("fault", loop(6).single_faults(), ids=str)
 def test_all_is_as_before_soon_after_a_repair(fault, move):
     system = loop(6, move=move, recheck=2.0)
-    late, longest = 0.0, longest_recovery(system)
+    longest = longest_recovery(system)
     for stop in np.linspace(8, 10.5, 26):
         run = simulate(system, faults=[replace(fault, start=1.0, stop=stop)], until=20)
-        table = run.table()
-        assert (table.port == "A").all()
-        recovery = table.recovery_s.max()
-        assert not recovery > longest
-        late = max(late, np.nan_to_num(recovery))
+        assert (run.table().port == "A").all()
         events = run.events()
-        after = events.answered[events.start_s > stop + longest]
-        assert after.all() and len(after) > 100
-    if str(fault) not in ("break 6", "port B"):
-        # The bound is not idle: two scans and two time-outs above the wait at most.
-        assert late > system.recheck
+        after = events[events.start_s > stop + longest]
+        assert after.answered.all() and (after.port == "A").all() and len(after) > 100
 
 
-def test_lost_slaves_cost_one_try_on_each_port_now_and_then():
+def test_lost_slaves_cost_one_try_on_each_port_per_recheck():
     system = loop(6, recheck=5.0)
     polls = simulate(system, faults=[DeadSlave(2, start=1)], until=60).events()
     failed = polls[~polls.answered]
@@ -264,39 +244,22 @@ def test_a_broken_loop_serves_its_slaves_from_both_sides():
     run = simulate(loop(6), faults=[Break(2, start=1.0)], until=10)
     table = run.table()
     assert table.port.tolist() == ["A"] * 2 + ["B"] * 4
-    assert np.isnan(table.switch_s[:2]).all() and (table.switch_s[2:] > 0).all()
-    assert (table.switch_s[2:] <= loop(6).worst_gap([Break(2)])[2:]).all()
-    assert table.recovery_s.isna().all()
     assert table.answers.sum() == run.events().answered.sum()
     assert table.longest_gap_s.tolist() == pytest.approx(run.gaps)
 
 
-def test_a_loop_in_which_all_are_lost_waits_and_comes_back():
+def test_a_loop_in_which_all_are_lost_waits_and_recovers():
     system = loop(3, recheck=1.0)
     run = simulate(system, faults=[Short(1, start=2, stop=20.5)], until=40)
     assert (run.table().port == "A").all()
-    assert run.table().recovery_s.between(0, longest_recovery(system)).all()
+    events = run.events()
+    assert events.answered[events.start_s > 20.5 + longest_recovery(system)].all()
 
 
-@pytest.mark.parametrize("failures", [1, 2])
-def test_a_lost_response_alone_switches_only_an_impatient_master(failures):
-    system = loop(5, failures=failures)
-    run = simulate(system, faults=[DeadSlave(3, start=0.56, stop=0.57)], until=10)
-    moved = (run.events().kind == "switch").any()
-    assert (~run.events().answered).sum() == 1 and moved == (failures == 1)
-
-
-def test_failures_count_only_in_a_row():
-    system = loop(5, failures=2)
-    ends = simulate(system, until=5).answer_times[2::5]
-    # The time-out of the first failure delays what follows.
-    delay = system.poll.unanswered_time - system.poll.time
-    for scan, switches in ((4, True), (5, False)):
-        hits = (ends[3], ends[scan] + delay)
-        faults = [DeadSlave(3, start=at - 0.01, stop=at + 0.001) for at in hits]
-        polls = simulate(system, faults=faults, until=5).events()
-        assert (~polls.answered).sum() == 2
-        assert (polls.kind == "switch").any() == switches
+def test_one_lost_response_switches_the_slave_to_the_other_port():
+    run = simulate(loop(5), faults=[DeadSlave(3, start=0.56, stop=0.57)], until=10)
+    assert (~run.events().answered).sum() == 1
+    assert (run.events().kind == "switch").any()
 
 
 def test_lost_slaves_are_tried_in_turn():
@@ -309,19 +272,17 @@ def test_lost_slaves_are_tried_in_turn():
     assert {*pairwise(probed)} == {(2, 5), (5, 6), (6, 2)}
 
 
-def test_gaps_and_recovery_are_those_of_the_slaves_concerned():
+def test_gaps_and_ports_are_those_of_the_slaves_concerned():
     system = loop(6, recheck=2.0)
     run = simulate(system, faults=[Break(4, start=1, stop=6), DeadSlave(1, start=2)], until=12)
-    recovery = run.table().recovery_s
-    assert recovery.isna().tolist() == [True] * 4 + [False] * 2
     assert run.table().port.tolist() == ["-"] + ["A"] * 5
     ends = run.events().query("answered and slave == 1").start_s + system.poll.time - LINE.t35
     assert run.gaps[0] == pytest.approx(12 - ends.max()) and run.gaps[0] > 9
 
 
-def test_no_time_gives_no_polls():
+def test_a_simulation_of_no_time_has_no_polls():
     run = simulate(loop(2), until=0)
-    assert len(run.events()) == 0 and run.table().port.tolist() == ["-", "-"]
+    assert len(run.events()) == 0 and run.table().port.tolist() == ["A", "A"]
     assert run.gaps.tolist() == [0, 0]
 
 
@@ -332,7 +293,6 @@ def test_no_time_gives_no_polls():
         (lambda: loop(248), "n_slaves is 248"),
         (lambda: loop(247, recheck=5), "recheck is 5 s"),
         (lambda: loop(isolators=1), "isolators is 1"),
-        (lambda: loop(failures=0), "failures is 0"),
         (lambda: loop(move="all"), "move is 'all'"),
         (lambda: Break(248), "section is 248"),
         (lambda: Break(1, start=-1), "start is -1"),

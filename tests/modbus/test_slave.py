@@ -29,7 +29,6 @@ REQUEST_TO_RESPONSE = [
     (Request.write_single_register(0x4001, 100), Request.write_single_register(0x4001, 100)),
     (Request.write_multiple_coils(1, [1, 0, 1]), Response(15, address=1, quantity=3)),
     (Request.write_multiple_registers(8, [1, 2]), Response(16, address=8, quantity=2)),
-    (Request.read_write_multiple_registers(0, 3, 2, [5, 6]), Response(23, registers=[7, 7, 5])),
 ]
 
 
@@ -66,7 +65,7 @@ def test_what_is_written_is_read_back():
         ("0f0000000801", "8f03"),
         ("10000000010100", "9003"),
         ("1000080003060001000200 03", "9002"),
-        ("17000800030000000102ffff", "9702"),
+        ("17000800030000000102ffff", "9701"),
         ("07", "8701"),
         ("0800000000", "8801"),
         ("2b0e0100", "ab01"),
@@ -164,7 +163,6 @@ def test_a_broadcast_reads_nothing():
     asked = []
     slaves = {1: Slave(Scripted(lambda given, time: asked.append(given)))}
     answer(slaves, Adu(0, Request.read_holding_registers(0, 1).pdu))
-    answer(slaves, Adu(0, Request.read_write_multiple_registers(0, 1, 0, [5]).pdu))
     assert asked == []
     answer(slaves, Adu(0, Request.write_single_register(0, 5).pdu))
     assert asked == [[5]]
@@ -196,7 +194,6 @@ def test_a_normal_response_comes_for_legal_requests_only(function, rest):
         (lambda: Slave(device(), functions=3), "functions is 3"),
         (lambda: Slave(device(), exception=7), "exception is 7"),
         (lambda: Slave(device(), silent=1), "silent is 1"),
-        (lambda: setattr(Slave(device()), "delay", "1"), "delay is '1'"),
         (lambda: DeviceError(9), "exception is 9"),
         (lambda: Slave(coils=[2]), r"coils\[0\] is 2"),
         (lambda: Slave(holding_registers=[-1]), r"registers\[0\] is -1"),

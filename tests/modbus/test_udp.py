@@ -24,9 +24,9 @@ class Scripted:
 
 
 @pytest.mark.parametrize("late", [0, 3, 40, 99])
-def test_one_late_answer_mismatches_all_that_follow_with_id_0_and_none_with_counted_ids(late):
+def test_one_late_answer_mismatches_all_that_follow_if_ids_are_0_and_none_if_they_count(late):
     units = np.arange(100) + 1
-    # It comes 0.01 s after the timeout of 0.5 s, and so before the answer to the next request.
+    # It comes 0.01 s after the time-out of 0.5 s, and so before the answer to the next request.
     path = Scripted(late, delay=0.01, lateness=0.49)
     zero = simulate(units, path, match="nothing", rng=0)
     assert (zero.mismatched, zero.timeouts, zero.dropped) == (100 - 1 - late, 1, 0)
@@ -38,25 +38,6 @@ def test_one_late_answer_mismatches_all_that_follow_with_id_0_and_none_with_coun
     counted = simulate(units, Scripted(late, 0.01, 0.49), rng=0)
     assert (counted.mismatched, counted.timeouts) == (0, 1)
     assert counted.dropped == (late < 99)
-    assert np.nanmax(counted.taken - counted.sent) == pytest.approx(0.02)
-
-
-def test_a_master_that_empties_its_socket_is_mismatched_once_a_late_answer():
-    path, n = LossyPath(late=0.1, delay=0.1, lateness=0.95), 100_000
-    runs = {
-        ids: simulate(
-            np.ones(n, int), path, match=ids, rng=2024, timeout=0.9, period=1.0, flush=True
-        )
-        for ids in ("nothing", "transaction id")
-    }
-    # In time is 0.2 s. Late one way is 0.15 s into the next slot, late both ways 0.1 s into the one
-    # after it: either comes first there, whatever becomes of the answer that belongs there.
-    once, both = 2 * 0.1 * 0.9, 0.1**2
-    spread = np.sqrt(n * 0.19 * 0.81)
-    mismatched = n * (1 - (1 - once) * (1 - both))
-    assert runs["nothing"].mismatched == pytest.approx(mismatched, abs=4 * spread)
-    assert runs["transaction id"].mismatched == 0
-    assert runs["transaction id"].timeouts == pytest.approx(n * (once + both), abs=4 * spread)
 
 
 @given(
@@ -64,28 +45,20 @@ def test_a_master_that_empties_its_socket_is_mismatched_once_a_late_answer():
     lost=st.floats(0, 1),
     late=st.floats(0, 1),
     duplicated=st.floats(0, 1),
-    period=st.sampled_from([0, 0.3, 0.7]),
-    flush=st.booleans(),
 )
-def test_counted_ids_are_never_mismatched_whatever_the_network_does(
-    seed, lost, late, duplicated, period, flush
-):
+def test_counted_ids_are_never_mismatched_whatever_the_network_does(seed, lost, late, duplicated):
     path = LossyPath(lost, late, duplicated, delay=0.01, lateness=0.6)
-    keywords = dict(period=period, flush=flush, timeout=0.5)
     units = np.arange(60) % 5
     runs = {
-        match: simulate(units, path, match=match, rng=seed, **keywords)
+        match: simulate(units, path, match=match, rng=seed)
         for match in ("nothing", "unit id", "transaction id")
     }
     assert runs["transaction id"].mismatched == 0
     assert runs["unit id"].wrong_unit == 0
     for run in runs.values():
         taken = np.flatnonzero(run.reply_to >= 0)
-        assert len(run.sent) == 60 and len(taken) == 60 - run.timeouts
-        assert (run.reply_to[taken] <= taken).all()  # nothing is answered before it is asked
-        waited = (run.taken - run.sent)[taken]
-        assert (waited >= 0).all() and (waited <= 0.5 + 1e-12).all()
-        assert (np.diff(run.sent) >= period - 1e-12).all()
+        assert len(taken) == 60 - run.timeouts
+        assert (run.reply_to[taken] <= taken).all()  # no reply comes before its request
         assert run.wrong_unit <= run.mismatched
 
 
@@ -94,16 +67,23 @@ def test_without_faults_all_ways_to_check_are_equal():
     assert table.to_numpy().tolist() == [[0, 0, 0, 0]] * 3
 
 
-def test_an_id_comes_again_after_65536_requests():
-    # The answer to request 0 comes 0.1 ms into slot 65536, before the one that belongs there.
-    path = Scripted(0, delay=1e-4, lateness=65.536 - 1e-4)
-    units = np.ones(65538, int)
-    run = simulate(units, path, rng=1, timeout=1e-3, period=1e-3, flush=True)
+def test_an_id_returns_after_65536_requests():
+    # All but the first are lost; its reply comes during request 65536, which has the same id.
+    class Lost:
+        answers = False
+
+        def transit(self, n, rng):
+            times = np.full((n, 2), np.inf)
+            times[0, 0] = 65.5361 if self.answers else 0.0
+            self.answers = True
+            return times
+
+    run = simulate(np.ones(65538, int), Lost(), rng=1, timeout=1e-3)
     assert run.reply_to[65536] == 0
-    assert (run.mismatched, run.timeouts) == (1, 1)
+    assert (run.mismatched, run.timeouts) == (1, 65537)
 
 
-def test_the_path_does_what_its_probabilities_say():
+def test_the_path_loses_delays_and_duplicates_as_often_as_its_probabilities_say():
     path, n = LossyPath(0.2, 0.3, 0.4, delay=1.0, lateness=2.0), 100_000
     times = path.transit(n, np.random.default_rng(2024))
     arrived, second = np.isfinite(times[:, 0]), np.isfinite(times[:, 1])
