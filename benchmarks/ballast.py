@@ -15,9 +15,9 @@ from _timing import seconds
 from shipnet.ballast.actuator import Actuator
 from shipnet.ballast.plant import Command
 from shipnet.ballast.scan import System
-from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks, simulate
 from tests.ballast.compliance import integrate_stroke
+from tests.ballast.nominal import IDEAL
 
 N, DURATION = 256, 20.0
 OPEN = [Command("open", 1.0)]
@@ -49,7 +49,7 @@ def report(what, time, peer=None, peer_time=None, note=""):
 
 
 def main():
-    ideal = simulate(System(sensors=Sensors.ideal()), [Command("open")], until=9)
+    ideal = simulate(System(sensors=IDEAL), [Command("open")], until=9)
     ode = stroke()
     n = ode.time.size
     apart = np.abs(ode.opening - ideal.opening[:n, 0]).max()

@@ -9,7 +9,7 @@ from shipnet import engine
 
 SYSTEMS = {
     "printed": engine.System(),
-    "returns, one retry": engine.System(switch_rule="return", retries=1),
+    "one retry": engine.System(retries=1),
     "meets 2 s": engine.System(poll_period=0.4, update_period=0.25, stale_limit=0.6),
     "long time-out": engine.System(timeout=0.5, poll_period=0.7),
     "ring": engine.System(topology="ring"),

@@ -1,31 +1,13 @@
 """How much faster the values of an engine are coded in one batch than row by row, in one run."""
 
-import cantools.database as db
 import numpy as np
 from _timing import seconds
 from pymodbus.client.mixin import ModbusClientMixin
 
-from shipnet.engine import CanLayout, InputCard, RegisterMap, read_points
+from shipnet.engine import InputCard, RegisterMap, read_points
 
 ROWS = 20_000  # one a second: five and a half hours
 SAMPLE = 200  # what the loops get; their time is scaled up
-
-
-def database(layout):
-    """Describe the frames to cantools, from the table."""
-    signals, switches = {}, {}
-    for row in layout.table().itertuples():
-        place = row.message, row.byte
-        bit = 7 if row.bits > 1 else switches.setdefault(place, 0)
-        if row.bits == 1:
-            switches[place] += 1
-        order = "big_endian" if row.bits > 1 else "little_endian"
-        signal = db.can.signal.Signal(row.Index, 8 * row.byte + bit, row.bits, order)
-        signals.setdefault(row.message, []).append(signal)
-    messages = [
-        db.can.Message(m.arbitration_id, m.name, m.dlc, signals[m.name]) for m in layout.messages()
-    ]
-    return db.can.Database(messages)
 
 
 def main():
@@ -35,21 +17,7 @@ def main():
     values = low + (high - low) * rng.random((ROWS, len(points)))
     switches = np.array([not point.analogue for point in points])
     values[:, switches] = values[:, switches].round()
-    card, layout, registers = InputCard(points), CanLayout(points), RegisterMap(points)
-    codes = card.code(card.signal(values))
-
-    known = database(layout)
-    tags = {m.name: [signal.name for signal in m.signals] for m in known.messages}
-    place = {point.tag: k for k, point in enumerate(points)}
-
-    def cantools_row(row):
-        return {
-            name: known.encode_message(name, {tag: int(row[place[tag]]) for tag in own})
-            for name, own in tags.items()
-        }
-
-    own = layout.encode(codes[0])
-    assert cantools_row(codes[0]) == {name: data.tobytes() for name, data in own.items()}
+    card, registers = InputCard(points), RegisterMap(points)
 
     # The 80 analogue values as pymodbus codes them, and ours without the switches.
     analogue = [k for k in range(len(points)) if not switches[k]]
@@ -64,8 +32,6 @@ def main():
 
     some = values[:SAMPLE, analogue].tolist()
     per_row = {
-        "frames, batch": seconds(lambda: layout.encode(codes)) / ROWS,
-        "frames, cantools": seconds(lambda: [cantools_row(r) for r in codes[:SAMPLE]]) / SAMPLE,
         "registers, batch": seconds(lambda: registers.encode(values)) / ROWS,
         "registers, pymodbus": seconds(lambda: [pymodbus_row(row) for row in some]) / SAMPLE,
         "inputs, batch": seconds(lambda: card.code(card.signal(values))) / ROWS,

@@ -30,7 +30,6 @@ ENGINES = st.builds(
     engine.System,
     retries=st.integers(0, 2),
     timeout=st.sampled_from([0.012, 0.1238, 0.3]),
-    switch_rule=st.sampled_from(["stay", "return"]),
     poll_period=st.sampled_from([0.3, 1.0]),
     stale_limit=st.sampled_from([0.6, 4.0]),
     topology=st.sampled_from(["line", "ring"]),
@@ -150,7 +149,6 @@ LINK_FAULTS = {
     "lost": lambda who, t, end: rc.faults.LostPacket(
         who, "BCS" if who == "RCS" else "RCS", start=t, stop=end
     ),
-    "errors": lambda _, t, end: rc.faults.BitErrors(0.01, start=t, stop=end),
 }
 
 

@@ -30,9 +30,6 @@ from shipnet.lazy import Axes, pd
 #: Full scale of each sensor in the operating display, in its unit.
 _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
 
-#: Least travel from which the time of a whole stroke is estimated [%]; our choice.
-_SHORTEST = 20.0
-
 #: Time after the end of a command during which codes count as its result [s]; our choice.
 _SETTLE = 5.0
 
@@ -116,9 +113,8 @@ class Run:
     def strokes(self) -> pd.DataFrame:
         """Return one row per run of a motor that has ended, as sensors and clock report it.
 
-        Besides the times and the outcome: ``stroke_s``, the time of a whole stroke at that speed
-        (NaN if the travel is less than 20 %), medians ``FP_bar``, ``MC_A`` and maxima
-        ``OP_max_bar``, ``OT_max_degC`` while the motor ran.
+        Besides the times and the outcome: ``travel_percent``, and medians ``FP_bar``, ``MC_A`` and
+        maxima ``OP_max_bar``, ``OT_max_degC`` while the motor ran.
         """
         strokes = stroke_rows(self)
         rows = np.full((len(strokes), 5), np.nan)
@@ -133,10 +129,7 @@ class Run:
             row[1:3] = np.median(seen[:, [0, 2]], axis=0)
             row[3:5] = seen[:, [1, 3]].max(axis=0)
         names = ["travel_percent", "FP_bar", "MC_A", "OP_max_bar", "OT_max_degC"]
-        table = strokes.join(pd.DataFrame(rows, columns=names))
-        far = table["travel_percent"].where(table["travel_percent"] >= _SHORTEST)
-        table["stroke_s"] = 100 * table["duration_s"] / far
-        return table
+        return strokes.join(pd.DataFrame(rows, columns=names))
 
     def diagnose(
         self,
@@ -242,26 +235,10 @@ def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats
 class Diagnosis:
     """What is reported for every valve at every instant, as `Run.diagnose` returns it.
 
-    Parameters
-    ----------
-    run : Run
-        The readings.
-    base : shipnet.fuzzy.RuleBase
-        The rules.
-    method : str
-        ``fuzzy``, ``midpoint`` or ``crisp``.
-    k, n : int
-        A code is active if its rule fired in `k` of the last `n` instants.
-    threshold : float
-        Lowest strength at which a rule fires.
-    samples : dict of str to ndarray, shape (n_times, n_valves)
-        The values of each variable; NaN where they are not evaluated.
-    active : ndarray of bool, shape (n_times, n_valves, n_rules)
-        Which codes are active, in the order of ``base.codes``; valve 1 comes first.
-    before : ndarray of bool, shape (n_valves, n_rules)
-        Which codes were active before the first instant.
-    tail : Tail
-        What the diagnosis of the following run needs.
+    The `run` was diagnosed with the rules of `base`. `samples` are the values of each variable,
+    shape (n_times, n_valves), NaN where it is not evaluated; `active` are the active codes in the
+    order of ``base.codes``, shape (n_times, n_valves, n_rules). `before` and `tail` connect the
+    diagnoses of consecutive runs.
 
     Notes
     -----
@@ -284,8 +261,6 @@ class Diagnosis:
     run: Run
     base: RuleBase
     method: str
-    k: int
-    n: int
     threshold: float
     samples: dict[str, Floats]
     active: Bools
@@ -451,7 +426,7 @@ def diagnose_run(
     last = slice(max(kept + n_times - window + 1, 0), None)
     rest = {name: x[last].copy() for name, x in samples.items()}
     tail = Tail(rest, active[-1].copy() if n_times else before)
-    return Diagnosis(run, base, method, k, n, threshold, own, active, before, tail)
+    return Diagnosis(run, base, method, threshold, own, active, before, tail)
 
 
 def _fire(base: RuleBase, samples: dict[str, Floats], method: str) -> Firing:

@@ -112,9 +112,6 @@ for _k, _scale in enumerate(SCALES):
 
 _PLACES[1, -1] = 1
 
-#: Bits of Manual, Auto, Close and Open, counted from the first of them.
-_FLAGS = np.array([1, 2, 4, 8])
-
 
 class Packed(NamedTuple):
     """Registers that a slave sends, and which readings did not fit."""
@@ -168,43 +165,27 @@ class RegisterMap:
         self,
         readings: npt.ArrayLike,
         *,
-        auto: npt.ArrayLike = True,
-        close: npt.ArrayLike,
-        open: npt.ArrayLike,
-        fault: npt.ArrayLike = 0,
-        operating_time: npt.ArrayLike = 0.0,
+        auto: bool = True,
+        close: bool,
+        open: bool,
+        fault: int = 0,
+        operating_time: float = 0.0,
     ) -> Packed:
-        """Return the registers of many valves, whose readings have the shape (5, n_valves)."""
+        """Return the registers of valves in this state, for readings of shape (5, n_valves)."""
         values = np.asarray(readings, float)
         if values.ndim != 2 or len(values) != len(SCALES):
             raise ArgumentError(f"readings have the shape {values.shape}; it must be (5, n_valves)")
-        n = values.shape[1]
-        flags, times = np.empty((4, n), bool), np.empty(n)
-        for name, flag in (("auto", auto), ("close", close), ("open", open)):
-            _check_flag(name, flag)
-        try:
-            given = np.asarray(fault)
-            faults = np.empty(n, given.dtype)
-            # Assignment takes a tenth of the time of broadcast_to, and every poll packs a slave.
-            flags[1], flags[2], flags[3], times[:], faults[:] = (
-                auto, close, open, operating_time, given,
-            )  # fmt: skip
-        except (TypeError, ValueError):
-            raise ArgumentError(
-                "auto, close, open, fault and operating_time must be one value, or one for each of "
-                f"{n} valves"
-            ) from None
-        if faults.dtype.kind not in "iu" or np.count_nonzero((faults < 0) | (faults > 12)):
-            raise ArgumentError(f"fault is {fault!r}; it must be a whole number 0..12")
-        flags[0] = ~flags[1]
+        row = check_whole("fault", fault, 0, 12)
+        lasted = check_scalar("operating_time", operating_time, "s", 0, 1e9)
         in_status = self.status == "table 2"
-        steps = np.empty((len(SCALES) + 1, n))
-        steps[:-1], steps[-1] = values / _STEPS, times / _TIME_STEP
+        steps = np.empty((len(SCALES) + 1, values.shape[1]))
+        steps[:-1], steps[-1] = values / _STEPS, lasted / _TIME_STEP
         longest = 0xFFFF if in_status else 0xFF
         numbers, saturated = whole_steps(steps, _HIGHEST[longest], _MISSING[longest])
         registers = _PLACES @ numbers
-        registers[0] |= (_FLAGS @ flags) << self._first_bit
-        registers[0 if in_status else 1] |= faults.astype(int) << (4 if in_status else 8)
+        flags = (not auto) | auto << 1 | close << 2 | open << 3
+        registers[0] |= flags << self._first_bit
+        registers[0 if in_status else 1] |= row << (4 if in_status else 8)
         return Packed(registers.T.astype(np.uint16), saturated.T)
 
     def decode(self, registers: npt.ArrayLike) -> Status:
@@ -289,15 +270,3 @@ def check_action(action: Any, words: Iterable[str]) -> str | float:
         return float(action)
     known = ", ".join(words)
     raise ArgumentError(f"action is {action!r}; it must be one of {known}, or a position 0..100 %")
-
-
-def _check_flag(name: str, flag: npt.ArrayLike) -> None:
-    if isinstance(flag, bool | np.bool_):
-        return
-    try:
-        values = np.asarray(flag)
-        good = values.dtype.kind in "biu" and bool(((values == 0) | (values == 1)).all())
-    except ValueError:
-        good = False
-    if not good:
-        raise ArgumentError(f"{name} is {flag!r}; it must be True or False, one or a row of them")

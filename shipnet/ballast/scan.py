@@ -143,11 +143,11 @@ class System:
         return system.period + count * command_poll(poll).time + poll.shortest_timeout
 
     def scan_times(self) -> pd.DataFrame:
-        """Return how long transactions and scans take, one row per bit rate.
+        """Return how long scans take, one row per bit rate.
 
-        ``scan_s`` is the scan of the master with the most valves, ``halves_s`` that of a loop cut
-        in the middle whose ports scan at once, ``valves_in_2_s`` the number of valves that a master
-        updates within the 2 s in which DNV-OS-D202 requires a full screen.
+        ``scan_s`` is the scan of the master with the most valves, ``worst_age_s`` how old a shown
+        position can be, and ``valves_in_2_s`` the number of valves that a master updates within the
+        2 s in which DNV-OS-D202 requires a full screen.
         """
         given = self.poll if self.poll is not None else status_poll()
         masters = -(-self.n_valves // MAX_UNIT)
@@ -157,13 +157,9 @@ class System:
             serial = SerialLine(rate, given.line.character)
             # With this time-out, any processing time is possible; nothing times out here.
             read = status_poll(serial, processing=given.processing, timeout=3600)
-            rows[rate] = (
-                1e3 * read.time, 1e3 * command_poll(read).time, masters, read.scan_time(largest),
-                read.scan_time(-(-largest // 2)), read.scan_time(largest) + read.shortest_timeout,
-                read.max_slaves(_SCREEN),
-            )  # fmt: skip
-        columns = ["read_ms", "write_ms", "masters", "scan_s", "halves_s", "worst_age_s"]
-        columns += ["valves_in_2_s"]
+            scan = read.scan_time(largest)
+            rows[rate] = masters, scan, scan + read.shortest_timeout, read.max_slaves(_SCREEN)
+        columns = ["masters", "scan_s", "worst_age_s", "valves_in_2_s"]
         table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
         return table.rename_axis("bit_rate")
 

@@ -58,13 +58,6 @@ def stroke_speed(speed: Floats, ran: npt.ArrayLike) -> Floats:
 _NAMES = tuple(channel.name for channel in CHANNELS)
 
 
-class _Scale(NamedTuple):
-    low: Floats
-    high: Floats
-    noise: Floats
-    step: Floats
-
-
 @checked
 @record
 class Sensors:
@@ -114,11 +107,6 @@ class Sensors:
         if self.bits is not None and not np.isfinite([self.low, self.high]).all():
             raise ArgumentError("low and high must be finite for a converter with bits")
 
-    @classmethod
-    def ideal(cls) -> Sensors:
-        """Return sensors without noise, limits and steps."""
-        return cls((-np.inf,) * 5, (np.inf,) * 5, (0.0,) * 5, None)
-
     @property
     def step(self) -> Floats:
         """Step of the converter, shape (5,), in the units of the channels; 0 without bits."""
@@ -127,20 +115,19 @@ class Sensors:
         return np.asarray((np.array(self.high) - self.low) / (2**self.bits - 1))
 
     @cached_property
-    def _scale(self) -> _Scale:
-        """The numbers as columns of shape (5, 1), which every reading needs."""
-        rows = (self.low, self.high, self.noise, self.step)
-        return _Scale(*(np.array(row)[:, np.newaxis] for row in rows))
+    def _scale(self) -> Floats:
+        """Low, high, noise and step as columns, which every reading needs; shape (4, 5, 1)."""
+        return np.array([self.low, self.high, self.noise, self.step])[..., np.newaxis]
 
     def read(self, truth: npt.ArrayLike, rng: np.random.Generator | None = None) -> Floats:
         """Return readings of true values."""
         values = np.asarray(truth, float)
         if values.ndim < 2 or values.shape[-2] != 5:
             raise ArgumentError(f"truth has the shape {values.shape}; it must be (5, n_valves)")
-        scale = self._scale
+        low, high, noise, step = self._scale
         if rng is not None:
-            values = values + rng.standard_normal(values.shape) * scale.noise
-        values = np.minimum(np.maximum(values, scale.low), scale.high)
+            values = values + rng.standard_normal(values.shape) * noise
+        values = np.minimum(np.maximum(values, low), high)
         if self.bits is None:
             return np.asarray(values)
-        return np.asarray(np.rint((values - scale.low) / scale.step) * scale.step + scale.low)
+        return np.asarray(np.rint((values - low) / step) * step + low)

@@ -165,7 +165,7 @@ def fault_trials(
     *,
     n_valves: int = 256,
     severity: npt.ArrayLike = 1.0,
-    methods: str | Iterable[str] = tuple(METHODS),
+    methods: str | Iterable[str] = METHODS,
     rng: Any,
 ) -> Trials:
     """Let valves with each fault open and close once, and diagnose them.
@@ -273,7 +273,7 @@ def false_alarms(
     *,
     until: float = 3600.0,
     period: float = 600.0,
-    methods: str | Iterable[str] = tuple(METHODS),
+    methods: str | Iterable[str] = METHODS,
     rng: Any,
 ) -> pd.DataFrame:
     """Let healthy valves work, and count the faults reported for them.

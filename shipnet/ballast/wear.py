@@ -331,15 +331,9 @@ class Trend:
 
     @property
     def text(self) -> str:
-        """The trend in one line."""
-        if not self.found:
-            return f"no trend in {self.n} points (p = {self.p_value:.2g})"
-        per = " of the logarithm" if self.logarithmic else ""
-        low, high = self.slope - self.slope_margin, self.slope + self.slope_margin
-        return (
-            f"slope{per} {self.slope:.3g}, {100 * CONFIDENCE:g} % within "
-            f"{low:.3g} to {high:.3g} (p = {self.p_value:.2g})"
-        )
+        """The test for a trend in one line."""
+        found = "a trend" if self.found else "no trend"
+        return f"{found} in {self.n} points (p = {self.p_value:.2g})"
 
     def at(self, x: npt.ArrayLike) -> Floats:
         """Return the values of the line."""

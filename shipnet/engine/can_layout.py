@@ -7,7 +7,6 @@ first in the lowest bit. These bytes are cut into frames of eight.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +17,7 @@ from shipnet.can.lengths import Stuffing, frame_length
 from shipnet.can.messages import Message, MessageSet, packed
 from shipnet.engine.points import PointList
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, part, record, whole
+from shipnet.fields import part, record, whole
 from shipnet.lazy import pd
 
 #: Data bytes of a classic CAN frame; ISO 11898-1.
@@ -107,15 +106,12 @@ class CanLayout:
         index = pd.Index([point.tag for point in self.points], name="tag")
         return pd.DataFrame(columns, index=index)
 
-    def volume(
-        self, bit_rates: Sequence[int] = (125_000, 250_000, 500_000, 1_000_000)
-    ) -> pd.DataFrame:
+    def volume(self) -> pd.DataFrame:
         """Return how much one update of all boxes puts on the bus, by box and for ``all``.
 
         ``worst_bits`` and ``worst_extended_bits`` are for 11-bit and 29-bit identifiers,
         intermission included; ``ms_125k`` and so on is the time of the worst bits of the former.
         """
-        rates = [check_whole("bit_rates", rate, 1000, 10**6, " bit/s") for rate in bit_rates]
         messages = self.messages()
         frames = pd.DataFrame(
             {"box": [m.sender for m in messages], "bytes": [m.dlc for m in messages]}
@@ -136,7 +132,7 @@ class CanLayout:
         sums.insert(1, "frames", own.size())
         table = counts.join(sums, how="inner")
         table.loc["all"] = table.sum()
-        for rate in rates:
+        for rate in (125_000, 250_000, 500_000, 1_000_000):
             table[f"ms_{rate / 1000:g}k"] = table["worst_bits"] / rate * 1e3
         return table
 

@@ -97,6 +97,7 @@ class Redundancy:
 # What is known of a system ---------------------------------------------------------------------
 
 
+@checked
 @record
 class Description:
     """Data of a monitoring system that the class rules judge; None means unknown.
@@ -132,11 +133,19 @@ class Description:
     )
 
     def __post_init__(self) -> None:
-        if self.protocols is not None:
-            object.__setattr__(self, "protocols", _names("protocols", self.protocols))
-        for name in ("links", "routes"):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, _routes_of(name, getattr(self, name)))
+        for name in ("protocols", "links", "routes"):
+            given = getattr(self, name)
+            if given is None:
+                continue
+            if not given:
+                raise ArgumentError(f"{name} is {given!r}; it must have one or more names")
+            if not isinstance(given, Mapping):
+                object.__setattr__(self, name, tuple(given))
+            elif any(isinstance(names, str) for names in given.values()):
+                raise ArgumentError(f"{name} is {given!r}; each link must have a tuple of names")
+            else:
+                names = {link: tuple(names) for link, names in given.items()}
+                object.__setattr__(self, name, names)
         if self.routes is not None and set(self.routes) != set(self.links or ()):
             raise ArgumentError("routes must name the same links as links")
 
@@ -156,26 +165,6 @@ class Description:
             links={"channel 1": ("JB1",), "channel 2": ("JB3",)},
             poll=Poll(RegisterMap(points).requests()[0], SerialLine(9600)),
         )
-
-
-def _names(what: str, given: object) -> tuple[str, ...]:
-    """Return names as a tuple; a bare string would fall apart into its letters."""
-    if not isinstance(given, tuple | list) or not given:
-        raise ArgumentError(f"{what} is {given!r}; it must be a tuple of one or more names")
-    for name in given:
-        if not isinstance(name, str) or not name.strip():
-            raise ArgumentError(f"{what} hold {name!r}; all must be names that are not empty")
-    return tuple(given)
-
-
-def _routes_of(what: str, given: object) -> dict[str, tuple[str, ...]]:
-    """Return what each link touches, as tuples of names."""
-    if not isinstance(given, Mapping) or not given:
-        raise ArgumentError(
-            f"{what} is {given!r}; it must be a mapping of links to tuples of names"
-        )
-    links = _names(what, list(given))
-    return {link: _names(f"{what} of {link!r}", given[link]) for link in links}
 
 
 # The rules -------------------------------------------------------------------------------------

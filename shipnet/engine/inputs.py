@@ -23,7 +23,7 @@ from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats, Integers, Words
 from shipnet.engine.points import PT100, Point, PointList, by_point
 from shipnet.errors import ArgumentError
-from shipnet.fields import number, part, record, switch, whole
+from shipnet.fields import number, part, record, whole
 from shipnet.lazy import pd
 
 # Thermometers ----------------------------------------------------------------------------------
@@ -126,10 +126,6 @@ class InputCard:
         "span. As printed, 0: 4..20 mA fill 0..5 V. With 0.125, 2..22 mA do, and a failure can be "
         "distinguished from a value", default=0.0, kw_only=True,
     )  # fmt: skip
-    linearised: bool = switch(
-        "Whether the firmware solves the curve of the thermometer; if not, it takes the straight "
-        "line between the ends of the range", default=True, kw_only=True,
-    )  # fmt: skip
 
     @property
     def highest(self) -> int:
@@ -197,17 +193,16 @@ class InputCard:
             raise ArgumentError(f"code is out of range; it must be 0..{highest.max()}")
         return self._decoded(c / np.where(highest > 1, self.highest + 1.0, 1.0))
 
-    def _decoded(self, part: npt.ArrayLike, *, linearised: bool | None = None) -> Floats:
+    def _decoded(self, part: npt.ArrayLike) -> Floats:
         """Return the values at parts of the window, voltage over reference, without rounding."""
         x = np.asarray(part)
-        curve = self.linearised if linearised is None else linearised
         window, ends = self.window, self._ends
         values = np.empty(x.shape)
         for k, point in enumerate(self.points):
             s = window[k, 0] + x[..., k] * (window[k, 1] - window[k, 0])
             if point.condition == "switch":
                 values[..., k] = s if _opens(point) else 1 - s
-            elif point.condition == "RTD" and curve:
+            elif point.condition == "RTD":
                 # A window may reach beyond the standard; a value stops there.
                 lowest, highest = (pt100_resistance(end) for end in PT100)
                 values[..., k] = pt100_temperature(np.clip(s, lowest, highest))
@@ -243,9 +238,8 @@ class InputCard:
     def accuracy(self) -> pd.DataFrame:
         """Return resolution and conversion error of each kind of analogue input, one row each.
 
-        ``codes`` counts those within the range; ``step_low`` and ``step_high`` are the steps at its
-        ends; ``error_at`` is the value with the largest ``conversion_error``. Only quantisation and
-        the firmware's straight line, if any, are counted: sensors and amplifiers are ideal.
+        ``step_low`` and ``step_high`` are the steps at the ends of the range. Only quantisation is
+        counted: sensors and amplifiers are ideal.
         """
         rows = []
         for k, count in self.points.kinds():
@@ -256,7 +250,7 @@ class InputCard:
             n = self.highest + 1
             # Between two steps of the converter the decoded value stays the same, so the largest
             # error lies at a step or at an end of the range.
-            edges = one._decoded((np.arange(1, n) - 0.5)[:, np.newaxis] / n, linearised=True)[:, 0]
+            edges = one._decoded((np.arange(1, n) - 0.5)[:, np.newaxis] / n)[:, 0]
             decoded = one.value(np.arange(n)[:, np.newaxis])[:, 0]
             inside = (edges > point.low) & (edges < point.high)
             first, last = (int(one.code(one.signal([end]))[0]) for end in (point.low, point.high))
@@ -264,16 +258,13 @@ class InputCard:
             below = np.flatnonzero(inside)
             pairs = np.column_stack([below, below + 1]).ravel()
             codes = np.concatenate([[first], pairs, [last]])
-            errors = np.abs(decoded[codes] - ends)
-            # Of equal errors the one at the highest value is named, whatever rounding does.
-            worst = int(np.flatnonzero(errors >= errors.max() * (1 - 1e-9))[-1])
             rows.append(
-                (point.condition, point.low, point.high, point.unit, count, last - first + 1,
+                (point.condition, point.low, point.high, point.unit, count,
                  decoded[first + 1] - decoded[first], decoded[last] - decoded[last - 1],
-                 errors[worst], ends[worst])
+                 np.abs(decoded[codes] - ends).max())
             )  # fmt: skip
-        columns = ["condition", "low", "high", "unit", "points", "codes", "step_low", "step_high",
-                   "conversion_error", "error_at"]  # fmt: skip
+        columns = ["condition", "low", "high", "unit", "points", "step_low", "step_high",
+                   "conversion_error"]  # fmt: skip
         return pd.DataFrame(rows, columns=columns)
 
     def broken(self, wire: Literal["open", "short"]) -> Words:
@@ -281,15 +272,11 @@ class InputCard:
         return self.code([WIRE_FAULTS[wire][point.condition] for point in self.points])
 
     def wire_faults(self) -> pd.DataFrame:
-        """Return what the box makes of a broken wire and a short circuit, two rows per kind.
+        """Return how a box reads a broken wire and a short circuit, two rows per kind of input.
 
-        ``reads`` is the value of the ``code``; ``legal`` says whether a healthy sensor gives it,
-        and ``detected`` whether the card's limits tell it from a value.
+        ``reads`` is the value of the ``code``, and ``detected`` whether the card's limits
+        distinguish it from a value.
         """
-        low, high = (
-            self.code(self.signal([getattr(point, end) for point in self.points])).astype(int)
-            for end in ("low", "high")
-        )
         rows = []
         codes = {fault: self.broken(fault) for fault in WIRE_FAULTS}
         values = {fault: self.value(code) for fault, code in codes.items()}
@@ -297,13 +284,11 @@ class InputCard:
         for k, count in self.points.kinds():
             point = self.points[k]
             for fault in WIRE_FAULTS:
-                code = int(codes[fault][k])
-                legal = min(low[k], high[k]) <= code <= max(low[k], high[k])
                 rows.append(
-                    (point.condition, point.low, point.high, point.unit, count, fault, code,
-                     float(values[fault][k]), bool(legal), bool(detected[fault][k]))
+                    (point.condition, point.low, point.high, point.unit, count, fault,
+                     int(codes[fault][k]), float(values[fault][k]), bool(detected[fault][k]))
                 )  # fmt: skip
-        columns = ["condition", "low", "high", "unit", "points", "fault", "code", "reads", "legal",
+        columns = ["condition", "low", "high", "unit", "points", "fault", "code", "reads",
                    "detected"]  # fmt: skip
         return pd.DataFrame(rows, columns=columns)
 

@@ -190,13 +190,12 @@ class PointList(tuple[Point, ...]):
         switch: int = SIGNALS["contact"].conductors,
         segments: int = 3,
         segment_wires: int = 2,
-        channels: int = 2,
-        channel_wires: int = 2,
     ) -> Saving:
         """Count the conductors of hardwired points, and of the two buses in their place.
 
-        `rtd`, `loop` and `switch` are the conductors of one sensor (1..4); a bus has 0..100
-        `segments` or `channels` of 1..8 wires. Shields, supplies and spare cores are not counted.
+        `rtd`, `loop` and `switch` are the conductors of one sensor (1..4). CAN has 0..100
+        `segments` of 1..8 wires, and Modbus two channels of two wires. Shields, supplies and spare
+        cores are not counted.
         """
         each = {
             "RTD": check_whole("rtd", rtd, 1, 4),
@@ -205,8 +204,7 @@ class PointList(tuple[Point, ...]):
         }
         can = check_whole("segments", segments, 0, 100)
         can *= check_whole("segment_wires", segment_wires, 1, 8)
-        modbus = check_whole("channels", channels, 0, 100)
-        modbus *= check_whole("channel_wires", channel_wires, 1, 8)
+        modbus = 2 * 2
         return Saving(sum(each[point.condition] for point in self), can + modbus)
 
     def kinds(self) -> list[tuple[int, int]]:

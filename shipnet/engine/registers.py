@@ -1,27 +1,24 @@
-"""The registers of a junction box: how a value becomes a register, and which address holds what.
+"""The registers of a junction box: the coding of values, and the address map.
 
 lee2012 marks a missing value by 0xFF (section III.2.c) but prints neither width nor scale of a
-value. Each polled box holds all points, its own and those that it heard on CAN, in the order of the
-points; the corrected design adds the age of each CAN frame.
+value. Each polled box has all points, its own and those that it received on CAN, in the order of
+the points.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import cached_property
 from math import floor, log10
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from shipnet.arguments import checked
 from shipnet.arrays import Floats, Words
-from shipnet.can.messages import Message
-from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.points import Point, PointList, by_point
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, part, record, switch, whole
+from shipnet.fields import check_scalar, part, record, whole
 from shipnet.lazy import pd
 from shipnet.modbus.pdu import Request
 
@@ -66,10 +63,9 @@ class Coding:
     name: str
     step: float | Literal["full scale", "decimal"]
     error: int = whole(0, 0xFFFF, "", "Content that marks a missing value")
-    bits: int = whole(2, 16, "", "Bits in use", default=16)
-    signed: bool = switch(
-        "Whether the highest bit in use is a sign (two's complement over the whole register); a "
-        "full scale has none", default=True,
+    bits: int = whole(
+        2, 16, "", "Bits in use; unless the step is the full scale, the highest one is a sign in "
+        "two's complement over the whole register", default=16,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -130,7 +126,7 @@ class Coding:
 
     def _bounds(self, points: PointList) -> tuple[Floats, Floats]:
         """Return the lowest and highest number of each point's register, without the error mark."""
-        signed = self.signed and self.step != "full scale"
+        signed = self.step != "full scale"
         high = 2 ** (self.bits - signed) - 1
         low = -high - (self.error != 2**15) if signed else 0
         ends = np.array([(low, high) if point.analogue else (0, 1) for point in points], np.float64)
@@ -159,10 +155,6 @@ class Coding:
         return pd.DataFrame(
             {
                 "tag": [point.tag for point in known],
-                "box": [point.box for point in known],
-                "condition": [point.condition for point in known],
-                "low": low,
-                "high": high,
                 "unit": [point.unit for point in known],
                 "reads": zero + step * number,
                 "collides": meet,
@@ -173,10 +165,8 @@ class Coding:
         )
 
 
-#: The corrected coding: no value looks like the mark.
-CORRECTED = Coding("corrected: decimal, 0x8000", "decimal", 0x8000)
-
-#: Readings of the coding that the paper does not print, and the corrected one, by name.
+#: Readings of the coding, which the paper does not print, and a corrected one, in which no value
+#: looks like the mark.
 CODINGS = {
     coding.name: coding
     for coding in (
@@ -186,30 +176,20 @@ CODINGS = {
         Coding("tenths, 0x00FF", 0.1, 0xFF),
         Coding("whole units, 0xFFFF", 1.0, 0xFFFF),
         Coding("tenths, 0xFFFF", 0.1, 0xFFFF),
-        CORRECTED,
+        Coding("corrected: decimal, 0x8000", "decimal", 0x8000),
     )
 }
 
 # Which address holds what ----------------------------------------------------------------------
 
-#: What one more in an age register is worth [s]; the highest content is "so old or older".
-AGE_STEP = 0.1
-
 #: Most registers that one request reads.
 _REQUEST = 125
-
-
-class Decoded(NamedTuple):
-    """What the monitoring system reads: values by point, NaN if marked, and ages by frame [s]."""
-
-    values: Floats
-    ages: Floats
 
 
 @checked
 @record
 class RegisterMap:
-    """Registers of a junction box: one per point, then the ages if it sends them.
+    """Registers of a junction box, one per point.
 
     Notes
     -----
@@ -218,12 +198,11 @@ class RegisterMap:
     Examples
     --------
     >>> from shipnet import engine
-    >>> points = engine.read_points()
-    >>> printed, corrected = engine.RegisterMap(points), engine.RegisterMap.corrected(points)
-    >>> len(printed), len(corrected)
-    (99, 121)
-    >>> corrected.table().loc[[98, 99], ["holds", "step", "unit"]].values.tolist()
-    [['ME-JB3-099', 1.0, ''], ['age of JB1-01', 0.1, 's']]
+    >>> registers = engine.RegisterMap(engine.read_points())
+    >>> len(registers), registers.requests()
+    (99, (Request.read_holding_registers(0, 99),))
+    >>> registers.table().loc[98, ["holds", "box"]].tolist()
+    ['ME-JB3-099', 'JB3']
     """
 
     points: PointList = part(PointList, "One or more points", make=PointList)
@@ -231,61 +210,27 @@ class RegisterMap:
         Coding, "How values become registers; tenths with the error mark 0x00FF if not given",
         default=CODINGS["tenths, 0x00FF"],
     )  # fmt: skip
-    ages: bool = switch(
-        "Whether the age of each CAN frame of `CanLayout` follows the values", default=False
-    )
-
-    @classmethod
-    def corrected(cls, points: Iterable[Point]) -> RegisterMap:
-        """Return the map of `System.corrected`, with the corrected coding and ages."""
-        return cls(PointList(points), CORRECTED, ages=True)
-
-    @cached_property
-    def frames(self) -> tuple[Message, ...]:
-        """The CAN frames whose ages the last registers hold."""
-        return tuple(CanLayout(self.points).messages()) if self.ages else ()
 
     def __len__(self) -> int:
-        return len(self.points) + len(self.frames)
+        return len(self.points)
 
     def requests(self) -> tuple[Request, ...]:
-        """Return the requests that read the whole map, 125 registers each at most."""
+        """Return the requests that read the whole map, at most 125 registers each."""
         return tuple(
             Request.read_holding_registers(start, min(_REQUEST, len(self) - start))
             for start in range(0, len(self), _REQUEST)
         )
 
     def table(self) -> pd.DataFrame:
-        """Return the address map: by address what it holds (a tag, an age), box, step and unit."""
+        """Return the address map: by address the tag that it ``holds``, its box, step and unit."""
         rows = [(p.tag, p.box, self.coding.step_of(p), p.unit) for p in self.points]
-        rows += [(f"age of {m.name}", m.sender, AGE_STEP, "s") for m in self.frames]
         table = pd.DataFrame(rows, columns=["holds", "box", "step", "unit"])
         return table.rename_axis("address")
 
-    def encode(
-        self, values: npt.ArrayLike, failed: npt.ArrayLike = False, *, ages: npt.ArrayLike = 0.0
-    ) -> Words:
-        """Return the content of all registers.
+    def encode(self, values: npt.ArrayLike, failed: npt.ArrayLike = False) -> Words:
+        """Return the content of all registers; NaN, and what is `failed`, gets the error mark."""
+        return self.coding.encode(self.points, values, failed)
 
-        `values` and `failed` are by point (NaN is failed), `ages` [s] by frame, rounded up.
-        """
-        registers = self.coding.encode(self.points, values, failed)
-        age = np.asarray(ages, np.float64)
-        if not (age >= 0).all():
-            raise ArgumentError(f"ages are {ages!r} s; they must be 0 or more")
-        wanted = (*registers.shape[:-1], len(self.frames))
-        # 0.3 s are 3.0000000000000004 tenths, which must not become 4.
-        tenths = np.minimum(np.ceil(age / AGE_STEP - 1e-9), 0xFFFF).astype(np.uint16)
-        try:
-            tenths = np.broadcast_to(tenths, wanted)
-        except ValueError:
-            raise ArgumentError(f"ages have shape {age.shape}; it must fit {wanted}") from None
-        return np.concatenate([registers, tenths], axis=-1)
-
-    def decode(self, registers: npt.ArrayLike) -> Decoded:
-        """Return what the monitoring system reads."""
-        r = np.asarray(registers)
-        if r.dtype.kind not in "iu" or not r.ndim or r.shape[-1] != len(self):
-            raise ArgumentError(f"registers have shape {r.shape}; it must be (..., {len(self)})")
-        values, tenths = np.split(r, [len(self.points)], axis=-1)
-        return Decoded(self.coding.decode(self.points, values), tenths * AGE_STEP)
+    def decode(self, registers: npt.ArrayLike) -> Floats:
+        """Return the values of all points, NaN where a register contains the error mark."""
+        return self.coding.decode(self.points, registers)

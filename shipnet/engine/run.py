@@ -206,8 +206,6 @@ class Screen:
         One row per point, by tag: ``box``, ``service``, ``value`` shown, ``unit``, ``true`` (what
         the sensor measures now), ``age_s`` and ``mark``: empty, ``0xFF``, ``too old``, or ``0xFF?``
         for a good value that equals the error mark. Value and age are NaN if marked.
-    old : float, default 2
-        Age from which a value that is shown as good counts as old [s].
 
     Notes
     -----
@@ -225,8 +223,8 @@ class Screen:
     ('', '0xFF')
     """
 
-    def __init__(self, time: float, table: pd.DataFrame, old: float = RULE) -> None:
-        self.time, self._table, self._old = time, table, old
+    def __init__(self, time: float, table: pd.DataFrame) -> None:
+        self.time, self._table = time, table
 
     def table(self) -> pd.DataFrame:
         """Return all points: one row per tag."""
@@ -244,19 +242,19 @@ class Screen:
 
     @property
     def old(self) -> int:
-        """How many points are shown as good, but are older than the rule allows."""
-        return int((self._table["age_s"] > self._old).sum())
+        """How many points are shown as good when older than 2 s."""
+        return int((self._table["age_s"] > RULE).sum())
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the points as tiles: good ones pale blue, old ones orange, marked ones dark."""
         from shipnet.engine.plot import plot_screen
 
-        return plot_screen(self._table, ax=ax, old=self._old)
+        return plot_screen(self._table, ax=ax, old=RULE)
 
     def __repr__(self) -> str:
         return (
             f"Screen({self.time:g} s: {len(self._table)} points, {self.marked} marked, "
-            f"{self.old} older than {self._old:g} s)"
+            f"{self.old} older than {RULE:g} s)"
         )
 
 

@@ -122,7 +122,7 @@ def serve(
 
 
 def parse_fault(system: System, words: str) -> EngineFault:
-    """Return the lasting fault that these words name, such as ``2:dead`` or ``box dead JB1``."""
+    """Return the lasting fault that these words name, such as ``2:dead``."""
     where, _, what = words.rpartition(":")
     unit = {str(unit): channel for channel, unit in enumerate(UNITS)}.get(where)
     for kind in _WORDS.get(what, ()):
@@ -131,14 +131,11 @@ def parse_fault(system: System, words: str) -> EngineFault:
             place = str(unit + 1) if kind.at == "channel" else system.boxes[system.ports[unit]]
         if place in system.places[kind.at]:
             return kind(place)
-    known = {str(fault): fault for fault in system.single_faults(0.0, every_sensor=True)}
-    if words not in known:
-        raise ArgumentError(
-            f"fault is {words!r}; it must be a place and what happens to it, such as 2:dead, "
-            "JB2:bus-off, 3:cut (its Modbus channel), JB1-JB2:cut (a CAN cable) or ME-JB2-044:open "
-            "(also stuck, short), or be named as 'box dead JB1'"
-        )
-    return known[words]
+    raise ArgumentError(
+        f"fault is {words!r}; it must be a place and what happens to it, such as 2:dead, "
+        "JB2:bus-off, 3:cut (its Modbus channel), JB1-JB2:cut (a CAN cable) or ME-JB2-044:open "
+        "(also stuck, short)"
+    )
 
 
 @checked

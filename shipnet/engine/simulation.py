@@ -359,7 +359,7 @@ def _follow(
                     break
             if outcome == 0:
                 # Whoever answered is asked first next time; the other one is the spare.
-                if system.switch_rule == "stay" and line is not order[0]:
+                if line is not order[0]:
                     order = order[::-1]
                 break
         number = max(number + 1, -((phase - now) // period))
@@ -461,7 +461,6 @@ def single_failures(
     system: System,
     faults: EngineFault | Iterable[EngineFault] | None = None,
     *,
-    rule: float = RULE,
     trials: int = 5,
     rng: Any = 2024,
 ) -> pd.DataFrame:
@@ -473,8 +472,6 @@ def single_failures(
         The system.
     faults : fault or iterable of faults, optional
         What fails, from `shipnet.engine.faults`; `System.single_faults` if not given.
-    rule : float, default 2
-        Longest time of an answer, and greatest age of a value shown as good, 0.1..100 [s].
     trials : int, default 5
         How often each fault is simulated, 1..1000.
     rng : optional
@@ -484,13 +481,13 @@ def single_failures(
     -------
     pandas.DataFrame
         One row per fault, after a first row ``none``: ``lost`` (points without a newer value as
-        long as the fault lasts), ``old`` (points shown as good beyond the age of `rule`),
+        long as the fault lasts), ``old`` (points shown as good when older than 2 s),
         ``oldest_s`` (greatest age shown as good; infinite if it grows as long as a lasting fault
         does), ``bound_s`` (what that can reach in any phase; infinite without a bound), ``marked``
         (points ever marked), ``marked_after_s`` (from the fault until the last of them was first
         marked, at most; NaN if none), ``noticed`` (what the AMS raises: ``link``, ``path``,
         ``mark`` or ``no``), ``answer_s`` (longest answer), ``answer_ok`` and ``age_ok`` (whether
-        the bounds of answer and age meet the rule).
+        the bounds of answer and age are at most 2 s).
 
     Raises
     ------
@@ -510,22 +507,19 @@ def single_failures(
     >>> table[["lost", "marked", "noticed", "answer_ok", "age_ok"]].values.tolist()
     [[0, 0, 'no', True, True], [18, 18, 'mark', True, False]]
     """
-    check_scalar("rule", rule, "s", 0.1, 100)
     trials = check_whole("trials", trials, 1, 1000)
     chance = check_rng(rng)
     chosen = system.single_faults() if faults is None else system.check_faults(faults)
     rows = []
     for fault in (None, *chosen):
-        runs = [_fault_run(system, fault, rule, chance) for _ in range(trials)]
-        rows.append(_fault_row(system, fault, runs, rule))
+        runs = [_fault_run(system, fault, chance) for _ in range(trials)]
+        rows.append(_fault_row(system, fault, runs))
     return pd.DataFrame(rows).set_index("fault")
 
 
-def _fault_run(
-    system: System, fault: EngineFault | None, rule: float, rng: np.random.Generator
-) -> Run:
+def _fault_run(system: System, fault: EngineFault | None, rng: np.random.Generator) -> Run:
     # Long enough for the last mark, and for two more polls.
-    settled = max(system.staleness_flag().after, rule) + 3 * system.poll_period
+    settled = max(system.staleness_flag().after, RULE) + 3 * system.poll_period
     start, stop = (10.0, inf) if fault is None else (fault.start, fault.stop)
     end = start + max(2 * settled, _LENGTH) if stop == inf else stop + settled
     # No phase between fault and clocks is special: the fault itself begins a little later.
@@ -534,9 +528,7 @@ def _fault_run(
     return simulate(system, faults=moved, until=end, rng=rng)
 
 
-def _fault_row(
-    system: System, fault: EngineFault | None, runs: Sequence[Run], rule: float
-) -> dict[str, object]:
+def _fault_row(system: System, fault: EngineFault | None, runs: Sequence[Run]) -> dict[str, object]:
     try:
         bounds = system.failure_bounds(fault)
     except ArgumentError:
@@ -565,15 +557,15 @@ def _fault_row(
     return {
         "fault": "none" if fault is None else str(fault),
         "lost": int(lost.sum()),
-        "old": int((worst > rule).sum()),
+        "old": int((worst > RULE).sum()),
         "oldest_s": inf if growing.any() else float(np.nanmax(worst)),
         "bound_s": bounds.oldest,
         "marked": int(marked.sum()),
         "marked_after_s": float(np.nanmax(after)) if not np.isnan(after).all() else np.nan,
         "noticed": ", ".join(noticed) or "no",
         "answer_s": float(answer),
-        "answer_ok": bounds.answer <= rule,
-        "age_ok": bounds.oldest <= rule,
+        "answer_ok": bounds.answer <= RULE,
+        "age_ok": bounds.oldest <= RULE,
     }
 
 

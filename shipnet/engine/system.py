@@ -31,7 +31,6 @@ from shipnet.engine.faults import (
     StuckSensor,
 )
 from shipnet.engine.points import PointList, read_points
-from shipnet.engine.registers import RegisterMap
 from shipnet.errors import ArgumentError
 from shipnet.fields import (
     check_kind,
@@ -41,7 +40,6 @@ from shipnet.fields import (
     number,
     part,
     record,
-    switch,
     whole,
 )
 from shipnet.lazy import Axes, pd
@@ -69,8 +67,9 @@ class Firmware:
 
     Notes
     -----
-    The Modbus interrupt suspends everything else. The short timer and CAN routines run while the
-    loop waits for the multiplexer, so they do not prolong it.
+    The Modbus interrupt suspends everything else; the bytes of its response go out one by one
+    beside other work. The short timer and CAN routines run while the loop waits for the
+    multiplexer, so they do not prolong it.
 
     References
     ----------
@@ -106,10 +105,6 @@ class Firmware:
         1e-9, 1, "s",
         "Modbus interrupt: from the end of the silence after a request to the first bit of the "
         "response", default=5e-3,
-    )  # fmt: skip
-    holds_cpu: bool = switch(
-        "Whether the Modbus interrupt keeps the CPU until the last byte is sent, as figure 6(a) "
-        "may be read; otherwise the bytes go out one by one beside other work", default=False,
     )  # fmt: skip
 
     @property
@@ -164,7 +159,8 @@ class System:
     As `coding` "printed", a box marks all values of a box that it has not heard for `stale_limit`,
     as 0xFF. As "corrected", it also sends the age of every frame, and the AMS marks each value that
     may be older than `age_limit`. A CAN ring, as figure 3 may be read, is not a bus of ISO 11898;
-    here it is one that works. The time-out waits for the *first* character of a response.
+    here it is one that works. The AMS stays on the channel that answered last, which is assumed.
+    The time-out waits for the *first* character of a response.
 
     References
     ----------
@@ -214,11 +210,6 @@ class System:
     retries: int = whole(
         0, 10, "", "Times that the AMS asks again before it tries the other channel; assumed",
         default=0,
-    )  # fmt: skip
-    switch_rule: Literal["stay", "return"] = choice(
-        ("stay", "return"),
-        "Whether the AMS stays on the channel that answered last, or begins every poll with "
-        "channel 1 again; assumed", default="stay",
     )  # fmt: skip
     polled: Literal["one", "both"] = choice(
         ("one", "both"),
@@ -292,7 +283,7 @@ class System:
     @cached_property
     def registers(self) -> int:
         """Registers of a response: one per point, and one age per frame in the corrected coding."""
-        return len(RegisterMap(self.points, ages=self.coding == "corrected"))
+        return len(self.points) + self.sender.size * (self.coding == "corrected")
 
     @cached_property
     def poll(self) -> Poll:
@@ -386,8 +377,7 @@ class System:
     @property
     def service_ns(self) -> int:
         """How long the Modbus interrupt takes [ns]."""
-        response = self.serial.frame_time(5 + 2 * self.registers) * self.firmware.holds_cpu
-        return nanoseconds(self.firmware.processing + response)
+        return nanoseconds(self.firmware.processing)
 
     @cached_property
     def suspended_ns(self) -> Integers:
@@ -507,13 +497,9 @@ class System:
 
         with the time T from poll to poll. If the silent box is the polled one, the AMS first asks
         it in vain for :math:`t_{lost}`, retries included; :math:`T_{lost}` is the spacing of a poll
-        with that in it. An AMS that stays on the other channel does so once:
+        with that in it:
 
         .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
-
-        One that returns to channel 1 does so in every poll: T is :math:`T_{lost}` then, and
-
-        .. math:: t_{after} \ge T + t_{lost} + t_{request} + t_{response}
 
         In the printed design any frame of a box restarts its timer, so that a box that dies within
         a round keeps values of the round before alive. In the corrected design the AMS marks by
@@ -528,11 +514,7 @@ class System:
         pile = self.service_ns / 1e9 + self.firmware.receive * self.sender.size
         marked = self.stale_limit + self.firmware.mark + pile
         read = request + self.serial.t35
-        if self.switch_rule == "stay":
-            seen = healthy + max(marked, hindered + read)
-        else:
-            seen = max(marked + hindered, healthy + lost + read)
-        after = seen + transaction
+        after = healthy + max(marked, hindered + read) + transaction
         box = self.box_of
         served = self.service_ns * np.isin(box, self.ports)
         old = self.loop_ns[box] - self.offset_ns + self.period_ns[box] + served
@@ -578,11 +560,9 @@ class System:
         if broken > 1:
             # A retry may be answered, and the next poll be in vain once more.
             late = [time for n in range(tries) for time in self._in_vain(n, broken)]
-        if self.switch_rule == "return":
-            late += full
         before = max(self.poll_spacing(time) - time for time in late) + max(full)
         after = max(self.poll_spacing(time) - time for time in full)
-        return before, before if self.switch_rule == "return" else max(after, self.poll_spacing())
+        return before, max(after, self.poll_spacing())
 
     def _oldest_read(self, broken: int) -> float:
         """Return the greatest age shown as good while channel 1 fails and is left [s]."""
@@ -592,9 +572,9 @@ class System:
         crowded = int(self.loop_ns.max()) + self.service_ns > nanoseconds(self.poll.time)
         times = 2 + self.retries if crowded else 1
         both = times * self.service_ns * ports.astype(np.int64)
-        first = both if self.switch_rule == "return" else times * healthy
         found = []
-        for reader, suspended, gap in zip(self.ports, (first, both), (before, after), strict=True):
+        cases = zip(self.ports, (times * healthy, both), (before, after), strict=True)
+        for reader, suspended, gap in cases:
             response = self._can_response(self._messages(suspended))
             ages = self._ages((reader,), suspended, response)
             found.append(float((ages["worst_s"] - ages["poll_s"]).max()) + gap)
@@ -681,19 +661,14 @@ class System:
             found.append(fault)
         return tuple(found)
 
-    def single_faults(
-        self, start: float = 10.0, *, every_sensor: bool = False
-    ) -> tuple[EngineFault, ...]:
+    def single_faults(self, start: float = 10.0) -> tuple[EngineFault, ...]:
         """Return all lasting single faults that begin at a time [s].
 
         Every cable, port, box and CAN node fails, half of the frames of each box and channel are
-        lost, and the first sensor of each box, or every one, gets stuck.
+        lost, and the first sensor of each box gets stuck.
         """
-        if not isinstance(every_sensor, bool):
-            raise ArgumentError(f"every_sensor is {every_sensor!r}; it must be True or False")
-        places = dict(self.places)
-        if not every_sensor:
-            places["sensor"] = tuple(own[0].tag for own in self.points.by_box().values())
+        first = tuple(own[0].tag for own in self.points.by_box().values())
+        places = {**self.places, "sensor": first}
         more: dict[type[EngineFault], dict[str, float]] = {LostModbusFrames: {"response": 0.5}}
         return tuple(
             kind(where, start=start, **more.get(kind, {}))

@@ -1,6 +1,5 @@
 from .rules import Decision as Decision
 from .rules import Firing as Firing
-from .rules import Overlaps as Overlaps
 from .rules import RuleBase as RuleBase
 from .terms import NORMAL as NORMAL
 from .terms import UNKNOWN as UNKNOWN

@@ -20,12 +20,9 @@ from shipnet.lazy import pd
 #: Values by variable name.
 Samples: TypeAlias = "Mapping[str, npt.ArrayLike] | pd.DataFrame"
 
-#: How terms are evaluated.
-METHODS = {
-    "crisp": "comparisons as written",
-    "midpoint": "comparisons in the middle of the ramps",
-    "fuzzy": "membership functions",
-}
+#: How terms are evaluated: by their comparisons as written, by comparisons in the middle of the
+#: ramps, or by their membership functions.
+METHODS = ("crisp", "midpoint", "fuzzy")
 
 #: Points of a universe in scikit-fuzzy, besides the corners of its terms.
 _POINTS = 101

@@ -56,8 +56,10 @@ class RuleBase:
     'V1 0.60: FP 121 bar high 0.60, OP 2.9 bar high 0.90; missing MC OT VPos DVPos'
     >>> base.fire({"FP": [90, 120, 124], "OP": 2.83})["V1"].round(2).tolist()
     [0.0, 0.5, 0.83]
-    >>> len(base.overlaps()), int(base.regions()["count"].max())
-    (42, 6)
+    >>> base.overlaps().query("relation == 'b in a'")[["a", "b"]].to_numpy().tolist()
+    [['S1', 'Pos1'], ['S2', 'Pos2']]
+    >>> int(base.regions()["count"].max())
+    6
     """
 
     variables: tuple[Variable, ...]
@@ -72,9 +74,19 @@ class RuleBase:
         object.__setattr__(self, "rules", tuple(self.rules))
         if not self.rules or not self.variables:
             raise ArgumentError("variables or rules are empty; there must be one or more of each")
-        twice = sorted({name for name in self.names if self.names.count(name) > 1})
-        faults = [f"variable {name} occurs twice" for name in twice]
-        faults += rule_faults(self.variables, self.rules)
+        unique = [("variable", name) for name in self.names] + [("code", c) for c in self.codes]
+        unique += [("priority", str(rule.priority)) for rule in self.rules]
+        twice = dict.fromkeys(one for one in unique if unique.count(one) > 1)
+        faults = [f"{kind} {name} occurs twice" for kind, name in twice]
+        known = {
+            (variable.name, term.name) for variable in self.variables for term in variable.terms
+        }
+        faults += [
+            f"{rule.code}: there is no term {variable}.{term}"
+            for rule in self.rules
+            for variable, term in rule.antecedent
+            if (variable, term) not in known
+        ]
         if faults:
             raise ArgumentError("; ".join(faults))
 
@@ -182,9 +194,45 @@ class RuleBase:
         """Return what to report for every sample: `fire`, then `Firing.decide`."""
         return self.fire(samples, method).decide(threshold=threshold, k=k, n=n)
 
-    def overlaps(self, method: str = "crisp") -> Overlaps:
-        """Return the pairs of rules that can fire together."""
-        return Overlaps(self, method)
+    def overlaps(self, method: str = "crisp") -> pd.DataFrame:
+        """Return the pairs of rules that can fire together: codes ``a`` and ``b``, ``relation``.
+
+        ``a in b`` means that b fires whenever a does; the others are ``b in a``, ``equal`` and
+        ``overlap``. `method` is ``crisp`` or ``midpoint``.
+        """
+        names = {
+            (True, True): "equal", (True, False): "a in b", (False, True): "b in a",
+            (False, False): "overlap",
+        }  # fmt: skip
+        rows, counts = [], self._overlap_counts(method)
+        for (i, a), (j, b) in combinations(enumerate(self.codes), 2):
+            both, only_a, only_b = counts[i, j], counts[i, i], counts[j, j]
+            if both:
+                rows.append((a, b, names[bool(both == only_a), bool(both == only_b)]))
+        return pd.DataFrame(rows, columns=["a", "b", "relation"])
+
+    def plot_overlaps(self, ax: Axes | None = None) -> Axes:
+        """Draw the share of the regions of the row's rule in which the column's rule also fires."""
+        ax = style.axes(ax)
+        count = self._overlap_counts("crisp").astype(float)
+        alone = np.diag(count)[:, None]
+        share = np.divide(count, alone, out=np.zeros_like(count), where=alone > 0)
+
+        def written(row: int, column: int, value: float) -> str:
+            return "" if row == column else "in" if value == 1 else f"{100 * value:.0f}"
+
+        draw_matrix(ax, share, written)
+        ax.set_xticks(range(len(self.codes)), self.codes)
+        ax.set_yticks(range(len(self.codes)), self.codes)
+        ax.set_xlabel("fires too, in percent of the regions")
+        ax.set_ylabel("when this fires")
+        return ax
+
+    def _overlap_counts(self, method: str) -> Integers:
+        """Return the number of regions in which each pair of rules, or a rule, fires."""
+        table = self.regions(method)[list(self.names)]
+        fires = self.fire(table, method).strength.astype(np.int64)
+        return fires.T @ fires
 
     def regions(self, method: str = "crisp") -> pd.DataFrame:
         """Return every combination of terms that can hold at once, and the rules that then fire.
@@ -454,105 +502,6 @@ class Decision:
         if not fits or any(not -n <= i < n for i, n in zip(index, shape, strict=True)):
             raise ArgumentError(f"index is {index}; the samples have shape {shape}")
         return index
-
-
-@checked
-@dataclass(frozen=True)
-class Overlaps:
-    """The pairs of rules that can fire together, as `RuleBase.overlaps` returns them.
-
-    Parameters
-    ----------
-    base : RuleBase
-        The rules.
-    method : {"crisp", "midpoint"}, default "crisp"
-        Comparisons as written, or in the middle of the ramps.
-
-    Examples
-    --------
-    >>> from shipnet import ballast
-    >>> overlaps = Overlaps(ballast.rule_base())
-    >>> overlaps
-    Overlaps(42 of 66 pairs of rules)
-    >>> overlaps.table().query("relation == 'b in a'")[["a", "b"]].to_numpy().tolist()
-    [['S1', 'Pos1'], ['S2', 'Pos2']]
-    """
-
-    base: RuleBase
-    method: str = "crisp"
-
-    def __post_init__(self) -> None:
-        check_choice("method", self.method, ("crisp", "midpoint"))
-
-    @cached_property
-    def _counts(self) -> Integers:
-        """Number of regions in which each pair of rules fires; on the diagonal, each rule."""
-        table = self.base.regions(self.method)[list(self.base.names)]
-        fires = self.base.fire(table, self.method).strength.astype(np.int64)
-        return fires.T @ fires
-
-    def __len__(self) -> int:
-        return int(np.count_nonzero(np.triu(self._counts, 1)))
-
-    def __repr__(self) -> str:
-        n = len(self.base.rules)
-        return f"Overlaps({len(self)} of {n * (n - 1) // 2} pairs of rules)"
-
-    def table(self) -> pd.DataFrame:
-        """Return one row per pair: codes ``a`` and ``b``, and their ``relation``.
-
-        ``a in b`` means that b fires whenever a does; the others are ``b in a``, ``equal``,
-        ``overlap``.
-        """
-        names = {
-            (True, True): "equal", (True, False): "a in b", (False, True): "b in a",
-            (False, False): "overlap",
-        }  # fmt: skip
-        rows = []
-        for (i, a), (j, b) in combinations(enumerate(self.base.codes), 2):
-            both, only_a, only_b = self._counts[i, j], self._counts[i, i], self._counts[j, j]
-            if both:
-                rows.append((a, b, names[bool(both == only_a), bool(both == only_b)]))
-        return pd.DataFrame(rows, columns=["a", "b", "relation"])
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the share of the regions of the row's rule in which the column's rule also fires."""
-        ax = style.axes(ax)
-        count = self._counts.astype(float)
-        alone = np.diag(count)[:, None]
-        share = np.divide(count, alone, out=np.zeros_like(count), where=alone > 0)
-
-        def written(row: int, column: int, value: float) -> str:
-            return "" if row == column else "in" if value == 1 else f"{100 * value:.0f}"
-
-        draw_matrix(ax, share, written)
-        names = self.base.codes
-        ax.set_xticks(range(len(names)), names)
-        ax.set_yticks(range(len(names)), names)
-        ax.set_xlabel("fires too, in percent of the regions")
-        ax.set_ylabel("when this fires")
-        return ax
-
-
-def rule_faults(variables: Sequence[Variable], rules: Sequence[Rule]) -> list[str]:
-    """Return the faults of rules for these variables."""
-    known = {(variable.name, term.name) for variable in variables for term in variable.terms}
-    faults = []
-    codes: set[str] = set()
-    priorities: set[int] = set()
-    for rule in rules:
-        faults += [
-            f"{rule.code}: there is no term {variable}.{term}"
-            for variable, term in rule.antecedent
-            if (variable, term) not in known
-        ]
-        if rule.code in codes:
-            faults.append(f"code {rule.code} occurs twice")
-        if rule.priority in priorities:
-            faults.append(f"{rule.code}: priority {rule.priority} occurs twice")
-        codes.add(rule.code)
-        priorities.add(rule.priority)
-    return faults
 
 
 def draw_matrix(ax: Axes, values: Floats, written: Callable[[int, int, float], str]) -> None:

@@ -12,6 +12,10 @@ from shipnet.ballast.actuator import (
     steady_temperature,
     stroke_time,
 )
+from shipnet.ballast.sensors import Sensors
+
+#: Sensors without noise, limits and steps.
+IDEAL = Sensors((-np.inf,) * 5, (np.inf,) * 5, (0.0,) * 5, None)
 
 
 def normal_values():

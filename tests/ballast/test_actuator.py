@@ -23,7 +23,7 @@ from shipnet.ballast.sensors import CHANNELS, Sensors
 from shipnet.ballast.simulation import simulate
 from shipnet.errors import ArgumentError
 from tests.ballast.compliance import DAMPING, integrate_stroke
-from tests.ballast.nominal import normal_values, operating_point
+from tests.ballast.nominal import IDEAL, normal_values, operating_point
 
 
 def one(code, severity):
@@ -121,7 +121,7 @@ def test_differential_equations_with_compliance_agree_with_the_closed_form(
     valve = one(code, severity)
     ode = integrate_stroke(valve, np.linspace(0, 12, 121), direction=direction)
     run = simulate(
-        System(actuator=valve, sensors=Sensors.ideal(), opening=0.0 if direction > 0 else 1.0),
+        System(actuator=valve, sensors=IDEAL, opening=0.0 if direction > 0 else 1.0),
         [Command("open" if direction > 0 else "close")],
         until=12,
     )
@@ -145,7 +145,7 @@ def test_past_a_leaking_piston_the_viscous_friction_explains_the_difference():
 
     def far(actuator):
         run = simulate(
-            System(actuator=actuator, sensors=Sensors.ideal(), step=0.5),
+            System(actuator=actuator, sensors=IDEAL, step=0.5),
             [Command("open")],
             until=12,
         )

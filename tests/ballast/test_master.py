@@ -44,10 +44,8 @@ def test_a_scan_is_counted_in_characters(rate):
     silence = 3.5 * 11 / rate if rate <= 19200 else 1.75e-3
     row = System(247, status_poll(processing=5e-3)).scan_times().loc[rate]
     read = (8 + 13) * 11 / rate + 2 * silence + 5e-3
-    assert row["read_ms"] == pytest.approx(1e3 * read)
-    assert row["write_ms"] == pytest.approx(1e3 * (16 * 11 / rate + 2 * silence + 5e-3))
     assert row["scan_s"] == pytest.approx(247 * read)
-    assert row["halves_s"] == pytest.approx(124 * read)
+    assert row["worst_age_s"] == pytest.approx(248 * read - 8 * 11 / rate - silence)
     assert row["valves_in_2_s"] == int(2 / read)
 
 

@@ -8,6 +8,8 @@ from shipnet.ballast.rule_table import rule_base
 from shipnet.errors import ArgumentError, FieldError
 
 MAPS = st.builds(RegisterMap, st.sampled_from(["table 2", "table 3"]))
+#: A valve that has had no command.
+REST = {"close": False, "open": False}
 BYTES, STEPS = st.integers(0, 255), st.integers(0, 254)
 
 
@@ -55,15 +57,17 @@ def test_each_byte_is_where_table_3_prints_it():
 
 def test_what_does_not_fit_is_flagged_and_sent_as_the_nearest_that_does():
     readings = np.array([[300, 90], [np.nan, 2], [-0.2, 1.2], [50, 50], [-5, 305]])
-    packed = RegisterMap().encode(readings, close=0, open=0, operating_time=[25.5, 25.6])
+    packed = RegisterMap().encode(readings, **REST, operating_time=25.5)
     assert packed.saturated.tolist() == [
         [True, True, True, False, True, False],
-        [False, False, False, False, True, True],
+        [False, False, False, False, True, False],
     ]
+    late = RegisterMap().encode(readings, **REST, operating_time=25.6)
+    assert late.saturated[:, 5].all()
     read = RegisterMap().decode(packed.registers).readings
     assert read[:, 0] == pytest.approx([254, np.nan, 0, 50, 0], nan_ok=True)
     assert read[4, 1] == 254
-    long = RegisterMap("table 2").encode(readings[:, 1:], close=0, open=0, operating_time=6000.0)
+    long = RegisterMap("table 2").encode(readings[:, 1:], **REST, operating_time=6000.0)
     assert not long.saturated[0, 5]
 
 
@@ -72,7 +76,7 @@ def test_a_dead_sensor_fires_no_rule_on_its_way_through_the_registers():
     for k, name in enumerate(["FP", "OP", "MC", "OT", "VPos"]):
         dead = np.array(rest)
         dead[k] = np.nan
-        packed = RegisterMap().encode(dead[:, np.newaxis], close=0, open=0)
+        packed = RegisterMap().encode(dead[:, np.newaxis], **REST)
         read = RegisterMap().decode(packed.registers).readings[:, 0]
         assert np.isnan(read).nonzero()[0].tolist() == [k]
         samples = dict(zip(["FP", "OP", "MC", "OT", "VPos"], read, strict=True))
@@ -88,7 +92,7 @@ def test_no_reading_within_its_scale_is_off_by_more_than_the_table_says():
         values = rng.uniform(0, min(100.0, table["highest"].iloc[k]), 400)
         readings = np.zeros((5, 400))
         readings[k] = values
-        back = RegisterMap().decode(RegisterMap().encode(readings, close=0, open=0).registers)
+        back = RegisterMap().decode(RegisterMap().encode(readings, **REST).registers)
         worst = np.abs(back.readings[k] - values).max()
         assert 0.45 * scale.step < worst <= scale.step / 2 + 1e-9
         assert worst < table["largest_error"].iloc[k] + 1e-9
@@ -119,13 +123,17 @@ def test_any_command_is_understood_or_refused_by_name(value, map_):
     ("make", "message"),
     [
         (lambda: RegisterMap("table 1"), "status is 'table 1'"),
-        (lambda: RegisterMap().encode(np.zeros((4, 1)), close=0, open=0), "shape"),
-        (lambda: RegisterMap().encode(np.zeros((5, 1)), close=0, open=0, fault=13), "fault is 13"),
-        (lambda: RegisterMap().encode(np.zeros((5, 2)), close=[0] * 3, open=0), "2 valves"),
-        (lambda: RegisterMap().encode([[1]] * 4 + [[1, 2]], close=0, open=0), "readings is"),
-        (lambda: RegisterMap().encode(np.zeros((5, 1)), close="no", open=0), "close is 'no'"),
-        (lambda: RegisterMap().encode(np.zeros((5, 1)), close=0, open=[2]), r"open is \[2\]"),
-        (lambda: RegisterMap().encode(np.zeros((5, 1)), close=0, open=[[0], [0, 1]]), "open is"),
+        (lambda: RegisterMap().encode(np.zeros((4, 1)), **REST), "shape"),
+        (
+            lambda: RegisterMap().encode(np.zeros((5, 1)), **REST, fault=13),
+            "fault is 13",
+        ),
+        (
+            lambda: RegisterMap().encode([[1]] * 4 + [[1, 2]], **REST),
+            "readings is",
+        ),
+        (lambda: RegisterMap().encode(np.zeros((5, 1)), close="no", open=False), "close is 'no'"),
+        (lambda: RegisterMap().encode(np.zeros((5, 1)), close=False, open=1), "open is 1"),
         (lambda: RegisterMap().decode([[0, 0, 0]]), "rows of four"),
         (lambda: RegisterMap().decode([[0, 0, 0, 0], [0]]), "registers is"),
         (lambda: RegisterMap().decode([[0, 0, 0, 65536]]), r"0\.\.65535"),

@@ -16,10 +16,9 @@ from shipnet.ballast.actuator import (
 )
 from shipnet.ballast.plant import FAULTS, Command, Fault, Plant, faulty
 from shipnet.ballast.scan import System
-from shipnet.ballast.sensors import Sensors
 from shipnet.ballast.simulation import blocks, simulate
 from shipnet.errors import ArgumentError
-from tests.ballast.nominal import normal_values
+from tests.ballast.nominal import IDEAL, normal_values
 
 OPEN = [Command("open", 1.0)]
 
@@ -65,7 +64,7 @@ def test_a_valve_goes_where_it_is_sent_within_noise_and_dead_band(targets, seed)
 
 
 def test_a_position_is_reached_when_the_integral_of_the_slowness_says():
-    run = simulate(System(sensors=Sensors.ideal()), [Command(40)], until=10)
+    run = simulate(System(sensors=IDEAL), [Command(40)], until=10)
     openings = 0.4 * (np.arange(20_000) + 0.5) / 20_000
     expected = 0.4 * np.mean(1 / velocity(Actuator(), openings))
     assert run.strokes()["duration_s"][0] == pytest.approx(expected, 1e-4)
@@ -86,7 +85,7 @@ def test_a_healthy_valve_shows_the_normal_values_while_it_moves_and_nothing_at_r
 
 
 def test_dvpos_is_known_only_while_the_motor_has_run_for_the_whole_window():
-    run = simulate(System(sensors=Sensors.ideal()), OPEN, until=20)
+    run = simulate(System(sensors=IDEAL), OPEN, until=20)
     known = ~np.isnan(run.DVPos[:, 0])
     on = run.time[run.running[:, 0]]
     assert run.time[known].min() == pytest.approx(on.min() + 1.0)
@@ -97,7 +96,7 @@ def test_dvpos_is_known_only_while_the_motor_has_run_for_the_whole_window():
 
 def test_a_new_direction_begins_a_new_window():
     orders = [Command("open"), Command("close", 4.0)]
-    run = simulate(System(sensors=Sensors.ideal()), orders, until=8)
+    run = simulate(System(sensors=IDEAL), orders, until=8)
     known = ~np.isnan(run.DVPos[:, 0])
     assert not known[(run.time >= 4.0) & (run.time < 4.95)].any()
     assert run.strokes()["outcome"].tolist() == ["replaced", "limit"]
@@ -157,8 +156,8 @@ def test_an_idle_day_is_one_reading_a_second_and_events_are_not_missed():
 
 
 def test_the_temperature_follows_its_exponentials():
-    quick = simulate(System(sensors=Sensors.ideal()), OPEN, until=400)
-    slow = simulate(System(sensors=Sensors.ideal()), OPEN, until=400, idle_step=60)
+    quick = simulate(System(sensors=IDEAL), OPEN, until=400)
+    slow = simulate(System(sensors=IDEAL), OPEN, until=400, idle_step=60)
     assert quick.samples["OT"][-1, 0] == pytest.approx(slow.samples["OT"][-1, 0], abs=1e-9)
     start = float(steady_temperature(Actuator()))
     # Heat of a stroke, less what 10.5 s at 5 K over the surroundings give off.
@@ -173,7 +172,7 @@ def test_the_temperature_follows_its_exponentials():
 @pytest.mark.parametrize("code", FAULTS)
 def test_severity_0_is_healthy_to_the_last_bit_and_1_is_not(code):
     def run(faults):
-        return simulate(System(sensors=Sensors.ideal()), OPEN, until=14, faults=faults)
+        return simulate(System(sensors=IDEAL), OPEN, until=14, faults=faults)
 
     healthy, none, sick = (run(f) for f in ([], [Fault(code, 0.0)], [Fault(code)]))
     assert np.array_equal(healthy.readings, none.readings)
@@ -215,7 +214,7 @@ def test_a_fault_meets_the_antecedent_of_its_own_rule_and_a_healthy_valve_does_n
 
 def test_a_fault_begins_at_its_time_on_its_valves_with_its_severity():
     fault = Fault("G1", [0.2, 1.0], start=3.0, valves=[3, 1])
-    run = simulate(System(3, sensors=Sensors.ideal()), until=6, faults=[fault])
+    run = simulate(System(3, sensors=IDEAL), until=6, faults=[fault])
     before, after = run.samples["FP"][run.time < 2.95], run.samples["FP"][run.time > 2.95]
     assert (before == 0).all()
     assert after[0].tolist() == [125.0, 0.0, 25.0]
@@ -223,7 +222,7 @@ def test_a_fault_begins_at_its_time_on_its_valves_with_its_severity():
 
 def test_a_fault_ends_at_its_time():
     fault = Fault("G1", start=2.0, stop=4.0)
-    run = simulate(System(sensors=Sensors.ideal()), until=6, faults=fault)
+    run = simulate(System(sensors=IDEAL), until=6, faults=fault)
     wrong = run.samples["FP"][:, 0] > 0
     assert wrong.tolist() == [1.95 < t < 3.95 for t in run.time]
 
@@ -252,7 +251,7 @@ def test_the_motor_time_stops_a_valve_that_does_not_arrive():
 
 def test_a_command_that_asks_for_what_is_so_starts_no_motor():
     orders = [Command("close"), Command(0.3, 1.0), Command("stop", 2.0)]
-    run = simulate(System(sensors=Sensors.ideal()), orders, until=4)
+    run = simulate(System(sensors=IDEAL), orders, until=4)
     assert not run.running.any()
     assert run.strokes().empty
 

@@ -91,8 +91,7 @@ def requests(system, duration, phase, faults):
                     if what == "served":
                         break
                 if what == "served":
-                    if system.switch_rule == "stay":
-                        favourite = channel
+                    favourite = channel
                     break
             tick += ns(system.poll_period)
             while tick < now:

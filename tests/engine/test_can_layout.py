@@ -68,13 +68,11 @@ def test_a_box_of_switches_alone_and_one_of_values_alone():
 
 
 def test_what_does_not_fit_is_refused():
-    layout = CanLayout(POINTS, 8)
     many = [Point(f"P{k}", f"B{k}", "switch", "logic") for k in range(8)]
     for action, message in (
         (lambda: CanLayout(POINTS, 17), "bits is 17"),
         (lambda: CanLayout([]), "points are empty"),
         (lambda: CanLayout(many), "there are 8 boxes"),
-        (lambda: layout.volume([10]), "bit_rates is 10"),
     ):
         with pytest.raises(ArgumentError, match=message):
             action()

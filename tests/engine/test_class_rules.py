@@ -148,16 +148,11 @@ def test_what_is_no_description_is_refused():
         (lambda: Description(POINTS, poll=1), "poll is 1"),
         (lambda: Description(POINTS, routes={"1": ("a",)}), "routes must name"),
         (lambda: Redundancy(POINTS, cpus=5), "cpus is 5"),
-        (lambda: Description(POINTS, protocols=["CAN", ""]), "protocols hold ''"),
-        (lambda: Description(POINTS, protocols=("CAN", 5)), "protocols hold 5"),
-        (lambda: Description(POINTS, links={"1": "JB1"}), "links of '1' is 'JB1'"),
-        (lambda: Description(POINTS, links=("1", "2")), r"links is \('1', '2'\)"),
+        (lambda: Description(POINTS, protocols=("CAN", 5)), "one of protocols is 5"),
+        (lambda: Description(POINTS, links={"1": "JB1"}), "each link must have a tuple"),
+        (lambda: Description(POINTS, links=("1", "2")), "one of links is '1'"),
         (lambda: Description(POINTS, links={}), r"links is \{\}"),
-        (lambda: Description(POINTS, links={"1": ("JB1", None)}), "links of '1' hold None"),
-        (
-            lambda: Description(POINTS, links={"1": ("JB1",)}, routes={"1": "port"}),
-            "routes of '1' is 'port'",
-        ),
+        (lambda: Description(POINTS, routes={"1": "port"}), "each link must have a tuple"),
     ):
         with pytest.raises(ArgumentError, match=message):
             action()

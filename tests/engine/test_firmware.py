@@ -103,7 +103,6 @@ def test_a_cpu_does_one_thing_at_a_time_and_loses_no_work():
         (lambda: Firmware(receive=float("nan")), "receive is nan"),
         (lambda: Firmware(processing=0), "processing is 0"),
         (lambda: Firmware().conversion_time(-1), r"n_analogue is -1.*0\.\.1000"),
-        (lambda: Firmware(holds_cpu=None), "holds_cpu is None"),
         (lambda: simulate(System(), until=1).timeline(0, None), "stop is None"),
         (lambda: simulate(System(), until=1).timeline(1, 1), "stop is 1 s"),
     ],

@@ -3,9 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipnet.engine.can_layout import CanLayout
 from shipnet.engine.points import Point, read_points
-from shipnet.engine.registers import AGE_STEP, CODINGS, CORRECTED, Coding, RegisterMap
+from shipnet.engine.registers import CODINGS, Coding, RegisterMap
 from shipnet.engine.system import System
 from shipnet.errors import ArgumentError
 from shipnet.modbus.polling import Poll
@@ -14,6 +13,7 @@ from shipnet.modbus.uart import SerialLine
 POINTS = read_points()
 LOW, HIGH = (np.array([getattr(point, end) for point in POINTS]) for end in ("low", "high"))
 ANALOGUE = np.array([point.analogue for point in POINTS])
+CORRECTED = CODINGS["corrected: decimal, 0x8000"]
 CODING = pytest.mark.parametrize("coding", CODINGS.values(), ids=CODINGS)
 
 
@@ -27,8 +27,8 @@ def readings(rng, rows):
 CLIPPED = {
     coding.name: coding
     for coding in (
-        Coding("8 bit of whole units", 1.0, 0xFF, bits=8, signed=False),
-        Coding("unsigned, 0 is the mark", 1.0, 0, signed=False),
+        Coding("8 bit and sign", 1.0, 0xFF, bits=9),
+        Coding("0 is the mark", 1.0, 0, bits=10),
         Coding("7 bit and sign", 1.0, 0xFF80, bits=8),
     )
 }
@@ -78,64 +78,45 @@ def test_the_decimal_step_is_within_a_thousandth_of_the_span():
 
 
 @pytest.mark.parametrize("coding", ["tenths, 0xFFFF", "corrected: decimal, 0x8000"])
-@pytest.mark.parametrize("aged", [False, True])
-def test_what_the_map_encodes_it_decodes(coding, aged):
+def test_what_the_map_encodes_it_decodes(coding):
     rng = np.random.default_rng(7)
     values = readings(rng, 50)
     failed = rng.random((50, 99)) < 0.1
-    layout = RegisterMap(POINTS, CODINGS[coding], aged)
-    ages = rng.random((50, len(layout.frames))) * 5
-    registers = layout.encode(values, failed, ages=ages)
-    assert registers.shape == (50, len(layout)) == (50, 99 + 22 * aged)
+    layout = RegisterMap(POINTS, CODINGS[coding])
+    registers = layout.encode(values, failed)
+    assert registers.shape == (50, len(layout)) == (50, 99)
     read = layout.decode(registers)
-    near = np.abs(read.values - values)[~failed & ~np.isnan(read.values)]
+    near = np.abs(read - values)[~failed & ~np.isnan(read)]
     assert near.max() <= 0.05 + 1e-9
-    assert np.isnan(read.values)[failed].all()
+    assert np.isnan(read)[failed].all()
     if coding.startswith("corrected"):
-        assert (np.isnan(read.values) == failed).all()
-    assert read.ages.shape == ages.shape
-    assert (read.ages >= ages - 1e-9).all() and (read.ages - ages < AGE_STEP).all()
+        assert (np.isnan(read) == failed).all()
 
 
 def test_sizes_and_requests_of_the_maps():
-    corrected = RegisterMap.corrected(POINTS)
-    # 99 values, and the ages of 10, 5 and 7 frames.
-    assert len(corrected) == 99 + 10 + 5 + 7 == System.corrected().registers
-    assert [len(m.requests()) for m in (RegisterMap(POINTS), corrected)] == [1, 1]
-    line = SerialLine(9600)
-    times = [Poll(m.requests()[0], line).time for m in (RegisterMap(POINTS), corrected)]
-    assert times[0] == pytest.approx(249.79e-3, abs=5e-6)
-    assert times[1] == pytest.approx(times[0] + 22 * 2 * 11 / 9600)
+    assert len(RegisterMap(POINTS)) == System().registers == 99
+    # The corrected system also sends the ages of 10, 5 and 7 frames.
+    assert System.corrected().registers == 99 + 10 + 5 + 7
+    (request,) = RegisterMap(POINTS).requests()
+    assert Poll(request, SerialLine(9600)).time == pytest.approx(249.79e-3, abs=5e-6)
     many = [Point(f"P{k}", "B", "4-20 mA", "pressure", 0, 1) for k in range(251)]
     asked = [(r.address, r.quantity) for r in RegisterMap(many).requests()]
     assert asked == [(0, 125), (125, 125), (250, 1)]
 
 
-def test_the_table_names_every_point_once_and_then_the_frames_of_its_box():
-    table = RegisterMap.corrected(POINTS).table()
-    assert table.index.tolist() == list(range(121))
-    assert table.holds[:99].tolist() == [point.tag for point in POINTS]
-    assert table.box[:99].tolist() == [point.box for point in POINTS]
-    messages = CanLayout(POINTS).messages()
-    assert table.holds[99:].tolist() == [f"age of {message.name}" for message in messages]
-    assert table.box[99:].tolist() == [message.sender for message in messages]
-
-
-def test_an_old_value_is_never_called_younger():
-    layout = RegisterMap.corrected(POINTS)
-    for age, shown in ((0.3, 0.3), (0.30001, 0.4), (1e9, 6553.5), (np.inf, 6553.5)):
-        read = layout.decode(layout.encode(LOW, ages=age))
-        assert read.ages == pytest.approx(shown)
+def test_the_table_names_every_point_once():
+    table = RegisterMap(POINTS).table()
+    assert table.index.tolist() == list(range(99))
+    assert table.holds.tolist() == [point.tag for point in POINTS]
+    assert table.box.tolist() == [point.box for point in POINTS]
 
 
 def test_what_no_box_has_is_refused():
-    layout = RegisterMap(POINTS)
     for action, message in (
         (lambda: Coding("x", 0.0, 255), "step is 0"),
         (lambda: Coding("x", "half", 255), "step is 'half'"),
         (lambda: Coding("x", 1, 65536), "error is 65536"),
         (lambda: Coding("x", 1, 255, bits=17), "bits is 17"),
-        (lambda: Coding("x", 1, 255, signed=1), "signed is 1"),
         (lambda: CORRECTED.encode(POINTS, LOW[1:]), r"shape \(98,\)"),
         (lambda: CORRECTED.encode(POINTS, LOW, 1), "failed is 1"),
         (lambda: CORRECTED.encode(POINTS, LOW, [True, False]), "failed has shape"),
@@ -143,11 +124,6 @@ def test_what_no_box_has_is_refused():
         (lambda: CORRECTED.decode(POINTS, [65536] * 99), "out of range"),
         (lambda: RegisterMap([]), "points are empty"),
         (lambda: RegisterMap(POINTS, "tenths"), "coding is 'tenths'"),
-        (lambda: RegisterMap(POINTS, ages=1), "ages is 1"),
-        (lambda: layout.decode([0] * 98), r"shape \(98,\)"),
-        (lambda: layout.encode(LOW, ages=-1), "ages are -1"),
-        (lambda: layout.encode(LOW, ages=np.nan), "ages are nan"),
-        (lambda: layout.encode(LOW, ages=[1.0, 2.0]), "ages have shape"),
     ):
         with pytest.raises(ArgumentError, match=message):
             action()

@@ -50,7 +50,6 @@ FIRMWARE = st.builds(
     st.sampled_from([0.4e-3, 1e-3]),
     receive=st.sampled_from([1e-9, 50e-6, 400e-6]),
     processing=st.sampled_from([1e-6, 5e-3, 60e-3]),
-    holds_cpu=st.booleans(),
 )
 SHARED = {
     "firmware": FIRMWARE,
@@ -59,7 +58,6 @@ SHARED = {
     "topology": st.sampled_from(["line", "ring"]),
     "serial": st.sampled_from([SerialLine(9600), SerialLine(19200)]),
     "retries": st.integers(0, 2),
-    "switch_rule": st.sampled_from(["stay", "return"]),
     "stale_limit": st.sampled_from([0.3, 0.6, 1.1]),
     "poll_period": st.sampled_from([0.4, 0.7, 1.0]),
 }

@@ -50,7 +50,7 @@ def test_overlaps_are_those_that_the_ends_of_the_intervals_have(method):
                 (a_in_b, b_in_a), "overlap"
             )
             expected.append([a.code, b.code, relation])
-    assert BASE.overlaps(method).table().to_numpy().tolist() == expected
+    assert BASE.overlaps(method).to_numpy().tolist() == expected
 
 
 @pytest.mark.parametrize("method", ["crisp", "midpoint"])
@@ -100,10 +100,10 @@ def test_a_point_between_two_terms_is_a_cell_of_its_own():
     base = RuleBase((variable,), rules)
     assert base.regions()["fired"].tolist() == ["A", "A B", "B"]
     same = RuleBase((variable,), (rules[0], Rule("B", (("X", "low"),), 2)))
-    assert same.overlaps().table()["relation"].tolist() == ["equal"]
+    assert same.overlaps()["relation"].tolist() == ["equal"]
     apart = Term("high", (2, 3, INF, INF), "x > 2")
     base = RuleBase((Variable("X", "", 0, 4, (step, apart)),), rules)
-    assert not base.overlaps() and base.overlaps().table().empty
+    assert base.overlaps().empty
 
 
 RIGHT = {

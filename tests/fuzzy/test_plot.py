@@ -60,8 +60,7 @@ def test_strengths_that_are_not_a_matrix_are_not_drawn(ax):
 
 
 def test_overlaps_are_drawn_as_shares_and_subsets_are_marked(ax):
-    overlaps = BASE.overlaps()
-    assert overlaps.plot(ax=ax) is ax
+    assert BASE.plot_overlaps(ax=ax) is ax
     texts = {text.get_position(): text.get_text() for text in ax.texts}
     codes = list(BASE.codes)
     place = {code: number for number, code in enumerate(codes)}
