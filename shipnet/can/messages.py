@@ -40,7 +40,7 @@ from shipnet.fields import (
     whole,
 )
 from shipnet.lazy import pd
-from shipnet.tables import NUMBER, Sheet, frame_sheet, parse_sheet, read_bytes, read_sheet, text_of
+from shipnet.tables import NUMBER, Sheet, parse_sheet, read_bytes, read_sheet, text_of
 
 T = TypeVar("T")
 
@@ -305,19 +305,6 @@ class MessageSet(Named[Message]):
             columns[column] = [nanoseconds(t) / 1e6 for t in values] if field in TIMES else values
         index = pd.Index(self.names, name="name", dtype=object)
         return pd.DataFrame(columns, index=index).astype({"bits": "Int64", "sender": object})
-
-    @classmethod
-    def from_table(cls, table: pd.DataFrame) -> MessageSet:
-        """Return the set described by a table with the columns of `table`, or some of them.
-
-        A missing value takes its default. One error reports all faults of the table.
-        """
-        if table.index.name == "name" and "name" not in table:
-            table = table.reset_index()
-        try:
-            return _from_sheet(frame_sheet(table), {}, None)
-        except InputError as error:
-            raise ArgumentError(str(error)) from None
 
     @classmethod
     def parse(cls, text: str) -> MessageSet:

@@ -515,21 +515,9 @@ def _solve(bus: Bus, place: int, errors: ErrorBound) -> _Solved:
 
 
 class Assignment(NamedTuple):
-    """A priority order, and whether it is feasible; `audsley` returns it.
+    """Messages in a priority order, and whether that meets all deadlines.
 
-    Attributes
-    ----------
-    messages : MessageSet
-        The messages, with identifiers in that order.
-    feasible : bool
-        Whether all deadlines are met.
-    unplaced : tuple of str
-        Names of the messages of which none can have the lowest priority; empty if feasible.
-
-    Examples
-    --------
-    >>> audsley(MessageSet([Message("A", 1, 8, 1e-3), Message("B", 2, 8, 2e-3)]), 250e3)
-    Assignment(messages=MessageSet(2 messages: A, B), feasible=False, unplaced=('A',))
+    `unplaced` names messages of which none can have the lowest priority; it is empty if feasible.
     """
 
     messages: MessageSet

@@ -39,24 +39,10 @@ def line_faults(faults: Faults) -> tuple[Fault, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """The slaves that each port of a master reaches; `Loop` and `DualChannel` have a `reach`.
+    """The slaves that each port of a master reaches.
 
-    Parameters
-    ----------
-    n_slaves : int
-        Number of slaves.
-    last_a : int
-        Last slave that port A reaches, 0 if none.
-    first_b : int
-        First slave that port B reaches, n_slaves + 1 if none.
-    dead : frozenset of int
-        Slaves that do not answer.
-
-    Examples
-    --------
-    >>> reach = Reach(5, last_a=2, first_b=4, dead=frozenset({5}))
-    >>> reach.through_a, reach.through_b, reach.lost
-    ([1, 2], [4], [3, 5])
+    They are 1 to `last_a` through port A, and `first_b` to `n_slaves` through port B, without those
+    that are `dead`.
     """
 
     n_slaves: int

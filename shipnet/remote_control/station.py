@@ -9,10 +9,10 @@ from typing import NamedTuple
 from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.remote_control.faults import HOPS
 from shipnet.remote_control.packet_format import Items
 from shipnet.remote_control.ring_buffer import Ring, bytes_of
 from shipnet.remote_control.system import Counter, System
-from shipnet.remote_control.values import HOPS
 
 
 @checked
@@ -122,7 +122,7 @@ class Station:
         self.partner = "RCS"
         #: The stations on its lines, in the order of a cycle.
         self.partners = tuple(target for source, target in HOPS if source == name)
-        self.ring = Ring(system.ring_size, system.ring_rule)
+        self.ring = Ring(system.ring_size, "intended")
         self.parser = system.packet_format.parser()
         self.counters = {other: Counter(system.rule(name)) for other in self.partners}
         self.senders = {other: Sender(system.n_items, system.repeat) for other in self.partners}

@@ -90,8 +90,8 @@ def test_a_slave_has_a_device_or_tables():
         modbus.Slave(modbus.Slave(coils=[1]).device, input_registers=[1])
     slave = modbus.Slave(input_registers=[7, 8])
     slave.device.input_registers[0] = 9
-    found = modbus.answer({1: slave}, modbus.Adu(1, modbus.Request.read_input_registers(0, 2)))
-    assert modbus.Response.parse(found.pdu).registers == (9, 8)
+    found = slave.answer(modbus.Request.read_input_registers(0, 2))
+    assert modbus.Response.parse(found).registers == (9, 8)
 
 
 def test_slaves_and_servers_say_in_one_line_what_they_are():

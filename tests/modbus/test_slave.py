@@ -194,7 +194,6 @@ def test_a_normal_response_comes_for_legal_requests_only(function, rest):
         (lambda: Slave(device(), functions=3), "functions is 3"),
         (lambda: Slave(device(), exception=7), "exception is 7"),
         (lambda: Slave(device(), silent=1), "silent is 1"),
-        (lambda: setattr(Slave(device()), "delay", "1"), "delay is '1'"),
         (lambda: DeviceError(9), "exception is 9"),
         (lambda: Slave(coils=[2]), r"coils\[0\] is 2"),
         (lambda: Slave(holding_registers=[-1]), r"registers\[0\] is -1"),

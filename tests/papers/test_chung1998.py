@@ -18,10 +18,10 @@ from shipnet.remote_control import (
     simulate,
     switch_delays,
 )
-from shipnet.remote_control.faults import LostPacket, Stall
+from shipnet.remote_control.experiment import candidates
+from shipnet.remote_control.faults import HOPS, STATIONS, LostPacket, Stall
 from shipnet.remote_control.ring_buffer import case_of
 from shipnet.remote_control.system import BIT_RATES
-from shipnet.remote_control.values import HOPS, STATIONS
 
 
 def test_no_claim_is_open():
@@ -173,11 +173,9 @@ def test_with_the_search_a_repair_gives_up_a_packet_more_at_most():
 
 
 def test_a_crc_is_recommended_for_one_datum_too():
-    table = recommend(1).candidates().query("check == 'markers'")
+    table = candidates(1, System(), 1e-5, 3.0).query("check == 'markers'")
     assert not table["errors_ok"].any()
     assert "CRC" in recommend(1).check
-    # It stays so if a hundred wrong packets a year are accepted.
-    assert "CRC" in recommend(1, wrong_per_year=100).check
 
 
 def test_what_a_lost_packet_costs_depends_on_how_often_the_value_moves():

@@ -382,7 +382,7 @@ def test_the_trace_of_a_byte_stuffed_packet_names_its_zeros():
 @given(items=ITEMS)
 def test_a_trace_has_a_row_per_byte_and_ends_where_the_packet_does(form, items):
     packet = form.encode(items)
-    found = form.trace(packet, start=5, size=16)
+    found = form.trace(packet, start=5)
     assert len(found) == len(packet)
     assert found.taken_as.iloc[-1] in ("end of the packet", "CRC")
     assert (found.taken_as.str.startswith("number")).sum() == len(items)

@@ -15,12 +15,11 @@ from shipnet.lazy import pd
 from shipnet.papers.chung1998.usart import Status, Usart, send
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.experiment import switch_staleness
-from shipnet.remote_control.faults import DeadStation, LostPacket
+from shipnet.remote_control.faults import HOPS, STATIONS, DeadStation, Hop, LostPacket
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.simulation import Change, simulate, switch_delays
 from shipnet.remote_control.station import Sender
-from shipnet.remote_control.system import BIT_RATES, Supervision, System
-from shipnet.remote_control.values import HOPS, STATIONS, VALUES, Hop
+from shipnet.remote_control.system import BIT_RATES, VALUES, Supervision, System
 
 #: The printed parameters by name: `chung1998_parameters.csv`.
 _TABLE = datasets.read("chung1998_parameters.csv")

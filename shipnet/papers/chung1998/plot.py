@@ -14,8 +14,9 @@ from shipnet.lazy import pd
 from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings
 from shipnet.papers.plot import diagrams, fields
 from shipnet.papers.registry import drawing
+from shipnet.remote_control.faults import HOPS
 from shipnet.remote_control.packet import MarkerFormat
-from shipnet.remote_control.values import HOPS, values_on
+from shipnet.remote_control.system import values_on
 
 if TYPE_CHECKING:
     from shipnet.remote_control.simulation import Run
