@@ -321,6 +321,7 @@ def test_the_basis_is_what_a_function_calls(basis, imported, function):
 
 @pytest.mark.parametrize("claim", REGISTRY)
 def test_the_basis_in_the_list_is_what_the_claim_calls(claim):
+    _ = REGISTRY[claim].value  # a cache that hides the model the second time hides it here too
     assert BASES[claim] == basis_of(REGISTRY[claim])
 
 
