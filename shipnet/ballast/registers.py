@@ -83,7 +83,7 @@ SCALES = (
 def whole_steps(
     values: Floats, highest: npt.ArrayLike, missing: npt.ArrayLike | None = None
 ) -> tuple[Integers, Bools]:
-    """Return values as whole numbers that fit, and which did not."""
+    """Return values as whole numbers within range, and which were outside."""
     unknown = np.isnan(values)
     rounded = np.rint(np.where(unknown, highest, values))
     kept = np.minimum(np.maximum(rounded, 0), highest)
@@ -141,7 +141,7 @@ class Status(NamedTuple):
 @checked
 @record(slots=True)
 class RegisterMap:
-    """A reading of Tables 2 and 3.
+    """An interpretation of Tables 2 and 3.
 
     Examples
     --------
@@ -189,7 +189,7 @@ class RegisterMap:
         return Packed(registers.T.astype(np.uint16), saturated.T)
 
     def decode(self, registers: npt.ArrayLike) -> Status:
-        """Return the statuses that rows of four registers hold."""
+        """Return the statuses that rows of four registers contain."""
         rows = np.asarray(registers)
         if rows.ndim != 2 or rows.shape[1] != N_REGISTERS or rows.dtype.kind not in "iu":
             raise ArgumentError("registers must be rows of four whole numbers")

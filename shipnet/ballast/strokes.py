@@ -38,7 +38,7 @@ HEALTHY = "healthy"
 #: Points per stroke. The actuator has stopped by `_STOPPED`; the supply runs until `_HELD`.
 POINTS, _STOPPED, _HELD = 600, 200, 250
 
-#: Parts of the way: for speed and pressures in motion, and for bursts, common at the ends.
+#: Parts of the travel: for speed and pressures in motion, and for bursts, common at the ends.
 _STEADY, _INNER = (0.2, 0.8), (0.25, 0.8)
 
 #: Points of the running median above which a burst is measured, and the value added before the
@@ -97,7 +97,7 @@ class Strokes:
 
     @cached_property
     def way(self) -> Floats:
-        """The part of the way that is done at each point, shape (n, 600); NaN without movement."""
+        """Fraction of the travel completed at each point, shape (n, 600); NaN without movement."""
         angle = self.values[..., 0].astype(float)
         span = (np.median(angle[:, -_STOPPED:], axis=1) - angle[:, 0])[:, np.newaxis]
         moved, way = span != 0, np.full_like(angle, np.nan)
@@ -107,8 +107,8 @@ class Strokes:
     def table(self) -> pd.DataFrame:
         """Return one row of features per stroke, in points and raw counts.
 
-        ``opening`` says whether the angle rose. ``dead_time`` lasts until 2 % of the way,
-        ``stroke_time`` from 5 to 95 %. From 20 to 80 % of the way: the median difference of the two
+        ``opening`` says whether the angle rose. ``dead_time`` lasts until 2 % of the travel,
+        ``stroke_time`` from 5 to 95 %. From 20 to 80 %: the median difference of the two
         chamber pressures, ``moving_difference``; the ``roughness`` of the speed; and the median of
         each ``vibration``, a decimal logarithm. A ``burst`` is its largest excess over the
         surroundings between 25 and 80 %, at ``burst_place``. At rest: the ``holding_pressure``, its
@@ -131,7 +131,7 @@ class Strokes:
         inner = moves & (way > _INNER[0]) & (way < _INNER[1])
 
         def reached(share: float) -> Floats:
-            """Return when a part of the way is done, interpolated between points."""
+            """Return when this fraction of the travel is completed, interpolated between points."""
             after = np.maximum((way >= share).argmax(axis=1), 1)
             before, now = way[every, after - 1], way[every, after]
             return np.asarray(after - 1 + (share - before) / (now - before))
@@ -272,7 +272,6 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
     seal. Each stroke of 3000 samples was reduced to 600 points, the mean of five samples or, for
     accelerations, ten times their standard deviation. Values are raw counts; units and sampling
     period are not published.
-
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""How good the diagnosis is: trials with each fault, false alarms, and a fleet watched for a day.
+"""The quality of the diagnosis: trials with each fault, false alarms, and a fleet over time.
 
 The faults are those of our own simulator and are made to fit the rules: a high rate verifies the
 code, it does not validate the method.
@@ -276,7 +276,7 @@ def false_alarms(
     methods: str | Iterable[str] = METHODS,
     rng: Any,
 ) -> pd.DataFrame:
-    """Let healthy valves work, and count the faults reported for them.
+    """Operate healthy valves, and count the faults reported for them.
 
     Parameters
     ----------
@@ -528,7 +528,7 @@ def run_fleet(
     until : float, default 86400
         End time, up to 1e8 [s].
     rng : Generator, int or None, optional
-        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; no noise if omitted.
+        Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
     idle_step : float, default 1
         Time between two readings while no motor runs; it is 0.1 s while one does [s].
 

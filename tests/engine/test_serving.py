@@ -115,7 +115,7 @@ def test_a_box_that_was_never_heard_has_no_values():
 def test_what_cannot_be_served_is_refused():
     for action, message in (
         (lambda: serve(System.corrected()), "coding is 'corrected'"),
-        (lambda: serve(faults=LostCanFrames("JB2")), "losses at random"),
+        (lambda: serve(faults=LostCanFrames("JB2")), "random losses"),
         (lambda: serve(faults=DeadBox("JB9")), "where is 'JB9'"),
         (lambda: serve(speed=-1), "speed is -1"),
     ):
