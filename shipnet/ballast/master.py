@@ -196,22 +196,9 @@ class Screen:
 class MasterRun:
     """What a master received from its valves, as `simulate` returns it for a system with a poll.
 
-    Parameters
-    ----------
-    n_valves : int
-        Number of valves; their unit ids count from 1.
-    poll : Poll
-        The poll of their line.
-    registers : RegisterMap
-        How the statuses are decoded.
-    duration : float
-        End time [s].
-    shown : list of Shown
-        Statuses in the order in which they arrived.
-    writes : list of Write
-        Commands in the order in which they were sent.
-    tries : list of tuple
-        Polls: start, valve counted from 0, port, kind, answered.
+    It has the statuses `shown`, the commands as `writes` and the polls as `tries`, each in order of
+    time, and ends at `duration` [s]. A poll has start, valve counted from 0, port, kind, and
+    whether it was answered.
 
     Examples
     --------
@@ -237,10 +224,11 @@ class MasterRun:
     @cached_property
     def answers(self) -> pd.DataFrame:
         """One row per status: ``unit``, ``read_s``, ``shown_s``, readings, flags, ``fault``."""
-        unit, read, time = self._columns
+        rows = [(status.unit, status.read, status.time) for status in self.shown]
+        table = pd.DataFrame(rows, columns=["unit", "read_s", "shown_s"])
         words = np.array([s.registers for s in self.shown], np.int64).reshape(-1, 4)
-        table = pd.DataFrame({"unit": unit, "read_s": read, "shown_s": time})
-        return table.join(self.registers.decode(words).table())
+        status = self.registers.decode(words).table()
+        return table.astype({"unit": int, "read_s": float, "shown_s": float}).join(status)
 
     @cached_property
     def commands(self) -> pd.DataFrame:
@@ -248,17 +236,11 @@ class MasterRun:
         rows = [(w.unit, f"0x{w.value:04X}", w.time, w.end, w.outcome) for w in self.writes]
         return pd.DataFrame(rows, columns=["unit", "value", "sent_s", "free_s", "outcome"])
 
-    @cached_property
-    def _columns(self) -> tuple[Integers, Floats, Floats]:
-        unit = np.array([s.unit for s in self.shown], np.int64)
-        times = np.array([(s.read, s.time) for s in self.shown], float).reshape(-1, 2)
-        return unit, times[:, 0], times[:, 1]
-
     def ages(self, times: npt.ArrayLike) -> Floats:
         """Return the age of the status shown for each valve, shape (n_times, n_valves) [s]."""
         looked = np.atleast_1d(np.asarray(times, float))
         last = self._last(looked)
-        read = np.append(self._columns[1], -np.inf)
+        read = np.append(self.answers["read_s"], -np.inf)
         return np.asarray(looked[:, np.newaxis] - read[last])
 
     @property
@@ -313,7 +295,7 @@ class MasterRun:
 
     def _last(self, times: Floats) -> Integers:
         """Return the place of the status shown for each valve; past the end if there is none."""
-        unit, _, shown = self._columns
+        unit, shown = (self.answers[name].to_numpy() for name in ("unit", "shown_s"))
         found = np.full((times.size, self.n_valves), len(self.shown))
         for k in range(self.n_valves):
             mine = np.flatnonzero(unit == k + 1)

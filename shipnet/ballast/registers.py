@@ -124,7 +124,6 @@ class Status(NamedTuple):
     """A status that a master has read."""
 
     readings: Floats
-    manual: Bools
     auto: Bools
     close: Bools
     open: Bools
@@ -203,8 +202,9 @@ class RegisterMap:
             fault, ticks = words[0] >> 4 & 0xF, words[1]
         else:
             fault, ticks = words[1] >> 8, words[1] & 0xFF
-        manual, auto, close, opened = ((bits >> place & 1).astype(bool) for place in range(4))
-        return Status(readings, manual, auto, close, opened, fault, ticks * _TIME_STEP)
+        # The first bit, Manual, is the opposite of Auto.
+        auto, close, opened = ((bits >> place & 1).astype(bool) for place in (1, 2, 3))
+        return Status(readings, auto, close, opened, fault, ticks * _TIME_STEP)
 
     def command(self, code: Code, position: int = 0) -> int:
         """Return the value of the command register."""

@@ -199,7 +199,6 @@ class Strokes:
         reference: Strokes | None = None,
         *,
         judges: Mapping[str, Judge] | None = None,
-        confidence: float = 0.95,
     ) -> pd.DataFrame:
         """Return how many strokes of each actuator are reported by rules that never saw it.
 
@@ -209,9 +208,9 @@ class Strokes:
         own strokes, and returns which to report.
 
         Indexed by ``method``, ``report`` (a flag of the rules, or any), ``actuator`` and
-        ``condition``: ``strokes``, those ``reported``, and their share ``rate`` with its interval
-        ``low`` to ``high``. For healthy strokes the rate is that of false alarms. A stroke without
-        movement is reported.
+        ``condition``: ``strokes``, those ``reported``, and their share ``rate`` with its 95 %
+        interval ``low`` to ``high``. For healthy strokes the rate is that of false alarms. A stroke
+        without movement is reported.
         """
         others = dict(judges or {})
         source = reference if reference is not None else _shipped()
@@ -239,7 +238,7 @@ class Strokes:
             ]
         index = ["method", "report", "actuator", "condition"]
         table = pd.DataFrame(rows, columns=[*index, "strokes", "reported"])
-        low, high = share_interval(table["reported"], table["strokes"], confidence=confidence)
+        low, high = share_interval(table["reported"], table["strokes"])
         table = table.assign(rate=table["reported"] / table["strokes"], low=low, high=high)
         return table.set_index(index).sort_index()
 

@@ -161,11 +161,11 @@ class Trials:
 
 @checked
 def fault_trials(
-    codes: str | Iterable[str] = (NORMAL, *FAULTS),
+    codes: Iterable[str] = (NORMAL, *FAULTS),
     *,
     n_valves: int = 256,
     severity: npt.ArrayLike = 1.0,
-    methods: str | Iterable[str] = METHODS,
+    methods: Iterable[str] = METHODS,
     rng: Any,
 ) -> Trials:
     """Let valves with each fault open and close once, and diagnose them.
@@ -260,8 +260,8 @@ def _diagnosed(runs: Iterable[Run], methods: Iterable[str]) -> Iterator[dict[str
         yield found
 
 
-def _some(name: str, words: str | Iterable[str], known: Collection[str]) -> list[str]:
-    given = [words] if isinstance(words, str) else list(words)
+def _some(name: str, words: Iterable[str], known: Collection[str]) -> list[str]:
+    given = list(words)
     if not given:
         raise ArgumentError(f"{name} is empty; it must have one or more")
     return [check_choice(f"one of {name}", word, known) for word in given]
@@ -273,7 +273,7 @@ def false_alarms(
     *,
     until: float = 3600.0,
     period: float = 600.0,
-    methods: str | Iterable[str] = METHODS,
+    methods: Iterable[str] = METHODS,
     rng: Any,
 ) -> pd.DataFrame:
     """Operate healthy valves, and count the faults reported for them.

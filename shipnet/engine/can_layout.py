@@ -32,8 +32,6 @@ _ID_STEP, _HIGHEST_ID = 0x100, 0x7FF
 class CanLayout:
     """Which CAN frame contains which point: box k sends identifiers from 0x100 k up, k = 1..7.
 
-    Notes
-    -----
     The identifiers, and so the priorities, are assumed: JB1 before JB2 before JB3. If `bits` does
     not divide 64, some values lie in two frames; `table` shows which.
 

@@ -47,8 +47,6 @@ class Redundancy:
     A box works as long as at least one of its supplies and one of its processors work; otherwise
     its points are lost.
 
-    Notes
-    -----
     The paper names one microcontroller and one power connector per box (section IV.1) and asks for
     two of each (section II). Change-over is assumed to be automatic.
 
@@ -307,11 +305,6 @@ def check(system: Description) -> Findings:
     Findings
         One row per rule, also with the columns ``asks`` and ``measure``; ``source`` says what
         public texts require on the same matter.
-
-    Raises
-    ------
-    ArgumentError
-        If `system` is not a description.
 
     Examples
     --------

@@ -95,8 +95,6 @@ WIRE_FAULTS: dict[Literal["open", "short"], dict[str, float]] = {
 class InputCard:
     """The converters of a list of points: R/V, I/V and B/V.
 
-    Notes
-    -----
     Values and codes are arrays of shape (..., n_points). A switch has value 1 on alarm; its contact
     is then open, or closed if its `signal` begins with ``NO``. A closed contact gives 0 V after its
     opto-coupler, and its code has one bit.

@@ -34,8 +34,6 @@ class Coding:
     range fills the bits, from 0 to all ones; with ``"decimal"`` the step is the largest power of
     ten within a thousandth of the span.
 
-    Notes
-    -----
     A value that does not fit is clipped to the nearest content. A switch is 0 or 1.
 
     Examples
@@ -191,8 +189,6 @@ _REQUEST = 125
 class RegisterMap:
     """Registers of a junction box, one per point.
 
-    Notes
-    -----
     The paper prints neither addresses nor scales; this map is ours.
 
     Examples

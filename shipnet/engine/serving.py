@@ -90,11 +90,6 @@ def serve(
         of Table 3, temperatures in tenths of a degree. Unit id 247 holds `fault_registers`, which
         make more faults while it runs.
 
-    Raises
-    ------
-    ArgumentError
-        If a number is out of range, or the system or a fault cannot be served.
-
     Examples
     --------
     >>> from shipnet import engine

@@ -52,7 +52,7 @@ def simulate(
     phases: Mapping[str, float] | None = None,
     rng: Any = None,
 ) -> Run:
-    """Simulate the system from the first poll on.
+    """Simulate the system from the first poll on, with clocks that all run at the same rate.
 
     Parameters
     ----------
@@ -78,10 +78,6 @@ def simulate(
     ArgumentError
         If an argument is out of its range, or more than 20 million frames would be sent and read;
         each poll reads the newest frame of every message.
-
-    Notes
-    -----
-    All clocks run at the same rate.
 
     Examples
     --------
@@ -488,11 +484,6 @@ def single_failures(
         marked, at most; NaN if none), ``noticed`` (what the AMS raises: ``link``, ``path``,
         ``mark`` or ``no``), ``answer_s`` (longest answer), ``answer_ok`` and ``age_ok`` (whether
         the bounds of answer and age are at most 2 s).
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
 
     Notes
     -----

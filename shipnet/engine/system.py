@@ -69,13 +69,8 @@ class Firmware:
     -----
     The Modbus interrupt suspends everything else; the bytes of its response go out one by one
     beside other work. The short timer and CAN routines run while the loop waits for the
-    multiplexer, so they do not prolong it.
-
-    References
-    ----------
-    .. [1] J. H. Lee, D. S. Kim, "Design and implementation of distributed control system based on
-       dual field-bus for ship engine", J. IEEK 49-SC(2), 2012, section III.2, figures 5 and 6.
-    .. [2] Atmel, "AT90CAN32/64/128" data sheet: a conversion takes 13 clocks of 50..200 kHz.
+    multiplexer, so they do not prolong it (lee2012, section III.2, figures 5 and 6). A conversion
+    takes 13 clocks of 50..200 kHz (Atmel, AT90CAN32/64/128 data sheet).
 
     Examples
     --------

@@ -177,7 +177,7 @@ def test_modes_and_refusals():
     assert station.command("close", 1).outcome == "server device failure"
     assert station.command("auto", 1).outcome == "done"
     assert station.command("close", 1).outcome == "done"
-    station.slaves[3].device.monitor.report(2, 4)
+    station.slaves[3].device.monitor.found[2, 3] = True
     station.run_until(9.0)
     assert station.seen.screen().table()[["state", "fault"]].values.tolist()[2] == ["fault", 4]
     with pytest.raises(ArgumentError, match="no code for it"):

@@ -60,7 +60,7 @@ def test_manual_mode_refuses_the_master_and_the_switch_needs_it():
     device.turn("open", 0.0)
     device.turn("stop", 2.0)
     seen = status(device, 5.0)
-    assert seen.manual[0]
+    assert not seen.auto[0]
     assert seen.readings[4, 0] == 22
     device.local = False
     write(device, Code.MANUAL, 6.0)
@@ -172,7 +172,7 @@ def test_what_is_still_wrong_is_found_again_though_no_reading_changes():
         plant.run_until(float(time))
         rows.append((monitor.row(0), monitor.row(1)))
         if time == 4:
-            monitor.report(1, 0)
+            monitor.forget(1)
     wrong = rows[2]
     assert wrong[0] == 0 < wrong[1]
     # Three of the last five readings, counted anew after the command.
@@ -260,7 +260,6 @@ def test_an_answer_at_the_end_costs_what_a_walk_through_it_costs(baud, movement,
         (lambda: ValveDevice(Plant(), 1), "valve is 1"),
         (lambda: System(watchdog=0), "watchdog is 0"),
         (lambda: serve(1, watchdog=4000), "watchdog is 4000"),
-        (lambda: ValveDevice(Plant()).monitor.report(0, 13), "row is 13"),
         (lambda: valve_slaves(Plant(248)), "plant has 248 valves"),
         (lambda: ValveDevice(Plant()).turn("position", 0.0), "action is 'position'"),
     ],

@@ -163,8 +163,6 @@ def test_without_other_healthy_actuators_there_are_no_limits(strokes):
     opening = some(strokes, strokes.table()["opening"].to_numpy())
     with pytest.raises(ArgumentError, match="no other healthy actuator has flow_closing"):
         opening.rules()
-    with pytest.raises(ArgumentError, match="confidence is 2"):
-        strokes.scores(confidence=2.0)
 
 
 @pytest.mark.parametrize(
