@@ -37,7 +37,7 @@ def number(text: str) -> float:
 def _ledger(arguments: argparse.Namespace) -> Answer:
     from shipnet.papers.judging import Ledger, computed_text
 
-    ledger = Ledger(arguments.paper or arguments.key)
+    ledger = Ledger(arguments.paper)
     counts, table = ledger.counts(), ledger.table().reset_index()
     lines = []
     if not arguments.summary:

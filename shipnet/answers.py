@@ -1,4 +1,4 @@
-"""What a check says, rule by rule and in one line, and what a command answers."""
+"""Findings of a check, utilisation of a bus, and the answer of a command."""
 
 from __future__ import annotations
 
@@ -20,28 +20,13 @@ VERDICTS = ("met", "violated", "not verified")
 
 
 class Findings:
-    """What a check of rules found, one row per rule and object.
+    """The findings of a check, one row per rule and object, with the columns `COLUMNS`.
 
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        The columns `COLUMNS`, then any others. `low` and `high` are the limits, NaN where there is
-        none; `verdict` is one of `VERDICTS`. A bool column `graded` says which met rules have a
-        margin.
-
-    Raises
-    ------
-    ArgumentError
-        If a column is missing, or a verdict is unknown.
+    `low` and `high` are the limits, NaN if there is none. A bool column `graded` marks met rules
+    that have a margin.
     """
 
     def __init__(self, table: pd.DataFrame) -> None:
-        missing = [name for name in COLUMNS if name not in table]
-        if missing:
-            raise ArgumentError(f"findings lack the columns {', '.join(missing)}")
-        unknown = sorted(set(table["verdict"]) - set(VERDICTS))
-        if unknown:
-            raise ArgumentError(f"verdict is {unknown[0]!r}; it must be one of {VERDICTS}")
         self._table = table.reset_index(drop=True)
 
     @property
@@ -67,11 +52,10 @@ class Findings:
         return self._table.copy()
 
     def worst(self) -> pd.DataFrame:
-        """Return one row per rule, the nearest to its limit or farthest beyond it.
+        """Return the worst row of each rule, ordered by its margin.
 
-        Indexed by rule and ordered by `margin`, the share of the limit that is left: 0 on it,
-        negative beyond it. It is NaN where a rule has no number, or is met and not graded; such
-        rules come last if met, else first.
+        The `margin` is the distance to the limit over the limit, negative beyond it. It is NaN if a
+        rule has no number, or is met and not graded; such rules come last if met, else first.
         """
         import numpy as np
 
@@ -94,7 +78,7 @@ class Findings:
 
     @property
     def broken(self) -> list[str]:
-        """One line per rule that is violated or not verified, with the worst object."""
+        """One line per violated or not verified rule, with the worst object."""
         lines = []
         for rule, row in self.worst().iterrows():
             if row["verdict"] == "met":
@@ -116,7 +100,7 @@ class Findings:
         return lines
 
     def violated(self) -> pd.DataFrame:
-        """Return the rows of the rules that are violated."""
+        """Return the violations: one row per rule and object."""
         return self._table[self._table["verdict"] == "violated"].reset_index(drop=True)
 
     def __len__(self) -> int:
@@ -135,15 +119,15 @@ class Utilisation(NamedTuple):
     Attributes
     ----------
     bus_time : float
-        Share of the time in which a frame is on the wire, without silences, but on CAN with the 3
-        bits of intermission.
+        Share of the time in which a frame is on the wire, without silences; on CAN with the 3 bits
+        of intermission.
     capacity_used : float
-        Largest used share of what a bus has: its addresses or stations, and its time. Where a
-        master polls, that is the time between two polls of a point over the update that the point
-        needs; on CAN it is the bus time. Above 1 the bus is overloaded.
+        Larger used share of the addresses or stations, and of the time; above 1 the bus is
+        overloaded. With a polling master, the share of time is the interval between two polls of a
+        point over its required update period; on CAN it is the bus time.
     worst_response : float
-        Longest time from a change at a point until the host knows of it [s], the wait for the next
-        poll, or on CAN for the next period of its message, included.
+        Longest time from a change at a point until the host has it [s], including the wait for the
+        next poll, or on CAN for the next period of the message.
     """
 
     bus_time: float
@@ -158,15 +142,15 @@ class Utilisation(NamedTuple):
         )
 
 
-#: Suffixes of the files that every answer can be written to; no suffix means a folder.
+#: Suffixes of the files that every answer can be saved in; no suffix means a folder.
 FORMS = (".csv", ".xlsx", ".json", ".png", ".svg")
 
 
 class Answer(NamedTuple):
-    """What a command found: for people, for programs, and as a picture.
+    """The result of a command as text, as data and as a figure.
 
-    A file ``.csv`` has the first of the `tables`, a workbook or folder all of them. `forms` writes
-    other forms, by their suffixes.
+    A ``.csv`` file contains the first of the `tables`, a workbook or folder all of them. `forms`
+    has the functions that write files with other suffixes.
     """
 
     ok: bool | None
@@ -197,7 +181,7 @@ class Answer(NamedTuple):
         return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
 
     def save(self, file: str, command: str) -> None:
-        """Write the answer in the form that the suffix of the file names."""
+        """Save the answer in the form of the file's suffix."""
         suffix = Path(file).suffix.lower()
         if suffix in self.forms:
             self.forms[suffix](file)
@@ -222,7 +206,7 @@ def _rows(table: pd.DataFrame) -> Any:
 
 
 def check_output(file: str, forms: Sequence[str]) -> None:
-    """Raise before a long computation unless a file can be written as its name asks."""
+    """Raise, before a long computation, if a file cannot be saved."""
     if Path(file).suffix.lower() not in ("", *forms):
         raise ArgumentError(
             f"-o is {file!r}; its suffix must be one of {', '.join(forms)}, or none for a folder"

@@ -1,7 +1,7 @@
 """Fields that declare their range, unit and meaning in one place.
 
-From the declaration come the check, its error text, the documentation, the settings file and the
-widget. The functions ``check_...`` check one argument of a function in the same way.
+The check, its error text, the documentation, the settings file and the widget follow from the
+declaration. The functions ``check_...`` check one argument in the same way.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-#: One value, or one for each tree of a Monte Carlo.
+#: One value, or one per tree of a Monte Carlo.
 Quantity: TypeAlias = "float | npt.NDArray[np.float64]"
 
 
@@ -38,7 +38,7 @@ def _legal(low: float, high: float, unit: str) -> str:
 
 def check_quantity(what: str, value: Any, unit: str, *, low: float = 0.0, high: float) -> Quantity:
     """Return a value as a float or a read-only array of floats, or raise if it is out of range."""
-    # A network has hundreds of these numbers: one that is in order takes a microsecond.
+    # A network has hundreds of these numbers, so a legal one must be checked in a microsecond.
     if type(value) in (float, int) and low <= value <= high:
         return float(value)
     import numpy as np  # not needed by most programs that check a number
@@ -74,7 +74,7 @@ def check_scalar(what: str, value: Any, unit: str, low: float, high: float) -> f
 
 
 def check_trees(what: str, known: int | None, *values: Quantity | None) -> int | None:
-    """Return how many Monte Carlo trees the values describe, None if all are single ones."""
+    """Return how many Monte Carlo trees the values describe, None if all are single numbers."""
     for value in values:
         if value is not None and not isinstance(value, float):
             if known is not None and len(value) != known:
@@ -131,10 +131,10 @@ def check_rng(rng: Any) -> np.random.Generator:
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What a field declares; the base of all kinds.
+    """The base of all kinds of fields.
 
-    `help` says what the field means, `label` is written beside its control, and `optional` says
-    whether None is legal.
+    `help` explains the field, `label` is the text beside its control, and None is legal if it is
+    `optional`.
     """
 
     help: str = ""
@@ -148,11 +148,11 @@ class Kind:
         raise NotImplementedError
 
     def check(self, name: str, value: Any, record: Any) -> Any:
-        """Return the value as it is stored, or raise ArgumentError if it is not legal."""
+        """Return the value as it is stored, or raise ArgumentError if it is illegal."""
         return value if self.optional and value is None else self._check(name, value, record)
 
     def check_shown(self, name: str, value: Any) -> None:
-        """Raise ArgumentError unless the control can show the value, which is legal."""
+        """Raise ArgumentError if the control cannot show this legal value."""
 
     def _check(self, name: str, value: Any, record: Any) -> Any:
         raise NotImplementedError
@@ -181,7 +181,7 @@ class Number(Kind):
         if self.many:
             return check_quantity(name, value, self.unit, low=self.low, high=self.high)
         if type(value) is float and self.low <= value <= self.high:
-            return value  # most are in order, and sets have thousands of them
+            return value  # most are legal, and sets have thousands of them
         plain = isinstance(value, Real) and not isinstance(value, bool)
         if self.missing and plain and isnan(value):
             return float(value)
@@ -189,7 +189,7 @@ class Number(Kind):
         return float(value)
 
     def check_shown(self, name: str, value: Any) -> None:
-        """Raise ArgumentError unless the slider reaches the value."""
+        """Raise ArgumentError if the slider does not reach the value."""
         self._within(name, value, True, *self.shown, "its slider shows")
 
     def _within(
@@ -203,7 +203,7 @@ class Number(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Whole(Kind):
-    """A whole number; `at_most` names an earlier field that limits it, `typed` has no slider."""
+    """A whole number; the earlier field `at_most` limits it, and a `typed` one has no slider."""
 
     low: int
     high: int
@@ -220,11 +220,11 @@ class Whole(Kind):
         if not self.at_most:
             return check_whole(name, value, self.low, self.high)
         other = getattr(record, self.at_most)
-        why = f", for {self.at_most} is {other}"
+        why = f", because {self.at_most} is {other}"
         return check_whole(name, value, self.low, min(self.high, other), why)
 
     def check_shown(self, name: str, value: Any) -> None:
-        """Raise ArgumentError unless the slider reaches the value."""
+        """Raise ArgumentError if the slider does not reach the value."""
         low, high = self.shown
         if not low <= value <= high:
             raise ArgumentError(f"{name} is {value}; its slider shows {low}..{high}")
@@ -232,7 +232,7 @@ class Whole(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Choice(Kind):
-    """One of several strings or whole numbers, by value what is shown for it."""
+    """One of several strings or whole numbers, each with the text shown for it."""
 
     options: Mapping[Any, str]
     slider: bool = False
@@ -266,7 +266,7 @@ class Switch(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Text(Kind):
-    """Text of up to `most` characters, in `rows` lines; an empty control shows the `hint`."""
+    """Text of up to `most` characters in `rows` lines; an empty control shows the `hint`."""
 
     most: int = 200
     rows: int = 1
@@ -287,7 +287,7 @@ class Text(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Series(Kind):
-    """A row of up to `most` of the strings in `known`; its controls are buttons."""
+    """A sequence of up to `most` of the strings in `known`; its controls are buttons."""
 
     known: tuple[str, ...]
     most: int
@@ -310,7 +310,7 @@ class Series(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Part(Kind):
-    """An object of the class `of`, which checks itself; `make` makes it of what else is given."""
+    """An object of the class `of`, which checks itself; `make` converts other values to it."""
 
     of: type
     make: Callable[[Any], Any] | None = None
@@ -357,28 +357,24 @@ def _ranged(
     **options: Any,
 ) -> Any:
     shown = slider or (low, high)
-    if not low <= shown[0] <= shown[1] <= high:
-        name = options.get("label") or help
-        raise ArgumentError(f"slider of {name!r} is {shown}; it must lie within {(low, high)}")
     return _declare(of, low=low, high=high, unit=unit, help=help, shown=shown, **options)
 
 
-# Each takes the fields of its kind by name, and those of `dataclasses.field` that `_declare` has;
-# what has no default must be given.
+# The options of each function are the fields of its kind and those of `_declare`.
 
 
 def number(low: float, high: float, unit: str = "", help: str = "", **options: Any) -> Any:
-    """Declare a `Number` of `low` to `high`; `slider` is the part of it that its control shows."""
+    """Declare a `Number` of `low` to `high`; `slider` is the range that its control shows."""
     return _ranged(Number, low, high, unit, help, **options)
 
 
 def whole(low: int, high: int, unit: str = "", help: str = "", **options: Any) -> Any:
-    """Declare a `Whole` number of `low` to `high`; `slider` is what its control shows."""
+    """Declare a `Whole` number of `low` to `high`; `slider` is the range that its control shows."""
     return _ranged(Whole, low, high, unit, help, **options)
 
 
 def choice(options: Mapping[Any, str] | Iterable[Any], help: str = "", **others: Any) -> Any:
-    """Declare a `Choice` of several values; a mapping gives what is shown for each."""
+    """Declare a `Choice` of several values; a mapping has the text shown for each."""
     if not isinstance(options, Mapping):
         options = {value: str(value) for value in options}
     return _declare(Choice, options=options, help=help, **others)
@@ -395,7 +391,7 @@ def text(help: str = "", **options: Any) -> Any:
 
 
 def series(known: Iterable[str], **options: Any) -> Any:
-    """Declare a `Series` of strings that buttons lengthen."""
+    """Declare a `Series` of strings, which buttons extend."""
     return _declare(Series, known=tuple(known), **options)
 
 
@@ -408,7 +404,7 @@ def part(of: type, help: str = "", **options: Any) -> Any:
 
 
 def declared(kind: type) -> dict[str, Kind]:
-    """Return what the fields of a dataclass declare, by name and in order."""
+    """Return the declarations of a dataclass's fields, by name and in order."""
     return {one.name: one.metadata["kind"] for one in fields(kind) if "kind" in one.metadata}
 
 
@@ -441,10 +437,9 @@ def record(
     frozen_default=True, field_specifiers=(number, whole, choice, switch, text, series, part, field)
 )
 def record(kind: type[T] | None = None, /, **options: bool) -> Any:
-    """Make a frozen dataclass that checks its declared fields, before any own ``__post_init__``.
+    """Make a frozen dataclass that checks its declared fields before its own ``__post_init__``.
 
-    The declarations become the Parameters and Raises sections of the class docstring, unless it has
-    them already.
+    The docstring gets the sections Parameters and Raises from the declarations unless it has them.
     """
 
     def make(kind: type[T]) -> type[T]:
@@ -467,7 +462,7 @@ def record(kind: type[T] | None = None, /, **options: bool) -> Any:
 
 
 def _documented(kind: type) -> str | None:
-    """Return the docstring of a record with the sections that its declared fields make."""
+    """Return the docstring of a record with the sections that describe its declared fields."""
     docstring = kind.__doc__
     if not docstring or kind.__dict__.get("__doc__") is None:
         return docstring

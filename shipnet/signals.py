@@ -1,4 +1,4 @@
-"""The kinds of points: what is connected, with how many conductors, and what lists call it."""
+"""The kinds of points: their conductors, and their names in I/O lists."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Literal, get_args
 
 from shipnet import datasets
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, record, whole
+from shipnet.fields import record, whole
 
 Kind = Literal["DI", "DO", "AI", "AO"]
 
@@ -22,7 +22,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A kind of point and the conductors that it needs when it is wired on its own."""
+    """A kind of point, with the conductors of its own and those that a group shares."""
 
     meaning: str
     conductors: int
@@ -30,7 +30,7 @@ class Signal:
     kind: Kind = "DI"
 
 
-#: The kinds of points; `conductors` follow from the connection, not from a cable catalogue.
+#: The kinds of points. The connection determines the `conductors`, not a cable catalogue.
 SIGNALS: Mapping[str, Signal] = {
     "contact": Signal("switch or limit contact, both wires its own", 2),
     "contact_common": Signal("contact with a common return for its group", 1, 1),
@@ -54,7 +54,7 @@ SIGNALS: Mapping[str, Signal] = {
 
 @cache
 def spellings(of: str) -> Mapping[str, tuple[tuple[str, str], ...]]:
-    """Return what lists call columns, types or signals: by plain word, its meanings as written."""
+    """Return the words that lists use for columns, types or signals, with their meanings."""
     known = {"signal": SIGNALS, "type": KINDS}.get(of, ())
     found: dict[str, dict[str, str]] = {plain(name): {name: name} for name in known}
     with datasets.path("iolist_words.csv").open(newline="", encoding="utf-8") as stream:
@@ -75,7 +75,7 @@ def meanings(text: str) -> tuple[str, ...]:
 
 
 def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str:
-    """Return the signal that a list means."""
+    """Return the signal that a word in a list means."""
     found = meanings(text)
     if len(found) > 1:
         if kind in KINDS:
@@ -103,24 +103,17 @@ def find_signal(text: str, kind: str = "", conductors: int | None = None) -> str
 ASI_PAIR = 2
 
 
-def hardwired_conductors(points: Mapping[str, int], *, groups: int = 1) -> int:
-    """Count the conductors when every point has its own wires to the control panel."""
-    groups = check_whole("groups", groups, 1, 10**9)
-    total = 0
-    for kind, number in points.items():
-        if kind not in SIGNALS:
-            raise ArgumentError(
-                f"kind of point is {kind!r}; it must be one of {', '.join(SIGNALS)}"
-            )
-        number = check_whole(f"number of {kind}", number, 0, 10**9)
-        signal = SIGNALS[kind]
-        total += number * signal.conductors + signal.common * min(groups, number)
-    return total
+def hardwired_conductors(points: Mapping[str, int]) -> int:
+    """Count the conductors when every point is wired to the control panel, by kind of point."""
+    return sum(
+        int(number) * SIGNALS[kind].conductors + SIGNALS[kind].common * (number > 0)
+        for kind, number in points.items()
+    )
 
 
 @record(slots=True)
 class Saving:
-    """The conductors of the same points, hardwired and on a bus.
+    """The conductors of points when hardwired and on a bus.
 
     Examples
     --------

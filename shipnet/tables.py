@@ -1,7 +1,7 @@
-"""Tables as people keep them: CSV files of any spreadsheet, and Excel workbooks.
+"""Tables from CSV files of any spreadsheet and from Excel workbooks, as rows of text.
 
-They are read as rows of text, and written so that no text becomes a formula. A workbook is not
-trusted: formulas are never evaluated, a part with a DTD is refused, and sizes are bounded.
+A workbook is not trusted: formulas are never evaluated, a part with a DTD is refused, and sizes are
+bounded. Written text never becomes a formula.
 """
 
 from __future__ import annotations
@@ -20,37 +20,37 @@ from math import inf
 from operator import itemgetter
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree import ElementTree
 from zipfile import ZipFile
 
 from shipnet.errors import InputError, listed
 from shipnet.lazy import pd
 
-#: A number with a decimal point, nothing before or after it.
+#: A number with a decimal point.
 NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,3})?")
 
-#: What a cell shows whose formula failed.
+#: The values of cells whose formula failed.
 ERRORS = ("#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
 
-#: Largest file that is read, and the most that a workbook may unpack to [bytes].
+#: Largest file that is read, and largest unpacked workbook [bytes].
 _LARGEST, _UNPACKED = 2**24, 2**28
 
-#: Largest number of cells of a sheet, with the gaps before them.
+#: Most cells of a sheet, including gaps.
 _CELLS = 2**22
 
-#: Characters of a row without anything in its cells.
+#: Characters of a row whose cells are empty.
 _BLANK = ' ,;\t"\r\n'
 
-#: Number of rows among which the row of titles is looked for.
+#: Number of rows that are searched for the row of titles.
 _TOP = 50
 
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What was noticed while a table was read, and in which rows.
+    """A remark on how a table was read, and the rows that it concerns.
 
-    A `doubt` says that the rows may mean something else; a `detail` is only for a table.
+    With a `doubt`, the rows may mean something else; a `detail` is shown in the full table only.
     """
 
     what: str
@@ -67,12 +67,11 @@ class Remark:
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A row of titles and the rows below it, as text without blanks around it.
+    """A row of titles and the rows below it, as stripped text.
 
-    `top` and the rows are numbered as a spreadsheet shows them, from 1. `separator` is between the
-    cells (``""`` in the workbook's `sheet`). `odd` says what a cell is, by row number and place
-    from 0, if neither text nor a plain number; `hidden`, `struck` and `above` (the titles) are
-    numbers of rows, and `remarks` say how the file was read.
+    Rows are numbered from 1, as in a spreadsheet: `top` has the titles; those in `above` are filled
+    too, those in `hidden` and `struck` are hidden or struck out. `odd` describes a cell that is
+    neither text nor a plain number, by row and column from 0. `separator` is ``""`` in a workbook.
     """
 
     source: str
@@ -91,9 +90,9 @@ class Sheet:
 def titled(
     sheet: Sheet, known: Mapping[str, str | None]
 ) -> tuple[list[tuple[int, dict[str, str]]], list[tuple[int, str]]]:
-    """Return number and cells by column of each row, and what is wrong with other rows, by number.
+    """Return the number and the cells by title of each row, and the faults of malformed rows.
 
-    `known` are the columns, with what an empty cell means, or None for those that must be there.
+    `known` maps each title to the value of an empty cell, or to None if the column is required.
     """
     titles = ["_".join(title.lower().split()) for title in sheet.titles]
     faults = [
@@ -120,18 +119,18 @@ def titled(
 
 
 def in_order(faults: Iterable[tuple[int, str]]) -> list[str]:
-    """Return faults of rows in the order of the rows, each with its row."""
+    """Return the faults in the order of their rows, each with its row."""
     return [f"row {number}{fault}" for number, fault in sorted(faults, key=itemgetter(0))]
 
 
 def read_bytes(path: str | PathLike[str]) -> bytes:
-    """Return what a file of at most 16 MiB holds, or raise InputError."""
+    """Return the content of a file of at most 16 MiB, or raise InputError."""
     try:
         with Path(path).open("rb") as stream:
             data = stream.read(_LARGEST + 1)
     except OSError as error:
         raise InputError(str(path), f"cannot be read: {error.strerror or error}") from None
-    except ValueError as error:  # a path that no system can have, such as one with a zero byte
+    except ValueError as error:  # no system can have this path: it contains a zero byte
         raise InputError(str(path), f"cannot be read: {error}") from None
     if len(data) > _LARGEST:
         raise InputError(str(path), f"is larger than {_LARGEST} bytes; expected a table")
@@ -144,11 +143,9 @@ def text_of(data: bytes) -> str:
 
 
 def _decoded(data: bytes) -> tuple[str, str]:
-    """Return the text of a file and its encoding; a byte that this does not know is replaced.
-
-    charset-normalizer took five of nine short lists for Big5 or cp775, so the few encodings that
-    spreadsheets write are tried in turn.
-    """
+    """Return the text of a file and its encoding; undefined bytes are replaced."""
+    # charset-normalizer read five of nine short lists as Big5 or cp775, so we try the few encodings
+    # that spreadsheets write.
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return data.decode("utf-16", errors="replace"), "utf-16"
     for encoding, odd in (("utf-16-le", data[1:200:2]), ("utf-16-be", data[:200:2])):
@@ -159,8 +156,8 @@ def _decoded(data: bytes) -> tuple[str, str]:
     except UnicodeDecodeError:
         pass
     try:
-        # Two bytes of Windows-1252, such as a degree sign and a letter, may be a rare syllable of
-        # cp949; Korean text is nearly all in the smaller set EUC-KR.
+        # Two bytes of Windows-1252, such as a degree sign and a letter, can be a rare syllable of
+        # cp949. Nearly all Korean text is in the smaller set EUC-KR.
         korean = data.decode("cp949")
         beyond = "".join(character for character in korean if not character.isascii())
         if len(beyond.encode("euc-kr", errors="ignore")) > 1.8 * len(beyond):
@@ -177,10 +174,10 @@ def parse_sheet(
     is_titles: Callable[[Sequence[str]], float] = any,
     what: str = "column titles",
 ) -> Sheet:
-    """Split text into rows and cells separated by commas, semicolons or tabs.
+    """Split text into rows of cells separated by commas, semicolons or tabs.
 
-    `is_titles` grades cells as titles, 0 if they are none; the best of the first 50 rows is the row
-    of titles, by default the first that is not blank. `what` names it in an error.
+    The row of titles is the one of the first 50 for which `is_titles` is highest, by default the
+    first that is not blank. An error calls it `what`.
     """
     if "\0" in text:
         raise InputError(source, "is not text: it holds zero bytes; expected a CSV file")
@@ -190,7 +187,7 @@ def parse_sheet(
         empty = not text.strip(_BLANK)
         raise InputError(source, f"{'is empty; expected a' if empty else 'has no'} row of {what}")
     above, separator = found
-    # A row of a spreadsheet has several lines where a cell has line breaks.
+    # A row has several lines if a cell contains line breaks.
     first = [any(map(str.strip, row)) for row in csv.reader(lines[:above], delimiter=separator)]
     before = len(first)
     reader = csv.reader(lines[above:], delimiter=separator, strict=True)
@@ -211,10 +208,10 @@ def parse_sheet(
 def _top(
     lines: Sequence[str], is_titles: Callable[[Sequence[str]], float]
 ) -> tuple[int, str] | None:
-    """Return the line with the best row of titles, and the separator that makes it one."""
+    """Return the line with the best row of titles, and its separator."""
     best: tuple[float, tuple[int, str] | None] = (0, None)
     for place, line in enumerate(lines[:_TOP]):
-        # A spreadsheet may have named the separator in a line of its own.
+        # The first line may name the separator.
         if not line.strip(_BLANK) or (place == 0 and re.fullmatch(r"sep=.\s*", line)):
             continue
         for separator in sorted(";\t,", key=line.count, reverse=True):
@@ -241,11 +238,11 @@ def read_sheet(
     is_titles: Callable[[Sequence[str]], float] = any,
     what: str = "column titles",
 ) -> Sheet:
-    """Read a CSV file or a sheet of an Excel workbook; the content decides, not the name.
+    """Read a CSV file or a sheet of an Excel workbook, detected by content.
 
-    Without `sheet`, the visible sheet with the best row of titles is read, and a remark names it.
-    A formula is the value saved with it; merged cells hold the same in each of their rows.
-    `is_titles` and `what` are as in `parse_sheet`.
+    By default this is the visible sheet with the best row of titles, which a remark names. Formulas
+    have the values saved with them; merged cells are repeated in each of their rows. `is_titles`
+    and `what` are as in `parse_sheet`.
     """
     source, data = str(path), read_bytes(path)
     if data[:4] == b"PK\x03\x04":
@@ -266,7 +263,7 @@ _SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 def read_sheets(
     path: str | PathLike[str], is_titles: Callable[[Sequence[str]], float]
 ) -> list[Sheet]:
-    """Return every sheet of a workbook with a row of such titles; none of another file."""
+    """Return every sheet of a workbook that has a row of such titles; none of other files."""
     source, data = str(path), read_bytes(path)
     if data[:4] != b"PK\x03\x04":
         return []
@@ -304,17 +301,17 @@ def _workbook(
 def _best_row(
     book: _Workbook, title: str, is_titles: Callable[[Sequence[str]], float]
 ) -> tuple[float, int]:
-    """Return how good the best row of titles of a sheet is, and its number."""
+    """Return the grade and the number of a sheet's best row of titles."""
     best = (0.0, 0)
-    for row in book.rows(title):
-        if row.number > _TOP:
+    for number, cells, _ in book.rows(title):
+        if number > _TOP:
             break
-        best = max(best, (float(is_titles(row.cells)), row.number), key=itemgetter(0))
+        best = max(best, (float(is_titles(cells)), number), key=itemgetter(0))
     return best
 
 
 def _table(source: str, book: _Workbook, title: str, top: int) -> Sheet:
-    """Return what a sheet of a workbook holds below its row of titles."""
+    """Return a sheet of a workbook, given its row of titles."""
     rows: list[tuple[int, list[str]]] = []
     odd: dict[tuple[int, int], str] = {}
     titles: list[str] = []
@@ -342,7 +339,7 @@ def _fill_down(
     odd: dict[tuple[int, int], str],
     merged: Sequence[tuple[int, int, int]],
 ) -> None:
-    """Put what merged cells hold into each of their rows."""
+    """Copy the content of merged cells to each of their rows."""
     numbers = [number for number, _ in rows]
     for top, bottom, left in merged:
         first, end = bisect_left(numbers, top), bisect_right(numbers, bottom)
@@ -354,14 +351,6 @@ def _fill_down(
             cells[left] = own[0][1][left]
             if (top, left) in odd:
                 odd[number, left] = odd[top, left]
-
-
-class _Row(NamedTuple):
-    """A row of a workbook: its number, its cells as text, and which of them are odd."""
-
-    number: int
-    cells: list[str]
-    odd: dict[int, str]
 
 
 class _Workbook:
@@ -376,10 +365,10 @@ class _Workbook:
         self.struck: set[tuple[str, int]] = set()
         self.hidden = tuple(s.title for s in worksheets if s.sheet_state != "visible")
 
-    def rows(self, title: str) -> Iterator[_Row]:
-        """Yield the rows of a sheet that have cells."""
+    def rows(self, title: str) -> Iterator[tuple[int, list[str], dict[int, str]]]:
+        """Yield number, cells and odd cells of each row of a sheet that has cells."""
         sheet = self._book[title]
-        sheet.reset_dimensions()  # what a sheet says of its size does not matter
+        sheet.reset_dimensions()  # the size that a sheet states may be wrong
         total = last = 0
         for cells in sheet.iter_rows():
             total += len(cells)
@@ -396,13 +385,13 @@ class _Workbook:
             first = next((cell for cell in cells if cell.value is not None), None)
             if first is not None and first.font.strike:
                 self.struck.add((title, number))
-            yield _Row(number, texts, odd)
+            yield number, texts, odd
 
     def layout(self, title: str) -> tuple[list[tuple[int, int, int]], frozenset[int]]:
         """Return merged cells, as first row, last row and column from 0, and hidden rows."""
         from openpyxl.worksheet.cell_range import CellRange
 
-        # openpyxl leaves them out when it reads row by row, to keep little in memory.
+        # openpyxl omits both when it reads row by row, which saves memory.
         found, hidden = [], set()
         with self._archive.open(self._book[title]._worksheet_path) as part:
             for _, element in ElementTree.iterparse(part):
@@ -418,7 +407,7 @@ class _Workbook:
 
 @contextmanager
 def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
-    """Open a workbook; whatever is wrong with it becomes an InputError."""
+    """Open a workbook; any fault of it becomes an InputError."""
     try:
         import openpyxl
     except ImportError:
@@ -427,7 +416,7 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
         ) from None
     try:
         with ZipFile(BytesIO(data)) as archive, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about what openpyxl leaves out, such as pictures
+            warnings.simplefilter("ignore")  # about parts that openpyxl ignores, such as pictures
             _check_parts(archive)
             book = openpyxl.load_workbook(BytesIO(data), read_only=True, data_only=True)
             try:
@@ -436,13 +425,13 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
                 book.close()
     except InputError:
         raise
-    except Exception as error:  # openpyxl raises whatever a strange file leads it to
+    except Exception as error:  # a malformed file can raise anything in openpyxl
         said = " ".join(str(error).split()) or type(error).__name__
         raise InputError(source, f"is not an Excel workbook: {said[:200]}") from None
 
 
 def _check_parts(archive: ZipFile) -> None:
-    """Raise unless the parts of a workbook unpack, are small enough and declare no entities."""
+    """Raise unless the parts of a workbook can be unpacked, are small and have no DTD."""
     unpacked = 0
     for name in archive.namelist():
         with archive.open(name) as part:
@@ -451,29 +440,29 @@ def _check_parts(archive: ZipFile) -> None:
                 unpacked += len(chunk)
                 if unpacked > _UNPACKED:
                     raise ValueError(f"it unpacks to more than {_UNPACKED} bytes")
-                # No spreadsheet writes a DTD, and its entities could grow without bound.
+                # No spreadsheet writes a DTD, whose entities could grow without bound.
                 if b"<!DOCTYPE" in (before + chunk).replace(b"\0", b""):
                     raise ValueError(f"the part {name} declares a document type")
                 before = chunk[-32:]
 
 
-#: Formats of dates that ECMA-376 part 1, section 18.8.30 defines for East Asia; openpyxl reads
-#: them as numbers.
+#: Date formats that ECMA-376 part 1, section 18.8.30 defines for East Asia; openpyxl reads them as
+#: numbers.
 _EAST_ASIAN_DATES = {*range(27, 37), *range(50, 59)}
 
-#: Numbers of this format have letters beside them: quoted or after a backslash.
+#: A number format with letters, quoted or after a backslash.
 _WORDS = re.compile(r'"[^"]*[^\W\d_][^"]*"|\\[^\W\d_]')
 
 
 @cache
 def _format(code: str) -> str:
-    """Return what a format makes of a number: ``"words"``, a row of zeros, or nothing."""
+    """Return ``"words"`` for a format with letters, a format of zeros itself, else nothing."""
     first = code.partition(";")[0]
     return "words" if _WORDS.search(first) else first if re.fullmatch("00+", first) else ""
 
 
 def _text(cell: Any, place: int, odd: dict[int, str]) -> str:
-    """Return a cell of a workbook as text, and note in `odd` what it is if not a plain value."""
+    """Return a cell of a workbook as text, and describe in `odd` what is not a plain value."""
     value = cell.value
     text = _cell(value)
     if what := "an error" if cell.data_type == "e" else _odd(value, text):
@@ -490,7 +479,7 @@ def _text(cell: Any, place: int, odd: dict[int, str]) -> str:
 
 
 def _odd(value: Any, text: str) -> str:
-    """Return what a value is that is neither text nor a plain number."""
+    """Describe a value that is neither text nor a plain number."""
     if isinstance(value, bool):
         return "true or false"
     if isinstance(value, date | time | timedelta):
@@ -499,7 +488,7 @@ def _odd(value: Any, text: str) -> str:
 
 
 def frame_sheet(table: pd.DataFrame, source: str = "table") -> Sheet:
-    """Return a DataFrame as a sheet numbered from 0, so that it is checked as a file is."""
+    """Return a DataFrame as a sheet with rows from 0, so that it is checked like a file."""
     titles = tuple(" ".join(str(title).split()) for title in table.columns)
     cells = table.astype(object).where(table.notna(), None)
     odd: dict[tuple[int, int], str] = {}
@@ -520,33 +509,33 @@ def _cell(value: Any) -> str:
         return value.strip()
     if value is None:
         return ""
-    # Excel knows no whole numbers: 7.0 is what it shows as 7.
+    # Excel has no whole numbers: it shows 7.0 as 7.
     return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
 
 
 # Writing: DataFrames as the files that a spreadsheet opens ---------------------------------------
 
-#: What a spreadsheet may take for a formula.
+#: Text that a spreadsheet may read as a formula.
 _FORMULA = re.compile(r"'*[=+\-@]")
 
-#: Widest column of a workbook, and the rows that say how wide one has to be.
+#: Widest column of a workbook, and the number of rows that decide how wide a column is.
 _WIDEST, _LOOKED_AT = 60, 200
 
 
 def no_formula(text: str) -> str:
-    """Return text for a CSV file: with an apostrophe if a spreadsheet would compute it."""
+    """Return text for a CSV file, after an apostrophe if it looks like a formula."""
     return f"'{text}" if _FORMULA.match(text) else text
 
 
 def as_csv(table: pd.DataFrame) -> bytes:
-    """Return a table as a CSV file: UTF-8 with a mark, so that Excel does not garble Korean."""
+    """Return a table as a CSV file in UTF-8 with a mark, without which Excel garbles Korean."""
     cells = table.map(_joined).map(lambda cell: no_formula(cell) if isinstance(cell, str) else cell)
     written = cells.to_csv(index=False, lineterminator="\n", float_format="%.10g")
     return written.encode("utf-8-sig")
 
 
 def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
-    """Return tables as the sheets of an Excel workbook, each with its titles in sight."""
+    """Return tables as the sheets of an Excel workbook, with frozen titles."""
     from openpyxl import Workbook
     from openpyxl.cell import WriteOnlyCell
     from openpyxl.cell.cell import ILLEGAL_CHARACTERS_RE
@@ -562,7 +551,7 @@ def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
             if not (font or value.startswith(("=", "#"))):
                 return value
             cell = WriteOnlyCell(sheet, value)
-            cell.data_type = "s"  # openpyxl takes "=1" for a formula, "#N/A" for an error
+            cell.data_type = "s"  # openpyxl reads "=1" as a formula, "#N/A" as an error
             if font:
                 cell.font = font
             return cell
@@ -583,5 +572,5 @@ def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
 
 
 def _joined(cell: object) -> object:
-    """Return a cell, several names as one text."""
+    """Return a cell, with several names joined to one text."""
     return "; ".join(map(str, cell)) if isinstance(cell, tuple) else cell

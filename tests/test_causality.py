@@ -149,7 +149,6 @@ LINK_FAULTS = {
     "lost": lambda who, t, end: rc.faults.LostPacket(
         who, "BCS" if who == "RCS" else "RCS", start=t, stop=end
     ),
-    "errors": lambda _, t, end: rc.faults.BitErrors(0.01, start=t, stop=end),
 }
 
 

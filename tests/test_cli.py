@@ -301,7 +301,6 @@ def test_numbers_take_prefixes_of_si(text, value):
     ("arguments", "message"),
     [
         (["ledger", "kim"], "paper is 'kim'; it must be one of 'kim2023'"),
-        (["ledger", "--paper", "kim"], "paper is 'kim'; it must be one of 'kim2023'"),
         (["ledger", "-o", "/nowhere/at/all.csv"], "there is no folder /nowhere/at"),
         (["ledger", "-o", "all.html"], "-o is 'all.html'; its suffix must be one of .csv, .xlsx"),
         (["design", "list.csv", "-o", "all.doc"], ".svg, .html, or none for a folder"),

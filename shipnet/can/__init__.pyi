@@ -12,7 +12,6 @@ from .frame import Arbitration as Arbitration
 from .frame import Frame as Frame
 from .frame import arbitrate as arbitrate
 from .frame import decode as decode
-from .frame import stuff as stuff
 from .lengths import frame_length as frame_length
 from .log import Log as Log
 from .log import LogLoad as LogLoad
@@ -23,7 +22,6 @@ from .messages import MessageSet as MessageSet
 from .messages import bus_load as bus_load
 from .messages import example as example
 from .offsets import spread_offsets as spread_offsets
-from .response import Assignment as Assignment
 from .response import Assumptions as Assumptions
 from .response import ResponseTime as ResponseTime
 from .response import ResponseTimes as ResponseTimes

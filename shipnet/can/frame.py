@@ -80,27 +80,8 @@ def stuff_places(bits: str) -> list[int]:
     return places
 
 
-@checked
 def stuff(bits: str) -> str:
-    """Return bits with stuff bits inserted, as they are sent.
-
-    Parameters
-    ----------
-    bits : str
-        Characters 0 and 1, all subject to stuffing.
-
-    Returns
-    -------
-    str
-        The bits and the stuff bits, including one due after the last bit.
-
-    Examples
-    --------
-    >>> stuff("0000011110")
-    '000001111100'
-    """
-    if set(bits) - {"0", "1"}:
-        raise ArgumentError(f"bits is {bits!r}; it must be text of 0 and 1")
+    """Return bits with stuff bits inserted, including one due after the last bit."""
     parts, begin = [], 0
     for place in stuff_places(bits):
         parts += [bits[begin:place], "10"[int(bits[place - 1])]]
@@ -245,12 +226,12 @@ class Frame:
             start = end
         return tuple(fields)
 
-    def plot(self, ax: Axes | None = None, *, bits_per_row: int = 30) -> Axes:
+    def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the bits in rows, coloured by field, with the level on the line above."""
         from shipnet.can.plot import plot_fields
 
         fields = [(field.name, field.line_start, field.line_length) for field in self.fields]
-        return plot_fields(self.bits, set(self.stuff_positions), fields, ax, bits_per_row)
+        return plot_fields(self.bits, set(self.stuff_positions), fields, ax)
 
     def __repr__(self) -> str:
         return f"Frame({self})"

@@ -40,7 +40,7 @@ from shipnet.fields import (
     whole,
 )
 from shipnet.lazy import pd
-from shipnet.tables import NUMBER, Sheet, frame_sheet, parse_sheet, read_bytes, read_sheet, text_of
+from shipnet.tables import NUMBER, Sheet, parse_sheet, read_bytes, read_sheet, text_of
 
 T = TypeVar("T")
 
@@ -276,8 +276,8 @@ class MessageSet(Named[Message]):
     def ordered(self, names: Iterable[str]) -> MessageSet:
         """Return the same messages in a new order of priority, given as all their names.
 
-        They share out the identifiers of the set. If both 11-bit and 29-bit identifiers occur, the
-        first 11 bits count up from 0 instead.
+        The identifiers of the set are assigned in this order. If both 11-bit and 29-bit identifiers
+        occur, the first 11 bits count up from 0 instead.
         """
         order = list(names)
         if sorted(order) != sorted(self.names):
@@ -305,19 +305,6 @@ class MessageSet(Named[Message]):
             columns[column] = [nanoseconds(t) / 1e6 for t in values] if field in TIMES else values
         index = pd.Index(self.names, name="name", dtype=object)
         return pd.DataFrame(columns, index=index).astype({"bits": "Int64", "sender": object})
-
-    @classmethod
-    def from_table(cls, table: pd.DataFrame) -> MessageSet:
-        """Return the set described by a table with the columns of `table`, or some of them.
-
-        A missing value takes its default. One error reports all faults of the table.
-        """
-        if table.index.name == "name" and "name" not in table:
-            table = table.reset_index()
-        try:
-            return _from_sheet(frame_sheet(table), {}, None)
-        except InputError as error:
-            raise ArgumentError(str(error)) from None
 
     @classmethod
     def parse(cls, text: str) -> MessageSet:
@@ -486,7 +473,7 @@ def parse_dbc(
         try:
             message = Message(
                 found.name, found.frame_id, found.length, _cycle_time(found.cycle_time, period),
-                # cantools uses Vector__XXX for the sender of messages that nobody sends.
+                # cantools uses Vector__XXX for the sender of messages without one.
                 extended=found.is_extended_frame, sender=found.senders[0] if found.senders else "",
             )  # fmt: skip
         except ArgumentError as fault:
@@ -635,7 +622,7 @@ def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
 
 
 def _read_cell(field: str, kind: Kind, cell: str) -> tuple[Any, str]:
-    """Return the value of a cell, None if it is not legal, and in words what is legal."""
+    """Return the value of a cell, None if it is not legal, and a description of what is legal."""
     if isinstance(kind, Number):
         time = float(Decimal(cell).scaleb(-3)) if NUMBER.fullmatch(cell) else -1
         legal = f"a number {kind.low * 1e3:g}..{kind.high * 1e3:g} ms"

@@ -30,6 +30,8 @@ _SHORT = {"CRC delimiter": "CRC del.", "ACK slot": "ACK", "ACK delimiter": "ACK 
 #: Height of a row, with its labels below the blocks and its level line above.
 _PITCH = 3.6
 
+_BITS_PER_ROW = 30
+
 #: Narrower pieces of a field have their name written upwards [bit].
 _NARROW = 3
 
@@ -39,11 +41,9 @@ def plot_fields(
     stuffed: set[int],
     fields: Sequence[tuple[str, int, int]],
     ax: Axes | None,
-    bits_per_row: int,
 ) -> Axes:
     """Draw bits as rows of cells with the level above; fields have a name, a place and a length."""
-    width = check_whole("bits_per_row", bits_per_row, 8, 160)
-    ax = style.axes(ax)
+    width, ax = _BITS_PER_ROW, style.axes(ax)
     colours = [_COLOURS.get(name, "frame") for name, _, length in fields for _ in range(length)]
     for place, (bit, colour) in enumerate(zip(bits, colours, strict=True)):
         row, x = divmod(place, width)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial.distance import cdist
 
 from shipnet import style
 from shipnet.arguments import checked
@@ -474,8 +475,7 @@ def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0
     places, wanted = iolist.places[known], length[known]
 
     def off(cabinets: Floats) -> Floats:
-        way = np.abs(places - cabinets[..., None, :]).sum(axis=-1)
-        return np.asarray(np.abs(detour * way + tails - wanted))
+        return np.asarray(np.abs(detour * cdist(cabinets, places, "cityblock") + tails - wanted))
 
     # There are many local minima: search the whole ship, then ever closer around the best.
     centres = places.mean(axis=0, keepdims=True)
@@ -489,7 +489,7 @@ def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0
         reach, count = reach * (2 / count), _NEXT
     x, y, z = (round(float(value), 1) + 0.0 for value in centres[0])
     place = np.array([x, y, z])
-    misfits = off(place)
+    misfits = off(place[None])[0]
     # Points on both sides of the cabinet fix its coordinate.
     side = places[misfits <= max(float(np.median(misfits)), _ROUNDED)] - place
     held = ((side < -_ROUNDED).any(axis=0)) & ((side > _ROUNDED).any(axis=0))

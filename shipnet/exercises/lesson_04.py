@@ -20,10 +20,10 @@ def transaction(master_pause: float, slave_pause: float) -> Solution:
         "the response takes its time as well": right - 7 * _BIT,
         "the request takes its time as well": right - 14 * _BIT,
         "those are the pauses; where are the telegrams?": (master_pause + slave_pause) * _BIT,
-        "has the response as many bits as the request?": right + 7 * _BIT,
+        "does the response have as many bits as the request?": right + 7 * _BIT,
         "that is in bit times; how long is a bit time?": right / _BIT,
-        "count up to the start of the next request; one request is enough": right + 14 * _BIT,
-        "Name the parts from one request to the next, each with its bit times; then add them": ANY,
+        "stop at the start of the next request: count one request": right + 14 * _BIT,
+        "List the parts from one request to the next, each with its bit times, and add them": ANY,
     }
 
 
@@ -32,14 +32,14 @@ def cycle(slaves: int, bits: int) -> Solution:
     """Cycle time with exchanges of a number of bit times."""
     one = bits * _BIT / 1e3
     return Number(float(cycle_time(slaves, transaction=Transaction(bits - 23, 2))) * 1e3, "ms"), {
-        "two more requests belong to a cycle, besides those to the slaves": slaves * one,
-        "one more request than slaves is not enough: management and the search": (
+        "a cycle has two requests more than slaves": slaves * one,
+        "management and the search for a new slave are two exchanges, not one": (
             (slaves + 1) * one
         ),
         "management and the search for a new slave are two exchanges, not three": (
             (slaves + 3) * one
         ),
-        "that is a full line; how many slaves does yours have?": (ADDRESSES + 2) * one,
+        "that is for 31 slaves; how many does your line have?": (ADDRESSES + 2) * one,
         "that is in bit times; how long is a bit time?": (slaves + 2) * bits,
         "that is one exchange; how many does a cycle have?": one,
         "your exchanges take your `bits`, pauses included": (slaves + 2) * 21 * _BIT / 1e3,
@@ -48,7 +48,7 @@ def cycle(slaves: int, bits: int) -> Solution:
 
 
 def _efficiency(user_bits: int, master_pause: float, slave_pause: float) -> float:
-    """Return which share of the line carries user data [%]."""
+    """Return what fraction of the time carries user data [%]."""
     return 100 * user_bits / Transaction(master_pause, slave_pause).bits
 
 
@@ -57,16 +57,16 @@ _TRIED = [(8, 2, 2), (4, 3, 2), (7, 2, 1.5), (8, 10, 2), (0, 2, 2)]
 
 @solution("ex-04-3")
 def efficiency() -> Solution:
-    """Share of the line that carries user data."""
+    """Fraction of the time that carries user data."""
     return Function(_efficiency, _TRIED, lambda right: Number(right, "%")), {
-        "the pauses take time, too": lambda user, master, slave: 100 * user / (14 + 7),
-        "the response belongs to the exchange, too": (
+        "the pauses take time too": lambda user, master, slave: 100 * user / (14 + 7),
+        "the response belongs to the exchange too": (
             lambda user, master, slave: 100 * user / (14 + master + slave)
         ),
-        "the pause after the response takes time, too": (
+        "the pause after the response takes time too": (
             lambda user, master, slave: 100 * user / (21 + master)
         ),
-        "the pause before the response takes time, too": (
+        "the pause before the response takes time too": (
             lambda user, master, slave: 100 * user / (21 + slave)
         ),
         "eight is an example: where is `user_bits`?": (
@@ -80,7 +80,7 @@ def efficiency() -> Solution:
 
 
 def _most(limit: float, repetitions: int) -> int:
-    """Return with how many slaves a change is known within some milliseconds."""
+    """Return the most slaves with which a change is known within some milliseconds."""
     known = (
         Cycle(slaves).response_time(repetitions=repetitions).worst
         for slaves in range(1, ADDRESSES + 1)
@@ -101,11 +101,11 @@ def most_slaves(limit: float, repetitions: int) -> Solution:
     return Whole(right, "slaves"), {
         "each repetition takes the time of one exchange": _most(limit, 0),
         # Who rounds up, forgets the end, or one of the two extra requests, all come here.
-        "check this number: cycle, repetitions, pause and response; is it within the limit?": (
+        "add cycle, repetitions, pause and response for this number: is that in the limit?": (
             right + 1
         ),
         "two requests of a cycle are not for your slaves": right + 2,
-        "how many repetitions are there? All of them take time": right + repetitions - 1,
+        "count all repetitions, not one": right + repetitions - 1,
         "a repetition asks one slave again, not the whole cycle": (
             _fit(limit, 2, times=1 + repetitions)
         ),

@@ -49,7 +49,7 @@ def carried(ids: tuple[str, str]) -> Solution:
         "SOF, the start of frame, is not a bit of the id": "0" + right,
         "in the last of these bits a 0 meets a 1: what does the bus carry?": loser[:last],
         "that is the whole id; at which of its bits does the loser stop?": winner,
-        "the bit at which the loser stops is on the bus, too": right[:-1],
+        "include the bit at which the loser stops": right[:-1],
         "the loser has stopped before the last of these bits": winner[: last + 1],
         "three hexadecimal digits are 12 bits; the id has 11": "0" + winner,
         "the highest bit of the id is sent first": winner[::-1][:last],
@@ -86,16 +86,18 @@ def stuffed() -> Solution:
             lambda bits: _stuffed(bits, counted=0)
         ),
         "four equal bits are allowed; are five?": lambda bits: _stuffed(bits, after=4),
-        "six equal bits come out here; are they allowed?": lambda bits: _stuffed(bits, after=6),
-        "a stuff bit may begin a run of five, which `replace` does not see": (
+        "after six equal bits it is too late": lambda bits: _stuffed(bits, after=6),
+        "a stuff bit may begin a run of five, which `replace` does not detect": (
             lambda bits: bits.replace("00000", "000001").replace("11111", "111110")
         ),
-        "five ones get a stuff bit, too": lambda bits: _stuffed(bits, only="0"),
-        "five zeros get a stuff bit, too": lambda bits: _stuffed(bits, only="1"),
-        "a stuff bit must make an edge": lambda bits: _stuffed(bits, turned=False),
-        "a run may end with the last bit": lambda bits: _stuffed(bits[:-1]) + bits[-1:],
-        "nothing is inserted; when does a stuff bit come?": lambda bits: bits,
-        "Go through these bits with a counter: when does it begin anew, and at what number?": ANY,
+        "five ones get a stuff bit too": lambda bits: _stuffed(bits, only="0"),
+        "five zeros get a stuff bit too": lambda bits: _stuffed(bits, only="1"),
+        "a stuff bit has the other value, to make an edge": lambda bits: _stuffed(
+            bits, turned=False
+        ),
+        "a run of five may end with the last bit": lambda bits: _stuffed(bits[:-1]) + bits[-1:],
+        "nothing is inserted; when is a stuff bit needed?": lambda bits: bits,
+        "Count equal bits as you go: when does the count restart, and from what number?": ANY,
     }
 
 
@@ -116,20 +118,20 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
     # Every frame counted without stuff bits; stop still comes twice, or once.
     once = bare[3] + bare[0] + bare[1]
     return Number(right, "ms"), {
-        "a less urgent frame may just have begun: who blocks, and for how long?": (
+        "a less urgent frame may just have begun: which one blocks, and for how long?": (
             stop + speed + yours
         ),
-        "does a more urgent message come again while you wait?": (log + stop + speed + yours),
+        "which more urgent message is sent again while yours waits?": log + stop + speed + yours,
         "that is the wait; your own frame has to be sent too": right - yours,
         "frames without stuff bits; for the worst case count 55 + 10 n bits": (
             once + (bare[0] if once > stop_ms else 0.0) + bare[2]
         ),
-        "how often is stop sent while you wait? Compare the wait with its period": right + stop,
-        "how often is speed sent while you wait? Compare the wait with its period": right + speed,
-        "your own frame does not block you; which one does?": right - log + yours,
-        "that is your own frame alone; which frames may come before it?": yours,
-        "which one is more urgent than yours besides stop?": right - speed,
-        "Write the wait as a sum: the frame that blocks, then the urgent ones": ANY,
+        "how often is stop sent while yours waits? Compare with its period": right + stop,
+        "how often is speed sent while yours waits? Compare with its period": right + speed,
+        "your own frame does not block itself; which one does?": right - log + yours,
+        "that is your own frame alone; which frames can come before it?": yours,
+        "which message besides stop is more urgent than yours?": right - speed,
+        "Write the wait as a sum: the frame that blocks, then the more urgent ones": ANY,
     }
 
 
@@ -175,7 +177,7 @@ def slack(messages: str) -> Solution:
         "that is one of the slacks in the right order; is it the smallest?": (
             sorted(right.values())[1]
         ),
-        "that is a deadline less a frame; a message has to wait, too": min(
+        "that is a deadline less a frame; where is the wait?": min(
             1e3 * (one.deadline - one.frame_time(_RATE)) for one in known
         ),
     }

@@ -12,7 +12,6 @@ from .polling import Scan as Scan
 from .polling import scan as scan
 from .redundancy import DualChannel as DualChannel
 from .redundancy import Loop as Loop
-from .redundancy import Reach as Reach
 from .server import Server as Server
 from .server import serve as serve
 from .simulation import Run as Run
@@ -20,7 +19,6 @@ from .simulation import simulate as simulate
 from .slave import Device as Device
 from .slave import DeviceError as DeviceError
 from .slave import Slave as Slave
-from .slave import answer as answer
 from .uart import Characters as Characters
 from .uart import SerialLine as SerialLine
 from .uart import Waveform as Waveform

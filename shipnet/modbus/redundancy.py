@@ -1,4 +1,4 @@
-"""Redundant Modbus lines, a closed loop or two channels: the slaves reached, and longest gaps."""
+"""Redundant Modbus lines, a closed loop or two channels: reachable slaves and longest gaps."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.polling import Poll
 
-#: Colour and word of what serves a slave.
+#: Marker, colour and label of slaves, by the port that serves them.
 _SERVED = {
     "A": ("o", style.FIELD["address"], "through A"),
     "B": ("s", style.FIELD["information"], "through B"),
@@ -28,7 +28,7 @@ _SERVED = {
 
 _NUMBERED = 40  #: More slaves than this are drawn without their numbers.
 
-#: What the faults of a redundant line are given as: one of them or several.
+#: One fault of a redundant line, or several.
 Faults = Fault | Iterable[Fault]
 
 
@@ -39,24 +39,10 @@ def line_faults(faults: Faults) -> tuple[Fault, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """The slaves that each port of a master reaches; `Loop` and `DualChannel` have a `reach`.
+    """The slaves that each port of a master reaches.
 
-    Parameters
-    ----------
-    n_slaves : int
-        Number of slaves.
-    last_a : int
-        Last slave that port A reaches, 0 if none.
-    first_b : int
-        First slave that port B reaches, n_slaves + 1 if none.
-    dead : frozenset of int
-        Slaves that do not answer.
-
-    Examples
-    --------
-    >>> reach = Reach(5, last_a=2, first_b=4, dead=frozenset({5}))
-    >>> reach.through_a, reach.through_b, reach.lost
-    ([1, 2], [4], [3, 5])
+    They are 1 to `last_a` through port A, and `first_b` to `n_slaves` through port B, without those
+    that are `dead`.
     """
 
     n_slaves: int
@@ -96,7 +82,7 @@ class Reach:
 
 
 class _Redundant:
-    """What a loop and two channels have in common."""
+    """Methods shared by a loop and two channels."""
 
     __slots__ = ()
     if TYPE_CHECKING:

@@ -1,7 +1,4 @@
-"""Simulated slaves: the values they hold, and their answers as bytes.
-
-`shipnet.modbus.server` puts a server in front of them.
-"""
+"""Simulated slaves: their values, and their answers as bytes."""
 
 from __future__ import annotations
 
@@ -178,8 +175,7 @@ class Slave:
     Raises
     ------
     ArgumentError
-        If an argument is out of its range, now or when set later, or both a device and tables are
-        given.
+        If an argument is out of its range, or both a device and tables are given.
 
     Examples
     --------
@@ -193,11 +189,7 @@ class Slave:
     '86 03'
     """
 
-    device: Device
-    functions: frozenset[FunctionCode]
-    delay: float
-    exception: ExceptionCode | None
-    silent: bool
+    __slots__ = ("delay", "device", "exception", "functions", "silent")
 
     def __init__(
         self,
@@ -224,33 +216,18 @@ class Slave:
             device = Registers(**tables)  # type: ignore[arg-type]
         elif given := [name for name, table in tables.items() if table]:
             raise ArgumentError(f"{given[0]} is given beside a device; it must be one of them")
+        if not isinstance(device, Device):
+            raise ArgumentError(f"device is {device!r}; it must have read and write")
         self.device = device
-        self.functions = functions  # type: ignore[assignment]
-        self.delay = delay
-        self.exception = exception  # type: ignore[assignment]
-        self.silent = silent
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        """Check every attribute."""
-        match name:
-            case "device" if not isinstance(value, Device):
-                raise ArgumentError(f"device is {value!r}; it must have read and write")
-            case "functions":
-                try:
-                    value = frozenset(FunctionCode(code) for code in value)
-                except (TypeError, ValueError):
-                    raise ArgumentError(
-                        f"functions is {value!r}; it must be some of 1..6, 15, 16"
-                    ) from None
-            case "delay":
-                value = check_scalar("delay", value, "s", 0, 3600)
-            case "exception" if value is not None:
-                value = exception_code(value)
-            case "silent" if not isinstance(value, bool):
-                raise ArgumentError(f"silent is {value!r}; it must be True or False")
-            case _ if name not in Slave.__annotations__:
-                raise AttributeError(f"a slave does not have {name!r}")
-        super().__setattr__(name, value)
+        try:
+            self.functions = frozenset(FunctionCode(code) for code in functions)
+        except (TypeError, ValueError):
+            raise ArgumentError(
+                f"functions is {functions!r}; it must be some of 1..6, 15, 16"
+            ) from None
+        self.delay = check_scalar("delay", delay, "s", 0, 3600)
+        self.exception = None if exception is None else exception_code(exception)
+        self.silent = check_kind("silent", silent, bool)
 
     def __repr__(self) -> str:
         refusal = f", exception {self.exception.name}" if self.exception else ""
@@ -301,45 +278,15 @@ class Slave:
 def answer(
     slaves: Mapping[int, Slave], adu: Adu, time: float = 0.0, *, serial: bool = False
 ) -> Answer:
-    r"""Return the response to a request to one of several slaves, without a socket.
+    """Return the response to a request to one of several slaves at a model time [s].
 
-    Parameters
-    ----------
-    slaves : mapping of int to Slave
-        Slaves by unit id, 0..247; 0 is the server itself and not allowed on a serial line.
-    adu : Adu
-        The request and the unit it addresses.
-    time : float, default 0
-        Model time [s].
-    serial : bool, default False
-        Whether they share a serial line.
-
-    Returns
-    -------
-    Answer
-        The response `pdu`, empty if there is none, and its `delay` [s].
-
-    Notes
-    -----
     Unit id 0 is a broadcast: all slaves execute a write, and none answers ("MODBUS over serial
     line" V1.02, section 2.1). If TCP slaves include 0, both 0 and 255 mean the server itself
     ("MODBUS messaging on TCP/IP" V1.0b, section 4.4.2). For a missing slave, a serial line stays
     silent; in TCP, exception 11 reports that the target did not respond ("MODBUS application
     protocol" V1.1b3, section 7).
-
-    Examples
-    --------
-    >>> slaves = {5: Slave(holding_registers=[7], delay=0.02)}
-    >>> answer(slaves, Adu(5, Request.read_holding_registers(0, 1)))
-    Answer(pdu=b'\x03\x02\x00\x07', delay=0.02)
-    >>> answer(slaves, Adu(6, Request.read_holding_registers(0, 1))).pdu.hex(" ")
-    '83 0b'
     """
-    if not isinstance(slaves, Mapping):
-        raise ArgumentError(f"slaves is {slaves!r}; it must be slaves by unit id")
-    unit, pdu = check_kind("adu", adu, Adu).unit_id, adu.pdu
-    check_scalar("time", time, "s", 0, 1e18)
-    check_kind("serial", serial, bool)
+    unit, pdu = adu.unit_id, adu.pdu
     if _BROADCAST in slaves and unit == _SERVER_ITSELF:
         unit = _BROADCAST
     if unit in slaves:

@@ -37,7 +37,7 @@ numeric("icn2007-035")(lambda *, total=100, trunk=90, slaves=62: (total - trunk)
 
 @numeric("icn2007-015")
 def extra_pause(*, edges: tuple[float, ...] = CHIP_EDGES) -> float:
-    """Bit times that a slave takes longer when it is not synchronous, at most."""
+    """Largest extra delay of a slave that is not synchronous [bit]."""
     synchronous, asynchronous = edges[1], edges[-1]
     return master_pause_of_chip(edge=asynchronous) - master_pause_of_chip(edge=synchronous)
 
@@ -60,7 +60,7 @@ def output_bits(*, profile: str) -> int:
 def same_answer(
     *, halves: tuple[Half | None, Half | None] = (None, "A"), asked: bool = False
 ) -> bool:
-    """Whether a standard slave and an A slave answer with the same bits (not: are asked)."""
+    """Whether a standard slave and an A slave answer, or are `asked`, with the same bits."""
     requests = [Request.data_exchange(21, 0x6, half) for half in halves]
     said = [request if asked else request.answer(0x6) for request in requests]
     return said[0].bits == said[1].bits
@@ -71,7 +71,7 @@ numeric("icn2007-025")(lambda *, pause=2: 1e-3 * Transaction(pause, 2).net_rate)
 
 @numeric("icn2007-026")
 def efficiency(*, pause: float = 2) -> float:
-    """User bits in percent of all bit times of a transaction."""
+    """Percentage of a transaction's bit times that carry user bits."""
     return 100 * float(Transaction(pause, 2).efficiency())
 
 
@@ -79,7 +79,7 @@ check("icn2007-029", counter={"call": Call.RESET})(
     lambda *, call=Call.BROADCAST_RESET: not is_legal(Response, 0, call)
 )
 
-# Who answers whom, what a lost reply leads to, and who takes over ------------------------------
+# Lost replies, dead slaves and the standby master ----------------------------------------------
 
 ADDRESSES = range(1, 6)
 
@@ -90,7 +90,7 @@ def five_slaves() -> list[Slave]:
 
 
 def gap_after_silence(run: Run, slave: str) -> float:
-    """Return how long the master waits for an answer that does not come [bit]."""
+    """Return how long the master waits for a missing answer [bit]."""
     rows = run.events()
     silent = rows.index[(rows["slave"] == slave) & (rows["outcome"] == "SilenceError")]
     start = rows["time_s"].to_numpy()
@@ -109,16 +109,16 @@ def goes_on_after(*, repeats: bool, wait: float = 10.0) -> bool:
 
 @check("icn2007-028", counter={"damaged": False})
 def silent_after_error(*, damaged: bool = True) -> bool:
-    """Whether a slave in step leaves a damaged request without an answer."""
+    """Whether a synchronous slave ignores a damaged request."""
     bits = Request(Call.READ_ID, 3).bits
-    return (
-        answer_to(bits[:-2] + str(1 - int(bits[-2])) + bits[-1] if damaged else bits) == "silence"
-    )
+    if damaged:
+        bits = bits[:-2] + str(1 - int(bits[-2])) + bits[-1]
+    return answer_to(bits) == "silence"
 
 
 @check("icn2007-052", counter={"bits": Request(Call.READ_ID, 3).bits})
 def silent_to_others(*, bits: str = "") -> bool:
-    """Whether a slave in step leaves a foreign request and an unknown call without an answer."""
+    """Whether a synchronous slave ignores requests to others and unknown calls."""
     asked = [bits] if bits else [Request(Call.READ_ID, 4).bits, UNKNOWN]
     return all(answer_to(one) == "silence" for one in asked)
 
@@ -128,13 +128,13 @@ UNKNOWN = "01000111011111"
 
 
 def answer_to(bits: str) -> str:
-    """Return what slave 3, in step, says to a request."""
+    """Return the answer of slave 3, which is synchronous, to a request."""
     return str(Slave("3").listen(["", bits])["answer"].iloc[-1])
 
 
 @check("icn2007-034", counter={"lost": 0})
 def repeats_what_was_done(*, lost: int = 1) -> bool:
-    """Whether a request is repeated that its slave had carried out, if replies are lost."""
+    """Whether a request is repeated although its slave executed it, if replies are lost."""
     faults = [LostReply("3", start=0.02, count=lost)] if lost else []
     run = simulate(five_slaves(), cycles=20, faults=faults)
     rows = run.events()
@@ -144,7 +144,7 @@ def repeats_what_was_done(*, lost: int = 1) -> bool:
 
 @check("icn2007-039", counter={"standby": False})
 def standby_takes_over(*, standby: bool = True) -> bool:
-    """Whether data are exchanged with all slaves after the master fell silent."""
+    """Whether data are exchanged with all slaves after the master failed."""
     master = Master({str(address): "S-0.F.F" for address in ADDRESSES})
     second = Standby(master) if standby else None
     run = simulate(
@@ -156,19 +156,18 @@ def standby_takes_over(*, standby: bool = True) -> bool:
 
 # Rates under every assumption ------------------------------------------------------------------
 
-
-#: A CAN data frame with an 11-bit identifier around its data, the three bits of intermission
-#: included and stuff bits left out, ISO 11898-1: 1 + 11 + 3 + 4 + 15 + 1 + 2 + 7 + 3 [bit].
+#: Bits of a CAN data frame with an 11-bit identifier besides its data, with intermission and
+#: without stuff bits, ISO 11898-1: 1 + 11 + 3 + 4 + 15 + 1 + 2 + 7 + 3; and its most data bytes.
 CAN_FRAME, CAN_BYTES = 47, 8
 
-#: Modbus function 23, which writes and reads registers at once: bytes around the data of request
-#: and response, silence before either [character], bits of a character, most bytes of data one
-#: way. Modbus Application Protocol V1.1b3, section 6.17, and Modbus over Serial Line V1.02.
+#: Modbus function 23, which writes and reads registers at once: bytes besides the data of request
+#: and response, silences before both [character], bits per character, most data bytes in one
+#: direction. Modbus Application Protocol V1.1b3, section 6.17; Modbus over Serial Line V1.02.
 MODBUS_BYTES, MODBUS_SILENCE, MODBUS_CHARACTER, MODBUS_MOST = 13 + 5, 2 * 3.5, 11, 242
 
 
 def rate_table() -> pd.DataFrame:
-    """Return the rates by how long a transaction is assumed to be; one row per assumption."""
+    """Return net rate and efficiency for each assumed length of a transaction."""
     pauses = {
         "24.5 bit": (2.0, 1.5, "shortest pauses of the papers, 2 and 1.5 bit"),
         "25 bit": (2.0, 2.0, "pauses of 2 and 2 bit: 150 us (Siemens)"),
@@ -189,7 +188,7 @@ def rate_table() -> pd.DataFrame:
 
 
 def _rates(one: Transaction, used: float = 1.0) -> tuple[float, float, float]:
-    """Return the bit times of a transaction, and its net rate and efficiency if this share is."""
+    """Return a transaction's length [bit], and its net rate and efficiency for this used share."""
     return one.bits, 1e-3 * used * one.net_rate, 100 * used * float(one.efficiency())
 
 
@@ -198,7 +197,7 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
 
     .. math:: \eta = \frac{2 n}{\text{bit times of all frames and silences}}
 
-    One row per number of bits, a column each for ``as_i``, ``can`` and ``modbus_rtu``.
+    The columns are ``as_i``, ``can`` and ``modbus_rtu``, with one row per number of bits.
     """
     n = np.atleast_1d(user_bits)
     if n.dtype.kind not in "iu" or not ((n >= 1) & (n <= 8 * MODBUS_MOST)).all():
@@ -215,7 +214,7 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
     return pd.DataFrame(shares, index=pd.Index(n, name="user_bits"))
 
 
-#: Frequencies on which energies are summed [Hz].
+#: Frequencies at which energies are summed [Hz].
 FREQUENCIES = np.arange(0.5e3, 30e6, 1e3)
 
 check("icn2007-031", counter={"closed": False})(
@@ -224,9 +223,9 @@ check("icn2007-031", counter={"closed": False})(
 
 
 def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -> float:
-    """Return the voltage that 1 A loses on the way to its place on a line or a ring [V].
+    """Return the voltage drop to a load of 1 A on a line or a ring [V].
 
-    A ``closed`` cable comes back to the supply; it has two cores of 1.5 mm2, lengths are in m.
+    A ``closed`` cable returns to the supply. It has two cores of 1.5 mm2; lengths are in m.
     """
     (segment,) = (ring if closed else line)(length, [place], current=1.0).segments
     voltage = segment.voltages
@@ -235,9 +234,9 @@ def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -
 
 @check("icn2007-007", counter={"supply": {"r": 78.0}})
 def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
-    """Whether the voltage of every response adds up to less than 1 % of what its pulses hold.
+    """Whether every response's voltage sums to less than 1 % of the sum of its absolute values.
 
-    The supply's inductor causes this; the counter has a resistor instead.
+    The supply's inductor causes this; the counter-example has a resistor instead.
     """
     plan = line(100, slaves=(5, 50, 100))
     network = plan.network
@@ -250,7 +249,7 @@ def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
 
 @check("icn2007-032", counter={"length": 200.0})
 def dense_pulses_change_more(*, length: float = 100.0) -> bool:
-    """Whether an open end changes pulses 3 us apart more than 6 us apart, against a matched end."""
+    """Whether an open end, unlike a matched one, changes pulses 3 us apart more than 6 us apart."""
     change = [
         abs(pulse_height(length, bits) / pulse_height(length, bits, terminator=100.0) - 1)
         for bits in ("0" * 16, "01" * 8)
@@ -261,10 +260,10 @@ def dense_pulses_change_more(*, length: float = 100.0) -> bool:
 def pulse_height(
     length: float, bits: str, *, place: float = 5.0, terminator: float | None = None
 ) -> float:
-    """Return the height of the pulses in the middle of a long row of bits, at the master [V].
+    """Return the height of the pulses at the master in the middle of a long telegram [V].
 
-    Equal bits make pulses a half-bit apart, alternating bits a bit apart. The sender is at `place`
-    [m], master and supply at 0, and the `terminator` [ohm] at the far end.
+    The pulses of equal bits are a half-bit apart, those of alternating bits a bit. The sender is at
+    `place` [m], master and supply are at 0, and the `terminator` [ohm] is at the far end.
     """
     plan = line(length, slaves=(place,), terminator=terminator)
     dt, end = 50e-9, 2 * len(bits) * HALF_BIT
@@ -276,7 +275,7 @@ def pulse_height(
 
 @check("icn2007-033", counter={"speed": 2.0})
 def signal_suits_cable(*, speed: float = 1.0, length: float = 100.0) -> bool:
-    """Whether an open end bends the spectrum of a request less than half as much as that of noise.
+    """Whether an open end distorts a request's spectrum less than half as much as that of noise.
 
     The request has `speed` times the bit rate of AS-i; the noise is white, up to 3 MHz.
     """
@@ -291,9 +290,10 @@ def signal_suits_cable(*, speed: float = 1.0, length: float = 100.0) -> bool:
 def bent_by_the_end(
     length: float, s: npt.NDArray[np.complexfloating], energy: Floats, *, place: float = 5.0
 ) -> float:
-    """Return how unevenly an open end changes what the master hears of a slave at a place.
+    """Return how unevenly an open end changes the spectrum that the master receives.
 
-    That is the relative standard deviation of the change against a matched end, weighted by energy.
+    The measure is the standard deviation of the ratio to a matched end, over its mean, both
+    weighted by energy.
     """
     heard = [
         np.abs(
@@ -308,7 +308,7 @@ def bent_by_the_end(
 
 
 def arriving_share(length: float, *, cable: Cable = CABLES["as-i 1.5"]) -> float:
-    """Return the share of the energy of the example's request that a matched cable passes on."""
+    """Return the share of the example request's energy that a matched cable transmits."""
     s = 2j * np.pi * FREQUENCIES
     energy = np.abs(s * Modulation(Request.data_exchange(21, 0xE).bits).transform(s)) ** 2
     passed = np.exp(-2 * cable.propagation(s).real * length)
@@ -321,7 +321,7 @@ check("icn2007-051", counter={"pulse": "rectangle"})(
 
 
 def share_above(frequency: float, *, pulse: str = "sin2") -> float:
-    """Return the share of the energy of the example's request above a frequency [Hz].
+    """Return the share of the example request's energy above a frequency [Hz].
 
     The `pulse` is ``"sin2"``, ``"half sine"`` or ``"rectangle"``, all a half-bit long.
     """
@@ -339,12 +339,11 @@ def share_above(frequency: float, *, pulse: str = "sin2") -> float:
 
 # Structures and buses --------------------------------------------------------------------------
 
-
 SLAVES = 62
 
 
 def allowed_plans() -> dict[str, Plan]:
-    """Return the structures of section 4, with 62 slaves except the first and a good supply."""
+    """Return the structures of section 4; all but the first have 62 slaves."""
     growing = np.arange(1, SLAVES + 1)
     return {
         "100 m and a slave at its end": line(100, [100]),
@@ -359,12 +358,12 @@ def allowed_plans() -> dict[str, Plan]:
 
 
 def keeps_all_rules(plan: Plan) -> bool:
-    """Return whether a plan passes every rule."""
+    """Return whether a plan meets every rule."""
     return plan.check().ok is True
 
 
 def trunk_and_star(leg: float = 10 / SLAVES, supply: float = 90.0) -> Plan:
-    """Return 90 m of cable, then a star of 62 slaves, with the supply at its hub or elsewhere."""
+    """Return 90 m of cable and a star of 62 slaves, with the supply at its hub or elsewhere."""
     return star(90, [leg] * SLAVES, supply=supply)
 
 
@@ -378,7 +377,7 @@ check("icn2007-004", counter={"length": 101.0})(
 
 @check("icn2007-048", counter={"supply": 0.0})
 def structures_are_allowed(*, supply: float = 50.0) -> bool:
-    """Whether all structures keep every rule, with the supply of the even line in this place."""
+    """Whether all structures meet every rule, with the even line's supply in this place [m]."""
     plans = {**allowed_plans(), "evenly": line(100, SLAVES, supply=supply)}
     return all(keeps_all_rules(plan) for plan in plans.values())
 
@@ -393,7 +392,7 @@ check("icn2007-027", counter={"user_bits": 64})(
 
 @check("icn2007-055", counter={"quantity": "wave impedance"})
 def impedance_rises(*, quantity: str = "series impedance") -> bool:
-    """Whether this of the nominal cable is ten times as large at 667 kHz as at 1 kHz."""
+    """Whether this quantity of the nominal cable is ten times as large at 667 kHz as at 1 kHz."""
     s = 2j * np.pi * np.array([1e3, 667e3])
     cable = CABLES["as-i 1.5"]
     series = cable.series_impedance(s)
@@ -402,15 +401,14 @@ def impedance_rises(*, quantity: str = "series impedance") -> bool:
     return bool(high > 10 * low)
 
 
-@check("icn2007-056", counter={"supply": 90.0})
-def length_is_the_only_condition(*, supply: float = 0.0) -> bool:
-    """Whether 90 m and a star of 62 slaves meet every rule with the supply in this place [m]."""
-    return keeps_all_rules(trunk_and_star(supply=supply))
+check("icn2007-056", counter={"supply": 90.0})(
+    lambda *, supply=0.0: keeps_all_rules(trunk_and_star(supply=supply))
+)
 
 
 @check("icn2007-057", counter={"longest": 200.0})
 def robust_on_any_topology(*, longest: float = 100.0) -> bool:
-    """Whether all responses are read on the structures of section 4, and on a line so long [m]."""
+    """Whether all responses are read on the structures of section 4 and a line this long [m]."""
     plans = [*allowed_plans().values(), line(longest, [0.05 * longest, longest])]
     heard = [plan.waveform() for plan in plans]
     return all(bool((wave.receive().bits == wave.bits).all()) for wave in heard)
@@ -418,7 +416,7 @@ def robust_on_any_topology(*, longest: float = 100.0) -> bool:
 
 @check("icn2007-058", counter={"power": 1})
 def current_is_the_integral(*, power: int = 2) -> bool:
-    """Whether the send current rises and falls with sin to this power, to a thousandth."""
+    """Whether the slope of the send current is sin to this power, within a thousandth."""
     bits = Request.data_exchange(21, 0xE).bits
     t = np.arange(0.0, 2 * HALF_BIT * len(bits) + 2e-6, 20e-9)
     slope = np.gradient(Modulation(bits).current(t), t)
@@ -438,7 +436,7 @@ def only_one_telegram_is_repeated(*, lost: int = 1) -> bool:
 
 @check("icn2007-060", counter={"dead": True})
 def response_time_is_guaranteed(*, dead: bool = False) -> bool:
-    """Whether each of 31 slaves exchanges data at least once per cycle time, all being healthy."""
+    """Whether each of 31 slaves exchanges data once per cycle time, with slave 3 healthy or not."""
     faults = [DeadSlave("3", start=0.25, stop=0.3)] if dead else []
     run = simulate([Slave(f"{address}") for address in range(1, 32)], until=0.4, faults=faults)
     done = run.events().query("call == 'DATA_EXCHANGE' and outcome == 'ok' and time_s > 0.2")
@@ -446,10 +444,9 @@ def response_time_is_guaranteed(*, dead: bool = False) -> bool:
     return len(longest) == 31 and bool((longest <= float(cycle_time(31))).all())
 
 
-@check("icn2007-061", "kim2023-101", counter={"distance": 5})
-def buses_have_distance(*, distance: int = 4) -> bool:
-    """Whether Modbus RTU and CAN have at least this Hamming distance for 8 bytes."""
-    return min(hamming_distance(MODBUS, 6), hamming_distance(CAN, 10)) >= distance
+check("icn2007-061", "kim2023-101", counter={"distance": 5})(
+    lambda *, distance=4: min(hamming_distance(MODBUS, 6), hamming_distance(CAN, 10)) >= distance
+)
 
 
 def hamming_distance(crc: Crc, payload: int) -> int:
@@ -466,7 +463,7 @@ def hamming_distance(crc: Crc, payload: int) -> int:
 
 @check("icn2007-062", "kim2023-102", counter={"edge": CHIP_EDGES[-1]})
 def checking_takes_hardly_any_time(*, edge: float = CHIP_EDGES[1]) -> bool:
-    """Whether a chip checks a request in 5 % of a transaction, by its delay above the least."""
+    """Whether a chip's delay exceeds the minimum by at most 5 % of a transaction."""
     least = Transaction(2, 2)
     return master_pause_of_chip(edge=edge) - 2 <= 0.05 * least.bits
 

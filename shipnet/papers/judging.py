@@ -6,7 +6,6 @@ the two values and the printed precision; the verdict is a judgement.
 
 from __future__ import annotations
 
-import importlib
 import math
 import re
 from collections.abc import Collection, Hashable, Mapping
@@ -18,16 +17,7 @@ from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
 from shipnet.lazy import Axes, pd
-from shipnet.papers.registry import REGISTRY
-
-#: The papers by their keys, in the order in which they are shown.
-PAPERS: Mapping[str, str] = {
-    "kim2023": "Kim, Cho and Hyun, AS-Interface protocol utilization for smart ships, 2023",
-    "icn2007": "AS-Interface communication system for field networks (2), 2007",
-    "lee2012": "Lee and Kim, Distributed control system on dual field-bus for ship engine, 2012",
-    "chung1998": "Chung and Rhyu, Communication method for a ship main engine remote control, 1998",
-    "kim2014": "Kim and Yu, Electro hydraulic ballast remote valve control system, 2014",
-}
+from shipnet.papers.registry import PAPERS, REGISTRY, load
 
 #: Verdicts that are none: the note says what is missing.
 UNDECIDED = ("not verified", "not reproducible", "open")
@@ -243,18 +233,6 @@ def match(published: float, computed: float, precision: float) -> str:
             if power and abs(computed / 10.0**power - published) <= slack:
                 return f"factor {10.0**power:g}"
     return "differs"
-
-
-#: Papers whose claims are registered by another's modules too.
-_LEANS_ON = {"icn2007": "kim2023", "kim2023": "icn2007"}
-
-
-def load(papers: Collection[str] = tuple(PAPERS)) -> None:
-    """Import what recomputes some papers; the others are left alone, because they take time."""
-    wanted = {*papers, *(_LEANS_ON[paper] for paper in papers if paper in _LEANS_ON)}
-    for paper in PAPERS:
-        if paper in wanted:
-            importlib.import_module(f"shipnet.papers.{paper}")
 
 
 @cache

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch
 
 from shipnet import datasets, style
-from shipnet.papers.registry import figure
+from shipnet.papers.registry import drawing
 
 #: Text, colour and place of each block by its name.
 Blocks: TypeAlias = Mapping[str, tuple[str, str, float, float]]
@@ -49,7 +49,7 @@ def diagram(paper: str, item: str, *, ax: Axes, arrowstyle: str = "->") -> Block
 def diagrams(paper: str, *items: str, arrowstyle: str = "->") -> None:
     """Register figures that are a diagram and nothing else."""
     for item in items:
-        figure(paper, item)(partial(_diagram, paper, item, arrowstyle))
+        drawing(paper, item)(partial(_diagram, paper, item, arrowstyle))
 
 
 def _diagram(paper: str, item: str, arrowstyle: str, *, ax: Axes) -> Axes:

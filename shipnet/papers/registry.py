@@ -1,45 +1,60 @@
-"""Which function recomputes which claim, draws which figure and generates which table.
+"""The functions that recompute claims and draw figures of the papers.
 
-The function of a *numeric* claim returns our number; that of a *qualitative* one says whether the
-statement holds. Both take named inputs, so that a test can change an input and see the result
-change. Claims that differ only in their inputs share a function. A single expression is a lambda;
-its claim says in words what it computes.
+The function of a *numeric* claim returns our number, that of a *qualitative* one whether the
+statement holds. Both have named inputs, so that a test can change one and see the result change.
+Claims that differ only in their inputs share a function. A single expression is a lambda, which
+its claim explains.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import importlib
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeVar
 
+from shipnet import style
+from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, FrameError
+from shipnet.fields import check_choice
+from shipnet.lazy import Axes
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True, eq=False)
 class Recomputation:
-    """A function, a claim's own inputs to it, and for a check those that turn its answer round."""
+    """A function, a claim's inputs to it, and the inputs that make a check fail."""
 
     function: Callable[..., Any]
     inputs: Mapping[str, object]
     counter: Mapping[str, object]
 
     def __call__(self, **others: object) -> Any:
-        """Return what the claim comes to, with other inputs if any are given."""
+        """Return the claim's value, with some inputs replaced."""
         return self.function(**{**self.inputs, **others})
 
     @cached_property
     def value(self) -> Any:
-        """The number, or whether the statement holds, with the claim's own inputs."""
+        """The number, or whether the statement holds."""
         return self()
 
     @property
     def evidence(self) -> str:
-        """Full name of the function, or of its module if the function has no name."""
+        """Full name of the function, or of the module if it is a lambda."""
         return f"{self.function.__module__}.{self.function.__name__}".removesuffix(".<lambda>")
 
+
+#: The papers by key, in the order in which they are shown.
+PAPERS: Mapping[str, str] = {
+    "kim2023": "Kim, Cho and Hyun, AS-Interface protocol utilization for smart ships, 2023",
+    "icn2007": "AS-Interface communication system for field networks (2), 2007",
+    "lee2012": "Lee and Kim, Distributed control system on dual field-bus for ship engine, 2012",
+    "chung1998": "Chung and Rhyu, Communication method for a ship main engine remote control, 1998",
+    "kim2014": "Kim and Yu, Electro hydraulic ballast remote valve control system, 2014",
+}
 
 #: Claim id -> its function; filled as the modules of the papers are imported.
 REGISTRY: dict[str, Recomputation] = {}
@@ -47,38 +62,40 @@ REGISTRY: dict[str, Recomputation] = {}
 #: (paper, item) -> function that draws a printed figure on given axes.
 FIGURES: dict[tuple[str, str], Callable[..., Any]] = {}
 
-#: (paper, item) -> function that generates a printed table.
-TABLES: dict[tuple[str, str], Callable[[], Any]] = {}
+#: Papers with claims that another paper's modules register.
+_LEANS_ON = {"icn2007": "kim2023", "kim2023": "icn2007"}
+
+
+def load(papers: Collection[str] = tuple(PAPERS)) -> None:
+    """Import the functions of some papers only, because imports take time."""
+    wanted = {*papers, *(_LEANS_ON[paper] for paper in papers if paper in _LEANS_ON)}
+    for paper in PAPERS:
+        if paper in wanted:
+            importlib.import_module(f"shipnet.papers.{paper}")
 
 
 def numeric(*claims: str, **inputs: object) -> Callable[[Function], Function]:
-    """Register a function, with these inputs, as the recomputation of numbers by their claims."""
+    """Register a function, with these inputs, as the recomputation of numeric claims."""
     return check(*claims, counter={}, **inputs)
 
 
 def check(
     *claims: str, counter: Mapping[str, object], **inputs: object
 ) -> Callable[[Function], Function]:
-    """Register a function, with these inputs, as the check of statements by their claims.
+    """Register a function, with these inputs, as the check of qualitative claims.
 
     With the inputs of `counter` the answer must be the opposite, which a test verifies.
     """
 
     def decorate(function: Function) -> Function:
-        made = Recomputation(function, inputs, counter)
-        for claim in claims:
-            # A module that is loaded again registers the same function again.
-            if claim in REGISTRY and REGISTRY[claim].evidence != made.evidence:
-                first = REGISTRY[claim].evidence
-                raise ValueError(f"claim {claim} has two functions: {first} is the first")
-            REGISTRY[claim] = made
+        REGISTRY.update(dict.fromkeys(claims, Recomputation(function, inputs, counter)))
         return function
 
     return decorate
 
 
 def is_legal(function: Callable[..., object], *arguments: object, **named: object) -> bool:
-    """Whether a function of the package takes these arguments without an error of its own."""
+    """Return whether a function of the package accepts these arguments."""
     try:
         function(*arguments, **named)
     except (ArgumentError, FrameError):
@@ -86,11 +103,54 @@ def is_legal(function: Callable[..., object], *arguments: object, **named: objec
     return True
 
 
-def figure(paper: str, *items: str) -> Callable[[Function], Function]:
-    """Register a function of the axes as the drawing of one or more printed figures."""
+def drawing(paper: str, *items: str) -> Callable[[Function], Function]:
+    """Register a function of the axes as the drawing of printed figures."""
 
     def decorate(function: Function) -> Function:
         FIGURES.update({(paper, item): function for item in items})
         return function
 
     return decorate
+
+
+@checked
+def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes:
+    """Draw a figure of a paper from our models and outlines.
+
+    Parameters
+    ----------
+    paper : str
+        A key of `PAPERS`.
+    item : str
+        The figure as the paper numbers it, such as ``"Fig 7"``.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; new axes if omitted.
+    **inputs
+        Inputs of the drawing, such as another ``frame``; as in the paper if omitted.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes drawn on.
+
+    Raises
+    ------
+    ArgumentError
+        If no function draws the figure; the message lists the figures that are drawn.
+
+    Examples
+    --------
+    >>> figure("kim2014", "Fig 7").texts[0].get_text()
+    'row 9 of the table'
+    """
+    check_choice("paper", paper, PAPERS)
+    load((paper,))
+    # Drawings are registered when their module is imported, which loads matplotlib.
+    with suppress(ModuleNotFoundError):
+        importlib.import_module(f"shipnet.papers.{paper}.plot")
+    drawn = sorted(name for key, name in FIGURES if key == paper)
+    if item not in drawn:
+        legal = f"it must be one of {', '.join(drawn)}" if drawn else f"none of {paper} is drawn"
+        raise ArgumentError(f"item is {item!r}; {legal}")
+    made: Axes = FIGURES[paper, item](ax=style.axes(ax), **inputs)
+    return made

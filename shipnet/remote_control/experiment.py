@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -17,21 +17,24 @@ from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat, Shares
 from shipnet.remote_control.system import Supervision, System
 
-#: A value is sent only when it has changed, as printed, or in every packet.
+#: Whether a value is sent only when it has changed, as printed, or in every packet.
 Sending = Literal["changed", "cyclic"]
 
 #: The checks of a packet: as printed, with CRC-16 after it, and with CRC-16 only, byte-stuffed.
 CHECKS = ("markers", "markers + CRC", "CRC")
 
-#: A year of 365 days [s].
-_YEAR = 365 * 86400.0
+_YEAR = 365 * 86400.0  #: A year of 365 days [s].
+
+#: What `recommend` assumes: the most packets with wrong items that the receivers may accept per
+#: year, and the mean time between two moves of a switch [s].
+_MOST_WRONG, _INTERVAL = 1.0, 3600.0
 
 
 # Packets over a disturbed line -----------------------------------------------------------------
 
 
 def check_formats(n_items: int) -> dict[str, PacketFormat]:
-    """Return a format for 1..84 items by each check of packets."""
+    """Return a packet format for 1..84 items by the name of its check."""
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     formats = (MarkerFormat("A", n), MarkerFormat("A", n, crc=True), CobsFormat(n))
     return dict(zip(CHECKS, formats, strict=True))
@@ -43,10 +46,12 @@ def compare_checks(
     rates: Iterable[float],
     *,
     packets: int = 60_000,
-    formats: Mapping[str, MarkerFormat | CobsFormat] | None = None,
     rng: np.random.Generator | int | None = None,
 ) -> Comparison:
     """Send packets over a disturbed line, and count what each check detects and misses.
+
+    The checks are the markers as printed, markers with a CRC after them, and a CRC with byte
+    stuffing.
 
     Parameters
     ----------
@@ -56,9 +61,6 @@ def compare_checks(
         Bit error rates, 0..0.5 each.
     packets : int, default 60000
         Packets per check, number of items and rate, 0..1e9.
-    formats : mapping of str to MarkerFormat or CobsFormat, optional
-        Formats to compare; if omitted, the markers as printed, markers with a CRC after them, and
-        a CRC with byte stuffing.
     rng : numpy.random.Generator or int, optional
         Random generator, or its seed.
 
@@ -77,7 +79,7 @@ def compare_checks(
     rates, chance, rows = list(rates), check_rng(rng), []
     for n in n_items:
         for rate in rates:
-            for name, form in (formats or check_formats(n)).items():
+            for name, form in check_formats(n).items():
                 trial = form.transmit(n, rate, packets, chance)
                 low, high = share_interval(trial.undetected, trial.sent)
                 lost = trial.detected / trial.sent if trial.sent else np.nan
@@ -98,7 +100,7 @@ _COLUMNS = (
 @checked
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """What each check detects and misses, by number of items and bit error rate.
+    """Packets that each check detects and misses, by number of items and bit error rate.
 
     Examples
     --------
@@ -127,15 +129,14 @@ class Comparison:
         """
         return pd.DataFrame(list(self._rows), columns=list(_COLUMNS))
 
-    def plot(self, ax: Axes | None = None, *, bit_error_rate: float | None = None) -> Axes:
-        """Draw the share of wrong packets that each check accepts, over the number of items.
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the share of wrong packets that each check accepts at the first bit error rate.
 
-        Lines are theory, markers are counts with their bounds at one bit error rate, the first if
-        omitted. A triangle is the upper bound of a check that accepted none.
+        Over the number of items, lines are theory and markers counts with their bounds.
         """
         from shipnet.remote_control.plot import plot_checks
 
-        return plot_checks(self.table(), ax, bit_error_rate)
+        return plot_checks(self.table(), ax)
 
 
 # A switch that is sent once, or repeatedly -----------------------------------------------------
@@ -166,33 +167,25 @@ def switch_staleness(shares: Shares, period: float, interval: float, sending: Se
     .. math:: g + \frac{d f (1 - g)}{1 - d + 2 d f}, \quad g = \frac{u}{1 - d}
     """
     _, d, u = shares
-    wait = check_scalar("period", period, "s", 1e-6, 1e6)
-    mean = check_scalar("interval", interval, "s", 1e-6, 1e12)
-    if sending not in ("changed", "cyclic"):
-        raise ArgumentError(f"sending is {sending!r}; it must be 'changed' or 'cyclic'")
-    if not (0 <= d and 0 <= u and d + u < 1):
-        raise ArgumentError(
-            f"detected and undetected are {d:g} and {u:g}; they must be 0 or more, in sum below 1"
-        )
-    flip = 1.0 if sending == "changed" else -float(np.expm1(-2 * wait / mean)) / 2
+    flip = 1.0 if sending == "changed" else -float(np.expm1(-2 * period / interval)) / 2
     spoiled = u / (1 - d)
     share = spoiled + d * flip * (1 - spoiled) / (1 - d + 2 * d * flip)
     if sending == "cyclic":
-        return Staleness(share, wait / (1 - d - u))
+        return Staleness(share, period / (1 - d - u))
     # An old position ends with the next move, discarded or not, unless that is accepted wrongly; a
     # wrong one ends only with a correct packet.
     spoiled_moves = 1 / (1 - d - u)
     old_moves = 1 + u * spoiled_moves
     moves = (d * old_moves + u * spoiled_moves) / (d + u) if d + u else 1.0
-    return Staleness(share, mean * moves)
+    return Staleness(share, interval * moves)
 
 
-# What follows ----------------------------------------------------------------------------------
+# Recommendation --------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Recommendation:
-    """How to send a number of values, and why.
+    """The recommended way to send a number of values, and why.
 
     `sending` is "changed" or "cyclic"; RCS ends a turn without an answer after `turn_timeout` [s];
     `refresh_time` is the mean time in which every value is received once [s]; `wrong_per_year`
@@ -208,7 +201,6 @@ class Recommendation:
     wrong_per_year: float
     stale_time: float
     why: str
-    _table: pd.DataFrame = field(repr=False, compare=False)
 
     def __str__(self) -> str:
         return (
@@ -216,20 +208,8 @@ class Recommendation:
             f"{self.refresh_time * 1e3:.0f} ms for all values"
         )
 
-    def candidates(self) -> pd.DataFrame:
-        """Return all ways to send the values, and which limits each meets."""
-        return self._table.copy()
 
-
-def candidates(
-    n_items: int,
-    system: System,
-    rate: float,
-    wrong_per_year: float,
-    stale_time: float,
-    switch_interval: float,
-    rule: Supervision,
-) -> pd.DataFrame:
+def candidates(n_items: int, system: System, rate: float, stale_time: float) -> pd.DataFrame:
     """Return all ways to send 1..84 values per station, one row each, as `recommend` compares them.
 
     A discarded packet also costs the wait of a turn, but spoils no other packet. A check and size
@@ -240,9 +220,8 @@ def candidates(
     """
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     p = check_scalar("rate", rate, "", 0, 0.1)
-    most_wrong = check_scalar("wrong_per_year", wrong_per_year, "", 1e-12, 1e12)
     longest_stale = check_scalar("stale_time", stale_time, "s", 1e-3, 1e9)
-    interval = check_scalar("switch_interval", switch_interval, "s", 1e-3, 1e9)
+    rule = Supervision.intended()
     base = replace(system, repeat=0, slave=rule)
     limit = rule.detection_time[0]
     rows = []
@@ -256,7 +235,7 @@ def candidates(
                 changed = sending == "changed"
                 shares = form.error_shares(1 if changed else per_packet, p)
                 # One packet for a change per interval, or four per cycle.
-                packets = 1 / interval if changed else 4 / cycle
+                packets = 1 / _INTERVAL if changed else 4 / cycle
                 timeout = cycle / 2 if base.turn_timeout is None else base.turn_timeout
                 # The wait for a lost answer exceeds the time of an answer by this. If a turn ends
                 # before the answer arrives, nothing is received at all.
@@ -266,11 +245,11 @@ def candidates(
                 # Each of the four packets of a cycle may be discarded, and costs a wait.
                 period = n_packets * (cycle + 4 * shares.detected * longer)
                 wait = 0.0 if changed else longer / (1 - shares.detected - shares.undetected)
-                after = switch_staleness(shares, period, interval, sending)
+                after = switch_staleness(shares, period, _INTERVAL, sending)
                 stale = after.duration + wait
                 wrong = _YEAR * packets * shares.undetected
                 counted = link.counted_time
-                verdicts = (wrong <= most_wrong, stale <= longest_stale, counted <= limit)
+                verdicts = (wrong <= _MOST_WRONG, stale <= longest_stale, counted <= limit)
                 refresh = period / (1 - shares.detected - shares.undetected)
                 sizes = (form.size(per_packet), cycle, timeout, refresh)
                 numbers = (*sizes, wrong, stale, counted)
@@ -286,14 +265,13 @@ def recommend(
     system: System | None = None,
     *,
     rate: float = 1e-5,
-    wrong_per_year: float = 1.0,
     stale_time: float = 3.0,
-    switch_interval: float = 3600.0,
-    supervision: Supervision | None = None,
 ) -> Recommendation:
     """Return how to send a number of values: the fastest way that meets all limits.
 
-    The limits are ours; the paper states none.
+    The limits are ours; the paper states none. Receivers may accept one packet with wrong items
+    per year, a switch moves once per hour, and ``Supervision.intended()`` must not raise an alarm
+    in a healthy link.
 
     Parameters
     ----------
@@ -306,22 +284,16 @@ def recommend(
         more.
     rate : float, default 1e-5
         Bit error rate, 0..0.1; our assumption, because the paper names none.
-    wrong_per_year : float, default 1
-        Most packets with wrong items that the receivers accept per year, 1e-12..1e12.
     stale_time : float, default 3
         Longest mean time that a switch is shown in a wrong position after a failed packet,
         1e-3..1e9 [s], including the wait of RCS for the lost answer; by default as long as a failed
         partner may stay unnoticed.
-    switch_interval : float, default 3600
-        Mean time between two moves of a switch, 1e-3..1e9 [s].
-    supervision : Supervision, optional
-        Rule that must not raise an alarm in a healthy link; ``Supervision.intended()`` if omitted.
 
     Returns
     -------
     Recommendation
         The check, "changed" or "cyclic" sending and the items per packet with which all values are
-        received once in the shortest mean time; ``why``, and all ``candidates()``.
+        received once in the shortest mean time, and ``why``.
 
     Raises
     ------
@@ -339,9 +311,7 @@ def recommend(
     >>> print(rc.recommend(40, rc.System(bit_rate=600), stale_time=20))
     CRC, cyclic, 10 items per packet: 9116 ms for all values
     """
-    limits = wrong_per_year, stale_time, switch_interval
-    rule = Supervision.intended() if supervision is None else supervision
-    table = candidates(n_items, system or System(), rate, *limits, rule)
+    table = candidates(n_items, system or System(), rate, stale_time)
     good = table[table["meets"]]
     if table.empty:
         raise ArgumentError("turn_timeout is shorter than the answer with one item, of any check")
@@ -371,5 +341,4 @@ def recommend(
         float(best["wrong_per_year"]),
         float(best["stale_s"]),
         why,
-        table,
     )

@@ -1,4 +1,4 @@
-"""Faults of the link: a dead station, a stalled task, a lost packet, bit errors."""
+"""The stations of the link, and faults: a dead station, a stalled task, a lost packet."""
 
 from __future__ import annotations
 
@@ -6,10 +6,17 @@ from math import inf
 
 from shipnet.clock import Fault
 from shipnet.errors import ArgumentError
-from shipnet.fields import choice, number, record
-from shipnet.remote_control.values import HOPS, STATIONS
+from shipnet.fields import choice, record
 
-__all__ = ["BitErrors", "DeadStation", "LostPacket", "Stall"]
+__all__ = ["DeadStation", "LostPacket", "Stall"]
+
+Hop = tuple[str, str]
+
+#: Remote control system in the engine room (the master), bridge control system, safety system.
+STATIONS = ("RCS", "BCS", "SS")
+
+#: Senders and receivers, in the order of a cycle: chung1998, section 4.
+HOPS: tuple[Hop, ...] = (("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "RCS"))
 
 
 @record
@@ -69,20 +76,3 @@ class LostPacket(Fault):
                 f"source and target are {self.source!r}, {self.target!r}; one must be RCS, the "
                 "other BCS or SS"
             )
-
-
-@record
-class BitErrors(Fault):
-    """Bits are inverted at random in all packets that begin from `start` to `stop`.
-
-    Each bit is inverted independently. A byte whose start bit is hit is lost. A hit parity or stop
-    bit does no harm, because the printed interrupt routine ignores the status register.
-
-    Examples
-    --------
-    >>> from shipnet.remote_control import faults
-    >>> faults.BitErrors(1e-4).rate
-    0.0001
-    """
-
-    rate: float = number(0, 0.5, "", "Probability that a bit is inverted")

@@ -1,4 +1,4 @@
-"""What all packets have in common: items, rows of packets, and the effect of bit errors.
+"""Parts shared by all packets: items, rows of packets, and the effect of bit errors.
 
 Bits are inverted independently with a probability p; start and stop bits are left out.
 """
@@ -105,7 +105,7 @@ class Decoded(NamedTuple):
 
 @checked
 class PacketFormat:
-    """What the two formats share; each packs, reads and traces its packets in its own way."""
+    """Base of the two formats, which encode, decode and trace packets in their own ways."""
 
     __slots__ = ()
 
@@ -147,13 +147,13 @@ class PacketFormat:
         """Return a new parser."""
         raise NotImplementedError
 
-    def trace(self, stream: bytes, *, start: int = 0, size: int = 128) -> pd.DataFrame:
+    def trace(self, stream: bytes, *, start: int = 0) -> pd.DataFrame:
         """Return the meaning of each byte to a reader: ``place``, ``byte`` and ``taken_as``.
 
-        The first byte is at the place `start` of a ring of `size`.
+        The first byte is at the place `start` of a ring of 128.
         """
+        size = 128
         taken = self._taken(check_bytes("stream", stream))
-        size = check_whole("size", size, 2, 65536)
         start = check_whole("start", start, 0, size - 1)
         rows = [((start + k) % size, f"0x{byte:02X}", what) for k, (byte, what) in enumerate(taken)]
         return pd.DataFrame(rows, columns=["place", "byte", "taken_as"])

@@ -30,6 +30,8 @@ Case = Literal["a", "b", "c", "d"]
 Action = Literal["take", "wait", "stop", "repair"]
 Rule = Literal["printed", "intended", "corrected"]
 
+_LAPS = 3  #: Laps by which the writer may lead in the searches below.
+
 
 class State(NamedTuple):
     """The four variables of the paper: places and flags of the writer and of the reader."""
@@ -48,7 +50,7 @@ class State(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What one step of the reader did, in the case that it found.
+    """One step of the reader, and the case in which it took place.
 
     It took a `byte`, waited, stopped receiving, or repaired the ring. `lost` counts the unread
     bytes that it skipped; a `stale` byte was read before, or never received.
@@ -235,7 +237,7 @@ class Ring:
         byte stored is 0xCC, so that a repair finds the start of a packet at once.
         """
         check_whole("size", self.size, 2, 16)
-        limit = 3 * self.size
+        limit = _LAPS * self.size
         if max_unread is not None:
             limit = check_whole("max_unread", max_unread, 0, 4 * self.size)
         start = Ring(self.size, self.rule)
@@ -258,10 +260,10 @@ class Ring:
         columns = [*State._fields, "unread", "first_lap", "case", "action", "lost", "stale"]
         return pd.DataFrame(rows, columns=columns)
 
-    def cases(self, laps: int = 3) -> RingCases:
-        """Return the cases while the writer leads by less than this many laps, 1..16."""
-        check_whole("size", self.size, 2, 1024)
-        return RingCases(self.size, check_whole("laps", laps, 1, 16))
+    def cases(self) -> RingCases:
+        """Return the cases while the writer leads by less than three laps."""
+        check_whole("size", self.size, 2, 512)
+        return RingCases(self.size)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the ring as a circle of cells, clockwise from the top, with writer and reader.
@@ -325,11 +327,10 @@ class RingCases:
     """The case of a ring, by the reader's place and by the writer's lead."""
 
     size: int
-    laps: int
 
     def _shown(self) -> npt.NDArray[np.str_]:
         """Return the case by the writer's lead and the reader's place."""
-        lead, place = np.ogrid[: self.laps * self.size, : self.size]
+        lead, place = np.ogrid[: _LAPS * self.size, : self.size]
         no, same = (lead + place) % self.size, (lead + place) // self.size % 2 == 0
         return np.where(same, np.where(no >= place, "b", "a"), np.where(no >= place, "c", "d"))
 
@@ -339,8 +340,8 @@ class RingCases:
         A lap has leads ``from`` .. ``to`` [byte]. A lead of exactly one lap is a full ring: nothing
         is lost yet, though case c shows.
         """
-        shown = self._shown().reshape(self.laps, -1)
-        first = np.arange(self.laps) * self.size
+        shown = self._shown().reshape(_LAPS, -1)
+        first = np.arange(_LAPS) * self.size
         counts = {case: (shown == case).sum(axis=1) for case in get_args(Case)}
         return pd.DataFrame({"from": first, "to": first + self.size - 1, **counts})
 
@@ -352,8 +353,6 @@ class RingCases:
         from shipnet.remote_control.plot import plot_cases, plot_lead
 
         if get_no is None:
-            check_whole("size", self.size, 2, 512)
-            check_whole("laps", self.laps, 1, 8)
             return plot_cases(self._shown().T, ax)
         place = check_whole("get_no", get_no, 0, self.size - 1)
         return plot_lead(self._shown()[:, place].tolist(), self.size, ax)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from heapq import heappop, heappush
@@ -18,12 +18,11 @@ from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole, choice, number, record, whole
 from shipnet.lazy import Axes, pd
-from shipnet.remote_control.faults import BitErrors, DeadStation, LostPacket, Stall
+from shipnet.remote_control.faults import STATIONS, DeadStation, LostPacket, Stall
 from shipnet.remote_control.packet import DATA_START, MarkerFormat
 from shipnet.remote_control.packet_format import Items
 from shipnet.remote_control.station import State, Station
-from shipnet.remote_control.system import BIT_RATES, System
-from shipnet.remote_control.values import STATIONS, forwarded
+from shipnet.remote_control.system import BIT_RATES, System, forwarded
 
 #: Values that RCS forwards from one slave to the other.
 _FORWARDED = {"BCS": ("SS", forwarded("BCS", "SS")), "SS": ("BCS", forwarded("SS", "BCS"))}
@@ -32,7 +31,7 @@ _FORWARDED = {"BCS": ("SS", forwarded("BCS", "SS")), "SS": ("BCS", forwarded("SS
 _MOST_EVENTS = 20_000_000
 
 
-# What is simulated, and what came of it --------------------------------------------------------
+# Changes and results ---------------------------------------------------------------------------
 
 
 @record
@@ -78,7 +77,6 @@ class Packet:
     items: Items = ()
     received: Items | None = None
     read: float = nan
-    disturbed: bool = False
 
     @property
     def outcome(self) -> str:
@@ -154,11 +152,11 @@ class Run:
     def traffic(self) -> pd.DataFrame:
         """Return one row per packet, with the time at which it was read and its outcome."""
         rows = [
-            (p.start, p.end, p.source, p.target, len(p.items), p.read, p.disturbed, p.outcome)
+            (p.start, p.end, p.source, p.target, len(p.items), p.read, p.outcome)
             for p in self.packets
         ]
-        columns = ["start_s", "end_s", "source", "target", "n_items", "read_s", "disturbed"]
-        return pd.DataFrame(rows, columns=[*columns, "outcome"])
+        columns = ["start_s", "end_s", "source", "target", "n_items", "read_s", "outcome"]
+        return pd.DataFrame(rows, columns=columns)
 
     def states(self) -> pd.DataFrame:
         """Return when each station began to send, to receive or to process, or was dead."""
@@ -167,7 +165,7 @@ class Run:
         return table.astype({"comm_f": "Int64"})
 
     def history(self, number: int, station: str) -> pd.DataFrame:
-        """Return the values that a station had of a number, each from its ``time_s`` on.
+        """Return the values of a number at a station, each valid from its ``time_s``.
 
         They are those that it set itself, or if it set none, those that it received.
         """
@@ -235,7 +233,6 @@ def simulate(
     *,
     until: float,
     faults: Fault | Iterable[Fault] = (),
-    phases: Mapping[str, float] | None = None,
     rng: np.random.Generator | int | None = None,
 ) -> Run:
     """Simulate the link byte by byte from the moment it is switched on.
@@ -250,11 +247,9 @@ def simulate(
         End of the simulation, 0..1e6 [s]; up to 20 million bytes and ticks.
     faults : Fault or iterable of Fault, optional
         Faults of the namespace `faults`.
-    phases : mapping of str to float, optional
-        Time of the first tick of each station's timer, above 0 and up to its period [s]. For other
-        stations it is drawn from `rng`; without `rng` it is one period.
     rng : numpy.random.Generator or int, optional
-        Random generator or its seed; `faults.BitErrors` need one.
+        Random generator or its seed, for the first tick of each station's timer; if omitted, it
+        comes after one period.
 
     Returns
     -------
@@ -281,8 +276,8 @@ def simulate(
     """
     several = (changes,) if isinstance(changes, Change) else tuple(changes)
     chance = None if rng is None else check_rng(rng)
-    known = as_faults(faults, BitErrors, DeadStation, LostPacket, Stall)
-    return _Simulation(system, until, known, several, dict(phases or {}), chance).run()
+    known = as_faults(faults, DeadStation, LostPacket, Stall)
+    return _Simulation(system, until, known, several, chance).run()
 
 
 class _Simulation:
@@ -294,7 +289,6 @@ class _Simulation:
         until: float,
         faults: tuple[Fault, ...],
         changes: tuple[Change, ...],
-        phases: dict[str, float],
         rng: np.random.Generator | None,
     ) -> None:
         self.system = system
@@ -311,17 +305,11 @@ class _Simulation:
         self.stations = {name: Station(name, system) for name in STATIONS}
         self.run_ = Run(system, self.end, faults)
         self.marked = isinstance(system.packet_format, MarkerFormat)
-        self.rng = rng
-        self.errors: list[BitErrors] = []
         self.losses: list[LostPacket] = []
-        # Of each station: packets whose last byte is in its ring and not yet read.
+        # The packets of each station whose last byte is in its ring and not yet read.
         self.waiting: dict[str, list[Packet]] = {name: [] for name in STATIONS}
         for fault in faults:
-            if isinstance(fault, BitErrors):
-                if rng is None:
-                    raise ArgumentError("rng is None, but BitErrors need one")
-                self.errors.append(fault)
-            elif isinstance(fault, LostPacket):
+            if isinstance(fault, LostPacket):
                 self.losses.append(fault)
             elif isinstance(fault, DeadStation):
                 station = self.stations[fault.station]
@@ -335,12 +323,9 @@ class _Simulation:
             check_whole("number of a change", change.number, 0, system.n_items - 1)
             self._at(change.time, partial(self._change, change))
         self.run_.changes.extend(sorted(changes, key=lambda change: change.time))
-        if unknown := set(phases) - set(STATIONS):
-            raise ArgumentError(f"phases name {min(unknown)!r}; they must name {STATIONS}")
         for name, station in self.stations.items():
             tick = self.system.rule(name).tick
-            drawn = tick * (1 - rng.random()) if rng is not None else tick
-            first = check_scalar(f"phase of {name}", phases.get(name, drawn), "s", 0, tick)
+            first = tick * (1 - rng.random()) if rng is not None else tick
             self._at(first, partial(self._tick, station, first, 0))
 
     def run(self) -> Run:
@@ -378,14 +363,11 @@ class _Simulation:
         packet = Packet(self.now, self.now + len(data) * character, station.name, target.name)
         packet.items = tuple(sorted(items.items()))
         self.run_.packets.append(packet)
-        arriving = self._disturb(packet, data)
-        for place, byte in enumerate(arriving):
-            last = place + 1 == len(data)
-            if byte is not None or last:
-                self._at(
-                    packet.start + (place + 1) * character,
-                    partial(self._arrive, station, turn, target, byte, last, packet),
-                )
+        if not self._is_lost(packet):
+            for place, byte in enumerate(data, start=1):
+                last = place == len(data)
+                act = partial(self._arrive, station, turn, target, byte, last, packet)
+                self._at(packet.start + place * character, act)
         self._at(packet.end, partial(self._sent, station, turn))
 
     def _is_lost(self, packet: Packet) -> bool:
@@ -393,27 +375,8 @@ class _Simulation:
             same = (loss.source, loss.target) == (packet.source, packet.target)
             if same and loss.start <= packet.start < loss.stop:
                 self.losses.remove(loss)
-                packet.disturbed = True
                 return True
         return False
-
-    def _disturb(self, packet: Packet, data: bytes) -> list[int | None]:
-        """Return what arrives of each byte: the byte, another one, or None."""
-        if self._is_lost(packet):
-            return [None] * len(data)
-        rate = 0.0
-        for errors in self.errors:
-            if errors.start <= packet.start < errors.stop:
-                # A bit that two faults invert is correct again.
-                rate += errors.rate - 2 * rate * errors.rate
-        if rate == 0 or self.rng is None:
-            return list(data)
-        # Each byte has a start bit and eight data bits.
-        hit = self.rng.random((len(data), 9)) < rate
-        packet.disturbed = bool(hit.any())
-        flips = np.packbits(hit[:, 1:], axis=1)[:, 0].tolist()
-        rows = zip(data, hit[:, 0].tolist(), flips, strict=True)
-        return [None if start else byte ^ flip for byte, start, flip in rows]
 
     def _sent(self, station: Station, turn: int) -> None:
         if station.turn != turn:
@@ -431,17 +394,16 @@ class _Simulation:
         source: Station,
         turn: int,
         target: Station,
-        byte: int | None,
+        byte: int,
         last: bool,
         packet: Packet,
     ) -> None:
         """Store a byte at its receiver if the receiver takes it."""
         if source.turn != turn or target.state.comm_f != 1:
             return
-        if byte is not None:
-            target.ring.store(byte)
-            if byte == DATA_START and self.marked:
-                self._life(target, source.name)
+        target.ring.store(byte)
+        if byte == DATA_START and self.marked:
+            self._life(target, source.name)
         if last:
             self.waiting[target.name].append(packet)
         self._look(target)
@@ -512,7 +474,7 @@ class _Simulation:
             if waits and counter.step():
                 self._note(station, "failed", partner)
                 if station.master:
-                    # That it goes on to its next partner is our reading.
+                    # We assume that it goes on to its next partner.
                     self._leave(station, station.turn)
 
     def _time_out(self, station: Station, turn: int) -> None:

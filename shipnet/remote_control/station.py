@@ -9,10 +9,10 @@ from typing import NamedTuple
 from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole
+from shipnet.remote_control.faults import HOPS
 from shipnet.remote_control.packet_format import Items
 from shipnet.remote_control.ring_buffer import Ring, bytes_of
 from shipnet.remote_control.system import Counter, System
-from shipnet.remote_control.values import HOPS
 
 
 @checked
@@ -46,7 +46,7 @@ def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, in
 
 
 def _values(name: str, values: Sequence[int]) -> list[int]:
-    # check_whole, and the name of a value, is for suspicious values: there are two per byte.
+    # Only suspicious values are checked in full and named: there are two values per byte.
     return [
         value
         if type(value) is int and 0 <= value <= 0xFFFF
@@ -95,9 +95,9 @@ class State(Enum):
 
 
 class Reading(NamedTuple):
-    """What the task found when it emptied the ring.
+    """The content of the ring when the task emptied it.
 
-    `repaired` says whether the reader gave up a part of the ring (case c), `stopped` whether it
+    `repaired` says whether the reader skipped a part of the ring (case c), `stopped` whether it
     stopped before the ring was empty (case a), `lost` how many bytes are never read.
     """
 
@@ -122,7 +122,7 @@ class Station:
         self.partner = "RCS"
         #: The stations on its lines, in the order of a cycle.
         self.partners = tuple(target for source, target in HOPS if source == name)
-        self.ring = Ring(system.ring_size, system.ring_rule)
+        self.ring = Ring(system.ring_size, "intended")
         self.parser = system.packet_format.parser()
         self.counters = {other: Counter(system.rule(name)) for other in self.partners}
         self.senders = {other: Sender(system.n_items, system.repeat) for other in self.partners}

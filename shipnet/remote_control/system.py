@@ -1,12 +1,14 @@
-"""The link as it is built: its supervision, and its times in closed form.
+"""The link as it is built: its stations and values, its supervision, and its times.
 
-All times are for a link without bit errors in which every packet has all its items.
+The names of stations and values are those of chung1998, sections 2 and 5. The numbers, and that
+these are all values, are our assumption: the drawing of its Fig. 1 is not in the text that we have.
+Times are for a link without bit errors in which every packet has all its items.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from math import ceil, floor
 from typing import Literal, NamedTuple
 
@@ -14,14 +16,78 @@ import numpy as np
 
 from shipnet.arguments import checked
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_whole, choice, number, part, record, switch, whole
+from shipnet.fields import check_whole, number, part, record, switch, whole
 from shipnet.lazy import Axes, pd
+from shipnet.remote_control.faults import HOPS, Hop
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat
-from shipnet.remote_control.values import HOPS, VALUES
 
 #: Bit rates that section 5 of chung1998 tries [bit/s].
 BIT_RATES = (9600, 4800, 2400, 1200, 600)
+
+
+# Values ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A value of 16 bits that crosses the link, the stations that set it and those that read it.
+
+    `where` is the section of chung1998 that names it; the number is ours.
+    """
+
+    number: int
+    name: str
+    kind: Literal["switch", "command", "measurement", "state"]
+    sources: tuple[str, ...]
+    readers: tuple[str, ...]
+    where: str
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether two stations have the same switch."""
+        return len(self.sources) > 1
+
+    @property
+    def routes(self) -> tuple[tuple[str, ...], ...]:
+        """The stations that it passes, one tuple per source and other station that uses it."""
+        # BCS and SS have no line between them: values from one to the other go through RCS.
+        users = (*self.sources, *self.readers)
+        pairs = [(a, b) for a in self.sources for b in users if a != b]
+        return tuple((a, b) if "RCS" in (a, b) else (a, "RCS", b) for a, b in pairs)
+
+    @property
+    def hops(self) -> tuple[Hop, ...]:
+        """The lines on which the value is sent, in the order of a cycle."""
+        crossed = {hop for route in self.routes for hop in pairwise(route)}
+        return tuple(hop for hop in HOPS if hop in crossed)
+
+
+#: Switches come first, so that a link of few items has them.
+VALUES = (
+    Value(0, "control_position", "switch", ("BCS", "RCS"), (), "2; 5"),
+    Value(1, "shutdown_cancel", "switch", ("BCS", "SS"), ("RCS",), "5"),
+    Value(2, "slowdown_cancel", "switch", ("BCS", "SS"), ("RCS",), "5"),
+    Value(3, "speed_command", "command", ("BCS",), ("RCS",), "2"),
+    Value(4, "speed", "measurement", ("RCS",), ("BCS", "SS"), "2"),
+    Value(5, "engine_state", "state", ("RCS",), ("BCS", "SS"), "2"),
+    Value(6, "alarm", "state", ("RCS",), ("BCS", "SS"), "2"),
+    Value(7, "safety_speed", "measurement", ("SS",), ("RCS", "BCS"), "2"),
+    Value(8, "overspeed", "state", ("SS",), ("RCS", "BCS"), "2"),
+    # Shutdown and slowdown fit into one value of 16 bits: the paper sends ten values.
+    Value(9, "shutdown_slowdown", "state", ("SS",), ("RCS", "BCS"), "2"),
+)
+
+
+def values_on(source: str, target: str) -> tuple[Value, ...]:
+    """Return the values that one station sends to another, by number."""
+    return tuple(value for value in VALUES if (source, target) in value.hops)
+
+
+def forwarded(source: str, target: str) -> frozenset[int]:
+    """Return the numbers of the values that RCS forwards from one slave to the other."""
+    route = (source, "RCS", target)
+    return frozenset(value.number for value in VALUES if route in value.routes)
 
 
 # Supervision -----------------------------------------------------------------------------------
@@ -30,7 +96,7 @@ BIT_RATES = (9600, 4800, 2400, 1200, 600)
 @checked
 @record
 class Supervision:
-    r"""The rule by which silence becomes a failure.
+    r"""The rule by which a silent partner is taken as failed.
 
     Every tick adds 1 to ``count``, and any 0xDD clears ``count`` and ``miss``. A ``count`` beyond
     its limit is cleared and adds 1 to ``miss``; a ``miss`` beyond its limit is a failure. With
@@ -141,7 +207,7 @@ class Counter:
 
 
 class Cascade(NamedTuple):
-    """What BCS sees while RCS waits for a dead SS; times in seconds.
+    """The silence that BCS observes while RCS waits for a dead SS; times in seconds.
 
     The pairs are the shortest and the longest time, depending on the timers, in the first turn of
     an SS that died while it was silent: how long RCS waits for an answer, how long BCS hears
@@ -213,10 +279,6 @@ class System:
         "until it takes the partner as failed", default=None, optional=True,
     )  # fmt: skip
     ring_size: int = whole(2, 4096, "byte", "Size of the receive ring", default=128)
-    ring_rule: Literal["intended", "corrected"] = choice(
-        ("intended", "corrected"), "How the reader of the ring decides, see `Ring`",
-        default="intended",
-    )  # fmt: skip
 
     def __post_init__(self) -> None:
         check_whole("repeat", self.repeat, 0, self.n_items)
@@ -284,19 +346,18 @@ class System:
         """Time in which uninterrupted reception fills the receive ring [s]."""
         return self.ring_size * self.character_time
 
-    def response_time(self, hops: int = 2) -> float:
-        r"""Return how long a change takes at most to reach its reader in a healthy link [s].
+    def response_time(self) -> float:
+        r"""Return the longest time of a change from one slave to the other in a healthy link [s].
 
-        .. math:: T_r = T + h (P + t)
+        .. math:: T_r = T + 2 (P + t)
 
-        It just misses a packet, waits a cycle T, and takes h `hops`: 2 from one slave to the other,
-        1 to or from RCS.
+        It just misses a packet, waits a cycle T, and takes two packets, because RCS forwards it.
         """
-        return (4 + check_whole("hops", hops, 1, 2)) * (self.packet_time + self.processing)
+        return 6 * (self.packet_time + self.processing)
 
-    def timing(self, bit_rates: Iterable[float] = BIT_RATES) -> Timing:
-        """Return these times by bit rate [bit/s], as a table and a figure."""
-        return Timing(self, tuple(bit_rates))
+    def timing(self) -> Timing:
+        """Return these times at the paper's bit rates, as a table and a figure."""
+        return Timing(self)
 
     def signals(self) -> pd.DataFrame:
         """Return the values that cross the link: who sets them, who reads them, on which hops."""
@@ -312,7 +373,7 @@ class System:
         return pd.DataFrame(rows, columns=columns + [f"{a}-{b}" for a, b in HOPS])
 
     def cascade(self) -> Cascade:
-        r"""Return what BCS sees when SS dies.
+        r"""Return the silence that BCS observes when SS dies.
 
         .. math:: T_i' = t + P + W + b \, t_c
 
@@ -402,7 +463,6 @@ class Timing:
     """The times of a link by bit rate, all items sent."""
 
     system: System
-    bit_rates: tuple[float, ...]
 
     def table(self) -> pd.DataFrame:
         """Return one row per bit rate.
@@ -412,7 +472,7 @@ class Timing:
         """
         limits = Supervision().n_ticks, Supervision.intended().n_ticks
         rows = []
-        for rate in self.bit_rates:
+        for rate in BIT_RATES:
             one = replace(self.system, bit_rate=rate)
             margins = (limit - one.max_ticks for limit in limits)
             rows.append((

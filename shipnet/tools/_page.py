@@ -148,11 +148,12 @@ class Page(widgets.VBox):  # type: ignore[misc]
             except Exception as problem:  # it becomes a sentence, whatever it is
                 view, figure = View(verdict=_lines(problem), ok=False), ""
             self.text, self.ok = str(view), view.ok
+            # Before the verdict: who sees it and saves the state must get that state.
+            links = (download_link(f"download {name}", name, f) for name, f in view.files.items())
+            self.links.value = " ".join([save, link, *links])
             self._shown.value, self._details.value = view.answer, view.details
             self._mark("shipnet-stale", not figure)
             self.figure.value = figure or self.figure.value
-            links = (download_link(f"download {name}", name, f) for name, f in view.files.items())
-            self.links.value = " ".join([save, link, *links])
 
     def _moved(self) -> None:
         # Computed at once: a browser sends the next value only when this one is done with.

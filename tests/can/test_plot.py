@@ -6,7 +6,6 @@ from matplotlib.figure import Figure
 
 from shipnet import style
 from shipnet.can.frame import Frame
-from shipnet.errors import ArgumentError
 from tests.can.frames import LONGEST
 
 FRAMES = [
@@ -32,7 +31,7 @@ def in_order(artists, place):
 
 
 @pytest.mark.parametrize("frame", FRAMES, ids=str)
-def test_bits_stuff_bits_and_levels_are_those_of_the_frame(ax, frame):
+def test_the_drawing_has_the_bits_stuff_bits_and_levels_of_the_frame(ax, frame):
     assert frame.plot(ax) is ax
     bits = [text for text in ax.texts if text.get_fontfamily() == ["monospace"]]
     assert "".join(text.get_text() for text in in_order(bits, lambda t: t.get_position())) == (
@@ -50,9 +49,10 @@ def test_bits_stuff_bits_and_levels_are_those_of_the_frame(ax, frame):
     assert levels == frame.bits
 
 
-def test_every_field_has_its_name_and_colour(ax):
+def test_every_field_has_its_name_and_colour(ax, monkeypatch):
     frame = FRAMES[2]
-    frame.plot(ax, bits_per_row=160)
+    monkeypatch.setattr("shipnet.can.plot._BITS_PER_ROW", 160)
+    frame.plot(ax)
     texts = {text.get_text() for text in ax.texts}
     assert {"base identifier", "RTR", "DLC", "data", "CRC sequence", "ACK del.", "EOF"} <= texts
     cells = [patch for patch in ax.patches if patch.get_linewidth() == 0.4]
@@ -75,10 +75,3 @@ def test_no_name_covers_another_or_a_level_line(ax, frame):
     lines = [line.get_window_extent(renderer) for line in ax.lines]
     for name, box in boxes:
         assert not any(box.overlaps(line) for line in lines), f"{name} covers a level"
-
-
-def test_a_row_has_as_many_bits_as_asked(ax):
-    FRAMES[3].plot(ax, bits_per_row=20)
-    assert [len(line.get_xdata()) - 1 for line in ax.lines] == [20, 20, len(FRAMES[3].bits) - 40]
-    with pytest.raises(ArgumentError, match="bits_per_row is 7"):
-        FRAMES[3].plot(ax, bits_per_row=7)

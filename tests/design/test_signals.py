@@ -21,10 +21,8 @@ def test_conductors_of_the_papers():
 
 def test_common_returns_are_counted_once_a_group():
     assert hardwired_conductors({"contact_common": 8}) == 9
-    assert hardwired_conductors({"contact_common": 8}, groups=2) == 10
-    assert hardwired_conductors({"contact_common": 0}, groups=2) == 0
-    assert hardwired_conductors({"contact_common": 2}, groups=50) == 4
-    assert hardwired_conductors({"contact_common": 8, "contact": 1}, groups=3) == 13
+    assert hardwired_conductors({"contact_common": 0}) == 0
+    assert hardwired_conductors({"contact_common": 8, "contact": 1}) == 11
 
 
 def test_nothing_needs_nothing():
@@ -39,10 +37,6 @@ def test_lines_at_their_limits():
 @pytest.mark.parametrize(
     "call",
     [
-        lambda: hardwired_conductors({"wireless": 1}),
-        lambda: hardwired_conductors({"contact": -1}),
-        lambda: hardwired_conductors({"contact": 1.5}),
-        lambda: hardwired_conductors({"contact": 1}, groups=0),
         lambda: lines_needed(1, slaves_per_line=63),
         lambda: Saving(0, 2),
     ],

@@ -29,6 +29,7 @@ from shipnet import (
     remote_control,
 )
 from shipnet.errors import ArgumentError, FrameError, InputError
+from shipnet.modbus.slave import answer as answer_of
 
 #: Files of a target live in memory where the system has a place for that.
 _FOLDER = Path(
@@ -211,14 +212,14 @@ _SLAVE = modbus.Slave(
 
 
 def _answered(data: bytes) -> Any:
-    """Send bytes as a request with a right CRC, for no fuzzer guesses that."""
+    """Send bytes as a request with a correct CRC, which no fuzzer guesses."""
     frame = data + crc.MODBUS.of(data).to_bytes(2, "little")
-    return modbus.answer({17: _SLAVE}, modbus.decode(frame))
+    return answer_of({17: _SLAVE}, modbus.decode(frame))
 
 
 def _answers() -> Iterable[bytes]:
     for request in _REQUESTS:
-        answer = modbus.answer({17: _SLAVE}, modbus.decode(request.rtu(17)))
+        answer = answer_of({17: _SLAVE}, modbus.decode(request.rtu(17)))
         if answer is not None:
             yield answer.pdu
 

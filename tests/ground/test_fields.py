@@ -58,7 +58,7 @@ class Line:
         ({"length": 10**400}, r"length is 10+ \.\.\. 0+; it must be 0..500 m"),
         ({"slaves": 0}, "slaves is 0; it must be a whole number 1..62"),
         ({"slaves": 2.5}, "slaves is 2.5; it must be a whole number 1..62"),
-        ({"slaves": 3, "far": 4}, "far is 4; it must be a whole number 1..3, for slaves is 3"),
+        ({"slaves": 3, "far": 4}, "far is 4; it must be a whole number 1..3, because slaves is 3"),
         ({"kind": "ring"}, "kind is 'ring'; it must be one of 'line', 'star'"),
         ({"kind": ["line"]}, r"kind is \['line'\]; it must be one of"),
         ({"closed": 1}, "closed is 1; it must be True or False"),
@@ -139,7 +139,7 @@ def test_checks_of_arguments_name_value_and_range():
         lambda: check_whole("n", 3.5, 0, 10),
         lambda: check_whole("n", float("nan"), 0, 10),
         lambda: check_whole("n", float("inf"), 0, 10),
-        lambda: check_whole("n", 11, 0, 10, ", for m is 10"),
+        lambda: check_whole("n", 11, 0, 10, ", because m is 10"),
     ):
         with pytest.raises(ArgumentError, match="it must be"):
             call()

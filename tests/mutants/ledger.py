@@ -25,8 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 #: What every claim of some papers comes to, as JSON; an error counts as a result too.
 PROGRAM = """
 import json, sys
-from shipnet.papers.judging import load
-from shipnet.papers.registry import REGISTRY
+from shipnet.papers.registry import REGISTRY, load
 load(sys.argv[1:])
 results = {}
 for claim in sorted(REGISTRY):

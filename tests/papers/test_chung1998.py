@@ -7,6 +7,7 @@ from shipnet.errors import ArgumentError
 from shipnet.papers import ledger
 from shipnet.papers.chung1998 import given_up, link, recovered, ring, ring_trials, send_loops
 from shipnet.papers.chung1998.link import PRINTED
+from shipnet.papers.registry import REGISTRY
 from shipnet.remote_control import (
     Change,
     MarkerFormat,
@@ -17,10 +18,10 @@ from shipnet.remote_control import (
     simulate,
     switch_delays,
 )
-from shipnet.remote_control.faults import LostPacket, Stall
+from shipnet.remote_control.experiment import candidates
+from shipnet.remote_control.faults import HOPS, STATIONS, LostPacket, Stall
 from shipnet.remote_control.ring_buffer import case_of
 from shipnet.remote_control.system import BIT_RATES
-from shipnet.remote_control.values import HOPS, STATIONS
 
 
 def test_no_claim_is_open():
@@ -32,7 +33,9 @@ def test_three_seconds_need_both_tests_to_be_reached():
         float(PRINTED[name]) for name in ("tick", "count_threshold", "miss_threshold")
     )
     assert (
-        link.failure_time() == pytest.approx((count + 1) * (miss + 1) * tick) == pytest.approx(4.4)
+        REGISTRY["chung1998-007"]()
+        == pytest.approx((count + 1) * (miss + 1) * tick)
+        == pytest.approx(4.4)
     )
     assert (
         Supervision.intended().detection_time[1]
@@ -170,11 +173,9 @@ def test_with_the_search_a_repair_gives_up_a_packet_more_at_most():
 
 
 def test_a_crc_is_recommended_for_one_datum_too():
-    table = recommend(1).candidates().query("check == 'markers'")
+    table = candidates(1, System(), 1e-5, 3.0).query("check == 'markers'")
     assert not table["errors_ok"].any()
     assert "CRC" in recommend(1).check
-    # It stays so if a hundred wrong packets a year are accepted.
-    assert "CRC" in recommend(1, wrong_per_year=100).check
 
 
 def test_what_a_lost_packet_costs_depends_on_how_often_the_value_moves():

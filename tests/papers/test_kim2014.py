@@ -30,6 +30,7 @@ from shipnet.papers.kim2014.registers import (
     printed_adu,
     survival_table,
 )
+from shipnet.papers.registry import REGISTRY
 from tests.ballast.nominal import normal_values
 
 READ = Request.read_input_registers(0x4020, 4)
@@ -102,7 +103,7 @@ def test_the_printed_read_response_is_refused():
 
 def test_table_3_has_two_readings_in_a_register():
     registers = [scale.register for scale in SCALES]
-    assert len(set(registers)) == 3 < len(registers) == len(CHANNELS) == k_regs.channels()
+    assert len(set(registers)) == 3 < len(registers) == len(CHANNELS) == REGISTRY["kim2014-023"]()
     assert k_regs.registers_in_order(
         contents=("Position", "operating time", "motor temperature & pressure PP", "pressure OP")
     )
@@ -112,7 +113,7 @@ def test_the_crc_has_16_bits_and_a_frame_the_sizes_of_the_note():
     for size in (2, 5, 10, 253):
         assert len(rtu_frame(1, bytes(size))) - size - 1 == k_regs.crc_bits() // 8
     sizes = {name: size + 3 for name, size in k_regs.table_1().items()}
-    assert sizes["read response"] == k_regs.rtu_read_response() == 13
+    assert sizes["read response"] == REGISTRY["kim2014-080"]() == 13
     assert [sizes[f"write {what}"] for what in ("query", "response", "error")] == [8, 8, 5]
     assert sizes["read query"] == 8
     with pytest.raises(LengthError):
@@ -158,7 +159,7 @@ def test_status_bits_are_two_places_apart():
 
 
 def test_65536_is_cut_to_thousands():
-    assert k_regs.colours() // 1000 == 65 and round(k_regs.colours(), -3) == 66000
+    assert REGISTRY["kim2014-044"]() // 1000 == 65 and round(REGISTRY["kim2014-044"](), -3) == 66000
 
 
 # The line and the loop.

@@ -17,16 +17,8 @@ from hypothesis import strategies as st
 from shipnet import datasets
 from shipnet.errors import ArgumentError, InputError
 from shipnet.papers import PAPERS, Claim, figure, ledger, show
-from shipnet.papers.judging import (
-    _LEANS_ON,
-    TREATMENTS,
-    _status,
-    _verdict,
-    as_number,
-    load,
-    match,
-)
-from shipnet.papers.registry import REGISTRY, Recomputation, check, numeric
+from shipnet.papers.judging import TREATMENTS, _status, _verdict, as_number, match
+from shipnet.papers.registry import _LEANS_ON, REGISTRY, Recomputation, load, numeric
 from tests.papers.basis import basis_of, defaults_of
 from tests.papers.claim_rows import checked
 
@@ -251,9 +243,6 @@ def _guard(function):
 
 
 def test_a_claim_has_one_function():
-    with pytest.raises(ValueError, match="kim2023-004 has two functions"):
-        check("kim2023-004", counter={"x": 1})(lambda *, x=0: True)
-    # Two expressions of one module have no names to tell them apart.
     registered = [
         claim.value
         for file in (ROOT / "shipnet" / "papers").rglob("*.py")
@@ -332,6 +321,7 @@ def test_the_basis_is_what_a_function_calls(basis, imported, function):
 
 @pytest.mark.parametrize("claim", REGISTRY)
 def test_the_basis_in_the_list_is_what_the_claim_calls(claim):
+    _ = REGISTRY[claim].value  # a cache that hides the model the second time hides it here too
     assert BASES[claim] == basis_of(REGISTRY[claim])
 
 
@@ -529,8 +519,8 @@ def test_the_ledger_of_a_paper_is_summed_up():
 
 
 def test_a_figure_that_is_not_drawn_is_refused():
-    for paper, item in (("kim", "Fig 1"), ("kim2023", "Fig 99"), ("kim2023", "")):
-        with pytest.raises(ArgumentError, match="it must be one of"):
+    for paper, item in (("kim", "Fig 1"), ("kim2023", "Fig 99"), ("icn2007", "Fig 1")):
+        with pytest.raises(ArgumentError, match=r"must be one of|none of icn2007"):
             figure(paper, item)
 
 

@@ -24,8 +24,9 @@ from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.frame import rtu_frame
 from shipnet.modbus.pdu import Request, Response, decode
 from shipnet.modbus.uart import SerialLine
-from shipnet.papers.lee2012 import buses, engine, operation
+from shipnet.papers.lee2012 import buses, engine
 from shipnet.papers.lee2012.plot import plot_channels
+from shipnet.papers.registry import REGISTRY
 
 
 def test_times_fit_the_line_only_in_milliseconds():
@@ -44,7 +45,7 @@ def test_a_character_has_eleven_bits_on_the_line():
 
 def test_31_is_a_count_of_stations():
     assert INTERFACES["RS-485"].receivers == 32
-    assert buses.stations_on_rs485() == 31
+    assert REGISTRY["lee2012-025"]() == 31
     assert rtu_frame(247, b"\x03")
     with pytest.raises(ArgumentError, match=r"0\.\.247"):
         rtu_frame(248, b"\x03")
@@ -208,8 +209,8 @@ def test_a_dead_box_is_marked_when_its_timer_has_run_out():
     run = simulate_engine(System(), until=20, faults=[DeadBox("JB2", start=10)])
     marks = run.alarms().query("kind == '0xFF'")["time_s"] - 10
     # Not before the timer runs out, not after the timer, a poll and its transaction.
-    assert RULE < 4 - 0.5 <= marks.min() and marks.max() <= operation.time_until_marked()
-    assert operation.time_until_marked() == pytest.approx(4 + 1 + 0.2478, abs=1e-4)
+    assert RULE < 4 - 0.5 <= marks.min() and marks.max() <= REGISTRY["lee2012-099"]()
+    assert REGISTRY["lee2012-099"]() == pytest.approx(4 + 1 + 0.2478, abs=1e-4)
 
 
 @pytest.mark.parametrize("coding", [name for name in CODINGS if not name.startswith("corrected")])
@@ -233,7 +234,7 @@ def test_one_processor_a_box_is_less_than_two():
 
 def test_rs_482_stands_for_rs_422():
     assert set(INTERFACES) == {"RS-232", "RS-422", "RS-485"}
-    assert not engine.is_an_interface() and engine.is_an_interface(printed="RS-422")
+    assert not REGISTRY["lee2012-042"]() and REGISTRY["lee2012-042"](printed="RS-422")
 
 
 def test_channels_lie_below_each_other_with_their_own_scales():

@@ -3,23 +3,15 @@ import pytest
 from shipnet import datasets
 from shipnet.asi import Call, Request
 from shipnet.errors import ArgumentError
-from shipnet.papers import figure, table
-from shipnet.papers.items import PrintedTable
+from shipnet.papers import figure
+from shipnet.papers.kim2023 import differences, printed, protocol, table
 
 GENERATED = [f"Table {number}" for number in (4, 5, 6, 7)]
 
 
-def printed(item):
-    return table("kim2023", item).printed
-
-
-def generated(item):
-    return table("kim2023", item).ours
-
-
 def test_every_difference_is_explained_and_no_reason_is_left_over():
     reasons = datasets.read("kim2023_table_differences.csv")
-    found = [table("kim2023", item).differences() for item in GENERATED]
+    found = [differences(item) for item in GENERATED]
     assert sum(map(len, found)) == len(reasons)
     for cells in found:
         assert not cells.isna().any(axis=None)
@@ -31,8 +23,8 @@ def test_every_difference_is_explained_and_no_reason_is_left_over():
 def test_a_changed_cell_would_be_seen(monkeypatch):
     cells = printed("Table 7")
     cells.loc["3", "D0"] = "OUT"
-    monkeypatch.setattr(PrintedTable, "printed", cells)
-    (found,) = table("kim2023", "Table 7").differences().to_dict("records")
+    monkeypatch.setattr(protocol, "printed", lambda item: cells)
+    (found,) = differences("Table 7").to_dict("records")
     assert (found["row"], found["column"], found["printed"], found["ours"]) == (
         "3",
         "D0",
@@ -43,7 +35,7 @@ def test_a_changed_cell_would_be_seen(monkeypatch):
 
 
 def test_table_5_is_what_the_encoder_sends():
-    cells = generated("Table 5").drop("HEADER")
+    cells = table("Table 5").drop("HEADER")
     assert list(cells.index) == [call.name for call in Call]
     fixed = {"DATA_EXCHANGE": (21, 5), "WRITE_PARAMETER": (21, 5), "DELETE_ADDRESS": (21, 0)}
     for call in Call:
@@ -65,14 +57,14 @@ def test_write_id1_with_an_address_would_be_delete_address():
     bits = f"0{information}{information.count('1') % 2}1"
     assert Request.parse(bits) == Request(Call.DELETE_ADDRESS, 21)
     assert printed("Table 5").loc["WRITE_ID1", "A4":"A0"].tolist() == ["A4", "A3", "A2", "A1", "A0"]
-    assert generated("Table 5").loc["WRITE_ID1", "A4":"A0"].tolist() == ["0"] * 5
+    assert table("Table 5").loc["WRITE_ID1", "A4":"A0"].tolist() == ["0"] * 5
 
 
 def test_select_0_gives_the_requests_of_slaves_before_2_1():
     # What a standard slave is sent as I4..I0; it knows of no select bit.
     before = {"RESET": "11100", "READ_STATUS": "11110", "READ_IO_CONFIGURATION": "10000"}
     before |= {"DELETE_ADDRESS": "00000", "READ_ID": "10001"}
-    for cells, agrees in ((generated("Table 5"), True), (printed("Table 5"), False)):
+    for cells, agrees in ((table("Table 5"), True), (printed("Table 5"), False)):
         sent = {
             call: "".join(cells.loc[call, "I4":"I0"]).replace("~S", "1").replace("S", "0")
             for call in before
@@ -83,22 +75,15 @@ def test_select_0_gives_the_requests_of_slaves_before_2_1():
 
 
 def test_parameter_bits_are_called_p():
-    assert generated("Table 5").loc["WRITE_PARAMETER", "I2":"I0"].tolist() == ["P2", "P1", "P0"]
+    assert table("Table 5").loc["WRITE_PARAMETER", "I2":"I0"].tolist() == ["P2", "P1", "P0"]
     assert printed("Table 5").loc["WRITE_PARAMETER", "I2":"I0"].tolist() == ["D2", "D1", "D0"]
 
 
-@pytest.mark.parametrize(
-    ("paper", "item", "fault"),
-    [
-        ("kim2023", "Table 99", "item is 'Table 99'; it must be one of Table 4, Table 5, Table 6"),
-        ("kim2023", "Table 1", "item is 'Table 1'; it must be one of Table 4"),
-        ("lee2012", "Table 1", "item is 'Table 1'; lee2012 has none"),
-        ("kim", "Table 1", "paper is 'kim'"),
-    ],
-)
-def test_an_unknown_table_is_refused(paper, item, fault):
-    with pytest.raises(ArgumentError, match=fault):
-        table(paper, item)
+@pytest.mark.parametrize("function", [differences, printed, table])
+@pytest.mark.parametrize("item", ["Table 1", "Table 99", "", None])
+def test_an_unknown_table_is_refused(function, item):
+    with pytest.raises(ArgumentError, match=r"item is .*; it must be one of 'Table 4', 'Table 5'"):
+        function(item)
 
 
 def test_a_diagram_joins_blocks_that_it_has():

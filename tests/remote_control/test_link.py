@@ -15,22 +15,17 @@ from shipnet.remote_control import (
     System,
     simulate,
 )
-from shipnet.remote_control.faults import BitErrors, DeadStation, LostPacket, Stall
+from shipnet.remote_control.faults import DeadStation, LostPacket, Stall
 from shipnet.remote_control.system import BIT_RATES, Counter
 from tests.support import several
 
 PRINTED, INTENDED = Supervision(), Supervision.intended()
-STATIONS = ("RCS", "BCS", "SS")
 
 
 def full(**fields):
     """Return a system that sends all its items in every packet."""
     system = System(**fields)
     return replace(system, repeat=system.n_items)
-
-
-def fixed(system):
-    return {name: system.rule(name).tick for name in STATIONS}
 
 
 def ticks(run, station):
@@ -85,7 +80,7 @@ SYSTEMS = st.builds(
 
 @settings(max_examples=25)
 @given(system=SYSTEMS, seed=st.integers(0, 1000))
-def test_in_health_the_simulation_takes_the_times_of_the_closed_forms(system, seed):
+def test_a_healthy_simulated_link_has_the_times_of_the_closed_forms(system, seed):
     rng = np.random.default_rng(seed)
     run = simulate(system, until=6.5 * system.cycle_time, rng=rng)
     assert cycle_times(run) == pytest.approx(system.cycle_time, rel=1e-9)
@@ -95,16 +90,15 @@ def test_in_health_the_simulation_takes_the_times_of_the_closed_forms(system, se
         assert system.max_ticks - 2 <= ticks(run, slave) <= system.max_ticks
 
 
-def test_the_most_ticks_are_reached_by_some_phase_and_passed_by_none():
+def test_the_most_ticks_are_reached_by_some_phase_and_exceeded_by_none():
     system = full(bit_rate=600)
     seen = set()
-    for phase in np.linspace(0.001, 0.1, 25):
-        phases = {"BCS": float(phase), "RCS": 0.1, "SS": 0.1}
-        seen.add(ticks(simulate(system, until=30, phases=phases), "BCS"))
+    for seed in range(25):
+        seen.add(ticks(simulate(system, until=30, rng=seed), "BCS"))
     assert max(seen) == system.max_ticks == 17
 
 
-def test_a_station_that_sends_takes_no_byte():
+def test_a_station_that_sends_stores_no_bytes():
     # RCS gives up after 10 ms and sends to the other slave, while the answer of 34 ms comes in.
     traffic = simulate(full(turn_timeout=0.01), until=1.0).traffic()
     answers = traffic[traffic.target == "RCS"]
@@ -133,12 +127,11 @@ def test_a_dead_master_is_noticed_within_the_detection_time(rule):
             assert low < failed - heard <= high + system.packet_time + rule.tick
 
 
-def test_reading_b_without_changes_runs_into_the_alarm_in_health_and_reading_a_does_not():
+def test_a_healthy_link_without_changes_raises_alarms_in_reading_b_only():
     idle = {reading: System(MarkerFormat(reading)) for reading in "AB"}
     runs = {reading: simulate(system, until=8) for reading, system in idle.items()}
     assert len(runs["A"].alarms()) == 0 and len(runs["A"].packets) > 1000
     assert set(runs["B"].alarms().station) >= {"BCS", "SS"}
-    assert not runs["B"].traffic().disturbed.any()
 
 
 @pytest.mark.parametrize(("reading", "name", "most"), [
@@ -185,7 +178,7 @@ def test_a_dead_slave_costs_the_wait_and_the_silence_of_the_closed_form(bit_rate
     [{}, *({"master": Supervision(miss_limit=m)} for m in (0, 1)), {"turn_timeout": 1.0}],
     ids=["printed", "limit 0", "limit 1", "turn"],
 )
-def test_no_death_anywhere_in_the_cycle_silences_bcs_longer_than_the_bound(change, bit_rate):
+def test_no_failure_in_the_cycle_silences_bcs_longer_than_the_bound(change, bit_rate):
     system, rng = full(bit_rate=bit_rate, **change), np.random.default_rng(5)
     seen, pairs, longest, places = system.cascade(), set(), 0.0, several(12, 30)
     for k in range(places):
@@ -227,7 +220,7 @@ def test_a_change_reaches_the_other_slave_within_the_response_time(system, times
     delay = run.delays("SS").delay_s
     assert (delay <= system.response_time() * (1 + 1e-9)).all()
     hop = run.delays("RCS").delay_s
-    assert (hop <= system.response_time(hops=1) * (1 + 1e-9)).all() and (hop < delay).all()
+    assert (hop < delay).all()
 
 
 def test_the_response_time_is_reached_by_a_change_just_after_a_packet_was_made():
@@ -237,48 +230,30 @@ def test_the_response_time_is_reached_by_a_change_just_after_a_packet_was_made()
     assert run.delays("SS").delay_s[0] == pytest.approx(system.response_time(), rel=1e-6)
 
 
-def test_a_stall_overruns_the_ring_from_the_time_of_the_closed_form_on():
+def test_a_stall_overruns_the_ring_after_the_time_of_the_closed_form():
     system = full(turn_timeout=0.1)
     stall, byte = system.overrun_stall()[0], system.character_time
     start = 10 * system.cycle_time + 0.9 * byte
 
     def repairs(length):
         fault = Stall("BCS", start=start, stop=start + length)
-        table = simulate(
-            system, until=start + length + 1, faults=[fault], phases=fixed(system)
-        ).events()
+        table = simulate(system, until=start + length + 1, faults=[fault]).events()
         return int(table.event.str.startswith("ring").sum())
 
     assert [repairs(stall - byte), repairs(stall + byte)] == [0, 1]
 
 
-def test_errors_stop_the_printed_link_for_seconds_and_a_turn_that_ends_does_not():
-    rng = np.random.default_rng(3)
-    printed = simulate(full(), until=30, faults=[BitErrors(1e-4)], rng=rng)
-    rng = np.random.default_rng(3)
-    corrected = simulate(
-        full(packet_format=CobsFormat(), turn_timeout=0.1),
-        until=30,
-        faults=[BitErrors(1e-4)],
-        rng=rng,
-    )
-    assert cycle_times(printed).max() > 4 > 0.6 > cycle_times(corrected).max()
-    assert (printed.traffic().outcome == "wrong").sum() > 3
-    assert (corrected.traffic().outcome == "wrong").sum() == 0 < corrected.traffic().disturbed.sum()
-
-
 @settings(max_examples=15)
 @given(
-    rate=st.floats(0, 0.5),
     seed=st.integers(0, 10**6),
     corrected=st.booleans(),
     stall=st.floats(0.01, 3),
 )
-def test_no_noise_and_no_stall_brings_the_simulation_down(rate, seed, corrected, stall):
+def test_no_combination_of_faults_stops_the_simulation(seed, corrected, stall):
     form = CobsFormat() if corrected else MarkerFormat("B", numbers="any")
     system = System(form, turn_timeout=0.05, repeat=3)
     faults = [
-        BitErrors(rate),
+        LostPacket("SS", "RCS", start=0.1),
         Stall("RCS", start=1, stop=1 + stall),
         DeadStation("BCS", start=0.5, stop=2.5),
     ]
@@ -295,7 +270,7 @@ def test_a_slower_line_leaves_fewer_ticks_before_the_alarm():
     assert (table.printed_margin - table.intended_margin == 14).all()
 
 
-def test_one_fault_and_one_change_need_no_list():
+def test_one_fault_or_change_needs_no_list():
     run = simulate(System(), Change(0.5, "SS", 1, 1), until=8, faults=DeadStation("BCS", stop=1))
     assert run.faults == (DeadStation("BCS", stop=1),)
     assert repr(run) == f"Run(8 s, {len(run.packets)} packets, {len(run.alarms())} alarms)"
@@ -303,17 +278,14 @@ def test_one_fault_and_one_change_need_no_list():
     assert run.history(1, "RCS").value.tolist()[-1] == 1
 
 
-def test_bit_errors_and_lost_packets_begin_and_end():
-    noise = BitErrors(0.01, start=1.0, stop=2.0)
-    traffic = simulate(full(turn_timeout=0.1), until=3, faults=noise, rng=3).traffic()
-    hit = traffic[traffic.disturbed].start_s
-    assert len(hit) > 10 and hit.min() >= 1 and hit.max() < 2
-    # No packet of BCS begins within this millisecond.
-    lost = LostPacket("BCS", "RCS", start=1.0, stop=1.001)
-    assert not simulate(full(bit_rate=600), until=3, faults=lost).traffic().disturbed.any()
+def test_a_packet_is_lost_only_if_it_begins_during_the_fault():
+    for stop, lost in ((3.0, 1), (2.7, 0)):  # BCS begins a packet at 0.55 s and at 2.75 s
+        fault = LostPacket("BCS", "RCS", start=1.0, stop=stop)
+        traffic = simulate(full(bit_rate=600), until=4, faults=fault).traffic()
+        assert (traffic.outcome[traffic.end_s < 4] == "lost").sum() == lost
 
 
-def test_the_time_chart_has_a_block_a_packet_and_names_the_failures(ax):
+def test_the_time_chart_has_a_block_per_packet_and_names_the_failures(ax):
     run = simulate(full(bit_rate=600), until=12, faults=[DeadStation("SS", start=3.0)])
     run.plot(ax)
     assert len(ax.patches) == len(run.packets)
@@ -324,7 +296,7 @@ def test_the_time_chart_has_a_block_a_packet_and_names_the_failures(ax):
         run.plot(ax, start=50, stop=60)
 
 
-def test_the_margins_are_drawn_under_their_limit(ax):
+def test_the_margins_are_drawn_below_their_limit(ax):
     table = System().timing().table()
     System().timing().plot(ax)
     assert ax.lines[0].get_ydata().tolist() == table.counted_s.tolist()
@@ -345,15 +317,11 @@ def test_the_margins_are_drawn_under_their_limit(ax):
         (lambda: Stall("SS", start=0, stop=float("inf")), "a stall must end"),
         (lambda: LostPacket("BCS", "SS", start=0), "'BCS', 'SS'"),
         (lambda: simulate(System(), until=1e6), "bytes and ticks"),
-        (lambda: simulate(System(), until=1, faults=[BitErrors(0.1)]), "rng is None"),
         (lambda: simulate(System(), until=1, faults=["SS dies"]), "one of faults is 'SS dies'"),
         (
             lambda: simulate(System(), until=1, changes=[Change(0, "BCS", 10, 1)]),
             r"number.*is 10.*0\.\.9",
         ),
-        (lambda: simulate(System(), until=1, phases={"BCS": 0.2}), "phase of BCS is 0.2"),
-        (lambda: simulate(System(), until=1, phases={"ECS": 0.1}), "phases name 'ECS'"),
-        (lambda: System().response_time(hops=3), "hops is 3"),
         (lambda: System(ring_size=33).overrun_stall(), "ring_size is 33"),
         (lambda: ring_trials(duration=5.1), "duration is 5.1 s"),
     ],

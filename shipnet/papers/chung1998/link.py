@@ -1,4 +1,4 @@
-"""Sections 1 to 4.1 and 5: stations, packets, turns, supervision, and what the markers see."""
+"""Sections 1 to 4.1 and 5: stations, packets, turns, supervision, error detection."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ from shipnet.lazy import pd
 from shipnet.papers.chung1998.usart import Status, Usart, send
 from shipnet.papers.registry import check, numeric
 from shipnet.remote_control.experiment import switch_staleness
-from shipnet.remote_control.faults import DeadStation, LostPacket
+from shipnet.remote_control.faults import HOPS, STATIONS, DeadStation, Hop, LostPacket
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.simulation import Change, simulate, switch_delays
 from shipnet.remote_control.station import Sender
-from shipnet.remote_control.system import BIT_RATES, Supervision, System
-from shipnet.remote_control.values import HOPS, STATIONS, VALUES, Hop
+from shipnet.remote_control.system import BIT_RATES, VALUES, Supervision, System
 
-#: What the paper prints, by its name: `chung1998_parameters.csv`.
+#: The printed parameters by name: `chung1998_parameters.csv`.
 _TABLE = datasets.read("chung1998_parameters.csv")
 PRINTED = dict(zip(_TABLE["parameter"], _TABLE["value"], strict=True))
 
 #: Inputs of an 8259, and counters of an 8253: data sheets of Intel.
 _INPUTS, _COUNTERS = 8, 3
 
-# Each line needs an interrupt for the bytes that come in and a clock of its own, the supervision
-# one more of both. Sending needs none: it polls.
+# Each line needs an interrupt for received bytes and its own clock, the supervision one more of
+# each. Sending needs none: it polls.
 check("chung1998-001", counter={"lines": 3})(
     lambda *, lines=int(PRINTED["chips_8251"]): lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
 )
@@ -38,7 +37,7 @@ check("chung1998-001", counter={"lines": 3})(
 
 @numeric("chung1998-029")
 def serial_chips(*, hops: tuple[Hop, ...] = tuple(h for h in HOPS if h[0] == "RCS")) -> int:
-    """Serial chips, one for each partner, that the station with most partners needs: RCS."""
+    """Serial chips, one per partner, of the station with the most partners."""
     return max(sum(station == source for source, _ in hops) for station in STATIONS)
 
 
@@ -50,10 +49,9 @@ check("chung1998-030", counter={"flows": HOPS[:3]})(
 def send_loops(
     packet: bytes, waiting: bytes = b"12", polls: Sequence[float] = (20e-6,)
 ) -> pd.DataFrame:
-    """Return what both loops, printed and intended, send on an idle and on a busy chip.
+    """Return the bytes that the printed and the intended loop send on an idle and a busy chip.
 
-    At 9600 bit/s, one row per chip, loop and time to `poll` [s], with the bytes ``on the line``
-    behind the one being shifted out. Only the printed loop on a busy chip depends on the poll.
+    The line runs at 9600 bit/s. Only the printed loop on a busy chip depends on the time to `poll`.
     """
     if not polls:
         raise ArgumentError("polls is empty; it must hold a time")
@@ -73,14 +71,14 @@ def send_loops(
 
 @check("chung1998-008", counter={"printed": False})
 def loop_sends_each_byte(*, printed: bool = True) -> bool:
-    """Whether the loop sends every byte of a packet once, on a chip that is ready."""
+    """Whether the loop sends every byte of a packet once on an idle chip."""
     packet = bytes.fromhex("cc dd 03 34 12 ee")
     return send(Usart(10 / 9600), packet, printed=printed).line == packet
 
 
 @numeric("chung1998-009")
 def ready_bit(*, written: int = 1) -> int:
-    """Highest status bit set after this many bytes: one is being shifted, and one more fits."""
+    """Highest status bit after this many bytes; one is shifted out, and one more fits."""
     chip = Usart(10 / 9600)
     for _ in range(written):
         chip.write(0, 0.0)
@@ -89,10 +87,10 @@ def ready_bit(*, written: int = 1) -> int:
 
 # The packet --------------------------------------------------------------------------------
 
-#: Section 5: data sent and received in the trial.
+#: Section 5: number of data in the trial.
 ITEMS = int(PRINTED["data_count"])
 
-#: Section 3.2: start of the packet, start of the data, end of the packet.
+#: Section 3.2: flags for the start of a packet, the start of its data and its end.
 FLAGS = tuple(
     int(PRINTED[f"{flag}_flag"], 16) for flag in ("packet_start", "data_start", "packet_end")
 )
@@ -105,7 +103,7 @@ _DATUM = tuple(_FIELDS.loc[_FIELDS["kind"] == "data", "field"])
 @numeric("chung1998-038", reading="B")
 @numeric("chung1998-039", reading="C")
 def length(*, reading: Literal["A", "B", "C"], items: int = ITEMS) -> int:
-    """Bytes of this many data; in reading C every one is a packet of its own."""
+    """Bytes of this many data; in reading C each is a packet of its own."""
     if reading == "C":
         return check_whole("items", items, 0, 204) * MarkerFormat("A").size(1)
     return MarkerFormat(reading, max(items, 1)).size(items)
@@ -113,7 +111,7 @@ def length(*, reading: Literal["A", "B", "C"], items: int = ITEMS) -> int:
 
 @check("chung1998-005", counter={"order": ("number", "high", "low")})
 def datum_is_number_low_high(*, order: tuple[str, ...] = _DATUM) -> bool:
-    """Whether each of the 65536 values comes back from three bytes in this order."""
+    """Whether each of the 65536 values can be decoded from three bytes in this order."""
     values = np.arange(1 << 16)[:, None]
     packets = MarkerFormat().encode_batch([7], values)
     fields = dict(zip(order, packets[:, 2:5].T.astype(int), strict=True))
@@ -122,14 +120,14 @@ def datum_is_number_low_high(*, order: tuple[str, ...] = _DATUM) -> bool:
 
 
 def flags_at(reading: Literal["A", "B"], items: int) -> list[tuple[int, int]]:
-    """Return the place of each flag in a packet of this many data."""
+    """Return the position of each flag in a packet of this many data."""
     packet = MarkerFormat(reading, items).encode(dict.fromkeys(range(items), 0))
     return [(place, byte) for place, byte in enumerate(packet) if byte >= min(FLAGS)]
 
 
 @check("chung1998-037", counter={"flags": (0xCC, 0xEE, 0xDD)})
 def flags_stand_in_order(*, flags: tuple[int, ...] = FLAGS) -> bool:
-    """Whether these flags begin a packet, begin its data and end it, in all three readings."""
+    """Whether these flags start a packet, start its data and end it, in all three readings."""
     start, data, end = flags
     once = [(0, start), (1, data)]
     return (
@@ -142,7 +140,7 @@ def flags_stand_in_order(*, flags: tuple[int, ...] = FLAGS) -> bool:
 
 @check("chung1998-036", counter={"numbered": False})
 def any_subset_can_be_sent(*, numbered: bool = True) -> bool:
-    """Whether each choice of some of ten data reaches the places where they belong."""
+    """Whether each subset of ten data is stored in the right places."""
     form = MarkerFormat(n_numbers=ITEMS)
     choices = (chosen for k in range(ITEMS + 1) for chosen in combinations(range(ITEMS), k))
     for chosen in choices:
@@ -156,9 +154,9 @@ def any_subset_can_be_sent(*, numbered: bool = True) -> bool:
 
 @check("chung1998-010", counter={"lost": 1})
 def copies_stay_equal(*, lost: int = 0) -> bool:
-    """Whether sending only what differs keeps both tables equal, if this many packets are lost.
+    """Whether sending only changes keeps both tables equal if this many packets are lost.
 
-    Each of 200 packets must have 3 bytes, and 3 more for each datum that changed.
+    Each of 200 packets must have 3 bytes, and 3 more per changed datum.
     """
     rng = np.random.default_rng(2024)
     form = MarkerFormat(n_numbers=ITEMS)
@@ -179,7 +177,7 @@ def copies_stay_equal(*, lost: int = 0) -> bool:
 
 
 def as_printed(items: int = ITEMS, **fields: Any) -> System:
-    """Return the link of the paper, in reading A, with all data in every packet."""
+    """Return the paper's link in reading A, with all data in every packet."""
     return System(MarkerFormat(n_numbers=items), repeat=items, **fields)
 
 
@@ -191,7 +189,7 @@ def cycle_time(*, items: int = ITEMS) -> float:
 
 @check("chung1998-031", counter={"turn_timeout": 0.01})
 def never_both_send(*, turn_timeout: float | None = None) -> bool:
-    """Whether a sender listens as soon as it is done, and no two packets overlap in time."""
+    """Whether a sender listens as soon as it has finished, and no two packets overlap."""
     form = MarkerFormat(n_numbers=ITEMS)
     run = simulate(System(form, repeat=ITEMS, turn_timeout=turn_timeout), until=1.0)
     apart = all(one.end <= other.start for one, other in pairwise(run.packets))
@@ -200,22 +198,19 @@ def never_both_send(*, turn_timeout: float | None = None) -> bool:
     return apart and listening["time_s"].tolist() == ends
 
 
-@numeric("chung1998-007", "chung1998-045")
-def failure_time() -> float:
-    """Seconds until a partner is taken as failed, by the tests as printed."""
-    return Supervision().detection_time[1]
+numeric("chung1998-007", "chung1998-045")(lambda: Supervision().detection_time[1])
 
 
 @check("chung1998-043", counter={"readings": ("A", "B")})
 def sign_of_life_is_enough(*, readings: tuple[Literal["A", "B"], ...] = ("A",)) -> bool:
-    """Whether a healthy link in which nothing changes raises no alarm, its packet read so."""
+    """Whether a healthy link without changes raises no alarm, in these readings of the packet."""
     idle = (System(MarkerFormat(reading, ITEMS)) for reading in readings)
     return all(len(simulate(system, until=8.0).alarms()) == 0 for system in idle)
 
 
 @check("chung1998-044", counter={"miss": 99})
 def nobody_waits_for_ever(*, miss: int = Supervision().miss_limit) -> bool:
-    """Whether, after either partner died, whoever waits for it goes on within 20 s."""
+    """Whether all stations that wait for a dead partner stop waiting within 20 s."""
     rule = Supervision(miss_limit=miss)
     system = as_printed(master=rule, slave=rule)
     missed = set()
@@ -236,8 +231,8 @@ def deaths(
 ) -> pd.DataFrame:
     """Return the stations reported as failed in `n` failures of SS over a cycle: one row per rule.
 
-    Only the report of SS by RCS is correct. `changes` maps the name of each rule to the
-    fields of `System` that it changes; the timers of the stations are drawn with the seed 2024.
+    Only RCS's report of SS is correct. `changes` maps each rule's name to the fields of `System`
+    that it changes.
     """
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
     runs, rows = check_whole("n", n, 1, 1000), []
@@ -245,7 +240,7 @@ def deaths(
         system = as_printed(bit_rate=rate, **fields)
         rng, cycle, found = np.random.default_rng(2024), system.cycle_time, []
         for k in range(runs):
-            # After a cycle; the last failure is found by four waits later.
+            # After a cycle; the last failure is found within four waits.
             death = (1 + (k + 0.5) / runs) * cycle
             end = death + 4 * system.master.detection_time[1] + cycle
             alarms = simulate(
@@ -259,7 +254,7 @@ def deaths(
 
 @check("chung1998-017", counter={"all_data": True})
 def speed_has_little_effect(*, all_data: bool = False, limit: float = 1.0) -> bool:
-    """Whether SS follows a switch within a second at each speed, sending changes or all data."""
+    """Whether SS follows a switch within a second at each bit rate."""
     system = System(MarkerFormat(n_numbers=ITEMS), repeat=ITEMS if all_data else 0)
     table = switch_delays(system, changes=10, rng=2024)
     return bool((table["followed"] == 10).all() and (table["longest_s"] <= limit).all())
@@ -267,23 +262,23 @@ def speed_has_little_effect(*, all_data: bool = False, limit: float = 1.0) -> bo
 
 @check("chung1998-065", counter={"lost": True})
 def switches_agree(*, lost: bool = False) -> bool:
-    """Whether SS shows a moved switch of the bridge within `PATIENCE`, if a packet is lost."""
+    """Whether SS shows a moved switch of the bridge within `PATIENCE`."""
     faults = [LostPacket("BCS", "RCS", start=1.0)] if lost else []
     system, move = System(MarkerFormat(n_numbers=ITEMS)), Change(1.0, "BCS", 1, 1)
     run = simulate(system, move, faults=faults, until=12.0)
     return bool((run.delays("SS")["delay_s"] <= PATIENCE).all())
 
 
-# What markers see --------------------------------------------------------------------------
+# Error detection ---------------------------------------------------------------------------
 
-#: How long a partner may be silent [s], and our measure of how long a switch may be wrong.
+#: How long a partner may be silent, and by our measure a switch may be wrong [s].
 PATIENCE = float(PRINTED["failure_time"])
 
 
 @numeric("chung1998-018")
 @numeric("chung1998-067", items=1)
 def crc_share(*, items: int = ITEMS) -> float:
-    """Percent that a CRC adds to a packet of this many data."""
+    """Length that a CRC adds to a packet of this many data [%]."""
     plain, checked = (MarkerFormat(n_numbers=items, crc=crc).size(items) for crc in (False, True))
     return 100 * (checked - plain) / plain
 
@@ -295,7 +290,7 @@ check("chung1998-019", counter={"crc": True})(
 
 @numeric("chung1998-020")
 def imitations(*, value_bytes: int = 2 * ITEMS, flags: int = len(FLAGS)) -> float:
-    """Percent of packets with random values in which a value byte equals a flag."""
+    """Packets with random values in which a value byte equals a flag [%]."""
     return 100 * MarkerFormat.false_sync(value_bytes, flags)
 
 
@@ -309,9 +304,9 @@ check("chung1998-074", counter={"changed": ITEMS})(
 
 @check("chung1998-068", counter={"interval": 3600.0})
 def loss_does_no_harm(*, interval: float = 1.0) -> bool:
-    """Whether a value that moves every `interval` [s] is right again within `PATIENCE` on average.
+    """Whether a value that changes every `interval` [s] is right within `PATIENCE` on average.
 
-    One datum is sent at a bit error rate of 1e-5, which we assume.
+    We assume one datum per packet and a bit error rate of 1e-5.
     """
     form = MarkerFormat(n_numbers=ITEMS)
     wait = switch_staleness(
@@ -322,7 +317,7 @@ def loss_does_no_harm(*, interval: float = 1.0) -> bool:
 
 @check("chung1998-069", counter={"place": 3})
 def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
-    """Whether an error at this byte costs the data of its packet, and those after it are found."""
+    """Whether an error in this byte costs the data of its packet, but not of the next one."""
     form = MarkerFormat(n_numbers=ITEMS)
     stream = b"".join(form.encode({0: turn, 1: turn}) for turn in range(1, 6))
     hit = bytearray(stream)
@@ -334,7 +329,7 @@ def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
 
 @check("chung1998-070", counter={"per_packet": 1})
 def one_error_costs_much(*, per_packet: int = 40) -> bool:
-    """Whether a bit of an end flag costs more than half of 40 data, this many in each packet."""
+    """Whether a wrong bit in an end flag costs over half of 40 data, sent this many per packet."""
     data = dict.fromkeys(range(40), 1)
     form = MarkerFormat(n_numbers=40)
     parts = [dict(list(data.items())[k : k + per_packet]) for k in range(0, 40, per_packet)]

@@ -13,14 +13,15 @@ from shipnet import style
 from shipnet.lazy import pd
 from shipnet.papers.chung1998.ring import SIZE, given_up, overrun_rings
 from shipnet.papers.plot import diagrams, fields
-from shipnet.papers.registry import figure
+from shipnet.papers.registry import drawing
+from shipnet.remote_control.faults import HOPS
 from shipnet.remote_control.packet import MarkerFormat
-from shipnet.remote_control.values import HOPS, values_on
+from shipnet.remote_control.system import values_on
 
 if TYPE_CHECKING:
     from shipnet.remote_control.simulation import Run
 
-#: Place of each station, and what it is.
+#: Position and role of each station.
 _STATIONS = {
     "BCS": (0.0, "bridge control"),
     "RCS": (2.4, "remote control, master"),
@@ -34,9 +35,9 @@ _ITEMS = {0: 1, 3: 120, 4: 0x1234}
 diagrams("chung1998", "Fig 5", "Fig 6", "Fig 7", "Fig 8(a)", "Fig 8(b)")
 
 
-@figure("chung1998", "Fig 1")
+@drawing("chung1998", "Fig 1")
 def _stations(*, ax: Axes) -> Axes:
-    """Draw the three stations and the values that cross each line."""
+    """Draw the three stations and the values on each line."""
     for name, (x, what) in _STATIONS.items():
         box = FancyBboxPatch(
             (x - 0.42, -0.55), 0.84, 1.1, boxstyle="round,pad=0.04",
@@ -65,7 +66,7 @@ def _stations(*, ax: Axes) -> Axes:
     return ax
 
 
-@figure("chung1998", "Fig 4")
+@drawing("chung1998", "Fig 4")
 def _packets(*, items: Mapping[int, int] = _ITEMS, ax: Axes) -> Axes:
     """Draw the bytes of the same data in the three readings of the packet."""
     rows = {
@@ -93,7 +94,7 @@ def _kinds(reading: str, size: int) -> list[str]:
 
 
 def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
-    """Draw how soon a switch is followed over the bit rate."""
+    """Draw the delay of a switch over the bit rate."""
     for place, (name, table) in enumerate(tables.items()):
         rate = table["bit_rate"].to_numpy(dtype=float)
         colour = f"C{place}"
@@ -109,7 +110,7 @@ def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
 
 
 def plot_switch(runs: Mapping[str, Run], number: int, *, ax: Axes) -> Axes:
-    """Draw a switch of the bridge, and what the safety system shows of it."""
+    """Draw a switch of the bridge and its state at the safety system."""
     first = next(iter(runs.values()))
     rows = {"BCS: the switch": first.history(number, "BCS")}
     rows |= {f"SS: {name}": run.history(number, "SS") for name, run in runs.items()}
@@ -126,9 +127,9 @@ def plot_switch(runs: Mapping[str, Run], number: int, *, ax: Axes) -> Axes:
     return ax
 
 
-@figure("chung1998", "Fig 9")
+@drawing("chung1998", "Fig 9")
 def _given_up(*, ax: Axes, items: int = 10) -> Axes:
-    """Draw how many bytes the repair of Fig 9 gives up, over the place of the writer."""
+    """Draw how many bytes the repair of Fig 9 gives up, over the writer's place."""
     places = np.arange(SIZE)
     alone = given_up()
     band = np.reshape(given_up(overrun_rings(items)), (SIZE, -1))
@@ -146,7 +147,7 @@ def _given_up(*, ax: Axes, items: int = 10) -> Axes:
 
 
 def plot_recovered(table: pd.DataFrame, *, ax: Axes) -> Axes:
-    """Draw how many packets are found in a ring that was not read for a while."""
+    """Draw how many packets are found in a ring after a pause in reading."""
     waiting = table["waiting"]
     ax.plot(waiting, table["sent"], color="0.6", linewidth=1, label="packets that came")
     for name, colour in (("corrected", "C2"), ("intended", "C0")):

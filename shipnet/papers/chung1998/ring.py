@@ -1,4 +1,4 @@
-"""Sections 3.1, 4.2, 4.3 and 5: the ring, its cases, what is taken out, its repair, the trials."""
+"""Sections 3.1, 4.2, 4.3 and 5: the ring, its cases, extraction, repair, trials."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ from shipnet.remote_control.ring_buffer import Case, Ring, State, bytes_of, case
 from shipnet.remote_control.simulation import simulate
 from shipnet.remote_control.system import System
 
-#: Longest time that a byte takes to be written into an EEPROM of that time [s]: Atmel, AT28C64B,
-#: data sheet, "write cycle time 10 ms maximum". That the paper's chip is like it is assumed.
+#: Longest time to write a byte into an EEPROM of that time [s]: Atmel, AT28C64B, data sheet,
+#: "write cycle time 10 ms maximum". We assume that the paper's chip is similar.
 WRITE_TIME = 10e-3
 
-#: Abnormal states that chung1998 counted in the three trials of section 5; the middle one is in
-#: words: "also" normal.
+#: Abnormal states that the paper reports for the three trials of section 5; the second in words
+#: ("also" normal).
 PAPER_EVENTS = (0, 0, 1)
 
-#: Bytes that one press of the Enter key stores: one integer of 16 bits; assumed.
+#: Bytes stored by one press of the Enter key: we assume an integer of 16 bits.
 BYTES_PER_PRESS = 2
 
-#: Section 5: places of the ring.
+#: Section 5: bytes of the ring.
 SIZE = int(PRINTED["ring_size"])
 
 
 def states(places: int, flags: int) -> list[State]:
-    """Return all states of a ring of this many places, with flags of this many values."""
+    """Return all states of a ring with this many places and values of each flag."""
     return [State(*four) for four in product(*2 * (range(places), range(flags)))]
 
 
 @numeric("chung1998-033")
 def virtual_rings(*, with_flag: bool = True) -> int:
-    """Rounds that the variables of the writer distinguish, with their flag or without."""
+    """Laps that the writer's variables distinguish, with their flag or without."""
     ring, seen = Ring(SIZE), set()
     for _ in range(4 * SIZE):
         seen.add(ring.state[:2] if with_flag else ring.state[:1])
@@ -51,7 +51,7 @@ def virtual_rings(*, with_flag: bool = True) -> int:
 
 @numeric("chung1998-049")
 def variables(*, flags: int = 2) -> int:
-    """Variables on which it depends what is done next, with flags of this many values."""
+    """Variables that decide the next step, with flags of this many values."""
     every = states(2, flags)
     return sum(
         any(
@@ -69,8 +69,8 @@ numeric("chung1998-011")(
 
 
 def shown(rounds: int) -> set[Case]:
-    """Return the cases that show while fewer than this many rounds are unread."""
-    table = Ring(SIZE).cases(rounds).table()
+    """Return the cases that occur while fewer than this many laps are unread."""
+    table = Ring(SIZE).cases().table()[:rounds]
     cases: tuple[Case, ...] = ("a", "b", "c", "d")
     return {case for case in cases if table[case].sum()}
 
@@ -81,7 +81,7 @@ check("chung1998-050", counter={"rounds": 2})(lambda *, rounds=1: shown(rounds) 
 
 @check("chung1998-052", counter={"rounds": 2})
 def groups_have_one_normal_case(*, rounds: int = 1) -> bool:
-    """Whether of the two cases with equal flags one is normal, and so with different flags."""
+    """Whether one of the two cases with equal flags is normal, and one with different flags."""
     groups = [
         {state.case for state in states(2, 2) if (state[1] == state[3]) == same}
         for same in (True, False)
@@ -91,7 +91,7 @@ def groups_have_one_normal_case(*, rounds: int = 1) -> bool:
 
 @check("chung1998-051", counter={"leads": range(SIZE + 1, 2 * SIZE)})
 def case_c_means_an_overrun(*, leads: Sequence[int] = range(-SIZE, 2 * SIZE)) -> bool:
-    """Whether bytes are overwritten wherever case c shows; below 0 the reader leads the writer."""
+    """Whether case c always means overwritten bytes; a lead below 0 is the reader's."""
     return all(
         lead > SIZE
         for get_no, lead in product(range(SIZE), leads)
@@ -101,7 +101,7 @@ def case_c_means_an_overrun(*, leads: Sequence[int] = range(-SIZE, 2 * SIZE)) ->
 
 @check("chung1998-053", counter={"while_receiving": False})
 def stops_behind_the_packet(*, while_receiving: bool = True) -> bool:
-    """Whether the reader has a whole packet when it comes to case a and turns to sending."""
+    """Whether the reader has a complete packet when it stops in case a."""
     ring = Ring(SIZE)
     packet = MarkerFormat(n_numbers=ITEMS).encode(dict.fromkeys(range(ITEMS), 1000))
     ring.store_all(packet[:1] if while_receiving else packet)
@@ -111,7 +111,7 @@ def stops_behind_the_packet(*, while_receiving: bool = True) -> bool:
 
 @check("chung1998-054", counter={"before": bytes([0xCC, 0xDD])})
 def packet_is_found(*, before: bytes = bytes(5)) -> bool:
-    """Whether all data of a packet are taken at every place of the ring, behind other bytes."""
+    """Whether a packet after other bytes is found at every place of the ring."""
     form = MarkerFormat(n_numbers=ITEMS)
     sent = {number: 1000 + number for number in range(ITEMS)}
     for place in range(SIZE):
@@ -127,21 +127,20 @@ def packet_is_found(*, before: bytes = bytes(5)) -> bool:
 
 @check("chung1998-023", counter={"wrap": True})
 def values_are_whole(*, wrap: bool = False) -> bool:
-    """Whether the printed line takes the right values wherever a packet lies in the ring."""
+    """Whether the printed line extracts the right values wherever a packet is in the ring."""
     table = extraction(dict.fromkeys(range(ITEMS), 1000), wrap=wrap)
     return bool((table["wrong"] == 0).all())
 
 
-# Values taken out of the ring --------------------------------------------------------------
+# Values extracted from the ring ------------------------------------------------------------
 
 
 def extraction(
     items: Mapping[int, int], packet_format: MarkerFormat | None = None, *, wrap: bool = False
 ) -> pd.DataFrame:
-    """Return what becomes of a packet at every place of the ring.
+    """Return the bytes read outside the ring, and the wrong values, for each place of a packet.
 
-    One row per place of its first byte: ``outside`` counts bytes read outside the ring, ``wrong``
-    the wrong values. Unless the indices `wrap`, two zeros lie in memory after the ring.
+    Unless the indices `wrap`, two zeros follow the ring in memory.
     """
     form = packet_format or MarkerFormat()
     packet = form.encode(items)
@@ -170,7 +169,7 @@ def stored_in(size: int, received: bytes) -> Ring:
 
 
 def overrun_rings(items: int) -> Iterator[Ring]:
-    """Return rings that show case c, for every place of the writer and every phase of a stream."""
+    """Return rings in case c, for every place of the writer and every phase of a stream."""
     phases = length(reading="A", items=items)
     stream = MarkerFormat(n_numbers=items).stream(2 * SIZE + phases)
     for no in range(SIZE):
@@ -179,16 +178,13 @@ def overrun_rings(items: int) -> Iterator[Ring]:
 
 
 def full_rings(size: int = SIZE) -> Iterator[Ring]:
-    """Return rings of packet starts only that show case c, for every place of the writer."""
+    """Return rings in case c that contain only packet starts, for every place of the writer."""
     for no in range(size):
         yield stored_in(size, bytes([PACKET_START]) * (size + no))
 
 
 def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
-    """Return how many bytes that a ring still holds each repair gives up.
-
-    By default the rings hold only 0xCC, one ring per place of the writer.
-    """
+    """Return how many stored bytes each repair gives up, by default in `full_rings`."""
     found = []
     for ring in full_rings() if rings is None else rings:
         ring.extract()
@@ -197,7 +193,7 @@ def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
 
 
 def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: int = 0) -> int:
-    """Return how many packets, as they were sent, are found after this many unread bytes."""
+    """Return how many packets are found intact after this many unread bytes."""
     check_whole("waiting", waiting, 0, 10**6)
     form = MarkerFormat(n_numbers=ITEMS)
     count = waiting // form.size(ITEMS) + 1
@@ -211,10 +207,9 @@ def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: 
 def recovered(
     waiting: Sequence[int] = range(0, 3 * SIZE + 1, 8), places: Sequence[int] = range(0, SIZE, 8)
 ) -> pd.DataFrame:
-    """Return how many packets the intended and the corrected ring hold, by ``waiting`` bytes.
+    """Return how many packets the intended and the corrected ring yield, by ``waiting`` bytes.
 
-    For the ring as ``intended`` that is the mean over the `places` of the reader, with ``fewest``
-    and ``most``; at the share ``stops`` of the places its reader stops in case a.
+    ``intended`` is the mean over the `places` of the reader, which ``stops`` at this share of them.
     """
     if not len(places):
         raise ArgumentError("places is empty; it must hold a place")
@@ -222,7 +217,7 @@ def recovered(
     for n in waiting:
         found = [packets_found(n, "intended", get_no=place) for place in places]
         stops = [case_of(place, n, SIZE) == "a" for place in places]
-        # The corrected ring counts on: the place of its reader makes no difference.
+        # The corrected ring works the same for every place of the reader.
         corrected = packets_found(n, "corrected", get_no=places[0])
         mean, stopped = (sum(column) / len(places) for column in (found, stops))
         rows.append((n, n // size, mean, min(found), max(found), stopped, corrected))
@@ -232,7 +227,7 @@ def recovered(
 
 @check("chung1998-013", counter={"shift": 2})
 def repair_restores_order(*, shift: int = 1) -> bool:
-    """Whether every repair, in case c, ends at the first 0xCC from SIZE >> shift or 0, in order."""
+    """Whether each repair in case c ends in order at the first 0xCC from SIZE >> shift or 0."""
     for ring in overrun_rings(ITEMS):
         cells, no = ring.cells, ring.state.no
         ring.extract()
@@ -244,7 +239,7 @@ def repair_restores_order(*, shift: int = 1) -> bool:
 
 @check("chung1998-057", counter={"toggled": False})
 def toggled_flag_restores_order(*, toggled: bool = True) -> bool:
-    """Whether a reader at the start of the ring, its flag toggled or not, is in case b."""
+    """Whether a reader that is put to the start of the ring is in case b."""
     for ring in full_rings(SIZE):
         before = ring.state
         ring.extract()
@@ -257,7 +252,7 @@ def toggled_flag_restores_order(*, toggled: bool = True) -> bool:
 
 @check("chung1998-055", counter={"items": 45})
 def repair_keeps_a_part(*, items: int = ITEMS) -> bool:
-    """Whether some of the bytes that the ring holds are left after every repair, in case c."""
+    """Whether every repair in case c keeps some of the ring's bytes."""
     for ring in overrun_rings(items):
         ring.extract()
         if ring.unread == 0:
@@ -271,12 +266,12 @@ numeric("chung1998-061")(lambda *, size=SIZE, items=ITEMS: size / length(reading
 
 @numeric("chung1998-015")
 def abnormal_states(*, empty_is_empty: bool = True) -> int:
-    """Repairs in 100 packets, read byte by byte; or if an empty ring is read on, as printed."""
+    """Repairs in 100 packets, read byte by byte; as printed, an empty ring is read on."""
     ring = Ring(SIZE, "intended" if empty_is_empty else "printed")
     repairs = 0
     for byte in MarkerFormat(n_numbers=ITEMS).stream(100 * length(reading="A")):
         ring.store(byte)
-        # As many steps as there are places: an empty ring that is read on has no end.
+        # One step per place, since reading on in an empty ring would never end.
         for _ in range(SIZE):
             step = ring.extract()
             repairs += step.action == "repair"
@@ -287,24 +282,23 @@ def abnormal_states(*, empty_is_empty: bool = True) -> int:
 
 @check("chung1998-058", counter={"stall": 14.0})
 def parameter_change_does_no_harm(*, stall: float = BYTES_PER_PRESS * WRITE_TIME) -> bool:
-    """Whether a task that stalls for this time [s], which we assume, keeps the ring in order."""
+    """Whether the ring stays in order if a task stalls for this assumed time [s]."""
     run = simulate(as_printed(), faults=Stall("BCS", start=5.0, stop=5.0 + stall), until=25.0)
     return not bool(run.events()["event"].str.startswith("ring").any())
 
 
 @check("chung1998-021", counter={"size": SIZE})
 def larger_ring_is_not_overrun(*, size: int = 2 * SIZE, stall: float = 0.2) -> bool:
-    """Whether bytes that come without a break during a stall [s] leave a ring in a normal case."""
+    """Whether a ring is in a normal case after a stall [s] with bytes arriving all the time."""
     came = round(stall / as_printed().character_time)
     return stored_in(size, MarkerFormat(n_numbers=ITEMS).stream(came)).case in ("b", "d")
 
 
 def ring_trials(system: System | None = None, *, duration: float = 20.0) -> pd.DataFrame:
-    """Return how often the ring is found in an abnormal state in the paper's three trials.
+    """Return how often the ring is in an abnormal state in the paper's three trials.
 
     BCS writes its EEPROM after 5 s, in the second trial for one press of the Enter key and in the
-    third for ten. The paper counted 0, 0 and 1; the time to write is not printed. While the partner
-    waits for an answer, its one packet waits in the ring, and comes again after 3.9 to 4.4 s.
+    third for ten. The paper does not give the time to write.
     """
     link = System(repeat=10) if system is None else system
     rows = []

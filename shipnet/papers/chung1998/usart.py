@@ -9,7 +9,7 @@ from typing import NamedTuple
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 
-#: Characters for which a program may stay with one byte; then its loop is taken as endless.
+#: Characters after which a loop that still writes the same byte counts as endless.
 _MOST_CHARACTERS = 10_000
 
 
@@ -21,10 +21,10 @@ class Status(IntFlag):
 
 
 class Usart:
-    """The transmitter of an 8251A with its line: one byte waits while another is shifted out.
+    """The transmitter of an 8251A: one byte waits in the buffer while another is shifted out.
 
-    `line` holds when each byte began to be sent [s], and the byte. A byte moves from the buffer to
-    the free shift register at once. TxRDY means that the buffer is empty, TxEMPTY that both are.
+    `line` contains the start time [s] and value of each byte sent. TxRDY means that the buffer is
+    empty, TxEMPTY that the shift register is empty too.
     """
 
     def __init__(self, character_time: float) -> None:
@@ -33,7 +33,7 @@ class Usart:
         self._waiting: tuple[float, int] | None = None
 
     def status(self, time: float) -> Status:
-        """Return the status register at a time [s], never earlier than the last call."""
+        """Return the status register at a time [s] that is not before the last call's."""
         free = self._shift(time)
         if self._waiting is not None:
             return Status(0)
@@ -48,11 +48,11 @@ class Usart:
         return replaced
 
     def finish(self) -> float:
-        """Send what is left; return when the last character has ended [s]."""
+        """Send the remaining bytes; return the end of the last character [s]."""
         return self._shift(inf)
 
     def _shift(self, time: float) -> float:
-        """Begin to send the byte that waits if it can; return when the register is free."""
+        """Send the waiting byte if possible; return when the shift register is free [s]."""
         free = self.line[-1][0] + self.character_time if self.line else 0.0
         if self._waiting is None or free > time:
             return free
@@ -63,11 +63,7 @@ class Usart:
 
 
 class Sent(NamedTuple):
-    """What a loop made of some bytes.
-
-    `line` is what it sent, `writes` how often the program wrote to the chip, and `lost` how many
-    bytes, those in the chip included, were never sent.
-    """
+    """The bytes that a loop sent, its writes to the chip, and the bytes that were never sent."""
 
     line: bytes
     writes: int
@@ -77,15 +73,12 @@ class Sent(NamedTuple):
 def send(usart: Usart, data: bytes, *, printed: bool, poll: float = 20e-6) -> Sent:
     """Send bytes by the loop as printed, which writes while the chip is not ready, or as intended.
 
-    The printed one is ``while((inportb(C8251) & 0x01) != 0x01) { outportb(D8251, ch); }``. It never
-    writes to an idle chip. On a busy one it replaces what waits with its own first byte, again and
-    again, until by chance it asks when the buffer is empty; if it never does, ArgumentError is
-    raised.
+    The printed loop is ``while((inportb(C8251) & 0x01) != 0x01) { outportb(D8251, ch); }``. It
+    never writes to an idle chip. On a busy one it overwrites the waiting byte until it happens to
+    read the status while the buffer is empty; if it never does, ArgumentError is raised.
 
-    The intended loop waits, then writes once. The last two characters are still in the chip when it
-    ends, so a station must wait for TxEMPTY before it switches its line driver off.
-
-    `poll` is the time to read the status, and to write a byte [s]; the paper names none.
+    The intended loop waits, then writes once. `poll` is the time to read the status, and to write a
+    byte [s]; the paper does not give it.
     """
     step = check_scalar("poll", poll, "s", 1e-7, 1.0)
     time, writes, lost, already = 0.0, 0, 0, len(usart.line)
@@ -94,8 +87,7 @@ def send(usart: Usart, data: bytes, *, printed: bool, poll: float = 20e-6) -> Se
         begun, ready = time, False
         while not ready:
             ready = bool(usart.status(time) & Status.TXRDY)
-            # Each round of the printed loop fills the buffer again; if it always asks too early
-            # it has no end.
+            # The printed loop fills the buffer again each time it reads the status too early.
             if not ready and time - begun > _MOST_CHARACTERS * usart.character_time:
                 raise ArgumentError(
                     f"poll is {step:g} s: byte {place} is still written again after "
@@ -103,7 +95,7 @@ def send(usart: Usart, data: bytes, *, printed: bool, poll: float = 20e-6) -> Se
                 )
             time += step
             if ready is not printed:
-                # What is replaced by itself is not lost.
+                # A byte that overwrites itself is not lost.
                 lost += usart.write(byte, time) and place not in written
                 written.add(place)
                 writes += 1

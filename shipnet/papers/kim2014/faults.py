@@ -1,10 +1,10 @@
-"""The second Table 1 and section 3.4: the rules, the diagnosis, and what the master sees."""
+"""The second Table 1 and section 3.4: rules, diagnosis, and the master's view of the valves."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from itertools import product
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -22,10 +22,10 @@ from shipnet.ballast.wear import Wear
 from shipnet.errors import ArgumentError
 from shipnet.fuzzy.terms import NORMAL
 from shipnet.modbus.faults import Break
+from shipnet.papers.kim2014.line import MOVES
 from shipnet.papers.registry import check, numeric
 
-# The second Table 1 as a rule base: how many faults, what overlaps, what it leaves open.
-
+# The second Table 1 as a rule base: its faults, overlaps and gaps.
 
 BASE = rule_base()
 
@@ -33,21 +33,18 @@ _TABLE = datasets.read("kim2014_rule_table.csv")
 _POSITION_FLAG = "PosFault"
 
 
-@numeric("kim2014-024")
-def faults() -> int:
-    """Faults that the rules diagnose."""
-    return len(rule_base().codes)
+numeric("kim2014-024")(lambda: len(rule_base().codes))
 
 
 @numeric("kim2014-025")
 def flags(*, with_position: bool = True) -> int:
-    """Flags that the rules set, with or without the one for the position."""
+    """Flags that the rules set, with or without the flag for the position."""
     return len({rule.flag for rule in BASE.rules if with_position or rule.flag != _POSITION_FLAG})
 
 
 @numeric("kim2014-036")
 def nested_pairs(*, codes: tuple[str, ...] = BASE.codes) -> int:
-    """Pairs of these rules of which one fires whenever the other does."""
+    """Pairs of these rules where one fires whenever the other does."""
     pairs = BASE.overlaps()
     nested = pairs[pairs["relation"] != "overlap"]
     return int((nested["a"].isin(codes) & nested["b"].isin(codes)).sum())
@@ -55,7 +52,7 @@ def nested_pairs(*, codes: tuple[str, ...] = BASE.codes) -> int:
 
 @numeric("kim2014-073")
 def distinct_faults(*, equalities: bool = True) -> int:
-    """Faults of the rule table, those counted once that its last rows declare equal."""
+    """Faults of the rule table, or of its rows without those that its last rows call equal."""
     rows = _TABLE[_TABLE["code"] != "normal"]
     same = rows["diagnosis_printed"].str.contains(r"= Pos\d", regex=True)
     return int((~same).sum()) if equalities else len(rows)
@@ -70,7 +67,7 @@ numeric("kim2014-074")(
 def silent_pressures(
     *, high: float = BASE["FP"]["high"].crisp.low, low: float = BASE["FP"]["none"].crisp.high
 ) -> float:
-    """Width of the range of FP in which no rule looks at it [bar]."""
+    """Width of the range of FP that no rule uses [bar]."""
     return high - low
 
 
@@ -83,7 +80,7 @@ def sensors_with_limit(*, limit: float = 2.5) -> int:
 
 @check("kim2014-037", counter={"ramps": True})
 def infers_by_degrees(*, ramps: bool = False) -> bool:
-    """Whether a rule can hold in part, as printed or with the ramps that we assume."""
+    """Whether a rule can fire in part, as printed or with the ramps that we assume."""
     sweep = {"FP": np.linspace(110, 130, 201), "OP": np.full(201, 4.0)}
     found = BASE.fire(sweep, "fuzzy" if ramps else "crisp").strength
     return bool(((found > 0) & (found < 1)).any())
@@ -91,7 +88,7 @@ def infers_by_degrees(*, ramps: bool = False) -> bool:
 
 @check("kim2014-061", counter={"sensors": ("FP", "OP", "MC", "VPos")})
 def has_both_limits(*, sensors: tuple[str, ...] = tuple(c.name for c in CHANNELS)) -> bool:
-    """Whether the rules ask for values above a limit, and for lower ones, of each sensor."""
+    """Whether the rules have an upper limit, and a range below it, for each sensor."""
     for sensor in sensors:
         said = [term.crisp for term in BASE[sensor].terms]
         upper = [one.low for one in said if np.isinf(one.high)]
@@ -102,16 +99,15 @@ def has_both_limits(*, sensors: tuple[str, ...] = tuple(c.name for c in CHANNELS
 
 # The test inputs of the second Table 1, each diagnosed by the rules as printed.
 
-
-#: Ends of the position [%]: CLOSE and OPEN of the rule table, as section 3.2 scales it.
+#: Positions CLOSE and OPEN of the rule table, on the scale of section 3.2 [%].
 _CLOSE, _OPEN = 0.0, 100.0
 
-#: Position that row 12 prints below the closed end [%].
+#: Position that row 12 prints, below the closed end [%].
 _ROW_12 = float(rule_vectors("printed")["VPos"]["Pos4"])
 
-#: Ways to read what a row does not print: the fills of `rule_vectors`, and ours, in which a sensor
-#: that is not printed says nothing, and a position that is printed is held, so that DVPos is 0. Row
-#: 0 prints the time of a movement instead.
+#: Ways to fill the values that a row does not print: those of `rule_vectors`, and "held", in which
+#: such a sensor is absent and a printed position does not move, so DVPos is 0. Row 0 prints the
+#: time of a movement instead.
 READINGS = ("held", *FILLS)
 
 
@@ -129,15 +125,15 @@ def fired(tests: pd.DataFrame) -> pd.Series:
 
 
 def is_right(code: str, codes: str) -> bool:
-    """Whether the row's own rule is among those that fired; on the normal row none may."""
+    """Return whether the row's own rule fired; on the normal row none may."""
     return not codes if code == NORMAL else code in codes.split()
 
 
 def reading_table() -> pd.DataFrame:
     """Return how many of the 13 rows are right, as printed and corrected, in every reading.
 
-    The row's own rule ``fires`` by comparisons, or by strengths in ``fuzzy``; ``our ranking`` and
-    ``table order`` count where it is named first; ``not`` lists the other rows.
+    The row's own rule ``fires``, also by ``fuzzy`` strengths, or ranks first by ``our ranking`` or
+    in ``table order``; ``not`` lists the rows where it does not fire.
     """
     rows = {}
     for version, reading in product(("printed", "corrected"), READINGS):
@@ -160,15 +156,15 @@ def reading_table() -> pd.DataFrame:
 
 
 def fired_table(version: str = "printed") -> pd.DataFrame:
-    """Return which rules fire on each row, one column per reading, ``-`` where no rule fires."""
+    """Return the rules that fire on each row in each reading; ``-`` if none fires."""
     found = {reading: fired(row_inputs(version, reading)) for reading in READINGS}
     return pd.DataFrame(found).replace("", "-").rename_axis("row")
 
 
 def through_registers(code: str) -> str:
-    """Return what the rules make of a corrected row once its readings came through registers.
+    """Return the top fault of a corrected row whose readings were sent in registers.
 
-    What the row does not print is as the plant would have it; the speed is not sent.
+    The plant supplies the values that the row does not print; the speed is not sent.
     """
     tests = rule_vectors(fill="physical").loc[[code]]
     names = [channel.name for channel in CHANNELS]
@@ -188,16 +184,16 @@ def through_registers(code: str) -> str:
 @check("kim2014-066", code="Pos3", channel="VPos", value=305.0, counter={"value": 100.0})
 @check("kim2014-067", code="Pos4", channel="VPos", value=-5.0, counter={"value": 5.0})
 def row_is_found(*, code: str, channel: str, value: float, version: str = "printed") -> bool:
-    """Whether a row's own rule fires on its input, with this value of a channel."""
+    """Whether a row's own rule fires on its input, with this value of one channel."""
     (codes,) = fired(row_inputs(version).loc[[code]].assign(**{channel: value}))
     return is_right(code, codes)
 
 
-# V1 and V2 must hold at both ends.
+# V1 and V2 must be found at both ends.
 @check("kim2014-029", code="V1", channel="OP", value=4.0, counter={"value": 2.0})
 @check("kim2014-031", code="V2", channel="DVPos", value=0.0, counter={"value": 11.0})
 def row_is_found_at_both_ends(*, code: str, channel: str, value: float) -> bool:
-    """Whether the same holds with the valve closed and with the valve open."""
+    """Whether a row's own rule fires with the valve closed and with it open."""
     ends = row_inputs().loc[[code, code]].assign(VPos=[_CLOSE, _OPEN]).assign(**{channel: value})
     return all(is_right(code, codes) for codes in fired(ends))
 
@@ -207,7 +203,7 @@ numeric("kim2014-032")(lambda *, end=300.0, below=_ROW_12: end + (_CLOSE - below
 
 @check("kim2014-068", counter={"version": "printed"})
 def all_tests_pass(*, version: str = "corrected") -> bool:
-    """Whether the own rule of each of the 12 rows fires on its input, as printed or corrected."""
+    """Whether each of the 12 faults' own rule fires on its input, as printed or corrected."""
     found = fired(row_inputs(version)).drop(NORMAL)
     return all(is_right(str(code), codes) for code, codes in found.items())
 
@@ -219,16 +215,15 @@ check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})(
 
 @check("kim2014-045", counter={"predictor": "stroke time"})
 def wear_is_estimated(*, predictor: str = "leak", part: float = 0.5) -> bool:
-    """Whether the rest of most pumps' lives is known to 20 % from their readings.
+    """Whether the remaining life of most of 30 synthetic pumps is predicted within 20 %.
 
-    Thirty synthetic pumps, at this part of their lives, by the law of the leak or a straight line
-    through the stroke time.
+    The prediction is made at this part of their lives, from the leak or the stroke time.
     """
     compared = Wear.synthetic(30, 1000, rng=2024).compare_predictors(parts=(part,))
     return bool(compared["within_20"].loc[predictor, part] > 0.5)
 
 
-# Faults by degrees: from which severity on they are named.
+# Faults of different severity.
 
 
 def graded_trials(
@@ -236,8 +231,7 @@ def graded_trials(
 ) -> pd.DataFrame:
     """Let valves with each fault, from healthy to the worst, open and close once.
 
-    The table is that of `fault_trials`, with what the top fault ``said``: ``nothing``, ``its own
-    name`` or ``another fault's name``.
+    The table is that of `fault_trials`, with a column ``said`` for the diagnosis.
     """
     trials = fault_trials(
         codes, n_valves=n_valves, severity=np.linspace(0, 1, max(n_valves, 0)),
@@ -248,25 +242,21 @@ def graded_trials(
     return trials.assign(said=np.where(top == NORMAL, "nothing", named))
 
 
-# Sections 2.1, 3.3 and 3.4: how late and how wrong the picture of a master can be.
+# Sections 2.1, 3.3 and 3.4: how late and how wrong a master's data can be.
 
-
-#: A position is shown rightly that is nearer to the true one [%]: a register's step, and noise.
+#: Largest error of a position that is shown correctly [%]: a register's step, and noise.
 NEAR = 2.0
-
-#: Rules of the masters that are compared.
-_MOVES: tuple[Literal["slave", "downstream"], ...] = ("slave", "downstream")
 
 
 class Picture(NamedTuple):
-    """A fleet as its master sees it, and as it is."""
+    """A fleet as its master sees it, and the fleet itself."""
 
     seen: MasterRun
     plant: Plant
 
     @property
     def wrong(self) -> int:
-        """Valves whose position is not known, or shown more than `NEAR` from the true one."""
+        """Valves whose position is unknown, or shown with an error above `NEAR`."""
         shown = self.seen.screen().table()["position_percent"].to_numpy()
         return int((~(np.abs(shown - 100 * self.plant.opening) <= NEAR)).sum())
 
@@ -274,9 +264,9 @@ class Picture(NamedTuple):
 def seen_strokes(
     numbers: Iterable[int] = (5, 64, 247), *, duration: float = 15.0, start: float = 3.0
 ) -> dict[int, Run]:
-    """Return what masters with these numbers of valves at 9600 bit/s are sent of their last one.
+    """Return the readings of the last valve that masters of this many receive at 9600 bit/s.
 
-    Its command to open is due at `start` and goes out after the current poll.
+    Its command to open is due at `start` and is sent after the current poll.
     """
     runs = {}
     for number in numbers:
@@ -289,10 +279,9 @@ def seen_strokes(
 def age_table(
     commands: Iterable[int] = (0, 10, 100), *, n_valves: int = 247, duration: float = 50.0
 ) -> pd.DataFrame:
-    """Return how old the picture gets when commands to open are sent between the polls.
+    """Return the greatest age of the data when commands are sent between the polls.
 
-    ``formula_s`` is `System.worst_age`, ``simulated_s`` the longest age seen at 9600 bit/s.
-    Commands are sent after half of the duration.
+    ``formula_s`` is `System.worst_age`, ``simulated_s`` the greatest age seen at 9600 bit/s.
     """
     system = System(n_valves, status_poll(9600))
     rows = {}
@@ -310,14 +299,11 @@ def age_table(
 def broken_loops(
     n_valves: int = 247, *, opened: int = 100, start: float = 12.0, duration: float = 60.0
 ) -> dict[str, Picture]:
-    """Break a loop at 9600 bit/s in its middle while valves open, under four masters.
-
-    They differ in the time-out and in what they move at once: one slave, or all beyond the break.
-    """
+    """Break a loop at 9600 bit/s in its middle while valves open, under four masters."""
     orders = [Command("open", 3.0, valves=range(1, opened + 1))]
     unbroken: list[Break] = []
     cases = {"no break": (System(n_valves, status_poll(9600)), unbroken)}
-    for move, timeout in product(_MOVES, (1.0, 0.1)):
+    for move, timeout in product(MOVES, (1.0, 0.1)):
         name = f"{'one by one' if move == 'slave' else 'all beyond'}, time-out {timeout:g} s"
         poll = status_poll(9600, timeout=timeout)
         cases[name] = (System(n_valves, poll, move=move), [Break(n_valves // 2, start=start)])
@@ -329,11 +315,7 @@ def broken_loops(
 
 
 def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
-    """Return how good the pictures are, one row each.
-
-    ``oldest_s`` is the greatest age of a shown position, ``unanswered`` counts requests;
-    ``shown_moving``, ``moving`` and ``wrong`` count valves at the end.
-    """
+    """Return the greatest age of a position, lost requests and wrong valves of each picture."""
     rows = {
         name: {
             "oldest_s": picture.seen.oldest,

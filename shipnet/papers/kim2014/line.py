@@ -1,4 +1,4 @@
-"""Sections 2 and 3: names, unit ids, scan times, the broken loop, Modbus on Ethernet."""
+"""Sections 2 and 3: unit ids, scan times, the broken loop, Modbus on Ethernet."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from shipnet.modbus.udp import LossyPath, simulate
 from shipnet.papers.kim2014.registers import answer_table
 from shipnet.papers.registry import check, is_legal, numeric
 
-# The ID switches of a slave: two decimal dials and two DIP pins, and which settings are legal.
+# The ID switches of a slave: two decimal dials and two DIP pins.
 
 
 def switch_table() -> pd.DataFrame:
-    """Return all 400 settings of the switches: pins, tens, units, their number and a verdict."""
+    """Return the number and a verdict for each of the 400 settings of the switches."""
     rows = [(n // 100, n // 10 % 10, n % 10, n, _verdict(n)) for n in range(400)]
     return pd.DataFrame(rows, columns=["pins", "tens", "units", "number", "verdict"])
 
@@ -48,12 +48,12 @@ def _verdict(number: int) -> str:
     return "legal" if number else "the broadcast"
 
 
-# Sections 1, 3.2 and 3.3: how many valves one master can address.
+# Sections 1, 3.2 and 3.3: the valves that one master can address.
 
 
 @numeric("kim2014-001", "kim2014-002")
 def slaves_of_a_master(*, bits: int = 8) -> int:
-    """Slaves that one master can call by an id of this many bits."""
+    """Slaves that one master can address with an id of this many bits."""
     read = Request.read_input_registers(0, 1).pdu
     return sum(is_legal(rtu_frame, unit, read) for unit in range(1, 2**bits))
 
@@ -63,31 +63,31 @@ numeric("kim2014-047")(lambda *, bits=8: slaves_of_a_master(bits=bits) + 1)
 
 @numeric("kim2014-003")
 def selectable_ids(*, positions: int = 10, pins: int = 2) -> int:
-    """Values of a byte that two dials and the DIP pins, as its hundreds, can be set to."""
+    """Byte values that two dials and the DIP pins, which are the hundreds, can select."""
     settings = product(range(2**pins), range(positions), range(positions))
     return len({100 * pin + 10 * tens + units for pin, tens, units in settings} & {*range(256)})
 
 
-# Sections 2.1, 3.2 and 3.3: the serial line, its closed loop, and how long a scan takes.
+# Sections 2.1, 3.2 and 3.3: the serial line, its closed loop, and scan times.
 
-
-#: Common rates between the ends that sections 3.2 and 3.3 print [bit/s].
+#: Common rates within the limits that sections 3.2 and 3.3 print [bit/s].
 RATES = scan.BIT_RATES
 
-_MOVES: tuple[Literal["slave", "downstream"], ...] = ("slave", "downstream")
+#: What a master moves to the other port at once, when a loop breaks.
+MOVES: tuple[Literal["slave", "downstream"], ...] = ("slave", "downstream")
 
 
 @numeric("kim2014-005", rate=float(SerialLine.SILENCE_LIMIT))
 @numeric("kim2014-077", rate=RATES[-1])
 def silence(*, rate: float) -> float:
-    """Characters of silence between two frames: at the highest rate that counts them, or above."""
+    """Silence between two frames, in characters."""
     return SerialLine(rate).t35 / SerialLine(rate).character_time
 
 
 @numeric("kim2014-075", rate=RATES[0])
 @numeric("kim2014-076", rate=RATES[-1])
 def scan_time(*, slaves: int = MAX_UNIT, rate: float) -> float:
-    """Seconds to read the status of all slaves at a bit rate of the paper."""
+    """Time to read the status of all slaves at a bit rate of the paper [s]."""
     return status_poll(rate).scan_time(slaves)
 
 
@@ -108,7 +108,7 @@ def every_slave_has_two_ways(*, dead: Literal["A", "B", ""] = "", slaves: int = 
 
 @check("kim2014-051", counter={"at_end": False})
 def sensors_are_seen_before_the_reply(*, at_end: bool = True, movement: float = 10.0) -> bool:
-    """Whether a valve is polled while it moves, if it replies to the command at the end of it."""
+    """Whether a valve is polled while it moves if it replies at the end, or at the start."""
     table = answer_table(SerialLine(9600), 5, movement, timeout=2 * movement)
     row = table.loc["at the end" if at_end else "at the start"]
     return bool(row["answered"] and row["polls_while_moving"] > 0)
@@ -116,7 +116,7 @@ def sensors_are_seen_before_the_reply(*, at_end: bool = True, movement: float = 
 
 @check("kim2014-085", counter={"interface": "RS-422"})
 def two_wires_are_enough(*, interface: str = "RS-485") -> bool:
-    """Whether one pair, and a common conductor beside it, serves both directions."""
+    """Whether one pair and a common conductor serve both directions."""
     pair_and_common = 3
     return INTERFACES[interface].wires == pair_and_common
 
@@ -126,20 +126,19 @@ def break_table(
 ) -> pd.DataFrame:
     """Return how long data are missing when the loop breaks in its middle, at 9600 bit/s.
 
-    The master moves each slave by itself to the other port (``one_by_one_s``), or with all
-    downstream of it (``with_downstream_s``).
+    The master moves slaves to the other port ``one_by_one_s`` or ``with_downstream_s``.
     """
     middle = [Break((n_slaves + 1) // 2)]
     rows = []
     for timeout in timeouts:
         poll = status_poll(timeout=timeout)
-        loops = [Loop(n_slaves, poll, move=move) for move in _MOVES]
+        loops = [Loop(n_slaves, poll, move=move) for move in MOVES]
         rows.append([float(loop.worst_gap(middle).max()) for loop in loops])
     columns = ["one_by_one_s", "with_downstream_s"]
     return pd.DataFrame(rows, columns=columns, index=pd.Index(timeouts, name="timeout_s"))
 
 
-# Master and valve, message by message: a command, and what the registers say meanwhile.
+# Master and valve, message by message: a command, and the registers while it is executed.
 
 
 def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -> pd.DataFrame:
@@ -168,12 +167,12 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
     return pd.DataFrame(rows, columns=["time_s", "from", "frame", "says"])
 
 
-# Sections 2.2 and 3.5, Figs 5 and 6: the header on Ethernet, and what datagrams do to it.
+# Sections 2.2 and 3.5, Figs 5 and 6: the header on Ethernet, and lost or late datagrams.
 
 
 @check("kim2014-056", counter={"late": 0.02})
 def identifier_zero_is_enough(*, late: float = 0.0) -> bool:
-    """Whether no answer is taken for another's if all have identifier 0 and a share is late."""
+    """Whether every answer is matched rightly if all have identifier 0 and a share is late."""
     units = np.tile(np.arange(1, 6), 200)
     path = LossyPath(late=late, lateness=0.6)
     return simulate(units, path, match="nothing", rng=2024).mismatched == 0
@@ -181,7 +180,7 @@ def identifier_zero_is_enough(*, late: float = 0.0) -> bool:
 
 @check("kim2014-057", counter={"widths": (2, 2, 1, 2)})
 def header_has_these_fields(*, widths: tuple[int, ...] = (2, 2, 2, 1)) -> bool:
-    """Whether a header falls into identifier, 0, length of what follows it, and unit id."""
+    """Whether a header consists of identifier, 0, length of the rest, and unit id."""
     identifier, unit = 0x1501, 17
     request = Request.read_input_registers(0x4020, 4)
     pdu, adu = request.pdu, request.tcp(unit, identifier)
@@ -192,17 +191,16 @@ def header_has_these_fields(*, widths: tuple[int, ...] = (2, 2, 2, 1)) -> bool:
 
 @check("kim2014-084", counter={"header": 6})
 def same_pdu_on_both(*, header: int = 7) -> bool:
-    """Whether function code and data of a message are the same over TCP, behind this many bytes."""
+    """Whether a message has the same PDU over TCP, after a header of this many bytes."""
     messages = [Request.read_input_registers(0x4020, 4), Request.write_single_register(0x4001, 8)]
     return all(m.tcp(17, 0x1501)[header:] == m.rtu(17)[1:-2] for m in messages)
 
 
 @check("kim2014-102", counter={"bit_rate": 50e3})
 def carries_more(*, bit_rate: float = 10e6, registers: int = 125) -> bool:
-    """Whether a full response takes less time over Ethernet at this rate than on the serial line.
+    """Whether a full response is faster over Ethernet at this rate than at 115200 bit/s.
 
-    The frame's 18 bytes, 20 of IP, 20 of TCP and 20 of preamble and gap are counted; the serial
-    line runs at 115200 bit/s.
+    Counted are the frame's 18 bytes, 20 of IP, 20 of TCP and 20 of preamble and gap.
     """
     response = Response(FunctionCode.READ_INPUT_REGISTERS, registers=(0,) * registers)
     serial = SerialLine(RATES[-1]).frame_time(len(response.rtu(1)))

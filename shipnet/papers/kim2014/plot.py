@@ -1,7 +1,4 @@
-"""Figures of kim2014: hydraulics, actuator, frames, flow charts, test bed, and what a master sees.
-
-None of the printed figures was available: the words are those of the text, the places are ours.
-"""
+"""Figures of kim2014, drawn from its text: no printed figure was available, the places are ours."""
 
 from __future__ import annotations
 
@@ -19,20 +16,20 @@ from shipnet.modbus.pdu import Request, decode
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.kim2014.faults import Picture
 from shipnet.papers.plot import FILL, HALF, arrow, box, diagram, diagrams, fields
-from shipnet.papers.registry import figure
+from shipnet.papers.registry import drawing
 
 __all__ = ["plot_ages", "plot_control_system", "plot_seen_strokes"]
 
-#: The query of Table 3, and the line that it is sent on by default.
+#: The query of Table 3, and the line for it.
 _QUERY = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 _LINE = SerialLine(9600)
 
 diagrams("kim2014", "Fig 7", "Fig 9")
 
 
-@figure("kim2014", "Fig 1")
+@drawing("kim2014", "Fig 1")
 def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
-    """Draw central hydraulics, pipes to every valve, beside valves with pumps of their own."""
+    """Draw central hydraulics with pipes to every valve beside valves with their own pumps."""
     places, low, aside = np.linspace(-0.8, 2.8, n_valves), 0.35, 5.2
     for number, x in enumerate([*places, *(places + aside)]):
         _valve(ax, (x, low), "" if number < n_valves else "motor, pump,\ncontroller")
@@ -63,9 +60,9 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
     return style.bare(ax, (-1.4, 3.5 + aside), (-0.25, 3.8))
 
 
-@figure("kim2014", "Fig 2")
+@drawing("kim2014", "Fig 2")
 def _actuator(*, ax: Axes) -> Axes:
-    """Draw the parts of an actuator and what measures them."""
+    """Draw the parts of an actuator and its sensors."""
     blocks = diagram("kim2014", "Fig 2", ax=ax)
     sensors = [blocks[name] for name in ("MC", "OT", "OP", "VPos")]
     for _, _, x, y in sensors:
@@ -79,9 +76,9 @@ def _actuator(*, ax: Axes) -> Axes:
     return style.bare(ax, (-1.1, 8.9), (0.2, 3.45))
 
 
-@figure("kim2014", "Fig 3", "Fig 4")
+@drawing("kim2014", "Fig 3", "Fig 4")
 def _rtu_frame(*, frame: bytes = _QUERY.rtu(1), serial: SerialLine = _LINE, ax: Axes) -> Axes:
-    """Draw an RTU frame field by field, the general one above it."""
+    """Draw the general RTU frame, and a frame field by field below it."""
     pdu = decode(frame).pdu
     silence = f"{serial.t35 / serial.character_time:.3g} char\nsilence"
     general = [
@@ -97,9 +94,9 @@ def _rtu_frame(*, frame: bytes = _QUERY.rtu(1), serial: SerialLine = _LINE, ax: 
     return fields(ax, {"Fig 3": general, "Fig 4": detail})
 
 
-@figure("kim2014", "Fig 5", "Fig 6")
+@drawing("kim2014", "Fig 5", "Fig 6")
 def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
-    """Draw a frame of Modbus TCP, header and PDU above its fields."""
+    """Draw a Modbus TCP frame, its header and PDU above its fields."""
     pdu = decode(frame, "tcp").pdu
     general = [
         ("MBAP header, 7 bytes", "address", frame[:7].hex(" ")),
@@ -116,11 +113,11 @@ def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
     return fields(ax, {"Fig 5": general, "Fig 6": detail})
 
 
-@figure("kim2014", "Fig 10")
+@drawing("kim2014", "Fig 10")
 def _command(*, ax: Axes) -> Axes:
-    """Draw what a slave does with a command, as printed, and when it should reply."""
+    """Draw how a slave executes a command, as printed, and when it should reply."""
     blocks = diagram("kim2014", "Fig 10", ax=ax)
-    # Not there yet: round again.
+    # Not there yet: back to the start.
     x, y = blocks["there"][2:]
     left = x - HALF[0] - 0.35
     ax.plot([x - HALF[0], left, left], [y, y, 2.35], color="0.3", lw=1)
@@ -130,9 +127,9 @@ def _command(*, ax: Axes) -> Axes:
     return style.bare(ax, (-1.0, 9.6), (1.25, 3.5))
 
 
-@figure("kim2014", "Fig 15")
+@drawing("kim2014", "Fig 15")
 def _testbed(*, ax: Axes) -> Axes:
-    """Draw the test bed, the line closed through the second port of the master."""
+    """Draw the test bed, whose line is closed through the master's second port."""
     blocks = diagram("kim2014", "Fig 15", ax=ax)
     x, y = blocks["master"][2:]
     first, last, row = blocks["S1"][2], blocks["S5"][2], blocks["S1"][3]
@@ -153,7 +150,7 @@ def _testbed(*, ax: Axes) -> Axes:
 
 
 def _valve(ax: Axes, place: tuple[float, float], drive: str) -> None:
-    """Draw the two triangles of a valve, its drive above if it has one of its own."""
+    """Draw the two triangles of a valve, with its own drive above if it has one."""
     x, y = place
     for side in (-1, 1):
         ax.fill(
@@ -171,7 +168,7 @@ _MARKS = ".o^sD"
 
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
-    """Draw the position of a valve as it is, and as masters with this many valves were sent it."""
+    """Draw the true position of a valve, and the positions that masters of this many valves got."""
     ax.plot(
         true.time, true.samples["VPos"][:, 0], color="0.6", linewidth=1, label="the valve itself"
     )
@@ -186,7 +183,7 @@ def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
 
 
 def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axes:
-    """Draw how old the oldest position on the screen is."""
+    """Draw the age of the oldest position on the screen."""
     for place, (name, picture) in enumerate(pictures.items()):
         time = np.arange(0.0, picture.seen.duration, 0.1)
         oldest = picture.seen.ages(time).max(axis=1)
@@ -205,7 +202,7 @@ def plot_ages(pictures: Mapping[str, Picture], *, ax: Axes, start: float) -> Axe
 
 
 def plot_control_system(system: Any, base: RuleBase, *, ax: Axes) -> Axes:
-    """Draw which terms each rule of a control system of scikit-fuzzy joins."""
+    """Draw which terms each rule of a scikit-fuzzy control system uses."""
     names = {rule: rule.label for rule in system.rules}
     terms = list(
         dict.fromkeys(f"{name}[{term}]" for rule in base.rules for name, term in rule.antecedent)

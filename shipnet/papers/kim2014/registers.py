@@ -1,4 +1,4 @@
-"""Tables 1 to 3: the messages byte by byte, and what the registers hold."""
+"""Tables 1 to 3: the messages byte by byte, and the registers."""
 
 from __future__ import annotations
 
@@ -32,21 +32,20 @@ from shipnet.modbus.slave import Slave
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.registry import check, is_legal, numeric
 
-# The messages of Tables 2 and 3, byte for byte: as printed, and as the standard wants them.
+# The messages of Tables 2 and 3, byte for byte: as printed, and by the standard.
 
-
-#: The tables of the messages that write a register, and of those that read some.
+#: The messages that write a register, and those that read several.
 _TABLES = {
     "write": datasets.read("kim2014_table2_write_register.csv"),
     "read": datasets.read("kim2014_table3_read_registers.csv"),
 }
 
-#: What is printed for fields without a number, which are 0 here.
+#: Printed texts of fields that have no number; they are 0 here.
 _ZERO = ("0.0.0.0", "Position 0-100%", "see bits")
 
 
 def printed_adu(message: str) -> bytes:
-    """Return a message with the bytes that the paper prints."""
+    """Return a message with the printed bytes."""
     access, kind = message.split()
     rows, adu = _TABLES[access], b""
     for row in rows[rows["message"] == kind].to_dict("records"):
@@ -55,7 +54,7 @@ def printed_adu(message: str) -> bytes:
     return adu
 
 
-#: The same messages as the standard has them.
+#: The same messages by the standard.
 STANDARD = {
     "write query": Request.write_single_register(COMMAND_REGISTER, 0).tcp(1, 0),
     "write response": Request.write_single_register(COMMAND_REGISTER, 0).tcp(1, 0),
@@ -66,10 +65,9 @@ STANDARD = {
 
 
 def message_table() -> pd.DataFrame:
-    """Compare the printed messages with the standard's.
+    """Return the printed messages beside the standard's, and a standard decoder's verdict.
 
-    The lengths are those in the MBAP header; ``decoder`` is ``ok`` or the error of a standard
-    decoder.
+    The lengths are those in the MBAP header.
     """
     rows = []
     for message in STANDARD:
@@ -97,7 +95,6 @@ def _verdict(message: str) -> str:
 
 # Section 2.1, the first Table 1, Tables 2 and 3: fields, codes and lengths of the messages.
 
-
 _READ, _WRITE = FunctionCode.READ_INPUT_REGISTERS, FunctionCode.WRITE_SINGLE_REGISTER
 
 #: The first Table 1, one row per field.
@@ -105,7 +102,7 @@ _TABLE_1 = datasets.read("kim2014_function_codes.csv")
 
 
 def table_1() -> dict[str, int]:
-    """Return how long the first Table 1 makes the messages of Tables 2 and 3."""
+    """Return the lengths that the first Table 1 implies for the messages of Tables 2 and 3."""
     fixed = _TABLE_1["length_fixed_byte"].astype(int)
     each = _TABLE_1["length_per_register_byte"].astype(int)
     function = _TABLE_1["function_code"].map({"0x06": "write", "0x04": "read"})
@@ -119,7 +116,7 @@ def _answer(registers: int) -> Response:
 
 @numeric("kim2014-006")
 def crc_bits(*, address: int = 1) -> int:
-    """Bits that an RTU frame has beside its PDU and an address of this many bytes."""
+    """Bits of an RTU frame other than its PDU and an address of this many bytes."""
     pdu = Request(_READ, FIRST_REGISTER, N_REGISTERS).pdu
     return 8 * (len(rtu_frame(1, pdu)) - len(pdu) - address)
 
@@ -136,14 +133,14 @@ numeric("kim2014-010")(lambda *, longest_pdu=MAX_PDU: (longest_pdu - len(_answer
 
 @numeric("kim2014-086")
 def least_registers(*, data: int = 2) -> int:
-    """Registers that a legal query must ask for to get this many bytes of data or more."""
+    """Fewest registers of a legal query for at least this many data bytes."""
     legal = (n for n in range(126) if is_legal(Request, _READ, FIRST_REGISTER, n))
     return next(n for n in legal if len(_answer(n).pdu) >= 2 + data)
 
 
 @check("kim2014-011", counter={"message": "query"})
 def names_a_register(*, message: str = "response") -> bool:
-    """Whether what follows the function code changes with the address of the register."""
+    """Whether a message's data change with the address of the register."""
     slave = Slave(input_registers=[0] * 4)
     said = []
     for address in (1, 2):
@@ -156,7 +153,7 @@ def names_a_register(*, message: str = "response") -> bool:
 @numeric("kim2014-017", messages=("write error",))
 @numeric("kim2014-019", messages=("read query",))
 def length_field(*, messages: tuple[str, ...]) -> int:
-    """Bytes of unit id and PDU of these messages, which have one length."""
+    """Bytes of unit id and PDU of these messages, which have the same length."""
     (length,) = {1 + len(decode(STANDARD[message], "tcp").pdu) for message in messages}
     return length
 
@@ -168,15 +165,12 @@ numeric("kim2014-053")(
 numeric("kim2014-054")(lambda *, registers=N_REGISTERS: _answer(registers).pdu[1])
 
 
-@numeric("kim2014-080")
-def rtu_read_response(*, registers: int = N_REGISTERS) -> int:
-    """Bytes of the RTU frame that brings this many registers."""
-    return len(rtu_frame(1, _answer(registers).pdu))
+numeric("kim2014-080")(lambda *, registers=N_REGISTERS: len(rtu_frame(1, _answer(registers).pdu)))
 
 
 @check("kim2014-049", counter={"codes": (1, 2, 3, 7)})
 def exceptions_exist(*, codes: tuple[int, ...] = (1, 2, 3, 4)) -> bool:
-    """Whether the standard has these exception codes, for both function codes."""
+    """Whether the standard defines these exception codes for both function codes."""
     pdus = [bytes([function | 0x80, code]) for function in (_READ, _WRITE) for code in codes]
     return all(is_legal(Response.parse, pdu) for pdu in pdus)
 
@@ -188,7 +182,7 @@ check("kim2014-083", counter={"read": 3})(
 
 @check("kim2014-058", counter={"first": 1})
 def labels_are_offsets(*, first: int = 0) -> bool:
-    """Whether the labels 5 to 11 are the places of the fields' last bytes, counted from first."""
+    """Whether the labels 5 to 11 are the offsets of the fields' last bytes, from `first`."""
     for table in _TABLES.values():
         for _, fields in table.groupby("message"):
             last = np.cumsum(fields["length_byte"].astype(int)) - 1 + first
@@ -200,7 +194,7 @@ def labels_are_offsets(*, first: int = 0) -> bool:
 
 @check("kim2014-087", counter={"addresses": (COMMAND_REGISTER, 0x14020)})
 def addresses_fit(*, addresses: tuple[int, ...] = (COMMAND_REGISTER, 0x4020, 0x4023)) -> bool:
-    """Whether these registers lie in the range that the first Table 1 prints for an address."""
+    """Whether these registers are in the range of addresses that the first Table 1 prints."""
     printed = _TABLE_1[_TABLE_1["value_printed"].str.fullmatch("0x0000~0xFF FF")]
     low, high = (int(printed[f"value_{end}"].iloc[0], 16) for end in ("low", "high"))
     return all(
@@ -215,22 +209,21 @@ def addresses_fit(*, addresses: tuple[int, ...] = (COMMAND_REGISTER, 0x4020, 0x4
 def registers_in_order(
     *, contents: tuple[str, ...] = ("Position", "temperature", "pressure", "motor current")
 ) -> bool:
-    """Whether the four registers of Table 3 name, in this order, what section 2.1 puts there."""
+    """Whether the four registers of Table 3 have these contents of section 2.1, in this order."""
     rows = datasets.read("kim2014_table3_read_registers_bits.csv").query("part == 'register'")
     text = rows["name_printed"] + " " + rows["remark_printed"]
     return all(re.search(what, found) for what, found in zip(contents, text, strict=True))
 
 
-# When a slave answers a command: at once, or, as the paper prints it, when the valve has arrived.
+# The answer to a command: at once, or, as the paper prints it, when the valve has arrived.
 
 
 def answer_table(
     serial: SerialLine, n_slaves: int, movement: float, *, timeout: float = 1.0, retries: int = 0
 ) -> pd.DataFrame:
-    """Compare an answer at the start of a movement with one at its end, and one that is waited for.
+    """Compare an answer at the start of a movement with one at its end.
 
-    The last has the shortest sufficient time-out. An unanswered command is repeated `retries`
-    times.
+    The third row has the shortest time-out that is sufficient for an answer at the end.
     """
     moving = check_scalar("movement", movement, "s", 0, 3600)
     scan = status_poll(serial).scan_time(check_whole("n_slaves", n_slaves, 1, MAX_UNIT))
@@ -241,11 +234,11 @@ def answer_table(
     ]
     for wait in (timeout, patient):
         write = replace(write, timeout=wait)
-        # From the end of the first try to the end of the answer, and how many tries that spans.
+        # Time from the end of the first try to the end of the answer, and the tries in it.
         late = write.shortest_timeout + moving
         tries = 1 + max(ceil((late - wait) / write.unanswered_time), 0)
         answered = tries <= retries + 1
-        # A try that the answer interrupts has been sent in vain, but not waited for in full.
+        # The answer interrupts the last try, which is not waited for in full.
         cost = write.time + moving if answered else write.timeout_time
         polls = max(ceil((moving - cost) / scan), 0)
         rows.append((wait, cost, min(tries, retries + 1), answered, scan + cost, polls))
@@ -256,12 +249,11 @@ def answer_table(
 
 # Tables 2 and 3, section 3.2: registers of a valve, its command codes, its converter.
 
-
 _VPOS = [channel.name for channel in CHANNELS].index("VPos")
 
 
 def _status(readings: list[list[float]], **flags: bool) -> tuple[int, bool]:
-    """Return register 0x4020 as Table 2 has it, and whether the position did not fit."""
+    """Return register 0x4020 by Table 2, and whether the position is too large for it."""
     packed = RegisterMap(status="table 2").encode(readings, **flags)
     return int(packed.registers[0, 0]), bool(packed.saturated[0, _VPOS])
 
@@ -270,10 +262,7 @@ def _at(position: float) -> list[list[float]]:
     return [[0.0], [0.0], [0.0], [50.0], [position]]
 
 
-@numeric("kim2014-023")
-def channels(*, names: tuple[str, ...] = tuple(channel.name for channel in CHANNELS)) -> int:
-    """Sensors of a valve, each of which needs a channel of the converter."""
-    return len(names)
+numeric("kim2014-023")(lambda *, names=tuple(channel.name for channel in CHANNELS): len(names))
 
 
 check("kim2014-021", counter={"reading": "flag sum"})(
@@ -283,14 +272,14 @@ check("kim2014-021", counter={"reading": "flag sum"})(
 
 @check("kim2014-022", counter={"highest": 305.0})
 def position_fits(*, highest: float = 100.0) -> bool:
-    """Whether positions up to this [%] fit the high byte of a register."""
+    """Whether positions up to this [%] fit into the high byte of a register."""
     ends = (_status(_at(position), close=False, open=True) for position in (0.0, highest))
     return not any(saturated for _, saturated in ends)
 
 
 @check("kim2014-055", counter={"commands": ("Position Close", "Position Open")})
 def status_is_the_command(*, commands: tuple[str, ...] = tuple(c.value for c in Code)) -> bool:
-    """Whether the status of Table 2, read where the command leads, is the value of the command."""
+    """Whether the status of Table 2, after a command is executed, equals the command's value."""
     where = {"Close": 0.0, "Open": 100.0, "Position Close": 40.0, "Position Open": 40.0}
     for name in commands:
         code, position = Code(name), where.get(name, 0.0)
@@ -304,7 +293,7 @@ def status_is_the_command(*, commands: tuple[str, ...] = tuple(c.value for c in 
 
 @check("kim2014-059", counter={"other": "table 2"})
 def status_bits_agree(*, other: str = "table 3") -> bool:
-    """Whether this table has the status bits where Table 2 has them."""
+    """Whether this table has the status bits in the same places as Table 2."""
     words = [
         RegisterMap(status=table).encode(_at(0.0), close=False, open=True).registers[0, 0]
         for table in ("table 2", other)
@@ -314,7 +303,7 @@ def status_bits_agree(*, other: str = "table 3") -> bool:
 
 @numeric("kim2014-078")
 def converter_step(*, bits: int = 12, span: float = 100.0) -> float:
-    """Percent of the position from one code of the converter to the next."""
+    """Step of the converter, as a percentage of the position."""
     scale = Sensors()
     high = (*scale.high[:_VPOS], span)
     return float(Sensors((0.0,) * len(CHANNELS), high, bits=bits).step[_VPOS])
@@ -324,14 +313,11 @@ numeric("kim2014-079")(lambda *, travel=90.0: SCALES[_VPOS].step / 100 * travel)
 numeric("kim2014-081")(lambda *, bits=8: int(whole_steps(np.array([305.0]), 2**bits - 1)[0][0]))
 
 
-@numeric("kim2014-044")
-def colours(*, bits: int = 16) -> int:
-    """Colours of a display with this many bits a pixel."""
-    return int(2**bits)
+numeric("kim2014-044")(lambda *, bits=16: int(2**bits))
 
 
 def code_table() -> pd.DataFrame:
-    """Return the codes of all readings beside each other, one row per command."""
+    """Return the codes of the commands in each reading of the table."""
     codes = {
         reading: {code.value: number for code, number in command_codes(reading).items()}
         for reading in CODE_READINGS
@@ -340,10 +326,9 @@ def code_table() -> pd.DataFrame:
 
 
 def survival_table() -> pd.DataFrame:
-    """Return what becomes of the values of the paper's fault tests on their way to the master.
+    """Return how the values of the paper's fault tests arrive at the master.
 
-    A value ``survives`` if it is received within half a step; positions are corrected, and 305 as
-    printed.
+    A value ``survives`` if it arrives within half a step. Positions are corrected and as printed.
     """
     rows = []
     for rule in datasets.read("kim2014_rule_table.csv").to_dict("records"):

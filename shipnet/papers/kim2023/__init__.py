@@ -4,7 +4,15 @@ R. G. Kim, Y. H. Cho, K. H. Hyun, "AS-Interface protocol utilization for smart s
 the Society of Naval Architects of Korea 60(6), 482-490, 2023, doi 10.3744/SNAK.2023.60.6.482.
 """
 
-from shipnet.papers.kim2023.protocol import EXAMPLE_REQUEST, EXAMPLE_RESPONSE, even_ones
+from shipnet.papers.kim2023.protocol import (
+    EXAMPLE_REQUEST,
+    EXAMPLE_RESPONSE,
+    differences,
+    even_ones,
+    printed,
+    table,
+)
 from shipnet.papers.kim2023.signals import undetected
 
-__all__ = ["EXAMPLE_REQUEST", "EXAMPLE_RESPONSE", "even_ones", "undetected"]
+__all__ = ["EXAMPLE_REQUEST", "EXAMPLE_RESPONSE", "differences", "even_ones", "printed", "table"]
+__all__ += ["undetected"]

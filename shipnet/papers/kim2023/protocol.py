@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -10,46 +11,42 @@ import pandas as pd
 
 from shipnet import datasets, style
 from shipnet.asi.commands import ChangeAddress, ReadCodes
-from shipnet.asi.elements import Repeater, Supply
 from shipnet.asi.faults import MasterFailure
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.rules import rule_limits
+from shipnet.asi.segment import Repeater, Supply
 from shipnet.asi.simulation import Standby, simulate
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import Call, Half, Request, Response, frame
 from shipnet.asi.timing import BIT_TIME, Cycle, Transaction, exchanges
 from shipnet.design.costs import conductors_at_cabinet
 from shipnet.design.plant import Plant, lines_needed
+from shipnet.fields import check_choice
 from shipnet.lazy import Axes
 from shipnet.line.network import CableRun
-from shipnet.papers.items import PrintedTable
-from shipnet.papers.registry import TABLES, check, figure, is_legal, numeric
+from shipnet.papers.registry import check, drawing, is_legal, numeric
 
 # Section 3.4: the bits of a request and of a response, and their parity.
 
-
 _EXAMPLES = datasets.read("kim2023_examples.csv").set_index("name")["bits"]
 
-#: The request of Fig 5, as it is printed.
-EXAMPLE_REQUEST = str(_EXAMPLES["request"])
+#: The request and the response of Fig 5, as printed.
+EXAMPLE_REQUEST, EXAMPLE_RESPONSE = str(_EXAMPLES["request"]), str(_EXAMPLES["response"])
 
-#: The response of Fig 5, as it is printed.
-EXAMPLE_RESPONSE = str(_EXAMPLES["response"])
-
-#: Frames that a chip maker prints whole: the independent witnesses of the parity rule.
+#: Frames that a chip maker prints in full: an independent source for the parity rule.
 DATASHEET_FRAMES = tuple(datasets.read("asi_datasheet_frames.csv")["bits"])
 
 numeric("kim2023-026", "icn2007-011")(lambda: len(Request.data_exchange(21, 0xE).bits))
 numeric("kim2023-027", "icn2007-012")(lambda: len(Response(0x6).bits))
-# What start, parity and end bit leave of a request, and of a response.
+# The bits of a request and of a response without start, parity and end bit.
 numeric("icn2007-021")(lambda: len(Request.data_exchange(21, 0xE).bits) - len(frame("")))
 numeric("kim2023-008", "icn2007-022")(lambda: len(Response(0x6).bits) - len(frame("")))
 
 
 def read_in_place(bits: str) -> Request:
-    """Return what a request says whose parity or end bit is wrong, as in the example."""
+    """Return a request whose parity or end bit is wrong, as in the example."""
     return Request.parse(frame(bits[1:-2]))
 
 
@@ -59,7 +56,7 @@ numeric("kim2023-039", "icn2007-042")(lambda *, bits=EXAMPLE_RESPONSE: Response.
 
 
 def even_ones(bits: str, *, end_bit: bool = False) -> bool:
-    """Return whether a telegram has an even number of ones, the end bit counted or not."""
+    """Return whether a telegram has an even number of ones, with the end bit or without."""
     return (bits if end_bit else bits[:-1]).count("1") % 2 == 0
 
 
@@ -74,7 +71,7 @@ check("kim2023-081", counter={"frames": (EXAMPLE_REQUEST,)})(
 
 @check("kim2023-082", counter={"request": Request.data_exchange(21, 0xE).bits})
 def one_rule_for_both(*, request: str = EXAMPLE_REQUEST, response: str = EXAMPLE_RESPONSE) -> bool:
-    """Whether any single rule passes both example telegrams."""
+    """Whether one parity rule accepts both example telegrams."""
     return any(
         even_ones(request, end_bit=rule) and even_ones(response, end_bit=rule)
         for rule in (False, True)
@@ -89,17 +86,14 @@ def start_0_end_1(*, start: str = "0", end: str = "1") -> bool:
     return all(bits[0] == start and bits[-1] == end for bits in telegrams)
 
 
-# Section 3.4, Tables 4 to 7: what the calls look like, and how the tables are labelled.
-
-
-_TABLE_5 = PrintedTable("kim2023", "Table 5")
+# Section 3.4, Tables 4 to 7: the bits of the calls, and the labels of the tables.
 
 
 @check("kim2023-085", counter={"calls": (Call.DATA_EXCHANGE, Call.RESET)})
 def control_bit_0(
     *, calls: tuple[Call, ...] = (Call.DATA_EXCHANGE, Call.WRITE_PARAMETER, Call.ASSIGN_ADDRESS)
 ) -> bool:
-    """Whether control bit 0 marks these requests, and no others."""
+    """Whether these requests, and no others, have the control bit 0."""
     return set(calls) == {call for call in Call if call.rule.layout(False)[0] == "0"}
 
 
@@ -117,10 +111,7 @@ def masters_before_2_1(*, half: Half | None = None) -> bool:
 
 @check("kim2023-043", counter={"half": "B"})
 def a_slave_like_standard(*, half: Half = "A") -> bool:
-    """Whether the requests to this half are those that a standard slave gets.
-
-    Data bit 3 of a standard slave is the inverted select bit of an A/B slave.
-    """
+    """Whether this half gets the requests of a standard slave, whose data bit 3 is select."""
     for call in Call:
         if "s" in call.rule.layout(extended=True).lower():
             standard = Request(call, 21, 8 if call.rule.extended else 0)
@@ -133,8 +124,8 @@ numeric("kim2023-045")(lambda *, calls=tuple(Call): len(calls))
 
 
 def _row_agrees(call: str, columns: list[str]) -> bool:
-    printed, generated = _TABLE_5.printed, _TABLE_5.ours
-    return bool((printed.loc[[call], columns] == generated.loc[[call], columns]).all(axis=None))
+    theirs, ours = (cells.loc[call, columns] for cells in (printed("Table 5"), table("Table 5")))
+    return bool((theirs == ours).all())
 
 
 check("kim2023-046", counter={"address": 0})(
@@ -148,14 +139,14 @@ check("kim2023-048", counter={"call": "DATA_EXCHANGE"})(
 @check("kim2023-049", counter={"expected": "01111111010101"})
 def broadcast_bits(*, expected: str = DATASHEET_FRAMES[0]) -> bool:
     """Whether Table 5's broadcast, with its parity, is the frame that a data sheet prints."""
-    row = _TABLE_5.printed.loc[["BROADCAST_RESET"]].to_numpy().ravel().tolist()
+    row = printed("Table 5").loc[["BROADCAST_RESET"]].to_numpy().ravel().tolist()
     return frame("".join(row[1:-2])) == expected
 
 
 @check("kim2023-051", counter={"data": "1", "parameter": "0"})
 def information_bit_4(*, data: str = "0", parameter: str = "1") -> bool:
-    """Whether I4 distinguishes a data request from a parameter request, with these values."""
-    bits = _TABLE_5.ours.loc[["DATA_EXCHANGE", "WRITE_PARAMETER"], "I4"]
+    """Whether I4 has these values in a data request and in a parameter request."""
+    bits = table("Table 5").loc[["DATA_EXCHANGE", "WRITE_PARAMETER"], "I4"]
     return list(bits) == [data, parameter]
 
 
@@ -166,20 +157,18 @@ check("kim2023-086", counter={"call": Call.RESET})(
 
 @check("kim2023-080", counter={"address": 1})
 def address_0_refuses(*, address: int = 0) -> bool:
-    """Whether data and parameter requests to this address are refused."""
+    """Whether data and parameter requests to this address are illegal."""
     calls = (Call.DATA_EXCHANGE, Call.WRITE_PARAMETER)
     return not any(is_legal(Request, call, address) for call in calls)
 
 
 numeric("kim2023-055")(lambda: len(Profile.table()))
-check("kim2023-056", counter={"table": "Table 5"})(
-    lambda *, table="Table 7": PrintedTable("kim2023", table).differences().empty
-)
+check("kim2023-056", counter={"item": "Table 5"})(lambda *, item="Table 7": differences(item).empty)
 
 
 @check("kim2023-052", counter={"shift": 1})
 def references_fit(*, shift: int = 0) -> bool:
-    """Whether what the text says of each table it cites, by number, fits that table's caption."""
+    """Whether the text's words on each table that it cites occur in that table's caption."""
     said = {1: "EMC", 2: "steps", 4: "(detail)", 5: "Slave data map", 6: "I/O configuration"}
     return all(word in _captions()[f"Table {number + shift}"] for number, word in said.items())
 
@@ -199,16 +188,51 @@ def _captions() -> dict[str, str]:
 
 
 def requests() -> pd.DataFrame:
-    """Return the bits of every request, with a row for the names of the columns."""
+    """Return the bits of every request below a row of column names."""
     requests = Request.table()
     header = pd.DataFrame([requests.columns], index=["HEADER"], columns=requests.columns)
     return pd.concat([header, requests]).rename_axis("call")
 
 
-TABLES["kim2023", "Table 4"] = lambda: Request.fields().astype(str)
-TABLES["kim2023", "Table 5"] = requests
-TABLES["kim2023", "Table 6"] = lambda: Response.fields().astype(str)
-TABLES["kim2023", "Table 7"] = Profile.table
+#: The transcription of each table, and the function that generates it.
+_TABLES: Mapping[str, tuple[str, Callable[[], pd.DataFrame]]] = {
+    "Table 4": ("kim2023_table4_request_fields.csv", lambda: Request.fields().astype(str)),
+    "Table 5": ("kim2023_table5_requests.csv", requests),
+    "Table 6": ("kim2023_table6_response_fields.csv", lambda: Response.fields().astype(str)),
+    "Table 7": ("kim2023_table7_io_codes.csv", Profile.table),
+}
+
+
+def printed(item: str) -> pd.DataFrame:
+    """Return a table as printed, as text indexed by its first column."""
+    rows = datasets.read(_TABLES[check_choice("item", item, _TABLES)][0])
+    return rows.set_index(rows.columns[0]).drop(columns="name_printed", errors="ignore")
+
+
+def table(item: str) -> pd.DataFrame:
+    """Return a table, such as ``"Table 5"``, as the code generates it."""
+    return _TABLES[check_choice("item", item, _TABLES)][1]()
+
+
+def differences(item: str) -> pd.DataFrame:
+    """Return the cells of a table that differ from the printed ones, with claim and reason.
+
+    A row that only one of the two has is listed once, with an empty column name.
+    """
+    theirs, ours = printed(item), table(item)
+    found = []
+    for row in ours.index.union(theirs.index, sort=False):
+        if row not in theirs.index or row not in ours.index:
+            pair = ("a row", "no row") if row in theirs.index else ("no row", "a row")
+            found.append((item, row, "", *pair))
+            continue
+        for column in ours.columns:
+            pair = theirs.loc[row, column], ours.loc[row, column]
+            if pair[0] != pair[1]:
+                found.append((item, row, column, *pair))
+    cells = pd.DataFrame(found, columns=["table", "row", "column", "printed", "ours"])
+    reasons = datasets.read("kim2023_table_differences.csv")
+    return cells.merge(reasons, on=["table", "row", "column"], how="left")
 
 
 # Sections 3.3, 3.5 and 3.6: how many slaves, strands and points.
@@ -217,7 +241,7 @@ TABLES["kim2023", "Table 7"] = Profile.table
 @numeric("kim2023-001", "icn2007-010", halves=("A", "B"))
 @numeric("icn2007-036", halves=(None,))
 def slaves_per_master(*, halves: tuple[Half | None, ...]) -> int:
-    """Addresses and halves of them that a data request can go to."""
+    """Addresses, or halves of them, that a data request can have."""
     return sum(
         is_legal(Request, Call.DATA_EXCHANGE, address, 0, half)
         for address in range(256)
@@ -225,34 +249,34 @@ def slaves_per_master(*, halves: tuple[Half | None, ...]) -> int:
     )
 
 
-# 300 m with four digital inputs a module; on the submarine one contact a slave, the basis on which
-# the printed number comes out.
+# 300 m with four digital inputs per module. The printed number for the submarine follows from one
+# contact per slave.
 
 
 @numeric("kim2023-002", slaves=62, inputs=4)
 @numeric("kim2023-072", slaves=190, inputs=1)
 def hardwired_strands(*, slaves: int, inputs: int) -> int:
-    """Two wires for each input contact of each module."""
+    """Two wires per input contact of each module."""
     return conductors_at_cabinet(Plant(slaves, inputs).hardwired)
 
 
 @numeric("kim2023-003", lines=1)
 @numeric("kim2023-073", lines=14)
 def asi_strands(*, lines: int) -> int:
-    """Two wires for each line, which is that of a master."""
+    """Two wires per line, which has one master."""
     return conductors_at_cabinet(Plant(62, 4, lines=lines).on_asi)
 
 
 @numeric("kim2023-004", slaves=62, inputs=4, lines=1)
 @numeric("kim2023-074", slaves=190, inputs=1, lines=14)
 def strands_left(*, slaves: int, inputs: int, lines: int) -> float:
-    """Strands on AS-i, in percent of the hardwired ones."""
+    """Strands on AS-i as a percentage of the hardwired ones."""
     return 100 * asi_strands(lines=lines) / hardwired_strands(slaves=slaves, inputs=inputs)
 
 
 @numeric("kim2023-005")
 def reach(*, repeaters: int = 2) -> float:
-    """Metres to the farthest slave behind repeaters in series, in a plan that meets the rules."""
+    """Distance to the farthest slave, behind repeaters in series, that meets the rules [m]."""
     longest = float(rule_limits()["high"]["cable_length"])
     ends = [f"{k}" for k in range(repeaters + 1)]
     plan = Plan(
@@ -281,12 +305,11 @@ numeric("kim2023-071")(lambda *, valves=200, slaves=190: valves / slaves)
 
 # Figs 7 and 9, whose printed pictures were not available: the positions are ours.
 
-
-#: Slaves that one line holds.
+#: Most slaves of one line.
 _FULL = 62
 
 
-@figure("kim2023", "Fig 7")
+@drawing("kim2023", "Fig 7")
 def _valves(*, valves: int = 400, ax: Axes) -> Axes:
     """Draw valves on as many lines as they need, one slave per valve."""
     from shipnet.papers.plot import FILL, box
@@ -301,7 +324,7 @@ def _valves(*, valves: int = 400, ax: Axes) -> Axes:
     return style.bare(ax, (-10, _FULL + 12), (-lines + 0.4, 0.6))
 
 
-@figure("kim2023", "Fig 9")
+@drawing("kim2023", "Fig 9")
 def _index_table(*, ax: Axes) -> Axes:
     """Draw ten drive units and twenty airboxes around an index table, all on one line."""
     from shipnet.papers.plot import FILL, box
@@ -327,7 +350,7 @@ def _index_table(*, ax: Axes) -> Axes:
 
 @check("kim2023-091", counter={"target": "3"})
 def moves(*, target: str = "9") -> bool:
-    """Whether a slave in operation moves to another address, and answers there."""
+    """Whether a slave in operation gets another address and answers there."""
     slaves = [Slave(label) for label in "123"]
     run = simulate(slaves, until=0.3, commands=[(0.05, ChangeAddress("2", target))])
     calls = run.events().query("slave in ['0', '2']")["call"].tolist()
@@ -340,7 +363,7 @@ def moves(*, target: str = "9") -> bool:
 
 @check("kim2023-097", counter={"labels": ("1A", "1A")})
 def codes_tell_apart(*, labels: tuple[str, str] = ("1A", "1B")) -> bool:
-    """Whether reading ID code 1 of two slaves of one kind and address number gives two codes."""
+    """Whether two slaves of one kind and address number have different ID codes 1."""
     slaves = [Slave(label, id1=k) for label, k in zip(labels, (1, 2), strict=True)]
     asked = [(0.05, ReadCodes(label)) for label in sorted(set(labels))]
     run = simulate(slaves, until=0.2, commands=asked)
@@ -350,7 +373,7 @@ def codes_tell_apart(*, labels: tuple[str, str] = ("1A", "1B")) -> bool:
 
 @check("kim2023-054", counter={"silence": 0.1})
 def outputs_are_reset(*, silence: float = 0.06) -> bool:
-    """Whether a slave resets its outputs if the master is silent for this time [s]."""
+    """Whether a slave resets its outputs after the master was silent for this time [s]."""
     master = Master({"1": "S-0.F.F"})
     failure, standby = MasterFailure(start=0.1), Standby(master, silence=silence)
     run = simulate([Slave("1")], master, until=0.3, faults=failure, standby=standby)
@@ -359,7 +382,7 @@ def outputs_are_reset(*, silence: float = 0.06) -> bool:
 
 @check("kim2023-100", counter={"call": Call.DELETE_ADDRESS})
 def reset_is_acknowledged(*, call: Call = Call.RESET) -> bool:
-    """Whether a slave in operation keeps its address and answers 6 when it is asked so."""
+    """Whether a slave answers this call with 6 and keeps its address."""
     slave = Slave("21")
     asked = slave.listen(["", Request(call, 21).bits, "", Request(Call.READ_ID, 21).bits])["answer"]
     return ": 6" in asked.iloc[1] and asked.iloc[3] != "silence"
@@ -367,11 +390,10 @@ def reset_is_acknowledged(*, call: Call = Call.RESET) -> bool:
 
 # Section 3.4: bits, pauses and cycles in time.
 
-
 _PUBLISHED = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
 
-#: Delays between request and response that a chip maker prints [s]: synchronous least and most,
-#: then asynchronous least and most.
+#: Delays between request and response that a chip maker prints [s]: minimum and maximum when
+#: synchronous, then when asynchronous.
 CHIP_EDGES = tuple(
     1e-6 * float(_PUBLISHED[f"edge to edge, {state}, {end}"])
     for state in ("synchronous", "asynchronous")
@@ -382,7 +404,7 @@ CHIP_EDGES = tuple(
 @numeric("kim2023-020", unit=1e-6)
 @numeric("icn2007-005", unit=1e-3)
 def bit_time(*, unit: float) -> float:
-    """Length of a bit, as its unit has it."""
+    """Length of a bit in this unit [s]."""
     return Transaction().bit_time / unit
 
 
@@ -397,7 +419,7 @@ def master_pause_of_chip(*, edge: float) -> float:
 
 @check("kim2023-028", "icn2007-014", counter={"edges": (10e-6, 33.5e-6)})
 def master_pause_in_range(*, edges: tuple[float, ...] = CHIP_EDGES) -> bool:
-    """Whether the printed ends and the delays of a chip are pauses that a transaction may have."""
+    """Whether the printed limits and a chip's delays are legal pauses of a transaction."""
     pauses = [2.0, 10.0, *(master_pause_of_chip(edge=edge) for edge in edges)]
     return all(is_legal(Transaction, pause) for pause in pauses)
 
@@ -410,7 +432,7 @@ check("kim2023-030", "icn2007-016", counter={"pause": 84.0})(
 @numeric("kim2023-031", master_pause=2, slave_pause=1.5)
 @numeric("kim2023-032", "icn2007-030", master_pause=3, slave_pause=2)
 def transaction(*, master_pause: float, slave_pause: float) -> float:
-    """Bit times with the shortest pauses that are printed, or with those of vendors' 156 us."""
+    """Bit times with the shortest printed pauses, or with those of vendors' 156 us."""
     return Transaction(master_pause, slave_pause).bits
 
 
@@ -420,20 +442,19 @@ numeric("kim2023-033")(lambda: Transaction().unanswered)
 @numeric("kim2023-034", slaves=31)
 @numeric("kim2023-035", slaves=62)
 def update_time(*, slaves: int) -> float:
-    """Milliseconds of a cycle with one more request for management, all addresses taken."""
+    """Duration of a cycle with one management request, all addresses in use [ms]."""
     return 1e3 * float(Cycle(slaves, inclusion=0).update_time())
 
 
 # Section 3.3: messages of more than four bits, and what they are too slow for.
 
-
-#: Values that a period of a control loop's bandwidth needs; 10 to 30 are usual: K. J. Astrom,
+#: Samples per period of a control loop's bandwidth; 10 to 30 are usual: K. J. Astrom,
 #: B. Wittenmark, "Computer-Controlled Systems", 3rd ed., 1997, section 2.9.
 SAMPLES = 20.0
 
 
 def least_cycles(bits: int, *, bits_per_cycle: int = 4) -> int:
-    """Return the number of cycles that a message needs if every bit of a cycle carries it."""
+    """Return the number of cycles of a message that uses every bit of each cycle."""
     return -(-bits // bits_per_cycle)
 
 
@@ -444,6 +465,6 @@ check("kim2023-009", counter={"bits": 4})(
 
 @check("kim2023-090", counter={"loop": 0.1})
 def too_slow_for_loops(*, process: float = 1 / 60, loop: float = 10.0) -> bool:
-    """Whether a 16-bit value serves a process (one a minute), but not a drive's loop [Hz]."""
+    """Whether 16-bit values are fast enough for a process, but not for a drive's loop [Hz]."""
     fastest = 1 / (SAMPLES * exchanges("S-7.3") * float(Cycle(31).time))
     return bool(process < fastest < loop)

@@ -10,20 +10,19 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Floats
-from shipnet.asi.elements import DEVICE
 from shipnet.asi.emc.disturbances import Noise
 from shipnet.asi.emc.error_rates import count_errors
 from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses
 from shipnet.asi.plan import Plan
 from shipnet.asi.receiver import RECEIVERS, receive
-from shipnet.asi.slave import Slave
+from shipnet.asi.slave import DEVICE, Slave
 from shipnet.asi.telegram import RESPONSES, Response, frame
 from shipnet.asi.topologies import line
 from shipnet.line.cable import CABLES, Cable
 from shipnet.line.network import CableRun
 from shipnet.papers.registry import check, numeric
 
-# Section 3.4, Table 3, Figs 3 and 4: levels, pulses and what the place of a slave does.
+# Section 3.4, Table 3, Figs 3 and 4: levels, pulses and the effect of a slave's place.
 
 
 @check("kim2023-025", "icn2007-049", counter={"near": 100.0, "far": 5.0})
@@ -51,7 +50,7 @@ check("kim2023-087", counter={"zero": (0, 1)})(
 
 @check("kim2023-088", "icn2007-009", counter={"sign": 1})
 def first_pulse(*, sign: int = -1) -> bool:
-    """Whether the first pulse of every response has this sign, and belongs to the start bit."""
+    """Whether the first pulse of every response has this sign and is the start bit's."""
     trains = Modulation(RESPONSES).pulses.signs
     return bool((trains[:, 0] == 0).all() and (trains[:, 1] == sign).all())
 
@@ -65,15 +64,14 @@ def rising_current(*, sign: int = -1) -> bool:
     return bool(slope[first] > 0 and np.sign(wave.u[0, first]) == sign)
 
 
-# Section 3.4: what the receiver copes with, and what an open cable does to the pulses.
-
+# Section 3.4: the receiver's tolerances, and the effect of an open cable.
 
 #: Sampling interval of the trains [s].
 STEP = 250e-9
 
 
 def train_of(heights: npt.ArrayLike) -> Floats:
-    """Return the voltage of pulses of given heights, one a half-bit, between two silences."""
+    """Return the voltage of pulses of these heights, one per half-bit, between two silences."""
     heights = np.asarray(heights, dtype=float)
     x = (np.arange(2048) * STEP - 4.5e-6) / HALF_BIT - np.arange(heights.shape[-1])[:, np.newaxis]
     shape = np.where((x > 0) & (x < 1), np.sin(np.pi * x) ** 2, 0.0)
@@ -84,7 +82,7 @@ def train_of(heights: npt.ArrayLike) -> Floats:
 def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
     """Whether every response is read if its pulses differ by this share of the largest.
 
-    The first pulse is the largest or the smallest, and the threshold 45 % or 55 % of it.
+    The first pulse, largest or smallest, sets the threshold at 45 % or 55 % of itself.
     """
     sent = Modulation(RESPONSES).bits
     low = np.full((2, 14), 1 - difference)
@@ -98,7 +96,7 @@ def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
 def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
     """Whether every response is read if all slots without a pulse ring by this share.
 
-    The first pulse, which sets the threshold, is the smallest allowed, 65 % of the largest.
+    The first pulse, which sets the threshold, is 65 % of the largest.
     """
     sent = Modulation(RESPONSES).bits
     pulses = np.pad(Modulation(sent).pulses.signs, ((0, 0), (0, 2))).astype(float)
@@ -112,7 +110,7 @@ def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
 
 @check("kim2023-098", "icn2007-047", counter={"length": 200.0})
 def copes_with_open_end(*, length: float = 100.0) -> bool:
-    """Whether all responses from along an unterminated cable stay within both tolerances."""
+    """Whether all responses along an unterminated cable stay within both tolerances."""
     wave = line(length, slaves=(0.05 * length, 0.5 * length, length)).waveform()
     heard = wave.receive()
     return bool(heard.within_tolerance.all() and (heard.bits == wave.bits).all())
@@ -120,7 +118,7 @@ def copes_with_open_end(*, length: float = 100.0) -> bool:
 
 @check("kim2023-095", "icn2007-053", counter={"part": "inductor"})
 def works_without(*, part: str = "conductor") -> bool:
-    """Whether the master still reads a slave without its inductor, or its metre of wire."""
+    """Whether the master still reads a slave without its inductor, or without its wire."""
     plan = line(100)
     lost = Cable(r=1e12, l=1e-6, c=1e-15)
     stub = CableRun("100 m", "slave", 1, lost if part == "conductor" else CABLES["as-i 1.5"])
@@ -130,13 +128,13 @@ def works_without(*, part: str = "conductor") -> bool:
     return bool((wired.waveform().receive().error == 0).all())
 
 
-# Section 3.4: what error detection costs elsewhere, and what the pulses of AS-i detect.
+# Section 3.4: the cost of error detection elsewhere, and what the pulses of AS-i detect.
 
 
 @numeric("kim2023-057", "icn2007-023", bits=1 + 5 + 5)
 @numeric("kim2023-058", "icn2007-040", bits=4)
 def check_bits(*, bits: int) -> int:
-    """Fewest check bits with which any two words of this many bits differ in 4 places or more."""
+    """Fewest check bits that give words of this many bits a Hamming distance of 4."""
     r = 2
     while 2 ** (r - 1) < bits + r:
         r += 1
@@ -150,7 +148,7 @@ numeric("kim2023-059")(
 
 @numeric("kim2023-060", "icn2007-024")
 def error_classes(*, faults: int = 3) -> int:
-    """Kinds of error that the receiver names in responses with up to this many wrong slots."""
+    """Kinds of error that the receiver reports for responses with up to this many wrong slots."""
     sent = np.pad(Modulation(RESPONSES).pulses.signs, ((0, 0), (0, 2)))
     changes = [
         np.bincount(places, steps, sent.shape[1])
@@ -163,17 +161,16 @@ def error_classes(*, faults: int = 3) -> int:
 
 
 def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
-    """Return how many faults of pulses leave a telegram valid, and how many there are.
+    """Return how many faults of this many slots leave a telegram valid, and how many there are.
 
-    `faults` slots change at once, each to either of its two other values, in each of the 16
-    responses (15 slots from the start pulse on) or 2048 `requests` (29 slots).
+    Each slot changes to one of its two other values, in each of the 16 responses (15 slots from the
+    start pulse) or 2048 `requests` (29 slots).
     """
     size = 11 if requests else 4
     words = Modulation([frame(f"{data:0{size}b}") for data in range(2**size)]).pulses.signs
     slots = np.pad(words, ((0, 0), (0, 2)))[:, 1:]
     n = slots.shape[1]
-    # The checks accept these telegrams and nothing else, so a fault passes only if it turns one
-    # telegram into another.
+    # The checks accept only these telegrams, so a fault passes if it turns one into another.
     passed = sum(int(((slots != word).sum(axis=1) == faults).sum()) for word in slots)
     return passed, len(slots) * comb(n, faults) * 2**faults
 
@@ -181,14 +178,14 @@ def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
 check("kim2023-061", counter={"faults": 4})(lambda *, faults=1: undetected(faults)[0] == 0)
 
 
-# Section 3.3, 3.6 and Table 2: immunity, and what a ship asks for beyond it.
+# Section 3.3, 3.6 and Table 2: immunity.
 
 
 @check("kim2023-012", counter={"deviations": (0.5, 0.7)})
 def supply_decides(
     *, supplies: tuple[float, float] = (30.0, 230.0), deviations: tuple[float, float] = (0.6, 0.6)
 ) -> bool:
-    """Whether the voltage of the supply, below which PELV stays, changes what noise destroys."""
+    """Whether the supply's voltage changes how many telegrams noise destroys."""
     near, receiver = line(100, slaves=(5,)).waveform(), RECEIVERS["noise-proof"]
     lost = []
     for supply, deviation in zip(supplies, deviations, strict=True):

@@ -29,12 +29,12 @@ _TABLE_2 = datasets.read("lee2012_table2_modbus.csv")
 _PRINTED = dict(zip(_TABLE_2["parameter"], _TABLE_2["value_printed"], strict=True))
 _STATIONS = dict(zip(_TABLE_2["station"], _TABLE_2["value_printed"], strict=True))
 
-#: Table 2: bit rate [bit/s], the line, and the addresses of its stations.
+#: Table 2: bit rate [bit/s], line, and addresses of the stations.
 BIT_RATE = float(_PRINTED["baud_rate"])
 LINE = SerialLine(BIT_RATE, _PRINTED["data_bits"] + _PRINTED["parity"][0] + _PRINTED["stop_bits"])
 AMS, JB1, JB3 = (int(_STATIONS[station]) for station in ("AMS", "JB1", "JB3"))
 
-#: Rows of Table 3 counted: what one request for everything reads, a register a point.
+#: Points of Table 3, and so registers of one request for all.
 POINTS = int(datasets.read("lee2012_table3_sensors.csv")["quantity_points"].astype(int).sum())
 
 #: Fig 4: widths of the fields after the silence [byte].
@@ -48,12 +48,12 @@ _FC03 = FunctionCode.READ_HOLDING_REGISTERS
 
 
 def read(registers: int, start: int = 0) -> Request:
-    """Return the request for holding registers."""
+    """Return a request for this many holding registers."""
     return Request(_FC03, start, registers)
 
 
 def answer(registers: int) -> Response:
-    """Return a response with this many registers, all 0."""
+    """Return a response with this many registers of 0."""
     return Response(_FC03, registers=(0,) * registers)
 
 
@@ -75,10 +75,9 @@ def character_bits(*, parity: bool = True, stop_bits: int = 1) -> int:
     return SerialLine(BIT_RATE, f"8{'E' if parity else 'N'}{stop_bits}").character_bits
 
 
-@numeric("lee2012-096")
-def character_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
-    """Microseconds of a character."""
-    return 1e6 * _serial(rate, parity).character_time
+numeric("lee2012-096")(
+    lambda *, rate=BIT_RATE, parity=True: 1e6 * _serial(rate, parity).character_time
+)
 
 
 numeric("lee2012-097")(lambda *, rate=BIT_RATE, parity=True: 1e3 * _serial(rate, parity).t35)
@@ -89,26 +88,25 @@ numeric("lee2012-032")(
 
 @check("lee2012-024", counter={"stop_bits": 2})
 def setting_is_standard(*, stop_bits: int = 1) -> bool:
-    """Whether a byte has the 11 bits and the even parity that the standard has as its default."""
+    """Whether a character has the standard's default of 11 bits with even parity."""
     setting = SerialLine(BIT_RATE, f"8{LINE.character[1]}{stop_bits}")
     return setting.character_bits == 11 and setting.character == SerialLine(BIT_RATE).character
 
 
 @numeric("lee2012-075")
 def lowest_address(*, broadcast: int = 0) -> int:
-    """Lowest unit id of a single slave."""
+    """Lowest unit id that a slave can have."""
     return min(unit for unit in range(256) if unit != broadcast and is_legal(read(1).rtu, unit))
 
 
-@numeric("lee2012-025")
-def stations_on_rs485(*, unit_loads: int = INTERFACES["RS-485"].receivers, masters: int = 1) -> int:
-    """Stations beside the master on one segment, each of them one unit load."""
-    return unit_loads - masters
+numeric("lee2012-025")(
+    lambda *, unit_loads=INTERFACES["RS-485"].receivers, masters=1: unit_loads - masters
+)
 
 
 @check("lee2012-026", counter={"master": JB1})
 def master_is_addressed(*, master: int = AMS) -> bool:
-    """Whether a request or its response carries the address of the master."""
+    """Whether a request or its response contains the master's address."""
     request = read(1).rtu(JB1)
     response = answer(1).rtu(JB1)
     return master in (decode(request).unit_id, decode(response).unit_id)
@@ -119,7 +117,7 @@ check("lee2012-076", counter={"drawn": JB1})(lambda *, drawn=AMS: answer(1).rtu(
 
 @check("lee2012-027", counter={"slaves": (JB1, JB1)})
 def slaves_are_distinct(*, slaves: tuple[int, ...] = (JB1, JB3)) -> bool:
-    """Whether the slaves have addresses of their own, as the standard allows them."""
+    """Whether the slaves have different addresses that the standard allows."""
     return len(set(slaves)) == len(slaves) and all(
         is_legal(read(1).rtu, unit) and unit for unit in slaves
     )
@@ -127,7 +125,7 @@ def slaves_are_distinct(*, slaves: tuple[int, ...] = (JB1, JB3)) -> bool:
 
 @check("lee2012-028", counter={"widths": (1, 1, 2, 1, 2)})
 def request_fields(*, widths: tuple[int, ...] = _WIDTHS["request"]) -> bool:
-    """Whether a request of the standard falls into fields of these widths."""
+    """Whether a standard request consists of fields of these widths."""
     start, quantity = 0x0102, POINTS
     frame = read(quantity, start).rtu(JB1)
     ends = np.cumsum([0, *widths])
@@ -137,26 +135,26 @@ def request_fields(*, widths: tuple[int, ...] = _WIDTHS["request"]) -> bool:
 
 @numeric("lee2012-029")
 def byte_count_width() -> int:
-    """Bytes that a response has beside its function code and its registers."""
+    """Bytes of a response other than its function code and its registers."""
     return len(answer(POINTS).pdu) - 1 - 2 * POINTS
 
 
 @numeric("lee2012-079")
 def data_width(*, registers: int = 1) -> int:
-    """Bytes of data in a response with this many registers; Fig 4(b) draws one."""
+    """Data bytes of a response with this many registers; Fig 4(b) draws one."""
     pdu = answer(registers).pdu
     return len(pdu) - 1 - byte_count_width()
 
 
 @check("lee2012-030", counter={"code": 4})
 def reads_holding_registers(*, code: int = int(_PRINTED["function_code"])) -> bool:
-    """Whether the code is that of holding registers."""
+    """Whether this function code reads holding registers."""
     return FunctionCode(code) is FunctionCode.READ_HOLDING_REGISTERS
 
 
 @check("lee2012-031", counter={"exceptions": True})
 def data_of_two_bytes(*, exceptions: bool = False) -> bool:
-    """Whether what follows the function code has two bytes or more, as long as all goes well."""
+    """Whether at least two bytes follow each function code, with `exceptions` or without."""
     pdus = [read(1).pdu, answer(1).pdu]
     if exceptions:
         pdus.append(Response(_FC03, exception=ExceptionCode.ILLEGAL_DATA_ADDRESS).pdu)
@@ -165,13 +163,13 @@ def data_of_two_bytes(*, exceptions: bool = False) -> bool:
 
 @check("lee2012-078", counter={"quantities": (1, 126)})
 def reads_one_or_several(*, quantities: tuple[int, ...] = (1, 2, POINTS)) -> bool:
-    """Whether function code 3 reads this many registers with one request."""
+    """Whether one request with function code 3 reads these numbers of registers."""
     return all(is_legal(read, n) and read(n).response_size == 2 + 2 * n for n in quantities)
 
 
 @check("lee2012-077", counter={"gap": 3.5})
 def joins_frames(*, gap: float = 3.0) -> bool:
-    """Whether a frame that comes this many characters after another is taken for its end."""
+    """Whether a frame that follows another after this many characters is read as its end."""
     first, second = (read(1).rtu(unit) for unit in (JB1, JB3))
     separate = gap * LINE.character_time >= LINE.t35
     try:
@@ -182,7 +180,7 @@ def joins_frames(*, gap: float = 3.0) -> bool:
 
 @check("lee2012-004", counter={"others": (0b11000000000000101,)})
 def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
-    """Whether the CRC finds all errors of one and of two bits in a request, and other patterns."""
+    """Whether the CRC detects all one-bit and two-bit errors of a request, and `others`."""
     frame = read(POINTS).rtu(JB1)
     bits = [1 << place for place in range(8 * len(frame))]
     patterns = [*bits, *(a | b for a, b in combinations(bits, 2)), *map(_as_sent, others)]
@@ -191,25 +189,24 @@ def crc_finds(*, others: tuple[int, ...] = ()) -> bool:
 
 
 def _as_sent(pattern: int) -> int:
-    """Turn a polynomial round: on the line its highest power comes first."""
+    """Return a polynomial in the order of the line, highest power first."""
     return int(f"{pattern:b}"[::-1], 2)
 
 
 @numeric("lee2012-033")
 def request_time(*, rate: float = BIT_RATE, parity: bool = True) -> float:
-    """Milliseconds of the request on the line."""
+    """Duration of the request on the line [ms]."""
     return 1e3 * _serial(rate, parity).frame_time(len(read(1).rtu(JB1)))
 
 
 @numeric("lee2012-034")
 def response_time(*, registers: int = POINTS, rate: float = BIT_RATE) -> float:
-    """Milliseconds of a response with this many registers on the line."""
-    response = answer(registers).rtu(JB1)
-    return 1e3 * _serial(rate).frame_time(len(response))
+    """Duration of a response with this many registers on the line [ms]."""
+    return 1e3 * _serial(rate).frame_time(len(answer(registers).rtu(JB1)))
 
 
 def whole_poll(registers: int = POINTS, rate: float = BIT_RATE) -> Poll:
-    """Return the poll of one junction box for the points of all, a register a point."""
+    """Return the poll of one junction box for all points, one register per point."""
     return Poll(read(registers), _serial(rate), timeout=60)
 
 
@@ -220,9 +217,8 @@ numeric("lee2012-035")(
 
 @numeric("lee2012-036")
 def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
-    """Registers that one response can hold."""
-    head = len(answer(1).pdu) - 2
-    return (longest_pdu - head) // 2
+    """Most registers of one response."""
+    return (longest_pdu - len(answer(1).pdu) + 2) // 2
 
 
 numeric("lee2012-098")(lambda *, widths=_WIDTHS["response"]: sum(widths))
@@ -230,13 +226,12 @@ numeric("lee2012-098")(lambda *, widths=_WIDTHS["response"]: sum(widths))
 
 @numeric("lee2012-057")
 def time_to_response(*, request: int = 8, response: int = 8, rate: float = BIT_RATE) -> float:
-    """Microseconds from the request to the end of a response as drawn, no time to think."""
+    """Time from a request to the end of the drawn response, without processing [us]."""
     line = _serial(rate)
     return 1e6 * (line.frame_time(request) + line.t35 + line.frame_time(response))
 
 
 # CAN -------------------------------------------------------------------------------------------
-
 
 #: Two messages that are released at once.
 TOGETHER = MessageSet([Message("first", 0x100, 8, 1.0), Message("second", 0x200, 8, 1.0)])
@@ -245,7 +240,7 @@ TOGETHER = MessageSet([Message("first", 0x100, 8, 1.0), Message("second", 0x200,
 @numeric("lee2012-038")
 @numeric("lee2012-080", extended=True)
 def identifier_bits(*, extended: bool = False) -> int:
-    """Bits of the highest arbitration id that a frame can carry."""
+    """Bits of the highest legal arbitration id."""
     bits = 0
     while is_legal(Message, "highest", 2 ** (bits + 1) - 1, 8, 1.0, extended=extended):
         bits += 1
@@ -254,14 +249,14 @@ def identifier_bits(*, extended: bool = False) -> int:
 
 @check("lee2012-037", counter={"disturbed": (100e-6,)})
 def destroys_both(*, disturbed: tuple[float, ...] = ()) -> bool:
-    """Whether frames that begin together are destroyed and sent again, as on CSMA/CD."""
+    """Whether frames that begin together destroy each other and are sent again, as on CSMA/CD."""
     run = simulate(TOGETHER, 125e3, until=0.5, faults=[ErrorAt(time) for time in disturbed])
     return bool((run.events()["retries"] > 0).any())
 
 
 @check("lee2012-068", counter={"timeout": 2.5})
 def asks_and_sends_again(*, timeout: float = System().timeout) -> bool:
-    """Whether what was damaged on CAN (repeated) and on Modbus (asked again) comes within 2 s."""
+    """Whether a damaged CAN frame is sent again, and a lost Modbus frame asked again within 2 s."""
     sent = simulate(TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6)).events()
     on_can = sent["retries"].max() > 0 and (sent["outcome"] == "sent").all()
     lost, rng = [LostModbusFrames("1", request=1.0)], np.random.default_rng(0)
@@ -271,7 +266,7 @@ def asks_and_sends_again(*, timeout: float = System().timeout) -> bool:
 
 @check("lee2012-041", counter={"ohm": None})
 def terminators_suit_the_line(*, ohm: float | None = 120.0) -> bool:
-    """Whether three boxes on 60 m read all bits of JB1 with these resistors at both ends."""
+    """Whether three boxes on 60 m read all bits of JB1 with these terminators."""
     bits = Frame(CanLayout(read_points()).messages()[0].arbitration_id, bytes(8)).bits[:14]
     return not Segment(60, nodes=3, terminator=ohm).send({1: bits}, 125e3).wrong
 
@@ -281,20 +276,20 @@ numeric("lee2012-043")(lambda *, bits=16: len(CanLayout(read_points(), bits).mes
 
 @numeric("lee2012-044")
 def time_per_update(*, bits: int = 16, bit_rate: float = 125e3) -> float:
-    """Milliseconds of the bus for all points once, with the most stuff bits."""
+    """Bus time of one update of all points, with the most stuff bits [ms]."""
     return 1e3 * float(CanLayout(read_points(), bits).volume()["worst_bits"]["all"]) / bit_rate
 
 
 @numeric("lee2012-100")
 def can_load(*, period: float = 1.0, bit_rate: float = 125e3) -> float:
-    """Percent of the bus for an update each period."""
+    """Bus load of one update per period [%]."""
     messages = CanLayout(read_points()).messages(period)
     return 100 * bus_load(messages, bit_rate)
 
 
 @check("lee2012-081", counter={"within": 5e-3})
 def all_arrive(*, within: float = 0.1) -> bool:
-    """Whether all frames that are released at once arrive intact within some time [s]."""
+    """Whether all frames, released at once, arrive intact within this time [s]."""
     messages = CanLayout(read_points()).messages()
     sent = simulate(messages, 125e3, until=0.5).events()
     in_time = (sent["outcome"] == "sent") & (sent["end_ms"] <= 1e3 * within)

@@ -1,4 +1,4 @@
-"""Tables 1 and 3, sections III.1 and IV.1.b: the engine, its points, their wires and converters.
+"""Tables 1 and 3, sections III.1 and IV.1.b: engine, points, wires and converters.
 
 Bore, stroke and the figures in horsepower are from the maker's project guide.
 """
@@ -18,22 +18,22 @@ from shipnet.papers.registry import check, numeric
 
 _TABLE_1 = datasets.read("lee2012_table1_engine.csv").set_index("quantity")
 
-#: Table 1: speed [r/min] and mean effective pressure [bar]; and the cylinders of section III.1.
+#: Table 1: speed [r/min] and mean effective pressure [bar]; section III.1: cylinders.
 SPEED = float(_TABLE_1["value_low"]["speed"])
 PRESSURE = float(_TABLE_1["value_low"]["mean_effective_pressure"])
 CYLINDERS = 8
 
-#: Power of the same engine in the project guide [kW].
+#: Power of this engine in the project guide [kW].
 _GUIDE = 12640.0
 
 _NAMES = {2: "two-stroke", 4: "four-stroke"}
 
-#: One metric horsepower: 75 kgf m/s by 9.80665 m/s2 [W]. Makers' "BHP" are these.
+#: Metric horsepower, 75 kgf m/s [W], which makers call BHP.
 _METRIC_HORSEPOWER = 75 * 9.80665
 
 
 def _volume(cylinders: int = CYLINDERS, strokes: int = 2) -> float:
-    """Return what the pistons sweep in the working strokes of a turn [m3].
+    """Return the volume that the pistons sweep in the working strokes of one turn [m3].
 
     Bore and stroke: MAN B&W, S50MC-C project guide, Fig. 1.02.
     """
@@ -45,7 +45,7 @@ def _volume(cylinders: int = CYLINDERS, strokes: int = 2) -> float:
 def power(
     *, pressure: float = PRESSURE, rate: float = SPEED, cylinders: int = CYLINDERS, strokes: int = 2
 ) -> float:
-    """Kilowatts that follow from Table 1 and the size of the cylinders."""
+    """Power that follows from Table 1 and the size of the cylinders [kW]."""
     return 1e5 * pressure * rate / 60 * _volume(cylinders, strokes) / 1e3
 
 
@@ -61,13 +61,13 @@ numeric("lee2012-007")(
 @numeric("lee2012-010", per_horsepower_hour=0.7)  # cylinder oil, at least
 @numeric("lee2012-070", per_horsepower_hour=1.1)  # and at most
 def per_kilowatt_hour(per_horsepower_hour: float) -> float:
-    """Consumption per kilowatt hour, from that per metric horsepower hour."""
+    """Consumption per kilowatt hour, from the consumption per metric horsepower hour."""
     return per_horsepower_hour * 1e3 / _METRIC_HORSEPOWER
 
 
 @numeric("lee2012-011")
 def cylinders(*, power_class: float = 13000.0, pressure: float = PRESSURE) -> float:
-    """Cylinders that the power class takes."""
+    """Cylinders that the power class needs."""
     return power_class / power(pressure=pressure, cylinders=1)
 
 
@@ -75,13 +75,13 @@ def cylinders(*, power_class: float = 13000.0, pressure: float = PRESSURE) -> fl
 def unit_is_known(
     *, printed: str = _TABLE_1["unit_printed"]["lubricating_oil_consumption"]
 ) -> bool:
-    """Whether the unit is made of units and of what an engine has."""
+    """Whether the unit consists of kg, h and cylinders."""
     return set(re.findall("[a-z]+", printed)) <= {"kg", "h", "cyl"}
 
 
 @check("lee2012-071", counter={"called": "two-stroke"})
 def called_after_its_strokes(*, called: str = "two-stage") -> bool:
-    """Whether the name is that of the strokes with which the engine reaches its class."""
+    """Whether the name fits the number of strokes with which the engine reaches its class."""
     powers = {strokes: 1e3 * power(strokes=strokes) for strokes in _NAMES}
     fits = min(powers, key=lambda strokes: abs(powers[strokes] - 13e6))
     return called == _NAMES[fits]
@@ -89,18 +89,17 @@ def called_after_its_strokes(*, called: str = "two-stage") -> bool:
 
 # Points, wires and converters ------------------------------------------------------------------
 
-
-#: Table 3 as printed, with the numbers as numbers.
+#: Table 3 as printed, with numbers converted.
 TABLE_3 = datasets.read("lee2012_table3_sensors.csv").astype({"quantity_points": int})
 
-#: The row of Table 3 that may be the row behind it printed twice.
+#: The row of Table 3 that may be a duplicate of the next one.
 _DOUBLE_ROW = "2"
 
 
 def printed_points(*, double_row: bool = True) -> PointList:
-    """Return the points of Table 3: 99, or 89 if the row "temperature, 10, -50..600" counts once.
+    """Return the 99 points of Table 3, or 89 without its possible duplicate row.
 
-    Then the current loops stay, as section IV.1.b reads the exhaust gas through the I/V converter.
+    The current loops stay, since section IV.1.b reads the exhaust gas through the I/V converter.
     """
     rows = datasets.read("synthetic_iolist_engine.csv")["printed_row"].astype(str)
     points = zip(read_points(), rows, strict=True)
@@ -112,7 +111,7 @@ def printed_points(*, double_row: bool = True) -> PointList:
 @numeric("lee2012-015", column="jb", value="JB3")
 @numeric("lee2012-018", column="condition", value="S/W")
 def listed_points(*, column: str, value: str) -> int:
-    """Points that Table 3 lists for a box, or with two states."""
+    """Points that Table 3 lists for a box, or with a switch."""
     return int(TABLE_3.loc[TABLE_3[column] == value, "quantity_points"].sum())
 
 
@@ -121,13 +120,13 @@ numeric("lee2012-016")(lambda *, double_row=True: len(printed_points(double_row=
 
 @numeric("lee2012-017")
 def analogue_points(*, double_row: bool = True) -> int:
-    """Points that have a value."""
+    """Analogue points."""
     return sum(point.analogue for point in printed_points(double_row=double_row))
 
 
 @numeric("lee2012-012")
 def junction_boxes(*, with_current_loops: bool = False) -> int:
-    """Junction boxes that Table 3 lists, or those of them with 4-20 mA inputs."""
+    """Junction boxes of Table 3, or those with 4-20 mA inputs."""
     boxes = read_points().by_box().values()
     return sum(
         any(p.condition == CONDITIONS[1] for p in own) or not with_current_loops for own in boxes
@@ -136,26 +135,26 @@ def junction_boxes(*, with_current_loops: bool = False) -> int:
 
 @numeric("lee2012-086")
 def modes(*, boxes: tuple[str, ...] = ("JB1", "JB2", "JB3")) -> int:
-    """Different sets of inputs, for each of which the common box needs a mode."""
+    """Different sets of inputs; the common box needs a mode for each."""
     own = read_points().by_box()
     return len({tuple((p.condition, p.low, p.high) for p in own[box]) for box in boxes})
 
 
 @numeric("lee2012-087")
 def converter_kinds(*, analogue_only: bool = False) -> int:
-    """Kinds of signals, for each of which a box needs a converter."""
+    """Kinds of signals; a box needs a converter for each."""
     return len({p.condition for p in read_points() if p.analogue or not analogue_only})
 
 
 @numeric("lee2012-019")
 def hardwired_conductors(*, rtd: int = 3, loop: int = 2, switch: int = 2) -> int:
-    """Conductors from the boxes to the AMS with every sensor wired through."""
+    """Conductors from the boxes to the AMS if every sensor is wired separately."""
     return read_points().conductors(rtd=rtd, loop=loop, switch=switch).hardwired
 
 
 @check("lee2012-065", counter={"segments": 100, "segment_wires": 8})
 def buses_need_less(*, segments: int = 3, segment_wires: int = 2) -> bool:
-    """Whether the two buses need fewer conductors than sensors wired through one by one."""
+    """Whether the two buses need fewer conductors than separately wired sensors."""
     found = read_points().conductors(segments=segments, segment_wires=segment_wires)
     return found.bus < found.hardwired
 
@@ -171,7 +170,7 @@ def conductors_by_cylinders(cylinders: range = range(4, 9)) -> list[int]:
 
 @check("lee2012-063", counter={"wiring": (100, 200, 400, 800)})
 def grows_geometrically(*, wiring: tuple[int, ...] = ()) -> bool:
-    """Whether each cylinder more adds more wires than the one before it did."""
+    """Whether each further cylinder adds more wires than the one before."""
     steps = np.diff(wiring or conductors_by_cylinders())
     return bool((steps[1:] > steps[:-1]).all())
 
@@ -179,7 +178,7 @@ def grows_geometrically(*, wiring: tuple[int, ...] = ()) -> bool:
 @check("lee2012-048", condition="RTD", inputs=32, counter={"inputs": 26})
 @check("lee2012-049", condition="4-20 mA", inputs=18, counter={"inputs": 16})
 def enough_inputs(*, condition: str, inputs: int) -> bool:
-    """Whether this many converter inputs are enough for the sensors of one kind of any box."""
+    """Whether this many converter inputs are enough for every box's sensors of one kind."""
     boxes = read_points().by_box().values()
     return max(sum(point.condition == condition for point in own) for own in boxes) <= inputs
 
@@ -194,27 +193,26 @@ check("lee2012-052", counter={"quantities": 20})(
 
 @check("lee2012-088", counter={"offset": False})
 def amplifier_fills_the_range(*, offset: bool = True, low: float = 1.0, high: float = 5.0) -> bool:
-    """Whether an amplifier, with an offset or without, turns `low` to `high` [V] into 0 to 5 V."""
+    """Whether an amplifier, with an offset or without, maps `low` to `high` [V] to 0 to 5 V."""
     gain, shift = (5.0 / (high - low), low) if offset else (5.0 / high, 0.0)
     return bool(np.allclose(gain * (np.array([low, high]) - shift), [0, 5]))
 
 
 @numeric("lee2012-051")
 def adc_step(*, bits: int = 10, reference: float = 5.0) -> float:
-    """Millivolts from one code to the next."""
+    """Step of the converter [mV]."""
     return 1e3 * InputCard(read_points(), bits=bits, reference=reference).step
 
 
 @check("lee2012-093", counter={"printed": "High"})
 def is_a_kind_of_switch(*, printed: str = "") -> bool:
-    """Whether a type that JB3 has printed for a switch is one that another box has too."""
+    """Whether another box has a switch of the type that is printed for JB3."""
     switches = TABLE_3[TABLE_3["condition"] == "S/W"]
     last = switches.iloc[-1]
     others = switches.loc[switches["jb"] != last["jb"], "type_printed"]
     return (printed or last["type_printed"]) in set(others)
 
 
-@check("lee2012-042", counter={"printed": "RS-485"})
-def is_an_interface(*, printed: str = "RS-482") -> bool:
-    """Whether the name is that of one of the interfaces that a box can be set to."""
-    return printed in INTERFACES
+check("lee2012-042", counter={"printed": "RS-485"})(
+    lambda *, printed="RS-482": printed in INTERFACES
+)

@@ -1,4 +1,4 @@
-"""Sections II, III.2.c and IV.2: answers, switch-over, silent boxes, class rules, and the scope."""
+"""Sections II, III.2.c and IV.2: answers, switch-over, silent boxes, class rules, scope traces."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def answers_in_time(*, rate: float = BIT_RATE) -> bool:
 
 @check("lee2012-003", counter={"second": "JB1"})
 def links_share_nothing(*, second: str = "JB3") -> bool:
-    """Whether both Modbus channels lead to boxes of their own."""
+    """Whether the two Modbus channels lead to different boxes."""
     links = {"channel 1": ("JB1",), "channel 2": (second,)}
     findings = check_rules(replace(Description.printed(), links=links)).table()
     return bool(findings.set_index("rule")["verdict"]["links duplicated"] == "met")
@@ -41,7 +41,7 @@ numeric("lee2012-101")(
 
 @check("lee2012-045", counter={"stale_limit": 0.5})
 def marked_after_four_seconds(*, stale_limit: float = 4.0) -> bool:
-    """Whether the AMS sees all points of a dead box marked, 4 s after it was last heard."""
+    """Whether all points of a dead box are marked at the AMS 4 s after its last message."""
     start, printed = 10.0, System()
     run = simulate(System(stale_limit=stale_limit), faults=DeadBox("JB2", start=start), until=20)
     after = run.alarms().query("kind == '0xFF'")["time_s"] - start
@@ -49,15 +49,12 @@ def marked_after_four_seconds(*, stale_limit: float = 4.0) -> bool:
     return len(after) == 18 and bool(after.between(early, late).all())
 
 
-@numeric("lee2012-099")
-def time_until_marked() -> float:
-    """Seconds until the AMS sees the mark of a dead box at the latest."""
-    return System().staleness_flag().after
+numeric("lee2012-099")(lambda: System().staleness_flag().after)
 
 
 @check("lee2012-046", counter={"dead": "JB1"})
 def ams_sees_the_mark(*, dead: str = "JB2") -> bool:
-    """Whether the AMS takes the 0xFF of all points of a dead box, JB2, as errors."""
+    """Whether the AMS reports the 0xFF of all points of the dead box JB2 as errors."""
     run = simulate(System(), faults=DeadBox(dead, start=10.0), until=20)
     marked = set(run.alarms().query("kind == '0xFF'")["source"])
     return marked == {point.tag for point in read_points().by_box()["JB2"]}
@@ -65,7 +62,7 @@ def ams_sees_the_mark(*, dead: str = "JB2") -> bool:
 
 @check("lee2012-054", counter={"limit": 2.0})
 def shown_within(*, limit: float = 1.0, update_period: float = 0.0) -> bool:
-    """Whether a changed input shows at the AMS within this time [s] if boxes never rest."""
+    """Whether a changed input shows at the AMS within this time [s] if boxes never wait."""
     return bool((System(update_period=update_period).worst_age()["worst_s"] <= limit).all())
 
 
@@ -78,13 +75,13 @@ def switch_over_is_possible(*, printed: float = 133e-6) -> bool:
 
 @check("lee2012-056", counter={"timeout": 1.5})
 def switches_in_time(*, timeout: float = System().timeout) -> bool:
-    """Whether a full answer comes within the 2 s of the rule after a channel is lost."""
+    """Whether a complete answer arrives within the 2 s of the rule after a channel is lost."""
     return System(timeout=timeout).switch_over().loss <= RULE
 
 
 @check("lee2012-061", counter={"polled": "one"})
 def survives_any_cut(*, polled: Literal["one", "both"] = "both") -> bool:
-    """Whether all points stay reachable with any one of the CAN or Modbus cables cut."""
+    """Whether all points stay reachable with any single CAN or Modbus cable cut."""
     system = System.corrected(polled=polled)
     breaks = [CanBreak(where, start=10.0) for where in system.segments]
     channels = [ModbusBreak(channel, start=10.0) for channel in ("1", "2")]
@@ -94,7 +91,7 @@ def survives_any_cut(*, polled: Literal["one", "both"] = "both") -> bool:
 
 @check("lee2012-094", counter={"also": "JB2-JB3"})
 def reads_all_through_channel_2(*, also: str = "") -> bool:
-    """Whether the AMS changes to channel 2 once channel 1 is cut, and all points come through."""
+    """Whether the AMS changes to channel 2 after channel 1 is cut, and reads all points."""
     more = [CanBreak(also, start=10.0)] if also else []
     run = simulate(System(), faults=[ModbusBreak("1", start=10.0), *more], until=25)
     changed = bool((run.requests().query("time_s > 12")["channel"] == 2).all())
@@ -103,7 +100,7 @@ def reads_all_through_channel_2(*, also: str = "") -> bool:
 
 @check("lee2012-082", counter={"inputs": (27, 27, 27)})
 def conversion_times_differ(*, inputs: tuple[int, ...] = ()) -> bool:
-    """Whether each box takes its own time to convert its analogue inputs."""
+    """Whether the boxes need different times to convert their analogue inputs."""
     system = System()
     times = [system.firmware.conversion_time(n) for n in inputs] or system.convert_ns.tolist()
     return len(set(times)) == len(times)
@@ -117,23 +114,22 @@ def healthy_boxes_are_not_marked(*, update_period: float = System().update_perio
 
 @numeric("lee2012-047")
 def interrupts(*, silent_box: bool = True) -> int:
-    """Kinds of interrupts that break into the loop of JB1, one box being silent."""
+    """Kinds of interrupts in the loop of JB1, with one box silent or none."""
     faults = [DeadBox("JB2", start=10.0)] if silent_box else []
     work = simulate(System(), faults=faults, until=20).timeline(0, 20).table()
     return len(set(work.loc[work["row"] == "JB1", "task"]) - {"convert", "send"})
 
 
-# What a two-channel scope shows in Figs 12 and 13 ----------------------------------------------
-
+# The traces of a two-channel scope in Figs 12 and 13 ------------------------------------------
 
 Trace = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 
-#: A response of 8 bytes, as Fig 4(b) draws it: its own address, a count of two bytes.
+#: The response of 8 bytes that Fig 4(b) draws, with a count of two bytes.
 _DRAWN = bytes([JB1, 3, 0, 2, 0, 100, 0, 0])
 
 
 def response_scope() -> dict[str, Trace]:
-    """Return time [s] and level of both lines during one request and its response: Fig 13."""
+    """Return time [s] and level of both lines during a request and its response: Fig 13."""
     request = read(1).rtu(JB1)
     begin = LINE.frame_time(len(request)) + LINE.t35
     end = begin + LINE.frame_time(len(_DRAWN)) + LINE.t35
@@ -141,7 +137,7 @@ def response_scope() -> dict[str, Trace]:
 
 
 def _trace(frames: list[bytes], begins: list[float], end: float) -> Trace:
-    """Return the line with frames that begin at these times."""
+    """Return a line's trace with frames that begin at these times."""
     if not frames:
         return np.array([0.0, end]), np.ones(2)
     ends = [begin + LINE.frame_time(len(f)) for f, begin in zip(frames, begins, strict=True)]
@@ -151,7 +147,7 @@ def _trace(frames: list[bytes], begins: list[float], end: float) -> Trace:
 
 
 def switch_over_scope(system: System, *, cut: float = 1.5, end: float = 3.4) -> dict[str, Trace]:
-    """Return what the AMS sends on both channels around a cut of channel 1 [s]: Fig 12(b)."""
+    """Return the AMS's requests on both channels around a cut of channel 1 [s]: Fig 12(b)."""
     asked = simulate(system, faults=ModbusBreak("1", start=cut), until=end).requests()
     traces = {}
     for channel, unit in ((1, JB1), (2, JB3)):

@@ -12,16 +12,16 @@ from shipnet import style
 from shipnet.engine.inputs import InputCard
 from shipnet.engine.points import read_points
 from shipnet.papers.plot import FILL, arrow, box, diagram, diagrams
-from shipnet.papers.registry import figure
+from shipnet.papers.registry import drawing
 
 __all__ = ["plot_channels", "plot_inputs"]
 
 diagrams("lee2012", "Fig 7", arrowstyle="-")
 
 
-@figure("lee2012", "Fig 2")
+@drawing("lee2012", "Fig 2")
 def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
-    """Draw the engine from its side, simplified, with a junction box on each floor."""
+    """Draw a simplified side view of the engine, with a junction box on each floor."""
     box(ax, (0, 0), cylinders, 1, "0.92", "crankcase and bearings", edge="0.4")
     box(ax, (0, 1), cylinders, 1, "0.96", "frame box", edge="0.4")
     for number in range(cylinders):
@@ -37,21 +37,21 @@ def _engine(*, cylinders: int = 8, ax: Axes) -> Axes:
     return style.bare(ax, (-2.2, cylinders + 2.1), (-0.1, 3.0))
 
 
-@figure("lee2012", "Fig 6")
+@drawing("lee2012", "Fig 6")
 def _flow(*, ax: Axes) -> Axes:
     """Draw the main loop of a junction box and its three interrupts."""
     titles = "main loop", "(a) Modbus interrupt", "(b) timer interrupt", "(c) CAN interrupt"
     for column, title in enumerate(titles):
         ax.text(2.2 * column, 4.0, title, ha="center", va="center", weight="bold")
     diagram("lee2012", "Fig 6", ax=ax)
-    # The loop goes back to the conversion: the mode is read once.
+    # The loop returns to the conversion: the mode is read once.
     ax.plot([-0.82, -1.05, -1.05], [0.3, 0.3, 2.3], color="0.3", lw=1)
     arrow(ax, (-1.05, 2.3), (-0.82, 2.3))
     return style.bare(ax, (-1.3, 7.6), (-0.1, 4.25))
 
 
 def plot_inputs(card: InputCard, corrected: InputCard, *, axes: Sequence[Axes]) -> None:
-    """Draw what the converter sees of a current loop and of a thermometer: Fig 8."""
+    """Draw the voltages of a current loop and of a thermometer at the converter: Fig 8."""
     current = np.linspace(0, 24e-3, 400)
     resistance = np.linspace(70, 190, 400)
     for inputs, label, line in ((card, "as printed", "-"), (corrected, "corrected", "--")):
@@ -67,13 +67,13 @@ def plot_inputs(card: InputCard, corrected: InputCard, *, axes: Sequence[Axes]) 
 
 
 def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *, ax: Axes) -> Axes:
-    """Draw several traces one below the other, each with its own scale, as an oscilloscope does."""
+    """Draw traces below each other, each with its own scale, as an oscilloscope does."""
     middles = []
     for place, (name, (time, level)) in enumerate(channels.items()):
         at, value = np.asarray(time, dtype=np.float64), np.asarray(level, dtype=np.float64)
         low, high = float(np.nanmin(value)), float(np.nanmax(value))
         base = -1.5 * place
-        # A trace that never changes lies in the middle of its place.
+        # A constant trace is drawn in the middle of its row.
         unit = (value - low) / (high - low) if high > low else np.full(value.shape, 0.5)
         ax.plot(at * 1e3, base + unit, drawstyle="steps-post", color=f"C{place}", label=name)
         for text, height in ((low, base), (high, base + 1)):

@@ -1,11 +1,9 @@
-import pytest
-
-from shipnet.errors import ArgumentError
 from shipnet.remote_control import System
-from shipnet.remote_control.values import HOPS, VALUES, forwarded, values_on
+from shipnet.remote_control.faults import HOPS
+from shipnet.remote_control.system import VALUES, forwarded, values_on
 
 
-def test_the_values_are_numbered_used_and_sent_by_way_of_the_remote_control():
+def test_the_values_are_numbered_used_and_sent_through_rcs():
     assert [value.number for value in VALUES] == list(range(len(VALUES)))
     assert len({value.name for value in VALUES}) == len(VALUES)
     assert all("RCS" in hop for hop in HOPS)
@@ -15,7 +13,7 @@ def test_the_values_are_numbered_used_and_sent_by_way_of_the_remote_control():
         assert value.mirrored or value.readers
 
 
-def test_the_switches_that_the_paper_doubles_are_mirrored_and_no_others():
+def test_only_the_switches_that_the_paper_doubles_are_mirrored():
     mirrored = {value.name: set(value.sources) for value in VALUES if value.mirrored}
     assert mirrored == {
         "control_position": {"BCS", "RCS"},
@@ -25,22 +23,15 @@ def test_the_switches_that_the_paper_doubles_are_mirrored_and_no_others():
     assert all(value.kind == "switch" for value in VALUES if value.mirrored)
 
 
-def test_what_is_forwarded_crosses_both_lines_of_its_way():
+def test_forwarded_values_cross_both_lines():
     for source, target in (("BCS", "SS"), ("SS", "BCS")):
         first = {value.number for value in values_on(source, "RCS")}
         second = {value.number for value in values_on("RCS", target)}
         assert forwarded(source, target) <= first & second
 
 
-def test_the_table_has_a_row_per_signal_and_counts_the_lines_that_the_functions_name():
+def test_the_table_has_a_row_per_value_and_a_column_per_line():
     table = System().signals()
     assert table.name.tolist() == [value.name for value in VALUES]
     for source, target in HOPS:
         assert table[f"{source}-{target}"].sum() == len(values_on(source, target))
-
-
-def test_stations_without_a_line_are_refused():
-    with pytest.raises(ArgumentError, match="'BCS', 'SS'; the lines are RCS to BCS"):
-        values_on("BCS", "SS")
-    with pytest.raises(ArgumentError, match="they must be BCS, SS"):
-        forwarded("RCS", "SS")
