@@ -405,7 +405,7 @@ class System:
         return np.array([response.response for response in found])
 
     def poll_spacing(self, lost: float = 0.0) -> float:
-        """Return the time from poll to poll if each first loses `lost` seconds without answer [s]."""
+        """Return the time from poll to poll if each is delayed by `lost` seconds [s]."""
         period = nanoseconds(self.poll_period)
         whole = nanoseconds(check_scalar("lost", lost, "s", 0, 1e6) + self.poll.time)
         return -(-whole // period) * period / 1e9
