@@ -153,15 +153,8 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Whole:
+class Whole(Number):
     """A count."""
-
-    value: float
-    unit: str = ""
-
-    def read(self, given: object) -> float:
-        """Return an answer as a number."""
-        return _number(given, self.unit)
 
     def fault(self, answer: float) -> str | None:
         """Return how a count differs; None if it is right."""

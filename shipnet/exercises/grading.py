@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -189,7 +189,9 @@ def _encoded(value: Any, expression: str = "", depth: int = 0) -> Any:
             return kind(value)
     if depth < 5 and isinstance(value, list | tuple | set | frozenset):
         parts = [_encoded(part, "", depth + 1) for part in value]
-        return parts if isinstance(value, list) else {_KIND[type(value)]: parts}
+        if isinstance(value, list):
+            return parts
+        return {"tuple" if isinstance(value, tuple) else "set": parts}
     if depth < 5 and isinstance(value, dict):
         pairs = value.items()
         return {"dict": [[_encoded(part, "", depth + 1) for part in pair] for pair in pairs]}
@@ -198,9 +200,6 @@ def _encoded(value: Any, expression: str = "", depth: int = 0) -> Any:
     if callable(value) and expression:
         return {"function": [expression, str(getattr(value, "__name__", expression))]}
     return {"other": type(value).__name__}
-
-
-_KIND: Mapping[type, str] = {tuple: "tuple", set: "set", frozenset: "set"}
 
 
 def answer() -> None:
