@@ -154,9 +154,9 @@ class _Line:
         self.late = (means[1] - means[0]) / 2
 
     def receive(self, chosen: Indices, clock: float) -> tuple[Integers, Floats, Bools]:
-        """Return bits before each edge, (edges, ways, frames), the misfit of each way, and doubts.
+        """Return bits before each edge, (edges, ways, frames), misfits, and the frames in doubt.
 
-        A way is a place of the start of frame within its sample. The misfit of an edge is its
+        A way assumes a place of the start of frame within its sample. The misfit of an edge is its
         distance from the sample with the bit boundary; an edge is in doubt if the next bit is as
         near.
         """

@@ -14,9 +14,9 @@ from shipnet.fields import number, record, whole
 
 __all__ = ["ERROR_BITS", "BitErrors", "ErrorAt", "ErrorBound"]
 
-#: What each error costs beside the retransmission [bit], by analysis, for `ErrorBound.bits`. Frames
-#: here include their intermission; Broster et al. count frames without it, and 29 bits per error.
-#: The least on any bus is two error flags of 6 bits and a delimiter of 8.
+#: Cost of an error in addition to the retransmission [bit], by analysis, for `ErrorBound.bits`.
+#: Frames here include their intermission; Broster et al. count frames without it, and 29 bits per
+#: error. The least on any bus is two error flags of 6 bits and a delimiter of 8.
 ERROR_BITS: Mapping[str, int] = MappingProxyType(
     {"Tindell 1995": 31, "Davis 2007": 31, "Broster 2002": 26, "least": 20}
 )
@@ -81,8 +81,8 @@ class ErrorBound:
     )
     burst: int = whole(0, 10**6, "", "Errors in quick succession at the beginning", default=1)
     bits: int = whole(
-        17, 31, "bit", "What an error costs beside the frame that is sent again; `ERROR_BITS` has "
-        "what published analyses take", default=31, kw_only=True,
+        17, 31, "bit", "Cost of an error in addition to sending the frame again; `ERROR_BITS` has "
+        "the values of published analyses", default=31, kw_only=True,
     )  # fmt: skip
 
     def __post_init__(self) -> None:

@@ -1,7 +1,7 @@
 """Readers of CAN logs: candump, CSV, ASC, BLF and TRC, recognised by content.
 
-Every reader returns rows, which one place checks. python-can reads ASC and TRC; its BLF reader may
-never finish on a damaged file.
+All readers return rows, which are checked in one place. python-can reads ASC and TRC; its BLF
+reader may never finish on a damaged file.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _DTYPES: tuple[Any, ...] = (float, str, np.int64, bool, bool, np.uint8, np.uint8
 
 
 class _Found:
-    """The records of a file so far; `unit` is the unit of their places."""
+    """The records of a file so far; `unit` names what is counted, such as lines."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
@@ -148,7 +148,7 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     ----------
     path : str or path-like
         A candump file (``-l``, or its printed output), a CSV file of python-can or SavvyCAN, a BLF
-        file, or an ASC or TRC file, which needs python-can. Its content decides, not its suffix.
+        file, or an ASC or TRC file, which needs python-can. The format is recognised by content.
     keep : bool, default False
         Whether to keep what can be read of a damaged file; `Log.faults` lists what is missing.
 
@@ -160,7 +160,7 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     Raises
     ------
     InputError
-        If the file is missing or of another kind, or, unless `keep`, holds an unreadable line, an
+        If the file is missing or of another kind, or, unless `keep`, has an unreadable line, an
         impossible identifier, data length or time, data that do not match their length, or times
         that decrease on a channel. The message names the lines, or the frames of BLF.
     ImportError
@@ -169,7 +169,7 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     Notes
     -----
     Line numbers, empty lines and comments after ``#``, ``;`` or ``//`` are ignored. Where times
-    decrease, the fewest frames are left out that restore the order. MDF (MF4) is not read.
+    decrease, as few frames as possible are left out to restore the order. MDF (MF4) is not read.
 
     Examples
     --------

@@ -276,8 +276,8 @@ class MessageSet(Named[Message]):
     def ordered(self, names: Iterable[str]) -> MessageSet:
         """Return the same messages in a new order of priority, given as all their names.
 
-        They share out the identifiers of the set. If both 11-bit and 29-bit identifiers occur, the
-        first 11 bits count up from 0 instead.
+        The identifiers of the set are assigned in this order. If both 11-bit and 29-bit identifiers
+        occur, the first 11 bits count up from 0 instead.
         """
         order = list(names)
         if sorted(order) != sorted(self.names):
@@ -473,7 +473,7 @@ def parse_dbc(
         try:
             message = Message(
                 found.name, found.frame_id, found.length, _cycle_time(found.cycle_time, period),
-                # cantools uses Vector__XXX for the sender of messages that nobody sends.
+                # cantools uses Vector__XXX for the sender of messages without one.
                 extended=found.is_extended_frame, sender=found.senders[0] if found.senders else "",
             )  # fmt: skip
         except ArgumentError as fault:
@@ -622,7 +622,7 @@ def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
 
 
 def _read_cell(field: str, kind: Kind, cell: str) -> tuple[Any, str]:
-    """Return the value of a cell, None if it is not legal, and in words what is legal."""
+    """Return the value of a cell, None if it is not legal, and a description of what is legal."""
     if isinstance(kind, Number):
         time = float(Decimal(cell).scaleb(-3)) if NUMBER.fullmatch(cell) else -1
         legal = f"a number {kind.low * 1e3:g}..{kind.high * 1e3:g} ms"

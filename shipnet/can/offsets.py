@@ -232,7 +232,7 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
         slots = math.lcm(*(int(periods[place]) // grain for place in mine))
         if slots > 10**6:
             raise ArgumentError(f"step is {step:g} s, but {sender!r} repeats after {slots} of them")
-        # How crowded each slot is: the frames in it, and with falling weight those around it.
+        # How crowded each slot is: the frames in it and, with decreasing weight, those around it.
         far = np.minimum(np.arange(slots), slots - np.arange(slots))
         near, load = np.fft.rfft(1 / (1 + far)), np.zeros(slots)
         for place in sorted(mine, key=lambda k: (periods[k], -length[k])):

@@ -30,7 +30,7 @@ from shipnet.lazy import Axes, pd
 
 @record
 class Assumptions:
-    """What counts as the response time; published tables differ in it by a few bit times.
+    """Assumptions behind a response time; published tables differ in them by a few bit times.
 
     The defaults are those of Davis et al., Real-Time Systems 35, 2007.
 
@@ -140,7 +140,7 @@ class Level:
         return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
 
     def responses(self) -> Iterator[float]:
-        """Yield the longest responses in a busy period; one infinity if it is endless."""
+        """Yield the longest response of each instance in a busy period; infinity if endless."""
         if self.busy_period == math.inf:
             yield math.inf
             return
@@ -226,7 +226,7 @@ def _first_gaps(
     work.
     """
     period, frame, _ = streams
-    # What is released at the start counts.
+    # Releases at the start count.
     once = ahead // period + 1
     count = -(-(span + ahead) // period) - once
     which = np.repeat(np.arange(len(period)), count)

@@ -28,7 +28,7 @@ Bits = npt.NDArray[np.int8]
 #: recessive: ISO 11898-2; between them either may be read.
 DOMINANT, RECESSIVE = 0.9, 0.5
 
-_INPUT = Load(r=20e3, c=100e-12)  #: What a node loads the line with, within ISO 11898-2.
+_INPUT = Load(r=20e3, c=100e-12)  #: Load of a node on the line, within ISO 11898-2.
 
 #: Differential voltage of a dominant driver [V], its source resistance [ohm], and its switching
 #: time [s], which is divided into this many steps.
@@ -93,7 +93,7 @@ class Segment:
     def send(
         self, patterns: Mapping[int, str], bit_rate: float, *, sample_point: float = 0.75
     ) -> Signals:
-        """Return the voltages and the bits that all nodes read while some send.
+        """Return the voltages at all nodes, and the bits they read, while some nodes send.
 
         The first bit begins half a bit after time 0. A dominant driver has 3.2 V behind 40 ohm, and
         switches within 30 ns.

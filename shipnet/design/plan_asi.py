@@ -16,11 +16,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import shortest_path
 
 from shipnet.arrays import Bools, Floats, Indices
-from shipnet.asi.elements import Repeater, Supply
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.rules import meets, rule_limits
+from shipnet.asi.segment import Repeater, Supply
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import ADDRESSES, Cycle
 from shipnet.asi.topologies import assign_addresses

@@ -1,6 +1,6 @@
-"""Modbus: requests and responses, their frames in RTU, ASCII and TCP, and their timing.
+"""Modbus: requests and responses, their frames in RTU and TCP, and their timing.
 
-Unit ids, slaves and registers have their numbers on the wire; times are in seconds. The namespace
+Unit ids, slaves and registers are numbered as on the wire; times are in seconds. The namespace
 `faults` holds faults of redundant lines, `udp` Modbus in datagrams.
 """
 

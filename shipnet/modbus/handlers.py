@@ -33,7 +33,7 @@ _APART = 1e-6  #: Time between timers that must fire in order [s].
 _CLIENTS, _IDLE = 128, 600.0
 _SILENCE = 0.05  #: Silence after which an incomplete frame on a serial line is dropped [s].
 
-#: Bytes of a TCP frame before those that its length field counts, and the legal range of that.
+#: Bytes of a TCP frame before those that its length field counts, and legal values of the field.
 _HEAD, _SHORTEST, _LONGEST = 6, 2, 1 + MAX_PDU
 
 
@@ -62,7 +62,7 @@ class _Handler:
 
     transport: Any = None
 
-    #: What may wait in the transport before answers are dropped [byte]; a serial one counts parts.
+    #: Most that waits in the transport before answers are dropped [byte]; in parts if serial.
     unsent = _UNSENT
 
     def __init__(self, listener: Any) -> None:
@@ -133,7 +133,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
         self.timer = self.loop.call_later(_IDLE, self._end_if_idle)
 
     def connection_made(self, transport: Any) -> None:
-        """Start, or close a connection that is one too many."""
+        """Start, or close the connection if there are too many."""
         if self.listener.has_room():
             super().connection_made(transport)
         else:
@@ -295,7 +295,7 @@ class UdpListener(Listener):
 
 
 class RtuListener(Listener):
-    """Holds a serial port, through pymodbus and pyserial."""
+    """Listens on a serial port, through pymodbus and pyserial."""
 
     def __init__(self, respond: Respond, path: str, line: SerialLine) -> None:
         super().__init__(respond, path)

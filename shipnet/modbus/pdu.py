@@ -42,7 +42,7 @@ _COILS, _CODES = frozenset({1, 2, 5, 15}), "1..6, 15 or 16"
 
 
 class FunctionCode(IntEnum):
-    """What a request asks for; section 5.1 of the standard.
+    """The function of a request; section 5.1 of the standard.
 
     Examples
     --------
@@ -407,7 +407,7 @@ class Response(_Framed):
 
 
 def _named(code: int, values: tuple[Any, ...]) -> dict[str, Any]:
-    """Return coils or registers, as the function code decides, as an argument."""
+    """Return values as the argument that the function code needs: coils or registers."""
     return {"coils" if code in _COILS else "registers": values}
 
 
@@ -427,12 +427,12 @@ def _values(message: Request | Response) -> bytes:
 
 
 def _number(message: Request | Response) -> int:
-    """Return the number that stands for the one coil or register of a message."""
+    """Return the number that encodes the only coil or register of a message."""
     return 0xFF00 * message.coils[0] if message.coils else message.registers[0]
 
 
 def _single(code: int, number: int) -> dict[str, Any]:
-    """Return the one coil or register for which a number stands, as an argument."""
+    """Return the only coil or register, encoded as a number, as an argument."""
     if code == 5 and number not in (0, 0xFF00):
         raise FieldError(f"coil value is 0x{number:04X}; it must be 0x0000 or 0xFF00")
     return _named(code, (number > 0,) if code == 5 else (number,))
@@ -562,7 +562,7 @@ class Adu:
         return Response.parse(self.pdu, request)
 
     def table(self) -> pd.DataFrame:
-        """Return the bytes of each field in order; with a transaction id those of TCP, else RTU.
+        """Return the bytes of each field, of TCP if there is a transaction id, else of RTU.
 
         A PDU that may be a request or a response is read as a request.
         """

@@ -1,4 +1,4 @@
-"""Redundant Modbus lines, a closed loop or two channels: the slaves reached, and longest gaps."""
+"""Redundant Modbus lines, a closed loop or two channels: reachable slaves and longest gaps."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.polling import Poll
 
-#: Colour and word of what serves a slave.
+#: Marker, colour and label of slaves, by the port that serves them.
 _SERVED = {
     "A": ("o", style.FIELD["address"], "through A"),
     "B": ("s", style.FIELD["information"], "through B"),
@@ -28,7 +28,7 @@ _SERVED = {
 
 _NUMBERED = 40  #: More slaves than this are drawn without their numbers.
 
-#: What the faults of a redundant line are given as: one of them or several.
+#: One fault of a redundant line, or several.
 Faults = Fault | Iterable[Fault]
 
 
@@ -82,7 +82,7 @@ class Reach:
 
 
 class _Redundant:
-    """What a loop and two channels have in common."""
+    """Methods shared by a loop and two channels."""
 
     __slots__ = ()
     if TYPE_CHECKING:

@@ -31,7 +31,7 @@ Try = tuple[float, int, int, int, bool]  #: Start [s], slave from 0, port, kind,
 
 
 class Paths:
-    """The connections between slaves and ports, in intervals without a change."""
+    """The connections between slaves and ports, by intervals without a change."""
 
     def __init__(self, system: System, faults: Sequence[Fault]) -> None:
         system.reach(faults)
@@ -59,7 +59,7 @@ class Paths:
 
 
 class Master:
-    """The state of the switch-over rule, and the clock."""
+    """A master that applies the switch-over rule, and its clock."""
 
     def __init__(self, system: System, faults: Sequence[Fault]) -> None:
         n = system.n_slaves
@@ -93,7 +93,7 @@ class Master:
         self.time = max(self.time, begin + self.period)
 
     def turn(self, slave: int) -> None:
-        """Do what the scan has for one slave."""
+        """Poll or recheck one slave, as the rule requires."""
         port = self.port[slave]
         if port != A and self.due(slave):
             self.probed = slave
@@ -165,7 +165,7 @@ class Run:
         )
 
     def events(self) -> pd.DataFrame:
-        """Return one row per try: ``start_s``, ``end_s`` when the next may begin, ``slave``, ``port``.
+        """Return one row per try: ``start_s``, ``end_s`` (when the next may begin), ``slave``, ``port``.
 
         ``kind`` is poll, switch (the other port is asked at once) or probe (what failed is tried
         again), and ``answered`` says whether the whole response came.

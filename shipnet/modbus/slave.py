@@ -1,7 +1,4 @@
-"""Simulated slaves: the values they hold, and their answers as bytes.
-
-`shipnet.modbus.server` puts a server in front of them.
-"""
+"""Simulated slaves: their values, and their answers as bytes."""
 
 from __future__ import annotations
 

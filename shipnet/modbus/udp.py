@@ -136,7 +136,7 @@ def compare(
     timeout: float = 0.5,
     rng: Any = None,
 ) -> pd.DataFrame:
-    r"""Compare what a master may check in a reply, on the same network.
+    r"""Compare masters that check different fields of a reply, on the same network.
 
     Parameters
     ----------

@@ -17,10 +17,10 @@ Name = Literal[
     "wrong-unit", "wrong-function", "wrong-count", "wrong-crc", "wrong-transaction",
 ]  # fmt: skip
 
-#: Faults that take time, and how long [s] if nothing is said: `late` exceeds usual time-outs.
+#: Faults that take time, and their default durations [s]: `late` exceeds usual time-outs.
 _SECONDS = {"late": 5.0, "delay": 0.5, "gap": 0.5}
 
-#: What only one kind of frame has.
+#: Faults of fields that only one kind of frame has.
 _ONLY = {
     "wrong-crc": ("rtu", "a serial line; a TCP frame has no CRC"),
     "wrong-transaction": ("tcp", "TCP; an RTU frame has no transaction id"),
@@ -118,7 +118,7 @@ class WireFault:
                 frame += random.bytes(_GARBAGE)
             case "wrong-unit":
                 frame = _frame(replace(other, unit_id=unit % MAX_UNIT + 1))
-            case "wrong-function":  # 1 and 2, 3 and 4, ... look the same but for it
+            case "wrong-function":  # responses 1 and 2, 3 and 4, ... differ only in the code
                 code = ((pdu[0] - 1 ^ 1) + 1) % 256
                 frame = _frame(replace(other, pdu=bytes([code]) + other.pdu[1:]))
             case "wrong-count" if pdu[0] in (1, 2, 3, 4):
@@ -136,7 +136,7 @@ def _frame(adu: Adu) -> bytes:
 
 
 class Wire:
-    """The wire of a server, which draws the fault of each answer."""
+    """The wire of a server, which chooses a fault for each answer at random."""
 
     def __init__(self, faults: Iterable[WireFault], rng: Any) -> None:
         self.faults, self.rng = tuple(faults), check_rng(rng)

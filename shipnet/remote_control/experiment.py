@@ -17,7 +17,7 @@ from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat, Shares
 from shipnet.remote_control.system import Supervision, System
 
-#: A value is sent only when it has changed, as printed, or in every packet.
+#: Whether a value is sent only when it has changed, as printed, or in every packet.
 Sending = Literal["changed", "cyclic"]
 
 #: The checks of a packet: as printed, with CRC-16 after it, and with CRC-16 only, byte-stuffed.
@@ -34,7 +34,7 @@ _MOST_WRONG, _INTERVAL = 1.0, 3600.0
 
 
 def check_formats(n_items: int) -> dict[str, PacketFormat]:
-    """Return a format for 1..84 items by each check of packets."""
+    """Return a packet format for 1..84 items by the name of its check."""
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     formats = (MarkerFormat("A", n), MarkerFormat("A", n, crc=True), CobsFormat(n))
     return dict(zip(CHECKS, formats, strict=True))
@@ -100,7 +100,7 @@ _COLUMNS = (
 @checked
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """What each check detects and misses, by number of items and bit error rate.
+    """Packets that each check detects and misses, by number of items and bit error rate.
 
     Examples
     --------
@@ -180,12 +180,12 @@ def switch_staleness(shares: Shares, period: float, interval: float, sending: Se
     return Staleness(share, interval * moves)
 
 
-# What follows ----------------------------------------------------------------------------------
+# Recommendation --------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Recommendation:
-    """How to send a number of values, and why.
+    """The recommended way to send a number of values, and why.
 
     `sending` is "changed" or "cyclic"; RCS ends a turn without an answer after `turn_timeout` [s];
     `refresh_time` is the mean time in which every value is received once [s]; `wrong_per_year`

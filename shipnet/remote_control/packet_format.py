@@ -1,4 +1,4 @@
-"""What all packets have in common: items, rows of packets, and the effect of bit errors.
+"""Parts shared by all packets: items, rows of packets, and the effect of bit errors.
 
 Bits are inverted independently with a probability p; start and stop bits are left out.
 """
@@ -105,7 +105,7 @@ class Decoded(NamedTuple):
 
 @checked
 class PacketFormat:
-    """What the two formats share; each packs, reads and traces its packets in its own way."""
+    """Base of the two formats, which encode, decode and trace packets in their own ways."""
 
     __slots__ = ()
 

@@ -15,7 +15,7 @@ from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
 
-#: What each case shows, and its colour: normal pale, abnormal strong.
+#: The flags and places that define each case, and its colour: normal pale, abnormal strong.
 _CASES = {
     "b": ("b: same flags, no >= get_no", "#cfe3f3"),
     "d": ("d: flags differ, no < get_no", "#9cc4e4"),
@@ -102,7 +102,7 @@ def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
 
 
 def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
-    """Draw what the four variables show of the unread bytes, over how many there are."""
+    """Draw how many bytes the four variables show as unread, over how many are."""
     ax = style.axes(ax)
     leads = np.arange(len(letters))
     ax.plot(leads, leads, color="0.5", linewidth=1, label="truly unread")
@@ -249,7 +249,7 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
         beside = items + 0.4 * place
         low, high = (rows[name].to_numpy(dtype=float) for name in ("low", "high"))
         bounds += high[count == 0].tolist()
-        # See `CobsFormat`: of the byte-stuffed packet the share is an estimate from above.
+        # The share of the byte-stuffed packet is an upper estimate, see `CobsFormat`.
         label = f"{check}" + ", upper estimate" * (check == "CRC")
         ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=label)
         some = count > 0

@@ -50,7 +50,7 @@ class State(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What one step of the reader did, in the case that it found.
+    """One step of the reader, and the case in which it took place.
 
     It took a `byte`, waited, stopped receiving, or repaired the ring. `lost` counts the unread
     bytes that it skipped; a `stale` byte was read before, or never received.

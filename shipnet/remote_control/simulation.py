@@ -31,7 +31,7 @@ _FORWARDED = {"BCS": ("SS", forwarded("BCS", "SS")), "SS": ("BCS", forwarded("SS
 _MOST_EVENTS = 20_000_000
 
 
-# What is simulated, and what came of it --------------------------------------------------------
+# Changes and results ---------------------------------------------------------------------------
 
 
 @record
@@ -165,7 +165,7 @@ class Run:
         return table.astype({"comm_f": "Int64"})
 
     def history(self, number: int, station: str) -> pd.DataFrame:
-        """Return the values that a station had of a number, each from its ``time_s`` on.
+        """Return the values of a number at a station, each valid from its ``time_s``.
 
         They are those that it set itself, or if it set none, those that it received.
         """
@@ -306,7 +306,7 @@ class _Simulation:
         self.run_ = Run(system, self.end, faults)
         self.marked = isinstance(system.packet_format, MarkerFormat)
         self.losses: list[LostPacket] = []
-        # Of each station: packets whose last byte is in its ring and not yet read.
+        # The packets of each station whose last byte is in its ring and not yet read.
         self.waiting: dict[str, list[Packet]] = {name: [] for name in STATIONS}
         for fault in faults:
             if isinstance(fault, LostPacket):
@@ -474,7 +474,7 @@ class _Simulation:
             if waits and counter.step():
                 self._note(station, "failed", partner)
                 if station.master:
-                    # That it goes on to its next partner is our reading.
+                    # We assume that it goes on to its next partner.
                     self._leave(station, station.turn)
 
     def _time_out(self, station: Station, turn: int) -> None:

@@ -46,7 +46,7 @@ def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, in
 
 
 def _values(name: str, values: Sequence[int]) -> list[int]:
-    # check_whole, and the name of a value, is for suspicious values: there are two per byte.
+    # Only suspicious values are checked in full and named: there are two values per byte.
     return [
         value
         if type(value) is int and 0 <= value <= 0xFFFF
@@ -95,9 +95,9 @@ class State(Enum):
 
 
 class Reading(NamedTuple):
-    """What the task found when it emptied the ring.
+    """The content of the ring when the task emptied it.
 
-    `repaired` says whether the reader gave up a part of the ring (case c), `stopped` whether it
+    `repaired` says whether the reader skipped a part of the ring (case c), `stopped` whether it
     stopped before the ring was empty (case a), `lost` how many bytes are never read.
     """
 

@@ -51,7 +51,7 @@ class Value:
     @property
     def routes(self) -> tuple[tuple[str, ...], ...]:
         """The stations that it passes, one tuple per source and other station that uses it."""
-        # BCS and SS have no line between them: what one sends the other goes through RCS.
+        # BCS and SS have no line between them: values from one to the other go through RCS.
         users = (*self.sources, *self.readers)
         pairs = [(a, b) for a in self.sources for b in users if a != b]
         return tuple((a, b) if "RCS" in (a, b) else (a, "RCS", b) for a, b in pairs)
@@ -96,7 +96,7 @@ def forwarded(source: str, target: str) -> frozenset[int]:
 @checked
 @record
 class Supervision:
-    r"""The rule by which silence becomes a failure.
+    r"""The rule by which a silent partner is taken as failed.
 
     Every tick adds 1 to ``count``, and any 0xDD clears ``count`` and ``miss``. A ``count`` beyond
     its limit is cleared and adds 1 to ``miss``; a ``miss`` beyond its limit is a failure. With
@@ -207,7 +207,7 @@ class Counter:
 
 
 class Cascade(NamedTuple):
-    """What BCS sees while RCS waits for a dead SS; times in seconds.
+    """The silence that BCS observes while RCS waits for a dead SS; times in seconds.
 
     The pairs are the shortest and the longest time, depending on the timers, in the first turn of
     an SS that died while it was silent: how long RCS waits for an answer, how long BCS hears
@@ -373,7 +373,7 @@ class System:
         return pd.DataFrame(rows, columns=columns + [f"{a}-{b}" for a, b in HOPS])
 
     def cascade(self) -> Cascade:
-        r"""Return what BCS sees when SS dies.
+        r"""Return the silence that BCS observes when SS dies.
 
         .. math:: T_i' = t + P + W + b \, t_c
 

@@ -19,7 +19,7 @@ from tests.can.test_messages import DBC
 RATES = [20e3, 50e3, 125e3, 250e3]
 
 
-def test_each_bit_rate_has_its_load_its_late_messages_and_its_verdict():
+def test_each_bit_rate_has_a_load_late_messages_and_a_verdict():
     messages = can.example()
     found = can.analyse(messages, reversed(RATES))
     table = found.table()
@@ -43,7 +43,7 @@ def test_each_bit_rate_has_its_load_its_late_messages_and_its_verdict():
     assert ax.get_xlabel() == "time at 125 kbit/s [ms]"
 
 
-def test_another_order_may_gain_a_bit_rate():
+def test_another_order_may_allow_a_lower_bit_rate():
     turned = can.MessageSet(
         [
             can.Message("slow", 1, 8, 0.1),
@@ -58,7 +58,7 @@ def test_another_order_may_gain_a_bit_rate():
     assert found.table()["some_order"].all()
 
 
-def test_a_set_that_no_bit_rate_can_carry_says_so():
+def test_a_set_that_is_late_at_all_bit_rates_is_reported():
     found = can.analyse(can.example(), 10e3)
     assert found.lowest == found.lowest_in_best_order == math.inf
     assert not found.best.feasible and "lowest bit rate: none" in repr(found)
@@ -68,7 +68,7 @@ def test_a_set_that_no_bit_rate_can_carry_says_so():
     assert can.analyse(can.MessageSet([]), 125e3).lowest == 125e3
 
 
-def test_lists_dbc_files_and_logs_give_their_messages(tmp_path):
+def test_messages_are_read_from_lists_dbc_files_and_logs(tmp_path):
     messages = can.example("lee2012")
     for name in ("list.csv", "list.txt"):
         (tmp_path / name).write_text(messages.text)
@@ -85,7 +85,7 @@ def test_lists_dbc_files_and_logs_give_their_messages(tmp_path):
         can.analyse(tmp_path / "none.csv")
 
 
-def test_a_log_shows_the_messages_that_made_it():
+def test_a_log_of_a_simulated_bus_shows_its_messages():
     messages = can.example()
     log = can.simulate(messages, 125e3, until=5.0).log()
     found = log.messages()
@@ -120,7 +120,7 @@ LIST = [
 
 
 @pytest.mark.parametrize("form", ["xlsx", "semicolons", "tabs"])
-def test_a_list_as_a_supplier_sends_it_is_read_in_one_call(tmp_path, form):
+def test_a_list_in_the_form_of_a_supplier_is_read_in_one_call(tmp_path, form):
     table = pd.DataFrame([row + [""] * (10 - len(row)) for row in LIST])
     file = tmp_path / ("list.xlsx" if form == "xlsx" else "list.csv")
     if form == "xlsx":
@@ -134,7 +134,7 @@ def test_a_list_as_a_supplier_sends_it_is_read_in_one_call(tmp_path, form):
     assert can.analyse(file, [125e3]).ok
 
 
-def test_a_dbc_file_has_the_messages_that_cantools_reads(tmp_path):
+def test_messages_of_a_dbc_file_equal_those_of_cantools(tmp_path):
     cantools = pytest.importorskip("cantools")
     (tmp_path / "ship.dbc").write_text(DBC)
     found = can.read_messages(tmp_path / "ship.dbc", period=0.05)
@@ -158,7 +158,7 @@ def log_of(times, key=0x10, dlc=8):
     return can.Log(np.array(times, float), np.full(n, "0"), np.full(n, key), no, no, codes, data)
 
 
-def test_a_log_of_the_messages_is_as_planned_whoever_wrote_it(tmp_path):
+def test_a_log_of_the_planned_messages_is_as_planned_in_every_format(tmp_path):
     messages = can.example()
     log = can.simulate(messages, 125e3, until=10.0).log()
     messages.save(tmp_path / "list.csv")
@@ -216,7 +216,7 @@ def test_missing_unknown_late_faster_and_other_frames_are_named():
     times=st.lists(st.integers(0, 60), min_size=1, max_size=12),
     period=st.integers(1, 8), deadline=st.integers(1, 12), jitter=st.integers(0, 12),
 )  # fmt: skip
-def test_late_and_faster_are_those_of_every_pair_of_frames(times, period, deadline, jitter):
+def test_late_and_faster_agree_with_a_check_of_all_pairs_of_frames(times, period, deadline, jitter):
     # Another message marks the begin and the end of the log.
     message = can.Message("A", 0x10, 8, period, deadline, jitter)
     times, slack = sorted(times), max(deadline, jitter)
@@ -248,7 +248,7 @@ def test_a_message_that_falls_silent_is_late_and_a_short_log_shows_nothing():
     assert can.compare(can.MessageSet([]), log_of([])).verdict == "0 messages, all as planned"
 
 
-def test_clocks_may_drift_for_an_hour_but_not_by_more_than_a_bus_bears():
+def test_clocks_may_drift_for_an_hour_within_the_tolerance_of_can():
     plan = can.MessageSet([can.Message("A", 0x10, 8, 0.1, deadline=0.01)])
     for drift, verdict in ((0.0, "as planned"), (0.015, "as planned"), (-0.015, "as planned"),
                            (0.017, "late"), (-0.017, "faster")):  # fmt: skip

@@ -29,7 +29,7 @@ def key(frame):
 
 
 @given(st.lists(frames(), min_size=1, max_size=6, unique_by=key))
-def test_the_winner_has_the_least_bits_that_decide_and_its_bits_are_on_the_bus(contenders):
+def test_the_frame_with_the_lowest_bits_wins_and_is_on_the_bus(contenders):
     contest = arbitrate(contenders)
     assert contest.winner == min(contenders, key=key)
     assert contest.winner.bits.startswith(contest.bus)
@@ -67,7 +67,7 @@ def test_a_standard_data_frame_beats_the_extended_one_that_begins_like_it_by_rtr
         ),
     ],
 )
-def test_what_cannot_be_settled_is_refused(wrong, message):
+def test_frames_that_would_collide_are_refused(wrong, message):
     with pytest.raises(ArgumentError) as caught:
         arbitrate(wrong)
     assert str(caught.value) == message
@@ -76,7 +76,7 @@ def test_what_cannot_be_settled_is_refused(wrong, message):
 @pytest.mark.parametrize(
     ("frame", "last"), [(Frame(0x155), "IDE"), (Frame(0x15555555, extended=True), "RTR")]
 )
-def test_the_bus_shows_all_bits_that_can_decide_and_no_more(frame, last):
+def test_the_bus_has_exactly_the_bits_that_can_decide(frame, last):
     decides = {field.name: field.line_start for field in frame.fields}[last]
     assert arbitrate([frame]).bus == frame.bits[: decides + 1]
 
@@ -85,7 +85,7 @@ CONTEST = arbitrate([Frame(0x100), Frame(0x101), Frame(0x200)])
 
 
 @pytest.mark.parametrize("upto", [None, 0, 2, 9, 14])
-def test_the_picture_shows_what_was_sent_up_to_its_bit(upto):
+def test_the_picture_shows_the_bits_sent_up_to_its_last_bit(upto):
     ax = CONTEST.plot(["a", "b", "c"], Figure().subplots(), upto=upto)
     last = 14 if upto is None else upto
     rows = {}

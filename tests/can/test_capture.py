@@ -148,14 +148,14 @@ def test_bits_on_the_line_are_those_of_the_frames(boat):
     )
 
 
-def test_the_rate_found_gives_the_same_frames_as_the_rate_given():
+def test_the_detected_rate_gives_the_same_frames_as_the_stated_rate():
     for file, rate in [(SNIPPET, 250e3), *((file, 125e3) for file in BOARD.values())]:
         found, given = read_capture(file), read_capture(file, rate)
         assert found.bit_rate == rate
         assert found.table().equals(given.table())
 
 
-def test_the_board_sends_one_frame_at_a_time_and_its_labels_are_no_loads():
+def test_the_labels_of_the_board_are_not_bus_loads():
     found = {name: read_capture(file) for name, file in BOARD.items()}
     assert {name: len(capture.log) for name, capture in found.items()} == {
         "25": 14, "75": 107, "extended": 5,
@@ -172,7 +172,7 @@ def test_the_board_sends_one_frame_at_a_time_and_its_labels_are_no_loads():
 # A second route ---------------------------------------------------------------------------------
 
 
-def test_rows_are_read_as_one_frame_is():
+def test_rows_are_read_like_single_frames():
     rng = np.random.default_rng(7)
     frames = some_frames(1500, 3)
     line = np.ones((176, len(frames)), dtype=np.uint8)
@@ -226,7 +226,7 @@ def test_senders_that_are_fast_and_slow_are_read(per_bit, off, gap, save):
     assert read_back(capture) == frames
 
 
-def test_clocks_that_differ_too_much_at_two_samples_are_listed_and_none_is_wrong(save):
+def test_frames_of_deviating_clocks_are_read_correctly_or_listed(save):
     frames = some_frames(500, 5)
     capture = read_capture(save(session(levels_of(frames, 2, off=0.005), rate="250 kHz")), 125e3)
     faults = (capture.table()["error"] != "ok").sum()
@@ -234,7 +234,7 @@ def test_clocks_that_differ_too_much_at_two_samples_are_listed_and_none_is_wrong
     assert set(read_back(capture)) <= set(frames)
 
 
-def test_of_damaged_frames_few_are_taken_for_right_and_most_of_these_are_marked(save):
+def test_few_damaged_frames_pass_as_correct_and_most_of_them_are_marked(save):
     taken = {}
     for per_bit in (2, 8):
         frames = some_frames(3000, per_bit)
@@ -322,7 +322,7 @@ def test_voltages_of_a_bus_are_read(rate, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("per_bit", [4, 20])
-def test_noise_of_a_seventh_of_the_swing_moves_no_bit(per_bit, tmp_path):
+def test_noise_of_a_seventh_of_the_swing_changes_no_bit(per_bit, tmp_path):
     frames = some_frames(40, 3)
     bits = "1" * 15 + "".join(frame.bits + "1" * 12 for frame in frames)
     volts = np.repeat([2.0 if bit == "0" else 0.0 for bit in bits], per_bit)
@@ -368,7 +368,7 @@ def refused(file, *arguments, **options):
     return str(refusal.value)
 
 
-def test_noise_and_other_signals_give_faults_only(save):
+def test_noise_and_other_signals_are_read_as_faults_only(save):
     rng = np.random.default_rng(4)
     for levels in (
         rng.integers(0, 2, 100_000),
@@ -407,8 +407,8 @@ def test_can_fd_and_error_flags_are_named(save):
     ("content", "message"),
     [
         (session([0, 1] * 50)[:-40], "not a whole .sr file"),
-        (session([0, 1] * 50, rate="fast"), "it gives no times"),
-        (session([1]), "it holds 1 sample"),
+        (session([0, 1] * 50, rate="fast"), "it has no times"),
+        (session([1]), "it has 1 sample"),
         (session([0, 1] * 50, metadata="unitsize=3\n"), "its unitsize is 3; expected 1, 2, 4 or 8"),
         (session([0, 1] * 50, metadata="capturefile=other\n"), "a part of other is missing"),
         (session(np.zeros(20_000_000)), "it unpacks to 20000000 bytes of logic; at most 1"),

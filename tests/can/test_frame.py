@@ -40,7 +40,7 @@ def test_lengths_are_those_of_can_utils():
         assert frame.length == int(row["length_with_intermission"]), str(frame)
 
 
-def test_frames_known_to_be_long_have_their_crc_and_stuff_bits():
+def test_known_long_frames_have_the_expected_crc_and_stuff_bits():
     for row, frame in zip(rows("worst_attainable_frames.csv"), LONGEST, strict=True):
         assert frame.crc == int(row["crc15"])
         assert frame.stuff_bits == int(row["stuff_bits"])
@@ -141,12 +141,12 @@ def test_a_frame_takes_its_bits_and_the_intermission_at_1_kbit_to_1_mbit():
         ({"remote": 1}, "remote is 1"),
     ],
 )
-def test_what_no_frame_can_be_is_refused(arguments, message):
+def test_impossible_frames_are_refused(arguments, message):
     with pytest.raises(ArgumentError, match=message):
         Frame(**{"arbitration_id": 1} | arguments)
 
 
-def test_other_kinds_of_numbers_and_bytes_do_as_well():
+def test_other_kinds_of_numbers_and_bytes_are_accepted():
     frame = Frame(np.int16(5), bytearray(b"12"), np.True_, np.False_, np.uint8(2))
     assert frame == Frame(5, b"12", extended=True)
     assert hash(frame) == hash(Frame(5, b"12", extended=True))
@@ -163,7 +163,7 @@ def flipped(bits, place):
 
 
 @given(frames(), st.data())
-def test_no_single_wrong_bit_passes_but_the_last_of_end_of_frame(frame, data):
+def test_every_single_wrong_bit_but_the_last_is_detected(frame, data):
     place = data.draw(st.integers(0, len(frame.bits) - 1))
     damaged = flipped(frame.bits, place) + "1" * 40
     if place < len(frame.bits) - 1:
@@ -184,7 +184,7 @@ def test_any_bits_give_a_frame_or_the_error_of_a_class(bits):
 
 
 @given(frames(), st.data())
-def test_what_looks_like_a_frame_is_one_or_gives_its_error(frame, data):
+def test_bits_that_resemble_a_frame_give_a_frame_or_its_error(frame, data):
     bits = frame.bits
     for _ in range(data.draw(st.integers(1, 4))):
         bits = flipped(bits, data.draw(st.integers(0, len(bits) - 1)))

@@ -28,7 +28,7 @@ def test_lengths_are_those_of_the_reference(row):
         assert frame_length(s, stuffing=stuffing, extended=extended) == int(row[column])
 
 
-def test_the_bound_is_55_and_80_bits_with_ten_a_byte():
+def test_the_bound_is_55_or_80_bits_and_ten_per_byte():
     s = np.arange(9)
     assert frame_length(s).tolist() == (55 + 10 * s).tolist()
     assert frame_length(s, extended=True).tolist() == (80 + 10 * s).tolist()
@@ -201,11 +201,11 @@ def assert_batch_is_as_frames(found):
 
 
 @given(st.lists(frames(), min_size=1, max_size=8))
-def test_any_frames_are_as_the_scalar_code_has_them(found):
+def test_the_lengths_of_any_frames_equal_those_of_the_scalar_code(found):
     assert_batch_is_as_frames(found)
 
 
-def test_thousands_of_frames_are_as_the_scalar_code_has_them():
+def test_the_lengths_of_thousands_of_frames_equal_those_of_the_scalar_code():
     assert_batch_is_as_frames(list(some_frames(2000)))
 
 
@@ -233,7 +233,7 @@ def test_more_frames_than_one_chunk_keep_their_order():
     assert (long == short[number]).all() and len(np.unique(short)) > 5
 
 
-def test_bytes_of_zero_cost_more_stuff_bits_than_random_data_do():
+def test_bytes_of_zero_cost_more_stuff_bits_than_random_data():
     zeros = measure_frames(np.arange(2048), np.zeros((2048, 8), int)) - frame_length(
         8, stuffing="none"
     )

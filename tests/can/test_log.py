@@ -157,7 +157,7 @@ GOOD = "(1.000000) can0 123#0102\n"
         ("(2.0) can0 \xff#01", "line 2: "),
     ],
 )
-def test_a_bad_line_is_named_and_the_rest_kept_on_request(tmp_path, line, message):
+def test_a_bad_line_is_named_and_the_others_are_kept_on_request(tmp_path, line, message):
     path = tmp_path / "bus.log"
     path.write_text(GOOD + line + "\n" + GOOD, encoding="latin-1")
     with pytest.raises(InputError) as caught:
@@ -200,7 +200,7 @@ def test_any_bytes_are_read_or_refused(tmp_path_factory, content, prefixed):
             read_log(path)
 
 
-def test_a_file_without_frames_and_one_that_is_not_there(tmp_path):
+def test_empty_and_missing_files_are_reported(tmp_path):
     path = tmp_path / "empty.log"
     path.write_text("")
     assert read_log(path).data.shape == (0, 8)
@@ -215,7 +215,7 @@ def test_a_file_without_frames_and_one_that_is_not_there(tmp_path):
         read_log(path).save(tmp_path / "bus.asc")
 
 
-def test_a_missing_library_is_named_with_the_line_that_installs_it(tmp_path, monkeypatch):
+def test_a_missing_library_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch):
     (tmp_path / "ship.dbc").write_text('VERSION ""')
     (tmp_path / "bus.asc").write_text("base hex timestamps absolute")
     for module, call in (
@@ -233,7 +233,7 @@ def exact(log, chosen):
     return measure_frames(ids, data, dlc, extended=extended, remote=remote)
 
 
-def test_the_load_is_that_of_a_loop_over_windows():
+def test_the_load_equals_that_of_a_loop_over_windows():
     log = random_log(400, np.random.default_rng(5))
     load = log.load(250e3, window=5.0)
     windows, table = load.windows(), load.table()
@@ -288,13 +288,13 @@ def test_the_log_of_a_run_has_frames_as_long_as_their_messages():
         ({"window": np.nan}, "window is nan"),
     ],
 )
-def test_a_load_needs_sensible_arguments(change, message):
+def test_arguments_of_a_load_are_checked(change, message):
     log = random_log(5, np.random.default_rng(6))
     with pytest.raises(ArgumentError, match=message):
         log.load(**{"bit_rate": 125e3, **change})
 
 
-def test_a_frame_that_cannot_be_has_no_length():
+def test_an_impossible_frame_is_refused_in_a_log():
     log = random_log(5, np.random.default_rng(6), channels=("can0",))
     short = np.zeros(5, dtype=bool)
     for change, why in (
@@ -336,7 +336,7 @@ def test_a_log_is_a_table_with_data_in_hexadecimal_digits():
         (6, "AAECAwQFBgcICQ==", "it has 10 bytes of data; it must have 0..8"),
     ],
 )
-def test_frames_of_other_formats_that_cannot_be_are_faults(tmp_path, column, cell, fault):
+def test_impossible_frames_of_other_formats_are_faults(tmp_path, column, cell, fault):
     can = pytest.importorskip("can")
     path = tmp_path / "bus.csv"
     log = random_log(3, np.random.default_rng(8), channels=("1",))
@@ -377,7 +377,7 @@ def candump(tmp_path, text, name="bus.log"):
     ],
 )
 @pytest.mark.parametrize("name", ["bus.log", "bus.txt", "bus.asc", "bus.csv"])
-def test_what_candump_prints_is_read_whatever_the_suffix(tmp_path, lines, name):
+def test_output_of_candump_is_read_with_any_suffix(tmp_path, lines, name):
     log = read_log(candump(tmp_path, "\n".join(lines) + "\n", name))
     assert log.arbitration_id.tolist() == [0x123, 0x18FEF100]
     assert log.extended.tolist() == log.remote.tolist() == [False, True]
@@ -390,7 +390,7 @@ def test_what_candump_prints_is_read_whatever_the_suffix(tmp_path, lines, name):
         assert repr(log) == "Log(2 frames without times)"
 
 
-def test_a_log_without_times_gives_no_load_and_no_intervals(tmp_path):
+def test_a_log_without_times_has_no_load_and_no_intervals(tmp_path):
     log = read_log(candump(tmp_path, "  can0  010   [1]  01\n" * 3))
     for use in (lambda: log.load(125e3), lambda: log.save(tmp_path / "again.log")):
         with pytest.raises(ArgumentError, match=r"the log has no time stamps; .* needs them"):
@@ -416,7 +416,7 @@ def test_a_log_without_times_gives_no_load_and_no_intervals(tmp_path):
         ("(0.5)  can0  123   [0]", "the time 0.5 s is out of order on can0"),
     ],
 )
-def test_a_pasted_frame_that_cannot_be_is_a_fault(tmp_path, line, why):
+def test_an_impossible_pasted_frame_is_a_fault(tmp_path, line, why):
     path = candump(tmp_path, f"{GOOD}{line}\n(3.0) can0 123#\n")
     with pytest.raises(InputError, match=f"line 2: {re.escape(why)}"):
         read_log(path)
@@ -462,7 +462,7 @@ def test_tables_of_loggers_are_read_without_python_can(tmp_path, monkeypatch, na
         ("1,0123,false,Rx,0,1,1FF", "the data are '1FF'; expected bytes"),
     ],
 )
-def test_rows_of_savvycan_that_cannot_be_are_faults(tmp_path, row, why):
+def test_impossible_rows_of_savvycan_are_faults(tmp_path, row, why):
     path = candump(tmp_path, f"{SAVVYCAN}{row}\n1,0123,false,Rx,0,0\n")
     with pytest.raises(InputError, match=f"line 2: {re.escape(why)}"):
         read_log(path)
@@ -502,7 +502,7 @@ TRC = """;$FILEVERSION=2.1
         (TRC, "      2       nan DT 1     0123 Rx -  1    01", 5, "the time is nan"),
     ],
 )
-def test_a_bad_line_costs_no_other_frame_of_asc_and_trc(tmp_path, text, line, place, why):
+def test_a_bad_line_of_asc_or_trc_costs_no_other_frame(tmp_path, text, line, place, why):
     pytest.importorskip("can")
     path = candump(tmp_path, text.format(line))
     with pytest.raises(InputError) as caught:
@@ -541,7 +541,7 @@ def mixed_message(can, k):
 
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".blf"])
 @pytest.mark.parametrize("keep", [False, True])
-def test_fd_and_error_frames_are_counted_and_cost_nothing(tmp_path, suffix, keep):
+def test_fd_and_error_frames_are_set_aside_and_counted(tmp_path, suffix, keep):
     can = pytest.importorskip("can")
     path = tmp_path / f"bus{suffix}"
     with can.Logger(path) as logger:
@@ -559,7 +559,7 @@ def test_fd_and_error_frames_are_counted_and_cost_nothing(tmp_path, suffix, keep
     assert repr(load).endswith("; 6 frames; 4 left out)")
 
 
-def test_an_fd_or_error_row_of_a_table_or_a_print_is_counted(tmp_path):
+def test_fd_and_error_frames_in_tables_and_printed_logs_are_counted(tmp_path):
     pytest.importorskip("can")
     fd = ",".join(["00"] * 12)
     for text, kinds in (
@@ -600,7 +600,7 @@ def test_a_blf_file_whose_objects_never_end_is_refused(tmp_path, size, kind):
     assert read_log(path, keep=True).arbitration_id.tolist() == [0, 2]
 
 
-def test_a_damaged_blf_file_keeps_what_is_sound(tmp_path):
+def test_intact_frames_of_a_damaged_blf_file_are_kept(tmp_path):
     can = pytest.importorskip("can")
     path = tmp_path / "bus.blf"
     data = written_blf(can, path, 20)
@@ -621,7 +621,7 @@ def test_a_damaged_blf_file_keeps_what_is_sound(tmp_path):
     assert len(read_log(path, keep=True)) == 19
 
 
-def test_a_blf_file_that_unpacks_to_much_more_is_refused(tmp_path, monkeypatch):
+def test_a_blf_file_that_unpacks_to_far_more_bytes_is_refused(tmp_path, monkeypatch):
     pytest.importorskip("can")
     monkeypatch.setattr("shipnet.can.log_files._LARGEST", 1 << 16)
     packed = zlib.compress(bytes(1 << 22))
@@ -640,7 +640,7 @@ def test_data_beyond_the_data_length_code_are_a_fault(tmp_path):
         read_log(candump(tmp_path, PYTHON_CAN + row, "bus.csv"))
 
 
-def test_times_out_of_order_are_left_out_and_as_few_as_possible(tmp_path):
+def test_as_few_frames_as_possible_are_left_out_to_restore_the_order(tmp_path):
     times = [1, 2, 900, 3, 4, 3.5, 5]
     text = "".join(f"({time:.1f}) can0 123#\n(9.0) can1 124#\n" for time in times)
     path = candump(tmp_path, text)

@@ -30,7 +30,7 @@ REFERENCE = Path(__file__).parents[1] / "reference" / "can"
         ("bits", 46), ("bits", 161), ("bits", 100.5),
     ],
 )  # fmt: skip
-def test_a_message_refuses_what_is_out_of_range(field, value):
+def test_a_message_refuses_values_out_of_range(field, value):
     right = {"name": "A", "arbitration_id": 1, "dlc": 8, "period": 0.1}
     with pytest.raises(ArgumentError, match=f"^{field} is "):
         Message(**right | {field: value})
@@ -63,7 +63,7 @@ def test_messages_are_sorted_in_the_order_of_arbitration():
     assert list(MessageSet(rng.permutation(np.array(messages, dtype=object)))) == expected
 
 
-def test_a_set_names_all_that_is_taken():
+def test_a_set_names_all_duplicates():
     with pytest.raises(ArgumentError) as caught:
         MessageSet(
             [
@@ -93,7 +93,7 @@ def test_a_set_is_a_sequence():
         messages["C"]
 
 
-def test_another_order_keeps_the_identifiers_or_counts_up_where_formats_mix():
+def test_another_order_keeps_the_identifiers_or_numbers_mixed_formats():
     messages = MessageSet([Message(n, i, 8, 1.0) for n, i in (("A", 5), ("B", 7), ("C", 9))])
     turned = messages.ordered(["C", "A", "B"])
     assert [(m.name, m.arbitration_id) for m in turned] == [("C", 5), ("A", 7), ("B", 9)]
@@ -138,7 +138,7 @@ def sets(draw):
 
 @settings(max_examples=40)
 @given(sets())
-def test_a_saved_set_comes_back_to_the_nanosecond(tmp_path_factory, messages):
+def test_a_saved_set_is_read_back_to_the_nanosecond(tmp_path_factory, messages):
     file = tmp_path_factory.getbasetemp() / "set.csv"
     messages.save(file)
     assert read_messages(file) == messages
@@ -166,7 +166,7 @@ def load(tmp_path, content):
     return read_messages(file)
 
 
-def test_a_file_as_a_spreadsheet_writes_it(tmp_path):
+def test_files_in_the_form_of_a_spreadsheet_are_read(tmp_path):
     content = (
         "\ufeffName;Arbitration_ID;Extended;DLC;Period_ms;Deadline_ms;Jitter_ms;Note;\r\n"
         "oil;0x1F;no;8;100;50.5;.25;fast;\r\n;;;;;;;;\r\ngas;300;YES;0;1e3;;;;\r\n"
@@ -213,7 +213,7 @@ def test_all_faults_of_a_file_are_named_at_once(tmp_path):
     )
 
 
-def test_an_identifier_may_have_zeros_in_front():
+def test_an_identifier_may_have_leading_zeros():
     for number, expected in (("002", 2), ("0070000", 70000), ("0x002", 2)):
         messages = MessageSet.parse(f"name,arbitration_id,dlc,period_ms\nA,{number},8,10\n")
         assert messages["A"].arbitration_id == expected
@@ -244,13 +244,13 @@ def test_what_is_not_a_message_set_is_refused(tmp_path, content, message):
     assert any(message in fault for fault in caught.value.faults)
 
 
-def test_a_file_that_is_not_there(tmp_path):
+def test_a_missing_file_is_reported(tmp_path):
     with pytest.raises(InputError, match=r"none\.csv: cannot be read"):
         read_messages(tmp_path / "none.csv")
 
 
 @given(st.binary(max_size=200) | st.text("name,dlc;period_ms\n\"'0123x.-", max_size=200))
-def test_whatever_a_file_holds_it_is_a_set_or_an_input_error(tmp_path_factory, content):
+def test_any_file_gives_a_set_or_an_input_error(tmp_path_factory, content):
     head = b"name,arbitration_id,dlc,period_ms\nA,1,8,10\n"
     file = tmp_path_factory.getbasetemp() / "any.csv"
     file.write_bytes(head + (content if isinstance(content, bytes) else content.encode()))
@@ -287,7 +287,7 @@ def test_the_set_of_lee2012_has_the_frames_and_bits_of_the_reference():
         assert busy == pytest.approx(float(rows["TOTAL"][column]), rel=1e-12)
 
 
-def test_load_goes_along_the_bit_rates():
+def test_load_is_vectorised_over_bit_rates():
     messages = MessageSet(
         [Message("A", 1, 8, 5e-3), Message("B", 2, 0, 0.1, bits=60), Message("C", 3, 8, 1.0)]
     )
@@ -333,7 +333,7 @@ def test_a_message_is_replaced_by_name():
         "rpm,419361024,4,1.0,yes,JB2\n",
     ],
 )
-def test_titles_as_yards_write_them_are_understood(tmp_path, text):
+def test_titles_in_the_words_of_yards_are_understood(tmp_path, text):
     expected = MessageSet(
         [
             Message("oil", 0x110, 8, 0.02, sender="JB1"),
@@ -347,7 +347,7 @@ def test_titles_as_yards_write_them_are_understood(tmp_path, text):
     assert read_messages(book) == expected
 
 
-def test_a_file_with_other_titles_and_without_periods(tmp_path):
+def test_titles_can_be_named_and_a_period_given(tmp_path):
     file = tmp_path / "yard.csv"
     file.write_text("Name;Number;DLC;Every\noil;0x10;8;20\ngas;0x11;4;\n")
     columns = {"Number": "arbitration_id", "Every": "period_ms"}
@@ -443,7 +443,7 @@ def test_a_cycle_time_that_is_text_is_read_or_refused(tmp_path):
         read_messages(file, period=0.05)
 
 
-def test_any_exception_of_cantools_is_ours(tmp_path, monkeypatch):
+def test_any_exception_of_cantools_becomes_an_input_error(tmp_path, monkeypatch):
     cantools = pytest.importorskip("cantools")
 
     def fail(*given, **options):
@@ -454,7 +454,7 @@ def test_any_exception_of_cantools_is_ours(tmp_path, monkeypatch):
         parse_dbc(DBC, "ship.dbc")
 
 
-def test_a_dbc_with_floats_and_multiplexers_gives_its_messages_and_is_never_written(tmp_path):
+def test_a_dbc_with_floats_and_multiplexers_is_read_and_never_written(tmp_path):
     pytest.importorskip("cantools")
     file = tmp_path / "ship.dbc"
     file.write_text(f"""VERSION ""
@@ -485,7 +485,7 @@ def test_the_cycle_times_of_a_dbc_give_load_and_response_times(tmp_path):
     assert response_times(messages, 125e3).late == []
 
 
-def test_what_is_not_a_dbc_is_refused(tmp_path):
+def test_a_file_that_is_not_a_dbc_is_refused(tmp_path):
     pytest.importorskip("cantools")
     with pytest.raises(InputError, match=r"none\.dbc: cannot be read"):
         read_messages(tmp_path / "none.dbc")

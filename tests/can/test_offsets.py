@@ -94,7 +94,7 @@ def test_a_bound_with_offsets_is_one_instance_without_a_busy_period(offset):
 
 
 @pytest.mark.parametrize(("jitter", "cases"), [(0.0, 30), (0.3, 8)])
-def test_no_simulated_response_passes_the_bound_and_no_bound_that_without_offsets(jitter, cases):
+def test_no_simulated_response_exceeds_the_bound_and_offsets_never_raise_it(jitter, cases):
     rng, tight = np.random.default_rng(2), []
     for _ in range(cases):
         messages = random_set(rng, jitter=jitter)
@@ -114,7 +114,7 @@ def test_no_simulated_response_passes_the_bound_and_no_bound_that_without_offset
     assert np.mean(tight) > 0.2
 
 
-def test_what_is_queued_within_the_arbitration_time_of_the_own_sender_goes_first():
+def test_a_frame_of_the_own_sender_queued_within_the_arbitration_time_goes_first():
     # After a frame of 50 bits m1 is sent, unless m0 is queued less than a bit later.
     for offset, expected in ((50, 210), (50.5, 210), (51, 150)):
         messages = can.MessageSet(
@@ -162,7 +162,7 @@ def test_a_sender_whose_hyperperiod_is_too_long_counts_as_several(monkeypatch):
         (125e3, {"period": 1e-3, "jitter": 1e5, "bits": 47}, {"period": 1.0}),
     ],
 )
-def test_clocks_that_cannot_be_followed_give_the_bounds_without_offsets(bit_rate, fast, slow):
+def test_clocks_too_long_to_follow_have_the_bounds_without_offsets(bit_rate, fast, slow):
     messages = can.MessageSet(
         can.Message(f"m{k}", k, 8, sender="s", **more) for k, more in enumerate((fast, slow))
     )
@@ -215,7 +215,7 @@ def spread_slowly(messages):
 
 
 @pytest.mark.parametrize("case", range(6))
-def test_offsets_are_spread_as_by_loops_and_without_a_sender_they_stay(case):
+def test_offsets_equal_those_of_loops_and_stay_without_a_sender(case):
     rng = np.random.default_rng(case)
     mine = [
         can.Message(f"m{k}", k, int(rng.integers(9)), float(rng.choice([5, 10, 15, 20])) / 1e3,

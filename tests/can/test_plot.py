@@ -31,7 +31,7 @@ def in_order(artists, place):
 
 
 @pytest.mark.parametrize("frame", FRAMES, ids=str)
-def test_bits_stuff_bits_and_levels_are_those_of_the_frame(ax, frame):
+def test_the_drawing_has_the_bits_stuff_bits_and_levels_of_the_frame(ax, frame):
     assert frame.plot(ax) is ax
     bits = [text for text in ax.texts if text.get_fontfamily() == ["monospace"]]
     assert "".join(text.get_text() for text in in_order(bits, lambda t: t.get_position())) == (

@@ -29,7 +29,7 @@ def random_set(rng, n=4):
     )
 
 
-def test_audsley_finds_an_order_exactly_where_one_of_all_orders_works():
+def test_audsley_finds_an_order_exactly_if_one_of_all_orders_works():
     rng = np.random.default_rng(2024)
     verdicts, better = [], 0
     for _ in range(150):
@@ -46,13 +46,13 @@ def test_audsley_finds_an_order_exactly_where_one_of_all_orders_works():
     assert better > 0
 
 
-def test_the_order_before_does_not_matter():
+def test_the_given_order_does_not_matter():
     messages = random_set(np.random.default_rng(5))
     found = {audsley(messages.ordered(o), FAST).feasible for o in permutations(messages.names)}
     assert len(found) == 1
 
 
-def test_what_cannot_be_placed_is_named():
+def test_messages_that_cannot_be_placed_are_named():
     messages = MessageSet(
         [
             Message("slow", 1, 8, 1.0),
@@ -67,7 +67,7 @@ def test_what_cannot_be_placed_is_named():
     assert audsley(MessageSet([]), FAST) == (MessageSet([]), True, ())
 
 
-def test_what_cannot_be_placed_comes_first_in_the_order_of_deadlines():
+def test_messages_that_cannot_be_placed_come_first_by_their_deadlines():
     messages = MessageSet(
         [
             Message("b", 1, 8, 0.001, deadline=220 * US),
@@ -80,7 +80,7 @@ def test_what_cannot_be_placed_comes_first_in_the_order_of_deadlines():
     assert found.messages.names == ("a", "b", "c")
 
 
-def test_an_order_that_fails_in_a_second_instance_alone_is_not_feasible():
+def test_an_order_that_fails_only_in_a_second_instance_is_not_feasible():
     # The example of Davis et al. 2007: B and C are alike, and the lower of them takes 3.5 ms.
     messages = MessageSet(
         [
@@ -103,7 +103,7 @@ def test_assumptions_and_errors_reach_the_test_of_an_order():
     assert audsley(short, FAST, assumptions=Assumptions(intermission="between")).feasible
 
 
-def test_the_order_of_deadlines_breaks_ties_by_the_order_before():
+def test_the_order_of_deadlines_breaks_ties_by_the_given_order():
     messages = MessageSet(
         [Message("a", 1, 8, 2.0, 0.5), Message("b", 2, 8, 1.0), Message("c", 3, 8, 1.0, 0.5)]
     )

@@ -61,7 +61,7 @@ def test_the_example_of_davis_2007_is_reproduced(row):
     assert len(found.instances) == int(row["Q"])
 
 
-def test_a_set_that_fails_in_a_second_instance_alone_is_not_schedulable():
+def test_a_set_that_fails_only_in_a_second_instance_is_not_schedulable():
     assert not schedulable(davis_messages(), 125_000)
     patient = [replace(m, deadline=3.5e-3) for m in davis_messages()[1:]]
     assert schedulable(MessageSet([davis_messages()[0], *patient]), 125_000)
@@ -149,7 +149,7 @@ def test_the_worst_release_attains_the_response_of_every_instance(drawn, few):
 
 
 @pytest.mark.parametrize("case", range(24))
-def test_messages_solved_together_respond_as_those_solved_one_by_one(case):
+def test_messages_solved_together_equal_those_solved_one_by_one(case):
     rng = np.random.default_rng(case)
     rate, number = (125_000, 250_000, 83_333, FAST)[case % 4], int(rng.integers(20, 60))
     sizes, ranks = rng.integers(0, 9, number), rng.permutation(number)
@@ -179,7 +179,7 @@ def test_messages_solved_together_respond_as_those_solved_one_by_one(case):
         {"period": 0.13e-3},  # the bus is overloaded
     ],
 )
-def test_what_cannot_be_solved_together_is_solved_one_by_one(odd):
+def test_sets_that_cannot_be_solved_together_are_solved_one_by_one(odd):
     messages = [Message(f"m{k}", k, 8, 0.1) for k in range(20)]
     found = response_times(MessageSet([*messages, Message("odd", 99, 8, **odd)]), 999_983)
     alone = response_times(MessageSet([*messages, Message("odd", 99, 8, 0.1)]), 999_983)
@@ -188,7 +188,7 @@ def test_what_cannot_be_solved_together_is_solved_one_by_one(odd):
 
 
 @given(small_sets(most_jitter=1.0), st.integers(0, 2**32 - 1))
-def test_no_release_at_all_passes_the_response(drawn, seed):
+def test_no_release_exceeds_the_bound(drawn, seed):
     frames, periods, jitters = drawn
     rng = np.random.default_rng(seed)
     bound = [round(r.response / US) for r in response_times(message_set(*drawn), FAST)]
@@ -206,7 +206,7 @@ def test_no_release_at_all_passes_the_response(drawn, seed):
 
 
 @given(small_sets(most_jitter=0.5), st.integers(0, 3), st.integers(0, 2**32 - 1))
-def test_no_release_and_no_fault_pass_the_response_with_faults(drawn, burst, seed):
+def test_no_release_and_no_faults_exceed_the_bound_with_faults(drawn, burst, seed):
     frames, periods, jitters = drawn
     rng = np.random.default_rng(seed)
     bound = [
@@ -249,7 +249,7 @@ def test_the_published_responses_with_faults_are_reproduced(count):
             assert one.response * 1e3 == pytest.approx(alone + 0.644 * count, abs=1e-9)
 
 
-def test_the_least_bits_for_an_error_hold_on_a_simulated_bus():
+def test_the_least_cost_of_an_error_bounds_a_simulated_bus():
     messages = MessageSet([Message("A", 1, 8, 0.1, sender="x"), Message("B", 2, 8, 0.1)])
     low = errors(1, bits=faults.ERROR_BITS["least"])
     bound = response_times(messages, FAST, faults=low)["B"].response
@@ -275,7 +275,7 @@ def test_an_error_may_hit_the_longest_frame_that_goes_first():
     assert low.response == pytest.approx((160 + 31 + 160 + 60) * US, rel=1e-12)
 
 
-def test_errors_that_keep_coming_are_counted_by_hand():
+def test_recurring_errors_equal_a_count_by_hand():
     # F = 2 + ceil(t / 500) - 1, 160 bits each; w of the lower one: 135 blocked by none, 100 above.
     messages = message_set([100, 135], [5000, 5000])
     low = response_times(messages, FAST, faults=errors(2, 500 * US, 29))[1]
@@ -313,7 +313,7 @@ def test_more_jitter_longer_frames_and_more_messages_never_help(drawn, data):
 
 
 @given(small_sets(), st.sampled_from([2, 4, 5, 8, 20]))
-def test_time_scales(drawn, factor):
+def test_responses_scale_with_time(drawn, factor):
     frames, periods, jitters = drawn
     slow = message_set(frames, [factor * t for t in periods], [factor * t for t in jitters])
     ours = response_times(slow, FAST // factor)
@@ -322,7 +322,7 @@ def test_time_scales(drawn, factor):
         assert len(a.instances) == len(b.instances)
 
 
-def test_a_bit_time_that_is_not_a_whole_number_of_nanoseconds_gives_the_same_bits():
+def test_responses_in_bits_do_not_depend_on_the_bit_rate():
     # 3 bits take 3 us at 1 Mbit/s and 10 us at 300 kbit/s, so all times are whole nanoseconds.
     few = {"burst": 2, "bits": 31}
     found = {}
@@ -352,7 +352,7 @@ def test_a_frame_that_is_queued_within_the_arbitration_time_goes_first():
     assert last.response == pytest.approx(280 * US)
 
 
-def test_assumptions_shift_the_response_by_what_they_say():
+def test_each_assumption_shifts_the_response_by_its_bits():
     messages = MessageSet(
         [Message("A", 1, 8, 0.01, jitter=0.001), Message("B", 2, 8, 0.01), Message("C", 3, 1, 0.01)]
     )
@@ -372,7 +372,7 @@ def test_assumptions_shift_the_response_by_what_they_say():
     assert response("C") == bits(2 * 135 + 65)
 
 
-def test_an_overloaded_bus_is_an_answer():
+def test_an_overloaded_bus_has_infinite_responses():
     messages = message_set([100, 100, 100], [150, 300, 1000])
     high, full, over = response_times(messages, FAST)
     assert high.response == pytest.approx(200 * US)
@@ -423,7 +423,7 @@ def test_a_bit_time_that_is_not_a_whole_nanosecond_stays_exact():
     assert response_times(thirds, 29_999)[2].response == math.inf
 
 
-def test_no_message_and_wrong_arguments():
+def test_empty_sets_are_accepted_and_wrong_arguments_refused():
     nothing = MessageSet([])
     assert list(response_times(nothing, FAST)) == []
     assert response_times(nothing, FAST).table().empty
@@ -460,7 +460,7 @@ def test_a_wrong_error_bound_is_refused(fields):
         ErrorBound(**{"interval": math.inf, **fields})
 
 
-def test_the_table_says_what_the_results_say():
+def test_the_table_agrees_with_the_results():
     found = response_times(davis_messages(), 125_000)
     table = found.table()
     assert [*table] == [
@@ -486,7 +486,7 @@ def test_the_table_says_what_the_results_say():
     assert over["response_ms"].tolist()[1:] == [math.inf, math.inf]
 
 
-def test_results_are_read_by_name_and_the_critical_message_is_named():
+def test_results_can_be_read_by_name_and_name_the_critical_message():
     found = response_times(davis_messages(), 125e3)
     assert found["C"] == found[-1]
     assert (found.met, found.late, found.critical) == (False, ["C"], "C")
@@ -498,7 +498,7 @@ def test_results_are_read_by_name_and_the_critical_message_is_named():
 
 
 @pytest.mark.parametrize("wrong", [faults.BitErrors(1e-3), [faults.ErrorAt(1.0)], [errors(1)], ()])
-def test_an_analysis_takes_one_bound_on_errors(wrong):
+def test_an_analysis_accepts_one_bound_on_errors_only(wrong):
     with pytest.raises(ArgumentError, match=r"faults is .*; it must be an ErrorBound or None"):
         response_times(davis_messages(), 125e3, faults=wrong)
 
@@ -523,7 +523,7 @@ def late_responses(period=3.5e-3):
     return response_times(messages, 125_000)
 
 
-def test_dots_are_the_responses_in_order_of_priority_and_marks_the_deadlines(ax):
+def test_the_drawing_has_dots_for_responses_and_marks_for_deadlines(ax):
     assert late_responses().plot(ax) is ax
     met, missed, marks = ax.lines
     assert met.get_xydata().tolist() == [[2.0, 0], [3.0, 1]]
@@ -543,7 +543,7 @@ def test_dots_are_the_responses_in_order_of_priority_and_marks_the_deadlines(ax)
     ax.figure.draw_without_rendering()
 
 
-def test_a_response_without_bound_leaves_the_axes_and_says_so(ax):
+def test_a_response_without_bound_is_drawn_as_such(ax):
     without = late_responses(period=1.5e-3 / 0.9)
     assert [one.response for one in without][1:] == [math.inf, math.inf]
     without.plot(ax)
@@ -557,7 +557,7 @@ def test_a_set_without_messages_can_be_drawn(ax):
     ax.figure.draw_without_rendering()
 
 
-def test_a_bus_is_used_by_the_frames_and_answers_after_a_period_and_a_wait():
+def test_utilisation_is_the_load_and_a_period_and_a_response():
     messages = MessageSet([Message("A", 1, 8, 0.01), Message("B", 2, 0, 0.004)])
     found = response_times(messages, 125e3)
     # With all the stuff bits that fit, 135 and 55 bits of 8 us.

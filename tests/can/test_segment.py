@@ -96,7 +96,7 @@ def test_the_table_has_a_row_per_node():
     assert (table["most_recessive_V"] > 0.9).all()
 
 
-def test_the_figure_marks_what_is_read_wrong():
+def test_the_figure_marks_bits_read_wrong():
     run = Segment(40, terminator=None).send({1: PATTERN}, 1e6)
     ax = run.plot(9, Figure().subplots())
     lines = {line.get_label(): line for line in ax.get_lines()}

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shipnet.asi.elements import Supply
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
+from shipnet.asi.segment import Supply
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import Cycle, Transaction
 from shipnet.design.plan_asi import Piece, draw, place_supply, response

@@ -54,7 +54,7 @@ def solved(design):
             draws = {node: float(load.get(node, 0.0)) for node in reached - {supply}}
             network = Network(own.values())
             point = network.operating_point(supply, settings["supply.voltage"], draws)
-            found |= {(supply, node): volts for node, volts in point.voltage.items()}
+            found |= {(supply, node): volts for node, volts in point.items()}
     return found
 
 
@@ -213,7 +213,7 @@ def test_a_second_feed_from_the_far_end_would_cost_more(option):
             lowest = min(
                 ring.operating_point(
                     "supply", 24.0, dict(load + limits.short * (load.index == shorted))
-                ).voltage[shorted]
+                )[shorted]
                 for shorted in order
             )
             if lowest >= 18 and load.sum() + limits.short <= limits.rating:

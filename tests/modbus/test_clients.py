@@ -47,13 +47,13 @@ def test_the_verdict_is_the_worst_outcome():
         assert run.verdict(Counter(outcomes)) == said
 
 
-def test_no_client_is_disturbed_by_what_it_may_not_notice():
+def test_no_client_is_disturbed_by_faults_that_it_cannot_notice():
     # A delay and a silence within the time-out: right for all, or the bench itself is at fault.
     seen = {row["verdict"] for row in STORED if row["fault"] in ("delay", "gap")}
     assert seen == {"right value"}
 
 
-def test_two_clients_still_believe_what_the_table_says():
+def test_two_clients_still_behave_as_in_the_table():
     require("pty", hasattr(os, "openpty"), "this system has no pseudo-terminals")
     jobs = []
     for name in run.OWN:
@@ -74,7 +74,7 @@ def outcomes(program, patience=60.0):
     return +run._outcomes(words, {}, polls=3, patience=patience)
 
 
-def test_lines_are_judged_one_by_one():
+def test_each_line_is_judged_by_itself():
     first, second, third = (" ".join(map(str, run.values(2 * k))) for k in range(3))
     for lines, expected in (
         ([f"ok {first}", f"ok {second}", f"ok {third}"], {"right": 3}),
@@ -92,14 +92,14 @@ def test_a_client_that_says_nothing_hangs_and_one_that_ends_is_an_error():
         outcomes("print('error')")
 
 
-def test_what_a_machine_lacks_is_named():
+def test_missing_clients_are_named():
     with pytest.raises(run.MissingError, match="no-such-program is not installed"):
         run._run("no-such-program")
     with pytest.raises(run.MissingError, match=r"failed: no such client$"):
         run._run(sys.executable, "-c", "raise SystemExit('no such client')")
 
 
-def test_rows_of_clients_that_a_machine_lacks_stay_as_they_were(tmp_path, monkeypatch, capsys):
+def test_rows_of_missing_clients_are_kept(tmp_path, monkeypatch, capsys):
     def lacking(uv):
         raise run.MissingError("no-such-program is not installed")
 

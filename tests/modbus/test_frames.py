@@ -137,7 +137,7 @@ def crc_by_shifting(data):
     return register
 
 
-def test_the_reference_frames_come_out_and_go_in():
+def test_the_reference_frames_are_encoded_and_decoded():
     with VECTORS.open() as file:
         frames = [row["adu_hex_lowbyte_first"] for row in csv.DictReader(file)]
     frames = [bytes.fromhex(frame) for frame in frames if frame]
@@ -149,7 +149,7 @@ def test_the_reference_frames_come_out_and_go_in():
 
 
 @given(unit=st.integers(0, 247), pdu=PDU, transaction=WORD)
-def test_every_frame_carries_what_was_put_in(unit, pdu, transaction):
+def test_every_frame_is_decoded_to_its_contents(unit, pdu, transaction):
     rtu = rtu_frame(unit, pdu)
     assert rtu[-2] | rtu[-1] << 8 == crc_by_shifting(bytes([unit]) + pdu)
     assert decode(rtu) == Adu(unit, pdu)
@@ -180,7 +180,7 @@ def test_decoders_survive_any_bytes(data):
 
 
 @given(function=st.sampled_from([*range(26), 0x80, 0x81, 0x90, 0xFF]), data=st.binary(max_size=260))
-def test_readers_survive_any_bytes_and_reread_what_they_read(function, data):
+def test_parsers_survive_any_bytes_and_read_their_own_output(function, data):
     for parse in (Request.parse, Response.parse):
         for pdu in (data, bytes([function]) + data):
             try:
@@ -192,7 +192,7 @@ def test_readers_survive_any_bytes_and_reread_what_they_read(function, data):
 
 
 @given(request=st.one_of(*REQUESTS.values()).map(lambda both: both[0]))
-def test_requests_come_back_and_their_answers_have_the_predicted_size(request):
+def test_requests_are_read_back_and_their_responses_have_the_predicted_size(request):
     assert Request.parse(request.pdu) == request
     response = answer(request)
     assert len(response.pdu) == request.response_size
@@ -332,7 +332,7 @@ def test_faulty_frames_are_refused(framing, frame, error, message):
 
 @pytest.mark.parametrize("size", [1, 253])
 @pytest.mark.parametrize("framing", FRAMERS)
-def test_the_shortest_and_the_longest_pdu_have_a_frame(framing, size):
+def test_the_shortest_and_the_longest_pdu_are_framed(framing, size):
     for kind in (bytes, bytearray, memoryview):
         pdu = kind(b"\3" * size)
         for unit in (0, 247):
@@ -381,7 +381,9 @@ def agree(framing, server, ours, theirs, unit, transaction):
 @pytest.mark.parametrize("function", REQUESTS)
 @settings(max_examples=25)  # of each function code in each framing
 @given(data=st.data(), unit=UNIT, transaction=WORD)
-def test_requests_are_the_same_bytes_and_read_alike(framing, function, data, unit, transaction):
+def test_requests_equal_those_of_pymodbus_in_both_directions(
+    framing, function, data, unit, transaction
+):
     ours, theirs = data.draw(REQUESTS[function])
     assert Request.parse(agree(framing, True, ours, theirs, unit, transaction)) == ours
 
@@ -390,7 +392,9 @@ def test_requests_are_the_same_bytes_and_read_alike(framing, function, data, uni
 @pytest.mark.parametrize("function", RESPONSES)
 @settings(max_examples=25)  # of each function code in each framing
 @given(data=st.data(), unit=UNIT, transaction=WORD)
-def test_responses_are_the_same_bytes_and_read_alike(framing, function, data, unit, transaction):
+def test_responses_equal_those_of_pymodbus_in_both_directions(
+    framing, function, data, unit, transaction
+):
     ours, theirs = data.draw(RESPONSES[function])
     back = Response.parse(agree(framing, False, ours, theirs, unit, transaction))
     if (

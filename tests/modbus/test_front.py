@@ -10,7 +10,7 @@ STATUS = modbus.Request.read_input_registers(0x4020, 4)
 LINE = modbus.SerialLine(9600)
 
 
-def test_a_frame_is_made_and_read_in_one_line_each():
+def test_a_frame_is_encoded_and_decoded_in_one_line_each():
     frame = modbus.Request.read_holding_registers(0, 10).rtu(17)
     assert frame.hex(" ") == "11 03 00 00 00 0a c7 5d"
     assert modbus.decode(frame).request() == modbus.Request.read_holding_registers(0, 10)
@@ -41,7 +41,7 @@ def test_a_frame_is_made_and_read_in_one_line_each():
         (bytes.fromhex("2b0e"), "unit id, function code, data, CRC"),
     ],
 )
-def test_a_table_names_each_field_and_holds_every_byte(pdu, fields):
+def test_a_table_names_each_field_and_contains_every_byte(pdu, fields):
     adu = modbus.Adu(1, pdu)
     table = adu.table()
     assert ", ".join(table.index) == fields
@@ -61,7 +61,7 @@ def test_a_table_names_each_field_and_holds_every_byte(pdu, fields):
         modbus.Request.write_multiple_registers(3, [1, 2]),
     ],
 )
-def test_a_request_shows_the_call_that_makes_it(request_):
+def test_the_repr_of_a_request_is_the_call_that_makes_it(request_):
     assert eval(repr(request_), {"Request": modbus.Request}) == request_
 
 
@@ -72,7 +72,7 @@ def test_a_response_has_as_many_values_as_were_asked_for():
         modbus.decode(b"", "RTU")
 
 
-def test_runs_say_in_one_line_what_came_of_them():
+def test_the_repr_of_a_run_is_one_line():
     loop = modbus.Loop(6, modbus.Poll(STATUS, LINE, timeout=0.1))
     run = modbus.simulate(loop, faults=[Break(3, start=0.3), DeadSlave(1)], until=1.0)
     assert repr(run).startswith("Run(6 slaves, break 3, slave 1, ")
@@ -94,7 +94,7 @@ def test_a_slave_has_a_device_or_tables():
     assert modbus.Response.parse(found).registers == (9, 8)
 
 
-def test_slaves_and_servers_say_in_one_line_what_they_are():
+def test_the_reprs_of_slaves_and_servers_are_one_line():
     box = modbus.Slave(holding_registers=[1, 2], coils=[1], functions={3}, delay=0.02)
     assert repr(box) == "Slave(Registers, delay 0.02 s)"
     box = modbus.Slave(input_registers=[7], exception=6, silent=True)

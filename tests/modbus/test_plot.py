@@ -45,7 +45,7 @@ def test_a_uart_picture_shows_the_levels_and_the_bytes(ax):
     assert ax.get_ylabel() == "level"
 
 
-def test_a_loop_shows_who_is_served_from_where_and_what_failed(ax):
+def test_the_drawing_of_a_loop_shows_the_port_of_each_slave_and_the_faults(ax):
     loop = Loop(12, POLL)
     faults = [Break(4), Break(6), DeadSlave(9)]
     assert loop.plot(faults, ax=ax) is ax
@@ -64,7 +64,7 @@ def test_a_loop_shows_who_is_served_from_where_and_what_failed(ax):
     assert {"break 4", "break 6", "master", "A", "B"} <= set(places)
 
 
-def test_a_large_loop_has_no_numbers_but_all_its_slaves(ax):
+def test_a_large_loop_is_drawn_with_all_slaves_but_no_numbers(ax):
     Loop(247, POLL).plot([Short(100), DeadPort("B")], ax=ax)
     assert {text.get_text() for text in ax.texts} == {"short 100", "master", "A", "B"}
     (lost,) = (line for line in ax.lines if line.get_label() == "247 lost")
@@ -86,7 +86,7 @@ def bars(ax, label):
     return [(box.x0, box.x1) for box in boxes]
 
 
-def test_a_switch_over_shows_requests_responses_and_the_silence_between(ax):
+def test_a_drawn_switch_over_shows_requests_responses_and_time_outs(ax):
     ams = DualChannel(POLL)
     run = simulate(ams, faults=Break(0, start=2.5, stop=4.5), until=6)
     assert run.plot(ax=ax) is ax

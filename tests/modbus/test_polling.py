@@ -20,7 +20,7 @@ with TABLE.open() as file:
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row["baud"])
-def test_the_reference_table_comes_out_to_its_last_digit(row):
+def test_the_reference_table_is_reproduced_to_its_last_digit(row):
     line = SerialLine(int(row["baud"]))
     read, write = (
         Poll(Request.read_input_registers(0x4020, 4), line),
@@ -94,7 +94,7 @@ POLLS = st.builds(
 
 
 @given(poll=POLLS, n=st.integers(1, 247), data=st.data())
-def test_a_scan_takes_what_a_walk_through_it_takes(poll, n, data):
+def test_a_scan_takes_as_long_as_its_transactions_one_by_one(poll, n, data):
     dead = data.draw(st.integers(0, n))
     clock = walk(poll, [lambda k=k: k >= dead for k in range(n)])
     assert poll.scan_time(n, dead=dead) == pytest.approx(clock, rel=1e-9)
@@ -155,7 +155,7 @@ def test_a_limit_is_met_exactly_or_not():
         assert ("at most" if ok else "more than") in found.verdict
 
 
-def test_bit_rates_too_slow_for_the_time_out_are_left_out_and_an_own_one_is_added():
+def test_the_table_leaves_out_bit_rates_too_slow_for_the_time_out_and_adds_that_of_the_scan():
     # 255 bytes of 11 bits take 2.3 s at 1200 bit/s, and 0.6 s at 4800.
     found = modbus.scan(31, registers=125, bit_rate=10e3, timeout=0.5)
     assert found.table().index.tolist() == [9600, 10_000, 19200, 38400, 57600, 115200]

@@ -112,14 +112,14 @@ def ask_everything(client, unit=1):
 
 
 @pytest.mark.parametrize(("kind", "client"), [("tcp", ModbusTcpClient), ("udp", ModbusUdpClient)])
-def test_a_client_of_another_make_reads_and_writes_everything_over_a_socket(kind, client):
+def test_pymodbus_reads_and_writes_everything_over_a_socket(kind, client):
     with serve({1: device()}, kind) as server:
         with opened(client("127.0.0.1", port=server.port, timeout=PATIENCE)) as master:
             ask_everything(master)
             assert master.read_coils(0, device_id=2).exception_code == 0x0B
 
 
-def test_two_clients_of_other_makes_read_and_write_everything_over_a_serial_line(line):
+def test_pymodbus_and_minimalmodbus_read_and_write_everything_over_a_serial_line(line):
     ours, theirs = line
     with serve({1: device(), 2: device(20)}, "rtu", serial_port=ours, line=LINE):
         with opened(ModbusSerialClient(theirs, baudrate=115200, timeout=PATIENCE)) as master:
@@ -217,7 +217,7 @@ def test_answers_in_tcp_and_udp_are_the_bytes_of_our_encoders():
             assert receive(client, 9) == tcp_frame(248, b"\xc1\x0b", 7)
 
 
-def test_held_back_answers_keep_their_transaction_ids_and_their_addresses():
+def test_delayed_answers_keep_their_transaction_ids_and_their_addresses():
     slow = {1: Slave(device(1), delay=0.2), 2: device(2)}
     with serve(slow) as server, raw(server) as client:
         start = monotonic()
@@ -252,7 +252,7 @@ class Gate:
         raise AssertionError
 
 
-def test_a_late_answer_with_id_0_is_taken_for_the_next_valves_and_dropped_with_counted_ids():
+def test_a_late_answer_is_taken_for_that_of_the_next_valve_if_ids_are_0_and_dropped_if_they_count():
     gate = Gate(100)
     with serve({1: gate, 2: device(200)}, "udp") as server:
         with raw(server, socket.SOCK_DGRAM) as master:
@@ -297,7 +297,7 @@ def test_a_hundred_clients_at_once_get_their_own_answers():
                 assert receive(client, 13) == tcp_frame(k, response(k), 100 * turn + k)
 
 
-def test_a_client_that_hangs_within_a_frame_holds_nobody_up():
+def test_a_client_that_stops_within_a_frame_does_not_delay_others():
     with serve({1: device()}) as server, raw(server) as hung, raw(server) as client:
         hung.send(tcp_frame(1, READ, 1)[:9])
         client.send(tcp_frame(1, READ, 2))
@@ -307,7 +307,7 @@ def test_a_client_that_hangs_within_a_frame_holds_nobody_up():
         assert receive(hung, 13) == tcp_frame(1, response(), 1)
 
 
-def test_frames_of_another_protocol_are_skipped_and_a_length_that_cannot_be_ends_the_connection():
+def test_frames_of_another_protocol_are_skipped_and_an_impossible_length_ends_the_connection():
     with serve({1: device()}) as server:
         with raw(server) as client:
             client.send(bytes.fromhex("000100070003010300") + tcp_frame(1, READ, 2))
@@ -321,7 +321,7 @@ def test_frames_of_another_protocol_are_skipped_and_a_length_that_cannot_be_ends
                     pass
 
 
-def test_a_client_that_never_reads_is_cut_off():
+def test_a_client_that_never_reads_is_disconnected():
     ask = tcp_frame(1, Request.read_holding_registers(0, 125).pdu, 1) * 1000
     many = Slave(holding_registers=[0] * 125)
     # Nobody waits for a time here: 250 MB of answers are more than a system holds.
@@ -347,7 +347,7 @@ class Journal:
         raise AssertionError
 
 
-def test_clients_take_turns_beside_one_that_sends_all_it_can():
+def test_clients_take_turns_with_one_that_sends_as_fast_as_it_can():
     fcntl, termios = pytest.importorskip("fcntl"), pytest.importorskip("termios")
     book, gate = [], Gate()
     devices = {1: Journal(1, book), 2: Journal(2, book), 3: gate}
@@ -380,7 +380,7 @@ def test_clients_take_turns_beside_one_that_sends_all_it_can():
 
 
 @pytest.mark.parametrize("kind", ["tcp", "udp"])
-def test_only_so_many_answers_are_held_back_for_a_client(kind):
+def test_the_number_of_delayed_answers_per_client_is_limited(kind):
     book = []
     slow = Slave(Journal(1, book), delay=3600)
     sort = {"tcp": socket.SOCK_STREAM, "udp": socket.SOCK_DGRAM}[kind]
@@ -405,7 +405,7 @@ def is_closed(client):
         return True
 
 
-def test_a_client_without_requests_is_disconnected_but_not_while_its_answer_is_held_back(
+def test_a_client_without_requests_is_disconnected_but_not_while_its_answer_is_delayed(
     monkeypatch,
 ):
     monkeypatch.setattr(handlers, "_IDLE", 0.05)
@@ -448,7 +448,7 @@ def test_one_client_too_many_is_refused_until_another_one_leaves(caplog, monkeyp
     assert line == "connections are refused: 2 clients are connected"
 
 
-def test_at_the_limit_of_file_descriptors_the_clients_there_are_still_answered():
+def test_connected_clients_are_answered_at_the_limit_of_file_descriptors():
     pytest.importorskip("resource")
     program = """
 import resource, sys
@@ -493,7 +493,7 @@ FRAMES = st.one_of(
 
 @settings(max_examples=40)
 @given(frames=st.lists(FRAMES, min_size=1, max_size=4))
-def test_whatever_one_client_sends_another_gets_its_answer(hosts, frames):
+def test_no_bytes_of_one_client_keep_another_from_its_answer(hosts, frames):
     for server, kind in zip(hosts, (socket.SOCK_STREAM, socket.SOCK_DGRAM), strict=True):
         with raw(server, kind) as hostile, raw(server, kind) as client:
             try:
@@ -505,7 +505,7 @@ def test_whatever_one_client_sends_another_gets_its_answer(hosts, frames):
             assert receive(client, 11) == tcp_frame(1, b"\x04\x02\x00\x2a", 9)
 
 
-def test_devices_get_the_time_of_the_clock_that_was_passed_in():
+def test_devices_get_the_time_of_the_given_clock():
     class Chronometer:
         def read(self, table, address, quantity, time):
             return [int(time)] * quantity
@@ -520,7 +520,7 @@ def test_devices_get_the_time_of_the_clock_that_was_passed_in():
             assert receive(client, 11)[-2:] == shown.to_bytes(2, "big")
 
 
-def test_all_is_closed_at_the_end_even_with_answers_outstanding():
+def test_everything_is_closed_at_the_end_even_with_answers_outstanding():
     before = threading.active_count()
     server = serve({1: Slave(device(), delay=60)})
     with server:

@@ -33,11 +33,11 @@ REQUEST_TO_RESPONSE = [
 
 
 @pytest.mark.parametrize(("request_", "response"), REQUEST_TO_RESPONSE)
-def test_every_function_code_is_answered_with_what_the_device_holds(request_, response):
+def test_every_function_code_is_answered_with_the_values_of_the_device(request_, response):
     assert Slave(device()).answer(request_.pdu) == response.pdu
 
 
-def test_what_is_written_is_read_back():
+def test_written_values_are_read_back():
     slave = Slave(device())
     slave.answer(Request.write_multiple_coils(1, [1, 0, 1]).pdu)
     slave.answer(Request.write_single_coil(0, True).pdu)
@@ -76,7 +76,7 @@ def test_what_is_written_is_read_back():
         ("", ""),
     ],
 )
-def test_what_cannot_be_answered_gets_the_exception_of_the_standard(pdu, response):
+def test_impossible_requests_get_the_exception_of_the_standard(pdu, response):
     slave = Slave(device())
     assert slave.answer(bytes.fromhex(pdu)).hex() == response
     # Nothing was written in part.
@@ -125,7 +125,7 @@ class Scripted:
         lambda n, t: 1 / 0,
     ],
 )
-def test_a_device_that_fails_is_answered_for_with_exception_4(act, caplog):
+def test_a_device_that_fails_is_answered_with_exception_4(act, caplog):
     with caplog.at_level(logging.ERROR, "shipnet.modbus.server"):
         assert Slave(Scripted(act)).answer(Request.read_holding_registers(0, 2).pdu).hex() == "8304"
     assert "the device failed" in caplog.text
@@ -142,7 +142,7 @@ def test_a_device_gets_model_time_and_chooses_its_exception():
     assert slave.answer(Request.read_input_registers(0, 1).pdu, 17.0).hex() == "04020011"
 
 
-def test_unit_ids_lead_to_slaves_as_the_guides_say():
+def test_unit_ids_address_slaves_as_in_the_guides():
     read, write = Request.read_holding_registers(0, 1).pdu, Request.write_single_register(0, 1).pdu
     slaves = {k: Slave(device(), delay=0.1 * k) for k in (1, 247)}
     assert answer(slaves, Adu(247, read)) == (b"\x03\x02\x00\x07", pytest.approx(24.7))
@@ -169,7 +169,7 @@ def test_a_broadcast_reads_nothing():
 
 
 @given(pdu=st.binary(min_size=1, max_size=253), unit=st.integers(0, 255), serial=st.booleans())
-def test_any_bytes_get_silence_an_exception_or_the_response_to_what_they_ask(pdu, unit, serial):
+def test_any_bytes_get_silence_an_exception_or_the_right_response(pdu, unit, serial):
     found, _ = answer({1: Slave(device())}, Adu(unit, pdu), serial=serial)
     if found:
         assert found[0] & 0x7F == pdu[0]
@@ -179,7 +179,7 @@ def test_any_bytes_get_silence_an_exception_or_the_response_to_what_they_ask(pdu
 
 
 @given(function=st.sampled_from([1, 2, 3, 4, 5, 6, 15, 16, 23]), rest=st.binary(max_size=30))
-def test_a_normal_response_comes_for_legal_requests_only(function, rest):
+def test_only_legal_requests_get_a_normal_response(function, rest):
     pdu = bytes([function]) + rest
     found = Slave(device()).answer(pdu)
     if found[0] == function:
@@ -207,12 +207,12 @@ def test_arguments_out_of_range_are_named(make, message):
         make()
 
 
-def test_a_misspelt_field_is_not_taken():
+def test_a_misspelt_field_is_refused():
     with pytest.raises(AttributeError, match="dealy"):
         Slave(device()).dealy = 1
 
 
-def test_numpy_columns_and_a_full_table_are_memory_too():
+def test_numpy_columns_and_full_tables_are_accepted():
     full = Registers(holding_registers=np.arange(65536))
     assert full.read("holding_registers", 65411, 125, 0.0) == list(range(65411, 65536))
     assert Registers(coils=np.array([True])).coils == {0: 1}

@@ -56,14 +56,14 @@ def test_a_known_frame_is_on_the_line_as_written_by_hand():
 
 
 @given(data=st.binary(max_size=300))
-def test_without_parity_the_bits_are_those_of_numpy(data):
+def test_without_parity_the_bits_equal_those_of_numpy(data):
     bits = np.unpackbits(np.frombuffer(data, np.uint8), bitorder="little").reshape(-1, 8)
     ends = np.zeros((len(data), 1), np.uint8)
     assert (_line_bits(data, SerialLine(9600, "8N1")) == np.hstack([ends, bits, ends + 1])).all()
 
 
 @given(data=st.binary(min_size=1, max_size=40), serial=LINES)
-def test_ones_and_parity_have_the_parity_of_the_format(data, serial):
+def test_data_and_parity_bits_together_have_the_parity_of_the_format(data, serial):
     ones = _line_bits(data, serial)[:, 1:10].sum(axis=1) % 2
     if serial.character[1] != "N":
         assert (ones == (serial.character[1] == "O")).all()
@@ -151,7 +151,7 @@ def test_an_idle_line_has_no_characters(nothing):
     steps=st.lists(st.tuples(st.floats(0, 5e-3), st.floats(-10, 10)), max_size=60),
     serial=LINES,
 )
-def test_nothing_on_a_line_makes_the_decoder_fail(steps, serial):
+def test_no_levels_make_the_decoder_fail(steps, serial):
     time, level = np.cumsum([s[0] for s in steps]), [s[1] for s in steps]
     found = read(time, level, serial)
     assert set(found.code) <= {0, ParityError.code, FormError.code}
@@ -206,7 +206,7 @@ def test_arguments_out_of_range_are_named(make, message):
         make()
 
 
-def test_every_frame_can_have_a_silence_of_its_own():
+def test_every_frame_can_have_its_own_silence():
     line = SerialLine(9600)
     gaps = [0.5, 0.0, 0.25]
     time, level = corners(line.waveform([b"a", b"bc", b"d"], gap=gaps, start=1.0))

@@ -46,7 +46,7 @@ def test_one_late_answer_mismatches_all_that_follow_if_ids_are_0_and_none_if_the
     late=st.floats(0, 1),
     duplicated=st.floats(0, 1),
 )
-def test_counted_ids_are_never_mismatched_whatever_the_network_does(seed, lost, late, duplicated):
+def test_counted_ids_are_never_mismatched_on_any_network(seed, lost, late, duplicated):
     path = LossyPath(lost, late, duplicated, delay=0.01, lateness=0.6)
     units = np.arange(60) % 5
     runs = {

@@ -47,7 +47,7 @@ def sent(name, answer, previous=None):
         ("wrong-transaction", "0008 0000 0007 01 03 04 015e 019d"),
     ],
 )
-def test_what_each_fault_sends_in_tcp(name, bytes_sent):
+def test_each_fault_sends_the_expected_bytes_in_tcp(name, bytes_sent):
     assert sent(name, TCP, Adu(1, BEFORE, 6)) == bytes.fromhex(bytes_sent).hex(" ")
 
 
@@ -60,7 +60,7 @@ def test_what_each_fault_sends_in_tcp(name, bytes_sent):
         ("wrong-count", 1, "03 02 015e 019c"),
     ],
 )
-def test_on_a_serial_line_the_crc_is_right_but_for_one_fault(name, unit, pdu):
+def test_on_a_serial_line_only_one_fault_has_a_wrong_crc(name, unit, pdu):
     assert sent(name, RTU, Adu(1, BEFORE)) == rtu_frame(unit, bytes.fromhex(pdu)).hex(" ")
 
 
@@ -77,7 +77,7 @@ def test_garbage_is_four_bytes_before_or_after_the_answer():
     assert before[:11] == after[-11:]  # one seed
 
 
-def test_faults_in_time():
+def test_faults_of_timing_delay_or_split_the_answer():
     assert WireFault("late").pieces(RTU) == [(5.0, RTU.rtu)]
     assert WireFault("late", seconds=0).pieces(TCP) == [(0.0, TCP.tcp)]
     gap = WireFault("gap", seconds=0.25).pieces(TCP)
@@ -105,7 +105,7 @@ def test_short_answers_first_ones_and_ends_of_ranges(name, answer, changed):
     assert sent(name, answer) == changed.tcp.hex(" ")
 
 
-def test_at_most_one_fault_hits_an_answer_as_often_as_asked():
+def test_at_most_one_fault_hits_an_answer_with_the_stated_probability():
     wire = Wire([WireFault("short", 0.3), WireFault("double", 0.2)], 1)
     sizes = np.array([len(wire.pieces(RTU)[0][1]) for _ in range(4000)])
     assert set(sizes) == {4, 9, 18}
@@ -137,7 +137,7 @@ def test_a_wrong_text_is_refused(text, message):
         WireFault.parse(text)
 
 
-def test_a_text_names_probability_and_seconds():
+def test_the_text_of_a_fault_states_probability_and_seconds():
     assert WireFault.parse("short") == WireFault("short", 1.0)
     assert WireFault.parse("late:0.5:2") == WireFault("late", 0.5, 2.0)
 
@@ -153,7 +153,7 @@ def test_a_text_names_probability_and_seconds():
         (3, "tcp", "wire_faults is 3; it must be a WireFault"),
     ],
 )
-def test_faults_must_suit_the_transport_and_each_other(faults, transport, message):
+def test_faults_must_fit_the_transport_and_each_other(faults, transport, message):
     where = {"serial_port": "none"} if transport == "rtu" else {}
     with pytest.raises(ArgumentError, match=message):
         serve({1: Slave()}, transport, wire_faults=faults, **where)
@@ -239,7 +239,7 @@ def test_a_late_answer_is_not_overtaken_and_keeps_no_other_client_waiting():
         assert monotonic() - begin >= 0.99
 
 
-def test_many_answers_behind_a_late_one_come_in_order():
+def test_many_answers_after_a_late_one_come_in_order():
     late, seed = WireFault("late", 0.001, 0.3), hits(0.001, True)
     n = 400  # more than are held back for one client
     with ExitStack() as stack:
@@ -264,7 +264,7 @@ def test_a_gap_splits_an_answer():
         assert monotonic() - begin >= 0.29
 
 
-def test_the_answer_before_may_be_that_of_another_client():
+def test_the_previous_answer_may_be_that_of_another_client():
     with ExitStack() as stack:
         slave = Slave(holding_registers=[10, 11])
         fault = WireFault("previous")
@@ -276,7 +276,7 @@ def test_the_answer_before_may_be_that_of_another_client():
         assert received(other, 11) == "00 01 00 00 00 05 01 03 02 00 0a"
 
 
-def test_a_client_that_leaves_before_a_late_answer_does_no_harm():
+def test_a_client_may_leave_before_a_late_answer():
     async def leave():
         late = WireFault("late", seconds=0.05)
         with serve({1: Slave(holding_registers=[10])}, wire_faults=late) as server:

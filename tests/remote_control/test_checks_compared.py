@@ -36,7 +36,7 @@ def is_likely(count, sent, share):
 @pytest.mark.parametrize("numbers", ["any", "known", "rising"])
 @pytest.mark.parametrize("reading", ["A", "B"])
 @pytest.mark.parametrize(("n_items", "rate"), [(1, 1e-2), (10, 1e-3), (10, 5e-2), (40, 2e-3)])
-def test_markers_let_pass_what_the_closed_form_says(reading, numbers, n_items, rate):
+def test_markers_pass_as_many_packets_as_in_the_closed_form(reading, numbers, n_items, rate):
     form = MarkerFormat(reading, n_items, numbers)
     trial = form.transmit(n_items, rate, 60_000, np.random.default_rng(2024))
     shares = form.error_shares(n_items, rate)
@@ -59,7 +59,7 @@ def test_a_single_inverted_bit_passes_markers_as_often_as_all_of_them_say(readin
 
 
 @pytest.mark.parametrize("numbers", ["known", "rising"])
-def test_a_check_of_the_numbers_sees_most_bits_of_them(numbers):
+def test_a_check_of_the_numbers_detects_most_of_their_bits(numbers):
     form = MarkerFormat("A", 10, numbers)
     share = form.undetected_flips(10)
     values = 160 / 264
@@ -86,14 +86,14 @@ def test_no_crc_code_word_has_fewer_than_four_bits_and_the_fours_are_counted():
 
 @settings(max_examples=30)
 @given(n=st.integers(0, 120), rate=st.floats(1e-9, 0.5))
-def test_the_residual_of_a_crc_is_a_share_and_at_noise_it_is_two_to_the_minus_sixteen(n, rate):
+def test_the_residual_of_a_crc_is_a_share_and_two_to_the_minus_sixteen_for_noise(n, rate):
     assert 0 <= crc_residual(n, rate) < 2.0**-14
     exact = 2.0**-16 - 2.0 ** -(8 * n + 16)
     assert crc_residual(n, 0.5) == pytest.approx(exact)
     assert sum(code_weights(n)) == 2**16
 
 
-def test_the_crc_lets_pass_what_the_weights_of_its_code_say():
+def test_the_crc_passes_as_many_packets_as_its_weights_predict():
     form = MarkerFormat(crc=True, n_numbers=1)
     # One item at a rate with which the markers are often whole.
     trial = form.transmit(1, 0.03, 2_000_000, np.random.default_rng(2024))
@@ -133,7 +133,7 @@ def test_no_single_inverted_bit_passes_the_stuffed_packet_whatever_its_values(n_
     count=st.sampled_from([0, 1, 300]),
     name=st.sampled_from(["markers", "markers + CRC", "CRC"]),
 )
-def test_every_size_and_rate_can_be_drawn(n, rate, count, name):
+def test_every_size_and_rate_can_be_simulated(n, rate, count, name):
     outcome = check_formats(84)[name].outcomes(n, rate, count, np.random.default_rng(1))
     assert outcome.shape == (count,) and outcome.dtype == np.uint8
     assert set(outcome) <= ({0} if rate == 0 else {0, 1, 2})
@@ -157,7 +157,7 @@ def simulate_switch(form, n_items, rate, period, interval, sending, packets, rng
 @pytest.mark.parametrize("check", ["markers", "markers + CRC"])
 @pytest.mark.parametrize("sending", ["changed", "cyclic"])
 @pytest.mark.parametrize(("n_items", "rate", "interval"), [(1, 5e-3, 0.3), (10, 2e-3, 2.0)])
-def test_a_switch_is_as_stale_as_the_chain_says(check, sending, n_items, rate, interval):
+def test_a_switch_is_stale_as_long_as_in_the_closed_form(check, sending, n_items, rate, interval):
     form, n = check_formats(n_items)[check], 200_000
     rng = np.random.default_rng(2024)
     share = simulate_switch(form, n_items, rate, 0.1375, interval, sending, n, rng)
@@ -195,7 +195,7 @@ def test_markers_miss_the_same_share_whatever_the_items_and_a_crc_misses_none():
 
 @pytest.mark.parametrize("bit_rate", [9600, 600])
 @pytest.mark.parametrize("n_items", [1, 3, 10, 20, 40])
-def test_what_is_recommended_meets_every_limit_and_nothing_that_does_is_quicker(n_items, bit_rate):
+def test_the_recommendation_is_the_fastest_way_that_meets_every_limit(n_items, bit_rate):
     system = System(bit_rate=bit_rate)
     chosen = recommend(n_items, system, stale_time=20)
     table = candidates(n_items, system, 1e-5, 20)
@@ -205,7 +205,7 @@ def test_what_is_recommended_meets_every_limit_and_nothing_that_does_is_quicker(
     assert "CRC" in chosen.check and chosen.sending == "cyclic"
 
 
-def test_a_lost_packet_costs_the_cycle_and_the_turn_that_are_said():
+def test_a_lost_packet_costs_the_predicted_cycle_and_turn():
     best = recommend(10, rate=1e-7)
     assert best.check == "CRC"
     link = System(CobsFormat(10), repeat=10, turn_timeout=best.turn_timeout)
@@ -229,17 +229,17 @@ def test_many_items_on_a_noisy_line_go_in_several_packets():
     assert recommend(40, rate=1e-3).per_packet < 20
 
 
-def test_markers_alone_suffice_only_where_the_errors_are_as_rare_as_the_criterion():
+def test_markers_alone_suffice_only_if_errors_are_very_rare():
     assert recommend(3, rate=1e-13).check == "markers"
     assert recommend(3, rate=1e-5).check != "markers"
 
 
-def test_an_impossible_wish_is_refused_with_its_reasons():
+def test_limits_that_cannot_be_met_are_refused_with_reasons():
     with pytest.raises(ArgumentError, match=r"n_items is 84: of .* ways to send them"):
         recommend(84, System(bit_rate=600), stale_time=1)
 
 
-def test_the_figures_show_what_the_tables_hold(ax):
+def test_the_figure_shows_the_values_of_the_table(ax):
     found = compare_checks([1, 10], [1e-3], packets=5000, rng=2024)
     found.plot(ax)
     table = found.table()

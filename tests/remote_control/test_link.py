@@ -80,7 +80,7 @@ SYSTEMS = st.builds(
 
 @settings(max_examples=25)
 @given(system=SYSTEMS, seed=st.integers(0, 1000))
-def test_in_health_the_simulation_takes_the_times_of_the_closed_forms(system, seed):
+def test_a_healthy_simulated_link_has_the_times_of_the_closed_forms(system, seed):
     rng = np.random.default_rng(seed)
     run = simulate(system, until=6.5 * system.cycle_time, rng=rng)
     assert cycle_times(run) == pytest.approx(system.cycle_time, rel=1e-9)
@@ -90,7 +90,7 @@ def test_in_health_the_simulation_takes_the_times_of_the_closed_forms(system, se
         assert system.max_ticks - 2 <= ticks(run, slave) <= system.max_ticks
 
 
-def test_the_most_ticks_are_reached_by_some_phase_and_passed_by_none():
+def test_the_most_ticks_are_reached_by_some_phase_and_exceeded_by_none():
     system = full(bit_rate=600)
     seen = set()
     for seed in range(25):
@@ -98,7 +98,7 @@ def test_the_most_ticks_are_reached_by_some_phase_and_passed_by_none():
     assert max(seen) == system.max_ticks == 17
 
 
-def test_a_station_that_sends_takes_no_byte():
+def test_a_station_that_sends_stores_no_bytes():
     # RCS gives up after 10 ms and sends to the other slave, while the answer of 34 ms comes in.
     traffic = simulate(full(turn_timeout=0.01), until=1.0).traffic()
     answers = traffic[traffic.target == "RCS"]
@@ -127,7 +127,7 @@ def test_a_dead_master_is_noticed_within_the_detection_time(rule):
             assert low < failed - heard <= high + system.packet_time + rule.tick
 
 
-def test_reading_b_without_changes_runs_into_the_alarm_in_health_and_reading_a_does_not():
+def test_a_healthy_link_without_changes_raises_alarms_in_reading_b_only():
     idle = {reading: System(MarkerFormat(reading)) for reading in "AB"}
     runs = {reading: simulate(system, until=8) for reading, system in idle.items()}
     assert len(runs["A"].alarms()) == 0 and len(runs["A"].packets) > 1000
@@ -178,7 +178,7 @@ def test_a_dead_slave_costs_the_wait_and_the_silence_of_the_closed_form(bit_rate
     [{}, *({"master": Supervision(miss_limit=m)} for m in (0, 1)), {"turn_timeout": 1.0}],
     ids=["printed", "limit 0", "limit 1", "turn"],
 )
-def test_no_death_anywhere_in_the_cycle_silences_bcs_longer_than_the_bound(change, bit_rate):
+def test_no_failure_in_the_cycle_silences_bcs_longer_than_the_bound(change, bit_rate):
     system, rng = full(bit_rate=bit_rate, **change), np.random.default_rng(5)
     seen, pairs, longest, places = system.cascade(), set(), 0.0, several(12, 30)
     for k in range(places):
@@ -230,7 +230,7 @@ def test_the_response_time_is_reached_by_a_change_just_after_a_packet_was_made()
     assert run.delays("SS").delay_s[0] == pytest.approx(system.response_time(), rel=1e-6)
 
 
-def test_a_stall_overruns_the_ring_from_the_time_of_the_closed_form_on():
+def test_a_stall_overruns_the_ring_after_the_time_of_the_closed_form():
     system = full(turn_timeout=0.1)
     stall, byte = system.overrun_stall()[0], system.character_time
     start = 10 * system.cycle_time + 0.9 * byte
@@ -270,7 +270,7 @@ def test_a_slower_line_leaves_fewer_ticks_before_the_alarm():
     assert (table.printed_margin - table.intended_margin == 14).all()
 
 
-def test_one_fault_and_one_change_need_no_list():
+def test_one_fault_or_change_needs_no_list():
     run = simulate(System(), Change(0.5, "SS", 1, 1), until=8, faults=DeadStation("BCS", stop=1))
     assert run.faults == (DeadStation("BCS", stop=1),)
     assert repr(run) == f"Run(8 s, {len(run.packets)} packets, {len(run.alarms())} alarms)"
@@ -296,7 +296,7 @@ def test_the_time_chart_has_a_block_per_packet_and_names_the_failures(ax):
         run.plot(ax, start=50, stop=60)
 
 
-def test_the_margins_are_drawn_under_their_limit(ax):
+def test_the_margins_are_drawn_below_their_limit(ax):
     table = System().timing().table()
     System().timing().plot(ax)
     assert ax.lines[0].get_ydata().tolist() == table.counted_s.tolist()

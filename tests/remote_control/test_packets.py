@@ -52,14 +52,14 @@ def flipped(rows, bits):
         (MarkerFormat(n_numbers=204), 204, 615),
     ],
 )
-def test_a_packet_has_its_length(form, n_items, size):
+def test_a_packet_has_the_stated_length(form, n_items, size):
     assert form.size(n_items) == size
     assert len(form.encode(dict.fromkeys(range(n_items), 0))) == size
 
 
 @streams
 @given(items=ITEMS)
-def test_what_was_sent_is_read_as_one_packet_and_as_a_stream(form, items):
+def test_packets_are_read_back_one_by_one_and_as_a_stream(form, items):
     packet = form.encode(items)
     parser = form.parser()
     assert form.decode(packet) == sorted_items(items)
@@ -83,7 +83,7 @@ def test_a_stream_may_be_fed_in_any_pieces(form, packets, cuts):
     st.binary(max_size=400),
     st.lists(st.sampled_from([0xCC, 0xDD, 0xEE, 0, 1, 9, 10]), max_size=400).map(bytes),
 ))  # fmt: skip
-def test_any_bytes_are_packets_or_given_up_or_still_open(form, noise):
+def test_any_bytes_are_packets_discarded_or_still_open(form, noise):
     parser = form.parser()
     packets = parser.feed(noise)
     accounted = sum(form.size(len(items)) for items in packets) + parser.discarded
@@ -111,7 +111,7 @@ GOOD = MarkerFormat().encode({0: 7})
         (MarkerFormat(numbers="rising"), b"\xcc\xdd" + 2 * ITEM + b"\xee", 9),
     ],
 )
-def test_a_packet_is_found_behind_a_broken_one_and_the_bytes_given_up_are_counted(
+def test_a_packet_is_found_after_a_broken_one_and_discarded_bytes_are_counted(
     form, noise, discarded
 ):
     parser = form.parser()
@@ -121,7 +121,7 @@ def test_a_packet_is_found_behind_a_broken_one_and_the_bytes_given_up_are_counte
     assert parser.discarded == (discarded or 0)
 
 
-def test_all_bytes_of_an_endless_packet_are_given_up_at_its_zero():
+def test_all_bytes_of_an_endless_packet_are_discarded_at_its_zero():
     parser = CobsFormat().parser()
     assert parser.feed(bytes([7]) * 100) == []
     assert parser.feed(b"\0") == []
@@ -131,7 +131,7 @@ def test_all_bytes_of_an_endless_packet_are_given_up_at_its_zero():
 
 @streams
 @given(noise=st.binary(max_size=60), items=ITEMS)
-def test_after_any_noise_the_parser_finds_its_way(form, noise, items):
+def test_the_parser_recovers_after_any_noise(form, noise, items):
     parser = form.parser()
     parser.feed(noise)
     # An open packet of noise can swallow as many bytes as the longest packet has.
@@ -233,7 +233,7 @@ def row(data):
 
 
 @given(data=st.binary(max_size=254))
-def test_stuffed_bytes_hold_no_zero_and_come_back(data):
+def test_stuffed_bytes_have_no_zero_and_are_unstuffed_again(data):
     stuffed = stuff(row(data))
     formed, plain = unstuff(stuffed)
     assert formed.tolist() == [True] and plain.tobytes() == data
@@ -260,7 +260,7 @@ def test_stuffed_bytes_are_those_published(plain, stuffed):
 
 
 @given(data=st.binary(min_size=1, max_size=255))
-def test_what_unstuffs_is_stuffed_alike(data):
+def test_unstuffed_bytes_are_stuffed_to_the_same_bytes(data):
     formed, plain = unstuff(row(data))
     # One row is undone byte by byte, several along their distances.
     twice, both = unstuff(np.repeat(row(data), 2, axis=0))
@@ -339,7 +339,7 @@ def test_arguments_out_of_range_are_named(make, message):
 
 
 @formats
-def test_no_packets_and_packets_without_items_are_arrays_too(form):
+def test_empty_batches_and_packets_without_items_are_accepted(form):
     assert form.decode_batch(np.zeros((0, form.size(10)), np.uint8)).values.shape == (0, 10)
     rows = form.encode_batch([], np.zeros((3, 0), int))
     assert [row.tobytes() for row in rows] == [form.encode({})] * 3
@@ -389,7 +389,7 @@ def test_a_trace_has_a_row_per_byte_and_ends_where_the_packet_does(form, items):
 
 
 @streams
-def test_a_stream_repeats_one_packet_from_any_byte_of_it_on(form):
+def test_a_stream_repeats_one_packet_starting_at_any_byte(form):
     packet = form.encode({0: 1000, 1: 1000})
     assert form.stream(50, items=2) == (packet * 10)[:50]
     assert form.stream(50, items=2, phase=4) == (packet * 10)[4:54]

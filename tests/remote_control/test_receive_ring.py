@@ -87,7 +87,7 @@ OPERATIONS = st.lists(
 
 @pytest.mark.parametrize("rule", ["printed", "intended"])
 @given(size=st.integers(2, 9), operations=OPERATIONS)
-def test_the_ring_does_what_the_four_printed_variables_do(rule, size, operations):
+def test_the_ring_behaves_as_the_four_printed_variables(rule, size, operations):
     ring, printed = Ring(size, rule), Printed(size, rule == "printed")
     for operation in operations:
         if operation is None:
@@ -103,7 +103,7 @@ def test_the_ring_does_what_the_four_printed_variables_do(rule, size, operations
 
 @pytest.mark.parametrize("rule", RULES)
 @given(size=st.integers(2, 9), operations=OPERATIONS)
-def test_what_is_lost_and_what_is_stale_is_what_a_queue_says(rule, size, operations):
+def test_lost_and_stale_bytes_equal_those_of_a_queue(rule, size, operations):
     # Every byte is told apart by its count from the first; the ring itself cannot see these.
     ring, count, taken, due_from = Ring(size, rule), 0, [], 0
     for operation in operations:
@@ -126,7 +126,7 @@ def test_what_is_lost_and_what_is_stale_is_what_a_queue_says(rule, size, operati
 
 
 @given(size=st.integers(2, 9), operations=OPERATIONS)
-def test_the_corrected_ring_takes_every_byte_in_order_but_those_overwritten(size, operations):
+def test_the_corrected_ring_reads_all_bytes_in_order_but_those_overwritten(size, operations):
     ring, queue = Ring(size, "corrected"), []
     for operation in operations:
         if operation is not None:
@@ -155,7 +155,7 @@ def test_cases_are_those_of_the_data_file():
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_the_table_of_cases_is_what_rings_show(size):
+def test_the_table_of_cases_agrees_with_rings(size):
     counted = {(lap, case): 0 for lap in range(3) for case in "abcd"}
     for lead, place in itertools.product(range(3 * size), range(size)):
         ring = Ring(size, "corrected")
@@ -193,7 +193,7 @@ def test_all_interleavings_of_a_small_ring_are_among_the_states_explored(size):
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_by_the_meant_rule_a_ring_that_is_never_full_is_always_in_order(size):
+def test_by_the_intended_rule_a_ring_that_is_never_full_is_always_in_order(size):
     table = Ring(size, "intended").explore(size - 1)
     assert set(table.case) == {"b", "d"}
     assert set(table.action) == {"take", "wait"}
@@ -202,14 +202,14 @@ def test_by_the_meant_rule_a_ring_that_is_never_full_is_always_in_order(size):
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_by_the_letter_even_one_byte_at_a_time_reaches_the_abnormal_cases(size):
+def test_by_the_printed_rule_even_one_byte_at_a_time_reaches_the_abnormal_cases(size):
     table = Ring(size, "printed").explore(1)
     assert {"a", "c"} <= set(table.case)
     assert table.stale.any()
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_a_ring_that_is_just_full_is_repaired_though_nothing_is_lost(size):
+def test_a_ring_that_is_exactly_full_is_repaired_though_nothing_is_lost(size):
     table = Ring(size, "intended").explore(size)
     full = table[table.unread == size]
     assert set(full.case) == {"c"} and set(full.action) == {"repair"}
@@ -248,7 +248,7 @@ def test_a_repair_that_finds_no_packet_ends_with_an_empty_ring(cells):
 
 
 @pytest.mark.parametrize("form", [MarkerFormat("A"), MarkerFormat("B")], ids=str)
-def test_twenty_of_128_places_break_a_value_by_the_letter_and_none_with_round_indices(form):
+def test_twenty_of_128_places_break_a_value_as_printed_and_none_with_wrapped_indices(form):
     items = dict.fromkeys(range(10), 4660)
     printed = extraction(items, form)
     # By hand: item k's number stands at offset + first + k * step; 126 and 127 are bad.
@@ -309,14 +309,14 @@ def test_arguments_out_of_range_are_named(make, message):
 
 @pytest.mark.parametrize("rule", RULES)
 @given(size=st.integers(2, 9), before=st.binary(max_size=20), data=st.binary(max_size=40))
-def test_bytes_stored_at_once_are_bytes_stored_one_by_one(rule, size, before, data):
+def test_bytes_stored_at_once_equal_bytes_stored_one_by_one(rule, size, before, data):
     whole, single = filled(size, rule, before), filled(size, rule, before + data)
     whole.store_all(data)
     assert (whole.cells, whole.state, whole.unread) == (single.cells, single.state, single.unread)
 
 
 @given(size=st.integers(2, 9), data=st.data())
-def test_a_filled_ring_has_the_bytes_the_place_and_the_case_that_were_asked_for(size, data):
+def test_a_filled_ring_has_the_requested_bytes_place_and_case(size, data):
     get_no = data.draw(st.integers(0, size - 1))
     unread = data.draw(st.integers(0, 3 * size))
     ring = Ring.filled(unread, get_no, size)
@@ -331,7 +331,7 @@ def test_the_lead_is_drawn_with_the_letters_of_its_cases(ax):
     assert ax.lines[1].get_ydata().max() == 255
 
 
-def test_each_step_says_what_it_found_and_did():
+def test_each_step_reports_its_case_and_action():
     assert Ring(4, "corrected").extract() == Step("b", "wait")
     assert Ring(4, "intended").extract() == Step("b", "wait")
     assert Ring.filled(6, size=4, rule="corrected").extract() == Step("c", "repair", lost=2)
@@ -369,7 +369,7 @@ def test_a_ring_begins_empty_with_128_cells():
         (lambda: Ring(4).store_all("12"), "data is '12'; it must be bytes"),
     ],
 )
-def test_refusals_name_the_value_and_the_range(make, message):
+def test_errors_name_the_value_and_the_range(make, message):
     with pytest.raises(ArgumentError) as caught:
         make()
     assert str(caught.value) == message

@@ -53,7 +53,7 @@ def test_the_bytes_of_the_voltage_are_those_its_author_sent():
     assert set(right) == {0, *range(0x1A, 0x21)}
 
 
-def test_one_character_does_not_fix_a_form_and_a_stated_form_is_used():
+def test_one_character_does_not_determine_the_form_and_a_stated_form_is_used():
     given = read_capture(recording("glitch.sr"), 115200, "8N1")
     assert (given.data, given.glitches, given.character) == (b"\x4f", 1, "8N1")
     assert given.measured_rate == pytest.approx(115200, rel=0.03)
@@ -100,7 +100,7 @@ def test_rate_and_form_of_a_sender_are_found(character, off, turned, tmp_path):
     assert capture.bit_rate == pytest.approx(9600 * (1 + off), rel=tolerance("uart.rate"))
 
 
-def test_seven_data_bits_are_found_and_five_are_read_when_stated(tmp_path):
+def test_seven_data_bits_are_detected_and_five_are_read_if_stated(tmp_path):
     text = b"Engine 3 ahead, slow. " * 9
     for form, bits, parity in (("7E1", 7, 0), ("7O1", 7, 1), ("5N1", 5, None)):
         levels = [1] * 30
@@ -119,7 +119,7 @@ def test_seven_data_bits_are_found_and_five_are_read_when_stated(tmp_path):
 
 
 @pytest.mark.parametrize("character", ["8N1", "8E1"])
-def test_a_receiver_at_the_nominal_rate_fails_where_the_formula_says(character, tmp_path):
+def test_a_receiver_at_the_nominal_rate_fails_at_the_limit_of_the_formula(character, tmp_path):
     line = SerialLine(9600, character)
     low, high = line.clock_tolerance()
     # An edge is seen up to a sample late: 1/50 of a bit, over the 9.5 or 10.5 to the stop bit.
@@ -173,7 +173,7 @@ def test_a_record_of_too_many_edges_is_refused(monkeypatch):
     assert "more than 100 changes of level" in refused(recording("gps.sr"))
 
 
-def test_silence_noise_and_other_signals(tmp_path):
+def test_silence_noise_and_other_signals_are_read(tmp_path):
     rng = np.random.default_rng(1)
     np.save(tmp_path / "a.npy", np.ones(1000))
     assert "too few changes" in refused(tmp_path / "a.npy", sample_interval=1e-6)

@@ -13,7 +13,7 @@ def test_the_values_are_numbered_used_and_sent_through_rcs():
         assert value.mirrored or value.readers
 
 
-def test_the_switches_that_the_paper_doubles_are_mirrored_and_no_others():
+def test_only_the_switches_that_the_paper_doubles_are_mirrored():
     mirrored = {value.name: set(value.sources) for value in VALUES if value.mirrored}
     assert mirrored == {
         "control_position": {"BCS", "RCS"},
