@@ -405,7 +405,7 @@ class System:
         return np.array([response.response for response in found])
 
     def poll_spacing(self, lost: float = 0.0) -> float:
-        """Return the time from poll to poll if each first asks in vain for `lost` seconds [s]."""
+        """Return the time from poll to poll if each is delayed by `lost` seconds [s]."""
         period = nanoseconds(self.poll_period)
         whole = nanoseconds(check_scalar("lost", lost, "s", 0, 1e6) + self.poll.time)
         return -(-whole // period) * period / 1e9
@@ -491,8 +491,8 @@ class System:
         .. math:: t_{after} = t_{stale} + t_{mark} + h + T + t_{response}
 
         with the time T from poll to poll. If the silent box is the polled one, the AMS first asks
-        it in vain for :math:`t_{lost}`, retries included; :math:`T_{lost}` is the spacing of a poll
-        with that in it:
+        it without an answer for :math:`t_{lost}`, retries included; :math:`T_{lost}` is the spacing
+        of a poll with that in it:
 
         .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
 
@@ -535,7 +535,7 @@ class System:
         return SwitchOver(lost, answer, loss, max(self._gaps(1)))
 
     def _in_vain(self, tries: int, broken: int) -> list[float]:
-        """Return how long some tries in vain on one channel take [s].
+        """Return how long some unanswered tries on one channel take [s].
 
         Up to `broken` of them end with a broken or damaged response, which the AMS notices when the
         whole response is due; the others are silent.
@@ -553,7 +553,7 @@ class System:
         full = self._in_vain(tries, broken)
         late = [0.0]
         if broken > 1:
-            # A retry may be answered, and the next poll be in vain once more.
+            # A retry may be answered, and the next poll fail once more.
             late = [time for n in range(tries) for time in self._in_vain(n, broken)]
         before = max(self.poll_spacing(time) - time for time in late) + max(full)
         after = max(self.poll_spacing(time) - time for time in full)
@@ -578,7 +578,7 @@ class System:
     def failure_bounds(self, fault: EngineFault | None = None) -> FailureBounds:
         r"""Return the worst effect of one fault, or none, on answers and ages, in any phase.
 
-        If the channel in use fails, the AMS asks in vain for :math:`t_{lost}`: it notices a
+        If the channel in use fails, the AMS gets no answer for :math:`t_{lost}`: it notices a
         response that breaks off when that should have ended, each of r retries after its time-out.
 
         .. math:: t_{lost} = \max(t_{poll}, t_{silent}) + r \, t_{silent}

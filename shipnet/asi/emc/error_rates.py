@@ -85,7 +85,7 @@ def _row(
     }
 
 
-#: Noise from this many half-bits before the first pulse's peak on is part of the pulse.
+#: Half-bits before the peak of the first pulse in which noise counts as part of the pulse.
 _REACH = 1.25
 
 #: Up to this `minimum` over the first pulse the closed form holds behind a matched filter. Above it
@@ -93,7 +93,7 @@ _REACH = 1.25
 #: counted rates are 2 times higher at 1e-4, and 26 times at 1e-8.
 _HIGHEST_MINIMUM = 0.35
 
-#: Beyond so many standard deviations no noise is counted.
+#: Number of standard deviations beyond which noise is not counted.
 _FAR = 9.0
 
 #: Nodes and weights of an integral from -1 to 1.
