@@ -306,7 +306,7 @@ def of_remote_control():
         "target": "RCS", "path": "none.csv", "system": system, "until": 0.2,
         "faults.Stall.stop": 1.0,
         "compare_checks.n_items": [1], "compare_checks.packets": 10, "switch_delays.changes": 1,
-        "switch_delays.bit_rates": [9600], "Ring.explore.max_unread": 2,
+        "Ring.explore.max_unread": 2,
     }  # fmt: skip
     for name, form in (("Marker", rc.MarkerFormat()), ("Cobs", rc.CobsFormat())):
         packet, of = form.encode({1: 2}), f"{name}Format"
