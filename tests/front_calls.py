@@ -283,7 +283,7 @@ def of_modbus():
     }  # fmt: skip
     instances = {
         "Adu": adu, "Request": request, "Response": response, "Poll": poll, "Loop": loop,
-        "Scan": modbus.scan(3, registers=4), "DualChannel": modbus.DualChannel(poll), "Run": run,
+        "Scan": modbus.scan(3, registers=4), "Run": run,
         "Reach": loop.reach(), "Slave": slave, "SerialLine": line, "Waveform": wave,
         "Characters": wave.decode(), "Server": None, "Device": None, "ExceptionCode": None,
         "FunctionCode": None,

@@ -332,13 +332,8 @@ def recommend(
         f"{best['stale_s']:.2g} s, if RCS ends a turn without an answer after "
         f"{best['turn_timeout_s']:.2g} s"
     )
+    names = ("turn_timeout_s", "refresh_s", "wrong_per_year", "stale_s")
+    numbers = [float(best[name]) for name in names]
     return Recommendation(
-        str(best["check"]),
-        best["sending"],
-        int(best["per_packet"]),
-        float(best["turn_timeout_s"]),
-        float(best["refresh_s"]),
-        float(best["wrong_per_year"]),
-        float(best["stale_s"]),
-        why,
+        str(best["check"]), best["sending"], int(best["per_packet"]), *numbers, why=why
     )
