@@ -4,10 +4,6 @@ from . import faults as faults
 from .batch import Requests as Requests
 from .capture import Capture as Capture
 from .capture import decode as decode
-from .elements import CableRun as CableRun
-from .elements import Repeater as Repeater
-from .elements import Supply as Supply
-from .elements import Terminator as Terminator
 from .master import Master as Master
 from .modulation import Modulation as Modulation
 from .modulation import Pulses as Pulses
@@ -21,7 +17,11 @@ from .receiver import Receiver as Receiver
 from .receiver import Reception as Reception
 from .receiver import Waveform as Waveform
 from .rules import rule_limits as rule_limits
+from .segment import CableRun as CableRun
 from .segment import Quality as Quality
+from .segment import Repeater as Repeater
+from .segment import Supply as Supply
+from .segment import Terminator as Terminator
 from .simulation import Run as Run
 from .simulation import Standby as Standby
 from .simulation import simulate as simulate

@@ -1,6 +1,6 @@
-"""Telegrams by the million, as arrays of words: a telegram's first bit is the highest of its word.
+"""Many telegrams at once, as arrays of words; a telegram's first bit is the highest of its word.
 
-A bad telegram raises nothing; an array of error codes of `shipnet.errors` names its fault.
+A bad telegram raises no error: an array of error codes of `shipnet.errors` names its fault.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from shipnet.errors import (
 )
 from shipnet.lazy import pd
 
-#: Value of a field that has none: no half, or a telegram that could not be read.
+#: A field without a value: a standard slave has no half, and a bad telegram no data.
 NONE = -1
 
 Codes = npt.NDArray[np.uint8]
@@ -62,7 +62,7 @@ class Requests(NamedTuple):
 
     @classmethod
     def parse(cls, words: npt.ArrayLike, *, extended: npt.ArrayLike = False) -> Requests:
-        """Parse words of 14 bits; none of them raises an error.
+        """Parse words of 14 bits; a bad one has an `error` and raises nothing.
 
         `extended` says, for all or for each word, whether the slave uses extended addressing.
         """
@@ -84,7 +84,7 @@ class Requests(NamedTuple):
         return cls(error, *np.moveaxis(meaning, -1, 0))
 
     def table(self) -> pd.DataFrame:
-        """Return one row per telegram, with its error and its call by name."""
+        """Return one row per telegram; errors and calls have names."""
         title = np.array([call.rule.title for call in Call] + [""], dtype=object)
         codes, which = np.unique(self.error.ravel(), return_inverse=True)
         errors = np.array([name_of(code) for code in codes.tolist()], dtype=object)
@@ -129,7 +129,7 @@ def _integers(name: str, values: npt.ArrayLike) -> Integers:
 
 
 def _frame_errors(words: Integers, length: int) -> Codes:
-    """Return the error codes of the frames; checks later in the code take precedence."""
+    """Return the error codes of frames; the checks further down take precedence."""
     error = np.zeros(words.shape, dtype=np.uint8)
     error[np.bitwise_count(words >> 1) & 1 == 1] = ParityError.code
     error[words & 1 == 0] = EndBitError.code

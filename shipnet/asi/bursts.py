@@ -45,7 +45,7 @@ _SPANS = {bits: (2 * bits - 2) * HALF_BIT for bits in (RESPONSE_BITS, REQUEST_BI
 
 
 class Sampling(NamedTuple):
-    """How a record is resampled: a mean of samples, then a rational change of the rate."""
+    """Steps of resampling: the mean of some samples, then a rational change of the rate."""
 
     dt: float
     mean: int
@@ -55,21 +55,21 @@ class Sampling(NamedTuple):
     @classmethod
     def of(cls, dt: float) -> Sampling:
         """Return a resampling to 4 to 8 million samples per second."""
-        # The mean of neighbours has its zeros where it folds: a cheap first step from high rates.
+        # The mean of neighbours is 0 at frequencies that fold to 0: a cheap first step.
         mean = max(1, int(1 / (dt * 5 * _RATE) + 1e-9))
         rate = 1 / (dt * mean)
         return cls(dt, mean, max(1, int(np.ceil(_RATE / rate - 1e-9))), max(1, int(rate / _RATE)))
 
     @property
     def step(self) -> float:
-        """Time between two samples afterwards [s]."""
+        """Time between two samples after resampling [s]."""
         return self.dt * self.mean * self.down / self.up
 
 
 class Piece(NamedTuple):
     """A stretch of the record, resampled and without its baseline."""
 
-    #: The voltage with `margin` zeros on both sides, and the voltage filtered.
+    #: The voltage with `margin` zeros on both sides, and the filtered voltage.
     around: Singles
     y: Singles
     margin: int
@@ -90,7 +90,7 @@ class Bursts(NamedTuple):
     pulses: Integers
 
     def where(self, chosen: Bools) -> Bursts:
-        """Return some of the bursts."""
+        """Return the chosen bursts."""
         return Bursts._make(part[chosen] for part in self)
 
 
@@ -124,7 +124,7 @@ def pieces(
 
 
 def _spare(sampling: Sampling) -> int:
-    """Return how many samples `resample` needs in addition to a record's."""
+    """Return how many samples `resample` needs besides those of a record."""
     _, mean, up, down = sampling
     return 5 * max(len(_lowpass(mean, up, down)), 16 * mean * down)
 
@@ -132,7 +132,7 @@ def _spare(sampling: Sampling) -> int:
 def resample(
     u: Floats, sampling: Sampling, room: Singles | None = None, out: Singles | None = None
 ) -> Singles:
-    """Return the resampled voltage without a constant; `room` and `out` are memory to use."""
+    """Return the resampled voltage less a constant; `room` and `out` are memory to reuse."""
     # Single precision resolves 2 uV on 30 V, but filters lose that unless the 30 V are removed.
     offset = _middle(u, 512)
     _, mean, up, down = sampling
@@ -163,7 +163,7 @@ def _middle(u: npt.NDArray[Any], looks: int) -> float:
 @cache
 def _lowpass(mean: int, up: int, down: int) -> Singles:
     """Return an anti-alias filter: 60 dB where noise could fold into the pulses' 0.7 MHz."""
-    # From 4 MS/s up, all above rate - 0.7 MHz may fold; below, the recorder has folded it already.
+    # From 4 MS/s up, all above rate - 0.7 MHz could fold; below, the recorder has folded it.
     half = 8 * up if up > 1 else 3 * down if down > 1 else 0
     k = np.arange(-half, half + 1)
     taps = np.sinc(k / max(up, down)) * np.kaiser(len(k), 5.65)
@@ -196,7 +196,7 @@ def _pulse(step: float) -> Singles:
 
 
 def smallest_pulses(sample: list[Piece]) -> Iterator[float]:
-    """Yield estimates of the smallest pulse from a few pieces, the likeliest first."""
+    """Yield estimates of the smallest pulse from a few pieces, the most likely one first."""
     blocks = [piece.y[: len(piece.y) // 100 * 100].reshape(-1, 100) for piece in sample]
     if not any(block.size for block in blocks):
         return
@@ -246,7 +246,7 @@ def _fits(span: npt.NDArray[np.floating]) -> Bools:
 
 
 def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
-    """Return where the voltage peaks beyond the minimum, one peak per pulse, and the peaks."""
+    """Return the places and heights of the peaks beyond the minimum, one peak per pulse."""
     rises, falls = np.ones((2, len(y) + 1), dtype=bool)
     np.greater(y[1:], y[:-1], out=rises[1:-1])
     np.less(y[1:], y[:-1], out=falls[1:-1])
@@ -270,7 +270,7 @@ def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
 def _rejoin(
     start: Indices, first: Indices, last: Indices, step: float
 ) -> tuple[Indices, Indices, Indices]:
-    """Join two bursts that are the halves of one telegram with a gap of four half-bits."""
+    """Join two bursts that are halves of one telegram, up to four half-bits apart."""
     if len(first) < 2:
         return start, first, last
     whole = _fits((last - first) * step)
@@ -295,7 +295,7 @@ _PARTS = 40
 #: Largest legal voltage [V].
 LARGEST = 1e9
 
-#: What the receiver gets before the first peak and after the last slot [s].
+#: Times before the first peak and after the last slot that the receiver sees [s].
 _BEFORE, _BEHIND = 5e-6, 1e-6
 
 #: Threshold for the first pulse, relative to its height; ringing is smaller.
@@ -336,7 +336,7 @@ class Found(NamedTuple):
     """The telegrams of a record."""
 
     telegrams: Telegrams
-    #: When recording ends, at the end and before gaps [s].
+    #: Times at which recording stops, at gaps and at the end [s].
     ends: Floats
     inverted: bool
     #: Smallest pulse [V].
@@ -346,7 +346,7 @@ class Found(NamedTuple):
 
 
 def find_telegrams(u: Floats, dt: float, threshold: float) -> Found:
-    """Find and receive the telegrams of a record; `decode` says how."""
+    """Find and receive the telegrams of a record, as `decode` describes."""
     begins, ends = _edges(u, dt)
     sample = list(pieces(u, dt, length=round(_SAMPLE / dt), only=_liveliest(u, dt)))
     minimum, sign = _measure(sample, smallest_pulses(sample), threshold)
@@ -368,7 +368,7 @@ def find_telegrams(u: Floats, dt: float, threshold: float) -> Found:
             parts.append(_received(waiting, threshold))
             waiting = []
             if len(parts) == _PARTS:
-                # Memory in large blocks can be given back.
+                # Large blocks of memory can be returned to the system.
                 parts = [_joined(parts)]
     parts.append(_received(waiting, threshold))
     return Found(_joined(parts), ends, sign < 0, minimum, disturbances)
@@ -393,7 +393,7 @@ def _liveliest(u: Floats, dt: float) -> Indices:
 
 
 def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
-    """Return when recording begins and when it ends, at its ends and around gaps [s]."""
+    """Return when recording starts and stops, at the ends of a record and at its gaps [s]."""
     changes: list[Indices] = []
     missing = False
     for low, part in parts_of(u):
@@ -438,7 +438,7 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
             sign: sum(int((Pulses(sign * some).check()[1] == 0).sum()) for some in slots)
             for sign in (1, -1)
         }
-        # If no telegram is correct, the first pulses decide, which are negative.
+        # If no telegram is correct, the sign of the first pulses decides: it is negative.
         heights = sum(int(np.sign(bursts.height).sum()) for bursts in found)
         sign = -1 if (right[-1], heights) > (right[1], 0) else 1
         if right[sign] > most:
@@ -449,7 +449,7 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
 
 
 class _Cut(NamedTuple):
-    """Telegrams of one length, cut out of a piece: the samples of each, and when they begin [s]."""
+    """Telegrams of one length from a piece: the samples of each, and when they begin [s]."""
 
     bits: int
     step: float
@@ -497,7 +497,7 @@ def _heard(cut: _Cut, threshold: float) -> Reception:
 
 
 def _received(parts: list[_Cut], threshold: float) -> Telegrams:
-    """Decode telegrams: all requests together, and all responses."""
+    """Receive telegrams: all requests together, then all responses."""
     telegrams = [np.recarray(0, dtype=_TELEGRAM)]
     for n_bits, cut in _by_length(parts):
         received = _heard(cut, threshold)

@@ -1,4 +1,4 @@
-"""Recorded line voltages decoded: telegrams, transactions, and what they show of the network."""
+"""Decode recorded line voltages into telegrams and transactions, and judge the line by them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from shipnet.line.waveform import Waveform
 if TYPE_CHECKING:
     from shipnet.asi.plan import Plan
 
-#: What the columns of errors hold besides "ok" and the names of error classes.
+#: Values of the error columns besides "ok" and the names of error classes.
 CUT_OFF, NO_ANSWER = "cut off", "no answer"
 
 #: Longest pause after a request in which its response begins [bit], with room for its pulses'
@@ -37,14 +37,14 @@ CUT_OFF, NO_ANSWER = "cut off", "no answer"
 _MASTER_PAUSE = MASTER_PAUSE_BITS[1] + 0.5
 _SLAVE_PAUSE = 500e-6 / BIT_TIME
 
-#: What the columns of errors hold: the error codes of telegrams, then what no telegram says.
+#: Values of the error columns by number: the error codes of telegrams, then the other values.
 _STATES = [*map(name_of, range(SilenceError.code + 1)), CUT_OFF, NO_ANSWER, ""]
 
 
 def transactions_of(
     telegrams: Telegrams, ends: Floats, extended: Collection[int] = ()
 ) -> pd.DataFrame:
-    """Pair requests with responses, and return what they mean."""
+    """Pair requests with responses, and return one row per transaction with its meaning."""
     cut, asks, answers = _roles(telegrams)
     request, response = _pairs(asks, answers)
     states = np.where(cut, _STATES.index(CUT_OFF), telegrams.error)
@@ -71,11 +71,11 @@ def transactions_of(
         rest[alone] < room, _STATES.index(CUT_OFF), _STATES.index(NO_ANSWER)
     )
 
-    # Few texts differ: a column takes its own from them by number.
+    # There are few different texts, so a column picks from them by number.
     titles, errors = pd.Index([*(call.rule.title for call in Call), ""]), pd.Index(_STATES)
     texts, which = _texts(telegrams)
     asked, answered = (_pick(which, rows, len(texts) - 1) for rows in (request, response))
-    # Column by column: of a long record, only one is there twice.
+    # Column by column, so that only one column of a long record is in memory twice.
     table = pd.DataFrame(
         {"start_s": np.where(request >= 0, start, _pick(telegrams.start, response, np.nan))}
     )
@@ -92,7 +92,7 @@ def transactions_of(
             column = f"{kind}_{name}" + "_V" * (name == "amplitude")
             table[column] = _pick(telegrams[name], rows, np.nan)
     table["request_error"], table["response_error"] = errors[request_error], errors[response_error]
-    # The bits of a request give its call.
+    # The bits of a request determine its call.
     sizes = len(texts), len(errors), len(texts), len(errors)
     key = np.ravel_multi_index((asked, request_error, answered, response_error), sizes)
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
@@ -151,9 +151,9 @@ def _pauses(
 
 
 def _texts(telegrams: Telegrams) -> tuple[pd.Index[str], Indices]:
-    """Return the different telegrams and "" as the last one, and which one each telegram is.
+    """Return the different texts, "" as the last one, and the number of each telegram's text.
 
-    They are strings of 0 and 1, with ? where no pulse gave a bit.
+    A text has 0 and 1, and ? where no pulse gave a bit.
     """
     mask = (1 << REQUEST_BITS) - 1
     key = telegrams.length.astype(np.int64) << REQUEST_BITS | telegrams.known
@@ -174,7 +174,7 @@ def _nullable(values: npt.NDArray[np.int8]) -> pd.api.extensions.ExtensionArray:
 def _in_words(
     request: str, request_error: str, extended: bool, response: str, response_error: str, call: int
 ) -> str:
-    """Return one line on what was asked and answered, or what went wrong."""
+    """Return one line about request and answer, or about what went wrong."""
     parts = []
     if request_error == "ok":
         parts.append(str(Request.parse(request, extended=extended)))
@@ -209,7 +209,7 @@ def _limits() -> tuple[float, float, float, float]:
 #: A master repeats a request within this time [s]; a later one belongs to the next cycle.
 _AT_ONCE = 1e-3
 
-#: A request and the one read without the cable are the same if they begin this close [s].
+#: A request and a restored one are the same if they begin within this time of each other [s].
 _SAME = 4e-6
 
 #: Calls by which a master looks for new slaves; they need no answer.
@@ -229,7 +229,7 @@ _FINE = ["ok", "", CUT_OFF]
 
 @dataclass(frozen=True)
 class Summary:
-    """The network that was heard."""
+    """Main results of a capture."""
 
     transactions: int
     cycle_time: float
@@ -237,7 +237,7 @@ class Summary:
     unanswered: int
     seen: list[str]
     missing: list[str]
-    #: Addresses at which the master only looked for new slaves, in vain.
+    #: Addresses at which the master looked for new slaves and found none.
     vacant: list[str]
     errors: dict[str, int]
     cut_off: int
@@ -258,29 +258,6 @@ class Summary:
                 f"errors         {errors or 'none'}",
             ]
         )
-
-
-def summarise(capture: Capture) -> Summary:
-    """Return the summary of a capture."""
-    transactions = capture.transactions
-    states = transactions[["request_error", "response_error"]].to_numpy()
-    faults = [state for state in states.ravel() if state not in (*_FINE, NO_ANSWER)]
-    repeated = _repeated(transactions)
-    slaves = _slaves(transactions, capture._asked)
-    known = slaves[slaves.index != UNKNOWN]
-    silent = known[(known["answers"] == 0) & (known["unanswered"] > 0)]
-    return Summary(
-        len(transactions),
-        _cycle_time(transactions[~repeated], capture._asked[~repeated]),
-        int(repeated.sum()),
-        int((transactions["response_error"] == NO_ANSWER).sum()),
-        list(known.index[known["answers"] > 0]),
-        list(silent.index[silent["polled"]]),
-        list(silent.index[~silent["polled"]]),
-        {name: faults.count(name) for name in sorted(set(faults))},
-        int((states == CUT_OFF).sum()),
-        slaves.drop(silent.index[~silent["polled"]]).drop(columns=["unanswered", "polled"]),
-    )
 
 
 def _repeated(transactions: pd.DataFrame) -> Bools:
@@ -308,7 +285,7 @@ def _cycle_time(transactions: pd.DataFrame, asked: pd.DataFrame) -> float:
 
 
 def _who(capture: Capture) -> pd.DataFrame:
-    """Return slave and call of each transaction; bad requests are read without the cable."""
+    """Return slave and call of each transaction; bad requests are read from the restored record."""
     rows = capture.transactions
     address = rows["address"].astype(object).fillna(NONE).to_numpy(np.int64)
     half, calls = rows["half"].tolist(), rows["call"].tolist()
@@ -365,7 +342,7 @@ _LONGEST_STEP = 1e-6
 @checked
 @dataclass(frozen=True)
 class Capture:
-    """What was decoded.
+    """A decoded record.
 
     Attributes
     ----------
@@ -393,7 +370,7 @@ class Capture:
     wave : shipnet.line.Waveform
         The record.
     extended : tuple of int
-        Addresses that hold A/B slaves.
+        Addresses of A/B slaves.
 
     Examples
     --------
@@ -491,7 +468,7 @@ class Capture:
         """Return the counters of masters and analysers: `value`, `light` and `meaning`.
 
         The light of the share of repetitions is green up to 1 %, yellow up to 5 % and red above;
-        other counters are green at 0. A value that the record cannot show is NaN, without a light.
+        other counters are green at 0. A value that the record cannot show is NaN and has no light.
 
         Examples
         --------
@@ -513,7 +490,7 @@ class Capture:
         u, dt = self.wave.u, self.wave.dt
         stop = len(u) * dt if stop is None else stop
         low, high = max(0, int(start / dt)), min(len(u), int(stop / dt) + 1)
-        # More samples than a figure has dots: draw the extremes of each group, in their order.
+        # A figure has fewer dots than samples, so the extremes of each group are drawn in order.
         group = max(1, (high - low) // 10_000)
         whole = u[low : high - (high - low) % group].reshape(-1, group)
         index = np.stack([whole.argmin(axis=1), whole.argmax(axis=1)], axis=1)
@@ -561,8 +538,30 @@ class Capture:
         return self._summary
 
     @cached_property
+    def _summary(self) -> Summary:
+        transactions = self.transactions
+        states = transactions[["request_error", "response_error"]].to_numpy()
+        faults = [state for state in states.ravel() if state not in (*_FINE, NO_ANSWER)]
+        repeated = _repeated(transactions)
+        slaves = _slaves(transactions, self._asked)
+        known = slaves[slaves.index != UNKNOWN]
+        silent = known[(known["answers"] == 0) & (known["unanswered"] > 0)]
+        return Summary(
+            len(transactions),
+            _cycle_time(transactions[~repeated], self._asked[~repeated]),
+            int(repeated.sum()),
+            int((transactions["response_error"] == NO_ANSWER).sum()),
+            list(known.index[known["answers"] > 0]),
+            list(silent.index[silent["polled"]]),
+            list(silent.index[~silent["polled"]]),
+            {name: faults.count(name) for name in sorted(set(faults))},
+            int((states == CUT_OFF).sum()),
+            slaves.drop(silent.index[~silent["polled"]]).drop(columns=["unanswered", "polled"]),
+        )
+
+    @cached_property
     def _restored(self) -> Restored:
-        """The first 40 ms with the cable removed, from which bad requests can be read."""
+        """The first 40 ms with the cable's distortion removed, so that bad requests can be read."""
         rows = self.transactions
         asked = rows[(rows["request"].str.len() == REQUEST_BITS) & rows["start_s"].notna()]
         good = rows[rows["request_error"] == "ok"]
@@ -572,12 +571,8 @@ class Capture:
 
     @cached_property
     def _asked(self) -> pd.DataFrame:
-        """Slave and call of each transaction, of bad requests where possible."""
+        """Slave and call of each transaction, if possible also of bad requests."""
         return _who(self)
-
-    @cached_property
-    def _summary(self) -> Summary:
-        return summarise(self)
 
 
 def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
@@ -680,7 +675,7 @@ def decode(
     Parameters
     ----------
     record : path, Waveform or array_like of float, shape (n_t,)
-        A scope's file, as `shipnet.line.Waveform.read` takes it, or the voltage between the wires
+        A scope's file, which `shipnet.line.Waveform.read` reads, or the voltage between the wires
         in either polarity, with or without the supply's 30 V [V]; NaN where nothing was recorded.
     dt : float, optional
         Sampling interval, 0.1e-9..1e-6 [s]; for samples only, which need it.
@@ -689,14 +684,14 @@ def decode(
     sample_interval : float, optional
         Time between two samples [s]; it overrides what a file says.
     threshold : float, default 0.5
-        What counts as a pulse, over the size of the telegram's first one, between 0 and 1.
+        Smallest pulse, relative to the telegram's first one, between 0 and 1.
     extended : collection of int, optional
-        Addresses that hold A/B slaves, which the line does not show (see `Request.parse`).
+        Addresses of A/B slaves, which the line does not show (see `Request.parse`).
 
     Returns
     -------
     Capture
-        Table and summary; a record that is not AS-i gives an empty table, or errors only.
+        Table and summary; for a record that is not AS-i, the table is empty or has only errors.
 
     Raises
     ------
@@ -706,9 +701,9 @@ def decode(
     Notes
     -----
     The record is resampled to 4..8 MS/s and its baseline subtracted. A telegram ends where no pulse
-    follows for 10.5 us; its length says whether it is a request or a response. Of the two
-    polarities, the one in which more telegrams are free of errors is taken. A response belongs to a
-    request if it begins within 10 bit times after its end.
+    follows for 10.5 us; its length distinguishes requests from responses. The polarity with more
+    telegrams free of errors is chosen. A response belongs to a request if it begins within 10 bit
+    times after its end.
 
     Examples
     --------
@@ -731,10 +726,10 @@ def decode(
         wave = Waveform(np.asarray(record), dt)
     u, dt = _checked(wave.u, wave.dt), wave.dt
     if not 0 < threshold < 1:
-        raise ArgumentError(f"threshold is {threshold}; it must lie between 0 and 1")
+        raise ArgumentError(f"threshold is {threshold}; it must be between 0 and 1")
     for address in extended:
         if address not in range(1, 32):
-            raise ArgumentError(f"extended holds {address!r}; addresses are 1..31")
+            raise ArgumentError(f"extended has {address!r}; addresses are 1..31")
     found = find_telegrams(u, dt, threshold)
     table = transactions_of(found.telegrams, found.ends, extended)
     return Capture(

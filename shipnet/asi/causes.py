@@ -1,9 +1,9 @@
-"""Causes of a faulty line, from its impedance and its slaves.
+"""Find the causes of a faulty line from its impedance and its slaves' responses.
 
-The voltage's spectrum divided by that of an undistorted telegram is the magnitude of the line's
+The spectrum of the voltage over that of an undistorted telegram is the magnitude of the line's
 impedance. A passive impedance has the minimum phase for its magnitude, so one filter restores the
-pulses. The requests that can then be read and the recorded voltage give the impedance at the
-master: supply and cable as one resistance, inductance and capacitance in parallel.
+pulses. The requests that can then be read and the recorded voltage give the impedance at
+the master: supply and cable as one resistance, inductance and capacitance in parallel.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ import numpy.typing as npt
 
 from shipnet.arrays import Complexes, Floats, Integers
 from shipnet.asi.bursts import Sampling, find_telegrams, resample
-from shipnet.asi.elements import DEVICE, POWER_SUPPLY
 from shipnet.asi.modulation import Modulation
+from shipnet.asi.segment import POWER_SUPPLY
+from shipnet.asi.slave import DEVICE
 from shipnet.asi.telegram import REQUEST_BITS, frame
 from shipnet.lazy import pd
 
@@ -43,8 +44,8 @@ _LATE = np.arange(0.5e-6, 1.5e-6, 50e-9)
 class Impedance(NamedTuple):
     """Impedance at the master: resistance, inductance and capacitance in parallel.
 
-    `misfit` is the share of the voltage that these three do not explain: echoes. `stray` is the
-    share of the power in the requests' band that is noise or interference.
+    `misfit` is the share of the voltage that these three do not explain, such as echoes. `stray` is
+    the share of the power in the requests' band that is noise or interference.
     """
 
     resistance: float
@@ -56,14 +57,14 @@ class Impedance(NamedTuple):
 
 @cache
 def _requests() -> Modulation:
-    """Return a fair sample of all requests."""
+    """Return every seventh of all possible requests."""
     return Modulation([frame(f"{k:011b}") for k in range(0, 2**11, 7)])
 
 
 def without_cable(x: Floats, step: float, asked: Floats) -> Floats:
     """Return a record with its pulses restored, from the spectrum of the requests at `asked` [s].
 
-    Without such times it is the spectrum of the whole record.
+    Without such times, use the spectrum of the whole record.
     """
     n = 2 * round(_STRETCH / step / 2)
     if len(asked):
@@ -104,7 +105,7 @@ class Restored(NamedTuple):
 
     @property
     def short(self) -> bool:
-        """Whether it is too short to show the line's impedance."""
+        """Whether the record is too short to show the line's impedance."""
         return len(self.x) * self.step < _SHORTEST
 
 
@@ -113,12 +114,12 @@ def restored(
 ) -> Restored:
     """Read requests in the part of a record from shortly before the first one at `asked` [s].
 
-    The requests with `start` and `words`, which were read without restoring, stay if they are more.
+    If more requests were read without restoring, those with `start` and `words`, keep these.
     """
     low = max(0, int((asked[0] - 1e-3) / dt)) if len(asked) else 0
     sampling = Sampling.of(dt)
     x = resample(u[low : low + round(_LONGEST / dt)], sampling).astype(float)
-    # The first sample is the mean of as many.
+    # Each sample is the mean of several, so the first one lies in the middle of these.
     since, step = (low + (sampling.mean - 1) / 2) * dt, sampling.step
     middle = np.median(x) if len(x) else 0.0
     best = Restored(x - middle, since, step, start, words, inverted)
@@ -195,7 +196,7 @@ REVERSED = "reversed probe"
 #: a master at 50 pF.
 _MOST_CAPACITANCE = 100 * 80e-12 + 63 * 50e-12
 
-#: Largest shares of echoes and of foreign power on a healthy line.
+#: Largest shares of echoes and of interference on a healthy line.
 _ECHOES, _STRAY = 0.12, 0.1
 
 #: Lowest and highest level of a healthy slave, relative to the others.
@@ -218,7 +219,7 @@ class Found(NamedTuple):
 
 
 def ranked(found: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.DataFrame:
-    """Return causes as a table, sorted by the share of the violated findings that they explain."""
+    """Return the causes as a table, sorted by the share of violated findings that each explains."""
     rows = []
     for one in found:
         own = broken["object"] == f"slave {one.slave}"

@@ -1,4 +1,4 @@
-"""The line between a master and its slaves, what disturbs it, and the record of what was sent."""
+"""The line between a master and its slaves, its disturbances, and the record of its traffic."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Record:
         return cycle
 
     def table(self) -> pd.DataFrame:
-        """Return all rows with the columns that people read."""
+        """Return all rows as a table for readers."""
         call, address, half = self.field(0, 4), self.field(4, 5), self.field(9, 2)
         data, outcome, response = self.field(11, 5), self.field(OUTCOME, 4), self.field(RESPONSE, 5)
         executed = self.field(EXECUTED, 1).astype(bool)
@@ -115,7 +115,7 @@ def _bits(code: int) -> str:
 
 
 #: Bits of a disturbance: the slave does not understand the request, or did not understand the one
-#: before it, which went to another slave. Bits 2..7 hold 0 or the number of the variant below.
+#: before it, which went to another slave. Bits 2..7 are 0 or the number of the variant below.
 REQUEST_LOST, MISSED = 1, 2
 
 #: Disturbances of one pulse of a response, counted from 1.
@@ -172,7 +172,7 @@ class Station:
         self.offset = 0
 
     def check_pause(self, transaction: Transaction, late: float = 0.0) -> None:
-        """Raise if an answer could come after the end of the next request."""
+        """Raise if an answer could begin after the end of the next request."""
         pause = self.pause + transaction.unsynchronised + late
         most = transaction.timeout + REQUEST_BITS
         if not (late >= 0 and pause < most):
@@ -183,12 +183,12 @@ class Station:
 
 
 class Stations(dict[str, list[Station]]):
-    """The slaves of a line by their labels at the start; two slaves may share one."""
+    """The slaves of a line by their labels at the start; two slaves may share a label."""
 
     def __init__(
         self, placed: Sequence[tuple[Slave, float, float]], transaction: Transaction
     ) -> None:
-        """Place slaves: each with its distance from the master [m] and its delay one way [s]."""
+        """Place slaves, each at a distance from the master [m] and with a one-way delay [s]."""
         super().__init__()
         check_whole("number of slaves", len(placed), 0, 1000)
         self.all = []
@@ -218,7 +218,7 @@ _Route: TypeAlias = tuple[Station, RunningSlave, Callable[[RunningSlave, int, fl
 
 
 class MasterStops(Exception):
-    """The master falls silent until a time [s], infinity for good."""
+    """The master falls silent until a time [s]; infinity means for good."""
 
     def __init__(self, until: float) -> None:
         super().__init__(until)
@@ -226,10 +226,10 @@ class MasterStops(Exception):
 
 
 class Channel:
-    """The line between a master and its slaves: takes a request, brings a reply, keeps the time.
+    """The line between a master and its slaves: it carries requests and replies and keeps the time.
 
-    Only the slaves at the address of a request are looked at. A slave that lost the request just
-    before its own is out of step; a test that lets every slave hear everything finds no difference.
+    Only the slaves at the address of a request are simulated. A slave that missed the previous
+    request is out of step; a test in which every slave hears everything gives the same results.
     """
 
     def __init__(
@@ -286,14 +286,14 @@ class Channel:
         raise MasterStops(until)
 
     def locate(self) -> None:
-        """List the slaves of each address anew; the entry after the last holds all."""
+        """List the slaves of each address anew; the entry after the last address has all slaves."""
         there = [s for s in self.stations if s.slave.powered]
         self._at = [[s for s in there if s.slave.address == address] for address in range(32)]
         self._at.append(there)
         self._routes: dict[PreparedRequest, list[_Route]] = {}
 
     def _route(self, order: PreparedRequest) -> list[_Route]:
-        """Return who takes a request for its own, and what each does."""
+        """Return the slaves that a request addresses, and what each of them does."""
         route = []
         for station in self._at[order.station]:
             said = order.reads[station.slave.kind]
@@ -303,7 +303,7 @@ class Channel:
         return route
 
     def switch(self, station: Station, on: bool, time: float) -> None:
-        """Switch a slave's supply at a time [s]; it is on again when all causes have ended."""
+        """Switch a slave's supply off or on at a time [s]; it is on when no cause is left."""
         station.cuts += -1 if on else 1
         if station.cuts == 0:
             station.slave.switch_on()
@@ -313,7 +313,7 @@ class Channel:
         self.locate()
 
     def begin(self, phase: Phase, cycle: int) -> None:
-        """Take note of a phase, as the observer of a master."""
+        """Record that a phase of the master begins."""
         self._fields = phase << PHASE | self.standby << STANDBY
         if phase < Phase.DATA_EXCHANGE:
             self._base = -1
@@ -327,7 +327,7 @@ class Channel:
             self._base += self._plane
 
     def _in_chunk(self, cycle: int) -> int:
-        """Draw disturbances when a chunk begins, and return the number of a cycle in it."""
+        """Return the number of a cycle in its chunk; draw disturbances when a chunk begins."""
         if cycle % _CHUNK == 0 or not self._bytes:
             rates = [station.rates for station in self.stations]
             drawn = draw_disturbances(self._rng, _CHUNK, rates, self._attempts)
@@ -335,7 +335,7 @@ class Channel:
         return cycle % _CHUNK
 
     def _draw_one(self, station: Station) -> int:
-        """Draw for a request outside the cycles."""
+        """Draw the disturbance of a request outside the cycles."""
         if station.rates == (0.0, 0.0):
             return 0
         return int(draw_disturbances(self._rng, 1, [station.rates], 1)[0, 0, 0, 0])
@@ -406,7 +406,7 @@ class Channel:
         return reply
 
     def _readable(self, order: PreparedRequest, start: float) -> bool:
-        """Whether a request can be read although a late answer collides with it."""
+        """Whether a request can be read that collides with a late answer."""
         assert self._ghost is not None
         bits, begin = self._ghost
         self._ghost = None

@@ -1,6 +1,6 @@
 """Commands of the host to a master, which sends one request per cycle in its management phase.
 
-`simulate` takes a command with its time; `Run.commands` reports the outcome.
+`simulate` accepts each command with its time; `Run.commands` reports the outcome.
 """
 
 from __future__ import annotations
@@ -20,12 +20,7 @@ from shipnet.asi.telegram import Call
 from shipnet.errors import ArgumentError
 from shipnet.fields import record, text, whole
 
-__all__ = [
-    "ChangeAddress",
-    "ReadCodes",
-    "ResetSlave",
-    "WriteParameter",
-]
+__all__ = ["ChangeAddress", "ReadCodes", "ResetSlave", "WriteParameter"]
 
 
 def _detected(lists: Lists, slave: str) -> int:
@@ -39,15 +34,10 @@ def _detected(lists: Lists, slave: str) -> int:
 class ChangeAddress:
     """Give a slave another label: delete its address, then assign the new one.
 
-    Raises
-    ------
-    ArgumentError
-        If a label is not legal.
-
     Notes
     -----
-    The command fails while the LDS holds the new label or slave 0: two slaves at address 0 would
-    both take the new address.
+    The command fails while the new label or slave 0 is in the LDS: two slaves at address 0 would
+    both get the new address.
 
     References
     ----------
@@ -83,8 +73,7 @@ class ChangeAddress:
         if old:
             if 0 in lists.detected:
                 raise CommandFailed("a slave without an address is in the LDS")
-            # The slave is not polled meanwhile; if it keeps its address, the inclusion phase
-            # finds it.
+            # If the slave keeps its address, the inclusion phase finds it again.
             lists.forget(old)
             yield prepared(Call.DELETE_ADDRESS, old >> 1, half=half_of(old, identity.profile))
             # The reply may be lost although the address is deleted: ask at address 0.
@@ -110,7 +99,7 @@ class _OfSlave:
 
 @record
 class ReadCodes(_OfSlave):
-    """Read the codes of a slave, whether it is in a list or not.
+    """Read the codes of a slave, which need not be in a list.
 
     Examples
     --------
@@ -129,7 +118,7 @@ class ReadCodes(_OfSlave):
 
 @record
 class WriteParameter(_OfSlave):
-    """Write the parameter of a slave in the LDS, now and at each later activation.
+    """Set the parameter of a slave in the LDS, now and at each later activation.
 
     Examples
     --------
@@ -145,7 +134,7 @@ class WriteParameter(_OfSlave):
     def run(self, lists: Lists) -> Task[str]:
         """Yield the request."""
         key = _detected(lists, self.slave)
-        lists.set_parameter(self.slave, self.value)
+        lists.parameters[self.slave] = self.value
         echo = yield prepared(Call.WRITE_PARAMETER, key >> 1, self.value, slave_key(self.slave)[1])
         if echo < 0:
             raise CommandFailed(f"slave {self.slave} does not answer")

@@ -1,7 +1,7 @@
-"""Faults of a line, from a `start` to a `stop` in simulated seconds.
+"""Faults of a line, from `start` to `stop` in simulated seconds.
 
 Slaves are named by their label at time 0, such as ``"5A"``. Two slaves at one address need no
-fault: give the simulation both.
+fault: simulate both.
 """
 
 from __future__ import annotations
@@ -75,7 +75,9 @@ class TelegramErrors(_OfSlave):
         """Set the probabilities, from which the channel draws the disturbances."""
         for station in stations[self.slave]:
             if station.rates != (0.0, 0.0):
-                raise ArgumentError(f"slave {self.slave} has telegram errors twice; give one")
+                raise ArgumentError(
+                    f"slave {self.slave} has telegram errors twice; it must have one"
+                )
             station.rates = (self.request, self.response)
             station.quiet = self.start > 0
             if station.quiet or self.stop < inf:
@@ -84,7 +86,7 @@ class TelegramErrors(_OfSlave):
 
 @record
 class DeadSlave(_OfSlave):
-    """A slave has no supply.
+    """A slave without supply voltage.
 
     Examples
     --------
@@ -93,13 +95,13 @@ class DeadSlave(_OfSlave):
     """
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Switch the slave off, and on again."""
+        """Switch the slave off and on again."""
         _switch(channel, stations[self.slave], self.start, self.stop)
 
 
 @record
 class BrokenCable(LineFault):
-    """All slaves beyond a place lose supply and signal.
+    """All slaves downstream of a break lose supply and signal.
 
     Examples
     --------
@@ -110,7 +112,7 @@ class BrokenCable(LineFault):
     place: float = number(0, 1e6, "m", "Distance of the break from the master")
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Switch everything downstream of the break off, and on again."""
+        """Switch everything downstream of the break off and on again."""
         downstream = [station for station in stations.all if station.position > self.place]
         _switch(channel, downstream, self.start, self.stop)
 
@@ -128,10 +130,12 @@ class SupplyDip(LineFault):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.stop == inf:
-            raise ArgumentError("stop is inf s; it must be finite: when the supply comes back")
+            raise ArgumentError(
+                "stop is inf s; it must be finite: the time when the supply returns"
+            )
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Switch all slaves off, and on again, and notify the master."""
+        """Switch all slaves off and on again, and notify the master."""
         _switch(channel, stations.all, self.start, self.stop)
         channel.schedule(self.start, partial(channel.stop_master, self.stop))
 
@@ -193,7 +197,7 @@ class PeripheryFault(_OfSlave):
     """
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Set the flag, and clear it."""
+        """Set the flag and clear it."""
         for station in stations[self.slave]:
             flags = (True, False)
             _set(channel, station.slave, "periphery_fault", flags, self.start, self.stop)
@@ -212,7 +216,7 @@ class MasterFailure(LineFault):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.stop < inf:
-            raise ArgumentError(f"stop is {self.stop:g} s; a master that fails does not come back")
+            raise ArgumentError(f"stop is {self.stop:g} s; a master that failed stays silent")
 
     def apply(self, channel: Channel, stations: Stations) -> None:
         """Stop the master for good."""

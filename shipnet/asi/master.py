@@ -1,7 +1,7 @@
 """A master: its settings, lists, tasks and phases.
 
 Internally a slave has a key, twice its address plus 1 for a B slave; the host sees labels. A task
-yields requests and is sent each reply: four bits, `SILENT` or `FAULTY`.
+yields requests and receives each reply: four bits, `SILENT` or `FAULTY`.
 """
 
 from __future__ import annotations
@@ -11,9 +11,8 @@ from collections.abc import Callable, Generator, Mapping
 from enum import IntEnum
 from typing import NamedTuple, Protocol, TypeAlias, TypeVar, cast
 
-from shipnet.asi.elements import CURRENT
 from shipnet.asi.profile import Profile
-from shipnet.asi.slave import PreparedRequest, label_of, prepared, slave_key
+from shipnet.asi.slave import CURRENT, PreparedRequest, label_of, prepared, slave_key
 from shipnet.asi.telegram import Call, Half
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_whole, number, part, record, switch, text, whole
@@ -22,12 +21,7 @@ from shipnet.line.network import check_node
 
 @record
 class Master:
-    """A master: how it treats its slaves, and where it is.
-
-    Raises
-    ------
-    ArgumentError
-        If a value is out of range, or a label does not fit its profile.
+    """A master, its place and its settings.
 
     Notes
     -----
@@ -114,7 +108,7 @@ def check_bits(what: str, label: str, value: int) -> int:
 
 
 class Identity(NamedTuple):
-    """Profile of a slave, and its extended ID code 1, or -1 without one."""
+    """A slave's profile and its extended ID code 1, -1 if it has none."""
 
     profile: Profile
     id1: int
@@ -128,7 +122,7 @@ def half_of(key: int, profile: Profile) -> Half | None:
 
 
 class Lists:
-    """The lists LPS, LDS, LAS and LPF, and the data of the host."""
+    """The lists LPS, LDS, LAS and LPF, and the host's data."""
 
     def __init__(self, settings: Master) -> None:
         self.protected = settings.protected
@@ -136,8 +130,9 @@ class Lists:
         self.clock: Callable[[], float] = lambda: 0.0
         #: When [s] a slave entered a list (True) or left it: LDS, LAS or LPF.
         self.changes: list[tuple[float, str, str, bool]] = []
-        self._outputs = dict(settings.outputs)
-        self._parameters: dict[str, int] = {}
+        #: Outputs and parameters by label; by default all bits are set.
+        self.outputs = dict(settings.outputs)
+        self.parameters: dict[str, int] = {}
         self.clear()
 
     def clear(self) -> None:
@@ -164,21 +159,10 @@ class Lists:
         known = self.detected.get(key)
         return label_of(key, extended=known is not None and known.profile.extended)
 
-    def set_output(self, slave: str, value: int) -> None:
-        """Set the outputs that a slave is sent from now on."""
-        key = slave_key(slave)[0]
-        self._outputs[slave] = check_bits("output", slave, value)
-        if key in self.polls and self.label(key) == slave:
-            self._set_poll(key, value)
-
-    def set_parameter(self, slave: str, value: int) -> None:
-        """Set the parameter that a slave is sent at its next activation."""
-        self._parameters[slave] = check_bits("parameter", slave, value)
-
     def parameter(self, key: int) -> int:
-        """Return the parameter of a detected slave; by default all bits are set."""
+        """Return the parameter of a detected slave."""
         all_set = (1 << self.detected[key].profile.output_bits) - 1
-        return self._parameters.get(self.label(key), all_set) & all_set
+        return self.parameters.get(self.label(key), all_set) & all_set
 
     def wanted(self, key: int) -> bool:
         """Whether a detected slave should be active."""
@@ -197,15 +181,11 @@ class Lists:
         """Enter a detected slave into the LAS."""
         if key not in self.polls:
             self._change("LAS", key, True)
-        self._set_poll(key, self._outputs.get(self.label(key), 0xF))
+        profile = self.detected[key].profile
+        data = self.outputs.get(self.label(key), 0xF) & (1 << profile.output_bits) - 1
+        self.polls[key] = prepared(Call.DATA_EXCHANGE, key >> 1, data, half_of(key, profile))
         self.inputs[key] = inputs
         self._plan()
-
-    def _set_poll(self, key: int, outputs: int) -> None:
-        """Prepare the request with a slave's outputs; an A/B slave takes the lower three bits."""
-        profile = self.detected[key].profile
-        data = outputs & (1 << profile.output_bits) - 1
-        self.polls[key] = prepared(Call.DATA_EXCHANGE, key >> 1, data, half_of(key, profile))
 
     def periphery(self, key: int, faulty: bool) -> None:
         """Enter a slave into the LPF, or remove it."""
@@ -214,7 +194,7 @@ class Lists:
             self._change("LPF", key, faulty)
 
     def forget(self, key: int) -> None:
-        """Remove a slave from LDS, LAS and LPF; the host reads nothing from it."""
+        """Remove a slave from LDS, LAS and LPF, and its inputs from the host's data."""
         self.periphery(key, False)
         self.inputs.pop(key, None)
         if self.polls.pop(key, None):
@@ -245,8 +225,8 @@ SILENT, FAULTY = -1, -2
 T = TypeVar("T")
 Task: TypeAlias = Generator[PreparedRequest, int, T]
 
-#: How often a master asks whether a slave has stored its address: enough for 15 ms with the
-#: shortest cycle, which has one management and one inclusion request, 26 and 24 bit times.
+#: How often a master asks whether a slave has stored its address: enough for 15 ms in the shortest
+#: cycle, which has a management request of 26 bit times and an inclusion request of 24.
 _PATIENCE = 100
 
 
@@ -282,7 +262,7 @@ def activate(lists: Lists, key: int) -> Task[bool]:
 
 
 def move(lists: Lists, label: str) -> Task[bool]:
-    """Give the slave at address 0 a label: first its half, if it has one, then its address."""
+    """Assign a label to the slave at address 0: first its half, if any, then its address."""
     identity = lists.detected[0]
     key, half = slave_key(label)
     wanted = identity.id1 & 7 | (8 if half == "B" else 0)
@@ -322,21 +302,21 @@ class Phase(IntEnum):
 
 
 class Observer(Protocol):
-    """An object that gives a master the time and is notified of its phases."""
+    """An object that knows the time and is notified of a master's phases."""
 
     @property
     def seconds(self) -> float:
         """The simulated time [s]."""
 
     def begin(self, phase: Phase, cycle: int) -> None:
-        """Be notified that a phase begins."""
+        """Note that a phase begins."""
 
 
 class Command(Protocol):
     """A command of the host: one request per cycle, in the management phase."""
 
     def run(self, lists: Lists) -> Task[str]:
-        """Yield requests, take replies, and return the outcome in words."""
+        """Yield requests, receive replies, and return the outcome in words."""
 
 
 class CommandFailed(Exception):
@@ -344,7 +324,7 @@ class CommandFailed(Exception):
 
 
 class RunningMaster:
-    """A running master; a simulation or a test takes its requests and sends it the replies."""
+    """A running master, which yields requests to a simulation and receives the replies."""
 
     def __init__(self, settings: Master) -> None:
         self.settings, self.lists = settings, Lists(settings)
@@ -362,7 +342,7 @@ class RunningMaster:
         self._queue.append(command)
 
     def run(self, observer: Observer, active: Mapping[str, int] | None = None) -> Task[None]:
-        """Yield requests and take replies; begin with slaves that are `active`, if given."""
+        """Yield requests and receive replies; begin with the `active` slaves, if there are any."""
         lists = self.lists
         self._observer = observer
         lists.clock = lambda: observer.seconds
@@ -409,8 +389,8 @@ class RunningMaster:
                 raise ArgumentError(f"slave {label} is active; it must be projected, too")
             key = slave_key(label)[0]
             self.lists.note(key, Identity(self.lists.projected[label], -1))
+            self.lists.outputs[label] = outputs
             self.lists.join(key, 0)
-            self.lists.set_output(label, outputs)
 
     def _again(self, what: PreparedRequest, reply: int) -> Task[int]:
         """Repeat a request after a failed reply."""
@@ -431,7 +411,7 @@ class RunningMaster:
         return reply
 
     def _through(self, task: Task[T]) -> Task[T]:
-        """Carry out a whole task without waiting for the next cycle."""
+        """Carry out a whole task within one cycle."""
         reply: int | None = None
         while True:
             try:
@@ -464,7 +444,7 @@ class RunningMaster:
                     self.lists.note(key, identity)
 
     def _can_be(self, key: int) -> bool:
-        """Whether a slave can have a key: no B slave at address 0 or beside a standard slave."""
+        """Whether a slave can have a key: not a B slave at address 0 or beside a standard slave."""
         first = self.lists.detected.get(key & ~1)
         return key != 1 and (not key & 1 or first is None or first.profile.extended)
 

@@ -75,7 +75,7 @@ def ramp_spectrum(s: npt.ArrayLike, *, half_bit: float = HALF_BIT) -> Complexes:
     return np.where(small, np.exp(-x), np.where(pole, 0.5 * np.exp(-x), value))
 
 
-#: The error classes of kim2023 section 3.4 by name, in the order in which they are checked.
+#: The error classes of kim2023, section 3.4, by name in the order of their checks.
 CLASSES: dict[str, type[FrameError]] = {
     "start": StartBitError,
     "alternation": AlternationError,
@@ -88,7 +88,7 @@ CLASSES: dict[str, type[FrameError]] = {
 
 
 def _violations(columns: Signs) -> Bools:
-    """Return which classes fail; `columns` has the slots, the result the classes in front."""
+    """Return which checks fail, checks first; `columns` has slots first."""
     telegram, after = columns[1:-2], columns[-2:]
     middles = telegram[::2]
     empty = telegram == 0
@@ -110,10 +110,10 @@ def _violations(columns: Signs) -> Bools:
 
 
 def check_columns(columns: Signs) -> tuple[Signs, Codes]:
-    """Return the bits along the first axis, and the error codes."""
+    """Return the bits, slots first, and the error codes."""
     error = np.zeros(columns.shape[1:], dtype=np.uint8)
     failed = _violations(columns)
-    # The code that is written last is checked first.
+    # The check that comes first has its code written last.
     for kind, fails in reversed(list(zip(CLASSES.values(), failed, strict=True))):
         error[fails] = kind.code
     middles = columns[1:-2:2]
@@ -131,12 +131,7 @@ class Modulation:
     Parameters
     ----------
     bits : str, sequence of str, or array_like of int, shape (..., n)
-        The bits, 0 or 1, of one telegram or of several of one length.
-
-    Raises
-    ------
-    ArgumentError
-        If a bit is not 0 or 1, or telegrams differ in length.
+        Bits 0 or 1 of a telegram, or of several telegrams of one length.
 
     References
     ----------
@@ -168,7 +163,7 @@ class Modulation:
             array = np.ascontiguousarray(array).view("U1").reshape(*array.shape, -1)
             array = np.where(np.isin(array, ("0", "1")), array == "1", 2)
         if array.ndim == 0 or array.shape[-1] == 0:
-            raise ArgumentError("bits must hold at least one bit")
+            raise ArgumentError("bits must have at least one bit")
         if not np.isin(array, (0, 1)).all():
             raise ArgumentError(f"bits of telegrams must be 0 or 1, but are {bits!r}")
         object.__setattr__(self, "bits", array.astype(np.int8))
@@ -232,8 +227,8 @@ class Modulation:
     def plot(self, wave: Waveform, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
         """Draw one telegram and its voltage on the line, and return the axes.
 
-        Three axes show levels, current and voltage, as icn2007's Figs 7a and 7b. Six, the default,
-        show all steps from bits to pulses and back, as kim2023's Table 3.
+        Three axes show levels, current and voltage, as icn2007's Figs 7a and 7b. Six axes, the
+        default, show all steps from bits to pulses and back, as kim2023's Table 3.
         """
         if axes is None:
             six = style.axes(nrows=6, figsize=(7, 9), sharex=True)
@@ -273,7 +268,7 @@ class Modulation:
         return axes
 
 
-#: How errors write a pulse.
+#: Pulses in error texts.
 _SIGN = {-1: "-", 0: "no pulse", 1: "+"}
 
 
@@ -292,13 +287,8 @@ class Pulses:
     Parameters
     ----------
     signs : str or array_like of int, shape (..., n)
-        -1, 0 or +1, or ``-``, ``0`` and ``+`` in a text. A telegram of n bits has 2 n signs,
-        which two zeros for the silence after it may follow.
-
-    Raises
-    ------
-    ArgumentError
-        If a sign is another value.
+        -1, 0 or +1, or ``-``, ``0`` and ``+`` in a text. A telegram of n bits has 2 n signs, and
+        two zeros for the silence after it may follow.
 
     References
     ----------
@@ -375,7 +365,7 @@ class Pulses:
         """Return the bits of one telegram, or raise the FrameError of the first violated rule."""
         pulse: list[int] = self._one(self._columns).tolist()
         last = len(pulse) - 3
-        slot = [f"slot {j} holds {_SIGN[sign]}" for j, sign in enumerate(pulse)]
+        slot = [f"slot {j} has {_SIGN[sign]}" for j, sign in enumerate(pulse)]
         if pulse[0]:
             raise StartBitError(f"{slot[0]}; the first pulse belongs in slot 1")
         if pulse[1] != -1:
@@ -395,7 +385,7 @@ class Pulses:
         ones = bits[:-1].count("1")
         if ones % 2:
             raise ParityError(
-                f"slots 1 to {last - 2} hold {bits[:-1]} with {ones} ones; their number must be "
+                f"slots 1 to {last - 2} have {bits[:-1]} with {ones} ones; their number must be "
                 "even"
             )
         if pulse[last] != 1:
@@ -407,7 +397,7 @@ class Pulses:
 
     def _one(self, columns: Signs) -> Signs:
         if columns.ndim != 1:
-            raise ArgumentError(f"there are {self.signs.shape} pulses; one telegram is asked for")
+            raise ArgumentError(f"there are {self.signs.shape} pulses; there must be one telegram")
         return columns
 
     @property
@@ -423,7 +413,7 @@ class Pulses:
         return CLASSES[broken[0]].__name__ if broken else "ok"
 
     def __add__(self, other: Pulses) -> Pulses:
-        """Return the pulses of two overlapping telegrams: opposite signs cancel."""
+        """Return the pulses of two overlapping telegrams; opposite signs cancel."""
         if not isinstance(other, Pulses) or other.signs.shape != self.signs.shape:
             return NotImplemented
         return Pulses(np.sign(self.signs + other.signs))

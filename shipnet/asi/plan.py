@@ -1,4 +1,4 @@
-"""The plan of an AS-i installation: its elements, and how they are connected.
+"""The plan of an AS-i installation: its elements and connections.
 
 Cables that meet at nodes form a *segment*, one electrical network. Segments coupled by repeaters
 form a *line*, which one master polls. A plan may have several lines.
@@ -19,7 +19,6 @@ from shipnet import style
 from shipnet.answers import Findings, Utilisation
 from shipnet.arguments import checked
 from shipnet.arrays import Bools, Floats
-from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan_file import read_elements, write_elements
 from shipnet.asi.receiver import RECEIVERS, TOLERANCE, Disturbance, RNGLike
@@ -30,20 +29,17 @@ from shipnet.asi.segment import (
     Element,
     Groups,
     Quality,
+    Repeater,
     Segment,
+    Supply,
+    Terminator,
     nodes_of,
     shortest_paths,
     structure_faults,
 )
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import RESPONSES
-from shipnet.asi.timing import (
-    ADDRESSES,
-    Cycle,
-    Direction,
-    ResponseTime,
-    Transaction,
-)
+from shipnet.asi.timing import ADDRESSES, Cycle, Direction, ResponseTime, Transaction
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
@@ -68,7 +64,7 @@ _KINDS: dict[str, type[Element]] = {
     "terminators": Terminator,
 }
 
-#: Marker, colour and size by the name in the legend, the last ones drawn on top.
+#: Marker, colour and size by name in the legend; the last ones are drawn on top.
 _MARKS: dict[str, tuple[Any, str, int]] = {
     "supply": (6, "C4", 12),  # a caret whose tip is at the node
     "master": ("s", "0.2", 7),
@@ -210,15 +206,17 @@ class Plan:
         return tuple(tuple(one for one in self.segments if one.line == n) for n in numbers)
 
     def only(self, what: str) -> Segment:
-        """Return the segment of a plan of one segment; else raise an error about `what`."""
+        """Return the only segment, or raise an error about `what` if there are several."""
         if len(self.segments) != 1:
-            raise ArgumentError(f"{what} is of one segment; the plan has {len(self.segments)}")
+            raise ArgumentError(
+                f"{what} needs a plan of one segment; this one has {len(self.segments)}"
+            )
         return self.segments[0]
 
     def only_line(self, what: str) -> tuple[Segment, ...]:
-        """Return the segments of a plan of one line; else raise an error about `what`."""
+        """Return the segments of the only line, or raise an error about `what`."""
         if len(self.lines) != 1:
-            raise ArgumentError(f"{what} is of one line; the plan has {len(self.lines)}")
+            raise ArgumentError(f"{what} needs a plan of one line; this one has {len(self.lines)}")
         return self.lines[0]
 
     # Other plans -------------------------------------------------------------------------------
@@ -280,7 +278,7 @@ class Plan:
 
     @property
     def network(self) -> Network:
-        """The cables and loads of a plan of one segment, as the signal meets them."""
+        """The cables and their loads at signal frequencies, of a plan of one segment."""
         return self.only("network").network
 
     def waveform(
@@ -292,12 +290,12 @@ class Plan:
         before: float = 6.5e-6,
         after: float = 18.5e-6,
     ) -> Waveform:
-        """Return the voltages of telegrams between the master and each slave, or one node.
+        """Return the voltages of telegrams between the master and each slave, or a node.
 
         `telegrams` is one telegram or the bits of several of one length; by default all 16
-        responses. The voltage holds for both directions. It is the signal without the 30 V of the
-        supply, sampled every `dt` [s], a whole fraction of 3 us, from `before` the telegram to
-        `after` its end [s]. The plan must have one segment with a master.
+        responses. The voltages are the same in both directions, without the supply's 30 V. They are
+        sampled every `dt` [s], a whole fraction of 3 us, from `before` the telegram to `after` its
+        end [s]. The plan must have one segment with a master.
         """
         segment = self.only("waveform")
         nodes = [node for _, node in segment.listeners] if node is None else [node]
@@ -339,13 +337,13 @@ class Plan:
         )  # fmt: skip
 
     def quality(self) -> Quality:
-        """Return how the 16 responses arrive from each slave of a plan of one segment."""
+        """Return the quality of the 16 responses of each slave, for a plan of one segment."""
         segment = self.only("quality")
         found = segment.quality([slave.node for slave in segment.slaves], RESPONSES)
         return found._replace(slaves=tuple(slave.label for slave in segment.slaves))
 
     def error_rates(self, noise_density: float) -> pd.DataFrame:
-        """Return how often white noise costs a telegram, in a plan of one segment with a master.
+        """Return the rates of telegrams that white noise destroys, for a plan of one segment.
 
         The noise has a one-sided `noise_density` at every receiver [V per root hertz]. The table
         has one row per slave and receiver of `RECEIVERS`: its `minimum_V`, and the probabilities
@@ -474,7 +472,7 @@ class Plan:
 
 
 class PlanFindings(Findings):
-    """The findings of a plan, which its drawing shows."""
+    """The findings of a plan, which its drawing can show."""
 
     def __init__(self, table: pd.DataFrame, plan: Plan) -> None:
         super().__init__(table)
@@ -574,7 +572,7 @@ class Comparison:
 
 @checked
 def compare(plans: Mapping[Any, Plan]) -> Comparison:
-    """Compare how the responses of slaves arrive in several plans.
+    """Compare the quality of the slaves' responses in several plans.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Plans as CSV files or spreadsheets: one row per element.
+"""Read and write plans as tables with one row per element.
 
     kind,node,to,length_m,cable,address,profile,current_ma,channels,voltage_v,rating_a
     master,bridge,,,,,,,,,
@@ -7,9 +7,8 @@
     slave,deck,,,,12A,S-0.A,20,,,
     slave,deck,,,,13,S-7.3,20,4,,
 
-A cell that does not apply to its kind of row must be empty; an optional cell that is empty takes
-the element's default. Columns may be in any order; those that no row needs, and `note`, are
-optional.
+A cell that does not apply to its kind of row must be empty; an empty optional cell means the
+element's default. Columns may be in any order; `note` and columns that no row needs are optional.
 """
 
 from __future__ import annotations
@@ -21,10 +20,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.profile import Profile
-from shipnet.asi.segment import Element, structure_faults
+from shipnet.asi.segment import Element, Repeater, Supply, Terminator, structure_faults
 from shipnet.asi.slave import Slave, slave_key
 from shipnet.asi.timing import CHANNELS, transfers_values
 from shipnet.errors import ArgumentError, InputError
@@ -105,7 +103,7 @@ def read_elements(path: str | PathLike[str]) -> list[Element]:
     needed = ("kind", "node")
     known = {column: None if column in needed else "" for column in (*COLUMNS, "note")}
     rows, faults = titled(sheet, known)
-    # The structure is only checked if no cable is missing, since its devices would look loose.
+    # The structure is only checked if every cable was read, or devices would seem unconnected.
     whole = not faults
     point = "."
     if sheet.separator != "," and any("," in row[column] for _, row in rows for column in _NUMBERS):
@@ -175,9 +173,9 @@ def _label(cell: str) -> str:
     return f"{key >> 1}{half or ''}"
 
 
-#: How other cells are read, and what they may contain.
+#: Functions that read other cells, and what these may contain.
 _READ: dict[str, tuple[Callable[[str], Any], str]] = {
-    "address": (_label, "0 to 31, with A or B behind it for a slave that shares it"),
+    "address": (_label, "0 to 31, followed by A or B for a slave that shares it"),
     "profile": (Profile.parse, "a profile such as S-7.A.E or S-0.F"),
     "channels": (int, f"a whole number, 1 to {CHANNELS}"),
     "cable": (dict(zip(CABLES, CABLES, strict=True)).__getitem__, f"one of {', '.join(CABLES)}"),

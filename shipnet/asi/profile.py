@@ -1,4 +1,4 @@
-"""What a slave reports about itself: profile, ports and status."""
+"""A slave's profile, its ports and its status bits."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _STATUS = ("address or ID code still volatile", "periphery fault", "reserved", "
 
 
 def describe_io_configuration(code: int) -> str:
-    """Return what the ports of an I/O configuration code do."""
+    """Return the functions of the ports for an I/O configuration code."""
     ports = IO_CONFIGURATIONS[check_whole("code", code, 0, 15)]
     return "no port has a function" if "TRI" in ports else f"ports D0..D3 {' '.join(ports)}"
 
@@ -63,12 +63,12 @@ class Profile:
 
     @property
     def extended(self) -> bool:
-        """Whether the slave shares its address as A or B: its ID code is A (hexadecimal)."""
+        """Whether it is an A/B slave: its ID code is A (hexadecimal)."""
         return self.id == 0xA
 
     @property
     def output_bits(self) -> int:
-        """Output bits in one request: for an A/B slave, the select bit takes one of the four."""
+        """Output bits in one request; for an A/B slave, one of the four is the select bit."""
         return 3 if self.extended else 4
 
     def __str__(self) -> str:
@@ -90,7 +90,7 @@ class Profile:
 
     @property
     def ports(self) -> tuple[Port, ...]:
-        """What the ports D0..D3 do: ``"IN"``, ``"OUT"``, ``"I/O"``, or ``"TRI"`` for nothing."""
+        """Functions of the ports D0..D3: ``"IN"``, ``"OUT"``, ``"I/O"``, or ``"TRI"`` for none."""
         return IO_CONFIGURATIONS[self.io]
 
     @classmethod

@@ -1,7 +1,7 @@
 """Line voltage -> pulses -> bits: the receiver of a master or a slave, for many telegrams at once.
 
-It waits for the first pulse, looks at the line once every half-bit after it, and takes for a pulse
-what is larger than half of the first. The seven checks of `shipnet.asi.modulation` follow.
+It waits for the first pulse and then samples the line once every half-bit. A sample larger than
+half of the first pulse is a pulse. The seven checks of `shipnet.asi.modulation` follow.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from shipnet.fields import check_rng, check_scalar, check_whole, number, record,
 from shipnet.lazy import Axes
 from shipnet.line import waveform as line_waveform
 
-#: What `numpy.random.default_rng` takes.
+#: Arguments that `numpy.random.default_rng` accepts.
 RNGLike = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence | int
 
 #: Voltage below which nothing counts [V]: 30 % of 1.5 V, the smallest signal of 3 V peak to peak.
 MINIMUM = 0.45
 
-#: Legal sampling intervals [s]: the longest leaves three samples per half-bit; anything finer than
-#: the shortest, 3000 samples per pulse, only costs time.
+#: Legal sampling intervals [s]: the longest leaves three samples per half-bit; less than the
+#: shortest, with 3000 samples per pulse, only costs time.
 _DT = (1e-9, 1e-6)
 
-#: Samples worked on at a time: they and the results stay in a core's own cache.
+#: Samples processed at a time, so that they and the results stay in a core's own cache.
 _SAMPLES = 2**18
 
-#: Taps from which on a transform filters faster than products with matrices.
+#: Number of taps above which a transform filters faster than products with matrices.
 _LONG = 64
 
-#: Blocks that are multiplied at a time, so that all stay in a core's own cache.
+#: Blocks multiplied at a time, so that all stay in a core's own cache.
 _BLOCKS = 2**10
 
 #: The first pulse peaks within this many half-bits of the first sample above the minimum: one for
@@ -58,7 +58,7 @@ _EVEN, _LEAST = 1e-9, 1e-9
 
 
 class Disturbance(Protocol):
-    """What `shipnet.asi.emc` adds to telegrams, such as `Noise`."""
+    """A disturbance of `shipnet.asi.emc`, such as `Noise`."""
 
     def voltage(
         self,
@@ -74,7 +74,7 @@ class Disturbance(Protocol):
 
 @checked
 class Reception(NamedTuple):
-    """What a receiver made of a batch of telegrams; the leading axes are those of the voltage.
+    """The telegrams that a receiver read; the leading axes are those of the voltage.
 
     Where nothing was received, the error is that of `SilenceError`, bits are -1, slots 0 and the
     other fields NaN.
@@ -91,7 +91,7 @@ class Reception(NamedTuple):
     amplitude : ndarray of float, shape (...)
         Largest sample of the first pulse on the line, before any filter [V].
     weakest : ndarray of float, shape (...)
-        Smallest pulse over largest pulse, as the receiver decides, so filtered if it filters.
+        Smallest pulse over largest pulse, behind the filter if the receiver has one.
     ringing : ndarray of float, shape (...)
         Largest voltage over largest pulse, likewise, in the slots without a pulse from the first
         pulse to two slots after the telegram.
@@ -128,11 +128,11 @@ class Reception(NamedTuple):
     def plot(
         self, wave: Waveform, ax: Axes | None = None, *, receiver: Receiver | None = None
     ) -> Axes:
-        """Draw one telegram as its receiver sees it: voltage, filtered voltage, and its slots."""
+        """Draw one telegram as its receiver sees it: voltage, filtered voltage and slots."""
         ax = style.axes(ax)
         receiver = receiver or Receiver()
         if wave.u.ndim != 1:
-            raise ArgumentError(f"wave holds {wave.u.shape[:-1]} telegrams; one can be drawn")
+            raise ArgumentError(f"wave has {wave.u.shape[:-1]} telegrams; it must have one")
         t = wave.t * 1e6
         seen = matched_filter(wave.u, wave.dt) if receiver.matched else wave.u
         ax.plot(t, wave.u, color="0.6", linewidth=1, label="on the line")
@@ -154,7 +154,7 @@ class Reception(NamedTuple):
 
 
 class Tolerance(NamedTuple):
-    """Smallest pulse over largest pulse, and largest voltage where no pulse is over the same."""
+    """Smallest pulse, and largest voltage without a pulse, over the largest pulse."""
 
     evenness: float
     ringing: float
@@ -170,13 +170,13 @@ TOLERANCE = Tolerance(evenness=0.65, ringing=0.30)
 @checked
 @record
 class Receiver:
-    """The receiver of a master or a slave, by the four settings with which it decides.
+    """The receiver of a master or a slave, by its four settings.
 
     The first pulse decides, not the largest so far, as in [1]_. A wide `window` catches the
-    flanks of the neighbours: on a line of 150 m, 0.25 costs telegrams that 0.1 receives. In noise
-    `minimum` should be four times the standard deviation of what is decided on, or noise ahead
-    of a telegram is taken for its first pulse. `RECEIVERS` has some by name, with the `source` of
-    their numbers.
+    flanks of the neighbours: on a line of 150 m, 0.25 loses telegrams that 0.1 receives. In noise
+    `minimum` should be four times the standard deviation behind the filter, or noise before a
+    telegram is mistaken for its first pulse. `RECEIVERS` has some receivers by name, with the
+    `source` of their numbers.
 
     References
     ----------
@@ -193,11 +193,7 @@ class Receiver:
     """
 
     threshold: float = number(
-        0,
-        1,
-        "",
-        "What counts as a pulse, over the size of the first pulse; not 0 or 1",
-        default=0.5,
+        0, 1, "", "Smallest pulse, relative to the first one; not 0 or 1", default=0.5
     )
     window: float = number(
         0, 0.5, "half-bits", "The largest sample this near to the middle of a slot counts",
@@ -209,15 +205,15 @@ class Receiver:
 
     def __post_init__(self) -> None:
         if not 0 < self.threshold < 1:
-            raise ArgumentError(f"threshold is {self.threshold}; it must lie between 0 and 1")
+            raise ArgumentError(f"threshold is {self.threshold}; it must be between 0 and 1")
 
     def receive(self, wave: Waveform) -> Reception:
         """Receive telegrams of known length; a bad one has an `error` and raises nothing."""
         return receive(wave.u, wave.dt, wave.bits.shape[-1], **asdict(self))
 
 
-#: Receivers by name: a sensitive one takes noise for telegrams, another one loses weak signals. No
-#: data sheet that we read gives a chip's own voltage.
+#: Receivers by name: a sensitive one mistakes noise for telegrams, another one loses weak signals.
+#: No data sheet that we read states a chip's own voltage.
 RECEIVERS: Mapping[str, Receiver] = MappingProxyType(
     {
         "sensitive": Receiver(
@@ -272,7 +268,7 @@ class Waveform(line_waveform.Waveform):
 
     @property
     def span(self) -> tuple[float, float]:
-        """Begin and end of the telegrams [s]."""
+        """Start and end of the telegrams [s]."""
         return 0.0, self.bits.shape[-1] * 2 * HALF_BIT
 
     @property
@@ -287,14 +283,14 @@ class Waveform(line_waveform.Waveform):
         return (receiver or Receiver()).receive(self)
 
     def eye(self, points: int = 61) -> Eye:
-        """Lay all half-bits of the telegrams over each other, each with `points` samples."""
+        """Return all half-bits of the telegrams, each with `points` samples, for an eye diagram."""
         from scipy.ndimage import map_coordinates
 
         count = check_whole("points", points, 2, 10_000)
         bits, rows = self.records
         heard = receive(rows, self.dt, bits.shape[-1], matched=False)
         if not np.isfinite(heard.start).all():
-            raise ArgumentError("a telegram in u holds no pulse above the receiver's minimum")
+            raise ArgumentError("a telegram in u has no pulse above the receiver's minimum")
         signs = np.pad(Modulation(bits).pulses.signs, ((0, 0), (0, 2)))[:, 1:]
         t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, count)
         middles = heard.start[:, np.newaxis] + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
@@ -304,7 +300,7 @@ class Waveform(line_waveform.Waveform):
                 f"u ends after {rows.shape[1] * self.dt:.3g} s; a telegram and its silence last "
                 f"until {place.max() * self.dt:.3g} s"
             )
-        # A whole number as the row coordinate: anything else would blend two telegrams.
+        # The row coordinate must be a whole number, or two telegrams would blend.
         row = np.broadcast_to(np.arange(len(rows))[:, np.newaxis, np.newaxis], place.shape)
         folded = map_coordinates(rows - rows.mean(axis=1, keepdims=True), [row, place], order=1)
         folded /= np.abs(folded).max(axis=(1, 2), keepdims=True)
@@ -323,14 +319,14 @@ class Waveform(line_waveform.Waveform):
     def disturbance(
         self, disturbance: Disturbance, amplitude: float, rng: np.random.Generator, size: int
     ) -> Floats:
-        """Return the voltages of a disturbance for some records like this one."""
+        """Return the voltages of a disturbance for `size` records like this one."""
         begin, end = self.span
         span = -self.start + begin, round(end - self.start, 12)
         return disturbance.voltage(self.t - self.start, amplitude, rng, size, span=span)
 
 
 def matched_filter(u: npt.ArrayLike, dt: float) -> Floats:
-    r"""Filter the line voltage with the shape of a pulse, which raises it most above white noise.
+    r"""Filter the line voltage with the shape of a pulse, the best filter in white noise.
 
     .. math:: y(t) = \frac{8}{3 T_h} \int_{-T_h/2}^{T_h/2}
               \cos^2 \frac{\pi \tau}{T_h} \; u(t + \tau) \, d\tau
@@ -386,14 +382,14 @@ def _checked(u: npt.ArrayLike, dt: float) -> npt.NDArray[np.floating]:
 @lru_cache(maxsize=64)
 def _pulse_shape(n_t: int, dt: float) -> Floats:
     """Return the taps of the matched filter."""
-    # A short record meets only the filter's middle; half a half-bit away the filter is 0.
+    # A short record needs only the filter's middle; half a half-bit away the filter is 0.
     half = min(ceil(HALF_BIT / dt / 2 - 1e-9) - 1, n_t - 1)
     q = np.arange(-half, half + 1)
     return np.asarray(np.cos(np.pi * q * dt / HALF_BIT) ** 2 * (8 / 3 * dt / HALF_BIT))
 
 
 def _means(u: Floats, n_t: int) -> Floats:
-    """Return the mean of the first samples of each row; refuse what is not finite."""
+    """Return the mean of the first samples of each row; raise if one is not finite."""
     # The sum of squares is the fastest check of all samples: it is finite only if they all are, and
     # none is so large that a later sum or product could overflow.
     flat = u.ravel()
@@ -403,7 +399,7 @@ def _means(u: Floats, n_t: int) -> Floats:
         size = np.abs(flat)
         worst = int(np.argmax(np.where(np.isnan(size), np.inf, size)))
         raise ArgumentError(
-            f"u holds {flat[worst]} at sample {worst % u.shape[1]} of a row; voltages must be "
+            f"u has {flat[worst]} at sample {worst % u.shape[1]} of a row; voltages must be "
             "finite, below 1e150 V"
         )
     return np.asarray(u[:, :n_t] @ np.ones(n_t) / n_t)
@@ -483,7 +479,7 @@ def _windows(rows: Floats, length: int, begin: Indices) -> Floats:
 
 
 def _near(u: Floats, places: Indices, reach: int, taps: Floats) -> Floats:
-    """Return filtered samples from `reach` before to `reach` after places of rows, in front."""
+    """Return the filtered samples up to `reach` from places of rows, along the first axis."""
     before, n_t = reach + len(taps) // 2, u.shape[1]
     index = places + np.arange(-before, u.size - before, n_t)
     if before == reach:
@@ -499,7 +495,7 @@ def _decide(
     u: npt.NDArray[Any], dt: float, n_bits: int, receiver: Receiver
 ) -> tuple[npt.NDArray[Any], ...]:
     """Return start, amplitude, weakest, ringing and slots of rows; slots along the first axis."""
-    # Only what decides is filtered: the first columns, and what is close to the middles of slots.
+    # Only what is needed is filtered: the first columns, and samples near the middles of slots.
     (count, n_t), samples = u.shape, HALF_BIT / dt
     taps = _pulse_shape(n_t, dt) if receiver.matched else np.ones(1)
     half, reach = len(taps) // 2, int(receiver.window * samples + 1e-9)
@@ -574,7 +570,7 @@ def _decide(
 
 
 class Eye(NamedTuple):
-    """Half-bits laid over each other, over the largest sample of their telegram."""
+    """Half-bits laid over each other, relative to the largest sample of their telegram."""
 
     t: Floats  # time from the middle of a half-bit [s]
     pulses: Floats  # half-bits with a pulse, all turned positive, shape (n_pulses, n)

@@ -1,4 +1,4 @@
-"""Records of a scope on a segment whose master and slaves run, telegram by telegram."""
+"""Simulate what a scope records on a segment while its master polls the slaves."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ from shipnet.line.waveform import F_MAX, Waveform, record_of
 if TYPE_CHECKING:
     from shipnet.asi.segment import Segment
 
-#: How long a change of current is heard [s]: longer than a line without damping rings.
+#: How long a change of current is computed [s]: longer than an undamped line rings.
 _RINGS = 250e-6
 
 #: Largest delay of the answer of a slave that is in step [s] (A2SI data sheet).
 _LATE = 0.5e-6
 
-#: Silence ahead of the first request [s], and what a receiver gets around a telegram [s].
+#: Silence before the first request, and times before and after a telegram that receivers see [s].
 _AHEAD, _BEFORE, _AFTER = 50e-6, 6e-6, 9e-6
 
 _TIMES = Transaction()
 
 
 class _Recorder:
-    """A line on which every device hears what the cables make of a telegram."""
+    """A line on which every device hears telegrams as the cables distort them."""
 
     def __init__(
         self, segment: Segment, node: str, size: int, dt: float, weak: Mapping[str, float]
     ) -> None:
         if segment.head is None or not segment.slaves:
-            raise ArgumentError(f"{segment} needs a master and a slave; one must ask, one answer")
+            raise ArgumentError(f"{segment} needs a master and a slave")
         self.slaves = [RunningSlave(slave) for slave in segment.slaves]
         for slave in self.slaves:
             slave.active = True
@@ -57,16 +57,16 @@ class _Recorder:
                 return np.asarray(-z * SEND_CURRENT * ramp_spectrum(s) / s)
 
             u = record_of(change, round(_RINGS / dt), dt, F_MAX)
-            # The end must fade, or it would be heard as a step.
+            # The end must fade, or it would be a step.
             return u * np.minimum(1, 2 * np.linspace(1, 0, u.shape[-1]))
 
-        #: One change of the master's current at each slave and the scope, which by reciprocity is
-        #: also that of the slaves at the master; then those of the slaves at the scope.
+        #: One change of the master's current at each slave and at the scope, by reciprocity also of
+        #: the slaves' current at the master; then of the slaves' current at the scope.
         self.asked = heard(segment.head, places)
         self.scope = self.asked[:-1] if node == segment.head else heard(node, rows)
         self.strength = np.array([weak.get(slave.label, 1.0) for slave in segment.slaves])
         self.known: dict[str, Floats] = {}
-        #: Voltage at each slave, the scope, and the master.
+        #: Voltage at each slave, at the scope and at the master.
         self.u = np.zeros((len(rows) + 2, size), np.float32)
 
     @property
@@ -75,21 +75,21 @@ class _Recorder:
         return self.at * self.dt
 
     def begin(self, phase: Phase, cycle: int) -> None:
-        """Ignore a phase, as the observer of a master."""
+        """Ignore a phase of the master."""
 
     def put(self, rows: slice, telegram: Floats, start: int) -> None:
-        """Add a telegram at some places."""
+        """Add a telegram to the voltages of some rows."""
         room = max(0, self.u.shape[1] - start)
         self.u[rows, start : start + telegram.shape[-1]] += telegram[..., :room]
 
     def request(self, bits: str) -> Floats:
-        """Return a request as the slaves and the scope hear it; most are sent repeatedly."""
+        """Return a request as the slaves and the scope hear it; most are sent again and again."""
         if bits not in self.known:
             self.known[bits] = self.telegram(self.asked, bits)
         return self.known[bits]
 
     def telegram(self, change: Floats, bits: str) -> Floats:
-        """Return a telegram from what is heard of one change of current."""
+        """Return a telegram, given the voltage of one change of current."""
         steps = Modulation(bits).steps
         u = np.zeros((*change.shape[:-1], change.shape[-1] + len(steps) * self.slot), np.float32)
         for place in np.flatnonzero(steps) * self.slot:
@@ -97,7 +97,7 @@ class _Recorder:
         return u
 
     def bits(self, rows: slice, start: int, count: int) -> list[str]:
-        """Return the bits that receivers read, "" of a bad telegram."""
+        """Return the bits that receivers read, "" for a bad telegram."""
         end = start + round((2 * count * HALF_BIT + _AFTER) / self.dt)
         heard = receive(self.u[rows, start - round(_BEFORE / self.dt) : end], self.dt, count)
         texts = ("".join(map(str, row)) for row in heard.bits.tolist())
@@ -147,7 +147,7 @@ def record_segment(
     labels = [slave.label for slave in segment.slaves]
     for label, strength in weak.items():
         if label not in labels:
-            raise ArgumentError(f"weak holds {label!r}; the slaves are {', '.join(labels)}")
+            raise ArgumentError(f"weak has {label!r}; the slaves are {', '.join(labels)}")
         check_scalar(f"weak[{label!r}]", strength, "", 0, 10)
     random = check_rng(rng)
     size = round(duration / dt)

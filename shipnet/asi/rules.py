@@ -1,4 +1,4 @@
-"""The rules of AS-i, checked on each object of a plan; the limits are in `asi_plan_rules.csv`."""
+"""Check the objects of a plan against the rules of AS-i, whose limits are in a table."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ _Row = tuple[str, str, float, float | None, str]
 
 
 def rule_limits() -> pd.DataFrame:
-    """Return the limits of all rules with their sources, which may be changed for `Plan.check`.
+    """Return the limits of all rules with their sources; `Plan.check` accepts changed ones.
 
     Returns
     -------
     pandas.DataFrame
         Indexed by rule: `object`, `low`, `high`, `unit`, `graded`, `source`, `note`. A limit is
-        NaN if there is none, or if the user or the object sets it. A rule that is not graded has
+        NaN if there is none, or if the user or the object states it. A rule that is not graded has
         no margin.
 
     Examples
     --------
-    Allow a line 20 m more:
+    Allow a cable of 20 m more:
 
     >>> limits = rule_limits()
     >>> limits.loc["cable_length", "high"] += 20

@@ -1,6 +1,6 @@
-"""A segment of a plan, one electrical network: its supply voltages, telegrams and their quality.
+"""A segment of a plan, one electrical network: its devices, supply voltages and telegrams.
 
-The voltages of telegrams are those of the signal, without the 30 V of the supply.
+The voltages of telegrams are those of the signal, without the supply's 30 V.
 """
 
 from __future__ import annotations
@@ -16,23 +16,97 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Bools, Complexes, Floats
-from shipnet.asi.elements import DEVICE, Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.modulation import HALF_BIT, SEND_CURRENT, Modulation, ramp_spectrum
 from shipnet.asi.receiver import TOLERANCE, Waveform, receive
-from shipnet.asi.slave import Slave
+from shipnet.asi.slave import CURRENT, DEVICE, Slave
 from shipnet.asi.telegram import RESPONSES
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar
+from shipnet.fields import check_scalar, number, part, record, text
 from shipnet.lazy import pd
-from shipnet.line.network import CableRun, Load, Network
+from shipnet.line.network import CableRun as CableRun
+from shipnet.line.network import Load, Network, check_node
 from shipnet.line.waveform import F_MAX, laplace_grid, record_of, synthesize
+
+#: The decoupling of the power supply, 39 ohm beside 50 uH in each wire: assumed after IEC 62026-2.
+POWER_SUPPLY = Load(r=78.0, l=100e-6)
+
+
+@record
+class Supply:
+    """A power supply with its decoupling, by default 39 ohm beside 50 uH in each wire.
+
+    Examples
+    --------
+    >>> print(Supply("bridge", rating=4))
+    supply at bridge
+    """
+
+    node: str = text("Where it is")
+    voltage: float = number(1, 60, "V", "Voltage", default=30.0)
+    rating: float = number(0.01, 100, "A", "Maximum current", default=8.0)
+    load: Load = part(Load, "Load on the signal", default=POWER_SUPPLY, kw_only=True)
+
+    def __post_init__(self) -> None:
+        check_node(self.node)
+
+    def __str__(self) -> str:
+        return f"supply at {self.node}"
+
+
+@record
+class Repeater:
+    """A repeater: it couples two segments and passes telegrams but no current.
+
+    We found no maker's figure for the delay, so the default is one bit time: two such repeaters
+    meet the time-out of 10 bit times, three exceed it. The current is assumed to equal a slave's.
+
+    Examples
+    --------
+    >>> print(Repeater("deck", "hold"))
+    repeater deck | hold
+    """
+
+    a: str = text("Node in one segment")
+    b: str = text("Node in the other segment")
+    delay: float = number(0, 1e-3, "s", "Delay in one direction", default=6e-6)
+    current: float = number(0, 10, "A", "Current from each segment", default=CURRENT)
+
+    def __post_init__(self) -> None:
+        check_node(self.a)
+        check_node(self.b)
+
+    def __str__(self) -> str:
+        return f"repeater {self.a} | {self.b}"
+
+
+@record
+class Terminator:
+    """A terminator or extension plug: a resistance behind a capacitor, so only for the signal.
+
+    The default resistance is assumed: the wave impedance of the cable.
+
+    Examples
+    --------
+    >>> print(Terminator("bow"))
+    terminator at bow
+    """
+
+    node: str = text("Where it is")
+    resistance: float = number(1, 1e6, "ohm", "Resistance", default=100.0)
+
+    def __post_init__(self) -> None:
+        check_node(self.node)
+
+    def __str__(self) -> str:
+        return f"terminator at {self.node}"
+
 
 #: What a plan consists of.
 Element: TypeAlias = CableRun | Master | Supply | Slave | Terminator | Repeater
 
-#: The worst of all 2048 requests: the first has the fewest pulses and so the least signal; runs
-#: of ones and of zeros make the most uneven signal. A test tries all requests.
+#: The worst of all 2048 requests: the first has the fewest pulses and so the least signal; the
+#: others have runs of ones or zeros, which are the most uneven. A test tries all requests.
 PROBES = ("01010101010101", "01111111111111", "00011111111111")
 
 #: A change of current has faded after this time [s] if at most this share of it is left. With
@@ -54,8 +128,8 @@ def telegram_voltages(
 ) -> list[Floats]:
     """Return the voltages of each batch of telegrams of one length, (n_nodes, n_words, n_t).
 
-    They are those at the nodes if the master sends, and at the master if the nodes send. At the
-    default `f_max` [Hz] the error is at most 5e-5 of a node's peak on networks of up to 300 m.
+    The voltages are those at the nodes if the master sends, and at the master if the nodes send. At
+    the default `f_max` [Hz] their error is at most 5e-5 of the peak on networks of up to 300 m.
     """
     many = [np.atleast_2d(Modulation(batch).steps).astype(float) for batch in bits]
     before = check_scalar("before", before, "s", 0, 1.0)
@@ -98,10 +172,10 @@ def _sent(before: float, frequencies: bytes) -> Complexes:
 
 
 class Quality(NamedTuple):
-    """How telegrams arrive between a master and each slave: the worst of all telegrams.
+    """Signal quality between a master and each slave: the worst of all telegrams.
 
-    It holds for both directions if master and slave send with the same current. Senders do not
-    clip here; a real one may.
+    It is the same in both directions if master and slave send with the same current. Senders do
+    not clip here; a real one may.
 
     Attributes
     ----------
@@ -150,7 +224,7 @@ class Quality(NamedTuple):
 
 
 def quality_of(*waves: Waveform) -> Quality:
-    """Return how the telegrams of waveforms arrive at each of their common nodes."""
+    """Return the quality of the telegrams of waveforms at each of their common nodes."""
     parts = []
     for wave in waves:
         heard = receive(wave.u, wave.dt, wave.bits.shape[-1])
@@ -169,7 +243,7 @@ def quality_of(*waves: Waveform) -> Quality:
 
 @dataclass(frozen=True)
 class Segment:
-    """One electrical network of a plan with its elements."""
+    """One electrical network of a plan, with its elements."""
 
     #: Number of its line, from 0.
     line: int
@@ -245,8 +319,8 @@ class Segment:
         for node, current in self.draws:
             drawn[node] = drawn.get(node, 0.0) + current
         (supply,) = self.supplies
-        point = self.network.operating_point(supply.node, supply.voltage, drawn)
-        return {node: float(volts) for node, volts in point.voltage.items()}
+        volts = self.network.operating_point(supply.node, supply.voltage, drawn)
+        return {node: float(one) for node, one in volts.items()}
 
     def waveforms(
         self, nodes: Sequence[str], *words: Any, dt: float, before: float, after: float
@@ -266,7 +340,7 @@ class Segment:
         ]
 
     def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
-        """Return how batches of telegrams arrive between `head` and nodes, which may be equal."""
+        """Return the quality of batches of telegrams between `head` and nodes, which may repeat."""
         places = list(dict.fromkeys(nodes))
         found = quality_of(*self.waveforms(places, *words, dt=250e-9, before=5e-6, after=55e-6))
         rows = [places.index(node) for node in nodes]
@@ -281,7 +355,7 @@ class Segment:
         return self.quality(nodes, RESPONSES, PROBES)
 
 
-# What hangs together ---------------------------------------------------------------------------
+# Connections -----------------------------------------------------------------------------------
 
 
 class Groups:
@@ -325,7 +399,7 @@ def shortest_paths(cables: Iterable[CableRun], start: str) -> dict[str, float]:
 
 
 def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
-    """Return each element that prevents the plan from being a network, and the reason."""
+    """Return each element that keeps the plan from being a network, and the reason."""
     faults: list[tuple[Element, str]] = []
     groups, lines = Groups(), Groups()
     laid = set()
@@ -334,7 +408,7 @@ def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
     for cable in cables:
         ends = frozenset((cable.a, cable.b))
         if ends in laid:
-            faults.append((cable, f"{cable} lies there already"))
+            faults.append((cable, f"{cable} is there already"))
         elif not groups.join(cable.a, cable.b):
             closing.append(cable)
         laid.add(ends)
@@ -356,7 +430,7 @@ def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
             if a == b:
                 faults.append((element, f"{element} has both ends in one segment"))
             elif not lines.join(a, b):
-                faults.append((element, f"{element} gives telegrams a second path"))
+                faults.append((element, f"{element} makes a second path for telegrams"))
     return faults
 
 

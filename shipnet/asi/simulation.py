@@ -1,4 +1,4 @@
-"""Simulate a master, its slaves and a line, telegram by telegram, and evaluate what was sent."""
+"""Simulate a master, its slaves and a line, telegram by telegram, and evaluate the traffic."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from shipnet.asi.channel import (
     Stations,
 )
 from shipnet.asi.faults import LineFault
-from shipnet.asi.master import Command, Master, Phase, RunningMaster, check_bits
+from shipnet.asi.master import Command, Master, Phase, RunningMaster
 from shipnet.asi.plan import Plan
 from shipnet.asi.slave import KINDS, RunningSlave, Slave
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS, Call
@@ -44,13 +44,8 @@ class Standby:
     """A second master that listens, and takes over when the first one falls silent.
 
     It must know the projected slaves, because the four outputs of a standard slave look like the
-    three of an A/B slave. Its silence must exceed that of a working master, a time-out or a pause
-    of up to 500 us; the default is assumed, because no source gives a value.
-
-    Raises
-    ------
-    ArgumentError
-        If no slave is projected, or the silence is out of range.
+    three of an A/B slave. `silence` must exceed that of a working master, a time-out or a pause of
+    up to 500 us; the default is assumed, because no source states a value.
 
     References
     ----------
@@ -63,7 +58,7 @@ class Standby:
     0.001
     """
 
-    master: Master = part(Master, "The settings with which it leads")
+    master: Master = part(Master, "Its settings as the leading master")
     silence: float = number(501e-6, 1e9, "s", "Silence after which it takes over", default=1e-3)
 
     def __post_init__(self) -> None:
@@ -123,7 +118,7 @@ _MOST_REQUESTS = 500
 @checked
 @dataclass(frozen=True, repr=False)
 class Run:
-    """A finished simulation: all telegrams, and their evaluation.
+    """A finished simulation: all telegrams and their evaluation.
 
     Examples
     --------
@@ -136,7 +131,7 @@ class Run:
     {'5': {'exchanges': 51, 'failed': 0}, '7': {'exchanges': 51, 'failed': 0}}
     """
 
-    #: All transactions, packed.
+    #: All transactions, in packed form.
     record: Record
     #: When the simulation ended [bit].
     end: float
@@ -209,7 +204,7 @@ class Run:
         """
         try:
             events = self._events if where is None else self._events.query(where)
-        except Exception as problem:  # pandas raises whatever its parsing meets
+        except Exception as problem:  # pandas raises errors of many kinds
             raise ArgumentError(f"where is {where!r}: {problem}") from None
         ax = style.axes(ax)
         keep = events["time_s"] >= (0.0 if start is None else start)
@@ -238,7 +233,7 @@ class Run:
             fine, pause = one["outcome"] == "ok", one["master_pause_bit"]
             if fine and pause != pause:
                 continue  # a call without an answer
-            # A missing response is marked where it could have begun at the earliest.
+            # A missing response is drawn at its earliest possible start.
             colour = style.FIELD["information"] if fine else style.LIMIT["color"]
             look: dict[str, Any] = {"facecolor": colour, **edge}
             if pause != pause:
@@ -306,13 +301,13 @@ class Run:
     def failure_classes(self) -> pd.DataFrame:
         """Count how often n data exchanges failed in a row, by slave and n.
 
-        The last n, by default 6, is that at which the master drops the slave, and includes longer
-        rows. Siemens' analyser 3RK1904-3AB01 counts in the same way.
+        The last n, by default 6, is the one at which the master drops the slave; it includes longer
+        series. Siemens' analyser 3RK1904-3AB01 counts in the same way.
         """
         leading = self.masters[0]
         worst = (1 + leading.repetitions) * leading.drop_after
         found = self._exchanges[["slave", "failed"]]
-        # A row of failures ends with a success, with another slave, or with the record.
+        # A series of failures ends with a success, another slave or the record.
         run = (found != found.shift()).any(axis=1).cumsum()
         runs = found[found["failed"]].groupby(run)["slave"].agg(["first", "size"])
         table = pd.crosstab(runs["first"], runs["size"].clip(upper=worst))
@@ -398,10 +393,10 @@ class Run:
 
 
 def _values(own: pd.DataFrame, slave: Slave) -> pd.DataFrame:
-    """Return when the values of one channel were converted and known, from a slave's exchanges."""
+    """Return when the values of one channel were converted and when they were known."""
     try:
         needed = exchanges(slave.kind)
-    except ArgumentError:  # how it transfers values is not published
+    except ArgumentError:  # its transfer of values is not published
         return own[:0]
     ends = own["known"].to_numpy()[needed - 1 :: needed]
     taken, known = ends[: -1 : slave.channels], ends[1 :: slave.channels]
@@ -427,7 +422,6 @@ def simulate(
     cycles: int | None = None,
     faults: Fault | Iterable[Fault] = (),
     inputs: Iterable[tuple[float, str, int]] = (),
-    outputs: Iterable[tuple[float, str, int]] = (),
     commands: Iterable[tuple[float, Command]] = (),
     transaction: Transaction = _USUAL,
     standby: Standby | None = None,
@@ -450,8 +444,6 @@ def simulate(
         Faults from `shipnet.asi.faults`.
     inputs : iterable of (float, str, int), optional
         Changes of input ports: time [s], slave and value 0..15.
-    outputs : iterable of (float, str, int), optional
-        Outputs that the host sets: time [s], slave and value.
     commands : iterable of (float, command), optional
         Commands of the host from `shipnet.asi.commands`, each with its time [s].
     transaction : Transaction, default Transaction()
@@ -474,9 +466,8 @@ def simulate(
 
     Notes
     -----
-    Slaves are named by their label at the start. Whatever is due while a request is on the line
-    happens before the slave acts on the request, at its end. Repeaters delay the signal; cables
-    do not (0.5 us in 100 m).
+    Slaves are named by their label at the start. Events during a request happen before the slave
+    acts on the request, at its end. Repeaters delay the signal; cables do not (0.5 us in 100 m).
 
     Examples
     --------
@@ -507,23 +498,12 @@ def simulate(
 
     for fault in as_faults(faults, LineFault):
         fault.apply(channel, stations)
-    changes = [
-        InputChange(
-            check_scalar("time", time, "s", 0, 1e9),
-            slave,
-            check_whole(f"input of slave {slave}", bits, 0, 15),
-        )
-        for time, slave, bits in inputs
-    ]
-    for change in changes:
-        for station in stations[change.slave]:
-            action = partial(setattr, station.slave, "inputs", change.value)
-            channel.schedule(change.time, action)
-    for time, slave, value in outputs:
-        check_bits("output", slave, value)
-        channel.schedule(
-            check_scalar("time", time, "s", 0, 1e9), partial(_set_output, leading, slave, value)
-        )
+    changes = []
+    for time, slave, bits in inputs:
+        value = check_whole(f"input of slave {slave}", bits, 0, 15)
+        changes.append(InputChange(check_scalar("time", time, "s", 0, 1e9), slave, value))
+        for station in stations[slave]:
+            channel.schedule(changes[-1].time, partial(setattr, station.slave, "inputs", value))
     for time, command in commands:
         channel.schedule(
             check_scalar("time", time, "s", 0, 1e9), partial(_submit, leading, command)
@@ -539,7 +519,7 @@ def simulate(
 
 
 def _check_progress(channel: Channel, begun: int) -> None:
-    """Raise if no cycle has begun since the last check, because a master without slaves waits."""
+    """Raise if no cycle has begun since the last check: a master without slaves waits forever."""
     if channel.begun == begun:
         raise ArgumentError(
             f"until is None, but no slave answers and no cycle begins for {_PATIENCE:g} s"
@@ -559,22 +539,14 @@ def _places_of(plan: Plan) -> list[tuple[Slave, float, float]]:
     return [placed[id(slave)] for slave in plan.slaves]
 
 
-def _set_output(leading: list[RunningMaster], slave: str, value: int) -> None:
-    leading[-1].lists.set_output(slave, value)
-
-
 def _submit(leading: list[RunningMaster], command: Command) -> None:
     leading[-1].submit(command)
 
 
 def _lead(
-    channel: Channel,
-    leading: list[RunningMaster],
-    standby: Standby | None,
-    most: float,
-    end: float,
+    channel: Channel, leading: list[RunningMaster], standby: Standby | None, most: float, end: float
 ) -> None:
-    """Let the master, and the standby master after it, send requests until the end [bit]."""
+    """Let the master, and then the standby master, send requests until the end [bit]."""
     master = leading[-1]
     program = master.run(channel)
     transact = channel.transact

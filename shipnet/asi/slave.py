@@ -1,4 +1,4 @@
-"""A slave: its label, profile and receive states, and how it answers requests."""
+"""A slave: its label, profile and receive states, and its answers to requests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from typing import Any
 from shipnet import style
 from shipnet.arguments import checked
 from shipnet.asi.batch import NONE
-from shipnet.asi.elements import CURRENT, DEVICE
 from shipnet.asi.profile import IO_CONFIGURATIONS, Profile
 from shipnet.asi.telegram import Answer, Call, Half, Request, Response
 from shipnet.asi.timing import ADDRESSES, CHANNELS, CONVERSION
@@ -23,12 +22,20 @@ from shipnet.fields import check_whole, number, record, text, whole
 from shipnet.lazy import Axes, pd
 from shipnet.line.network import Load, check_node
 
+#: Default current of a slave [A], from Schneider's AS-i help D-SA-0011271: 65 mA on average.
+#: Masters and repeaters are assumed to draw the same.
+CURRENT = 0.065
+
+#: Load of a slave or a master, the limits of the SAP5S/SAP51 data sheet (2012, p. 29) for an A/B
+#: slave.
+DEVICE = Load(r=13.5e3, l=13.5e-3, c=50e-12)
+
 #: A slave resets itself after this time without data or parameters [s]: SAP5S/SAP51 data sheet
 #: rev. 3.1, 2012, p. 47. The AS2702 does so after 50 ms to 100 ms (rev. C, 2001, p. 13).
 WATCHDOG = 94.2e-3
 
-#: Longest time that a slave takes to store its address [s]: Siemens, "IE/AS-INTERFACE LINK PN IO",
-#: manual, p. 169.
+#: Longest time that a slave takes to store its address or ID code 1 [s]: Siemens,
+#: "IE/AS-INTERFACE LINK PN IO", manual, p. 169.
 WRITE_TIME = 15e-3
 
 
@@ -63,7 +70,7 @@ def label_of(key: int, *, extended: bool) -> str:
 @checked
 @record
 class Slave:
-    """A slave: its address, its profile, and where it is.
+    """A slave: its address, profile and place.
 
     ID code A in the profile makes it an A/B slave. Without an ID code 2 it predates specification
     2.1 and does not answer requests for extended ID codes. If the profile is omitted, the slave
@@ -77,7 +84,7 @@ class Slave:
     >>> Slave("5").profile, Slave("5A").profile
     (Profile(io=0, id=15, id2=15), Profile(io=0, id=10, id2=15))
 
-    How it reacts to the telegrams that it hears; an empty one is a pause:
+    Its reaction to telegrams; an empty one is a pause:
 
     >>> from shipnet import asi
     >>> request = asi.Request(asi.Call.READ_ID, 21).bits
@@ -103,9 +110,6 @@ class Slave:
         0, inf, "s", "Time without data or parameters after which it resets itself",
         default=WATCHDOG, kw_only=True,
     )  # fmt: skip
-    write_time: float = number(
-        0, inf, "s", "Time to store an address or ID code 1", default=WRITE_TIME, kw_only=True
-    )
     channels: int = whole(
         1, CHANNELS, help="Analogue values that it transfers, if its profile is for values",
         default=1, kw_only=True,
@@ -127,7 +131,7 @@ class Slave:
 
     @property
     def kind(self) -> Profile:
-        """Its profile."""
+        """Its profile, never as text."""
         assert isinstance(self.profile, Profile)
         return self.profile
 
@@ -204,7 +208,7 @@ _MOVING = (
 
 
 class PreparedRequest:
-    """A request with all that is needed to send it again and again."""
+    """A request with its bits and meaning, computed once to be sent often."""
 
     __slots__ = ("bits", "code", "expects", "moves", "reads", "request", "station")
 
@@ -212,7 +216,7 @@ class PreparedRequest:
     station: int
     #: Call, address, half and data in 4, 5, 2 and 5 bits, from the lowest up.
     code: int
-    #: What each of the `KINDS` of slave at this address reads; None if it is not addressed.
+    #: The request as each of the `KINDS` of slave at this address reads it; None if not addressed.
     reads: tuple[Request | None, ...]
     #: Whether the call has an answer, and whether it is one of `_MOVING`.
     expects: bool
@@ -249,7 +253,7 @@ def prepared(call: Call, address: int, data: int = 0, half: Half | None = None) 
 
 
 class State(Enum):
-    """How a slave follows the traffic on the line."""
+    """The receive states of a slave."""
 
     ASYNCHRONOUS = "asynchronous"
     RECEIVE = "receive"
@@ -257,7 +261,7 @@ class State(Enum):
 
 
 class Event(Enum):
-    """What a slave hears."""
+    """Events on the line that change a slave's state."""
 
     PAUSE = "any pause"
     SLAVE_PAUSE = "pause after the response"
@@ -268,11 +272,11 @@ class Event(Enum):
     SILENT = "call without answer"
 
 
-#: What a slave does when it hears an event in the state RECEIVE.
+#: Actions of a slave at an event in the state RECEIVE.
 ACTIONS = {Event.OWN: "answer", Event.SILENT: "obey"}
 
-#: The state after an event; at all others the slave keeps its state. An asynchronous slave reads
-#: nothing, and a synchronous one ignores the pause before a response and the response.
+#: The state after an event; other events do not change it. An asynchronous slave reads nothing,
+#: and a synchronous one ignores the pause before a response and the response.
 #: icn2007, data link layer, section 3, describes ERROR, FOREIGN, UNKNOWN and OWN, and how a slave
 #: leaves ASYNCHRONOUS; it refers to a Fig 3.19 that it does not print. How a slave leaves
 #: SYNCHRONOUS is our reading: if it did so at the pause *before* a response, every slave would
@@ -329,13 +333,13 @@ class RunningSlave:
         self._start()
 
     def _start(self) -> None:
-        """Begin as after switching on: out of step with the master."""
+        """Start as after power-on, out of step with the master."""
         self.state = State.ASYNCHRONOUS
         self.synchronised = False
         self._settle()
 
     def _settle(self) -> None:
-        """Take the stored address, switch the ports off, and wait for parameters."""
+        """Restore the stored address, switch the ports off, and wait for parameters."""
         self.address, self.id1 = self._stored
         self.kind = self._kind()
         self.outputs = self.parameter = DEFAULT
@@ -385,7 +389,7 @@ class RunningSlave:
         self.state = following
 
     def hear(self, bits: str, time: float = 0.0) -> Response | None:
-        """Hear one telegram and return the answer, None for silence."""
+        """Hear one telegram and return the answer, or None for silence."""
         if not self.powered or self.state is not State.RECEIVE:
             return None
         try:
@@ -438,7 +442,7 @@ class RunningSlave:
     def _store(self, address: int, id1: int, time: float) -> None:
         self._stored, self.id1 = (address, id1), id1
         self.kind = self._kind()
-        self._writing_until = time + self.settings.write_time
+        self._writing_until = time + WRITE_TIME
 
     def _assign(self, data: int, time: float) -> int:
         if self.address != 0 or self._stores(time):
@@ -450,7 +454,7 @@ class RunningSlave:
     def _write_id1(self, data: int, time: float) -> int:
         if self.profile.id2 is None or self.address != 0 or self._stores(time):
             return NONE
-        # The address stays deleted, whatever the memory holds.
+        # The address stays deleted, whatever is stored.
         self._store(self._stored[0], data, time)
         return Answer.ERASED
 
@@ -471,7 +475,7 @@ class RunningSlave:
         return NONE
 
 
-#: What each call does, in the order of `Call`; the data and the time are its arguments. Makers
+#: Actions of the calls in the order of `Call`; their arguments are the data and the time. Makers
 #: lock the program mode, so no slave enters it.
 OBEY: tuple[Callable[[RunningSlave, int, float], int], ...] = (
     RunningSlave.exchange,

@@ -1,4 +1,4 @@
-"""AS-i telegrams and what they say: a master's request, and the slave's response to it.
+"""AS-i telegrams: a master's request and a slave's response.
 
     request   ST=0  CB  A4..A0  I4..I0  PB  EB=1     14 bits
     response  ST=0      I3..I0          PB  EB=1      7 bits
@@ -21,7 +21,6 @@ from shipnet.asi.profile import describe_io_configuration, describe_status
 from shipnet.errors import (
     ArgumentError,
     EndBitError,
-    FrameError,
     LengthError,
     ParityError,
     StartBitError,
@@ -35,7 +34,7 @@ from shipnet.lazy import Axes, pd
 
 
 class Answer(IntEnum):
-    """The answers that the standard fixes, whatever the slave."""
+    """Responses that the standard fixes for every slave."""
 
     DONE = 0x6
     ERASED = 0x0
@@ -43,7 +42,7 @@ class Answer(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """How one call looks on the line: a pattern of the bits between start bit and parity bit.
+    """Bits, wording and answer of a call; a pattern shows the bits between start and parity bit.
 
     0 and 1 are fixed bits, ``a`` is a bit of the address and ``d`` one of the data; ``s`` is the
     select bit of an A/B slave (A 0, B 1), and ``S`` the same bit inverted.
@@ -64,12 +63,12 @@ class Rule:
 
 @cache
 def _reader(layout: str) -> re.Pattern[str]:
-    """Return an expression with a group per letter of a pattern."""
+    """Return a regular expression with one group per letter of a pattern."""
     return re.compile(re.sub(r"([adsS])\1*", lambda n: f"(?P<{n[1]}>[01]{{{len(n[0])}}})", layout))
 
 
 class Call(IntEnum):
-    """The 13 calls of a master; the number is an index of this package, not of the standard.
+    """The 13 calls of a master; their numbers are ours, not the standard's.
 
     References
     ----------
@@ -92,7 +91,7 @@ class Call(IntEnum):
 
     @property
     def rule(self) -> Rule:
-        """Bits, wording and answer of the call; claims about them are model-based."""
+        """Bits, wording and answer of the call."""
         return self._rule
 
     DATA_EXCHANGE = Rule(
@@ -178,7 +177,7 @@ def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> A
     return ax
 
 
-#: Columns of the bits between start bit and parity bit.
+#: Titles of the bits between start bit and parity bit.
 _PLACES = ["CB", "A4", "A3", "A2", "A1", "A0", "I4", "I3", "I2", "I1", "I0"]
 
 
@@ -221,12 +220,7 @@ class Response:
     data : int
         The four information bits, 0..15.
     call : Call, optional
-        The call that is answered, which gives the bits their meaning.
-
-    Raises
-    ------
-    ArgumentError
-        If `data` is out of range, or no slave answers `call`.
+        The call that it answers, which determines the meaning of the bits.
 
     Examples
     --------
@@ -278,7 +272,7 @@ class Response:
     @classmethod
     def fields(cls) -> pd.DataFrame:
         """Return the fields of a response with lengths and values: kim2023's Table 6."""
-        return _fields(RESPONSE_BITS, ("I0~I3", "information", 4, "", "", ""))
+        return _fields(("I0~I3", "information", 4, "", "", ""))
 
     @classmethod
     def all(cls) -> tuple[Response, ...]:
@@ -308,11 +302,6 @@ class Request:
         the new address 1..31, or the extended ID code 1 0..15; else 0.
     half : {"A", "B"}, optional
         Which of the two A/B slaves at an address; None for a standard slave.
-
-    Raises
-    ------
-    ArgumentError
-        If a field is outside the range that its call allows.
 
     Notes
     -----
@@ -391,7 +380,7 @@ class Request:
         return self.call.rule.says.format(slave=self.slave, data=self.data, bits=self._data_bits)
 
     def answer(self, data: int | None = None) -> Response:
-        """Return the response to this request."""
+        """Return the response to this request; a fixed one needs no `data`."""
         expected = self.call.rule.answer
         if data is None and isinstance(expected, Answer):
             data = int(expected)
@@ -463,50 +452,19 @@ class Request:
             " ".join(call.name for call in Call if call.rule.pattern[0] == bit) for bit in "01"
         )
         return _fields(
-            REQUEST_BITS,
             ("CB", "control bit", 1, zero, one, ""),
             ("A0~A4", "address", 5, "", "", ""),
             ("I0~I4", "information", 5, "", "", ""),
         )
 
 
-def _fields(length: int, *inner: tuple[str, str, int, str, str, str]) -> pd.DataFrame:
-    """Return the fields of a telegram; the decoder decides what start, parity and end bit mean."""
-    start, end = _start_and_end(length)
+def _fields(*inner: tuple[str, str, int, str, str, str]) -> pd.DataFrame:
+    """Return the fields of a telegram, with what `information_of` accepts around the `inner`."""
     rows = [
-        ("ST", "start bit", 1, *start, ""),
+        ("ST", "start bit", 1, "valid", "invalid", ""),
         *inner,
-        ("PB", "parity bit", 1, "", "", _parity_counts(length)),
-        ("EB", "end bit", 1, *end, ""),
+        ("PB", "parity bit", 1, "", "", "all bits but the end bit"),
+        ("EB", "end bit", 1, "invalid", "valid", ""),
     ]
     columns = ["symbol", "field", "length_bit", "value_0", "value_1", "ones_even_over"]
     return pd.DataFrame(rows, columns=columns).set_index("symbol")
-
-
-def _readable(bits: str) -> bool:
-    try:
-        information_of(bits, len(bits), "telegram")
-    except FrameError:
-        return False
-    return True
-
-
-def _start_and_end(length: int) -> tuple[tuple[str, str], tuple[str, str]]:
-    """Say for both values of the start and of the end bit whether a telegram can be read."""
-    word = frame("0" * (length - 3))
-    verdict = {True: "valid", False: "invalid"}
-    # A parity bit that follows the start bit keeps the parity from deciding.
-    start = tuple(verdict[_readable(f"{bit}{word[1:-2]}{bit}1")] for bit in "01")
-    end = tuple(verdict[_readable(f"{word[:-1]}{bit}")] for bit in "01")
-    return (start[0], start[1]), (end[0], end[1])
-
-
-def _parity_counts(length: int) -> str:
-    """Find out over which bits the decoder wants an even number of ones."""
-    spans = {"all bits": slice(0, length), "all bits but the end bit": slice(0, length - 1)}
-    words = [f"0{i:0{length - 2}b}1" for i in range(2 ** (length - 2))]
-    return next(
-        name
-        for name, span in spans.items()
-        if all((word[span].count("1") % 2 == 0) == _readable(word) for word in words)
-    )

@@ -1,4 +1,4 @@
-"""Length of a transaction and of a cycle, and response times.
+"""Times of transactions and cycles, and response times.
 
 A transaction is a request, the master pause, a response and the slave pause, in bit times of 6 us.
 In every cycle the master polls each address once, then sends one management request and looks for
@@ -87,7 +87,7 @@ class Transaction:
 
     @property
     def unanswered(self) -> float:
-        """Time from a request that no slave answers to the next request [bit]."""
+        """Time from an unanswered request to the next request [bit]."""
         return REQUEST_BITS + self.timeout
 
     def check_line(self) -> None:
@@ -115,7 +115,7 @@ class Transaction:
     ) -> Axes:
         """Draw a request, both pauses and a response on one time axis: kim2023's Fig 5.
 
-        Telegrams may also be bits, valid or not.
+        Telegrams may also be texts of bits, valid or not.
         """
         ax = style.axes(ax, figsize=(8, 2.6))
         arrow = {"arrowstyle": "<->", "color": "0.3", "shrinkA": 0, "shrinkB": 0}
@@ -180,11 +180,6 @@ class Cycle:
     .. math:: T_c = (n - n_{pairs} + 1 + i) \, T
 
     Here T is the length of a transaction, and the 1 is the request of the management phase.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of range, or the slaves do not fit on 31 addresses.
 
     Notes
     -----
@@ -327,7 +322,7 @@ def cycle_time(slaves: int = ADDRESSES, **options: Any) -> float:
 # Values of more than four bits -----------------------------------------------------------------
 
 
-# Four bits pass in an exchange, so the profiles for analogue values cut a value into pieces, each
+# An exchange transfers four bits, so the profiles for analogue values cut a value into pieces, each
 # type of transfer (CTT) in its own way. No maker publishes how many exchanges CTT4 takes.
 
 
@@ -343,7 +338,7 @@ def _analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
 
 @lru_cache(maxsize=256)
 def _sizes(profile: Profile | str, direction: str) -> dict[int, int]:
-    """Return the exchanges by the size of a value; S-7.3.C has those of S-7.3 and its own."""
+    """Return the exchanges by size of a value; S-7.3.C has those of S-7.3 besides its own."""
     profile = Profile.parse(profile)
     general, own = f"S-{profile.io:X}.{profile.id:X}", str(profile)
     known = _analogue_profiles()
@@ -352,12 +347,12 @@ def _sizes(profile: Profile | str, direction: str) -> dict[int, int]:
 
 @lru_cache(maxsize=256)
 def transfers_values(profile: Profile | str) -> bool:
-    """Return whether a profile is one for values of more than four bits."""
+    """Return whether a profile transfers values of more than four bits."""
     return max((*_sizes(profile, "in"), *_sizes(profile, "out")), default=0) > USER_BITS
 
 
 def exchanges(profile: Profile | str, direction: Direction = "in") -> int:
-    """Return the exchanges that a slave's largest value takes; single bits take one."""
+    """Return the exchanges that a slave's largest value needs; single bits need one."""
     sizes = _sizes(profile, direction)
     if not sizes and not transfers_values(profile):
         return 1

@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from shipnet.arguments import checked
-from shipnet.asi.elements import CURRENT, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan, plan_of
-from shipnet.asi.slave import Slave
+from shipnet.asi.segment import Supply, Terminator
+from shipnet.asi.slave import CURRENT, Slave
 from shipnet.asi.timing import ADDRESSES
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, check_whole
@@ -42,9 +42,9 @@ def line(
         0..length [m]; up to 62. Addresses follow this order.
     pairs : int, optional
         Addresses that an A and a B slave share, from n - 31 to n / 2 of n slaves; the last slaves
-        share. If omitted, as few as possible, and all slaves are A/B slaves if any are.
+        share. If omitted, there are as few as possible, and all slaves are A/B slaves if any are.
     master, supply : float, default 0
-        Places of the master and of the 30 V power supply [m].
+        Places of the master and the 30 V power supply [m].
     cable : str or shipnet.line.Cable, default "as-i 1.5"
         Type of the cable, or a cable.
     current : float, default 0.065
@@ -56,11 +56,6 @@ def line(
     -------
     Plan
         Its nodes are named by their places: ``"0 m"``, ``"45 m"`` and so on.
-
-    Raises
-    ------
-    ArgumentError
-        If a place is not on the cable, or a value is out of range.
 
     Examples
     --------
@@ -109,11 +104,6 @@ def star(
     Plan
         Its nodes are ``"0 m"``, ``"45 m"`` and so on along the trunk, and ``"leg 1"`` and so on
         at the ends of the legs.
-
-    Raises
-    ------
-    ArgumentError
-        If a place is not on the trunk, or a value is out of range.
 
     Examples
     --------
@@ -168,11 +158,6 @@ def ring(
         Its nodes are named by their places. If there is only one place besides the master's, the
         last two cables meet halfway between the two.
 
-    Raises
-    ------
-    ArgumentError
-        If a place is not on the ring, or all places are the master's.
-
     Examples
     --------
     >>> [f"{run}: {run.length:g} m" for run in ring(100, [50]).cables]
@@ -183,7 +168,7 @@ def ring(
     last = max((*slaves, supply), default=0.0)
     if not 0 < last < length:
         raise ArgumentError(
-            f"the last place on the ring is {last} m; it must lie between 0 and {length} m"
+            f"the last place on the ring is {last} m; it must be between 0 and {length} m"
         )
     there = line(last, slaves, pairs=pairs, supply=supply, cable=cable, current=current)
     # Two nodes have at most one cable between them, so a second one needs a node halfway.
@@ -208,11 +193,11 @@ def assign_addresses(
     shares: Sequence[bool] | None = None,
     need: Sequence[float] | None = None,
 ) -> list[str]:
-    """Return the labels of n slaves, of which those that can wait longest share an address.
+    """Return the labels of n slaves; those that can wait longest share an address.
 
-    `pairs` addresses are shared, by default as few as possible: by slaves of which `shares` is
-    True, those with the longest `need` first, or the last ones. If neither `pairs` nor `shares` is
-    given and some slaves must share, all others are A slaves, too.
+    `pairs` addresses are shared, by default as few as possible, by slaves whose `shares` is True:
+    those with the longest `need` first, or the last ones. If neither `pairs` nor `shares` is given
+    and some slaves must share, all others are A slaves, too.
     """
     able = list(range(n)) if shares is None else [k for k in range(n) if shares[k]]
     most = len(able) // 2

@@ -26,7 +26,7 @@ from shipnet.fields import (
 from shipnet.lazy import Axes
 from shipnet.line.waveform import laplace_grid, synthesize
 
-#: Legal constants: l and c are not 0, so that every cable has a wave impedance and a delay.
+#: Legal constants; l and c are above 0, so that every cable has a wave impedance and a delay.
 LEAST, MOST = 1e-18, 1e12
 
 
@@ -56,7 +56,7 @@ class Pulse:
 
 
 class Valued:
-    """An object that is equal to another if all constants are, some of which may be arrays."""
+    """An object that equals another if all constants do; some may be arrays."""
 
     @property
     def parameters(self) -> tuple[Quantity | None, ...]:
@@ -158,11 +158,11 @@ class Cable(Valued):
 
     def propagation(self, s: npt.ArrayLike) -> Complexes:
         """Return the propagation constant sqrt(z y): attenuation [Np/m] and phase [rad/m]."""
-        # The root of the product would lose its sign where the product crosses the negative axis.
+        # The root of the product would change its sign where the product crosses the negative axis.
         return np.asarray(np.sqrt(self.series_impedance(s)) * np.sqrt(self.shunt_admittance(s)))
 
     def attenuation(self, f: npt.ArrayLike) -> Floats:
-        """Return the attenuation of a wave of frequency f [Hz] [dB/m]."""
+        """Return the attenuation of a wave of frequency f [Hz], in dB/m."""
         gamma = self.propagation(2j * np.pi * np.asarray(f, dtype=float))
         return np.asarray(20 / np.log(10) * gamma.real)
 
@@ -184,12 +184,12 @@ class Cable(Valued):
         """Send a Gaussian pulse of 1 V and standard deviation `width` [s] to the `end` [ohm].
 
         The near end is matched; an `end` of None is open. The result begins when the pulse leaves
-        and ends when it is back. `width` is 1/200 to 2 times the delay of the cable.
+        and ends when its echo is back. `width` is 1/200 to 2 times the delay of the cable.
         """
         metres = check_scalar("length", length, "m", 1.0, 1e5)
         steps = check_whole("n_steps", n_steps, 2, 10_000)
         if np.ndim(self.z0) or np.ndim(self.delay):
-            raise ArgumentError("cable holds many cables; a single one is asked for")
+            raise ArgumentError("cable has values for many cables; it must be a single one")
         delay, z0 = float(self.delay) * metres, float(self.z0)
         sigma = check_scalar("width", width, "s", delay / 200, 2 * delay)
         ohms = np.inf if end is None else check_scalar("end", end, "ohm", 1e-18, 1e18)
@@ -223,7 +223,7 @@ def _asi(r: float, r_dc: float) -> Cable:
     return Cable(r=r, l=0.65e-6, c=65e-12, r_dc=r_dc)
 
 
-#: Cables by name; the number behind ``as-i`` is the area of a conductor [mm2].
+#: Cables by name; the number in ``as-i`` cables is the area of a conductor [mm2].
 #:
 #: ``as-i``: l and c meet a data sheet's 0.5 to 0.75 uH/m, 80 pF/m at most and 70 to 140 ohm [1]_.
 #: At direct current 1 A loses 5.2, 2.7 and 1.6 V on 100 m [2]_; the data sheets allow 27.4 [1]_ and

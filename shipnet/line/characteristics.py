@@ -1,4 +1,4 @@
-"""Waveforms step by step in time: the method of characteristics.
+"""Compute voltages step by step in time, by the method of characteristics.
 
 Each end of a line without loss is a resistor Z0 and a source that repeats what left the other end
 one delay ago, so each node is solved by itself. A quarter of a line's resistance lies at each end
@@ -30,7 +30,7 @@ def simulate(network: Network, sources: Mapping[str, tuple[Floats, Floats]], dt:
     square of `dt` and is smallest where `dt` divides all delays; else waves are interpolated.
     """
     if network.trees is not None:
-        raise ArgumentError(f"the network holds {network.trees} trees; steps in time take one")
+        raise ArgumentError(f"the network has {network.trees} trees; steps in time need one")
     ends, leak = _ends(network, dt)
     driven = [network.index(node) for node in sources]
     injected, beside = np.array([*sources.values()]).swapaxes(0, 1)
@@ -63,7 +63,7 @@ def simulate(network: Network, sources: Mapping[str, tuple[Floats, Floats]], dt:
 
 
 class _Ends(NamedTuple):
-    """Both ends of all lines, sorted by node; `far` is the place of the other end."""
+    """Both ends of all lines, sorted by node; `far` is the number of the other end."""
 
     node: npt.NDArray[np.intp]
     far: npt.NDArray[np.intp]
@@ -85,7 +85,7 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
                 "resistance, skin = 0"
             )
         delay, z0, quarter = length * cable.delay, cable.z0, length * cable.r / 4
-        # A delay of a whole number of steps may lie a rounding below it, or above.
+        # Rounding may make a whole number of steps a little smaller or larger.
         steps = delay / dt + 1e-9
         if steps < 1:
             raise ArgumentError(
@@ -111,7 +111,7 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
 
 
 class _Nodes:
-    """The loads at all nodes: conductances, and the states of inductors and capacitors."""
+    """The loads of all nodes: conductances, and the states of inductors and capacitors."""
 
     def __init__(self, network: Network, dt: float) -> None:
         conductance, per_henry, capacitance = network.shunts()[..., 0]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
-from math import ceil
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +13,7 @@ from shipnet import fields, style
 from shipnet.arguments import checked
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
-from shipnet.fields import Quantity, check_quantity, check_scalar, check_trees, record
+from shipnet.fields import Quantity, check_quantity, check_trees, record
 from shipnet.lazy import Axes
 from shipnet.line.cable import CABLES, Cable, Valued
 from shipnet.line.solver import Rooted, check_frequencies, closed_transfer, tree_transfer
@@ -116,7 +114,7 @@ class Load(Valued):
 
     @property
     def shunt(self) -> tuple[Quantity, Quantity, Quantity]:
-        """What the load adds at its node: 1/r [S], 1/l [1/H] and c [F]."""
+        """Constants of the load that add up at a node: 1/r [S], 1/l [1/H] and c [F]."""
         return (
             0.0 if self.r is None else 1 / self.r,
             0.0 if self.l is None else 1 / self.l,
@@ -136,15 +134,8 @@ def _sum(one: Quantity | None, other: Quantity | None) -> Quantity | None:
     return one + other
 
 
-class OperatingPoint(NamedTuple):
-    """Voltages and currents at direct current; arrays of one per tree in a Monte Carlo."""
-
-    voltage: dict[str, Quantity]  # by node [V]
-    current: tuple[Quantity, ...]  # in each run from its end a to its end b [A]
-
-
 class Layout(NamedTuple):
-    """Where the nodes of a network lie in a drawing."""
+    """Places of the nodes of a network in a drawing."""
 
     spot: Floats  # distance from the root along the cable [m], and row, 0 and below
     strokes: list[Floats]  # points of each run: x in the first row, y in the second
@@ -183,7 +174,7 @@ class Network:
     >>> z = net.transfer("slave", [2j * np.pi * 167e3], to="supply")
     >>> print(f"{abs(z[0]):.1f} ohm")
     97.6 ohm
-    >>> net.operating_point("supply", 30, {"slave": 1.0}).voltage
+    >>> net.operating_point("supply", 30, {"slave": 1.0})
     {'supply': 30.0, 'slave': 27.3}
     """
 
@@ -204,7 +195,7 @@ class Network:
             group += range(len(group), len(self._index))
             pair = (i, j) if i < j else (j, i)
             if pair in ends:
-                raise ArgumentError(f"{run} lies there already; two nodes have at most one cable")
+                raise ArgumentError(f"{run} is there already; two nodes have at most one cable")
             ends.add(pair)
             one, other = _leader(group, i), _leader(group, j)
             if one == other:
@@ -257,7 +248,7 @@ class Network:
         return self._trees
 
     def index(self, name: str, what: str = "name") -> int:
-        """Return the number of a node, its row in every result; errors call it `what`."""
+        """Return the number of a node, its row in every result; `what` names it in errors."""
         try:
             return self._index[name]
         except (KeyError, TypeError):
@@ -276,7 +267,7 @@ class Network:
         return sums
 
     def rooted(self, root: str) -> Rooted:
-        """Return the network as a tree that grows from `root`."""
+        """Return the network as a tree with a root."""
         if not self.runs:
             raise ArgumentError("the network has no line; it must have at least one")
         order, parent, above = [self.index(root, "root")], [-1], [-1]
@@ -298,7 +289,7 @@ class Network:
         """Return the transfer impedances between the root and every node, or one other [ohm].
 
         Row k is the voltage at node k per ampere into the root, and, as the network is reciprocal,
-        the voltage at the root per ampere into node k. `s` holds complex frequencies [rad/s]; their
+        the voltage at the root per ampere into node k. `s` has complex frequencies [rad/s]; their
         real parts must not be negative. A ring takes two or three times as long as a tree.
         """
         bins = check_frequencies(s)
@@ -318,29 +309,22 @@ class Network:
         return z if to is None else z[..., self.index(to, "to"), :]
 
     def operating_point(
-        self,
-        supply: str,
-        voltage: npt.ArrayLike,
-        currents: Mapping[str, npt.ArrayLike],
-        *,
-        resistance: npt.ArrayLike = 0.0,
-    ) -> OperatingPoint:
-        """Return all voltages [V] and currents [A] at DC, while nodes draw `currents` [A].
+        self, supply: str, voltage: npt.ArrayLike, currents: Mapping[str, npt.ArrayLike]
+    ) -> dict[str, Quantity]:
+        """Return the voltage of each node at DC [V], while nodes draw `currents` [A].
 
-        The supply has an open-circuit `voltage` [V] and an inner `resistance` [ohm]; loads are
-        ignored.
+        The supply keeps its node at `voltage` [V]; loads are ignored.
         """
         self.index(supply, "supply")
         tree = self.rooted(supply)
         emf = check_quantity("voltage of the supply", voltage, "V", low=-_MOST_DC, high=_MOST_DC)
-        inner = check_quantity("resistance of the supply", resistance, "ohm", high=_MOST_DC)
         draws = {
             self.index(node, "one of currents"): check_quantity(
                 f"current drawn at node {node!r}", current, "A", low=-_MOST_DC, high=_MOST_DC
             )
             for node, current in currents.items()
         }
-        trees = check_trees("the supply or a current", self.trees, emf, inner, *draws.values())
+        trees = check_trees("the supply or a current", self.trees, emf, *draws.values())
 
         drawn = np.zeros((len(self.nodes), trees or 1))
         for node, draw in draws.items():
@@ -349,50 +333,24 @@ class Network:
         for number, run in enumerate(self.runs):
             ohms[number] = np.multiply(run.made_of.resistance, run.length)
 
-        flow, drop = _flow(tree, drawn, ohms)
-        current = np.zeros_like(ohms)
+        drop = _drop(tree, drawn, ohms)
         if self.ring is not None:
-            # The voltages around the ring add up to 0, which gives the current in the closing run.
+            # The voltages around the ring add up to 0; the current in the closing run follows.
             ring = self.runs.index(self.ring)
             a, b = (tree.order.index(self.index(end)) for end in (self.ring.a, self.ring.b))
             around = np.zeros_like(drawn)
             around[[tree.order[a], tree.order[b]]] = [[1.0], [-1.0]]
-            ring_flow, ring_drop = _flow(tree, around, ohms)
+            ring_drop = _drop(tree, around, ohms)
             loop = ohms[ring] + ring_drop[a] - ring_drop[b]
             if np.any(loop == 0):
                 raise ArgumentError(
                     f"the ring closed by {self.ring} has no resistance; at least one of its cables "
                     "needs r greater than 0"
                 )
-            current[ring] = (drop[b] - drop[a]) / loop
-            flow = flow + current[ring] * ring_flow
-            drop = drop + current[ring] * ring_drop
-
-        for place in range(1, len(tree.order)):
-            number = tree.run[place]
-            away = self.index(self.runs[number].b) == tree.order[place]
-            current[number] = flow[place] if away else -flow[place]
+            drop = drop + (drop[b] - drop[a]) / loop * ring_drop
         volts = np.empty_like(drop)
-        volts[tree.order] = emf - inner * flow[0] - drop
-        if trees is None:
-            single = dict(zip(self.nodes, volts[:, 0].tolist(), strict=True))
-            return OperatingPoint(single, tuple(current[:, 0].tolist()))
-        return OperatingPoint(dict(zip(self.nodes, volts, strict=True)), tuple(current))
-
-    def subdivided(self, longest: float) -> Network:
-        """Return the network with every run cut into equal sections of at most `longest` [m].
-
-        The nodes between them are ``a-b:1``, ``a-b:2`` and so on, from end a to end b.
-        """
-        limit = check_scalar("longest", longest, "m", 1e-3, LONGEST)
-        fine = []
-        for run in self.runs:
-            # Rounding, as of 0.3 / 0.1, must not add a section.
-            sections = ceil(np.max(run.length / limit) - 1e-9)
-            stops = [run.a, *(f"{run.a}-{run.b}:{k}" for k in range(1, sections)), run.b]
-            length = run.length / sections
-            fine += [CableRun(start, stop, length, run.cable) for start, stop in pairwise(stops)]
-        return Network(fine, self.loads)
+        volts[tree.order] = emf - drop
+        return dict(zip(self.nodes, volts[:, 0].tolist() if trees is None else volts, strict=True))
 
     def layout(self, root: str | None = None) -> Layout:
         """Place the nodes: cables to scale along x, branches in rows that do not cross."""
@@ -408,7 +366,7 @@ class Network:
             way = reach[place] + length[tree.run[place]]
             reach[tree.parent[place]] = max(reach[tree.parent[place]], way)
 
-        # The longest branch stays in its row and stubs take rows below, so that no lines cross.
+        # The longest branch stays in its row and stubs get rows below, so that no lines cross.
         row, lowest, waiting = [0] * count, 0, [(0, 0)]
         while waiting:
             place, beside = waiting.pop()
@@ -452,8 +410,8 @@ class Network:
         return ax
 
 
-def _flow(tree: Rooted, drawn: Floats, resistance: Floats) -> tuple[Floats, Floats]:
-    """Return the current to each place and the drop from the root to it, without the ring."""
+def _drop(tree: Rooted, drawn: Floats, resistance: Floats) -> Floats:
+    """Return the drop of voltage from the root to each place, without the ring."""
     flow = drawn[tree.order]
     for place in range(len(flow) - 1, 0, -1):
         flow[tree.parent[place]] += flow[place]
@@ -461,11 +419,11 @@ def _flow(tree: Rooted, drawn: Floats, resistance: Floats) -> tuple[Floats, Floa
     for place in range(1, len(flow)):
         own = resistance[tree.run[place]] * flow[place]
         drop[place] = drop[tree.parent[place]] + own
-    return flow, drop
+    return drop
 
 
 def check_node(name: object) -> None:
-    """Raise unless the name of a node survives being written to a file."""
+    """Raise unless the name of a node can be written to a file and read again."""
     if not isinstance(name, str) or not name or name != name.strip() or not name.isprintable():
         raise ArgumentError(
             f"a node is {name!r}; it must be a printable name without blanks around it"

@@ -1,8 +1,8 @@
-"""Recorded waveforms from files: scope CSV, numpy arrays, sigrok sessions.
+"""Read recorded waveforms from scope CSV files, numpy arrays and sigrok sessions.
 
-The headers of text files differ by maker. The last rows show which columns hold numbers, the first
-such row ends the header, and titles and units are above it. Known layouts: Tektronix TDS and MDO,
-Keysight, Rigol, Siglent, LeCroy, PicoScope, Rohde & Schwarz, OWON, Digilent.
+The headers of text files differ by maker. The last rows show which columns have numbers; the first
+such row follows the header with titles and units. Known layouts: Tektronix TDS and MDO, Keysight,
+Rigol, Siglent, LeCroy, PicoScope, Rohde & Schwarz, OWON, Digilent.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from shipnet.lazy import pd
 #: Fewest samples per second that resolve pulses of 3 us [1/s].
 SLOWEST_RATE = 1e6
 
-#: Most numbers that the wanted channel of an archive may unpack to, in all or, if more, per byte of
-#: the file: a few bytes can claim to be many.
+#: Most numbers to which the wanted channel of an archive may unpack, in total or, if more, per byte
+#: of the file: an archive of a few bytes can unpack to any size.
 MOST_NUMBERS, MOST_PER_BYTE = 2**24, 4
 
-#: Size above which the numbers of a numpy file are mapped, not read [byte].
+#: Size above which the numbers of a numpy file are mapped instead of read [byte].
 MAPPED = 2**26
 
 #: Most samples of logic per byte of a session (deflate reaches 1032), and most changes of level.
@@ -50,12 +50,12 @@ _INTERPOLATED = 0.3
 #: Largest description of a sigrok session [byte].
 _LARGEST_METADATA = 2**20
 
-#: Size above which a number is neither a time nor a voltage, in any unit.
+#: Size above which a number cannot be a time or a voltage in any unit.
 _LARGEST = 1e15
 
 _COUNTERS = ("x", "#", "n", "no", "nr", "index", "sample", "samples", "point", "points", "sequence")
 
-#: Rows at the end of a file that show its layout, and the most rows of a header.
+#: Rows at the end of a file that show its layout, and most rows of a header.
 _TAIL, _HEADER = 10, 2000
 
 _NUMBER = r"[+-]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -68,7 +68,7 @@ _INTERVAL = re.compile(
 )
 _RATE = re.compile(r"(sampl\w*\s+(rate|frequency|freq)|samplerate|fs)\b")
 
-#: Prefixes of units; a scope shows no megavolt and no megasecond, so case does not matter there.
+#: Prefixes of units. Scopes show neither megavolts nor megaseconds, so case does not matter.
 _PREFIX = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3}
 _BASE = {
     "s": "s", "sec": "s", "second": "s", "seconds": "s",
@@ -94,7 +94,7 @@ def read_scope_file(
 
 
 class Edges(NamedTuple):
-    """Where one channel of a record changes between two levels."""
+    """The changes of one channel between two levels."""
 
     places: npt.NDArray[np.floating[Any]]  # most likely place of each change [sample]
     width: float  # uncertainty of a place [sample]
@@ -107,13 +107,13 @@ class Edges(NamedTuple):
 def read_edges(
     path: str | PathLike[str], *, channel: str | None = None, sample_interval: float | None = None
 ) -> Edges:
-    """Read the changes of one channel, the busiest if none is named, of levels or voltages."""
+    """Read the changes of one channel of levels or voltages, the busiest if none is named."""
     return _read(path, channel, sample_interval, _edges)
 
 
 def bit_time(edges: Edges, longest: int) -> float:
     """Return the samples per bit of a line; runs of up to `longest` bits count."""
-    # Nearly half of all runs are one bit long and none is shorter; the others are multiples of it.
+    # Nearly half of all runs are one bit long and none is shorter; the others are whole multiples.
     runs = np.diff(edges.places)
     runs = runs[runs < 16 * np.quantile(runs, 0.2)]
     bit = float(runs[runs <= 1.6 * np.quantile(runs, 0.1)].mean())
@@ -135,7 +135,7 @@ def _read(
     sample_interval: float | None,
     choose: Callable[[str, _Channels, str | None, float | None], _Read],
 ) -> _Read:
-    """Read a file by its suffix, and choose what is wanted from it."""
+    """Read a file according to its suffix, and return the wanted channel by `choose`."""
     if sample_interval is not None and not (
         isinstance(sample_interval, Real) and 0 < sample_interval < np.inf
     ):
@@ -157,13 +157,13 @@ def _read(
 
 
 class _Channels(NamedTuple):
-    """The content of a file: one column per channel, and what is known of the times."""
+    """The content of a file: one column per channel, and its times as far as they are known."""
 
     values: Callable[[int], Floats]  # reads the numbers of a column
     columns: list[Column]
     interval: float | None
-    quantum: float | None  # step to which times are rounded; None: see the printed digits
-    logic: _Logic | None = None  # what a session holds in place of numbers
+    quantum: float | None  # step to which times are rounded; None if it follows from the digits
+    logic: _Logic | None = None  # changes of level of a session, instead of numbers
 
 
 class _Logic(NamedTuple):
@@ -188,7 +188,7 @@ def _whole(file: str) -> Iterator[IO[bytes]]:
     except InputError:
         raise
     except Exception as fault:
-        # The parsers raise a dozen kinds, from BadZipFile to MemoryError; all mean a broken file.
+        # The parsers raise a dozen kinds, from BadZipFile to MemoryError; all mean a damaged file.
         why = str(fault) or type(fault).__name__
         raise InputError(file, f"not a whole {Path(file).suffix.lower()} file: {why}") from fault
 
@@ -210,12 +210,12 @@ def _opened(file: str) -> IO[bytes]:
 
 
 def _array(stream: IO[bytes]) -> npt.NDArray[Any]:
-    """Read an array, and nothing that could run code."""
+    """Read an array without running code that it may contain."""
     return np.lib.format.read_array(stream, allow_pickle=False)
 
 
 def _mapped(stream: IO[bytes], begin: int) -> npt.NDArray[Any]:
-    """Return an array whose numbers stay in the file, which has it at `begin`."""
+    """Return an array at the byte `begin` of a file whose numbers stay in the file."""
     stream.seek(begin)
     header = {
         (1, 0): np.lib.format.read_array_header_1_0,
@@ -249,13 +249,13 @@ def _members(
 
 
 def read_arrays(path: str | PathLike[str], keys: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
-    """Read arrays of an ``.npz`` file by name; all must exist."""
+    """Read arrays of an ``.npz`` file by name; raise if one does not exist."""
     file, wanted = str(path), tuple(keys)
     with _whole(file) as stream, zipfile.ZipFile(stream) as archive:
         held = {name.removesuffix(".npy") for name in archive.namelist()}
         if missing := [key for key in wanted if key not in held]:
             known = ", ".join(sorted(held)[:10]) or "nothing"
-            raise InputError(file, f"it holds {known}; expected also {', '.join(missing)}")
+            raise InputError(file, f"it has {known}; expected also {', '.join(missing)}")
         return _members(file, stream, archive, {key: f"{key}.npy" for key in wanted})
 
 
@@ -294,7 +294,7 @@ def _read_npz(file: str, stream: IO[bytes]) -> _Channels:
         voltage = next((key for key in ("u", "v") if key in names), None)
         if voltage is None:
             held_by = ", ".join(sorted(names)[:10]) or "nothing"
-            raise InputError(file, f"it holds {held_by}; expected the voltages as u or v")
+            raise InputError(file, f"it has {held_by}; expected the voltages as u or v")
         wanted = [key for key in (voltage, "t", "dt", "probes") if key in names]
         held = _members(file, stream, archive, {key: names[key] for key in wanted})
     u = _check_real(file, voltage, held[voltage])
@@ -339,7 +339,7 @@ def _check_size(file: str, stream: IO[bytes], numbers: float) -> None:
 def _read_sr(
     file: str, stream: IO[bytes], logic: bool = False, channel: str | None = None
 ) -> _Channels:
-    """Read a sigrok session: its voltages, or its logic levels if wanted and there."""
+    """Read the voltages of a sigrok session, or its logic levels if it has some and `logic`."""
     with zipfile.ZipFile(stream) as archive:
         names = set(archive.namelist())
         if "metadata" not in names:
@@ -347,7 +347,7 @@ def _read_sr(
         if archive.getinfo("metadata").file_size > _LARGEST_METADATA:
             raise InputError(file, f"its metadata has more than {_LARGEST_METADATA} bytes")
         settings = configparser.RawConfigParser(strict=False)
-        # Some writers indent a key, which would continue the value above it.
+        # Some programs indent a key, which would continue the value above it.
         settings.read_string(re.sub(r"(?m)^[ \t]+", "", archive.read("metadata").decode()))
         device = next((settings[name] for name in settings.sections() if "device" in name), None)
         about: dict[str, str] = dict(device or {})
@@ -399,7 +399,7 @@ def _logic_of(
     about: dict[str, str],
     interval: float | None,
 ) -> _Channels:
-    """Read the changes of a session's logic levels, block by block."""
+    """Read the changes of a session's logic levels block by block."""
     stem, size = about["capturefile"].strip(), about.get("unitsize", "1").strip()
     if size not in ("1", "2", "4", "8"):
         raise InputError(file, f"its unitsize is {size[:20]}; expected 1, 2, 4 or 8")
@@ -431,7 +431,7 @@ def _logic_of(
                     what = f"more than {MOST_EDGES} changes of level"
                     raise InputError(file, f"{what}; save a part of the record")
     if at < 2:
-        raise InputError(file, f"it holds {at} sample; expected a record")
+        raise InputError(file, f"it has {at} sample; expected a record")
     legal = range(1, 8 * unit + 1)
     titles = {k: title for k, title in _named(about, "probe").items() if k in legal}
     titles = titles or {k: f"D{k - 1}" for k in legal}
@@ -442,13 +442,13 @@ def _logic_of(
 
 
 def _named(about: dict[str, str], kind: str) -> dict[int, str]:
-    """Return the titles of channels of a kind by their numbers."""
+    """Return the titles of the channels of a kind by number."""
     found = {key: re.fullmatch(f"{kind}([0-9]{{1,4}})", key) for key in about}
     return {int(match[1]): about[key] for key, match in found.items() if match}
 
 
 def _pick(file: str, table: _Channels, channel: str | None) -> tuple[list[int], int | None]:
-    """Return the columns of voltage or levels that are wanted, and that of the time."""
+    """Return the wanted columns of voltages or levels, and the column of times."""
     columns = table.columns
     time = None if table.logic else _time_column(table)
     usable = [k for k, column in enumerate(columns) if k != time and column.unit in ("", "V")]
@@ -472,14 +472,14 @@ def _titles(table: _Channels, places: list[int]) -> str:
 
 
 def _no_times(file: str) -> InputError:
-    why = "it gives no times; state the time between two samples (--sample-interval)"
+    why = "it has no times; state the time between two samples (--sample-interval)"
     return InputError(file, why)
 
 
 def _edges(
     file: str, table: _Channels, channel: str | None, sample_interval: float | None
 ) -> Edges:
-    """Return where the wanted channel changes, or the one that changes most often."""
+    """Return the changes of the wanted channel, or of the one that changes most often."""
     wanted, time = _pick(file, table, channel)
     if table.logic:
         held = table.logic
@@ -503,11 +503,11 @@ def _edges_of(
     """Return the changes of one column of numbers."""
     u, title = _checked(file, table, k), table.columns[k].title
     if len(u) < 2:
-        raise InputError(file, f"it holds {len(u)} sample; expected a record")
+        raise InputError(file, f"it has {len(u)} sample; expected a record")
     two = np.unique(u[~np.isnan(u)])
     logic = set(two.tolist()) <= {0.0, 1.0} and not np.isnan(u).any()
     if interval is None and time is not None and logic:
-        # Many programs store only the changes of logic, each with its time.
+        # Many programs store only the changes of logic levels, each with its time.
         t = _checked(file, table, time) * table.columns[time].scale
         steps = np.diff(t)
         if not (steps >= 0).all():
@@ -548,7 +548,7 @@ def _crossings(u: Floats) -> tuple[int, Floats]:
     sure = np.flatnonzero(state >= 0)
     flips = np.flatnonzero(np.diff(state[sure]))
     beyond = u > middle
-    # The last crossing before the band is left; where voltages are missing, halfway.
+    # The last crossing before the voltage leaves the band; halfway if voltages are missing.
     crossed = np.flatnonzero(beyond[1:] != beyond[:-1])
     last = np.maximum(np.searchsorted(crossed, sure[flips + 1]) - 1, 0)
     last = crossed[last] if len(flips) else flips
@@ -561,14 +561,14 @@ def _crossings(u: Floats) -> tuple[int, Floats]:
 def _recording(
     file: str, table: _Channels, channel: str | None, sample_interval: float | None
 ) -> Recording:
-    """Return the voltages of the wanted or the first channel, at even steps."""
+    """Return the voltages of the wanted channel, or of the first one, at even steps."""
     wanted, time = _pick(file, table, channel)
     columns = table.columns
     usable, _ = _pick(file, table, None)
     chosen = columns[wanted[0]]
     u = _checked(file, table, wanted[0])
     if len(u) < 2:
-        raise InputError(file, f"it holds {len(u)} sample; expected a waveform")
+        raise InputError(file, f"it has {len(u)} sample; expected a waveform")
     if chosen.scale != 1:
         u = u * chosen.scale
     if sample_interval is None:
@@ -592,7 +592,7 @@ def _recording(
 
 
 def _checked(file: str, table: _Channels, k: int) -> Floats:
-    """Return a column, or raise if it has neither times nor voltages."""
+    """Return a column, or raise if its numbers cannot be times or voltages."""
     values, number = table.values(k), table.columns[k].number
     # Sums and products of larger numbers would overflow later.
     ends = [(np.fmax.reduce(part), np.fmin.reduce(part)) for _, part in parts_of(values)]
@@ -604,7 +604,7 @@ def _checked(file: str, table: _Channels, k: int) -> Floats:
             for at in wild[: InputError.shown]
         ]
         raise InputError(
-            file, *(faults or ["it holds no numbers"]), more=max(0, len(wild) - InputError.shown)
+            file, *(faults or ["it has no numbers"]), more=max(0, len(wild) - InputError.shown)
         )
     return values
 
@@ -661,11 +661,11 @@ def _even(file: str, table: _Channels, time: int, u: Floats) -> tuple[float, Flo
 
 
 class Column(NamedTuple):
-    """A column of numbers, by the header."""
+    """A column of numbers, as described by the header."""
 
     number: int  # its place in the file, 1 for the first
     title: str
-    unit: str  # "s", "V", another unit, or "" where the header gives none
+    unit: str  # "s", "V", another unit, or "" if the header states none
     scale: float  # factor from the unit printed to the base unit: 1e-6 for "(us)"
     digits: int  # significant digits of the longest number among the first and the last rows
 
@@ -702,7 +702,7 @@ def _normal(file: str, data: bytes) -> bytes:
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16", errors="replace").encode()
     if b"\0" in data:
-        raise InputError(file, "not text: it holds zero bytes; expected a table of numbers")
+        raise InputError(file, "not text: it has zero bytes; expected a table of numbers")
     data = data.removeprefix("\ufeff".encode())
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
@@ -727,7 +727,7 @@ def _is_number(cell: str) -> bool:
 
 
 class _Layout(NamedTuple):
-    """How a text file holds its numbers."""
+    """The layout of the numbers in a text file."""
 
     separator: str | None  # None: blanks
     places: tuple[int, ...]  # columns of numbers
@@ -741,7 +741,7 @@ def _layout(tail: list[str]) -> _Layout:
         if 2 * sum(separator in line for line in tail) > len(tail):
             break
     else:
-        # A single column has no separator; its header may well have commas.
+        # A single column has no separator, but its header may have commas.
         separator = None if any(len(line.split()) > 1 for line in tail) else ","
     rows = [_split(line, separator) for line in tail]
     patterns = Counter(
@@ -754,9 +754,9 @@ def _layout(tail: list[str]) -> _Layout:
 
 
 def _header(file: str, data: bytes, layout: _Layout) -> tuple[list[str], int]:
-    """Return the lines above the numbers and the byte at which the numbers begin.
+    """Return the lines above the numbers, and the byte at which the numbers begin.
 
-    Three rows of numbers or blank lines must follow each other: a header may hold numbers, too.
+    They begin with three rows of numbers or blank lines, because a header may have numbers, too.
     """
     lines: list[str] = []
     starts: list[int] = []
@@ -806,7 +806,7 @@ def _parse(data: bytes, offset: int, layout: _Layout) -> Floats:
 
 
 def _parse_slowly(file: str, data: bytes, skip: int, layout: _Layout) -> Floats:
-    """Read row by row, and name every cell that is not a number."""
+    """Read row by row, and report every cell that is not a number."""
     rows: list[list[float]] = []
     faults: list[str] = []
     more = 0
@@ -878,7 +878,7 @@ def _columns(above: list[list[str]], places: tuple[int, ...], digits: list[int])
 
 
 def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
-    """Find the time between two samples among the cells of the header [s]."""
+    """Return the time between two samples that the header states [s]; None without one."""
     header = [*above, *beside]
     for row, cells in enumerate(header):
         below = header[row + 1] if row + 1 < len(header) else []

@@ -70,7 +70,7 @@ def part_of_trees(array: npt.NDArray[Any], trees: slice) -> npt.NDArray[Any]:
 
 
 class Lines:
-    """The different lines of a network: each pair of a cable and a length is computed once."""
+    """The different lines of a network; each pair of cable and length is computed once."""
 
     def __init__(self, pieces: Pieces, s: Complexes) -> None:
         kinds: dict[tuple[int, float | int], int] = {}
@@ -196,7 +196,7 @@ def _subtrees(tree: Rooted, kind: list[int], shunts: Floats) -> _Subtrees:
 
 
 def slices(size: int, step: int) -> list[slice]:
-    """Cut a range into parts of about the same length."""
+    """Divide a range into parts of nearly equal length."""
     parts = -(-size // max(1, step))
     return [slice(*cut) for cut in pairwise(size * part // parts for part in range(parts + 1))]
 

@@ -6,10 +6,10 @@ from unittest.mock import patch
 import numpy as np
 
 from shipnet.asi import channel
-from shipnet.asi.elements import Repeater
 from shipnet.asi.master import Master
 from shipnet.asi.modulation import Modulation
 from shipnet.asi.plan import Plan, plan_of
+from shipnet.asi.segment import Repeater
 from shipnet.asi.simulation import simulate
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import frame

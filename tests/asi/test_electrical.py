@@ -1,13 +1,19 @@
 import numpy as np
 import pytest
 
-from shipnet.asi.elements import DEVICE, POWER_SUPPLY, Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.modulation import HALF_BIT
 from shipnet.asi.plan import Plan
 from shipnet.asi.receiver import receive
-from shipnet.asi.segment import PROBES, telegram_voltages
-from shipnet.asi.slave import Slave
+from shipnet.asi.segment import (
+    POWER_SUPPLY,
+    PROBES,
+    Repeater,
+    Supply,
+    Terminator,
+    telegram_voltages,
+)
+from shipnet.asi.slave import DEVICE, Slave
 from shipnet.asi.topologies import line, ring, star
 from shipnet.errors import ArgumentError
 from shipnet.line import Load, Network

@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from shipnet import asi, datasets
+from shipnet.asi.emc import error_rates
 from shipnet.asi.emc.disturbances import Impulses, Noise
 from shipnet.asi.emc.error_rates import (
     burst_failures,
@@ -59,8 +60,8 @@ def ideal(start, height, duration, dt=1e-6):
     return Waveform(height * (Modulation(BITS).pulses.signs @ shapes), dt, start=-start, bits=BITS)
 
 
-#: Noise of so many volts a sample, whatever the step.
-NOISE = Noise(1e-6)
+#: Amplitude of noise whose samples 1 us apart have a standard deviation of 1 V.
+PER_SAMPLE = 2
 
 
 # What others found with another receiver, another first pulse (2.35 V, not 2.46 V) and unknown
@@ -101,7 +102,9 @@ def test_a_receiver_that_keeps_time_fails_as_often_as_theory_says():
     raw = {"matched": False, "minimum": 1.2}
     sigma = [0.35, 0.45, 0.6]
     theory = theory_of(telegrams, sigma, **raw)
-    table = rates_of(telegrams, NOISE, sigma, 30_000, rng(), window=0, **raw)
+    table = rates_of(
+        telegrams, Noise(), PER_SAMPLE * np.array(sigma), 30_000, rng(), window=0, **raw
+    )
     assert 0.005 < theory[0] < 0.02 < 0.3 < theory[2] < 0.5
     error = np.sqrt(theory * (1 - theory) / 30_000)
     assert (np.abs(table["rate"] - theory) < 4 * error + 0.02 * theory).all()
@@ -119,7 +122,7 @@ def test_noise_ahead_of_a_telegram_is_taken_for_its_start_as_often_as_theory_say
     below = 1 - 2 * stats.norm.sf(level)
     both = pair.cdf([level, level], lower_limit=[-level, -level])
     assert theory == pytest.approx(1 - below * (both / below) ** 301, rel=1e-6)
-    row = rates_of(telegrams, NOISE, 0.45, 20_000, rng(), window=0, **raw)
+    row = rates_of(telegrams, Noise(), PER_SAMPLE * 0.45, 20_000, rng(), window=0, **raw)
     assert row["rate"][0] == pytest.approx(theory, abs=4 * np.sqrt(theory / 20_000))
 
 
@@ -366,10 +369,11 @@ def plain_series(inside, generator, packets, slaves, slot, length):
 @pytest.mark.parametrize(
     ("inside", "slaves", "length"), [(0.3, 31, 15e-3), (0.7, 5, 15e-3), (1.0, 2, 4e-3)]
 )
-def test_batches_count_what_a_plain_loop_counts(inside, slaves, length):
+def test_batches_count_what_a_plain_loop_counts(monkeypatch, inside, slaves, length):
     packets = 300
+    monkeypatch.setattr(error_rates, "PACKET_LENGTH", length)
     expected = plain_series(inside, rng(), packets, slaves, SLOT, length) / packets
-    table = burst_failures(inside, rng(), 6000, slaves=slaves, packet_length=length)
+    table = burst_failures(inside, rng(), 6000, slaves=slaves)
     assert table["failures"].tolist() == [1, 2, 3, 4, 5, 6]
     # Counts a packet scatter with their root or less; five sigma of the loop, and of nothing.
     tolerance = 5 * np.sqrt((expected + 1 / packets) / packets)
@@ -378,22 +382,21 @@ def test_batches_count_what_a_plain_loop_counts(inside, slaves, length):
     assert table["per_h"].tolist() == pytest.approx((table["per_packet"] * 12_000).tolist())
 
 
-def test_a_single_packet_counts_as_much_as_one_of_many():
+def test_a_single_packet_counts_as_much_as_one_of_many(monkeypatch):
     # Series that are still open when the packet ends count as well.
-    options = {"slaves": 3, "packet_length": 2e-3}
+    monkeypatch.setattr(error_rates, "PACKET_LENGTH", 2e-3)
     generator = rng()
-    alone = sum(burst_failures(0.9, generator, 1, **options)["series"] for _ in range(400)) / 400
-    many = burst_failures(0.9, rng(), 8000, **options)["per_packet"]
+    alone = sum(burst_failures(0.9, generator, 1, slaves=3)["series"] for _ in range(400)) / 400
+    many = burst_failures(0.9, rng(), 8000, slaves=3)["per_packet"]
     assert (np.abs(alone - many) <= 5 * np.sqrt(many / 400)).all()
 
 
-def test_in_a_packet_without_end_the_closed_form_holds():
+def test_in_a_packet_without_end_the_closed_form_holds(monkeypatch):
     # 10 s of independent failures: series are geometric up to the sixth, drops as often as
     # `independent_failures` says with cycles as long as repetitions make them.
     p, slaves, length = 0.5, 8, 10.0
-    table = burst_failures(
-        p, rng(), 40, slaves=slaves, packet_length=length, packet_period=11.0
-    ).set_index("failures")
+    monkeypatch.setattr(error_rates, "PACKET_LENGTH", length)
+    table = burst_failures(p, rng(), 40, slaves=slaves).set_index("failures")
     law = np.array([p**k * (1 - p) for k in range(1, 6)] + [p**6])
     share = (table["series"] / table["series"].sum()).tolist()
     assert share == pytest.approx(law / law.sum(), rel=0.03)
@@ -410,14 +413,16 @@ def test_packets_drop_slaves_far_more_often_than_independent_failures():
     assert table.loc[6, "per_h"] > 1000 * independent
 
 
-def test_certain_failure_and_none():
+def test_certain_failure_and_none(monkeypatch):
     assert not burst_failures(0, rng(), 100)["series"].any()
     # A cycle of one slave has four slots of 156 us, two of them tries: 3 ms hold four of them and
     # drop it once or more. A cycle of 31 slaves takes 10 ms when all tries are repeated.
-    assert burst_failures(1, rng(), 500, slaves=1, packet_length=3e-3)["series"].iloc[-1] >= 500
     assert burst_failures(1, rng(), 500, slaves=31)["series"].iloc[-1] == 0
+    monkeypatch.setattr(error_rates, "PACKET_LENGTH", 3e-3)
+    assert burst_failures(1, rng(), 500, slaves=1)["series"].iloc[-1] >= 500
     # A packet that lasts no time still hits what is under way: one of 31 slots in 33.
-    point = burst_failures(1, rng(), 4000, slaves=31, packet_length=0.0)
+    monkeypatch.setattr(error_rates, "PACKET_LENGTH", 0.0)
+    point = burst_failures(1, rng(), 4000, slaves=31)
     assert point["per_packet"][0] == pytest.approx(31 / 33, abs=0.02)
     assert not point["series"][1:].any()
 
@@ -433,8 +438,6 @@ def test_certain_failure_and_none():
         (lambda: burst_failures(-0.1, rng()), "inside is -0.1"),
         (lambda: burst_failures(0.1, rng(), 0), "packets is 0"),
         (lambda: burst_failures(0.1, rng(), slaves=1.5), "slaves is 1.5"),
-        (lambda: burst_failures(0.1, rng(), packet_length=np.nan), "packet_length is nan"),
-        (lambda: burst_failures(0.1, rng(), packet_period=15e-3), "must be longer than the packet"),
     ],
 )
 def test_bad_failures_are_named(call, message):

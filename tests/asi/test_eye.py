@@ -52,7 +52,7 @@ def test_the_weakest_pulse_is_the_receivers():
 @pytest.mark.parametrize(
     ("u", "points", "message"),
     [
-        (np.zeros((16, 320)), 61, "^a telegram in u holds no pulse above the receiver's minimum$"),
+        (np.zeros((16, 320)), 61, "^a telegram in u has no pulse above the receiver's minimum$"),
         (
             train_of(2 * Modulation(WORDS).pulses.signs),
             1,

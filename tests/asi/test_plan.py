@@ -8,10 +8,16 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from shipnet import datasets
-from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan, read_plan
-from shipnet.asi.segment import Groups, shortest_paths, structure_faults
+from shipnet.asi.segment import (
+    Groups,
+    Repeater,
+    Supply,
+    Terminator,
+    shortest_paths,
+    structure_faults,
+)
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import cycle_time
 from shipnet.asi.topologies import assign_addresses, evenly_spaced, line, ring, star
@@ -62,12 +68,12 @@ def test_all_faults_of_a_plan_are_named_at_once():
             [Repeater("a", "b"), Repeater("a", "c"), Repeater("b", "d"), Repeater("a", "w")],
         )
     assert str(caught.value).split("; ") == [
-        "cable b - a lies there already",
+        "cable b - a is there already",
         "master at x: no cable reaches its node x",
         "supply at y: no cable reaches its node y",
         "slave 1 at z: no cable reaches its node z",
         "repeater a | b has both ends in one segment",
-        "repeater b | d gives telegrams a second path",
+        "repeater b | d makes a second path for telegrams",
         "repeater a | w: no cable reaches its node w",
     ]
 
@@ -159,7 +165,7 @@ def test_the_last_slaves_share_addresses_or_those_that_can_wait():
         (lambda: Plan([Master(node="a")]), "one of cables is Master"),
         (lambda: line(100, [101]), "the slave is at 101 m"),
         (lambda: ring(100, []), "the last place on the ring is 0.0 m"),
-        (lambda: ring(100, [100]), "must lie between 0 and 100 m"),
+        (lambda: ring(100, [100]), "must be between 0 and 100 m"),
         (lambda: line(100, 63), "63 slaves need 32 addresses"),
         (lambda: line(9, 1).with_repeater("9 m", line(9, 1), prefix=" 2"), "is ' 20 m'"),
         (lambda: line(9).with_repeater("9 m", line(9), prefix=""), "would have a node '0 m'"),
@@ -194,7 +200,7 @@ def test_voltages_cycle_and_responses_of_a_plan():
     assert times.loc["1", "worst_s"] == pytest.approx(2 * 7 * 4 * 156e-6 + 60e-3)
     assert times.loc["2A"].isna().tolist() == [True] * 4 + [False]
     assert "'S-7.A.9' in; how many exchanges" in times.loc["2A", "why"]
-    with pytest.raises(ArgumentError, match="cycle is of one line; the plan has 14"):
+    with pytest.raises(ArgumentError, match="cycle needs a plan of one line; this one has 14"):
         _ = read_plan(datasets.path("synthetic_asi_plan_submarine.csv")).cycle
 
 

@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet import datasets
-from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan, read_plan
 from shipnet.asi.plan_file import COLUMNS
 from shipnet.asi.profile import Profile
+from shipnet.asi.segment import Repeater, Supply, Terminator
 from shipnet.asi.slave import Slave
 from shipnet.asi.topologies import line, star
 from shipnet.errors import ArgumentError, InputError
@@ -122,10 +122,10 @@ cable,b,c,5,,,,,,,extra
         f"row 6, column cable: 'cat 5'; expected one of {', '.join(CABLES)}",
         "row 6, column address: '12'; expected nothing, a cable has no address",
         "row 7, cable c - c ends where it begins; its two nodes must differ",
-        "row 8, column address: '32'; expected 0 to 31, with A or B behind it for a slave that "
+        "row 8, column address: '32'; expected 0 to 31, followed by A or B for a slave that "
         "shares it",
         "row 8, column current_ma: '1_0'; expected a number 0..10000 mA",
-        "row 9, column address: '5C'; expected 0 to 31, with A or B behind it for a slave that "
+        "row 9, column address: '5C'; expected 0 to 31, followed by A or B for a slave that "
         "shares it",
         "row 9, column profile: '7.A'; expected a profile such as S-7.A.E or S-0.F",
         "row 10, column address: is empty; a slave needs it",
@@ -139,7 +139,7 @@ def test_faults_of_the_structure_come_with_those_of_cells_if_the_cables_are_righ
     content = SMALL + "slave,hold,,,,3,,,,\nslave,deck,,,,x,,,,\ncable,deck,bridge,9,,,,,,\n"
     assert [fault.split(";")[0] for fault in faults(load, content)] == [
         "row 7, column address: 'x'",
-        "row 8: cable deck - bridge lies there already",
+        "row 8: cable deck - bridge is there already",
         "row 6: slave 3 at hold: no cable reaches its node hold",
     ]
     # With a cable that cannot be read, what hangs on it is not called loose.

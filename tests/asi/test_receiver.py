@@ -109,13 +109,13 @@ def test_faults_in_fewer_than_four_slots_are_found(faults, patterns, undetected)
 
 # The response 0-+-0+-+0-+-0+00, 0011001, with one thing broken each.
 BROKEN = {
-    "start": ("0+-+0-+-0+-+0-00", "slot 1 holds +; the start bit's pulse is -"),
-    "alternation": ("0-+-0+++0-+-0+00", "slot 6 holds + like slot 5"),
+    "start": ("0+-+0-+-0+-+0-00", "slot 1 has +; the start bit's pulse is -"),
+    "alternation": ("0-+-0+++0-+-0+00", "slot 6 has + like slot 5"),
     "pause": ("0-+-0+-+000-0+00", "slots 8 and 9 are both empty"),
     "information": ("0-+-+0-+0-+-0+00", "slot 5 is empty; it is the middle of bit 2"),
-    "parity": ("0-+-0+-+0-0+-+00", "slots 1 to 11 hold 001101 with 3 ones"),
-    "end": ("0-+-0+-+0-+-+-00", "slot 13 holds -; the end bit's pulse is +"),
-    "length": ("0-+-0+-+0-+-0+-0", "slot 14 holds -; the line is silent after slot 13"),
+    "parity": ("0-+-0+-+0-0+-+00", "slots 1 to 11 have 001101 with 3 ones"),
+    "end": ("0-+-0+-+0-+-+-00", "slot 13 has -; the end bit's pulse is +"),
+    "length": ("0-+-0+-+0-+-0+-0", "slot 14 has -; the line is silent after slot 13"),
 }
 
 
@@ -166,7 +166,7 @@ def test_a_pulse_before_the_telegram_is_a_start_error():
     slots = slots_of(RESPONSES[6])
     slots[0] = 1
     assert name_of(int(Pulses(slots).check()[1])) == "StartBitError"
-    with pytest.raises(CLASSES["start"], match="slot 0 holds"):
+    with pytest.raises(CLASSES["start"], match="slot 0 has"):
         Pulses(slots).decode()
 
 
@@ -196,7 +196,7 @@ def test_what_is_no_row_of_slots_is_refused(slots, message):
 
 def test_one_telegram_is_decoded_at_a_time():
     for read in (Pulses.decode, lambda pulses: pulses.broken):
-        with pytest.raises(ArgumentError, match=r"there are \(1, 16\) pulses; one telegram"):
+        with pytest.raises(ArgumentError, match=r"there are \(1, 16\) pulses; there must be one"):
             read(Pulses([[0] * 16]))
 
 
@@ -405,17 +405,17 @@ def test_the_filter_takes_records_shorter_than_itself():
         ({"dt": -1e-6}, "dt is -1e-06 s"),
         ({"dt": 1.1e-6}, "dt is 1.1e-06 s; .* three samples a half-bit"),
         ({"dt": np.nan}, "dt is nan s"),
-        ({"u": [0, np.nan, 1]}, "u holds nan at sample 1 of a row"),
-        ({"u": [[0, 1], [0, -np.inf]]}, "u holds -inf at sample 1 of a row"),
-        ({"u": [1e200, 0]}, r"u holds 1e\+200 at sample 0 .* below 1e150 V"),
+        ({"u": [0, np.nan, 1]}, "u has nan at sample 1 of a row"),
+        ({"u": [[0, 1], [0, -np.inf]]}, "u has -inf at sample 1 of a row"),
+        ({"u": [1e200, 0]}, r"u has 1e\+200 at sample 0 .* below 1e150 V"),
         ({"u": []}, r"u has the shape \(0,\); it needs a sample"),
         ({"u": np.zeros((3, 0))}, r"u has the shape \(3, 0\)"),
         ({"u": 1.0}, r"u has the shape \(\)"),
         ({"u": ["a"]}, "u must be real voltages, but its dtype is <U1"),
         ({"u": [1j]}, "dtype is complex128"),
         ({"n_bits": 8}, "n_bits is 8; it must be 7, a response, or 14, a request"),
-        ({"threshold": 0}, "threshold is 0.0; it must lie between 0 and 1"),
-        ({"threshold": 1}, "threshold is 1.0; it must lie between 0 and 1"),
+        ({"threshold": 0}, "threshold is 0.0; it must be between 0 and 1"),
+        ({"threshold": 1}, "threshold is 1.0; it must be between 0 and 1"),
         ({"threshold": np.nan}, "threshold is nan"),
         ({"window": 0.6}, r"window is 0.6 half-bits; it must be 0\.\.0\.5"),
         ({"minimum": -1}, r"minimum is -1 V; it must be 0\.\.1e\+09 V"),
@@ -435,7 +435,7 @@ def test_bad_arguments_are_named(change, message):
 def test_one_bad_sample_far_back_is_not_overlooked():
     u = ideal(RESPONSES[np.arange(2000) % 16], 250e-9)
     u[1999, 255] = np.nan
-    with pytest.raises(ArgumentError, match="u holds nan at sample 255"):
+    with pytest.raises(ArgumentError, match="u has nan at sample 255"):
         receive(u, 250e-9, 7)
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from shipnet import datasets
-from shipnet.asi.elements import Repeater, Supply, Terminator
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.receiver import TOLERANCE
 from shipnet.asi.rules import meets, rule_limits
+from shipnet.asi.segment import Repeater, Supply, Terminator
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import MASTER_PAUSE_BITS, Cycle, Transaction
 from shipnet.asi.topologies import line, ring, star

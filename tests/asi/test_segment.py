@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from shipnet.asi import Request, Response
-from shipnet.asi.elements import DEVICE, POWER_SUPPLY
 from shipnet.asi.modulation import Modulation
-from shipnet.asi.segment import quality_of, telegram_voltages
+from shipnet.asi.segment import POWER_SUPPLY, quality_of, telegram_voltages
+from shipnet.asi.slave import DEVICE
 from shipnet.asi.telegram import RESPONSES
 from shipnet.asi.topologies import line, ring, star
 from shipnet.errors import ArgumentError

@@ -254,15 +254,6 @@ def test_a_slave_takes_outputs_and_gives_inputs():
     assert [slave.outputs for slave in run.slaves] == [0xF, 5, 2]
 
 
-def test_the_host_sets_outputs_while_it_runs():
-    run = simulate(THREE, cycles=20, outputs=[(13e-3, "2", 9)])
-    sent = run.events().query("slave == '2' and phase == 'data_exchange'")
-    before = sent["request_data"][sent["time_s"] < 13e-3]
-    assert set(before) == {0xF}
-    assert sent["request_data"].iloc[-1] == 9
-    assert run.slaves[1].outputs == 9
-
-
 def test_protected_mode_activates_only_what_is_projected():
     run = simulate(THREE, Master({"1": "S-7.F.F", "2": "S-0.F.F"}), cycles=200)
     lists = run.masters[-1].lists
@@ -665,7 +656,6 @@ def test_failures_of_two_slaves_are_not_taken_for_one_row_of_failures():
         ({"cycles": 1, "faults": [LateAnswer("1", 20)]}, "would answer 25 bit times"),
         ({"cycles": 1, "inputs": [(0.0, "1", 16)]}, "input of slave 1 is 16"),
         ({"cycles": 1, "inputs": [(-1.0, "1", 1)]}, "time is -1 s"),
-        ({"cycles": 1, "outputs": [(0.0, "1A", 8)]}, "output of slave 1A is 8"),
         ({"cycles": 1, "faults": [Fault()]}, "one of faults is Fault"),
     ],
 )

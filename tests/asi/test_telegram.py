@@ -66,6 +66,33 @@ def test_parity_of_the_data_sheets():
         Request.parse("00101010111011")
 
 
+def readable(parse, bits):
+    try:
+        parse(bits)
+    except UnknownCallError:
+        return True
+    except FrameError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize(("kind", "length"), [(Request, 14), (Response, 7)])
+def test_the_fields_say_what_the_decoder_accepts(kind, length):
+    fields = kind.fields()
+    assert fields["length_bit"].sum() == length
+    verdict = {True: "valid", False: "invalid"}
+    # A parity bit that follows the start bit keeps the parity from deciding.
+    zeros = "0" * (length - 3)
+    starts = [verdict[readable(kind.parse, f"{bit}{zeros}{bit}1")] for bit in "01"]
+    ends = [verdict[readable(kind.parse, f"0{zeros}0{bit}")] for bit in "01"]
+    assert fields.loc["ST", ["value_0", "value_1"]].tolist() == starts
+    assert fields.loc["EB", ["value_0", "value_1"]].tolist() == ends
+    assert fields.loc["PB", "ones_even_over"] == "all bits but the end bit"
+    for number in range(2 ** (length - 2)):
+        bits = f"0{number:0{length - 2}b}1"
+        assert readable(kind.parse, bits) == (bits[:-1].count("1") % 2 == 0)
+
+
 def test_an_ab_slave_has_three_output_bits():
     assert Profile.parse("S-7.A.E").output_bits == 3
     assert Profile.parse("S-7.F").output_bits == 4

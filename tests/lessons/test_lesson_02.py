@@ -5,9 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from shipnet.asi.elements import DEVICE, POWER_SUPPLY
 from shipnet.asi.modulation import SEND_CURRENT, Modulation
 from shipnet.asi.receiver import receive
+from shipnet.asi.segment import POWER_SUPPLY
+from shipnet.asi.slave import DEVICE
 from shipnet.asi.telegram import RESPONSES
 from shipnet.exercises.lesson_02 import _ECHOES, _ENDS, _echo
 from shipnet.line import Cable, CableRun, Network

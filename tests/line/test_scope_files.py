@@ -177,8 +177,8 @@ def test_uneven_times_are_placed(save):
         (b" \r\n\n", "the file is empty"),
         (b"\0\1\2\3", "not text"),
         (b"hello\nworld\n", "no column of numbers"),
-        (b"Time,CH1\n1e-7,2.0\n", "it holds 1 sample"),
-        (rows("{v:.3f}"), "it gives no times"),
+        (b"Time,CH1\n1e-7,2.0\n", "it has 1 sample"),
+        (rows("{v:.3f}"), "it has no times"),
         ("Time (s),I (A)\n" + rows("{t:.8f},{v:.3f}"), "no voltage column"),
         ("Time\n" + rows("{t:.8f}"), "no voltage column"),
         ("Time,CH1\n" + rows("{t:.8f},{v:.3f}", time=100), "it has 0.1 MS/s"),
@@ -206,7 +206,7 @@ def test_an_error_survives_pickling():
 def test_numpy_files(tmp_path):
     np.save(tmp_path / "u.npy", V)
     assert Waveform.read(tmp_path / "u.npy", sample_interval=DT).u == pytest.approx(V)
-    assert "it gives no times" in refused(tmp_path / "u.npy")
+    assert "it has no times" in refused(tmp_path / "u.npy")
     for array in (np.column_stack([T, V]), np.stack([T, V]).astype(np.float32)):
         np.save(tmp_path / "tu.npy", array)
         assert Waveform.read(tmp_path / "tu.npy").dt == pytest.approx(DT, rel=1e-4)
@@ -279,9 +279,9 @@ def test_a_sigrok_session_keeps_what_was_not_recorded(save):
         (session([V])[:-30], "not a whole .sr file"),
         (session([V, None, V]), "a part of analog-1-1 is missing"),
         (session([]), "no analog channel"),
-        (session([V], rate="fast"), "it gives no times"),
+        (session([V], rate="fast"), "it has no times"),
         (session([V], rate="200 kHz"), "it has 0.2 MS/s"),
-        (session([np.full(N, np.nan)]), "holds no numbers"),
+        (session([np.full(N, np.nan)]), "has no numbers"),
     ],
 )
 def test_bad_sigrok_sessions(content, message, save):

@@ -57,7 +57,7 @@ TARGETS = {
     "fuzzy firing": Target("fuzzy/firing", ["fuzzy/test_firing.py", "fuzzy/test_decision.py"]),
     "ring buffer": Target("remote_control/ring_buffer", ["remote_control/test_receive_ring.py"]),
     "voltage drop": Target(
-        "line/network", ["line/test_networks.py"], ("*operating_point*", "*x__flow__*")
+        "line/network", ["line/test_networks.py"], ("*operating_point*", "*x__drop__*")
     ),
 }
 

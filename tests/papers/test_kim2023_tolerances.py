@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from shipnet.asi.elements import DEVICE, POWER_SUPPLY
+from shipnet.asi.segment import POWER_SUPPLY
+from shipnet.asi.slave import DEVICE
 from shipnet.asi.topologies import line
 from shipnet.line import Load, Network
 from shipnet.papers.icn2007 import arriving_share, pulse_height, share_above

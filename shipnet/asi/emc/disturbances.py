@@ -17,7 +17,10 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar, number, record, whole
 from shipnet.lazy import Axes, pd
 
-#: Begin and end of a telegram in its record [s].
+#: Spacing of the samples whose standard deviation is the amplitude of noise [s].
+_SPACING = 250e-9
+
+#: Start and end of a telegram in its record [s].
 Span = tuple[float, float]
 
 
@@ -34,9 +37,9 @@ def add_events(
     shape: Callable[..., Floats],
     *parameters: Floats,
 ) -> None:
-    """Add ``shape(time since its begin, *parameters)`` to each row of `u`, for `length` at most.
+    """Add ``shape(time since its start, *parameters)`` to each row of `u`, for up to `length` [s].
 
-    `begin` and each parameter have one number per row. What falls outside the record is lost.
+    `begin` and each parameter have one number per row. Samples outside the record are ignored.
     """
     dt = _step(t)
     first = np.ceil((begin - t[0]) / dt).astype(np.intp)
@@ -55,17 +58,17 @@ def _raised_cosine(since: Floats, width: Floats, height: Floats) -> Floats:
 #: half for 50 ns, the nominal values of IEC 61000-4-4.
 _DECAY, _RISE = 55.61e-9, 3.291e-9
 
-#: Pulses a second inside a packet [1/s]; IEC 61000-4-4 also has 100 kHz.
+#: Pulses per second in a packet [1/s]; IEC 61000-4-4 also has 100 kHz.
 PULSE_RATE = 5e3
 
 #: Length of a packet and time from one to the next [s]: IEC 61000-4-4, at 5 kHz 75 pulses each.
 PACKET_LENGTH, PACKET_PERIOD = 15e-3, 300e-3
 
-#: Corner of the low-pass that stands for a receiver's input [Hz]: assumed, a little above the
-#: 667 kHz at which the spectrum of an AS-i pulse has its first zero.
+#: Corner of the low-pass at a receiver's input [Hz]: assumed, a little above the 667 kHz at which
+#: the spectrum of an AS-i pulse has its first zero.
 INPUT_CORNER = 1e6
 
-#: An exponential is dropped after this many time constants, where 2e-9 of it is left.
+#: An exponential ends after this many time constants, when 2e-9 of it is left.
 _ENOUGH = 20.0
 
 # At the top of the pulse both exponentials fall equally fast.
@@ -80,7 +83,7 @@ _CONSTANTS = np.array([_DECAY, _RISE, 1 / (2 * np.pi * INPUT_CORNER)])
 
 
 def _mean(since: Floats, dt: float) -> Floats:
-    """Return the area that leaves the low-passes between `since` - `dt` and `since`."""
+    """Return the area of a pulse behind the low-passes between `since` - `dt` and `since`."""
     return _passed(since) - _passed(np.maximum(since - dt, 0.0))
 
 
@@ -91,17 +94,17 @@ def _passed(since: Floats) -> Floats:
     return np.asarray(1 - np.exp(-since[..., np.newaxis] / _CONSTANTS) @ share)
 
 
-# Objects ---------------------------------------------------------------------------------------
+# Disturbances ----------------------------------------------------------------------------------
 
 
 @checked
 @record
 class Noise:
-    r"""White noise; its amplitude is the standard deviation of samples `reference` apart.
+    r"""White noise; its amplitude is the standard deviation of samples 250 ns apart.
 
-    Samples :math:`\Delta t` apart have a bandwidth of :math:`1 / 2 \Delta t`, 2 MHz by default,
-    and a one-sided density of :math:`2 \sigma^2 \Delta t`, 0.71 mV per root hertz for 1 V. A
-    waveform with another step gets noise of the same density, so its step changes no error rate.
+    Samples :math:`\Delta t` apart have a bandwidth of :math:`1 / 2 \Delta t`, here 2 MHz, and a
+    one-sided density of :math:`2 \sigma^2 \Delta t`, 0.71 mV per root hertz for 1 V. A waveform
+    with another step gets noise of the same density, so its step does not change error rates.
 
     Examples
     --------
@@ -109,36 +112,32 @@ class Noise:
     0.49 mV per root hertz
     """
 
-    reference: float = number(
-        1e-9, 1e-6, "s", "Spacing of the samples that have the amplitude", default=250e-9
-    )
-
     def density(self, amplitude: npt.ArrayLike) -> Floats:
         """Return the one-sided density of a standard deviation [V per root hertz]."""
-        return np.asarray(np.multiply(amplitude, (2 * self.reference) ** 0.5))
+        return np.asarray(np.multiply(amplitude, (2 * _SPACING) ** 0.5))
 
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
-        """Return the noise on each of some telegrams."""
+        """Return the noise on `size` telegrams."""
         dt = _step(t)
-        # A step that is the reference must not change the noise by a rounding.
-        if abs(dt / self.reference - 1) >= 1e-9:
-            amplitude *= (self.reference / dt) ** 0.5
+        # The usual step must not change the noise by rounding.
+        if abs(dt / _SPACING - 1) >= 1e-9:
+            amplitude *= (_SPACING / dt) ** 0.5
         return amplitude * rng.standard_normal((size, t.size))
 
 
 @checked
 @record
 class Impulses:
-    r"""Impulses of random place, sign, height and width, each a raised cosine, on every telegram.
+    r"""Impulses on every telegram, raised cosines of random place, sign, height and width.
 
     .. math:: u(t) = \pm \frac{a}{2} \left(1 + \cos \frac{2 \pi (t - t_0)}{w}\right),
               \qquad |t - t_0| < \frac{w}{2}
 
     The amplitude is the mean height. Heights and full widths are uniformly distributed: over the
-    amplitude times 1 - `spread` to 1 + `spread`, and over the two ends of `width` [s]. All are
-    assumptions: what coils and converters leave on a line differs from ship to ship.
+    amplitude times 1 - `spread` to 1 + `spread`, and between the two ends of `width` [s]. All are
+    assumptions: the impulses of coils and converters differ from ship to ship.
 
     Examples
     --------
@@ -156,7 +155,7 @@ class Impulses:
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
-        """Return the impulses on each of some telegrams."""
+        """Return the impulses on `size` telegrams."""
         longest = float(t[-1] - t[0])
         if not (np.shape(self.width) == (2,) and 0 < self.width[0] <= self.width[1] <= longest):
             raise ArgumentError(
@@ -176,12 +175,12 @@ class Impulses:
 
 @record
 class ConductedRF:
-    r"""A modulated carrier, as the test with conducted radio frequency couples it in.
+    r"""A modulated carrier, as in the test with conducted radio frequency.
 
     .. math:: u(t) = a \bigl(1 + m \sin(2 \pi f_m t + \psi)\bigr) \sin(2 \pi f t + \varphi)
 
     The amplitude is the peak of the carrier without modulation; a test level of IEC 61000-4-6 is
-    its effective value. Carrier and sideband must lie below half the sampling rate: 80 MHz needs
+    its effective value. Carrier and sideband must be below half the sampling rate: 80 MHz needs
     a waveform with a step of 5 ns.
 
     Examples
@@ -203,12 +202,12 @@ class ConductedRF:
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
-        """Return the carrier on each of some telegrams, at a random phase of its modulation."""
+        """Return the carrier on `size` telegrams, each with a random phase of its modulation."""
         dt = _step(t)
         f, f_mod = self.frequency, self.f_mod
         if f + f_mod >= 0.5 / dt:
             raise ArgumentError(
-                f"frequency is {f:g} Hz; with its sideband it must lie below {0.5 / dt:.6g} Hz, "
+                f"frequency is {f:g} Hz; with its sideband it must be below {0.5 / dt:.6g} Hz, "
                 "half the sampling rate"
             )
         carrier, slow = rng.uniform(0, 2 * np.pi, (2, size))
@@ -221,13 +220,13 @@ class ConductedRF:
 
 @record
 class Burst:
-    """Electrical fast transients, 5/50 ns after IEC 61000-4-4, behind a receiver's input.
+    """Electrical fast transients, 5/50 ns as in IEC 61000-4-4, behind a receiver's input.
 
-    The amplitude is the peak of a pulse between the wires, ahead of the input. Pulses come at an
-    even rate; sign and phase of the train are random on each telegram. Each passes a first-order
-    low-pass, and a sample is the mean over its interval: both keep the area, and both are
-    assumptions about a receiver. At 5 kHz one response in five is hit. Packets of 15 ms come every
-    300 ms: `burst_failures` lays them over time.
+    The amplitude is the peak of a pulse between the wires, before the input. Pulses come at a
+    constant rate; sign and phase of the train are random on each telegram. Each pulse passes a
+    first-order low-pass of 1 MHz, and a sample is the mean over its interval: both keep the area,
+    and both are assumptions about a receiver. At 5 kHz one response in five is hit. Packets of
+    15 ms come every 300 ms; `burst_failures` simulates them.
 
     Examples
     --------
@@ -242,7 +241,7 @@ class Burst:
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
     ) -> Floats:
-        """Return the train of pulses on each of some telegrams."""
+        """Return the train of pulses on `size` telegrams."""
         dt = _step(t)
         length = dt + _ENOUGH * float(_CONSTANTS.max())
         sign = amplitude * AREA / dt * rng.choice([-1.0, 1.0], size)
@@ -256,20 +255,20 @@ class Burst:
 
 # Test levels ----------------------------------------------------------------------------------
 
-#: The parameters that say how severe a test is; the others say what kind of test it is.
+#: Parameters for the severity of a test; the others define the kind of test.
 _SEVERITY = [
     "voltage", "peak voltage", "field strength", "highest frequency",
     "voltage over that of the supply",
 ]  # fmt: skip
 
-#: Where a test that AS-i does not have is drawn: left of all ratios.
+#: Place of a test that AS-i does not have: left of all ratios.
 _NONE = 0.4
 
 
 def gaps(asi: Floats, marine: Floats, better: npt.NDArray[np.str_]) -> npt.NDArray[np.str_]:
-    """Compare levels, of which the "higher", the "lower" or an "equal" one is the better."""
+    """Compare levels of AS-i with those of ships; `better` is "higher", "lower" or "equal"."""
     ratio = asi / marine
-    # Levels are round numbers; a part in a million is no gap.
+    # Levels are round numbers; a part in a million is not a gap.
     fine = np.select(
         [better == "higher", better == "lower"],
         [ratio > 1 - 1e-6, ratio < 1 + 1e-6],

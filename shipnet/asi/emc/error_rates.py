@@ -1,4 +1,4 @@
-"""How many telegrams a disturbance costs, counted or in theory, and what that does to a cycle.
+"""Rates of telegrams lost to disturbances, counted or in theory, and their effect on a network.
 
 An analyser counts *series*: 1 to 6 exchanges with a slave that fail in a row; the sixth drops it.
 """
@@ -21,13 +21,13 @@ from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.intervals import share_interval
 from shipnet.lazy import pd
 
-#: Samples worked on at a time: an array of them is 2 MB.
+#: Samples processed at a time; an array of them takes 2 MB.
 _SAMPLES = 2**18
 
 
 def decided_on(u: Floats, dt: float, matched: bool) -> Floats:
-    """Return the samples on which a receiver decides that has always been listening."""
-    # The filter lacks neighbours at the ends of a record, where a carrier would seem to begin.
+    """Return the samples that a receiver uses that has always been listening."""
+    # At the ends of a record the filter lacks neighbours, and a carrier would seem to begin there.
     half = int(HALF_BIT / dt / 2)
     return matched_filter(u, dt)[:, half:-half] if matched else u
 
@@ -50,7 +50,7 @@ def _row(
     rng: np.random.Generator,
     receiver: Receiver,
 ) -> dict[str, float]:
-    """Count the telegrams that one amplitude costs."""
+    """Count the telegrams lost at one amplitude."""
     bits, u = wave.records
     n_words, n_bits = bits.shape
     chunk = max(1, _SAMPLES // u.shape[1])
@@ -85,7 +85,7 @@ def _row(
     }
 
 
-#: What begins at most this many half-bits before the first pulse's peak is taken for the pulse.
+#: Half-bits before the peak of the first pulse in which noise counts as part of the pulse.
 _REACH = 1.25
 
 #: Up to this `minimum` over the first pulse the closed form holds behind a matched filter. Above it
@@ -93,7 +93,7 @@ _REACH = 1.25
 #: counted rates are 2 times higher at 1e-4, and 26 times at 1e-8.
 _HIGHEST_MINIMUM = 0.35
 
-#: Beyond so many standard deviations no noise is counted.
+#: Number of standard deviations beyond which noise is not counted.
 _FAR = 9.0
 
 #: Nodes and weights of an integral from -1 to 1.
@@ -104,9 +104,9 @@ _ALMOST_ONE = 1 - 1e-15
 
 
 def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, int]:
-    """Return the slots' heights from the first pulse on, and which of them hold pulses.
+    """Return the slots' heights from the first pulse on, and which of them have pulses.
 
-    The other two are the samples ahead of each telegram and those of a record.
+    The other two are the number of samples before each telegram and that of a record.
     """
     (bits, u), dt = wave.records, wave.dt
     n_bits = bits.shape[1]
@@ -124,7 +124,7 @@ def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, i
 
 
 def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
-    """Return how much white noise filter and mean leave, and how neighbouring samples correlate."""
+    """Return the share of white noise behind filter and mean, and the neighbours' correlation."""
     half = int(HALF_BIT / dt / 2) if matched else 0
     shape = np.cos(np.pi * np.arange(-half, half + 1) * dt / HALF_BIT) ** 2
     power = float(shape @ shape)
@@ -142,7 +142,7 @@ def _false_start(level: float, correlation: float, samples: Floats) -> Floats:
     exceeds = ndtr((correlation * x - level) / np.sqrt(1 - correlation**2))
     exceeds += ndtr((-correlation * x - level) / np.sqrt(1 - correlation**2))
     first = min(2 * ndtr(-level), _ALMOST_ONE)
-    # Of a sample that follows one within the level.
+    # The probability for a sample after one within the level.
     later = min(float(exceeds @ weight) / (1 - first), _ALMOST_ONE)
     none = np.log1p(-first) + (samples - 1) * np.log1p(-later)
     return -np.expm1(np.where(samples > 0, none, 0.0))
@@ -188,14 +188,14 @@ def count_errors(
     *,
     receiver: Receiver | None = None,
 ) -> pd.DataFrame:
-    """Count how many telegrams a disturbance costs, by Monte Carlo.
+    """Count the telegrams lost to a disturbance, by Monte Carlo.
 
     Parameters
     ----------
     wave : Waveform
-        What is heard without disturbance; each trial draws one of its telegrams.
+        Voltage without disturbance; each trial draws one of its telegrams.
     disturbance : Noise, Impulses, ConductedRF or Burst
-        What is added at the receiver.
+        Disturbance at the receiver.
     amplitudes : float or array_like of float, shape (n_amplitudes,)
         Its amplitudes, 0..1e9 [V].
     n_telegrams : int
@@ -204,7 +204,7 @@ def count_errors(
         Source of the random numbers.
     receiver : Receiver, optional
         The receiver. Its `minimum` should be four times the standard deviation of the noise behind
-        its filter; else it takes noise ahead of a telegram for the first pulse.
+        its filter; else it mistakes noise before a telegram for the first pulse.
 
     Returns
     -------
@@ -238,7 +238,7 @@ def count_errors(
 def error_rate(
     wave: Waveform, noise_density: npt.ArrayLike, *, receiver: Receiver | None = None
 ) -> Floats:
-    r"""Return the probability that white noise costs a telegram, in closed form.
+    r"""Return the probability that white noise destroys a telegram, in closed form.
 
     .. math:: P = 1 - (1 - P_0) \int_{u_{min}}^\infty \varphi\left(\frac{r - h_1}{\sigma}\right)
               \prod_j \left(1 - p_j(r)\right) \frac{dr}{\sigma}, \qquad
@@ -250,7 +250,7 @@ def error_rate(
     Parameters
     ----------
     wave : Waveform
-        What is heard without noise; all its telegrams are equally likely.
+        Voltage without noise; all its telegrams are equally likely.
     noise_density : float or array_like of float, shape (n,)
         One-sided density at the receiver, above 0 to 1e6 [V per root hertz]; `Noise.density` has
         that of a standard deviation :math:`\sigma`. 0.5 mV per root hertz is 0.71 V in 2 MHz.
@@ -272,10 +272,10 @@ def error_rate(
     -----
     :math:`p_j` is the probability that slot j is decided wrongly, :math:`h_1` and :math:`r` are the
     undisturbed and the disturbed height of the first pulse, and :math:`P_0` is the probability that
-    noise ahead of the telegram is taken for a first pulse. The formula's receiver keeps perfect
+    noise before the telegram is mistaken for a first pulse. The formula's receiver keeps perfect
     time and looks at one sample per slot. Behind a matched filter it agrees with `count_errors`
     within a third from rates of 1e-4 up, and with `rare_error_rates` within a tenth down to 1e-10.
-    Without the filter, `count_errors` loses up to a few times as many or as few telegrams.
+    Without the filter, `count_errors` finds up to a few times more or fewer lost telegrams.
 
     Examples
     --------
@@ -315,7 +315,7 @@ _EXTRA = 2
 
 @checked
 def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.DataFrame:
-    r"""Return what exchanges that fail independently do to a network.
+    r"""Return the effects on a network of exchanges that fail independently.
 
     .. math:: q = p^2, \qquad T = T_c \left(\frac{1}{q} + \frac{1}{q^2} + \frac{1}{q^3}\right)
 
@@ -362,15 +362,11 @@ def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.Dat
 
 @checked
 def burst_failures(
-    inside: float,
-    rng: RNGLike | None = None,
-    packets: int = 1000,
-    *,
-    slaves: int = 31,
-    packet_length: float = PACKET_LENGTH,
-    packet_period: float = PACKET_PERIOD,
+    inside: float, rng: RNGLike | None = None, packets: int = 1000, *, slaves: int = 31
 ) -> pd.DataFrame:
-    """Count failures in a row while packets of a burst hit the cycles of a network.
+    """Count series of failures while packets of a burst hit the cycles of a network.
+
+    Packets of 15 ms come every 300 ms, as in IEC 61000-4-4.
 
     Parameters
     ----------
@@ -382,19 +378,17 @@ def burst_failures(
         Number of packets, each at a random moment of a cycle, 1 or more.
     slaves : int, default 31
         Slaves asked in a cycle, 1..31.
-    packet_length, packet_period : float, default 15e-3 and 300e-3
-        Length of a packet, 0..10, and time from one to the next, longer than that [s].
 
     Returns
     -------
     pandas.DataFrame
-        One row per length of series, ``failures`` 1..6: ``series``, how many were seen;
+        One row per length of a series, ``failures`` 1..6: ``series``, their number;
         ``per_packet``; ``per_h``. The sixth failure in a row drops the slave.
 
     Notes
     -----
-    Inside a packet exchanges fail independently, which treats the pulses of a packet as more random
-    than they are. A slave that was dropped is assumed to be back in its next cycle.
+    Inside a packet exchanges fail independently, so its pulses count as more random than they are.
+    A dropped slave is assumed to be back in its next cycle.
 
     Examples
     --------
@@ -408,23 +402,16 @@ def burst_failures(
     inside = check_scalar("inside", inside, "of the exchanges", 0, 1)
     packets = check_whole("packets", packets, 1, 2**31)
     generator, slaves = check_rng(rng), check_whole("slaves", slaves, 1, 31)
-    packet_length = check_scalar("packet_length", packet_length, "s", 0, 10)
-    packet_period = check_scalar("packet_period", packet_period, "s", 0, 1e6)
-    if packet_period <= packet_length:
-        raise ArgumentError(
-            f"packet_period is {packet_period:g} s; it must be longer than the packet of "
-            f"{packet_length:g} s"
-        )
     slot, most = Transaction().duration, TRIES * CYCLES
     counts = np.zeros(most + 1, dtype=np.int64)
     in_a_row = np.zeros((slaves, packets), dtype=np.intp)
     # The packets begin at 0, each somewhere in a cycle that began before it.
     t = -generator.uniform(0, (slaves + _EXTRA) * slot, packets)
-    while (t < packet_length).any():
+    while (t < PACKET_LENGTH).any():
         for series in in_a_row:
             asked = np.full(packets, True)
             for _ in range(TRIES):
-                hit = (t < packet_length) & (t + slot > 0)
+                hit = (t < PACKET_LENGTH) & (t + slot > 0)
                 failed = asked & hit & (generator.random(packets) < inside)
                 t += slot * asked
                 over = asked & ~failed
@@ -436,7 +423,7 @@ def burst_failures(
             counts[most] += np.count_nonzero(dropped)
             series[dropped] = 0
         t += _EXTRA * slot
-    # After the packet the next exchange succeeds and ends every open series.
+    # After the packet the next exchange succeeds, which ends every open series.
     counts += np.bincount(in_a_row.ravel(), minlength=most + 1)
     per_packet = counts[1:] / packets
     return pd.DataFrame(
@@ -444,6 +431,6 @@ def burst_failures(
             "failures": np.arange(1, most + 1),
             "series": counts[1:],
             "per_packet": per_packet,
-            "per_h": per_packet * 3600 / packet_period,
+            "per_h": per_packet * 3600 / PACKET_PERIOD,
         }
     )

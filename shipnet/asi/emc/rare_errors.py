@@ -1,8 +1,8 @@
-"""Rates of lost telegrams down to 1e-9: importance sampling in white noise.
+"""Rates of telegrams lost in white noise down to 1e-9, by importance sampling.
 
 Nearly every loss is a set of linear inequalities on the noise: a pulse falls below the level, a gap
 rises above it. Noise is drawn around the weakest noise that satisfies each set, its *design point*;
-the receiver decides what is lost, and a loss counts with the ratio of both densities.
+the receiver decides what is lost, and a loss is weighted with the ratio of both densities.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from shipnet.fields import check_kind, check_whole
 from shipnet.lazy import pd
 from shipnet.parallel import Progress, compute
 
-#: Share of the noise that is drawn without a shift; it bounds the weight of a loss to 10.
+#: Share of the noise that is drawn without a shift; it limits the weight of a loss to 10.
 _PLAIN = 0.1
 
 #: Telegrams of a task, of a pilot, and of a batch that stays in a core's own cache.
@@ -39,7 +39,7 @@ _PART, _PILOT, _BATCH = 5000, 4000, 1000
 #: Most different telegrams of a wave: each has some hundred design points.
 _WORDS = 64
 
-#: Time between two samples at which the inequalities look at the line [s].
+#: Time between two samples that the inequalities use [s].
 _GRID = 250e-9
 
 #: Steps by which a weakened first pulse may seem to peak early or late, and steps on either side
@@ -75,23 +75,23 @@ class _Case:
 
     @cached_property
     def _key(self) -> bytes:
-        """By this a worker recognises a case that arrives with another task."""
+        """Key by which a worker recognises a case of an earlier task."""
         arrays = self.bits.astype(np.int8).tobytes() + self.u.tobytes()
         rest = f"{self.dt!r} {self.sigma!r} {asdict(self.receiver)}"
         return sha256(arrays + rest.encode()).digest()
 
     def heard(self, u: Floats, **changes: Any) -> Reception:
-        """Return what the receiver makes of voltages that are filtered already."""
+        """Return what the receiver reads from filtered voltages."""
         settings = {**asdict(self.receiver), "matched": False, **changes}
         return receive(u, self.dt, self.bits.shape[1], **settings)
 
     def filtered(self, u: Floats) -> Floats:
-        """Return what the receiver decides on."""
+        """Return the voltages that the receiver uses."""
         return decided_on(u, self.dt, self.receiver.matched)
 
 
 class _Proposal(NamedTuple):
-    """The points around which noise is drawn, and how often around each."""
+    """The points around which noise is drawn, and their shares."""
 
     shift: Floats  # shape (n_words, n_points, n_t) [V]
     square: Floats  # of its length
@@ -185,13 +185,13 @@ def _points_of(case: _Case) -> Floats:
                 sets.add(*([*top, sets.over(k, x, p, s), sets.above(k, x)] for k, x in ways))
         words.append(sets.points)
     most = max(map(len, words))
-    # What pads a shorter row lies so far away that it is never drawn.
+    # The points that pad a shorter row lie so far away that they are never drawn.
     return np.array([[*points, *[50 * points[0]] * (most - len(points))] for points in words])
 
 
 @lru_cache(8)
 def _proposal(case: _Case) -> _Proposal:
-    """Return how to draw for a case; pilots show around which points telegrams are lost."""
+    """Return the proposal for a case; pilots show around which points telegrams are lost."""
     shift = _points_of(replace(case, sigma=1.0))
     square = (shift**2).sum(axis=-1)
     likely = special.ndtr(-np.sqrt(square) / case.sigma) + 1e-300
@@ -223,9 +223,9 @@ def _sample(task: tuple[_Case, int], rng: np.random.Generator) -> dict[str, floa
 def _draw(
     case: _Case, how: _Proposal, n: int, rng: np.random.Generator, credit: Floats | None = None
 ) -> dict[str, float]:
-    """Draw telegrams; return sums of their weights, and add to `credit` what each point found.
+    """Draw telegrams; return sums of their weights, and add the losses of each point to `credit`.
 
-    `w` sums the weights of all, `x` those of the lost.
+    `w` sums the weights of all telegrams, `x` those of the lost ones.
     """
     totals = dict.fromkeys(("n", "w", "ww", "x", "xx", "lost", "far", "largest"), 0.0)
     n_words, n_points = how.share.shape
@@ -239,7 +239,7 @@ def _draw(
             noise[moved] += shift[point[moved]]
             power = (noise @ shift.T - how.square[word] / 2) / case.sigma**2
             each = share * np.exp(np.minimum(power, 600.0))
-            # How much more often this noise is drawn than it occurs.
+            # The ratio of the densities with which this noise is drawn and occurs.
             ratio = 1 - share.sum() + each.sum(axis=1)
             got = case.heard(case.filtered(case.u[word] + noise))
             lost = (got.error != 0) | (got.bits != case.bits[word]).any(axis=1)
@@ -258,7 +258,7 @@ def _draw(
 
 
 def _summary(parts: list[dict[str, float]]) -> dict[str, float | bool]:
-    """Return the rate of several parts with its interval, and whether to believe it."""
+    """Return the rate of several parts with its interval, and whether it is sound."""
     t = {name: sum(part[name] for part in parts) for name in parts[0]}
     n, rate = t["n"], t["x"] / t["n"]
     if not t["lost"]:
@@ -295,13 +295,13 @@ def rare_error_rates(
     folder: str | PathLike[str] | None = None,
     progress: bool | Progress | None = None,
 ) -> pd.DataFrame:
-    """Estimate how often white noise costs a telegram, down to 1e-9, by importance sampling.
+    """Estimate the rate of telegrams lost in white noise, down to 1e-9, by importance sampling.
 
     Parameters
     ----------
     waves : Waveform or mapping of str to Waveform
-        What is heard without noise, each of at most 64 telegrams, all equally likely; several
-        waves by name.
+        Voltages without noise, each of at most 64 telegrams, all equally likely; several waves by
+        name.
     noise_density : float or array_like of float, shape (n,)
         One-sided density at the receiver, above 0 to 1e6 [V per root hertz]; `Noise.density` has
         that of a standard deviation.

@@ -11,12 +11,12 @@ import pandas as pd
 
 from shipnet import datasets, style
 from shipnet.asi.commands import ChangeAddress, ReadCodes
-from shipnet.asi.elements import Repeater, Supply
 from shipnet.asi.faults import MasterFailure
 from shipnet.asi.master import Master
 from shipnet.asi.plan import Plan
 from shipnet.asi.profile import Profile
 from shipnet.asi.rules import rule_limits
+from shipnet.asi.segment import Repeater, Supply
 from shipnet.asi.simulation import Standby, simulate
 from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import Call, Half, Request, Response, frame

@@ -10,13 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from shipnet.arrays import Floats
-from shipnet.asi.elements import DEVICE
 from shipnet.asi.emc.disturbances import Noise
 from shipnet.asi.emc.error_rates import count_errors
 from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses
 from shipnet.asi.plan import Plan
 from shipnet.asi.receiver import RECEIVERS, receive
-from shipnet.asi.slave import Slave
+from shipnet.asi.slave import DEVICE, Slave
 from shipnet.asi.telegram import RESPONSES, Response, frame
 from shipnet.asi.topologies import line
 from shipnet.line.cable import CABLES, Cable
