@@ -467,7 +467,7 @@ class Capture:
     def counters(self) -> pd.DataFrame:
         """Return the counters of masters and analysers: `value`, `light` and `meaning`.
 
-        The light of the share of repetitions is green up to 1 %, yellow up to 5 % and red above;
+        The percentage of repetitions is green up to 1 %, yellow up to 5 % and red above; the
         other counters are green at 0. A value that the record cannot show is NaN and has no light.
 
         Examples

@@ -114,7 +114,7 @@ def restored(
 ) -> Restored:
     """Read requests in the part of a record from shortly before the first one at `asked` [s].
 
-    If more requests were read without restoring, those with `start` and `words`, keep these.
+    Keep the requests read without restoring, with `start` and `words`, if those are more.
     """
     low = max(0, int((asked[0] - 1e-3) / dt)) if len(asked) else 0
     sampling = Sampling.of(dt)

@@ -73,7 +73,7 @@ class Record:
         return cycle
 
     def table(self) -> pd.DataFrame:
-        """Return all rows as a table for readers."""
+        """Return all rows as a table with names instead of codes."""
         call, address, half = self.field(0, 4), self.field(4, 5), self.field(9, 2)
         data, outcome, response = self.field(11, 5), self.field(OUTCOME, 4), self.field(RESPONSE, 5)
         executed = self.field(EXECUTED, 1).astype(bool)

@@ -322,7 +322,7 @@ class Plan:
         The record has a `duration` of 1e-3..0.2 [s], sampled every `dt`, 50e-9..500e-9 and a whole
         fraction of 3e-6 [s], at `node`, by default the master's. `weak` has the send currents of
         slaves by label, relative to 60 mA, 0..10. A `disturbance` of `shipnet.asi.emc` with an
-        `amplitude` [V] is heard at all nodes alike.
+        `amplitude` [V] is the same at all nodes.
 
         Examples
         --------

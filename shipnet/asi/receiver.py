@@ -154,7 +154,7 @@ class Reception(NamedTuple):
 
 
 class Tolerance(NamedTuple):
-    """Smallest pulse, and largest voltage without a pulse, over the largest pulse."""
+    """Smallest pulse, and largest voltage outside pulses, divided by the largest pulse."""
 
     evenness: float
     ringing: float

@@ -224,7 +224,7 @@ class Quality(NamedTuple):
 
 
 def quality_of(*waves: Waveform) -> Quality:
-    """Return the quality of the telegrams of waveforms at each of their common nodes."""
+    """Return the quality of all telegrams in the waveforms, at each node that they share."""
     parts = []
     for wave in waves:
         heard = receive(wave.u, wave.dt, wave.bits.shape[-1])

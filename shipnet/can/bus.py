@@ -298,9 +298,9 @@ _BLOCK = 4096  #: Random numbers drawn at a time.
 def _chances(
     rates: list[float], bits: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, list[int]]]:
-    """Yield how many attempts succeed, and after how many bits each fault hits the next one.
+    """Yield how many attempts succeed, and the bit at which each fault hits the next attempt.
 
-    Only frames of `bits` bits are examined; the end of a block yields no next fault.
+    Only frames of `bits` bits are examined; at the end of a block no fault is yielded.
     """
     if not rates:
         yield NEVER, []

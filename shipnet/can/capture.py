@@ -360,9 +360,9 @@ def read_capture(
     Parameters
     ----------
     path : path
-        A sigrok session (``.sr``), text of a logic analyser or scope with levels or changes of
-        level, or ``.npy`` or ``.npz`` of levels or voltages, as `shipnet.line.Waveform.read` takes
-        them: of CAN_H, CAN_L, their difference or a receiver. The idle level is recessive.
+        A sigrok session (``.sr``), text from a logic analyser or scope with levels or edges, or a
+        ``.npy`` or ``.npz`` file as in `shipnet.line.Waveform.read`. The signal is CAN_H, CAN_L,
+        their difference or the output of a receiver. The idle level is recessive.
     bit_rate : float, optional
         Bit rate, 1000..1e6 [bit/s]; by default found from the edges.
     channel : str, optional

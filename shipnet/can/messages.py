@@ -558,7 +558,7 @@ def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) 
 
 
 class _Title(NamedTuple):
-    """The column that a title means, and how to read its cells."""
+    """The column that a title stands for, and how to read its cells."""
 
     column: str
     power: int = 0

@@ -155,7 +155,7 @@ WEIGHED = ", ".join(_LABELS[name][0] for name in CRITERIA)
 
 
 def label(column: str) -> str:
-    """Return a column of a comparison in words, with its unit in brackets."""
+    """Return the label of a column of a comparison, with its unit in brackets."""
     words, unit = _LABELS.get(column, (column, ""))
     return f"{words} [{unit}]" if unit else words
 
@@ -409,7 +409,7 @@ def likely(sample: pd.DataFrame) -> pd.DataFrame:
 @checked
 @dataclass(frozen=True, eq=False)
 class Tornado:
-    """The effect of each assumption at its low and at its high, with all others nominal.
+    """The effect of each assumption at its low and its high value, with all others nominal.
 
     `Comparison.tornado` returns one.
 

@@ -348,7 +348,7 @@ class Draft:
         )  # fmt: skip
 
     def too_slow(self, row: int, least: float, words: str) -> None:
-        """Record that a point needs faster updates than it can have; `least` is in s."""
+        """Record that a point needs faster updates than are possible; `least` is in s."""
         tag, wanted = self.tags[row], 1e3 * float(self.need[row])
         text = f"{tag} needs an update every {wanted:g} ms; {words} {1e3 * least:.3g} ms"
         self.reason(tag, "update", 1e3 * least, wanted, "ms", text)

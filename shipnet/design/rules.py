@@ -104,7 +104,7 @@ _Compute: TypeAlias = Callable[[Facts, Bools, bool], Outcome]
 
 
 class Measure(NamedTuple):
-    """A value that can be computed of a design."""
+    """A value that can be computed for a design."""
 
     unit: str
     meaning: str

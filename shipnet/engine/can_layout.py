@@ -1,8 +1,8 @@
 """The points of the boxes in CAN messages: which bytes of which frame contain which point.
 
 The paper prints no mapping, so this one is ours. A box sends its analogue values first, with `bits`
-bits each, high bit first, padded to a whole byte; then its switches, eight per byte, the first in
-the lowest bit. The bytes are split into frames of eight.
+bits each, most significant bit first, padded to a whole byte; then its switches, eight per byte,
+the first in the least significant bit. The bytes are split into frames of eight.
 """
 
 from __future__ import annotations

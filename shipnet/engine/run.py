@@ -39,7 +39,7 @@ class Cpu:
         self._left = self.begins - length * np.arange(self.begins.size)
 
     def until(self, time: Integers) -> Integers:
-        """Return the CPU time that the interrupts have left until these times [ns]."""
+        """Return the CPU time up to these times that interrupts did not use [ns]."""
         begun = np.searchsorted(self.begins, time, side="right")
         if not self.begins.size:
             return np.asarray(time, dtype=np.int64)
@@ -123,11 +123,11 @@ def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
 
 
 class Views(NamedTuple):
-    """The knowledge of the AMS after each answer, one row per answer.
+    """What the AMS can conclude after each answer, one row per answer.
 
     `seen` is when the answer was complete [ns]. By message, `number` is the round that the values
-    are from, -1 if they are missing or marked, and `known` the earliest time at which they can
-    have been sampled, as far as the reader knows [ns].
+    are from, -1 if they are missing or marked, and `known` the AMS's lower bound for the
+    time at which they were sampled [ns].
     """
 
     seen: Integers
@@ -138,8 +138,8 @@ class Views(NamedTuple):
 class Shown(NamedTuple):
     """What the AMS shows of a point, one entry per view, from `seen` to `until` [ns].
 
-    The value, true when it was `sampled`, is shown as `good` until `good_until`, which is `seen` if
-    it is marked from the start.
+    The value was true when it was `sampled`. It is shown as good until `good_until`, which equals
+    `seen` if the value is marked from the start.
     """
 
     seen: Integers

@@ -365,7 +365,7 @@ class System:
 
     @cached_property
     def loop_ns(self) -> Integers:
-        """How long a round of each box's loop takes without interrupts [ns], shape (n_boxes,)."""
+        """Duration of one round of each box's loop without interrupts [ns], shape (n_boxes,)."""
         frames = np.bincount(self.sender, minlength=len(self.boxes))
         return np.asarray(self.convert_ns + nanoseconds(self.firmware.send) * frames)
 

@@ -191,7 +191,7 @@ class Bits:
 
 @dataclass(frozen=True)
 class Bytes:
-    """A sequence of bytes in the order of the line."""
+    """A sequence of bytes in the order in which they are sent."""
 
     value: bytes
 

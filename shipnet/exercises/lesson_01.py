@@ -69,7 +69,7 @@ def _equal(bits: str) -> int:
 
 @solution("ex-01-3")
 def pulses() -> Solution:
-    """How many pulses a telegram has."""
+    """Number of pulses in a telegram."""
     return Function(
         lambda bits: Modulation(bits).pulses.count, _TRIED, lambda right: Whole(right, "pulses")
     ), {

@@ -29,7 +29,7 @@ def transaction(master_pause: float, slave_pause: float) -> Solution:
 
 @solution("ex-04-2", slaves=range(8, 31), bits=(25, 26, 28))
 def cycle(slaves: int, bits: int) -> Solution:
-    """Cycle time with exchanges of a number of bit times."""
+    """Cycle time if each exchange takes `bits` bit times."""
     one = bits * _BIT / 1e3
     return Number(float(cycle_time(slaves, transaction=Transaction(bits - 23, 2))) * 1e3, "ms"), {
         "a cycle has two requests more than slaves": slaves * one,

@@ -438,7 +438,7 @@ class Decision:
     def table(self) -> pd.DataFrame:
         """Return one row per sample: ``top``, its ``strength``, ``active`` codes and bad sensors.
 
-        ``missing`` and ``clipped`` name the sensors without a value, or outside their universe.
+        ``missing`` names the sensors without a value, ``clipped`` those outside their universe.
         """
         if self.active.ndim > 2:
             raise ArgumentError(f"active has {self.active.ndim} axes; a table has two")

@@ -370,5 +370,5 @@ def check_word(what: str, text: str) -> str:
 
 
 def _number_text(value: float) -> str:
-    """Return a number with as many digits as distinguish it from all others."""
+    """Return a number with just enough digits to distinguish it from all others."""
     return repr(float(value)).removesuffix(".0")

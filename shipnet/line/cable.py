@@ -118,7 +118,7 @@ class Cable(Valued):
 
     @property
     def resistance(self) -> Quantity:
-        """Resistance of the loop at direct current [ohm/m]."""
+        """DC resistance of the loop [ohm/m]."""
         return self.r if self.r_dc is None else self.r_dc
 
     @classmethod

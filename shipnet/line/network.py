@@ -411,7 +411,7 @@ class Network:
 
 
 def _drop(tree: Rooted, drawn: Floats, resistance: Floats) -> Floats:
-    """Return the drop of voltage from the root to each place, without the ring."""
+    """Return the voltage drop from the root to each place of the tree, without the ring."""
     flow = drawn[tree.order]
     for place in range(len(flow) - 1, 0, -1):
         flow[tree.parent[place]] += flow[place]

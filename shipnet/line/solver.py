@@ -99,7 +99,7 @@ class Lines:
     def waves(
         self, kinds: list[int], trees: slice, bins: slice
     ) -> tuple[Complexes, Complexes, Complexes, Complexes, Complexes]:
-        """Return 2 e, C, S, Yc [S] and Zc [ohm] of some kinds, each (kinds, trees, bins) or 1s."""
+        """Return 2 e, C, S, Yc [S] and Zc [ohm], each (kinds, trees, bins); an axis may be 1."""
         cable = rows_of([self.cable[kind] for kind in kinds])
         length = part_of_trees(self._length, trees)[kinds]
         shrink = np.expm1(part_of_trees(self._loss, trees)[cable, :, bins] * -length)

@@ -230,7 +230,7 @@ class Run:
         )
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return how far the line was used, if each slave's points need an `update` [s]."""
+        """Return how heavily the line was used, if each slave's points need an `update` [s]."""
         check_scalar("update", update, "s", 1e-6, 1e6)
         events, poll = self.events(), self.system.poll
         good = events[events["answered"]]

@@ -262,8 +262,8 @@ def pulse_height(
 ) -> float:
     """Return the height of the pulses at the master in the middle of a long telegram [V].
 
-    The pulses of equal bits are a half-bit apart, those of alternating bits a bit. The sender is at
-    `place` [m], master and supply are at 0, and the `terminator` [ohm] is at the far end.
+    The pulses of equal bits are half a bit apart, those of alternating bits one bit. The sender is
+    at `place` [m], master and supply are at 0, and the `terminator` [ohm] is at the far end.
     """
     plan = line(length, slaves=(place,), terminator=terminator)
     dt, end = 50e-9, 2 * len(bits) * HALF_BIT

@@ -213,10 +213,10 @@ def candidates(n_items: int, system: System, rate: float, stale_time: float) -> 
     """Return all ways to send 1..84 values per station, one row each, as `recommend` compares them.
 
     A discarded packet also costs the wait of a turn, but spoils no other packet. A check and size
-    whose answer takes longer than a turn has no row. If the items are split, all packets are as
-    long as the longest, a cycle carries one per station, and a value returns when all have had
-    their turn. If only changes are sent, a packet is as long as if all items changed at once; its
-    failures are counted for packets of one item.
+    whose answer takes longer than a turn has no row. If the items are split among several packets,
+    all are as long as the longest and each cycle carries one packet per station, so a value is
+    updated once per as many cycles as there are packets. If only changes are sent, a packet is as
+    long as if all items changed at once; its failures are counted for packets of one item.
     """
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     p = check_scalar("rate", rate, "", 0, 0.1)

@@ -277,7 +277,7 @@ class PacketFormat:
         return outcome
 
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
-        """Return the share that is accepted though wrong, if a share `hit` is disturbed."""
+        """Return the fraction of packets accepted with errors if a fraction `hit` is disturbed."""
         raise NotImplementedError
 
     def _taken(self, stream: bytes) -> list[tuple[int, str]]:

@@ -33,7 +33,7 @@ _FEWEST, _EDGES = 2.0, 2**22
 
 
 class _Reading(NamedTuple):
-    """Characters read with one clock and one form; times in samples."""
+    """Characters read with one bit rate and one character format; times in samples."""
 
     starts: Floats
     bits: Integers  # (characters, bits): start, data, parity if any, first stop bit

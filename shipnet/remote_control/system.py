@@ -148,7 +148,7 @@ class Supervision:
     def detection_time(self) -> tuple[float, float]:
         """Shortest (excluded) and longest time from the last 0xDD to the failure [s].
 
-        It depends on when the first tick follows, and is that of a station that does not send.
+        It depends on how soon the first tick follows, and applies to a station that does not send.
         """
         return (self.n_ticks - 1) * self.tick, self.n_ticks * self.tick
 
@@ -351,7 +351,8 @@ class System:
 
         .. math:: T_r = T + 2 (P + t)
 
-        It just misses a packet, waits a cycle T, and takes two packets, because RCS forwards it.
+        At worst the change just misses a packet and waits a cycle T. It then takes two packets,
+        because RCS forwards it.
         """
         return 6 * (self.packet_time + self.processing)
 

@@ -355,7 +355,7 @@ def _classed(widget: widgets.Widget, name: str) -> widgets.Widget:
 
 
 def _on_step(kind: Kind, value: Any) -> Any:
-    """Return the nearest value that the slider can have, as the browser would."""
+    """Return the nearest value that the slider can take, as the browser would."""
     if not isinstance(kind, Number):
         return value
     low, high = kind.shown

@@ -24,12 +24,12 @@ class CanLoad(Tool):
     """Load and response times of a CAN message set at a bit rate.
 
     `result` is the analysis, a `can.ResponseTimes`; `messages`, `load` and `lowest` are the message
-    set, its loads by how stuff bits are counted, and the lowest bit rate that works [bit/s].
+    set, its load for each way to count stuff bits, and the lowest bit rate that works [bit/s].
 
     Raises
     ------
     ArgumentError
-        If a value is out of its range, or offsets count although there are errors.
+        If a value is out of its range, or if offsets are counted together with errors.
     InputError
         From `messages`, if the text is not a message set.
 

@@ -103,7 +103,7 @@ _DATUM = tuple(_FIELDS.loc[_FIELDS["kind"] == "data", "field"])
 @numeric("chung1998-038", reading="B")
 @numeric("chung1998-039", reading="C")
 def length(*, reading: Literal["A", "B", "C"], items: int = ITEMS) -> int:
-    """Bytes of this many data; in reading C each is a packet of its own."""
+    """Bytes that carry this many data; in reading C each datum has its own packet."""
     if reading == "C":
         return check_whole("items", items, 0, 204) * MarkerFormat("A").size(1)
     return MarkerFormat(reading, max(items, 1)).size(items)
@@ -329,7 +329,7 @@ def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
 
 @check("chung1998-070", counter={"per_packet": 1})
 def one_error_costs_much(*, per_packet: int = 40) -> bool:
-    """Whether a wrong bit in an end flag costs over half of 40 data, sent this many per packet."""
+    """Whether a wrong bit in an end flag loses over half of 40 data, `per_packet` in each."""
     data = dict.fromkeys(range(40), 1)
     form = MarkerFormat(n_numbers=40)
     parts = [dict(list(data.items())[k : k + per_packet]) for k in range(0, 40, per_packet)]

@@ -465,6 +465,6 @@ check("kim2023-009", counter={"bits": 4})(
 
 @check("kim2023-090", counter={"loop": 0.1})
 def too_slow_for_loops(*, process: float = 1 / 60, loop: float = 10.0) -> bool:
-    """Whether 16-bit values are fast enough for a process, but not for a drive's loop [Hz]."""
+    """Whether 16-bit values can serve a `process` but not the `loop` of a drive, both in Hz."""
     fastest = 1 / (SAMPLES * exchanges("S-7.3") * float(Cycle(31).time))
     return bool(process < fastest < loop)
