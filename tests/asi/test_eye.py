@@ -13,7 +13,7 @@ from shipnet.papers.kim2023.signals import train_of
 WORDS = Modulation(RESPONSES).bits
 
 
-def test_ideal_pulses_lie_on_each_other():
+def test_ideal_pulses_coincide():
     opened = Waveform(train_of(1.5 * Modulation(WORDS).pulses.signs), 250e-9, bits=WORDS).eye()
     assert opened.t.tolist() == np.linspace(-1.5e-6, 1.5e-6, 61).tolist()
     assert len(opened.pulses) == (Modulation(WORDS).pulses.signs != 0).sum()
