@@ -29,7 +29,7 @@ from shipnet.line import waveform as line_waveform
 #: Arguments that `numpy.random.default_rng` accepts.
 RNGLike = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence | int
 
-#: Voltage below which nothing counts [V]: 30 % of 1.5 V, the smallest signal of 3 V peak to peak.
+#: Voltage below which nothing is a pulse [V]: 30 % of 1.5 V, half of the smallest legal signal.
 MINIMUM = 0.45
 
 #: Legal sampling intervals [s]: the longest leaves three samples per half-bit; less than the
@@ -218,7 +218,7 @@ RECEIVERS: Mapping[str, Receiver] = MappingProxyType(
     {
         "sensitive": Receiver(
             source="30 % of 1.5 V, half of the smallest legal signal of 3 V peak to peak (ZMD "
-            "data sheets); what is below 30 % must be ignored (AS-International FAQ)"
+            "data sheets); signals below 30 % must be ignored (AS-International FAQ)"
         ),
         "noise-proof": Receiver(
             minimum=0.9,
@@ -344,7 +344,7 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     _check_bit_count(n_bits)
     n_t = u.shape[-1]
     rows = u.reshape(-1, n_t)
-    # What is not in double precision is copied.
+    # Rows that are not in double precision are copied.
     chunk = max(1, _SAMPLES // (n_t if u.dtype == np.float64 else 2 * n_t))
     parts = [
         # `_decide` takes samples by their place in memory.
