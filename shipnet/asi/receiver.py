@@ -22,7 +22,7 @@ from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, check_columns
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError, SilenceError
-from shipnet.fields import check_rng, check_scalar, check_whole, number, record, switch
+from shipnet.fields import check_rng, check_scalar, number, record, switch
 from shipnet.lazy import Axes
 from shipnet.line import waveform as line_waveform
 
@@ -282,17 +282,16 @@ class Waveform(line_waveform.Waveform):
         """Receive the telegrams."""
         return (receiver or Receiver()).receive(self)
 
-    def eye(self, points: int = 61) -> Eye:
-        """Return all half-bits of the telegrams, each with `points` samples, for an eye diagram."""
+    def eye(self) -> Eye:
+        """Return all half-bits of the telegrams, each with 61 samples, for an eye diagram."""
         from scipy.ndimage import map_coordinates
 
-        count = check_whole("points", points, 2, 10_000)
         bits, rows = self.records
         heard = receive(rows, self.dt, bits.shape[-1], matched=False)
         if not np.isfinite(heard.start).all():
             raise ArgumentError("a telegram in u has no pulse above the receiver's minimum")
         signs = np.pad(Modulation(bits).pulses.signs, ((0, 0), (0, 2)))[:, 1:]
-        t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, count)
+        t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, 61)
         middles = heard.start[:, np.newaxis] + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
         place = (middles[..., np.newaxis] + t) / self.dt
         if place.max() > rows.shape[1] - 1:
