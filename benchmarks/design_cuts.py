@@ -19,8 +19,8 @@ from _timing import seconds
 
 from shipnet.design.failures import single_failures
 from shipnet.design.iolist import IoList
+from shipnet.design.layout import Site
 from shipnet.design.planning import plan
-from shipnet.design.site import Site
 
 POINTS = 2000
 SAMPLE = 100  # failures that the loop gets

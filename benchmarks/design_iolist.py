@@ -1,11 +1,10 @@
-"""How fast 20 000 points are loaded and checked, and routed, beside plain loops over the rows."""
+"""How fast 20 000 points are loaded and checked, beside plain loops over the rows."""
 
 import csv
 import math
 import tempfile
 from pathlib import Path
 
-import networkx as nx
 import numpy as np
 from _timing import seconds
 from openpyxl import load_workbook
@@ -13,11 +12,9 @@ from openpyxl import load_workbook
 from shipnet import datasets
 from shipnet.design.iolist import read_iolist
 from shipnet.design.points import RANGES
-from shipnet.design.site import Site, Trays
 from shipnet.signals import KINDS, SIGNALS
 
 POINTS = 20_000
-ROUTES = 500  # what the loop over networkx gets; its time is scaled up
 
 
 def enlarged(folder):
@@ -77,8 +74,6 @@ def by_openpyxl(path):
 
 
 def main():
-    trays = Trays.read(datasets.path("synthetic_trays_ship.csv"))
-    site = Site(trays.cabinets["engine control room"], trays)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         large = enlarged(folder)
@@ -103,31 +98,6 @@ def main():
         print(f"CSV: ours against the loop {ratio:.2f}x")
         ratio = times["workbook, openpyxl, not checked"] / times["workbook, ours"]
         print(f"workbook: ours against openpyxl {ratio:.2f}x")
-
-    graph = nx.Graph()
-    for tray, length in zip(trays.trays, trays.lengths.tolist(), strict=True):
-        graph.add_edge(tray.a, tray.b, weight=length)
-    nodes = list(trays.nodes)
-    rng = np.random.default_rng(2024)
-    pairs = rng.integers(0, len(nodes), size=(POINTS, 2))
-    starts, ends = trays.places[pairs.T]
-
-    def loop():
-        return [
-            nx.dijkstra_path_length(graph, nodes[a], nodes[b]) for a, b in pairs[:ROUTES].tolist()
-        ]
-
-    np.testing.assert_allclose(site.route(starts, ends)[:ROUTES], loop())
-    ours = seconds(lambda: Site(site.cabinet, trays).route(starts, ends)) / POINTS
-    names = seconds(lambda: Site(site.cabinet, trays).ways(starts, ends)) / POINTS
-    theirs = seconds(loop) / ROUTES
-    print(f"{'routes along trays':<32}{'per second':>10}{'faster by':>12}")
-    for what, time in (
-        ("ours", ours),
-        ("ours, with names", names),
-        ("networkx, one by one", theirs),
-    ):
-        print(f"{what:<32}{1 / time:>10.3g}{theirs / time:>11.1f}x")
 
 
 if __name__ == "__main__":

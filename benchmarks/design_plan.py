@@ -14,8 +14,8 @@ from _timing import seconds
 from shipnet import datasets
 from shipnet.design.drafting import balanced, chain, zones
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS, plan
-from shipnet.design.site import Site
 
 PORTS, REACH = 4, 10.0
 CABINET = (26.0, 6.0, 14.0)

@@ -17,9 +17,9 @@ import numpy as np
 from design_plan import CABINET, ship
 
 from shipnet.design.comparison import compare
+from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.rules import RuleSet
-from shipnet.design.site import Site
 
 #: CPU seconds and MB by number of points.
 GOALS = {1_000: (3, 1500), 20_000: (40, 1500), 100_000: (240, 5000)}

@@ -11,8 +11,8 @@ from shipnet.design.comparison import compare
 from shipnet.design.costs import draw, likely, tornado
 from shipnet.design.failures import single_failures
 from shipnet.design.iolist import read_iolist
+from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS, plan
-from shipnet.design.site import Site
 
 GRID = {"detour": [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7]}
 N = len(GRID["detour"])

@@ -32,7 +32,7 @@ class Fault:
 
     @property
     def span(self) -> tuple[int, int]:
-        """Begin and end [ns]."""
+        """Start and end [ns]."""
         return nanoseconds(self.start), nanoseconds(self.stop)
 
 

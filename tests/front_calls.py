@@ -140,16 +140,14 @@ def of_design():
     path = datasets.path("synthetic_iolist_valves.csv")
     points = design.read_iolist(path).where("tag in tag[:3]")
     plans = [points.plan(option, (0, 0, 3)) for option in ("AS-i", "home runs")]
-    tray = "kind,name,x_m,y_m,z_m,from,to\nnode,A,0,0,0,,\nnode,B,9,0,0,,\ntray,T,,,,A,B"
-    trays, rules = design.Trays.parse(tray), design.RuleSet.published()
+    rules = design.RuleSet.published()
     good = {
         "text": "tag,signal\nA,switch", "path": "a.csv", "source": "x", "option": "AS-i",
         "designs": plans, "folder": "a", "table": points.table(), "query": "type == 'DI'",
         "settings": design.Settings(), "modules": 2, "contacts": 8, "rule": "r",
         "measure": "response", "hardwired": 10, "bus": 2,
         "limit": 1.0, "computed": 1.0, "rules": rules.rules, "values": {}, "slaves": 5,
-        "points": points.points, "grid": {"spare": [0.1]}, "nodes": trays.nodes,
-        "trays": trays.trays, "Settings.parse.text": "", "Trays.parse.text": tray,
+        "points": points.points, "grid": {"spare": [0.1]}, "Settings.parse.text": "",
         "IoList.study.options": ["AS-i"], "IoList.compare.options": ["AS-i"],
         "Plant.cost_saving.draws": 10, "IoList.read.path": path, "read_iolist.path": path,
     }  # fmt: skip
@@ -157,7 +155,7 @@ def of_design():
     instances = {
         "Comparison": design.compare(plans[:1]), "Design": plans[0], "IoList": points,
         "Tornado": design.compare(plans).tornado(), "Quantities": plans[0].quantities(),
-        "Trays": trays, "RuleSet": rules, "Rule": rules.rules[0],
+        "RuleSet": rules, "Rule": rules.rules[0],
     }  # fmt: skip
     return good, instances
 

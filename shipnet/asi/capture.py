@@ -237,7 +237,7 @@ class Summary:
     unanswered: int
     seen: list[str]
     missing: list[str]
-    #: Addresses at which the master only looked for new slaves, in vain.
+    #: Addresses at which the master looked for new slaves and found none.
     vacant: list[str]
     errors: dict[str, int]
     cut_off: int
@@ -468,7 +468,7 @@ class Capture:
         """Return the counters of masters and analysers: `value`, `light` and `meaning`.
 
         The light of the share of repetitions is green up to 1 %, yellow up to 5 % and red above;
-        other counters are green at 0. A value that the record cannot show is NaN, without a light.
+        other counters are green at 0. A value that the record cannot show is NaN and has no light.
 
         Examples
         --------

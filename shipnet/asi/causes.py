@@ -2,7 +2,7 @@
 
 The spectrum of the voltage over that of an undistorted telegram is the magnitude of the line's
 impedance. A passive impedance has the minimum phase for its magnitude, so one filter restores the
-pulses. From the requests that can then be read and the recorded voltage follows the impedance at
+pulses. The requests that can then be read and the recorded voltage give the impedance at
 the master: supply and cable as one resistance, inductance and capacitance in parallel.
 """
 

@@ -268,7 +268,7 @@ class Waveform(line_waveform.Waveform):
 
     @property
     def span(self) -> tuple[float, float]:
-        """Begin and end of the telegrams [s]."""
+        """Start and end of the telegrams [s]."""
         return 0.0, self.bits.shape[-1] * 2 * HALF_BIT
 
     @property

@@ -1,4 +1,4 @@
-"""An electro-hydraulic actuator: its numbers, its oil in closed form, its motor.
+"""An electro-hydraulic actuator: its parameters, its hydraulics in closed form, its motor.
 
 The paper prints none of these numbers. They describe an actuator of common size for a butterfly
 valve of DN 100 to 150, chosen so that the operating point lies near row 0 of the rule table; each
@@ -50,7 +50,7 @@ class Actuator:
         1e5, 1e8, "Pa", "Pressure at which the relief valve begins to open", 125e5
     )
     relief_slope: Quantity = _number(
-        1e-14, 1e-6, "m3/(s Pa)", "Flow through the relief valve per pressure above that", 2e-10
+        1e-14, 1e-6, "m3/(s Pa)", "Flow through the relief valve per excess pressure", 2e-10
     )
     restrictor: Quantity = _number(
         1e-15, 1e-3, "m3/(s sqrt(Pa))",
@@ -63,7 +63,7 @@ class Actuator:
         0, 1, "", "Part of the load's pressure that the lock valve keeps at rest", 0.0
     )
     bearing_torque: Quantity = _number(
-        1e-3, inf, "N m", "Friction of bearings and packing; inf is a valve that is stuck", 55.0
+        1e-3, inf, "N m", "Friction of bearings and packing; inf for a stuck valve", 55.0
     )
     seating_torque: Quantity = _number(
         0, 1e6, "N m", "Friction of the seat, in the closed valve", 15.0
@@ -89,7 +89,7 @@ class Actuator:
         -40, 100, "degC", "Temperature of its surroundings; IACS UR M40, machinery spaces", 45.0
     )
     duty: Quantity = _number(
-        0, 1, "", "Share of the time that it ran before: type S3 15 % of IEC 60034-1", 0.15
+        0, 1, "", "Share of the time for which it ran before: type S3 15 % of IEC 60034-1", 0.15
     )
     motor_time: Quantity = _number(
         0.1, 3600, "s", "The controller stops a motor that has run for this long", 20.0
@@ -105,8 +105,8 @@ class Actuator:
         if np.any(self.torque_constant > most):
             raise ArgumentError(
                 f"torque_constant is {np.max(self.torque_constant):g} N m/A; it must be at most "
-                f"{np.min(most):.3g} N m/A at this voltage and speed, or the shaft would give more "
-                "power than the motor takes"
+                f"{np.min(most):.3g} N m/A at this voltage and speed, or the shaft would "
+                "deliver more power than the motor draws"
             )
 
     @property
@@ -158,12 +158,12 @@ def hydraulics(actuator: Actuator, load: npt.ArrayLike) -> Hydraulics:
 
 
 class Oil:
-    """The oil of an actuator, with the terms that no load changes computed once."""
+    """The hydraulics of an actuator; what does not depend on the load is computed once."""
 
-    # Oil is taken as stiff, so pressures follow the load at once. With the relief valve shut the
-    # pump gives D n - K p, and with it open D n - (K + K_r) p + K_r p_r; the smaller one is right
-    # at any pressure. A flow q through the restrictor takes the pressure s^2 = (q/C)^2, so each
-    # balance is a quadratic equation in s: K s^2 + b s = c.
+    # The oil is assumed to be stiff, so pressures follow the load at once. The pump delivers
+    # D n - K p with the relief valve closed, and D n - (K + K_r) p + K_r p_r with it open; the
+    # smaller flow is right at any pressure. A flow q through the restrictor needs the pressure
+    # s^2 = (q/C)^2, so each balance is a quadratic equation in s: K s^2 + b s = c.
     def __init__(self, actuator: Actuator) -> None:
         a = actuator
         pumped = np.asarray(a.displacement) * a.speed
@@ -227,7 +227,7 @@ def motor_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
 
 
 def electric_power(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    """Return the power that the running motor takes, carried by its active current only."""
+    """Return the electric power of the running motor, which only its active current carries."""
     drawn = np.sqrt(3) * actuator.voltage * _active_current(actuator, pump_pressure)
     return np.asarray(drawn + actuator.no_load_loss)
 

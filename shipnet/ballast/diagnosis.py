@@ -1,4 +1,4 @@
-"""What the sensors of valves read over time, and what the rule table concludes from it, and why.
+"""Readings of valves over time, and their diagnosis by the rule table.
 
 Finding the faults of our own simulator verifies the code, because those faults are made to fit the
 rules. It does not validate the method.
@@ -33,14 +33,14 @@ _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
 #: Time after the end of a command during which codes count as its result [s]; our choice.
 _SETTLE = 5.0
 
-#: Valve readings whose strengths are held at once: those of 12 rules take 25 MB.
+#: Readings whose strengths are in memory at once: 25 MB for 12 rules.
 _AT_ONCE = 2**18
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What the sensors read, one row per instant, as `simulate` returns it.
+    """Readings of the sensors, one row per instant, as `simulate` returns them.
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ class Run:
     ran : ndarray of float, shape (n_times, n_valves)
         How long the motor has been running in its direction [s]; NaN while it is off.
     moving, active : ndarray of bool, shape (n_times, n_valves)
-        Whether the valve turns, and whether a command is not fulfilled yet.
+        Whether the valve turns, and whether a command is still in progress.
     opening : ndarray of float, shape (n_times, n_valves)
         True opening, 0..1, which no sensor reads.
     movements : tuple of Movement
-        Runs of motors that ended.
+        Motor runs that have ended.
 
     Examples
     --------
@@ -93,7 +93,7 @@ class Run:
 
     @property
     def samples(self) -> dict[str, Floats]:
-        """All sensors by their name in the rule table and DVPos, shape (n_times, n_valves) each."""
+        """Readings by sensor name, and DVPos, each of shape (n_times, n_valves)."""
         found = {channel.name: self.readings[:, k] for k, channel in enumerate(CHANNELS)}
         return found | {"DVPos": self.DVPos}
 
@@ -111,7 +111,7 @@ class Run:
         return pd.concat(tables, names=["valve"])
 
     def strokes(self) -> pd.DataFrame:
-        """Return one row per run of a motor that has ended, as sensors and clock report it.
+        """Return one row per motor run that has ended.
 
         Besides the times and the outcome: ``travel_percent``, and medians ``FP_bar``, ``MC_A`` and
         maxima ``OP_max_bar``, ``OT_max_degC`` while the motor ran.
@@ -123,7 +123,7 @@ class Run:
             if last - first < 1:
                 continue
             seen = self.readings[first:last, :, moved.valve]
-            # The next reading is that of the place where the valve stopped.
+            # The next reading shows where the valve stopped.
             place = self.readings[min(last, self.time.size - 1), 4, moved.valve]
             row[0] = abs(place - seen[0, 4])
             row[1:3] = np.median(seen[:, [0, 2]], axis=0)
@@ -175,7 +175,7 @@ class Run:
 
 
 def stroke_rows(run: Run) -> pd.DataFrame:
-    """Return the runs of motors that have ended: valve, action, times, opening, outcome."""
+    """Return the motor runs that have ended: valve, action, times, opening, outcome."""
     frame = pd.DataFrame(run.movements, columns=list(Movement._fields))
     frame["valve"] += 1
     frame["duration_s"] = frame["end"] - frame["start"]
@@ -183,7 +183,7 @@ def stroke_rows(run: Run) -> pd.DataFrame:
 
 
 class Recorder:
-    """Keeps what the sensors of a plant read while other code advances its time."""
+    """Records the sensors of a plant while other code advances its time."""
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
@@ -191,7 +191,7 @@ class Recorder:
         self._first = len(plant.movements)
 
     def take(self) -> None:
-        """Keep the present readings, once per instant."""
+        """Record the present readings, once per instant."""
         plant = self.plant
         if self._rows and self._rows[-1][0] == plant.time:
             return
@@ -221,7 +221,7 @@ class Tail(NamedTuple):
 
 
 def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats]:
-    """Return the values of the rules' variables, DVPos only while commanded or at any time."""
+    """Return the values of the rules' variables; DVPos only under a command, or at any time."""
     found = run.samples | {"Time": run.ran}
     found["DVPos"] = run.speed if any_time else np.where(run.active, run.DVPos, np.nan)
     unknown = [name for name in base.names if name not in found]
@@ -331,10 +331,10 @@ class Diagnosis:
         return _fire(self.base, {name: x[:, k] for name, x in self.samples.items()}, self.method)
 
     def explain(self, valve: int, time: float) -> str:
-        """Return in one sentence why a valve is diagnosed as it is at a time [s].
+        """Return one sentence that explains the diagnosis of a valve at a time [s].
 
-        It is based on the last instant that is not later. A code that has fired in fewer than `k`
-        instants is not active yet.
+        The last instant up to that time counts. A code whose rule has fired in too few instants is
+        not active yet.
         """
         if not self.time.size:
             raise ArgumentError(f"time is {time!r}; the run has no instants")
@@ -446,11 +446,11 @@ def diagnose(
     Parameters
     ----------
     readings : mapping of str to array_like, or DataFrame, optional
-        Values of FP and OP [bar], MC [A], OT [degC], VPos [%] and DVPos [%/s] by name. One that is
-        left out is missing, as is NaN, and a rule that needs it does not fire.
+        Values of FP and OP [bar], MC [A], OT [degC], VPos [%] and DVPos [%/s] by name. NaN and
+        values that are left out are missing, and a rule that needs one does not fire.
     method : {"fuzzy", "crisp", "midpoint"}, default "fuzzy"
-        How the rules are read: with ramps, with comparisons as printed, or with comparisons in the
-        middle of the ramps.
+        How the rules are evaluated: with ramps, with comparisons as printed, or with comparisons in
+        the middle of the ramps.
     threshold : float, default 0.5
         Lowest strength at which a rule fires, above 0 and up to 1.
     **values : float

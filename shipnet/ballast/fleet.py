@@ -1,7 +1,7 @@
-"""A fleet for months as labelled Parquet files: a data set for research on diagnosis.
+"""Labelled sensor data of a fleet over months, as Parquet files for research on diagnosis.
 
-It is synthetic: faults and sensors are those of our own simulator. A task is a block of valves for
-all days, which are commanded together, so that numpy steps them together.
+The data are synthetic: faults and sensors are those of our own simulator. A task is a block of
+valves for all days; they are commanded together, so that numpy advances them together.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import pd
 from shipnet.parallel import Progress, compute, save_whole
 
-#: Valves per block. It shapes the data, because the valves of a block are commanded together.
+#: Valves per block; they are commanded together, so the number affects the data.
 BLOCK = 50
 
 _DAY = 86400.0
@@ -214,7 +214,7 @@ def write_fleet(
     folder : path
         Folder for the files. The same call continues there after a stop; another one is refused.
     valves : int, default 1000
-        Number of valves, 1..100000; 50 are a block, which one worker simulates.
+        Number of valves, 1..100000; one worker simulates a block of 50.
     days : int, default 365
         Number of days, 1..3650.
     faults_per_year : float, default 2
@@ -222,7 +222,7 @@ def write_fleet(
     strokes : int, default 6
         Commands per day, alternately to open and to close the valves of a block, 0..100.
     idle_step : float, default 60
-        Time between two readings while no motor of the block runs, 1..3600 [s]; else it is 0.1 s.
+        Time between two readings while no motor of the block runs, 1..3600 [s]; otherwise 0.1 s.
     seed : int, default 2024
         Seed of the random numbers, 0..2^63 - 1.
     client, progress

@@ -1,4 +1,4 @@
-"""Valves that answer: a test bed in simulated time, its acceptance tests, real servers and clients.
+"""A test bed in simulated time, its acceptance tests, and real servers and clients.
 
 The test bed is that of Figure 15: a PC, the master and five slaves on a loop; S3 fills a tank, S5
 has the fault simulator. The plant is ours; the measurements of the real test bed are not printed.
@@ -41,7 +41,7 @@ class _Image(ValveRegisters):
         self.station, self.unit = station, unit
 
     def status(self, time: float) -> Sequence[int]:
-        """Return the status that arrived last; exception 11 before the first."""
+        """Return the last status that arrived; exception 11 before the first."""
         for status in reversed(self.station.shown):
             if status.unit == self.unit:
                 return status.registers
@@ -100,7 +100,7 @@ class TestBed:
     bit_rate : float, default 9600
         Bit rate of the line [bit/s], with 8E1 characters; the paper prints 2400 to 115200 bit/s.
     rng : Generator, int or None, optional
-        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; no noise if omitted.
+        Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
 
     Examples
     --------
@@ -192,7 +192,7 @@ def acceptance_tests(*, bit_rate: float = 9600.0, rng: Any = None) -> pd.DataFra
     bit_rate : float, default 9600
         Bit rate of the line [bit/s].
     rng : Generator, int or None, optional
-        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; no noise if omitted.
+        Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
 
     Returns
     -------
@@ -353,18 +353,18 @@ def serve(
     speed : float, default 1
         Model seconds per real second, 0..1e4.
     rng : Generator, int or None, optional
-        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; no noise if omitted.
+        Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
     watchdog : float, optional
         A motor stops when its valve has had no request for this long, 0.1..3600 [s] of model time;
         never if omitted.
     **options
-        As `shipnet.modbus.serve` takes them: transport, host, port, wire_faults, and for a serial
+        Options of `shipnet.modbus.serve`: transport, host, port, wire_faults, and for a serial
         line serial_port and line.
 
     Returns
     -------
     Server
-        It listens from the beginning of its ``with`` block to its end.
+        It listens while its ``with`` block runs.
 
     Raises
     ------
@@ -430,7 +430,7 @@ class Link:
 
 @checked
 class ModelValves:
-    """Valves without a server, whose model time is set by hand.
+    """Valves without a server, in a model time that the caller sets.
 
     Parameters
     ----------
@@ -531,7 +531,7 @@ class Client:
     def command(self, valve: int, action: str | float) -> str:
         """Command a valve: ``open``, ``close``, ``manual``, ``auto`` or a position, 0..100 [%].
 
-        Return in a sentence what was done, or why the valve refuses.
+        Return a sentence that says what was done, or why the valve refuses.
         """
         unit = check_whole("valve", valve, 1, MAX_UNIT)
         request = Request.write_single_register(
@@ -579,7 +579,7 @@ class Readout:
         return Screen.of(self.rows, silent=silent, age=np.where(silent, np.inf, 0.0), time=0.0)
 
     def numbers(self, valve: int) -> dict[str, str]:
-        """Return the values of one valve as text with units; nothing if it did not answer."""
+        """Return the values of one valve as text with units; empty if it did not answer."""
         row = self.rows.loc[valve]
         if pd.isna(row["fault"]):
             return {}
@@ -597,5 +597,5 @@ class Readout:
 
 
 def said(value: float, digits: int, unit: str) -> str:
-    """Return a reading as text, or that it is missing."""
+    """Return a reading as text, ``missing`` for NaN."""
     return "missing" if np.isnan(value) else f"{value:.{digits}f} {unit}"

@@ -1,7 +1,7 @@
 """The master: it scans its valves, sends commands in between, and shows what it received.
 
-All of it goes through the slaves' registers and takes the time of frames on the line; the two ports
-and their faults are those of `shipnet.modbus`.
+Everything passes through the slaves' registers and takes as long as its frames on the line. The two
+ports and their faults are those of `shipnet.modbus`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from shipnet.modbus.polling import Poll
 from shipnet.modbus.simulation import LOST, A, Master, Try
 from shipnet.modbus.slave import Slave, answer
 
-#: States of a valve on the screen; the first that holds counts.
+#: States of a valve on the screen; the first that applies counts.
 STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")
 
 #: Colour of each state on the screen, in the order of the legend.
@@ -44,10 +44,10 @@ STATE_COLOURS = {
     "fault": style.LIMIT["color"], "silent": "0.35", "not seen": "0.8",
 }  # fmt: skip
 
-#: Hatches of what an operator has to notice, also without colours.
+#: Hatches of states that an operator must notice even without colours.
 _HATCHES = {"fault": "xxxx", "silent": "...."}
 
-#: In wider rows, valves have neither their position nor their number.
+#: In wider rows, valves show neither their position nor their number.
 _NUMBERED = 20
 
 #: A valve within this of an end counts as open or closed [%]; the paper does not say.
@@ -147,7 +147,7 @@ class Screen:
     ) -> Axes:
         """Draw a bar per valve, coloured by its state; the selected one is framed.
 
-        Where they are wide enough, each has its position and its number.
+        Bars that are wide enough show the position and the number of their valve.
         """
         ax = style.axes(ax)
         units = self.shown.index.to_numpy()
@@ -196,22 +196,9 @@ class Screen:
 class MasterRun:
     """What a master received from its valves, as `simulate` returns it for a system with a poll.
 
-    Parameters
-    ----------
-    n_valves : int
-        Number of valves; their unit ids count from 1.
-    poll : Poll
-        The poll of their line.
-    registers : RegisterMap
-        The meaning of the statuses.
-    duration : float
-        End time [s].
-    shown : list of Shown
-        Statuses in the order in which they arrived.
-    writes : list of Write
-        Commands in the order in which they were sent.
-    tries : list of tuple
-        Polls: start, valve from 0 on, port, kind, answered.
+    It has the statuses `shown`, the commands as `writes` and the polls as `tries`, each in order of
+    time, and ends at `duration` [s]. A poll has start, valve counted from 0, port, kind, and
+    whether it was answered.
 
     Examples
     --------
@@ -237,10 +224,11 @@ class MasterRun:
     @cached_property
     def answers(self) -> pd.DataFrame:
         """One row per status: ``unit``, ``read_s``, ``shown_s``, readings, flags, ``fault``."""
-        unit, read, time = self._columns
+        rows = [(status.unit, status.read, status.time) for status in self.shown]
+        table = pd.DataFrame(rows, columns=["unit", "read_s", "shown_s"])
         words = np.array([s.registers for s in self.shown], np.int64).reshape(-1, 4)
-        table = pd.DataFrame({"unit": unit, "read_s": read, "shown_s": time})
-        return table.join(self.registers.decode(words).table())
+        status = self.registers.decode(words).table()
+        return table.astype({"unit": int, "read_s": float, "shown_s": float}).join(status)
 
     @cached_property
     def commands(self) -> pd.DataFrame:
@@ -248,17 +236,11 @@ class MasterRun:
         rows = [(w.unit, f"0x{w.value:04X}", w.time, w.end, w.outcome) for w in self.writes]
         return pd.DataFrame(rows, columns=["unit", "value", "sent_s", "free_s", "outcome"])
 
-    @cached_property
-    def _columns(self) -> tuple[Integers, Floats, Floats]:
-        unit = np.array([s.unit for s in self.shown], np.int64)
-        times = np.array([(s.read, s.time) for s in self.shown], float).reshape(-1, 2)
-        return unit, times[:, 0], times[:, 1]
-
     def ages(self, times: npt.ArrayLike) -> Floats:
-        """Return the age of the status that is shown of each valve, (n_times, n_valves) [s]."""
+        """Return the age of the status shown for each valve, shape (n_times, n_valves) [s]."""
         looked = np.atleast_1d(np.asarray(times, float))
         last = self._last(looked)
-        read = np.append(self._columns[1], -np.inf)
+        read = np.append(self.answers["read_s"], -np.inf)
         return np.asarray(looked[:, np.newaxis] - read[last])
 
     @property
@@ -312,8 +294,8 @@ class MasterRun:
         )
 
     def _last(self, times: Floats) -> Integers:
-        """Return which status is shown of each valve, (n_times, n_valves); past the end if none."""
-        unit, _, shown = self._columns
+        """Return the place of the status shown for each valve; past the end if there is none."""
+        unit, shown = (self.answers[name].to_numpy() for name in ("unit", "shown_s"))
         found = np.full((times.size, self.n_valves), len(self.shown))
         for k in range(self.n_valves):
             mine = np.flatnonzero(unit == k + 1)
@@ -438,7 +420,7 @@ def operate(
 def scan_fleet(
     system: System, commands: Iterable[Command], faults: Iterable[Fault], until: float, rng: Any
 ) -> MasterRun:
-    """Simulate the valves of a system and their masters, each with its part of the valves."""
+    """Simulate the valves of a system and their masters, each with its share of the valves."""
     shares = system.valve_addresses()["master"].value_counts(sort=False).tolist()
     orders, several = list(commands), list(faults)
     own = [fault for fault in several if isinstance(fault, ValveFault)]

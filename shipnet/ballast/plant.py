@@ -1,7 +1,7 @@
-"""Commands, faults, and valves that carry them out: relays, limit switches, sensors, step by step.
+"""Valves with their commands and faults, simulated step by step.
 
-The changes that a fault makes are our reading: the paper says how it was seen, not what was broken.
-At severity 1 they meet the rule of the fault, so a diagnosis that finds them verifies the code, not
+The effects of a fault are our assumption: the paper says how it showed, not what was broken. At
+severity 1 they satisfy the rule of the fault, so a diagnosis that finds them verifies the code, not
 the rules.
 """
 
@@ -44,13 +44,13 @@ from shipnet.fields import (
 #: The commands besides a position.
 ACTIONS = ("open", "close", "stop")
 
-#: Time from the command to one group to the next [s]: room for the longest run of a motor.
+#: Time between the commands of two groups [s]: more than the longest motor run.
 _GROUP_PAUSE = 30.0
 
 #: A valve this close to the commanded position does not start [%]; our assumption.
 DEAD_BAND = 0.5
 
-#: Places of temperature and position among the readings.
+#: Rows of temperature and position among the readings.
 _OT, _VPOS = 3, 4
 
 
@@ -145,7 +145,7 @@ class Command:
         return plan
 
 
-#: How severity s changes a number: in proportion, by powers, towards infinity, or by an amount.
+#: How severity s changes a number: linearly, as a power, towards infinity, or by an amount.
 #: Severity 0 leaves the number as it is, to the last bit.
 _LAWS = {
     "linear": lambda number, value, s: number * (1 + (value - 1) * s),
@@ -197,8 +197,8 @@ class Fault(TimedFault):
     """A fault of some valves.
 
     The `valves` are numbers from 1, and None means all. When a fault ends, a valve stays where the
-    fault left it. A motor without cooling from time 0 begins as warm as its earlier strokes make
-    it.
+    fault left it. A motor that has no cooling from time 0 is as warm at first as earlier strokes
+    would have made it.
 
     Examples
     --------
@@ -231,7 +231,7 @@ class Fault(TimedFault):
 
     @classmethod
     def parse(cls, fault: str, n_valves: int = 247) -> Fault:
-        """Return the fault of a text such as ``3:V1:0.8``: valve, code and severity."""
+        """Return the fault that a text such as ``3:V1:0.8`` names: valve, code and severity."""
         parts, most = fault.split(":"), check_whole("n_valves", n_valves, 1, 10_000)
         try:
             if len(parts) not in (2, 3):
@@ -299,7 +299,7 @@ def faulty(actuator: Actuator, faults: Iterable[Fault], n_valves: int) -> tuple[
 
 
 class Movement(NamedTuple):
-    """A run of a motor that has ended."""
+    """A motor run that has ended."""
 
     valve: int
     action: str
@@ -310,12 +310,12 @@ class Movement(NamedTuple):
 
 
 class Plant:
-    """Valves whose state is known at one time, which only advances.
+    """Valves at one time, which only advances.
 
-    Opening and motor temperature are the state. Commands and faults take effect at the first
-    reading not before their time. Between two readings a valve turns with the speed of the middle
-    of its way, and stops where it should, not at the next reading. A limit switch feels the true
-    end; a position is judged by the potentiometer.
+    The state is opening and motor temperature. Commands and faults take effect at the first reading
+    at or after their time. Between two readings a valve turns at its speed half-way, and it stops
+    where it should, not at the next reading. Limit switches act at the true ends; a commanded
+    position is compared with the reading of the potentiometer.
     """
 
     def __init__(self, system: System | int = 1, faults: Any = (), rng: Any = None) -> None:
@@ -360,7 +360,7 @@ class Plant:
         return np.where(self.running, (self.ran - 1) * self.step, np.nan)
 
     def ticks(self, time: float) -> int:
-        """Return the first reading that is not before a time."""
+        """Return the number of the first reading at or after a time."""
         return ceil(time / self.step - 1e-6)
 
     def order(self, command: Command) -> None:
@@ -402,7 +402,7 @@ class Plant:
         return self.readings
 
     def advance(self, ticks: int = 1) -> None:
-        """Let time pass, and stop motors where they should; one tick while a motor runs."""
+        """Let time pass, and stop motors that arrive; at most one tick while a motor runs."""
         heat: npt.ArrayLike = 0.0
         if self._busy:
             if self._stale or self._measured != self.tick:
@@ -436,7 +436,7 @@ class Plant:
             self._change()
 
     def run_until(self, time: float) -> Floats:
-        """Let time pass up to the last reading that is not later."""
+        """Let time pass until the last reading at or before a time."""
         last = floor(time / self.step + 1e-6)
         while self.tick < last:
             jump = 1 if self._busy else min(last, self._next_change) - self.tick
@@ -453,7 +453,7 @@ class Plant:
         speed = self._oil.state(load_pressure(self._actuator, half, way)).flow / volume
         to_limit = np.where(way > 0, 1 - self.opening, self.opening)
         to_target = np.maximum(way * (self._target - self.readings[_VPOS]) / 100, 0.0)
-        distance = np.fmin(to_limit, to_target)  # no target is NaN
+        distance = np.fmin(to_limit, to_target)  # NaN without a target
         arrives = self.running & (speed * dt >= distance) & (speed > 0)
         # A reading that is past the target stops even a valve that cannot move.
         arrives |= self.running & (distance <= 0)

@@ -83,7 +83,7 @@ SCALES = (
 def whole_steps(
     values: Floats, highest: npt.ArrayLike, missing: npt.ArrayLike | None = None
 ) -> tuple[Integers, Bools]:
-    """Return values as whole numbers that fit, and which did not."""
+    """Return values as whole numbers within range, and which were outside."""
     unknown = np.isnan(values)
     rounded = np.rint(np.where(unknown, highest, values))
     kept = np.minimum(np.maximum(rounded, 0), highest)
@@ -124,7 +124,6 @@ class Status(NamedTuple):
     """A status that a master has read."""
 
     readings: Floats
-    manual: Bools
     auto: Bools
     close: Bools
     open: Bools
@@ -141,7 +140,7 @@ class Status(NamedTuple):
 @checked
 @record(slots=True)
 class RegisterMap:
-    """A reading of Tables 2 and 3.
+    """An interpretation of Tables 2 and 3.
 
     Examples
     --------
@@ -189,7 +188,7 @@ class RegisterMap:
         return Packed(registers.T.astype(np.uint16), saturated.T)
 
     def decode(self, registers: npt.ArrayLike) -> Status:
-        """Return the statuses that rows of four registers hold."""
+        """Return the statuses that rows of four registers contain."""
         rows = np.asarray(registers)
         if rows.ndim != 2 or rows.shape[1] != N_REGISTERS or rows.dtype.kind not in "iu":
             raise ArgumentError("registers must be rows of four whole numbers")
@@ -203,8 +202,9 @@ class RegisterMap:
             fault, ticks = words[0] >> 4 & 0xF, words[1]
         else:
             fault, ticks = words[1] >> 8, words[1] & 0xFF
-        manual, auto, close, opened = ((bits >> place & 1).astype(bool) for place in range(4))
-        return Status(readings, manual, auto, close, opened, fault, ticks * _TIME_STEP)
+        # The first bit, Manual, is the opposite of Auto.
+        auto, close, opened = ((bits >> place & 1).astype(bool) for place in (1, 2, 3))
+        return Status(readings, auto, close, opened, fault, ticks * _TIME_STEP)
 
     def command(self, code: Code, position: int = 0) -> int:
         """Return the value of the command register."""

@@ -69,7 +69,7 @@ def status_poll(
 
 
 def command_poll(poll: Poll) -> Poll:
-    """Return the write that commands a valve, sent once like a poll; its response is the echo."""
+    """Return the poll that commands a valve, without retries; its response is the echo."""
     request = Request.write_single_register(COMMAND_REGISTER, 0)
     return replace(poll, request=request, retries=0)
 
@@ -101,8 +101,8 @@ class System:
     step: float = number(1e-3, 1, "s", "Time between two readings while a motor runs", default=0.1)
     move: Literal["slave", "downstream"] = choice(
         ("slave", "downstream"),
-        "What the master moves to its other port when a slave does not answer: the slave alone, or "
-        "also all that lie downstream of it", default="slave",
+        "What the master moves to its other port when a slave does not answer: that slave only, or "
+        "also all slaves downstream of it", default="slave",
     )  # fmt: skip
     watchdog: float | None = number(
         0.1, 3600, "s", "A motor stops after this time without a request; never if omitted",

@@ -36,7 +36,7 @@ CHANNELS = (
 )
 
 
-#: Time over which the change of the position is taken [s]; the paper does not say.
+#: Time over which the change of position is measured [s]; the paper does not say.
 WINDOW = 1.0
 
 

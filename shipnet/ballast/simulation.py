@@ -32,7 +32,7 @@ def blocks(
     rng: Any = None,
     size: int = 2000,
 ) -> Iterator[Run]:
-    """Simulate valves in consecutive runs, for a time that does not fit into memory."""
+    """Simulate valves in consecutive runs, because a long time does not fit into memory."""
     plant = Plant(system, faults, rng)
     last = plant.ticks(check_scalar("until", until, "s", 0, 1e8))
     idle = check_scalar("idle_step", idle_step, "s", plant.step, 3600)
@@ -60,7 +60,7 @@ def simulate(
     Parameters
     ----------
     system : System or int
-        The valves; a number stands for plain valves that are commanded and read directly.
+        The valves, or their number if they are commanded and read directly.
     commands : iterable of Command, optional
         Their commands, in any order. A master sends them one by one, between two polls.
     faults : Fault or iterable of Fault, optional
@@ -71,7 +71,7 @@ def simulate(
         Time between two readings while no motor runs, `step`..3600 [s]; that of the system if
         omitted. It applies without a master only.
     rng : Generator, int or None, optional
-        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; no noise if omitted.
+        Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
 
     Returns
     -------

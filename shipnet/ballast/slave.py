@@ -49,14 +49,11 @@ class Monitor:
         found = self.found[valve, self._ranked]
         return int(self._ranked[found.argmax()]) + 1 if np.count_nonzero(found) else 0
 
-    def report(self, valve: int, row: int) -> None:
-        """Replace the codes found for a valve by one, or none, and begin to count again."""
-        place = check_whole("row", row, 0, len(self.base.rules))
+    def forget(self, valve: int) -> None:
+        """Forget the codes found for a valve, and begin to count again."""
         self.found[valve] = False
         for fired in self._fired:
             fired[valve] = False
-        if place:
-            self.found[valve, place - 1] = True
 
     def _look(self) -> None:
         """Apply the rules to the present reading; a second one at the same time replaces it."""
@@ -178,7 +175,7 @@ class ValveDevice(ValveRegisters):
         self._order(action)
 
     def _order(self, action: str, position: int | None = None) -> None:
-        self.monitor.report(self.valve, 0)
+        self.monitor.forget(self.valve)
         asked = action if position is None else float(position)
         self.plant.order(Command(asked, valves=self.valve + 1))
 

@@ -38,7 +38,7 @@ HEALTHY = "healthy"
 #: Points per stroke. The actuator has stopped by `_STOPPED`; the supply runs until `_HELD`.
 POINTS, _STOPPED, _HELD = 600, 200, 250
 
-#: Parts of the way: for speed and pressures in motion, and for bursts, common at the ends.
+#: Parts of the travel: for speed and pressures in motion, and for bursts, common at the ends.
 _STEADY, _INNER = (0.2, 0.8), (0.25, 0.8)
 
 #: Points of the running median above which a burst is measured, and the value added before the
@@ -97,7 +97,7 @@ class Strokes:
 
     @cached_property
     def way(self) -> Floats:
-        """The part of the way that is done at each point, shape (n, 600); NaN without movement."""
+        """Fraction of the travel completed at each point, shape (n, 600); NaN without movement."""
         angle = self.values[..., 0].astype(float)
         span = (np.median(angle[:, -_STOPPED:], axis=1) - angle[:, 0])[:, np.newaxis]
         moved, way = span != 0, np.full_like(angle, np.nan)
@@ -107,8 +107,8 @@ class Strokes:
     def table(self) -> pd.DataFrame:
         """Return one row of features per stroke, in points and raw counts.
 
-        ``opening`` says whether the angle rose. ``dead_time`` lasts until 2 % of the way,
-        ``stroke_time`` from 5 to 95 %. From 20 to 80 % of the way: the median difference of the two
+        ``opening`` says whether the angle rose. ``dead_time`` lasts until 2 % of the travel,
+        ``stroke_time`` from 5 to 95 %. From 20 to 80 %: the median difference of the two
         chamber pressures, ``moving_difference``; the ``roughness`` of the speed; and the median of
         each ``vibration``, a decimal logarithm. A ``burst`` is its largest excess over the
         surroundings between 25 and 80 %, at ``burst_place``. At rest: the ``holding_pressure``, its
@@ -131,7 +131,7 @@ class Strokes:
         inner = moves & (way > _INNER[0]) & (way < _INNER[1])
 
         def reached(share: float) -> Floats:
-            """Return when a part of the way is done, interpolated between points."""
+            """Return when this fraction of the travel is completed, interpolated between points."""
             after = np.maximum((way >= share).argmax(axis=1), 1)
             before, now = way[every, after - 1], way[every, after]
             return np.asarray(after - 1 + (share - before) / (now - before))
@@ -199,7 +199,6 @@ class Strokes:
         reference: Strokes | None = None,
         *,
         judges: Mapping[str, Judge] | None = None,
-        confidence: float = 0.95,
     ) -> pd.DataFrame:
         """Return how many strokes of each actuator are reported by rules that never saw it.
 
@@ -209,9 +208,9 @@ class Strokes:
         own strokes, and returns which to report.
 
         Indexed by ``method``, ``report`` (a flag of the rules, or any), ``actuator`` and
-        ``condition``: ``strokes``, those ``reported``, and their share ``rate`` with its interval
-        ``low`` to ``high``. For healthy strokes the rate is that of false alarms. A stroke without
-        movement is reported.
+        ``condition``: ``strokes``, those ``reported``, and their share ``rate`` with its 95 %
+        interval ``low`` to ``high``. For healthy strokes the rate is that of false alarms. A stroke
+        without movement is reported.
         """
         others = dict(judges or {})
         source = reference if reference is not None else _shipped()
@@ -239,7 +238,7 @@ class Strokes:
             ]
         index = ["method", "report", "actuator", "condition"]
         table = pd.DataFrame(rows, columns=[*index, "strokes", "reported"])
-        low, high = share_interval(table["reported"], table["strokes"], confidence=confidence)
+        low, high = share_interval(table["reported"], table["strokes"])
         table = table.assign(rate=table["reported"] / table["strokes"], low=low, high=high)
         return table.set_index(index).sort_index()
 
@@ -272,7 +271,6 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
     seal. Each stroke of 3000 samples was reduced to 600 points, the mean of five samples or, for
     accelerations, ten times their standard deviation. Values are raw counts; units and sampling
     period are not published.
-
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""How good the diagnosis is: trials with each fault, false alarms, and a fleet watched for a day.
+"""The quality of the diagnosis: trials with each fault, false alarms, and a fleet over time.
 
 The faults are those of our own simulator and are made to fit the rules: a high rate verifies the
 code, it does not validate the method.
@@ -161,11 +161,11 @@ class Trials:
 
 @checked
 def fault_trials(
-    codes: str | Iterable[str] = (NORMAL, *FAULTS),
+    codes: Iterable[str] = (NORMAL, *FAULTS),
     *,
     n_valves: int = 256,
     severity: npt.ArrayLike = 1.0,
-    methods: str | Iterable[str] = METHODS,
+    methods: Iterable[str] = METHODS,
     rng: Any,
 ) -> Trials:
     """Let valves with each fault open and close once, and diagnose them.
@@ -260,8 +260,8 @@ def _diagnosed(runs: Iterable[Run], methods: Iterable[str]) -> Iterator[dict[str
         yield found
 
 
-def _some(name: str, words: str | Iterable[str], known: Collection[str]) -> list[str]:
-    given = [words] if isinstance(words, str) else list(words)
+def _some(name: str, words: Iterable[str], known: Collection[str]) -> list[str]:
+    given = list(words)
     if not given:
         raise ArgumentError(f"{name} is empty; it must have one or more")
     return [check_choice(f"one of {name}", word, known) for word in given]
@@ -273,10 +273,10 @@ def false_alarms(
     *,
     until: float = 3600.0,
     period: float = 600.0,
-    methods: str | Iterable[str] = METHODS,
+    methods: Iterable[str] = METHODS,
     rng: Any,
 ) -> pd.DataFrame:
-    """Let healthy valves work, and count the faults reported for them.
+    """Operate healthy valves, and count the faults reported for them.
 
     Parameters
     ----------
@@ -528,7 +528,7 @@ def run_fleet(
     until : float, default 86400
         End time, up to 1e8 [s].
     rng : Generator, int or None, optional
-        Draws the noise of the sensors, as `numpy.random.default_rng` takes it; no noise if omitted.
+        Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
     idle_step : float, default 1
         Time between two readings while no motor runs; it is 0.1 s while one does [s].
 

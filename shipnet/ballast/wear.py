@@ -166,7 +166,7 @@ class Wear:
         return table.rename_axis("strokes")
 
     def compare_predictors(self, parts: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)) -> pd.DataFrame:
-        """Compare the remaining life that each predictor gives with the true one.
+        """Compare the remaining life that each predictor predicts with the true one.
 
         Indexed by ``predictor`` and by the ``part`` of the true life at which it predicts: the
         number of ``valves``; the share with a trend, ``found``; quantiles of predicted over true
@@ -211,7 +211,7 @@ class Wear:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The strokes that a worn pump has left, from the trend of its first strokes."""
+    """The number of strokes that a worn pump has left, predicted from a trend."""
 
     wear: Wear
     valve: int
@@ -405,10 +405,10 @@ def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) 
     )
 
 
-#: A set for FP [bar] that spans the range from its normal value to the limit of rule P2; ours.
+#: A fuzzy set of FP [bar] from its normal value down to the limit of rule P2; ours.
 WORN = Term("worn", (-inf, -inf, 2.5, 90.0), "x < 2.5", "worn")
 
-#: What the remaining life may be predicted from.
+#: Indicators from which the remaining life can be predicted.
 PREDICTORS = ("FP membership", "stroke time", "leak")
 
 #: Least and most strokes that a prediction uses.

@@ -13,4 +13,3 @@ from .plant import lines_needed as lines_needed
 from .rules import Rule as Rule
 from .rules import RuleSet as RuleSet
 from .settings import Settings as Settings
-from .site import Trays as Trays

@@ -16,11 +16,10 @@ import numpy.typing as npt
 from shipnet import datasets
 from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
-from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 
-#: Half the range of a figure as a share of its nominal, by status. Geometry: the file's model is
-#: good to a quarter. Work: the only published span, 5 to 15 minutes per conductor
+#: Half the range of a figure as a share of its nominal, by status. The file's model of geometry is
+#: good to a quarter. The only published span of work, 5 to 15 minutes per conductor
 #: (industrialmonitordirect.com), is half of its middle to either side.
 SPREAD = {"confirmed": 0.0, "estimate": 0.25, "derived": 0.5, "assumption": 0.5}
 
@@ -166,16 +165,6 @@ class Assumptions(Mapping[str, Range]):
         }
         return Assumptions({**self._entries, **changed})
 
-    @property
-    def table(self) -> pd.DataFrame:
-        """One row per assumption: name, meaning, low, nominal, high, unit, status, source."""
-        rows = [
-            (name, entry.meaning, *entry.range, entry.unit, entry.status, entry.source)
-            for name, entry in self._entries.items()
-        ]
-        columns = ["name", "meaning", *LEVELS, "unit", "status", "source"]
-        return pd.DataFrame(rows, columns=columns).set_index("name")
-
 
 def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
     """Return ranges (n, 3) at a level, shape (n,) or (n_draws, n)."""
@@ -193,12 +182,12 @@ def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
     return drawn
 
 
-#: Spelling in a text of parts of names.
+#: How parts of names are spelt in a text.
 _SPELT = {"asi": "AS-i", "can": "CAN", "modbus": "Modbus", "plc": "PLC"}
 
 
 def words(name: str) -> str:
-    """Return the name of an assumption in words."""
+    """Return the name of an assumption as words of a sentence."""
     return " ".join(_SPELT.get(part, part) for part in name.split("_"))
 
 

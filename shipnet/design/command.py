@@ -53,9 +53,7 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
         save_faults(arguments.faults, mistake.file, mistake.faults)
         raise
     save_faults(arguments.faults)
-    return iolist.compare(
-        arguments.cabinet, options, trays=arguments.trays, settings=settings, mix=mix, rules=rules
-    )
+    return iolist.compare(arguments.cabinet, options, settings=settings, mix=mix, rules=rules)
 
 
 #: Row, column and text of a fault.

@@ -17,8 +17,9 @@ import numpy.typing as npt
 from shipnet.answers import Findings
 from shipnet.arguments import checked
 from shipnet.design.costs import (
+    CRITERIA,
     FIGURES,
-    MERITS,
+    WEIGHED,
     Quantities,
     Rng,
     Tornado,
@@ -32,45 +33,37 @@ from shipnet.design.costs import (
 )
 from shipnet.design.designs import Design
 from shipnet.design.failures import worst
+from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.plot import plot_pareto, plot_ranges
-from shipnet.design.points import PointTable
+from shipnet.design.points import ROUNDED, PointTable
 from shipnet.design.report import BANNER, report_html
 from shipnet.design.rules import RuleSet
 from shipnet.design.settings import Settings, kind_of, names, shown
-from shipnet.design.site import Site
 from shipnet.design.tables import file_name, save_files
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice, check_rng
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv
 
-RESPONSE = "worst_response_ms"
-
 #: Columns that are about the segments of a bus, of which the most used one counts.
 _BUS = ("bus_time", "capacity_used")
 
-#: Columns of a comparison in which less is better, and by which designs are weighed.
-CRITERIA = ("total_cost_eur", RESPONSE, "lost_by_failure")
-
-#: Lengths given by the list and our own may differ by this much per metre, unsaid; assumed.
+#: Share by which given and computed lengths may differ without a remark; assumed.
 _ALIKE = 0.1
-
-#: How far a cable may fall short of the straight distance, as both are rounded [m].
-_ROUNDED = 0.2
 
 #: Columns whose lowest value is named, with words and unit.
 _TOLD = (
     ("conductors_at_cabinet", "Fewest conductors at the cabinet", ""),
-    (RESPONSE, "Shortest response at worst", "ms"),
+    ("worst_response_ms", "Shortest response at worst", "ms"),
     ("lost_by_failure", "Fewest points lost by one cable or device", ""),
 )
 
-#: Rows of a comparison that a text shows; those of buses and trays only where there are some.
+#: Rows of a comparison that a text shows; those of buses only where there are some.
 _SHORT = (
     "points_left_out", "conductors_at_cabinet", "cable_length_km", "cable_mass_kg", "labour_h",
-    "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", *_BUS, RESPONSE,
-    "lost_by_cable", "lost_by_tray", "lost_by_device", "rules_met", "rules_violated",
+    "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", *_BUS, "worst_response_ms",
+    "lost_by_cable", "lost_by_device", "rules_met", "rules_violated",
     "rules_not_verified",
 )  # fmt: skip
 
@@ -85,31 +78,24 @@ def pareto_optimal(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
     return np.asarray(~(as_low & ~as_low.T).any(axis=0))
 
 
-def complete(designs: Mapping[str, Design]) -> dict[str, Design]:
-    """Return the designs that connect every point, or all of them if none does."""
-    return {name: design for name, design in designs.items() if design.fits} or dict(designs)
-
-
 @checked
 @dataclass(frozen=True, eq=False)
 class Comparison:
     r"""Several ways to connect the points of one list, side by side.
 
-    `IoList.compare` plans and compares, `compare` takes designs that there are. All share the
-    cabinet, the trays, the prices, and the detour and tails of cables.
+    `IoList.compare` plans and compares; `compare` compares existing designs. All share the
+    cabinet, the prices, and the detour and tails of cables.
 
     Parameters
     ----------
     designs : dict of str to Design
         The designs by name.
     rules : RuleSet
-        What they are checked against.
-    criteria : tuple of str
-        Columns of `table` that decide which designs are Pareto-optimal; less is better.
+        The rules against which they are checked.
     rng : numpy.random.Generator
         Draws the assumptions from their ranges.
     remarks : tuple of str, optional
-        What was found out on the way, such as the place of the cabinet.
+        Remarks from planning, such as the inferred position of the cabinet.
 
     Examples
     --------
@@ -127,7 +113,6 @@ class Comparison:
 
     designs: dict[str, Design]
     rules: RuleSet
-    criteria: tuple[str, ...]
     rng: np.random.Generator
     remarks: tuple[str, ...] = ()
 
@@ -138,7 +123,7 @@ class Comparison:
 
     @property
     def site(self) -> Site:
-        """Cabinet and trays, which all designs share."""
+        """The cabinet, which all designs share."""
         return self._first.site
 
     @property
@@ -163,7 +148,7 @@ class Comparison:
     def _table(self) -> pd.DataFrame:
         rows = {name: self._row(name) for name in self.designs}
         table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("design")
-        best = self._optimal(table, self.criteria)
+        best = self._optimal(table, CRITERIA)
         return table.assign(pareto=best)
 
     def _row(self, name: str) -> dict[str, float]:
@@ -177,9 +162,8 @@ class Comparison:
             "total_cost_low_eur": figures.loc["total_cost_eur", "low"],
             "total_cost_high_eur": figures.loc["total_cost_eur", "high"],
             **design.segments[list(_BUS)].max(),
-            RESPONSE: design.worst_response_ms,
+            "worst_response_ms": design.worst_response_ms,
             "lost_by_cable": cable,
-            "lost_by_tray": most.get("tray", float("nan")),
             "lost_by_device": most.get("device", 0),
             "lost_by_failure": max(cable, most.get("device", 0)),
             "rules_met": int(verdicts.get("met", 0)),
@@ -196,9 +180,9 @@ class Comparison:
         return best
 
     def pareto(self, *columns: str) -> list[str]:
-        """Return the Pareto-optimal designs in some columns, by default in the criteria."""
+        """Return the Pareto-optimal designs, by default in cost, response and points lost."""
         known = [check_choice("one of columns", column, self._table.columns) for column in columns]
-        best = self._optimal(self._table, known or self.criteria)
+        best = self._optimal(self._table, known or CRITERIA)
         return [str(name) for name in self._table.index[best]]
 
     @property
@@ -285,7 +269,8 @@ class Comparison:
         Without names, the cheapest design with all points is set against the first one.
         """
         if a is None and b is None:
-            return tornado(complete(self.designs), figure)
+            whole = {name: design for name, design in self.designs.items() if design.fits}
+            return tornado(whole or self.designs, figure)
         if a == b:
             raise ArgumentError(f"a and b are both {a!r}; they must be two designs")
         given = [(what, one) for what, one in (("b", b), ("a", a)) if one is not None]
@@ -322,12 +307,10 @@ class Comparison:
 
     def add(self, *designs: Design) -> Comparison:
         """Return a comparison with further designs of the same points."""
-        return compared(
-            [*self.designs.values(), *designs], self.rules, self.criteria, self.rng, self.remarks
-        )
+        return compared([*self.designs.values(), *designs], self.rules, self.rng, self.remarks)
 
     def conclusions(self) -> list[str]:
-        """Return what the comparison comes to, in sentences."""
+        """Return the results of the comparison in sentences."""
         said, table = [], self._table
         for name, design in self.designs.items():
             if left := int(table["points_left_out"][name]):
@@ -348,14 +331,13 @@ class Comparison:
                 least = number(values.min())
                 said.append(f"{words}: {same} ({least}{f' {in_}' if in_ else ''}).")
         if others := [str(name) for name in whole.index[~whole["pareto"]]]:
-            weighed = ", ".join(label(name).partition(" [")[0] for name in self.criteria)
-            said.append(f"Not Pareto-optimal in {weighed}: {', '.join(others)}.")
+            said.append(f"Not Pareto-optimal in {WEIGHED}: {', '.join(others)}.")
         last = str(self.tornado())
         return [*said, f"{last[:1].upper()}{last[1:]}."]
 
     @cached_property
     def _safe_points(self) -> list[str]:
-        """Where intrinsically safe points are connected, and what the other choice would cost."""
+        """How intrinsically safe points are connected, and the price of the alternative."""
         safe = (self.iolist.points["ex"] != "").to_numpy()
         buses = [name for name in OPTIONS[2:] if name in self.designs]
         said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
@@ -373,10 +355,9 @@ class Comparison:
         return [f"{said}{where}; {name} {_costs(more)} with {other_way}."]
 
     def short(self) -> pd.DataFrame:
-        """Return the rows that are asked for first, as text, one column per design."""
+        """Return the most important rows as text, one column per design."""
         table = self._table
-        optional = (*_BUS, "lost_by_tray")
-        rows = [row for row in _SHORT if row not in optional or table[row].notna().any()]
+        rows = [row for row in _SHORT if row not in _BUS or table[row].notna().any()]
         shown = table[rows].astype(object)
         for row in rows:
             shown[row] = [number(value) for value in shown[row]]
@@ -437,7 +418,6 @@ def compare(
     designs: Iterable[Design],
     *,
     rules: RuleSet | str | PathLike[str] = "DNV",
-    criteria: Sequence[str] = CRITERIA,
     rng: Rng = 2024,
 ) -> Comparison:
     """Compare designs of the same points at the same place.
@@ -445,13 +425,9 @@ def compare(
     Parameters
     ----------
     designs : iterable of Design
-        One or more, each with a name of its own; the same cabinet, trays, prices, detour and
-        tails.
+        One or more, each with a name of its own; the same cabinet, prices, detour and tails.
     rules : RuleSet, str or path, default "DNV"
         A rule set, the name of a published one, or a file.
-    criteria : sequence of str
-        Columns of `Comparison.table` that decide which designs are Pareto-optimal; by default
-        cost, response, and points lost by one failure.
     rng : numpy.random.Generator or int, default 2024
         Draws the assumptions from their ranges; what `numpy.random.default_rng` takes.
 
@@ -463,7 +439,7 @@ def compare(
     Raises
     ------
     ArgumentError
-        If the designs have other points or another place, or a criterion is not a column.
+        If there is no design, or they have other points or another place.
 
     Examples
     --------
@@ -472,13 +448,12 @@ def compare(
     >>> compare([plant.hardwired, plant.on_asi]).table()["total_cost_eur"].round().to_dict()
     {'hardwired': 8454.0, 'AS-i': 7440.0}
     """
-    return compared(list(designs), RuleSet.of(rules), tuple(criteria), check_rng(rng))
+    return compared(list(designs), RuleSet.of(rules), check_rng(rng))
 
 
 def compared(
     given: Sequence[Design],
     rules: RuleSet,
-    criteria: tuple[str, ...],
     rng: np.random.Generator,
     remarks: tuple[str, ...] = (),
 ) -> Comparison:
@@ -497,17 +472,13 @@ def compared(
                 f"designs {design.name!r} and {first.name!r} differ in {other}, so their costs "
                 "cannot be compared"
             )
-    known = [*FIGURES, *MERITS]
-    if not criteria or not set(criteria) <= set(known):
-        raise ArgumentError(f"criteria are {criteria}; each must be one of {', '.join(known)}")
-    return Comparison(named, rules, criteria, rng, remarks)
+    return Comparison(named, rules, rng, remarks)
 
 
 def _differing(a: Design, b: Design) -> str:
     """Return the first thing that two designs must share but do not, or ""."""
-    for name in ("cabinet", "trays"):
-        if getattr(a.site, name) != getattr(b.site, name):
-            return name
+    if a.site.cabinet != b.site.cabinet:
+        return "cabinet"
     for name in ("detour", "tails", "assumptions"):
         if getattr(a.settings, name) != getattr(b.settings, name):
             return name
@@ -515,7 +486,7 @@ def _differing(a: Design, b: Design) -> str:
 
 
 def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
-    """Say where home runs with given lengths are not computed as other cables are."""
+    """Say where the given lengths of home runs differ from computed ones."""
     first = next(iter(designs.values()))
     iolist, site = first.iolist, first.site
     kept = set[str]()
@@ -528,18 +499,17 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
     given = iolist.points["home_run_m"].to_numpy(float)[mine]
     own = site.length(site.route(site.cabinet, iolist.places[mine]))
     straight = np.linalg.norm(iolist.places[mine] - np.array(site.cabinet), axis=1)
-    if short := int((given < straight - _ROUNDED).sum()):
+    if short := int((given < straight - ROUNDED).sum()):
         yield (
             f"{short} home run{'s' * (short > 1)} of the list {'are' if short > 1 else 'is'} "
             "shorter than the straight distance to the cabinet, but kept."
         )
     if np.abs(own - given).sum() > _ALIKE * given.sum():
         cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
-        over = "" if site.trays is None else " over the trays"
         yield (
             f"Home runs keep the lengths of the list, {number(given.sum() / 1e3)} km for "
             f"{len(given)} points; computed like all other cables, from the cabinet at {cabinet} "
-            f"m{over}, they would be {number(own.sum() / 1e3)} km. Set list_lengths to false to "
+            f"m, they would be {number(own.sum() / 1e3)} km. Set list_lengths to false to "
             "compute all of them."
         )
 

@@ -66,7 +66,7 @@ def conductors_at_cabinet(design: Layout) -> int:
 
 
 def items_of(design: Layout) -> dict[str, int]:
-    """Count the parts and pieces of work of a design, by the names of their prices and times."""
+    """Count a design's parts and pieces of work by the names of their prices and times."""
     analogue = design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
     items = {**_devices(design, analogue), **_channels(design, analogue)}
@@ -131,26 +131,27 @@ FIGURES: Mapping[str, tuple[str, str]] = MappingProxyType(
     }
 )
 
-#: Further columns of a comparison: words and unit.
-MERITS: Mapping[str, tuple[str, str]] = MappingProxyType(
-    {
-        "points_left_out": ("points left out", ""),
-        "total_cost_low_eur": ("total cost, low", "EUR"),
-        "total_cost_high_eur": ("total cost, high", "EUR"),
-        "worst_response_ms": ("worst response", "ms"),
-        "bus_time": ("bus time", ""),
-        "capacity_used": ("capacity used", ""),
-        "lost_by_cable": ("lost by one cable", ""),
-        "lost_by_tray": ("lost by one tray", ""),
-        "lost_by_device": ("lost by one device", ""),
-        "lost_by_failure": ("lost by one failure", ""),
-        "rules_met": ("rules met", ""),
-        "rules_violated": ("rules violated", ""),
-        "rules_not_verified": ("rules not verified", ""),
-    }
-)
+#: The columns of a comparison: words and unit.
+_LABELS: Mapping[str, tuple[str, str]] = {
+    **FIGURES,
+    "points_left_out": ("points left out", ""),
+    "total_cost_low_eur": ("total cost, low", "EUR"),
+    "total_cost_high_eur": ("total cost, high", "EUR"),
+    "worst_response_ms": ("worst response", "ms"),
+    "bus_time": ("bus time", ""),
+    "capacity_used": ("capacity used", ""),
+    "lost_by_cable": ("lost by one cable", ""),
+    "lost_by_device": ("lost by one device", ""),
+    "lost_by_failure": ("lost by one failure", ""),
+    "rules_met": ("rules met", ""),
+    "rules_violated": ("rules violated", ""),
+    "rules_not_verified": ("rules not verified", ""),
+    "pareto": ("Pareto-optimal", ""),
+}
 
-_LABELS = {**FIGURES, **MERITS, "pareto": ("Pareto-optimal", "")}
+#: Columns that decide which designs are Pareto-optimal, where less is better, and their words.
+CRITERIA = ("total_cost_eur", "worst_response_ms", "lost_by_failure")
+WEIGHED = ", ".join(_LABELS[name][0] for name in CRITERIA)
 
 
 def label(column: str) -> str:
@@ -165,8 +166,8 @@ def counted(table: pd.DataFrame) -> dict[str, str]:
     return {str(name): f"{name} ({n:.0f} left out)" if n else str(name) for name, n in left}
 
 
-#: The assumptions that have a range per cable of the catalogue: field and unit. All cables are
-#: taken at the same level: they are all dear, or all cheap.
+#: The assumptions that have a range per cable of the catalogue: field and unit. All cables
+#: have the same level: all are dear, or all are cheap.
 CABLE_RANGES: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "cable_mass": ("mass", "kg/m"),
@@ -396,7 +397,7 @@ def draw(designs: Mapping[str, Layout], *, rng: Rng, draws: int = 10_000) -> pd.
 
 
 def likely(sample: pd.DataFrame) -> pd.DataFrame:
-    """Return the interval that holds 9 of 10 draws, with as many above it as below."""
+    """Return the interval that contains 9 of 10 draws, with as many above it as below."""
     table = sample.quantile([0.05, 0.5, 0.95]).T.set_axis(["low", "median", "high"], axis=1)
     units = [FIGURES[figure][1] for figure in table.index.get_level_values("figure")]
     return table.assign(unit=units)
@@ -417,7 +418,7 @@ class Tornado:
     figure : str
         The figure, such as ``"total_cost_eur"``.
     between : tuple of str
-        One design, or two whose difference is taken.
+        One design, or two whose difference is shown.
     nominal : dict of str to float
         The figure of each design with every assumption nominal.
     every : pandas.DataFrame
@@ -499,7 +500,7 @@ class Tornado:
 
 
 def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> Tornado:
-    """Vary every assumption, for the lowest of the other designs less the first."""
+    """Vary every assumption, for the lowest of the other designs minus the first."""
     check_choice("figure", figure, FIGURES)
     models = {name: Model(design) for name, design in designs.items()}
     nominal = {name: float(model.figures()[figure]) for name, model in models.items()}

@@ -9,29 +9,19 @@ from functools import cached_property
 from importlib.util import find_spec
 from os import PathLike
 
+import numpy as np
+
 from shipnet import style
 from shipnet.answers import Findings
 from shipnet.arguments import checked
 from shipnet.design import costs, drawing, failures, tables
 from shipnet.design.costs import Quantities
-from shipnet.design.layout import Layout, frame
+from shipnet.design.layout import Layout
 from shipnet.design.plot import draw_cables
-from shipnet.design.points import PointTable
 from shipnet.design.rules import RuleSet, check
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
-from shipnet.design.supply import supply_tables
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv, as_workbook
-
-#: The points of the example.
-_LIST = """\
-tag,system,type,signal,conductors,x_m,y_m,z_m,update_ms,category,note
-PS-1,Cooling,DI,contact,2,21,2,4,500,II,low pressure of cooling water
-TT-2,Cooling,AI,rtd_3wire,3,24,2,4,1000,II,temperature of cooling water
-TT-3,Fuel oil,AI,rtd_3wire,3,41,2,4,1000,II,temperature of fuel oil
-LS-4,Bilge,DI,contact,2,44,2,2,1000,I,level in the bilge well
-"""
 
 #: Colours of cables by kind, in a design from above.
 _COLOURS = {"home run": "0.7", "drop": "0.8", "feeder": "C1", "trunk": "C0"}
@@ -49,7 +39,7 @@ class Design(Layout):
     iolist : IoList
         The points.
     site : Site
-        Cabinet, trays, and the detour and tails of cables.
+        The cabinet, and the detour and tails of cables.
     points : pandas.DataFrame
         One row per point, in the order of the list: tag, bus, segment, device, address,
         response_ms, fits. A point that fits nowhere has no bus, and a row in `reasons`.
@@ -58,7 +48,7 @@ class Design(Layout):
         x_m, y_m, z_m, and at, the device in whose housing it is.
     cables : pandas.DataFrame
         Every cable: run, its name; cable, its type in the catalogue; a and b, its ends; segment,
-        kind, route_m, length_m, used, conductors, at_cabinet, line, and way, its trays.
+        kind, route_m, length_m, used, conductors, at_cabinet and line.
     segments : pandas.DataFrame
         Lines and loops: segment, bus, points, devices, length_m, bus_time and capacity_used as
         in `Utilisation`, response_ms and slowest_update_ms of the point nearest to its limit, and
@@ -69,11 +59,6 @@ class Design(Layout):
         The limits, prices and allowances of the plan.
     without_limits : Design, optional
         The same option without the rules' limits on responses, if they made a difference.
-
-    Raises
-    ------
-    ArgumentError
-        If the tables contradict each other; the first ten faults.
 
     Examples
     --------
@@ -90,49 +75,6 @@ class Design(Layout):
 
     without_limits: Design | None = None
 
-    @classmethod
-    def example(cls, *, redundant: bool = False) -> Design:
-        """Return a small Modbus loop of two stations, with a second line if `redundant`."""
-        iolist, nan = PointTable.parse(_LIST, "example"), float("nan")
-        tags = list(iolist.points["tag"])
-        stations = ["JB1", "JB1", "JB2", "JB2"]
-        places = {"cabinet": 0.0, "master": 0.0, "JB1": 22.5, "JB2": 42.5}
-        kinds = ["cabinet", "master", "station", "station"]
-        lines = {"A": "port", "B": "starboard"} if redundant else {"": "port"}
-        trunk = [
-            {"run": f"trunk {n}{line}", "cable": "RS485_MARINE", "a": a, "b": b,
-             "segment": "loop 1", "kind": "trunk", "route_m": metres, "length_m": metres,
-             "used": 2, "conductors": 2, "at_cabinet": n == 1, "line": line, "way": (tray,)}
-            for line, tray in lines.items()
-            for n, a, b, metres in ((1, "master", "JB1", 45.0), (2, "JB1", "JB2", 26.0))
-        ]  # fmt: skip
-        drops = [
-            {"run": f"drop {tag}", "cable": "MI2P075", "a": station, "b": tag, "segment": "loop 1",
-             "kind": "drop", "route_m": 4.0, "length_m": 10.0, "used": wires, "conductors": 4,
-             "at_cabinet": False, "line": "", "way": ()}
-            for tag, station, wires in zip(tags, stations, iolist.points["conductors"], strict=True)
-        ]  # fmt: skip
-        return cls(
-            "example, redundant" if redundant else "example",
-            iolist,
-            Site((0.0, 0.0, 4.0)),
-            points=frame("points", {
-                "tag": tags, "bus": "Modbus RTU", "segment": "loop 1", "device": stations,
-                "address": ["1/0", "1/1", "2/0", "2/1"], "response_ms": 180.0, "fits": True,
-            }),
-            devices=frame("devices", {
-                "device": list(places), "kind": kinds, "segment": ["", *["loop 1"] * 3],
-                "x_m": list(places.values()), "y_m": 0.0, "z_m": 4.0,
-            }),
-            cables=frame("cables", trunk + drops),
-            segments=frame("segments", [{
-                "segment": "loop 1", "bus": "Modbus RTU", "points": 4, "devices": 2,
-                "length_m": 71.0, "bus_time": nan, "capacity_used": nan, "response_ms": 180.0,
-                "slowest_update_ms": 500.0,
-            }]),
-            reasons=frame("reasons"),
-        )  # fmt: skip
-
     def priced(self, settings: Settings) -> Design:
         """Return the same design under other prices."""
         made = copy(self)  # keeps the failures, if they are known
@@ -144,21 +86,6 @@ class Design(Layout):
     def quantities(self) -> Quantities:
         """Return conductors, cable, hours and money, each low, nominal and high."""
         return costs.quantities(self)
-
-    def bill(self) -> pd.DataFrame:
-        """Return the bill of cables by type, devices, channels and glands."""
-        return costs.bill_table(self)
-
-    def supplies(self) -> pd.DataFrame:
-        """Return one row per supply: place, voltage, current, rating, and its worst device.
-
-        Mains cables from the cabinet to a supply are not computed.
-        """
-        return supply_tables(self)[0]
-
-    def voltages(self) -> pd.DataFrame:
-        """Return one row per fed device and line: current, voltage and voltage drop."""
-        return supply_tables(self)[1]
 
     def check(
         self, rules: RuleSet | str | PathLike[str] = "DNV", *, host_time: float | None = None
@@ -173,18 +100,14 @@ class Design(Layout):
 
     @cached_property
     def _failures(self) -> pd.DataFrame:
-        """Every single failure: cut and shorted cables, trays, devices."""
+        """Every single failure: cut and shorted cables, dead devices."""
         return failures.single_failures(self)
 
     def lost(
-        self,
-        *,
-        cables: Collection[str] = (),
-        devices: Collection[str] = (),
-        trays: Collection[str] = (),
+        self, *, cables: Collection[str] = (), devices: Collection[str] = ()
     ) -> tuple[str, ...]:
         """Return the tags of the points that several simultaneous failures cost."""
-        return failures.lost(self, cables=cables, devices=devices, trays=trays)
+        return failures.lost(self, cables=cables, devices=devices)
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """Return the tables that a yard builds from.
@@ -224,8 +147,8 @@ class Design(Layout):
         for kind, colour in _COLOURS.items():
             own = self.cables[self.cables["kind"] == kind]
             if len(own):
-                a, b = places.loc[own["a"]].to_numpy(float), places.loc[own["b"]].to_numpy(float)
-                draw_cables(ax, a, b, colour, kind)
+                ends = np.stack([places.loc[own[end]] for end in ("a", "b")], axis=1)
+                draw_cables(ax, ends, colour, kind)
         boxes = self.devices[self.devices["kind"].isin(["box", "module", "station"])]
         ax.plot(boxes["x_m"], boxes["y_m"], "s", color="0.25", markersize=4, label="box or module")
         ax.plot(points["x_m"], points["y_m"], ".", color="0.5", markersize=3, label="point")

@@ -1,4 +1,4 @@
-"""What all planners share: a draft of a design, boxes, clusters of places, trunks."""
+"""Parts that all planners share: drafts of designs, boxes, clusters of places, and trunks."""
 
 from __future__ import annotations
 
@@ -19,15 +19,14 @@ from scipy.spatial.distance import cdist
 from shipnet.arrays import Bools, Floats, Indices
 from shipnet.design.catalogue import Cable, cables, smallest
 from shipnet.design.designs import Design
-from shipnet.design.layout import COLUMNS, frame
+from shipnet.design.layout import COLUMNS, Site, frame
 from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.design.supply import Feeders, sized
 from shipnet.lazy import pd
 from shipnet.signals import SIGNALS
 
-# Which places belong together: clusters within reach, groups of equal size, groups that fit
+# Clusters of places: within reach, of equal size, or within limits -----------------------------
 
 #: More places than this are halved first: the tree of all distances takes too much memory.
 _MOST = 3000
@@ -163,9 +162,9 @@ def _renumbered(labels: Indices) -> Indices:
     return np.asarray(np.argsort(np.argsort(first))[inverse], dtype=np.intp)
 
 
-# How a trunk goes past its devices: branching, or from each to the next -------------------------
+# The route of a trunk past its devices: branching, or from each to the next ---------------------
 
-#: Added to distances, because scipy takes a distance below 1e-8 for no edge [m].
+#: Added to distances, because scipy treats a distance below 1e-8 as no edge [m].
 _APART = 1e-6
 
 
@@ -179,11 +178,11 @@ def tree(away: Floats) -> list[tuple[int, int]]:
 
 
 def chain(away: Floats) -> list[int]:
-    """Return the order in which a trunk goes from device to device on a short way."""
+    """Return an order of the devices in which the trunk from each to the next is short."""
     n = len(away)
     if n < 3:
         return list(range(n))
-    # After the last device comes a place that is near to all, so that the chain may end anywhere.
+    # An extra place at no distance from all others lets the chain end anywhere.
     order = np.append(_walk(tree(away), n), n)
     padded = np.zeros((n + 1, n + 1))
     padded[:n, :n] = away
@@ -214,24 +213,23 @@ def _walk(edges: list[tuple[int, int]], n: int) -> list[int]:
     return order
 
 
-# A draft: planners put down devices and cables; routes and feeders follow at the end
+# A draft: planners add devices and cables; routes and feeders follow at the end -----------------
 
 Place = tuple[float, float, float]
 
 
 class Laid(NamedTuple):
-    """The ends of a cable, its given length or share of the route, and the trays to avoid."""
+    """The ends of a cable, and its given length or its share of the route."""
 
     start: Place
     end: Place
     length: float = np.nan
     share: float = 1.0
-    avoid: frozenset[str] = frozenset()
 
 
 @dataclass(eq=False)
 class Draft:
-    """A design that planners put together."""
+    """A design under construction."""
 
     iolist: PointTable
     site: Site
@@ -264,7 +262,7 @@ class Draft:
         self._in_cabinet.add(self.cabinet)
 
     def device(self, name: str, kind: str, segment: str, place: Place, at: str = "") -> str:
-        """Put down a device, and return its name, which gets a number if it is taken."""
+        """Add a device, and return its name, with a number if the name is taken."""
         free = self._free(name)
         if at and at in self._in_cabinet:
             self._in_cabinet.add(free)
@@ -276,7 +274,7 @@ class Draft:
         return free
 
     def _free(self, name: str) -> str:
-        """Take a name, with a number if it is taken already."""
+        """Reserve a name, with a number if it is taken already, and return it."""
         free, number = name, 1
         while free in self._taken:
             number += 1
@@ -294,7 +292,7 @@ class Draft:
         segment: str = "",
         line: str = "",
     ) -> None:
-        """Put down a cable, named after its point, or numbered in its segment or to its box."""
+        """Add a cable, named after its point, or numbered within its segment or box."""
         a, b = ends
         name = f"{kind} {b}"
         if kind in ("trunk", "feeder"):
@@ -305,8 +303,7 @@ class Draft:
             {"run": self._free(name), "cable": cable.id, "a": a, "b": b,
              "segment": segment, "kind": kind, "used": used, "conductors": cable.conductors,
              "at_cabinet": a in self._in_cabinet or b in self._in_cabinet, "line": line,
-             "start": laid.start, "end": laid.end, "length": laid.length, "share": laid.share,
-             "avoid": laid.avoid}
+             "start": laid.start, "end": laid.end, "length": laid.length, "share": laid.share}
         )  # fmt: skip
 
     def given_lengths(self, column: str) -> Floats:
@@ -317,7 +314,7 @@ class Draft:
         return lengths
 
     def drop(self, row: int, device: str, place: Place, segment: str, length: float) -> None:
-        """Put down the cable of a point to its device."""
+        """Add the cable from a device to a point."""
         wires = int(self.wires[row])
         laid = Laid(place, self.spots[row], length)
         cable = smallest(wires, spare=0)
@@ -326,7 +323,7 @@ class Draft:
     def connect(
         self, row: int, bus: str, segment: str, device: str, address: str, response: float
     ) -> None:
-        """Say how a point is connected, with its response [s]."""
+        """Record how a point is connected, with its response [s]."""
         for column, value in zip(
             self._point.values(), (bus, segment, device, address), strict=True
         ):
@@ -334,7 +331,7 @@ class Draft:
         self._response[row] = response
 
     def segment(self, rows: Indices, **columns: Any) -> None:
-        """Put down a segment of connected points, with the times of its most urgent one."""
+        """Add a segment of connected points, with the times of the most urgent one."""
         nearest = rows[(self._response[rows] / self.need[rows]).argmax()]
         self._rows["segments"].append(
             {"points": len(rows), "response_ms": 1e3 * self._response[nearest],
@@ -344,14 +341,14 @@ class Draft:
     def reason(
         self, subject: str, limit: str, value: float, bound: float, unit: str, text: str
     ) -> None:
-        """Say why something does not fit."""
+        """Record why something does not fit."""
         self._rows["reasons"].append(
             {"subject": subject, "limit": limit, "value": value, "bound": bound, "unit": unit,
              "text": text}
         )  # fmt: skip
 
     def too_slow(self, row: int, least: float, words: str) -> None:
-        """Say that a point needs an update sooner than it could have one [s]."""
+        """Record that a point needs faster updates than it can have; `least` is in s."""
         tag, wanted = self.tags[row], 1e3 * float(self.need[row])
         text = f"{tag} needs an update every {wanted:g} ms; {words} {1e3 * least:.3g} ms"
         self.reason(tag, "update", 1e3 * least, wanted, "ms", text)
@@ -379,7 +376,7 @@ class Draft:
         return replace(laid, points=points, devices=devices, cables=runs, reasons=reasons)
 
     def _feed(self, runs: pd.DataFrame, wanted: Feeders) -> pd.DataFrame:
-        """Return the cables with feeders of the sizes wanted, and put supplies near where asked."""
+        """Return the cables with sized feeders, and add the supplies that are wanted."""
         rows, known = self._rows["cables"], cables()
         idle, old = set(wanted.idle), len(rows)
         for number, cable in wanted.cable.items():
@@ -395,7 +392,7 @@ class Draft:
                 name = self.device(name, given["kind"], row["segment"], row["end"])
             row |= {"a": name, "start": row["end"], "at_cabinet": False}
             if self.settings.fed:
-                laid = Laid(self.middle, row["end"], avoid=row["avoid"])
+                laid = Laid(self.middle, row["end"])
                 ends, mains = (self.cabinet, name), known[self.settings.feeder]
                 self.run("feeder", ends, laid, mains, PAIR, row["segment"], row["line"])
         for device, value, bound, unit in wanted.weak:
@@ -416,25 +413,14 @@ class Draft:
             return frame("cables")
         runs = pd.DataFrame(rows).drop(columns=["start", "end"])
         start, end = (np.array([row[at] for row in rows], dtype=float) for at in ("start", "end"))
-        known = np.isfinite(start).all(axis=1) & np.isfinite(end).all(axis=1)
-        route = np.full(len(rows), np.nan)
-        length = runs["length"].to_numpy(np.float64, copy=True)
-        ways: list[tuple[str, ...]] = [()] * len(rows)
-        share = runs["share"].to_numpy(np.float64)
-        for avoid in dict.fromkeys(row["avoid"] for row in rows):
-            mine = np.flatnonzero(known & np.array([row["avoid"] == avoid for row in rows]))
-            found = self.site.ways(start[mine], end[mine], avoid=avoid)
-            for row, way in zip(mine, found, strict=True):
-                ways[row] = way
-            asked = mine[np.isnan(length[mine])]
-            route[asked] = self.site.route(start[asked], end[asked], avoid=avoid) * share[asked]
+        share, given = runs["share"].to_numpy(np.float64), runs["length"].to_numpy(np.float64)
+        route = np.where(np.isnan(given), self.site.route(start, end) * share, np.nan)
         own = self.site.detour * route + self.site.tails * share
-        length = np.where(np.isnan(length), own, length)
-        runs = runs.assign(route_m=route, length_m=length, way=pd.Series(ways, dtype=object))
+        runs = runs.assign(route_m=route, length_m=np.where(np.isnan(given), own, given))
         return frame("cables", runs[list(COLUMNS["cables"])])
 
 
-# Junction boxes: those that the list names, and clusters of the points that it gives none
+# Junction boxes: those that the list names, and clusters of all other points --------------------
 
 
 class Box(NamedTuple):
@@ -450,7 +436,7 @@ class Box(NamedTuple):
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
     def halved(self, need: Floats) -> list[Box]:
-        """Return two boxes here, the urgent points apart; none if there is one point."""
+        """Return two boxes at this place, urgent points apart; none for a single point."""
         if len(self.rows) < 2:
             return []
         order = np.argsort(need[self.rows], kind="stable")
@@ -487,7 +473,7 @@ def boxes(draft: Draft, rows: Indices) -> list[Box]:
 
 
 def without_place(draft: Draft, rows: Indices) -> None:
-    """Say that the position of points is not known."""
+    """Record that the positions of points are unknown."""
     for row in rows:
         tag = draft.tags[row]
         text = f"the list gives no position for {tag}, so nothing can be put near it"
@@ -499,37 +485,31 @@ def _box(name: str, places: Floats, rows: Indices, lengths: Floats) -> Box:
     return Box(name, (x, y, z), rows, lengths)
 
 
-# The trunk of a segment whose stations sit along one cable: its order, its second line, its ends
+# The trunk of a segment: the order of its stations, its second line, and its ends ---------------
 
 #: Conductors of a bus or a feeder, without the screen.
 PAIR = 2
 
 
 class Backbone(NamedTuple):
-    """The way of a trunk past its stations."""
+    """The route of a trunk past its stations."""
 
     order: list[int]
     hops: Floats
-    avoid: frozenset[str]
 
     @property
     def length(self) -> float:
-        """All of its cable [m]."""
+        """Length of its cable [m]."""
         return float(self.hops.sum())
 
 
 def route_past(draft: Draft, stations: Sequence[Box]) -> Backbone:
-    """Find the way of a trunk from the cabinet past all stations."""
+    """Return the route of a trunk from the cabinet past all stations."""
     places = np.array([draft.middle, *(station.place for station in stations)])
     order = chain(draft.site.route(places[:, None], places[None, :]))
     along = places[order]
-    routes = draft.site.route(along[:-1], along[1:])
-    avoid: frozenset[str] = frozenset()
-    if draft.settings.redundant:
-        ways = draft.site.ways(along[:-1], along[1:])
-        avoid = frozenset(tray for way in ways for tray in way)
-        routes = np.maximum(routes, draft.site.route(along[:-1], along[1:], avoid=avoid))
-    return Backbone([place - 1 for place in order[1:]], draft.site.length(routes), avoid)
+    hops = draft.site.length(draft.site.route(along[:-1], along[1:]))
+    return Backbone([place - 1 for place in order[1:]], hops)
 
 
 def lay(
@@ -541,13 +521,12 @@ def lay(
     cable: str,
     repeaters: Sequence[int] = (),
 ) -> list[str]:
-    """Put down masters, stations, trunk cables, feeders, terminators and repeaters of a segment."""
+    """Add the masters, stations, cables, terminators and repeaters of a segment."""
     names = [draft.device(f"{bus} {box.name}", "station", segment, box.place) for box in stations]
     places = [draft.middle, *(box.place for box in stations)]
     hops, feeder = list(pairwise(places)), cables()[draft.settings.feeder]
     for line in ("A", "B") if draft.settings.redundant else ("",):
         of = f" {line}" if line else ""
-        avoid = trunk.avoid if line == "B" else frozenset[str]()
         master = draft.device(f"{segment} master{of}", "master", segment, places[0], draft.cabinet)
         # A cable leaves a station through its repeater if it has one.
         leaving = [master, *names]
@@ -557,14 +536,12 @@ def lay(
                 f"{name} repeater{of}", "repeater", segment, here, name
             )
         for (near, far), run in zip(hops, zip(leaving, names, strict=False), strict=True):
-            laid = Laid(near, far, avoid=avoid)
-            draft.run("trunk", run, laid, cables()[cable], PAIR, segment, line)
+            draft.run("trunk", run, Laid(near, far), cables()[cable], PAIR, segment, line)
         for number, (at, here) in enumerate([(master, places[0]), (names[-1], places[-1])], 1):
             draft.device(f"{segment} terminator {number}{of}", "terminator", segment, here, at)
         if draft.settings.fed:
             name = f"{segment} supply{of}"
             supply = draft.device(name, "supply", segment, places[0], draft.cabinet)
             for (near, far), run in zip(hops, pairwise([supply, *names]), strict=True):
-                laid = Laid(near, far, avoid=avoid)
-                draft.run("feeder", run, laid, feeder, PAIR, segment, line)
+                draft.run("feeder", run, Laid(near, far), feeder, PAIR, segment, line)
     return names

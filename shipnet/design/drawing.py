@@ -13,10 +13,10 @@ from shipnet.lazy import pd
 #: Colours of segments, after Okabe and Ito: distinct with any common colour vision.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#56B4E9", "#444444")
 
-#: A sheet is as wide as it prints well on A4: two columns of rows [px].
+#: A sheet prints well on A4: two columns of rows [px].
 _WIDTH, _COLUMNS, _ROWS, _ROW, _TOP = 760, 2, 74, 13, 40
 
-#: From a lane to the next, and where a row has its length, name and words, after its lanes [px].
+#: Distance between lanes, and offsets of length, name and words after the lanes of a row [px].
 _LANE, _LENGTH, _NAME, _WORDS = 10, 42, 52, 150
 
 _LEGEND = "■ cabinet, □ box, station or module, ◇ repeater; metres of the cable that leads there"
@@ -44,14 +44,14 @@ class _Row:
 
 @dataclass
 class _Node:
-    """A device with the devices that hang on it."""
+    """A device with the devices downstream of it."""
 
     row: _Row
     children: list[_Node] = field(default_factory=list)
 
     @property
     def size(self) -> int:
-        """Number of devices from here on."""
+        """Number of devices in this branch."""
         devices = [self]
         for node in devices:
             devices += node.children
@@ -99,7 +99,7 @@ def sheets(design: Layout) -> list[tuple[str, int]]:
 
 
 def _drawn(row: _Row, left: float, top: float) -> Iterator[str]:
-    """Yield a row: its lanes, its symbol and its words."""
+    """Yield the lanes, the symbol and the text of a row as SVG."""
     middle, bottom = top + _ROW / 2, top + _ROW
     stroke = f'stroke="{row.colour}" stroke-width="2" fill="none"'
 
@@ -223,7 +223,7 @@ def _tree(
         nodes[b].row.length = f"{run.length_m:.0f} m"
         if children.setdefault(b, a) == a:
             nodes.get(a, root).children.append(nodes[b])
-    # A repeater in a housing hangs on the device there, or on the master in the cabinet.
+    # A repeater in a housing is drawn under the device there, or under the master in the cabinet.
     for own in devices[devices["kind"] == "repeater"].itertuples():
         if str(own.device) not in children and not str(own.device).endswith(" B"):
             nodes.get(str(own.at), root).children.append(nodes[str(own.device)])
@@ -237,7 +237,7 @@ def _laid(root: _Node, *, star: bool) -> Sequence[_Row]:
     """Return the rows of a tree, with the largest branch of each device in the same lane."""
     rows: list[_Row] = []
     last: dict[int, tuple[int, int]] = {}
-    # Each device that waits, with the row and the lane that it hangs on, and its own lane.
+    # The devices still to draw, each with the row and the lane of its parent, and its own lane.
     waiting: list[tuple[_Node, int, int, int]] = [(root, -1, -1, 0)]
     while waiting:
         node, parent, lane, own = waiting.pop()

@@ -1,4 +1,4 @@
-"""The points lost by single failures of a design: every cable, tray and device, one at a time."""
+"""The points lost by single failures of a design: every cable and device, one at a time."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ _NONE: Integers = np.empty(0, np.int64)
 #: Nodes at both ends of each edge, and its run; -1 if it is not a run.
 Edges = tuple[Integers, Integers, Integers]
 
-#: Devices that join the two lines of a pair, and those that block everything once dead.
+#: Devices that join the two lines of a pair, and those that block all lines once dead.
 _JOINS = ("cabinet", "master", "gateway")
 _BLOCKS = (*_JOINS, "repeater", "box")
 
 #: Devices at which a shorted pair ends, by the kind of its cables.
 _PAIR_ENDS = {"trunk": ("repeater", "gateway"), "feeder": ("cabinet", "gateway")}
 
-#: Housings that are lost with all that they hold.
+#: Housings that are lost with everything inside.
 _SHELLS = ("box", "cabinet")
 
-#: Most truth values held at once.
+#: Most truth values in memory at once.
 _CHUNK = 2**21
 
 
@@ -53,15 +53,6 @@ class Reach:
     def at_point(self) -> Bools:
         """Which runs end at a point."""
         return self.design.cables["kind"].isin(["drop", "home run"]).to_numpy()
-
-    @cached_property
-    def trays(self) -> dict[str, list[int]]:
-        """Runs on each tray."""
-        members: dict[str, list[int]] = {}
-        for number, way in enumerate(self.design.cables["way"]):
-            for tray in dict.fromkeys(way):
-                members.setdefault(str(tray), []).append(number)
-        return dict(sorted(members.items()))
 
     @cached_property
     def shorts(self) -> list[tuple[list[int], list[int]]]:
@@ -95,7 +86,7 @@ class Reach:
 
     @cached_property
     def alone(self) -> dict[int, int]:
-        """Points by the run that is the only cable over which they work."""
+        """Points that work over a single cable, by its run."""
         point, _, run = self._wires
         good = self._good(*self._masks(), self._needs_supply)[0]
         only = np.bincount(point[good], minlength=len(self._connected)) == 1
@@ -106,7 +97,7 @@ class Reach:
         """Return the numbers of the points that each failure costs.
 
         A failure has no effect outside its area, so one failure of each area is examined at once,
-        and the area of a lost point tells which one it was.
+        and the area of a lost point shows which failure it was.
         """
         of_item, of_point = self._areas
         size, n_points, connected = len(self.kinds), len(of_point), self._connected
@@ -163,7 +154,7 @@ class Reach:
 
     @cached_property
     def _at(self) -> Integers:
-        """Device in whose housing each one is; -1 in its own."""
+        """Device in whose housing each one is; -1 if it has its own."""
         return np.array([self._index.get(at, -1) for at in self.design.devices["at"]], np.int64)
 
     @cached_property
@@ -205,9 +196,9 @@ class Reach:
         trunk = self._asi & ~self._feeders & ~self.at_point
         trunk &= (self.kinds != "repeater")[self._ends[:, 1]]
         apart = np.isin(self.kinds, ("cabinet", "gateway"))[self._ends].any(axis=1)
-        return self._by_line(
-            np.flatnonzero(trunk | (self._feeders & ~self._asi & ~apart)), self._poles
-        )
+        number = np.flatnonzero(trunk | (self._feeders & ~self._asi & ~apart))
+        # A supply in a housing feeds its line there without a cable.
+        return self._by_line(number, self._joints[self.kinds[self._joints[:, 0]] == "supply"])
 
     @cached_property
     def _current_at(self) -> Integers:
@@ -268,11 +259,6 @@ class Reach:
             if at == self._cabinet and self.kinds[n] in ("repeater", "supply"):
                 joints[row, 1] = master.get(segment[n], at)
         return joints
-
-    @cached_property
-    def _poles(self) -> Integers:
-        """Supplies, and the device where they feed their line without a cable, shape (n, 2)."""
-        return np.asarray(self._joints[self.kinds[self._joints[:, 0]] == "supply"])
 
     def _by_line(self, number: Integers, joints: Integers) -> Edges:
         """Return runs and joints as edges; node n + D is device n on line B."""
@@ -396,11 +382,11 @@ def _nth(values: Integers) -> Iterator[Integers]:
         yield order[nth == number]
 
 
-# Single failures: every cable, tray and device of a planned design, one at a time ----------------
+# Single failures: every cable and device of a planned design, one at a time ----------------------
 
-#: Failures: a cut cable, a short of the cables that are one pair of a bus or a supply, a tray with
-#: all cables on it cut, a dead device.
-FAILURES = ("cut", "short", "tray", "device")
+#: Failures: a cut cable, a short of the cables that are one pair of a bus or a supply, and a dead
+#: device.
+FAILURES = ("cut", "short", "device")
 
 
 def single_failures(design: Layout) -> pd.DataFrame:
@@ -410,11 +396,9 @@ def single_failures(design: Layout) -> pd.DataFrame:
     devices = design.devices[["device", "kind", "segment"]].to_numpy(object).tolist()
     rows = [["cut", *run] for run in runs]
     rows += [["short", *runs[pair[0]]] for pair, _ in reach.shorts]
-    rows += [["tray", tray, "", "", ""] for tray in reach.trays]
     rows += [["device", *device, ""] for device in devices]
     failures: list[Failure] = [((number,), ()) for number in range(len(runs))]
     failures += reach.shorts
-    failures += [(members, ()) for members in reach.trays.values()]
     failures += [((), (number,)) for number in range(len(devices))]
     table = pd.DataFrame(rows, columns=["failure", "failed", "kind", "segment", "line"])
 
@@ -435,25 +419,21 @@ def single_failures(design: Layout) -> pd.DataFrame:
 
 
 def lost(
-    design: Layout,
-    *,
-    cables: Collection[str] = (),
-    devices: Collection[str] = (),
-    trays: Collection[str] = (),
+    design: Layout, *, cables: Collection[str] = (), devices: Collection[str] = ()
 ) -> tuple[str, ...]:
     """Return the points that several simultaneous failures cost."""
-    reach = Reach(design)
-    numbers = {
-        "cable": {name: [n] for n, name in enumerate(design.cables["run"])},
-        "device": {name: [n] for n, name in enumerate(design.devices["device"])},
-        "tray": reach.trays,
-    }
-    given = {"cable": cables, "device": devices, "tray": trays}
-    unknown = [f"{w} {n!r}" for w, names in given.items() for n in names if n not in numbers[w]]
+    failed: list[list[int]] = []
+    unknown: list[str] = []
+    for what, names, known in (
+        ("cable", cables, design.cables["run"]),
+        ("device", devices, design.devices["device"]),
+    ):
+        number = {name: n for n, name in enumerate(known)}
+        unknown += [f"{what} {name!r}" for name in names if name not in number]
+        failed.append([number[name] for name in names if name in number])
     if unknown:
         raise ArgumentError(f"design {design.name!r} has no {', no '.join(unknown)}")
-    found = {w: [k for n in names for k in numbers[w][n]] for w, names in given.items()}
-    (points,) = reach.lost([(found["cable"] + found["tray"], found["device"])])
+    (points,) = Reach(design).lost([(failed[0], failed[1])])
     return tuple(design.points["tag"].to_numpy(object)[points])
 
 

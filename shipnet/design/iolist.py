@@ -11,24 +11,22 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from shipnet.arguments import checked
+from shipnet.design.layout import Site, Where, site_of
 from shipnet.design.points import PointTable
+from shipnet.design.settings import Given, Settings
 from shipnet.design.words import COLUMNS
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_whole
 from shipnet.lazy import Axes
 from shipnet.signals import ASI_PAIR, Saving, hardwired_conductors
 from shipnet.signals import SIGNALS as SIGNALS
-from shipnet.tables import (
-    no_formula,
-)
+from shipnet.tables import no_formula
 
 if TYPE_CHECKING:
     from shipnet.design.comparison import Comparison
     from shipnet.design.costs import Rng
     from shipnet.design.designs import Design
     from shipnet.design.rules import RuleSet
-    from shipnet.design.settings import Given, Settings
-    from shipnet.design.site import Found, Site, Trays, Where
 
 
 @checked
@@ -73,18 +71,11 @@ class IoList(PointTable):
         count = check_whole("lines", lines, 1, 10**9)
         return Saving(hardwired_conductors(self.counts), ASI_PAIR * count)
 
-    def find_cabinet(self) -> Found:
-        """Return the position of the cabinet, inferred from the lengths of home runs."""
-        from shipnet.design.site import find_cabinet
-
-        return find_cabinet(self)
-
     def plan(
         self,
         option: str,
         cabinet: Where = None,
         *,
-        trays: Trays | str | PathLike[str] | None = None,
         settings: Given = None,
         mix: Mapping[str, str] | None = None,
         name: str | None = None,
@@ -92,19 +83,16 @@ class IoList(PointTable):
     ) -> Design:
         """Connect all points by one of `OPTIONS`.
 
-        `cabinet` is a position (x, y, z) [m], also as text, the name of a cabinet in the trays, or
-        None to infer it from the list's lengths. `trays` are the trays that cables follow, or a
-        file of them; `settings` are values by name. `mix` connects some points by another option,
+        `cabinet` is a position (x, y, z) [m], also as text, or None to infer it from the list's
+        lengths; `settings` are values by name. `mix` connects some points by another option,
         by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. `rules`, as in
         `compare`, limit the responses as far as a plan can meet them.
         """
         from shipnet.design.planning import plan
         from shipnet.design.rules import RuleSet
-        from shipnet.design.settings import Settings
-        from shipnet.design.site import site_of
 
         values, asked = Settings.of(settings), None if rules is None else RuleSet.of(rules)
-        site, _ = site_of(self, cabinet, trays, values)
+        site, _ = site_of(self, cabinet, values)
         return plan(self, site, option, settings=values, mix=mix, name=name, rules=asked)
 
     def compare(
@@ -112,7 +100,6 @@ class IoList(PointTable):
         cabinet: Where = None,
         options: Sequence[str] | None = None,
         *,
-        trays: Trays | str | PathLike[str] | None = None,
         settings: Given = None,
         mix: Mapping[str, str] | None = None,
         rules: RuleSet | str | PathLike[str] = "DNV",
@@ -127,15 +114,13 @@ class IoList(PointTable):
         their ranges. `progress` is called after each plan; by default a terminal shows a bar after
         2 s.
         """
-        from shipnet.design.comparison import CRITERIA, compared
+        from shipnet.design.comparison import compared
         from shipnet.design.planning import OPTIONS, plan
         from shipnet.design.rules import RuleSet
-        from shipnet.design.settings import Settings
-        from shipnet.design.site import site_of
         from shipnet.parallel import teller
 
         values, rules = Settings.of(settings), RuleSet.of(rules)
-        site, said = site_of(self, cabinet, trays, values)
+        site, said = site_of(self, cabinet, values)
         ways = OPTIONS if options is None else options
         each = [(option, None) for option in ways] + [("home runs", mix)] * bool(mix)
         tell = teller(progress)
@@ -143,7 +128,7 @@ class IoList(PointTable):
         for option, choose in each:
             designs.append(plan(self, site, option, settings=values, mix=choose, rules=rules))
             tell(len(designs), len(each))
-        return compared(designs, rules, CRITERIA, check_rng(rng), (said,) if said else ())
+        return compared(designs, rules, check_rng(rng), (said,) if said else ())
 
     def study(
         self,
@@ -151,7 +136,6 @@ class IoList(PointTable):
         cabinet: Where = None,
         options: Sequence[str] | None = None,
         *,
-        trays: Trays | str | PathLike[str] | None = None,
         settings: Given = None,
         rules: RuleSet | str | PathLike[str] = "DNV",
         client: Any = None,
@@ -165,12 +149,10 @@ class IoList(PointTable):
         `folder` and `progress` are those of `shipnet.compute`.
         """
         from shipnet.design.rules import RuleSet
-        from shipnet.design.settings import Settings
-        from shipnet.design.site import site_of
         from shipnet.parallel import compute, points_of
 
         points, start = points_of(grid), Settings.of(settings)
-        site, _ = site_of(self, cabinet, trays, start)
+        site, _ = site_of(self, cabinet, start)
         start = start.replace({"detour": site.detour, "tails": site.tails})
         if faults := {fault for point in points for fault in start.tried(point)[1]}:
             raise ArgumentError("; ".join(sorted(faults)))
@@ -263,6 +245,4 @@ def read_iolist(
     >>> read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     <IoList: 353 points (176 AI, 129 DI, 48 DO)>
     """
-    from shipnet.design.settings import Settings
-
     return IoList.read(path, sheet, reading=Settings.of(settings).reading, strict=strict)

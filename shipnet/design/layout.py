@@ -1,37 +1,167 @@
-"""The tables of a design: devices, the cables between them, segments, and their checks."""
+"""The cabinet of a design, the lengths of cables on board, and the tables of a design."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from shipnet.arrays import Floats
 from shipnet.design.points import PointTable
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
+from shipnet.fields import number, record
 from shipnet.lazy import pd
 
-#: What a point can be connected by; "" if it fits nowhere.
-BUSES = ("hardwired", "AS-i", "CAN", "Modbus RTU", "")
+#: A position on board [m]: x forward, y to port, z up, from the origin of the list.
+Place = tuple[float, float, float]
 
-#: Kinds of devices. An auxiliary supply feeds the outputs of an AS-i line; the line itself feeds
-#: its modules.
-DEVICE_KINDS = (
-    "cabinet", "box", "module", "station", "master", "gateway", "repeater", "supply",
-    "auxiliary supply", "terminator",
-)  # fmt: skip
 
-#: Kinds of cables: from a device to a point, between devices of a segment, from the cabinet to a
-#: point, and from a supply to its segment or to a gateway.
-RUN_KINDS = ("drop", "trunk", "home run", "feeder")
+@record(eq=False)
+class Site:
+    """The position of the cabinet, and the allowances for cables."""
 
-#: Lines of a trunk: a single one, and the two of a redundant pair.
-LINES = ("", "A", "B")
+    cabinet: Place
+    detour: float = number(1, 10, "", "Laid length per route", default=1.15)
+    tails: float = number(0, 1000, "m", "Both ends of a cable together", default=5.0)
+
+    def __post_init__(self) -> None:
+        cabinet = _places("cabinet", self.cabinet)
+        if cabinet.ndim != 1 or np.isnan(cabinet).any():
+            raise ArgumentError(f"cabinet is {self.cabinet!r}; it must be three finite numbers")
+        object.__setattr__(self, "cabinet", tuple(cabinet.tolist()))
+
+    def length(self, route: ArrayLike) -> Floats:
+        """Return the length of cable to lay for a route [m]."""
+        return self.detour * np.asarray(route, dtype=float) + self.tails
+
+    def route(self, a: ArrayLike, b: ArrayLike) -> Floats:
+        """Return the lengths of routes between positions, parallel to the ship's axes [m]."""
+        return np.asarray(np.abs(_places("a", a) - _places("b", b)).sum(axis=-1))
+
+
+def _places(name: str, given: ArrayLike) -> Floats:
+    """Return positions as an array (..., 3), or raise."""
+    try:
+        places = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        places = np.zeros(0)
+    if places.shape[-1:] != (3,):
+        raise ArgumentError(f"{name} is {given!r}; it must be an array of shape (..., 3)")
+    if np.isinf(places).any():
+        raise ArgumentError(f"{name} holds an infinite coordinate; it must be finite, or NaN")
+    return places
+
+
+# The position of the cabinet, inferred from the lengths of home runs -----------------------------
+
+#: Fewest points with position and length: three coordinates and one to check them.
+_FEWEST = 4
+
+#: Positions per axis in the first search and in finer ones, and how many each search keeps.
+_FIRST, _NEXT, _KEPT = 15, 5, 25
+
+#: Reach of the last search, and how far a length may be rounded [m].
+_CLOSE, _ROUNDED = 0.02, 0.2
+
+
+#: A position [m], also as text, or None to infer it from the list's lengths.
+Where: TypeAlias = "tuple[float, float, float] | Sequence[float] | str | Site | None"
+
+
+class Found(NamedTuple):
+    """The position of a cabinet, inferred from the lengths of cables."""
+
+    place: tuple[float, float, float]
+    misfit: float
+    points: int
+    settled: bool
+
+    def __str__(self) -> str:
+        x, y, z = self.place
+        said = (
+            f"the cabinet is assumed at {x:g}, {y:g}, {z:g} m, from the cable lengths of "
+            f"{self.points} points, half of which it fits within {max(self.misfit, 0.1):.1f} m"
+        )
+        return said if self.settled else f"{said}; other positions fit as well: give the right one"
+
+
+def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0) -> Found:
+    """Infer the position of the cabinet from home runs of known length."""
+    from scipy.spatial.distance import cdist  # slow to load, and only this needs it
+
+    length = iolist.points["home_run_m"].to_numpy(float)
+    known = np.isfinite(length) & iolist.located
+    if known.sum() < _FEWEST:
+        raise ArgumentError(
+            f"{known.sum()} points of {iolist.source} have a position and a length to the cabinet; "
+            f"{_FEWEST} are needed to find the cabinet"
+        )
+    places, wanted = iolist.places[known], length[known]
+
+    def off(cabinets: Floats) -> Floats:
+        return np.asarray(np.abs(detour * cdist(cabinets, places, "cityblock") + tails - wanted))
+
+    # There are many local minima: search the whole ship, then ever closer around the best.
+    centres = places.mean(axis=0, keepdims=True)
+    reach, count = float(np.ptp(places, axis=0).max()) / 2 + 1.0, _FIRST
+    while reach > _CLOSE:
+        steps = np.stack(np.meshgrid(*3 * [np.linspace(-reach, reach, count)]), axis=-1)
+        tried = (centres[:, None] + steps.reshape(-1, 3)).reshape(-1, 3)
+        scale = max(reach / count, _ROUNDED)
+        loss = np.log1p((off(tried) / scale) ** 2).sum(axis=-1)
+        centres = tried[loss.argsort(kind="stable")[:_KEPT]]
+        reach, count = reach * (2 / count), _NEXT
+    x, y, z = (round(float(value), 1) + 0.0 for value in centres[0])
+    place = np.array([x, y, z])
+    misfits = off(place[None])[0]
+    # Points on both sides of the cabinet fix its coordinate.
+    side = places[misfits <= max(float(np.median(misfits)), _ROUNDED)] - place
+    held = ((side < -_ROUNDED).any(axis=0)) & ((side > _ROUNDED).any(axis=0))
+    flat = np.ptp(places, axis=0) < _ROUNDED
+    settled = bool((~held).sum() <= 1 and not (flat & ~held).any())
+    return Found((x, y, z), float(np.median(misfits)), int(known.sum()), settled)
+
+
+def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Site, str]:
+    """Return the site of a list, and a remark if the cabinet's position was inferred."""
+    if isinstance(cabinet, Site):
+        return cabinet, ""
+    place, said = cabinet, ""
+    if isinstance(cabinet, str):
+        place = _typed(cabinet)
+    elif cabinet is None:
+        place, said = (0.0, 0.0, 0.0), "every length to the cabinet is given by the list"
+        if lost := int(iolist.points["home_run_m"].isna().sum()):
+            said = f"{lost} of {len(iolist)} points have neither a place nor a length"
+        if iolist.located.any() or np.isfinite(iolist.box_places).any():
+            try:
+                found = find_cabinet(iolist)
+            except ArgumentError as mistake:
+                raise ArgumentError(
+                    f"cabinet is not given, and {mistake}; give its position x, y, z in m, such "
+                    "as 26,6,14"
+                ) from None
+            place, said = found.place, str(found)
+    return Site(place, settings.detour, settings.tails), said  # type: ignore[arg-type]
+
+
+def _typed(cabinet: str) -> Place:
+    """Return a position that is given as text."""
+    try:
+        x, y, z = map(float, cabinet.replace(";", ",").split(","))
+        return Site((x, y, z)).cabinet
+    except ValueError:
+        raise ArgumentError(
+            f"cabinet is {cabinet!r}; it must be three numbers x, y, z in m, such as 26,6,14"
+        ) from None
+
+
+# The tables of a design: devices, the cables between them, segments, and reasons --------------
 
 #: The columns of each table with their types; a segment may have more.
 COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
@@ -47,7 +177,7 @@ COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         "cables": {
             "run": "str", "cable": "str", "a": "str", "b": "str", "segment": "str", "kind": "str",
             "route_m": "float", "length_m": "float", "used": "int", "conductors": "int",
-            "at_cabinet": "bool", "line": "str", "way": "object",
+            "at_cabinet": "bool", "line": "str",
         },
         "segments": {
             "segment": "str", "bus": "str", "points": "int", "devices": "int", "length_m": "float",
@@ -62,27 +192,17 @@ COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
 )  # fmt: skip
 
 
-_DTYPES = {"float": float, "int": np.int64, "bool": bool}
+_DTYPES: Mapping[str, Any] = {"float": float, "int": np.int64, "bool": bool}
 
 
 def frame(table: str, rows: Any = ()) -> pd.DataFrame:
     """Return a table of a design with its columns in order and of their types."""
-    types = COLUMNS[table]
+    types = {column: _DTYPES.get(kind, object) for column, kind in COLUMNS[table].items()}
     if not isinstance(rows, pd.DataFrame | Mapping):
         rows = list(rows)
     made = pd.DataFrame(rows) if len(rows) else pd.DataFrame(columns=list(types))
-    if missing := [column for column in types if column not in made.columns]:
-        raise ArgumentError(f"{table} has no column {' and no column '.join(missing)}")
-    made = made[[*types, *made.columns.difference(list(types), sort=False)]].reset_index(drop=True)
-    for (column, kind), found in zip(types.items(), made.dtypes, strict=False):
-        dtype = np.dtype(_DTYPES.get(kind, object))
-        if found == dtype:
-            continue
-        try:
-            made[column] = made[column].astype(dtype)
-        except (TypeError, ValueError) as error:
-            raise ArgumentError(f"column {column} of {table} is not all {kind}: {error}") from None
-    return made
+    more = made.columns.difference(list(types), sort=False)
+    return made[[*types, *more]].reset_index(drop=True).astype(types)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +225,6 @@ class Layout:
         if "at" not in self.devices.columns:
             inside = self.devices["kind"].isin(["master", "gateway"])
             self.devices["at"] = inside.map({True: self.cabinet, False: ""})
-        faults = list(_faults(self))
-        if faults:
-            more = f"; and {len(faults) - 10} more" if len(faults) > 10 else ""
-            raise ArgumentError(f"design {self.name!r}: {'; '.join(faults[:10])}{more}")
 
     def __repr__(self) -> str:
         fit, length = int(self.points["fits"].sum()), self.cables["length_m"].sum()
@@ -132,43 +248,3 @@ class Layout:
         """Name of the cabinet among the devices, or "" if there is none."""
         names = self.devices.loc[self.devices["kind"] == "cabinet", "device"]
         return str(names.iloc[0]) if len(names) else ""
-
-
-def _faults(design: Layout) -> Iterator[str]:
-    points, devices, runs = design.points, design.devices, design.cables
-    if points["tag"].tolist() != design.iolist.points["tag"].tolist():
-        yield "the tags of points differ from those of the list, or are in another order"
-    if (devices["kind"] == "cabinet").sum() != 1:
-        yield f"there are {(devices['kind'] == 'cabinet').sum()} cabinets; it must be one"
-    names = set(devices["device"])
-    for what, column in (
-        ("device", devices["device"]),
-        ("run", runs["run"]),
-        ("segment", design.segments["segment"]),
-    ):
-        yield from (f"{what} {name!r} appears twice" for name in column[column.duplicated()])
-    to_point = runs["kind"].isin(["drop", "home run"])
-    segments = {"", *design.segments["segment"]}
-    for what, values, known in (
-        ("bus", points["bus"], set(BUSES)),
-        ("device of a point", points["device"], {"", *names}),
-        ("segment of a point", points["segment"], segments),
-        ("kind of device", devices["kind"], set(DEVICE_KINDS)),
-        ("housing of a device", devices["at"], {"", *names}),
-        ("segment of a device", devices["segment"], segments),
-        ("kind of run", runs["kind"], set(RUN_KINDS)),
-        ("line of a run", runs["line"], set(LINES)),
-        ("segment of a run", runs["segment"], segments),
-        ("end of a run", runs["a"], names),
-        ("end of a run", runs.loc[~to_point, "b"], names),
-        ("point of a run", runs.loc[to_point, "b"], set(points["tag"])),
-    ):
-        unknown = dict.fromkeys(value for value in values if value not in known)
-        yield from (f"there is no {what} {value!r}" for value in unknown)
-    for run, length, used, conductors in zip(
-        runs["run"], runs["length_m"], runs["used"], runs["conductors"], strict=True
-    ):
-        if not 0 <= length < inf:
-            yield f"length of {run} is {length} m; it must be 0 or more"
-        if not 0 <= used <= conductors:
-            yield f"{run} uses {used} of {conductors} conductors"

@@ -45,7 +45,7 @@ from shipnet.line.network import CableRun
 
 # Modules: the points of each, its position, and its response times ------------------------------
 
-#: Profile of analogue modules, which take an address of their own.
+#: Profile of analogue modules, which need an address of their own.
 _ANALOGUE = "S-7.3"
 
 #: Profiles of digital modules, by whether they have outputs and whether they may share their
@@ -227,7 +227,7 @@ class _Segment:
 
 
 def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn:
-    """Lead the cable of a line from the master past all modules."""
+    """Route the cable of a line from the master past all modules."""
     edges = tree(ways) if limits.tree else list(pairwise(chain(ways)))
     ends, behind = {0: ("0", _Segment(0))}, dict[int, tuple[str, _Segment]]()
     reach = {0: 0.0}
@@ -448,7 +448,7 @@ def plan_asi(draft: Draft, rows: Indices) -> None:
 
 
 class _Laying:
-    """A line that goes into a draft, with the names and places of its nodes."""
+    """A line to add to a draft, with the names and places of its nodes."""
 
     def __init__(self, draft: Draft, segment: str, line: Line) -> None:
         assert line.plan is not None
@@ -458,7 +458,7 @@ class _Laying:
         self.where = {str(place): spot for place, spot in enumerate(self.spots)}
 
     def lay(self) -> None:
-        """Put down the devices and cables of the line, and connect its points."""
+        """Add the devices and cables of the line, and connect its points."""
         draft, segment, names = self.draft, self.segment, self.names
         limits = draft.settings.asi
         names["0"] = self.device("master", draft.middle, draft.cabinet)
@@ -487,16 +487,16 @@ class _Laying:
         self.connect()
 
     def device(self, kind: str, place: Place, at: str) -> str:
-        """Put down a device, and return its name."""
+        """Add a device, and return its name."""
         return self.draft.device(f"{self.segment} {kind}", kind, self.segment, place, at)
 
     def feed(self, begin: str, end: str, laid: Laid) -> None:
-        """Put down a feeder."""
+        """Add a feeder."""
         feeder = cables()[self.draft.settings.feeder]
         self.draft.run("feeder", (begin, end), laid, feeder, PAIR, self.segment)
 
     def lay_repeaters(self) -> None:
-        """Put down repeaters beside the master or a module, or between them on a long cable."""
+        """Add repeaters beside the master or a module, or between them on a long cable."""
         names, where, drawn = self.names, self.where, self.line.drawn
         done = dict.fromkeys({piece.edge for piece in drawn.pieces}, 0.0)
         ends: dict[str, Place] = {}
@@ -514,7 +514,7 @@ class _Laying:
                 names[into], where[into] = names[out], place
 
     def powered(self) -> set[int]:
-        """Return the modules with outputs and those on the way to them, by number."""
+        """Return the numbers of the modules with outputs and of those on the route to them."""
         before = {far: near for near, far in (piece.edge for piece in self.line.drawn.pieces)}
         powered: set[int] = set()
         for place, module in enumerate(self.line.modules, 1):
@@ -524,7 +524,7 @@ class _Laying:
         return powered
 
     def connect(self) -> None:
-        """Connect the points, and put down the segment."""
+        """Connect the points, and add the segment."""
         draft, segment, line = self.draft, self.segment, self.line
         for module, slave, response in zip(line.modules, line.slaves, line.responses, strict=True):
             device = self.names[slave.node]

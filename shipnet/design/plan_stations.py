@@ -1,4 +1,4 @@
-"""Points on CAN and on Modbus RTU: stations in their boxes, and trunks that serve them in time."""
+"""Points on CAN and Modbus RTU: stations in boxes, and trunks that meet their update times."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def _served(
     most: str,
     alone: Callable[[Box, float], tuple[Floats, str]],
 ) -> list[Box]:
-    """Return boxes with the points that a trunk of their own would serve; refuse the others.
+    """Return boxes with the points that a separate trunk would serve; refuse the others.
 
-    `alone` returns the update time or response [s] of each point of a box at the end of a trunk of
-    its own, and words for them.
+    `alone` returns the update time or response [s] of each point of a box at the end of a separate
+    trunk, and a phrase for the reason.
     """
     found = []
     for box in boxes(draft, rows):
@@ -149,7 +149,7 @@ def plan_can(draft: Draft, rows: Indices) -> None:
 
 
 def bit_rate_for(length: float, bit_rates: Sequence[int]) -> int | None:
-    """Return the highest bit rate that a trunk is short enough for."""
+    """Return the highest bit rate that the length of a trunk allows, or None."""
     return max((rate for rate in bit_rates if longest_bus(rate) >= length), default=None)
 
 
@@ -192,10 +192,8 @@ _STATES, _READ, _WRITE = 16, 125, 123
 
 
 class Registers(NamedTuple):
-    """The registers of a station: counts, address of each point, requests of a scan."""
+    """The registers of a station: the address of each point, and the requests of a scan."""
 
-    inputs: int
-    outputs: int
     addresses: list[str]
     requests: list[Request]
 
@@ -284,7 +282,7 @@ def registers_of(types: Sequence[str]) -> Registers:
         Request.write_multiple_registers(start, (0,) * min(_WRITE, outputs - start))
         for start in range(0, outputs, _WRITE)
     ]
-    return Registers(inputs, outputs, addresses.tolist(), requests)
+    return Registers(addresses.tolist(), requests)
 
 
 def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[int] | None:
@@ -294,7 +292,7 @@ def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[i
     for place, hop in enumerate(hops):
         if hop > length:
             return None
-        # Room for a repeater is kept unless this is the last station.
+        # Leave room for a repeater unless this is the last station.
         last = place == len(hops) - 1
         if laid + hop > length or loads + 1 > unit_loads - (not last):
             found.append(place - 1)
@@ -327,7 +325,7 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
 
 
 def _longest_section(limits: ModbusLimits, bit_rate: int) -> float:
-    """Return the longest cable between ends or repeaters [m]; fast signals do not reach as far."""
+    """Return the longest cable between ends or repeaters [m], less at a high bit rate."""
     return min(limits.length, INTERFACES["RS-485"].product / bit_rate)
 
 

@@ -13,20 +13,20 @@ from shipnet.arrays import Floats, Indices
 from shipnet.design.catalogue import cables, smallest, with_spare
 from shipnet.design.designs import Design
 from shipnet.design.drafting import Box, Draft, Laid, boxes, without_place
+from shipnet.design.layout import Site
 from shipnet.design.plan_asi import plan_asi
 from shipnet.design.plan_stations import plan_can, plan_modbus
 from shipnet.design.points import PointTable
 from shipnet.design.rules import RuleSet, longest_responses
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_choice
 
-# Each point on its own wires, to the cabinet or to a box with a cable of many pairs ------------
+# Each point on its own wires, to the cabinet or to a box with a multi-pair cable -----------------
 
 
 def plan_home_runs(draft: Draft, rows: Indices) -> None:
-    """Give each point a cable of its own to the cabinet."""
+    """Connect each point to the cabinet by a cable of its own."""
     given = draft.given_lengths("home_run_m")
     known = np.isfinite(given) | draft.iolist.located
     without_place(draft, rows[~known[rows]])
@@ -39,7 +39,7 @@ def plan_home_runs(draft: Draft, rows: Indices) -> None:
 
 
 def plan_boxes(draft: Draft, rows: Indices) -> None:
-    """Bring points to junction boxes, and each box to the cabinet with a cable of many pairs."""
+    """Connect points to junction boxes, and each box to the cabinet by multi-pair cables."""
     for box in boxes(draft, rows):
         name = draft.device(box.name, "box", "", box.place)
         for row, length in zip(box.rows, box.lengths, strict=True):
@@ -73,7 +73,7 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
 
 
 def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
-    """Return conductors in use and pairs of a trunk, with one common return per signal."""
+    """Return the conductors in use and the pairs of a trunk with one common return per signal."""
     signals, common = draft.iolist.points["signal"].to_numpy(object)[rows], draft.common[rows]
     own, alone = draft.wires[rows] - common, common == 0
     returns = sum(dict(zip(signals, common.tolist(), strict=True)).values())

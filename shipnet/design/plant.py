@@ -15,9 +15,8 @@ from shipnet.arguments import checked
 from shipnet.design.costs import Rng, conductors_at_cabinet, draw, quantities
 from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
-from shipnet.design.layout import COLUMNS, frame
+from shipnet.design.layout import COLUMNS, Site, frame
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.fields import check_whole, choice, number, record, whole
 from shipnet.signals import ASI_PAIR, SIGNALS
 from shipnet.signals import Saving as Saving
@@ -31,7 +30,7 @@ _SEGMENT = 100.0
 #: The cabinet, from which distances count.
 _SITE = Site((0.0, 0.0, 0.0))
 
-#: What "wiring cost" may mean, and the figures that it then adds up.
+#: What "wiring cost" may mean, and the figures that it then includes.
 COUNTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "cable": ("cable_cost_eur",),
@@ -76,8 +75,8 @@ def lines_needed(slaves: int, *, slaves_per_line: int = 62) -> int:
 class Plant:
     """A small plant from counts: modules with contacts, in a row along each of several lines.
 
-    It is laid out twice, with a cable to every contact and on AS-i, so that what a paper or an
-    offer says of a saving can be computed. Nothing in it is spare.
+    It is laid out twice, with a cable to every contact and on AS-i, to compute the saving that a
+    paper or an offer claims. It has no spares.
 
     Examples
     --------
@@ -108,7 +107,7 @@ class Plant:
         return Saving(conductors_at_cabinet(self.hardwired), conductors_at_cabinet(self.on_asi))
 
     def cost_saving(self, *, rng: Rng = None, draws: int = 10_000) -> pd.DataFrame:
-        """Return which part of the wiring cost AS-i saves, for each reading of wiring cost."""
+        """Return the share of the wiring cost that AS-i saves, for each meaning of wiring cost."""
         options = {"hardwired": self.hardwired, "AS-i": self.on_asi}
         sample = draw(options, rng=rng, draws=draws)
         nominal = {name: quantities(one).table()["nominal"] for name, one in options.items()}
@@ -233,7 +232,6 @@ class Plant:
         table["length_m"] = _SITE.length(table["route_m"].to_numpy(dtype=float))
         table["conductors"] = table["used"]
         table["run"] = [f"{kind} {a} - {b}" for a, b in zip(table["a"], table["b"], strict=True)]
-        table["way"] = pd.Series([()] * len(table), dtype=object)
         return table
 
     def _made(self, name: str, **tables: Any) -> Design:

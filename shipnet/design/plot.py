@@ -1,4 +1,4 @@
-"""Drawings of plain tables: points with their wires, ranges, two figures against each other."""
+"""Drawings of tables: points with their wires, ranges, and two figures against each other."""
 
 from __future__ import annotations
 
@@ -174,19 +174,12 @@ def _labels(table: pd.DataFrame) -> Iterator[tuple[str, tuple[float, float], boo
         yield names, (at[first, 0], at[first, 1]), bool(shown[first, 0] > 0.6), below
 
 
-def draw_cables(
-    ax: Axes,
-    a: npt.ArrayLike,
-    b: npt.ArrayLike,
-    colour: str,
-    label: str | None = None,
-    width: float = 1.2,
-) -> None:
-    """Draw straight lines from the places `a` to the places `b`, shape (n, 2)."""
+def draw_cables(ax: Axes, ends: npt.ArrayLike, colour: str, label: str) -> None:
+    """Draw straight lines between pairs of places, shape (n, 2, 2)."""
     from matplotlib.collections import LineCollection
 
-    lines = list(np.stack([a, b], axis=1))
-    ax.add_collection(LineCollection(lines, colors=colour, linewidths=width, label=label))
+    lines = list(np.asarray(ends, dtype=float))
+    ax.add_collection(LineCollection(lines, colors=colour, linewidths=1.2, label=label))
 
 
 def svg(draw: Callable[[Axes], object], *, width: float = 6.4, height: float = 3.2) -> str:

@@ -45,7 +45,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "update_ms": (0.0, 3.6e6),
 }
 
-#: Marks of points that will not be built, and of tags not in use yet.
+#: Marks of points that will not be built, and of spare tags.
 _MARK = r"\W*(?:deleted?|cancell?ed|void|not used|spare|삭제|예비)"
 _MARKED = re.compile(rf"{_MARK}\W*", re.IGNORECASE)
 _MARKED_TAG = re.compile(rf"{_MARK}\b.*", re.IGNORECASE)
@@ -202,7 +202,7 @@ class Cells:
         numbers = (cell(name) for name in (*RANGES, "conductors"))
         if meant[what] or any(map(_holds_number, numbers)) or is_frame(cell("frame")):
             return ""
-        # A row with only a tag may be a point for which all else was forgotten.
+        # A row with only a tag may be a point whose other cells were forgotten.
         return "" if re.search(r"[0-9]", tag) and not re.search(r"\s", tag) else _TEXT
 
     def _check_width(self, rows: Sequence[tuple[int, list[str]]]) -> None:
@@ -230,7 +230,7 @@ class Cells:
         self.remarks.append(Remark(said, filled, doubt=True))
 
     def __getitem__(self, name: str) -> list[str]:
-        """Return the cells of a column, which are empty if the list has no such column."""
+        """Return the cells of a column, all empty if the list has no such column."""
         places = self.places.get(name)
         return self.column(places[0]) if places else [""] * len(self.rows)
 
@@ -264,13 +264,13 @@ class Cells:
             self.fault(row, name, f", column {self.title(name)}: {cell}; expected {expected}")
 
     def doubt(self, what: str, rows: Bools) -> None:
-        """Remark on points with a doubt."""
+        """Add a remark on doubtful points."""
         if rows.any():
             numbers = tuple(self.rows[row] for row in np.flatnonzero(rows).tolist())
             self.remarks.append(Remark(what, numbers, doubt=True))
 
     def odd(self, row: int, name: str) -> str:
-        """Return what a cell is if neither text nor a number, or ""."""
+        """Return what a cell is if it is neither text nor a number, or ""."""
         places = self.places.get(name, [-1])
         return self.sheet.odd.get((self.rows[row], places[0]), "")
 
@@ -284,7 +284,7 @@ class Cells:
             raise InputError(self._source, *faults)
 
 
-#: Reasons to leave out rows that nobody expects to be points.
+#: Reasons to leave out a row that is clearly not a point.
 _REPEATED, _TEXT = "titles again", "no point: a subtitle, a page header or footer, or a note"
 
 
@@ -319,7 +319,7 @@ def _cleaned(cells: Sequence[str]) -> list[str]:
 # The numbers of an I/O list: positions of points and boxes, lengths of cables, update times ------
 
 #: How far a cable may fall short of the straight distance, as both are rounded [m].
-_ROUNDED = 0.2
+ROUNDED = 0.2
 
 
 def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, Floats]:
@@ -408,7 +408,7 @@ def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, Floats])
         numbers[name] = np.where(fill, places[same, axis], numbers[name])
     away = [numbers[own] - numbers[box] for own, box in zip(_POSITION, _BOX, strict=True)]
     straight = np.sqrt(np.square(away).sum(axis=0))
-    short = numbers["to_box_m"] < straight - _ROUNDED
+    short = numbers["to_box_m"] < straight - ROUNDED
     cells.doubt("the cable to the box is shorter than the straight distance, but kept", short)
 
 
@@ -466,7 +466,7 @@ def _text(cells: Cells, name: str) -> list[str]:
 
 
 def _notes(cells: Cells) -> list[str]:
-    """Return the printable text of each point's remarks, from all columns of remarks."""
+    """Return the printable text of each point's notes, from all columns of notes."""
     columns = [_cleaned(cells.column(place)) for place in cells.places.get("note", [])]
     if not columns:
         return [""] * len(cells.rows)
@@ -531,7 +531,7 @@ def _input_of(word: str) -> str:
 
 
 def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tuple[str, str]]]:
-    """Return the signal that a point names, or that of its type, and the faults by column."""
+    """Return a point's signal, given or inferred from its type, and the faults by column."""
     whole = re.fullmatch(r"([0-9]{1,4})([.,]0+)?", widened(count))
     conductors = int(whole[1]) if whole else None
     faults = []
@@ -569,7 +569,7 @@ _WHAT = "titles of an I/O list, which are at least tag, and signal or type"
 @checked
 @dataclass(frozen=True, eq=False)
 class PointTable:
-    """The points of a list, one per row; `IoList` adds what is done with them."""
+    """The points of a list, one per row; `IoList` adds plans, comparisons and figures."""
 
     points: pd.DataFrame
     source: str
@@ -626,7 +626,7 @@ class PointTable:
         return tuple(str(note) for note in self.notes if not note.detail)
 
     def reading(self) -> pd.DataFrame:
-        """Return how the list was read: what, how many rows, which, and whether it is a doubt."""
+        """Return how the list was read: what, how many rows, which, and whether in doubt."""
         rows = []
         for note in self.notes:
             which = listed(note.rows, None)[1:].lstrip() if note.rows else ""

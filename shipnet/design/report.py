@@ -13,7 +13,7 @@ import pandas as pd
 
 from shipnet import __version__
 from shipnet.design.catalogue import LEVELS
-from shipnet.design.costs import EXCLUDED, Quantities, counted, label, number, ranges_of
+from shipnet.design.costs import EXCLUDED, WEIGHED, Quantities, counted, label, number, ranges_of
 from shipnet.design.designs import Design
 from shipnet.design.drawing import sheets
 from shipnet.design.failures import FAILURES
@@ -113,7 +113,6 @@ _FILES = "The tables that `--tables FOLDER` writes have"
 _FAILURE_WORDS = {
     "cut": "one cable cut",
     "short": "one pair of a bus or a supply shorted",
-    "tray": "one tray lost",
     "device": "one device dead (except the cabinet)",
 }
 
@@ -147,9 +146,9 @@ def _failures(designs: Mapping[str, Design]) -> str:
     return section(
         "What one failure costs",
         text(
-            "Every cable, every pair of a bus or of its supply, every tray and every device fails "
-            "alone. A point is lost when no path leads from it to the cabinet, or its station has "
-            "no supply. Reflections at an open end, and parts in the cabinet, are not considered."
+            "Every cable, every pair of a bus or of its supply, and every device fails alone. A "
+            "point is lost if no path leads from it to the cabinet, or if its station has no "
+            "supply. Reflections at an open end, and parts in the cabinet, are not considered."
         ),
         table(
             ["option", "failure", "cases", "that cost a point", "worst", "what", "systems"], rows,
@@ -214,7 +213,7 @@ def _figures(quantities: Mapping[str, Quantities], likely: pd.DataFrame) -> str:
             for cable, row in takes.by_cable.iterrows()
         ]  # fmt: skip
         parts.append(table(["cable", "runs", "m", "kg", "EUR"], cables, numbers=range(1, 5)))
-    return section("What each option takes", *parts)
+    return section("Quantities of each option", *parts)
 
 
 def _assumptions(quantities: Mapping[str, Quantities]) -> str:
@@ -228,9 +227,9 @@ def _assumptions(quantities: Mapping[str, Quantities]) -> str:
     ]  # fmt: skip
     head = ["what", "low", "nominal", "high", "unit", "status", "source"]
     return section(
-        "What was assumed",
+        "Assumptions",
         table(head, rows, numbers=[1, 2, 3], caption="Every price, mass, hour and factor in use."),
-        text("What no figure holds", tag="h3"),
+        text("Not included in any figure", tag="h3"),
         bullets(EXCLUDED),
     )
 
@@ -278,7 +277,7 @@ def report_html(found: Any, title: str, date: str) -> str:
         text(f"{date + ', ' if date else ''}shipnet {__version__}", "lead"),
         f'<p class="banner">{BANNER} <span>{_BANNER_MORE}</span></p>',
         bullets(found.conclusions()),
-        _side_by_side(found.table(), found.criteria),
+        _side_by_side(found.table()),
         _pictures(found, likely),
         *_numbered(annexes),
     )
@@ -305,15 +304,14 @@ def _drawings(designs: Mapping[str, Design]) -> str:
     return section("Single-line drawings", *drawn)
 
 
-def _side_by_side(compared: pd.DataFrame, criteria: Sequence[str]) -> str:
+def _side_by_side(compared: pd.DataFrame) -> str:
     shown = compared.drop(columns="pareto")
     rows = [[label(str(name)), *(number(value) for value in shown[name])] for name in shown]
     rows.append([label("pareto"), *("yes" if one else "no" for one in compared["pareto"])])
-    weighed = ", ".join(label(name).partition(" [")[0] for name in criteria)
     return table(
         ["", *map(str, shown.index)], rows, numbers=range(1, len(shown) + 1),
         caption="The designs side by side. Pareto-optimal: connects every point, and no other is "
-        f"as good in {weighed} and better in one of them.",
+        f"as good in {WEIGHED} and better in one of them.",
     )  # fmt: skip
 
 
@@ -321,13 +319,11 @@ def _what(found: Any) -> str:
     iolist, site, changes = found.iolist, found.site, found.changes()
     systems = iolist.points["system"].replace("", None).nunique()
     in_systems = f"{systems} system{'s' if systems > 1 else ''}" if systems else "no system"
-    trays = "cables run square to the ship's axes, as no trays are given"
-    if site.trays is not None:
-        trays = "cables run on the trays given"
     cabinet = ", ".join(f"{x:g}" for x in site.cabinet)
     where = (
-        f"Cabinet at {cabinet} m; {trays}. A cable is {site.detour:g} times as long as its route, "
-        f"plus {site.tails:g} m for both ends{_assumed(changes, 'detour', 'tails')}."
+        f"Cabinet at {cabinet} m; cables run parallel to the ship's axes. A cable is "
+        f"{site.detour:g} times as long as its route, plus {site.tails:g} m for both ends"
+        f"{_assumed(changes, 'detour', 'tails')}."
     )
     if not (iolist.located.any() or np.isfinite(iolist.box_places).all(axis=1).any()):
         where = "The list gives no places, so every length is the list's own."

@@ -53,7 +53,7 @@ LEFT_OUT = "unconnected points"
 
 
 class Outcome(NamedTuple):
-    """The value of a measure: of what, why, and whether it covers only a part."""
+    """The value of a measure: its subject, the reason, and whether it covers only some points."""
 
     computed: float
     subject: str = ""
@@ -61,7 +61,7 @@ class Outcome(NamedTuple):
     partial: bool = False
 
 
-#: The points that a rule is for, by name.
+#: The points to which a rule applies, by name.
 APPLIES: Mapping[str, Callable[[pd.DataFrame], pd.Series[bool]]] = {
     "all": lambda points: points["type"] != "",
     "inputs": lambda points: points["type"].isin(["DI", "AI"]),
@@ -229,19 +229,6 @@ def _change_over(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     return Outcome(0.0, "", "two supplies feed at once, so that none has to take over")
 
 
-def _shared(facts: Facts, concerned: Bools, host: bool) -> Outcome:
-    trunk = facts.design.cables[facts.design.cables["kind"] == "trunk"]
-    pairs = trunk[trunk["line"] != ""]
-    if pairs.empty:
-        return Outcome(_NAN, why="no link has two lines")
-    if not pairs["way"].map(len).any():
-        return Outcome(_NAN, why="no trays are given: how the lines run is not known")
-    on = pairs[["segment", "line", "way"]].explode("way").dropna().drop_duplicates()
-    twice = on[on.duplicated(["segment", "way"])]
-    names = ", ".join(dict.fromkeys(twice["way"]))
-    return Outcome(twice["way"].nunique(), names, "trays with both lines of a segment")
-
-
 def _buses(facts: Facts) -> list[str]:
     return sorted(set(facts.links["bus"]))
 
@@ -381,21 +368,18 @@ _LOST_BY_A_SUPPLY = _lost(("device",), ("supply", "auxiliary supply"), "no suppl
 
 #: The measures, by the name that a rule uses.
 MEASURES: Mapping[str, Measure] = {
-    "response": Measure("s", "longest time from a change to the host, and in it", _response),
-    "late points": Measure("points", "points slower than the list wants them", _late),
+    "response": Measure("s", "longest time from a change to the host, and within it", _response),
+    "late points": Measure("points", "points slower than the list requires", _late),
     LEFT_OUT: Measure("points", "points that fit nowhere", _unconnected),
     "points lost by a cable": Measure(
         "points", "lost by the worst cut or short", _lost(("cut", "short"), None, "no cable")
-    ),
-    "points lost by a tray": Measure(
-        "points", "lost by the worst tray", _lost(("tray",), None, "no trays are given")
     ),
     "points lost by a station": Measure(
         "points", "lost by the worst station, module or box",
         _lost(("device",), _PARTS, "no station, module or box"),
     ),
     "points lost by a supply": Measure("points", "lost by the worst supply", _LOST_BY_A_SUPPLY),
-    "supply change-over": Measure("s", "until another supply feeds", _change_over),
+    "supply change-over": Measure("s", "time until another supply feeds", _change_over),
     "switch-over": Measure(
         "s", "longest silence of a point until its second line takes over", _switch_over
     ),
@@ -403,13 +387,16 @@ MEASURES: Mapping[str, Measure] = {
         "points", "lost by the worst device but the cabinet",
         _lost(("device",), None, "no device but the cabinet"),
     ),
-    "systems on one link": Measure("systems", "hit by the worst failure of a link", _systems),
-    "lines of a link": Measure("lines", "lines of the link that has the fewest", _lines),
-    "trays shared by two lines": Measure("trays", "trays that hold both lines of a link", _shared),
+    "systems on one link": Measure(
+        "systems", "systems that the worst failure of a link affects", _systems
+    ),
+    "lines of a link": Measure("lines", "fewest lines of a link", _lines),
     "links without a standard": Measure("links", "buses without an open standard", _standard),
-    "bit errors unseen": Measure("patterns", "wrong bits, one or two, that a CRC misses", _unseen),
+    "bit errors unseen": Measure(
+        "patterns", "patterns of one or two wrong bits that a CRC misses", _unseen
+    ),
     "voltage below nominal": Measure(
-        "%", "most that is lost on the way to a device and its worst point, of the voltage",
+        "%", "largest voltage drop up to a device's worst point, as a share of the voltage",
         _fed(lambda t: 100 * (1 - t["lowest_v"] / t["source_v"])),
     ),
     "voltage with a short": Measure(
@@ -417,15 +404,17 @@ MEASURES: Mapping[str, Measure] = {
         _fed(lambda t: 100 * (1 - t["shorted_v"] / t["source_v"])),
     ),
     "voltage drop": Measure(
-        "V", "most that is lost on the way to a device",
+        "V", "largest voltage drop up to a device",
         _fed(lambda t: t["source_v"] - t["voltage_v"]),
     ),
     "voltage above nominal": Measure(
-        "%", "how much more than 24 V a supply of stations or outputs gives", _supply_voltage
+        "%", "excess over 24 V of a supply of stations or outputs", _supply_voltage
     ),
-    "supply load": Measure("%", "most that a supply gives, of its rating", _supply_load),
+    "supply load": Measure(
+        "%", "largest current of a supply, as a share of its rating", _supply_load
+    ),
     "cable load": Measure(
-        "%", "largest current of a feeder, of what its cable may carry",
+        "%", "largest current of a feeder, as a share of what its cable may carry",
         _fed(lambda t: 100 * t["current_a"] / t["most_a"]),
     ),
     "spur current": Measure("A", "largest current of a point on a link", _spur_current),
@@ -438,17 +427,19 @@ MEASURES: Mapping[str, Measure] = {
         "ohm", "both conductors of a trunk", _runs("trunk", total=True, ohms=True)
     ),
     "trunk resistance by length": Measure(
-        "%", "resistance of a conductor of a CAN trunk, of what makers list for its length",
+        "%", "resistance of a CAN trunk's conductor, as a share of what makers list for its length",
         _resistance_by_length,
     ),
-    "devices of a segment": Measure("devices", "most devices, the master among them", _nodes),
+    "devices of a segment": Measure("devices", "most devices, including the master", _nodes),
     "load units": Measure("units", "units of 50 mA that one supply feeds", _units),
     "load units of a device": Measure(
         "units", "units of 50 mA that one device draws",
         _fed(lambda t: np.ceil(t["load_a"] / LOAD_UNIT - 1e-9)),
     ),
-    "terminators": Measure("terminators", "too many or too few for two a trunk", _terminators),
-    "repeats": Measure("repeats", "how often a message that was lost is sent again", _repeats),
+    "terminators": Measure(
+        "terminators", "terminators too many or too few, at two per trunk", _terminators
+    ),
+    "repeats": Measure("repeats", "how often a lost message is repeated", _repeats),
 }  # fmt: skip
 
 

@@ -52,7 +52,7 @@ class _CableFor(Kind):
 
     @property
     def legal(self) -> str:
-        """The keys."""
+        """The legal keys."""
         own = [name for name, cable in cables().items() if self.bus in cable.buses]
         return f"one of {', '.join(own)}"
 
@@ -66,10 +66,7 @@ class _CableFor(Kind):
 class _BitRates(Kind):
     """One or more bit rates to choose from."""
 
-    @property
-    def legal(self) -> str:
-        """The range of each."""
-        return "one or more whole numbers 1000..1000000"
+    legal = "one or more whole numbers 1000..1000000"
 
     def _check(self, name: str, value: Any, record: Any) -> tuple[int, ...]:
         if not isinstance(value, tuple) or not value:
@@ -81,10 +78,7 @@ class _BitRates(Kind):
 class _Ends(Kind):
     """A price, an hour or a factor with its range."""
 
-    @property
-    def legal(self) -> str:
-        """The form."""
-        return "[low, nominal, high] in this order, or one number; 0 or more and finite"
+    legal = "[low, nominal, high] in this order, or one number; 0 or more and finite"
 
     def _check(self, name: str, value: Any, record: Any) -> Range:
         ends = value if isinstance(value, tuple) else (value,) * 3
@@ -288,8 +282,7 @@ _PARTS: Mapping[str, type[Any]] = MappingProxyType(
 )  # fmt: skip
 
 _HEAD = """\
-# The settings of a comparison. Change what you know better, and delete the lines that you leave as
-# they are.
+# The settings of a comparison. Change the values that you know better, and delete the other lines.
 """
 
 #: Comments in a file of settings in place of an empty table for a list's own words.
@@ -377,11 +370,11 @@ class Settings(_Plain):
 
     @classmethod
     def of(cls, settings: Given) -> Settings:
-        """Return settings from themselves, from values by name, or from nothing."""
+        """Return settings, made from values by name if they are not settings already."""
         return settings if isinstance(settings, Settings) else cls(settings)
 
     def _take(self, values: Mapping[str, object]) -> list[str]:
-        """Replace values, and return what is wrong with those that are not taken."""
+        """Replace the legal values, and return the faults of the others."""
         faults: list[str] = []
         reading = self.reading
         words = {n: v for n, v in values.items() if n in Reading._fields and isinstance(v, Mapping)}
@@ -418,7 +411,7 @@ class Settings(_Plain):
         return made
 
     def tried(self, values: Mapping[str, object]) -> tuple[Settings, list[str]]:
-        """Return settings with the legal values replaced, and the faults of the others."""
+        """Return a copy with the legal values replaced, and the faults of the others."""
         made = copy(self)
         return made, made._take(values)
 
@@ -457,7 +450,7 @@ class Settings(_Plain):
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Settings:
-        """Read a TOML file of settings; values that it does not name are the defaults."""
+        """Read a TOML file of settings; values that it omits have their defaults."""
         return cls.parse(text_of(read_bytes(path)), str(path))
 
     @classmethod
@@ -477,7 +470,7 @@ class Settings(_Plain):
         return settings
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write all values as a file that `read` takes."""
+        """Write all values to a file that `read` can read."""
         Path(path).write_text(self.text(), encoding="utf-8", newline="\n")
 
     def text(self) -> str:
@@ -523,7 +516,7 @@ def _kinds() -> Mapping[str, Kind]:
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of all values: plain ones, those of each bus, the assumptions."""
+    """Return the names of all values."""
     return tuple(_kinds())
 
 

@@ -1,4 +1,4 @@
-"""Voltage and current on every feeder and AS-i line of a design, and what the feeders need.
+"""Voltage and current on every feeder and AS-i line of a design, and the sizes of feeders.
 
 Feeders and lines are a forest that grows from the supplies. Currents are summed from the leaves,
 voltage drops from the supplies, one level of all trees at a time.
@@ -181,7 +181,7 @@ def slave_voltage() -> float:
 def _roots(
     kinds: npt.NDArray[np.object_], beside: Sequence[int], on_asi: Bools, u: Indices, v: Indices
 ) -> dict[int, int]:
-    """Return the supply at each node that one feeds."""
+    """Return the supply of each node that is fed directly."""
     count, reached = len(kinds), {*u.tolist(), *v.tolist()}
     supply: dict[int, int] = {}
     between = []
@@ -260,9 +260,9 @@ class Feeders(NamedTuple):
     cable: Mapping[int, str]
     #: Runs replaced by a supply beside the device at their far end, with its former supply.
     own: Mapping[int, int]
-    #: Supplies that then feed nothing.
+    #: Supplies that then feed no device.
     idle: Collection[int]
-    #: Devices that even a supply beside them does not serve: value, limit and unit.
+    #: Devices that are too weakly fed even by a supply beside them: value, limit and unit.
     weak: Sequence[tuple[str, float, float, str]]
 
 
@@ -320,7 +320,7 @@ def sized(design: Layout) -> Feeders:
 
 
 def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: Indices) -> Floats:
-    """Return the cost of each tree's feeders with a cable, and supplies at some nodes [EUR].
+    """Return the cost of each tree's feeders, with one cable and supplies at some nodes [EUR].
 
     Prices are the nominal ones of the data files, so that a plan does not depend on the settings'
     prices. A supply that moves out of the cabinet costs as much as another: it needs a housing.

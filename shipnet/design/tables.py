@@ -28,12 +28,12 @@ _TO_POINT = ("drop", "home run")
 
 
 def file_name(name: str) -> str:
-    """Return a name that any system allows for a file or folder."""
+    """Return a name for a file or folder that is legal on every system."""
     return re.sub(r"[^\w.,+() -]", "-", name).strip(" .") or "design"
 
 
 def save_files(folder: str | PathLike[str], named: Iterable[tuple[str, bytes]]) -> None:
-    """Write files into a folder and those below it, and make missing folders."""
+    """Write files into a folder and its subfolders, which are created if missing."""
     for name, content in named:
         path = Path(folder, name)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -76,14 +76,13 @@ def schedule(design: Layout) -> pd.DataFrame:
         to_in=[at.get(name, "") for name in runs["b"]],
         description=runs["cable"].map(lambda name: known[name].description),
         tails_m=runs["length_m"] - design.site.detour * runs["route_m"],
-        route=runs["way"].map("; ".join),
     )
     return table[_SCHEDULE]
 
 
 _SCHEDULE = [
     "cable", "from", "from_in", "to", "to_in", "type", "description", "cores", "cores_used",
-    "length_m", "tails_m", "route", "kind", "segment", "line",
+    "length_m", "tails_m", "route_m", "kind", "segment", "line",
 ]  # fmt: skip
 
 
@@ -102,10 +101,10 @@ def devices(design: Layout) -> pd.DataFrame:
 
 
 def points(design: Layout) -> pd.DataFrame:
-    """Return all points of the list with their channels, also those that do not fit."""
+    """Return all points of the list with their channels, including those that do not fit."""
     columns = ["tag", "system", "type", "signal", "x_m", "y_m", "z_m", "update_ms"]
     listed, own = design.iolist.points[columns], design.points.drop(columns="tag")
-    # A hardwired point ends on a card in the cabinet, also if it passes a box.
+    # A hardwired point ends on a card in the cabinet, even if it passes a box.
     reader = own["device"].where(own["bus"] != "hardwired", design.cabinet)
     number = listed.groupby([reader, listed["type"]]).cumcount() + 1
     channel = (listed["type"] + " " + number.astype(str)).where(own["bus"] != "", "")
@@ -209,7 +208,7 @@ def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
 
 
 def _joints(drops: Iterable[tuple[int, str, int]]) -> list[_Joint]:
-    """Return the wires that meet each core of a trunk, from row, signal and wires of each drop."""
+    """Return the wires that meet each core of a trunk, given row, signal and wires of each drop."""
     pairs, shared, returns = list[_Joint](), list[_Joint](), dict[str, list[tuple[int, int]]]()
     for drop, kind, wires in drops:
         common = SIGNALS[kind].common

@@ -13,7 +13,7 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.signals import find_signal, meanings, plain, spellings
 from shipnet.tables import Sheet
 
-#: Columns of a list of points in order, and what they hold: text, or a quantity whose unit ends the
+#: Columns of a list of points in order, and their contents: text, or a quantity whose unit ends the
 #: name. `data/iolist_words.csv` has their titles.
 COLUMNS: Mapping[str, str] = {
     "tag": "text", "system": "text", "type": "text", "signal": "text", "conductors": "whole",
@@ -22,7 +22,7 @@ COLUMNS: Mapping[str, str] = {
     "update_ms": "time", "category": "text", "note": "text", "device": "text", "ex": "text",
 }  # fmt: skip
 
-#: Columns that give a position by frame, deck and side, and what their cells must be.
+#: Columns that give a position by frame, deck and side, and the legal contents of their cells.
 PLACED: Mapping[str, str] = {
     "frame": "a frame within [frames], such as FR 34+200",
     "deck": "one of [decks]",
@@ -38,7 +38,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 
 
 class Reading(NamedTuple):
-    """A list's own words: titles and signals by their spelling, x by frame and z by deck [m]."""
+    """A list's own words: columns and signals by spelling, x by frame and z by deck [m]."""
 
     columns: tuple[tuple[str, str], ...] = ()
     signals: tuple[tuple[str, str], ...] = ()
@@ -46,7 +46,7 @@ class Reading(NamedTuple):
     decks: tuple[tuple[str, float], ...] = ()
 
     def tried(self, table: str, values: Mapping[str, object]) -> tuple[Reading, list[str]]:
-        """Return the words with those of a table added, and the faults of the table."""
+        """Return the words extended by those of a table, and the faults of the table."""
         known, faults = dict(getattr(self, table)), []
         for word, value in values.items():
             try:
@@ -59,7 +59,7 @@ class Reading(NamedTuple):
         return self._replace(**{table: tuple(known.items())}), faults
 
     def with_sheets(self, sheets: Iterable[Sheet]) -> Reading:
-        """Return the words with the tables of frames and decks in a workbook added."""
+        """Return the words extended by the tables of frames and decks in a workbook."""
         found = self
         for sheet in sheets:
             columns = {c.name: (n, c) for n, t in enumerate(sheet.titles) if (c := column_of(t))}
@@ -86,7 +86,7 @@ class Reading(NamedTuple):
         return own.get(plain(word), word)
 
     def place(self, cells: Mapping[str, str]) -> tuple[float, float, float] | str:
-        """Return the position that frame, deck and side mean, or which of them is unknown."""
+        """Return the position given by frame, deck and side, or the name of the unknown one."""
         parts = {name: cell.replace(",", ".") for name, cell in cells.items() if name != "location"}
         # A comma before a digit is a decimal comma.
         several = re.split(r"[;/]|,(?![0-9])", cells.get("location", ""))
@@ -201,7 +201,7 @@ def _titles() -> Mapping[str, str]:
 
 @lru_cache(4096)
 def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | None:
-    """Return the column that a title means, perhaps in two languages."""
+    """Return the column that a title means, also if the title is in two languages."""
     mine = {plain(word): name for word, name in own}
     if plain(title) in mine:
         return Column(mine[plain(title)])
@@ -256,7 +256,7 @@ def widened(cell: str) -> str:
 
 
 def decimal_mark(cells: Iterable[str]) -> str:
-    """Return the decimal mark of a list: a point, a comma, or "" if its numbers do not tell."""
+    """Return the decimal mark of a list: a point, a comma, or "" if its numbers leave it open."""
     marks = set()
     for cell in set(cells):
         found = _CELL.fullmatch(widened(cell))
@@ -268,7 +268,7 @@ def decimal_mark(cells: Iterable[str]) -> str:
 
 
 def read_number(cell: str, mark: str, scale: float, units: Mapping[str, float]) -> float | None:
-    """Return the number in a cell in the unit of its column, or None, also if it is ambiguous.
+    """Return a cell's number in the unit of its column, or None if it is illegible or ambiguous.
 
     `scale` is that of the title's unit, which a unit in the cell overrides. A comma is ambiguous
     if it may be a decimal mark or separate thousands.

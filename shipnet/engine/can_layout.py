@@ -1,8 +1,8 @@
-"""The values of the boxes as CAN messages: which bytes of which frame hold which point.
+"""The points of the boxes in CAN messages: which bytes of which frame contain which point.
 
-The paper prints no mapping, so this one is ours. A box sends its analogue values first, `bits` each
-with the high bit first, filled up to a whole byte; then its switches, eight to a byte with the
-first in the lowest bit. These bytes are cut into frames of eight.
+The paper prints no mapping, so this one is ours. A box sends its analogue values first, with `bits`
+bits each, high bit first, padded to a whole byte; then its switches, eight per byte, the first in
+the lowest bit. The bytes are split into frames of eight.
 """
 
 from __future__ import annotations
@@ -30,10 +30,8 @@ _ID_STEP, _HIGHEST_ID = 0x100, 0x7FF
 @checked
 @record
 class CanLayout:
-    """Which CAN frame holds which point: box k sends the identifiers from 0x100 k up, k = 1..7.
+    """Which CAN frame contains which point: box k sends identifiers from 0x100 k up, k = 1..7.
 
-    Notes
-    -----
     The identifiers, and so the priorities, are assumed: JB1 before JB2 before JB3. If `bits` does
     not divide 64, some values lie in two frames; `table` shows which.
 
@@ -92,7 +90,7 @@ class CanLayout:
         return dict(zip((message.name for message in self.messages()), spans, strict=True))
 
     def table(self) -> pd.DataFrame:
-        """Return in which message and byte every point begins, and its last message: by tag."""
+        """Return the message and byte in which each point begins, and its last message, by tag."""
         names = np.array(list(self._spans), dtype=object)
         begins = np.array([span.start for span in self._spans.values()])
         first, last = self.message_of, self._message_at(self._packed[0] + self._width - 1)
@@ -107,10 +105,10 @@ class CanLayout:
         return pd.DataFrame(columns, index=index)
 
     def volume(self) -> pd.DataFrame:
-        """Return how much one update of all boxes puts on the bus, by box and for ``all``.
+        """Return the amount of data in one update, by box and for ``all``.
 
         ``worst_bits`` and ``worst_extended_bits`` are for 11-bit and 29-bit identifiers,
-        intermission included; ``ms_125k`` and so on is the time of the worst bits of the former.
+        intermission included; ``ms_125k`` and so on are the times of ``worst_bits``.
         """
         messages = self.messages()
         frames = pd.DataFrame(

@@ -1,7 +1,7 @@
 """The class rules that lee2012 quotes in section II, each checked on a described system.
 
-What a description leaves out is not verified. The rules' own text was not available to us;
-`Rule.elsewhere` says what public texts ask on the same matter.
+What a description leaves out is not verified. The text of the rules was not available to us;
+`Rule.elsewhere` says what public texts require on the same matter.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from shipnet.modbus.uart import SerialLine
 
 Verdict = Literal["met", "violated", "not verified"]
 
-#: Protocols with an open international standard or public specification, and the CRC they have.
+#: Protocols with an open international standard or public specification, and their CRCs.
 STANDARDS: dict[str, tuple[str, Crc | None]] = {
     "CAN": ("ISO 11898-1", CAN),
     "Modbus RTU": ("MODBUS over serial line V1.02", MODBUS),
-    # The checksum of TCP is none.
+    # TCP has a checksum, which is not a CRC.
     "Modbus TCP": ("MODBUS application protocol V1.1b3", None),
 }
 
@@ -42,13 +42,11 @@ _CIRCULAR = "MSC/Circ.891"
 
 @record(slots=True)
 class Redundancy:
-    """How many supplies and processors each box has, and how many points a dead one costs.
+    """Supplies and processors per box, and the points that are lost with a dead one.
 
-    A box works as long as one of its supplies and one of its processors do; otherwise its points
-    are lost.
+    A box works as long as at least one of its supplies and one of its processors work; otherwise
+    its points are lost.
 
-    Notes
-    -----
     The paper names one microcontroller and one power connector per box (section IV.1) and asks for
     two of each (section II). Change-over is assumed to be automatic.
 
@@ -77,7 +75,7 @@ class Redundancy:
         return pd.DataFrame(rows, columns=["dead", "boxes_lost", "points_lost"])
 
     def worst(self) -> int:
-        """Return how many points the worst of the parts costs."""
+        """Return the largest number of points that one dead part costs."""
         return int(self.table()["points_lost"].max())
 
     @classmethod
@@ -119,7 +117,7 @@ class Description:
         0, 3600, "s", "How long a change of the supply takes", default=None, optional=True
     )
     volatile: bool | None = switch(
-        "Whether settings or programs lie in memory that forgets without supply", default=None,
+        "Whether settings or programs are stored in volatile memory", default=None,
         optional=True,
     )  # fmt: skip
     protocols: tuple[str, ...] | None = None
@@ -177,8 +175,8 @@ _Outcome = tuple[float, str]
 class Rule:
     """A class rule as the paper quotes it: what it asks of an object, the measure and its limit.
 
-    `compute` gets a system and its field `known`. The limit is the highest value, or the lowest
-    with `at_least`; `elsewhere` says what public texts ask on the same matter.
+    `compute` is called with a system and its field `known`. The limit is the highest value, or the
+    lowest with `at_least`; `elsewhere` says what public texts require on the same matter.
     """
 
     name: str
@@ -217,7 +215,7 @@ def _standard(system: Description, protocols: tuple[str, ...]) -> _Outcome:
 
 
 def _apart(system: Description, links: Mapping[str, tuple[str, ...]]) -> _Outcome:
-    """Return how many links no two of which share anything, at most, and what any two share."""
+    """Return the largest number of links that share nothing, and what any two links share."""
     sets = [set(touched) for touched in links.values()]
     shared: set[str] = set().union(*(a & b for a, b in combinations(sets, 2)))
     why = f"shared: {', '.join(sorted(shared))}" if shared else ""
@@ -306,12 +304,7 @@ def check(system: Description) -> Findings:
     -------
     Findings
         One row per rule, also with the columns ``asks`` and ``measure``; ``source`` says what
-        public texts ask on the same matter.
-
-    Raises
-    ------
-    ArgumentError
-        If `system` is not a description.
+        public texts require on the same matter.
 
     Examples
     --------

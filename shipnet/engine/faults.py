@@ -156,7 +156,7 @@ class LostCanFrames(EngineFault):
     words = "CAN frames lost of"
 
     probability: float = number(
-        0, 1, "", "That one receiver loses one frame", default=0.5, kw_only=True
+        0, 1, "", "Probability that one receiver loses one frame", default=0.5, kw_only=True
     )
 
 
@@ -186,7 +186,7 @@ KINDS: tuple[type[EngineFault], ...] = (
     CanBreak, ModbusBreak, DeadPort, DeadBox, BusOff, LostCanFrames, LostModbusFrames, StuckSensor,
 )  # fmt: skip
 
-#: Faults of a sensor's wires: no value gets older by them, it is a wrong one.
+#: Faults of a sensor's wires, which make values wrong but not old.
 WIRES: dict[Literal["open", "short"], type[EngineFault]] = {
     "open": OpenWire, "short": ShortCircuit,
 }  # fmt: skip

@@ -1,7 +1,7 @@
-r"""The input converters of a junction box: from what a sensor does to a code, and back.
+r"""The input converters of a junction box: from a sensor's signal to a code, and back.
 
 An amplifier maps a window :math:`s_0 .. s_1` of a sensor's signal :math:`s` (a resistance, a
-current or a contact) to 0..5 V, and the converter of the controller makes a code of that:
+current or a contact) to 0..5 V, which the converter of the controller turns into a code:
 
 .. math:: u = U_{ref} \frac{s - s_0}{s_1 - s_0}, \qquad
           c = \left\lfloor \frac{2^n u}{U_{ref}} + \frac{1}{2} \right\rfloor
@@ -53,7 +53,7 @@ def pt100_temperature(resistance: npt.ArrayLike) -> float | Floats:
         error = 1 + _A * cold + _B * cold**2 + _C * (cold - 100) * cold**3
         error -= np.minimum(r, _R0) / _R0
         cold = cold - error / (_A + 2 * _B * cold + _C * (4 * cold - 300) * cold**2)
-    # Adding 0 makes 0 of -0.
+    # Adding 0 turns -0 into 0.
     t = np.where(r < _R0, cold, t) + 0.0
     return t if t.ndim else float(t)
 
@@ -78,12 +78,12 @@ _LOOP = (4e-3, 20e-3)
 #: [A].
 NAMUR = (3.6e-3, 3.8e-3, 20.5e-3, 21e-3)
 
-#: The same as parts of the span above its zero; thermometers are judged by them too.
+#: The same as fractions of the span above its zero; they also apply to thermometers.
 _PARTS = [(i - _LOOP[0]) / (_LOOP[1] - _LOOP[0]) for i in NAMUR]
 
 #: Signal of each kind of sensor by wire fault: resistance [ohm], current [A], contact (1 is
-#: closed). A short circuit across a transmitter leaves the supply to the 250 ohm alone; with 24 V
-#: these take 96 mA, beyond every window.
+#: closed). A short circuit across a transmitter connects the supply to the 250 ohm alone; at 24 V
+#: they draw 96 mA, which is outside every window.
 WIRE_FAULTS: dict[Literal["open", "short"], dict[str, float]] = {
     "open": {"RTD": np.inf, "4-20 mA": 0.0, "switch": 0.0},
     "short": {"RTD": 0.0, "4-20 mA": np.inf, "switch": 1.0},
@@ -95,11 +95,9 @@ WIRE_FAULTS: dict[Literal["open", "short"], dict[str, float]] = {
 class InputCard:
     """The converters of a list of points: R/V, I/V and B/V.
 
-    Notes
-    -----
     Values and codes are arrays of shape (..., n_points). A switch has value 1 on alarm; its contact
-    is then open, or closed if its `signal` begins with ``NO``. A closed contact is 0 V behind its
-    opto-coupler, and its code is one bit.
+    is then open, or closed if its `signal` begins with ``NO``. A closed contact gives 0 V after its
+    opto-coupler, and its code has one bit.
 
     Examples
     --------
@@ -129,7 +127,7 @@ class InputCard:
 
     @property
     def highest(self) -> int:
-        """Highest code; a step is the reference over one more.
+        """Highest code; a step is the reference divided by one more.
 
         Atmel, AT90CAN128 data sheet 4250E-CAN-12/04, p. 277: "the reference minus one LSB".
         """
@@ -163,7 +161,7 @@ class InputCard:
 
     @property
     def window(self) -> Floats:
-        """Signals that make 0 V and the reference, shape (n_points, 2)."""
+        """Signals that correspond to 0 V and to the reference, shape (n_points, 2)."""
         ends = self._ends
         span = ends[:, 1] - ends[:, 0]
         wide = np.array([self.margin * point.analogue for point in self.points])
@@ -173,20 +171,20 @@ class InputCard:
         """Return the voltages at the converter [V]; a resistance or current may be infinite."""
         s = by_point(self.points, "signal", signal).astype(np.float64)
         if np.isnan(s).any():
-            raise ArgumentError("signal is nan; a sensor always does something")
+            raise ArgumentError("signal is nan; a sensor always has a signal")
         low, high = self.window.T
         u = self.reference * (s - low) / (high - low)
         return np.asarray(np.clip(u, 0, self.reference))
 
     def code(self, signal: npt.ArrayLike) -> Words:
-        """Return the codes of signals; of a switch the bit of its port."""
+        """Return the codes of signals; for a switch, the bit of its port."""
         u = self.voltage(signal)
         analogue = np.array([point.analogue for point in self.points])
         steps = np.clip(np.floor(u / self.step + 0.5), 0, self.highest)
         return np.where(analogue, steps, u > self.reference / 2).astype(np.uint16)
 
     def value(self, code: npt.ArrayLike) -> Floats:
-        """Return the values that the firmware makes of codes."""
+        """Return the values that the firmware computes from codes."""
         c = by_point(self.points, "code", code, "iu")
         highest = np.array([self.highest if p.analogue else 1 for p in self.points])
         if ((c < 0) | (c > highest)).any():
@@ -215,8 +213,8 @@ class InputCard:
     def limits(self) -> Integers:
         """Codes at or below the first and at or above the second are failures, shape (n_points, 2).
 
-        They are the codes of 3.6 and 21 mA, and of the same parts of a thermometer's span; out of
-        range where such a code could also be a value.
+        They are the codes of 3.6 and 21 mA, and of the same fractions of a thermometer's span; they
+        are out of range where such a code could also be a value.
         """
         ends = self._ends
         signals = [ends[:, 0] + part * (ends[:, 1] - ends[:, 0]) for part in _PARTS]
@@ -306,5 +304,5 @@ class InputCard:
 
 
 def _opens(point: Point) -> bool:
-    """Return whether the contact is open as long as all is well."""
+    """Return whether the contact is normally open."""
     return point.signal.upper().startswith("NO")

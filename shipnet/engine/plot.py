@@ -18,7 +18,7 @@ from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
 from shipnet.style import LIMIT, bare
 
-#: Colour and hatch of each task, of the Okabe-Ito palette.
+#: Colour and hatch of each task, from the Okabe-Ito palette.
 _TASKS = {
     "convert": ("#56B4E9", ""),
     "send": ("#0072B2", ""),
@@ -29,18 +29,18 @@ _TASKS = {
     "response": ("#009E73", ""),
 }
 
-#: What the legend calls a task whose own name is that of a bus or a device.
+#: Legend labels of tasks that are named like a bus or a device.
 _LABELS = {name: f"{name} interrupt" for name in ("CAN", "timer", "Modbus")}
 
 #: Frames on the bus, by sender.
 _SENDERS = ("0.25", "0.55", "0.8")
 
-#: Bars that one figure can show, tiles of a row of the screen, and size of their text [1/72 inch].
+#: Most bars in one figure, tiles per row of the screen, and size of their text [1/72 inch].
 _MOST_BARS, _TILES, _SIZE = 5000, 9, 9
 
 
 def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
-    """Draw who works when as rows of bars; a bar of CAN has the grey of its sender."""
+    """Draw the work of CPUs and lines as rows of bars; CAN frames have the grey of their sender."""
     ax = style.axes(ax)
     if not 1 <= len(table) <= _MOST_BARS:
         raise ArgumentError(f"table has {len(table)} rows; it must be 1..{_MOST_BARS}")
@@ -74,7 +74,7 @@ def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
 def plot_ages(
     ages: pd.DataFrame, *, ax: Axes | None, limits: Mapping[str, float] | None, label: str
 ) -> Axes:
-    """Draw the age of a point over time, with a bar at the top edge as long as it is marked."""
+    """Draw the age of a point over time, with a bar at the top edge while it is marked."""
     ax = style.axes(ax)
     good = ages["age_s"].notna()
     gap = np.full(len(ages), np.nan)
@@ -168,7 +168,7 @@ def plot_system(
 ) -> Axes:
     """Draw boxes with their points, CAN cables and channels to the boxes at the AMS's two ports.
 
-    `failed` is where something fails, a box, cable or channel, and what to write beside the cross.
+    `failed` has the place of each failure, a box, cable or channel, and the text beside its cross.
     """
     ax = style.axes(ax)
     look = {"facecolor": "white", "edgecolor": "0.2", "zorder": 2}

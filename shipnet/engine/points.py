@@ -139,9 +139,9 @@ class PointList(tuple[Point, ...]):
             ) from None
         for point in found:
             if not isinstance(point, Point):
-                raise ArgumentError(f"points hold {point!r}; all must be of class Point")
+                raise ArgumentError(f"points contain {point!r}; all must be of class Point")
         if not found:
-            raise ArgumentError("points are empty; there must be one at least")
+            raise ArgumentError("points are empty; there must be at least one")
         if len({point.tag for point in found}) < len(found):
             raise ArgumentError("two points have the same tag; tags must differ")
         return super().__new__(cls, found)
@@ -173,7 +173,7 @@ class PointList(tuple[Point, ...]):
         return pd.DataFrame(rows, columns=list(_COLUMNS)).set_index("tag")
 
     def counts(self) -> pd.DataFrame:
-        """Return how many points of each condition every box has, and a last row ``all``."""
+        """Return the number of points by box and condition, with a last row ``all``."""
         rows = []
         for own in (*self.by_box().values(), self):
             kinds = [point.condition for point in own]
@@ -208,7 +208,7 @@ class PointList(tuple[Point, ...]):
         return Saving(sum(each[point.condition] for point in self), can + modbus)
 
     def kinds(self) -> list[tuple[int, int]]:
-        """Return place of the first point and number of points of each kind of input."""
+        """Return the place of the first point and the number of points for each kind of input."""
         first: dict[tuple[object, ...], list[int]] = {}
         for k, point in enumerate(self):
             key = (point.condition, point.low, point.high, point.unit, point.signal)

@@ -34,8 +34,6 @@ class Coding:
     range fills the bits, from 0 to all ones; with ``"decimal"`` the step is the largest power of
     ten within a thousandth of the span.
 
-    Notes
-    -----
     A value that does not fit is clipped to the nearest content. A switch is 0 or 1.
 
     Examples
@@ -73,7 +71,7 @@ class Coding:
             object.__setattr__(self, "step", check_scalar("step", self.step, "", 1e-6, 1e6))
 
     def step_of(self, point: Point) -> float:
-        """Return what one more in the register is worth [unit of the point]."""
+        """Return the value of one count [unit of the point]."""
         if not point.analogue:
             return 1.0
         if self.step == "full scale":
@@ -86,7 +84,7 @@ class Coding:
     def encode(
         self, points: Iterable[Point], values: npt.ArrayLike, failed: npt.ArrayLike = False
     ) -> Words:
-        """Return the registers of values; NaN, and what is `failed`, becomes the error mark."""
+        """Return the registers of values; NaN and `failed` values get the error mark."""
         known = PointList(points)
         v = by_point(known, "values", values).astype(np.float64)
         bad = np.asarray(failed)
@@ -104,7 +102,7 @@ class Coding:
         return np.where(missing, self.error, whole).astype(np.uint16)
 
     def decode(self, points: Iterable[Point], registers: npt.ArrayLike) -> Floats:
-        """Return the values of registers, NaN where one holds the error mark."""
+        """Return the values of registers, NaN where one contains the error mark."""
         known = PointList(points)
         r = by_point(known, "registers", registers, "iu")
         if r.size and not 0 <= r.min() <= r.max() <= 0xFFFF:
@@ -113,7 +111,7 @@ class Coding:
         return np.where(r == self.error, np.nan, zero + step * self._number(known, r))
 
     def _number(self, points: PointList, registers: npt.NDArray[np.integer]) -> Floats:
-        """Return the whole numbers that registers hold."""
+        """Return the whole numbers that registers contain."""
         r = registers.astype(np.int64)
         signed = self._bounds(points)[0] < 0
         return np.where(signed & (r >= 0x8000), r - 0x10000, r).astype(np.float64)
@@ -135,15 +133,15 @@ class Coding:
     def collisions(self, points: Iterable[Point]) -> pd.DataFrame:
         """Return which legal readings are coded as the error mark, one row per point.
 
-        ``reads`` is the value of the mark; readings ``from``..``to`` are taken for an error (NaN if
-        none are), which is ``percent`` of the range.
+        ``reads`` is the value of the mark; readings ``from``..``to`` are mistaken for an error (NaN
+        if none are), which is ``percent`` of the range.
         """
         known = PointList(points)
         mark = np.full(len(known), self.error, np.int64)
         number = self._number(known, mark)
         step, zero = self._scale(known)
         lowest, highest = self._bounds(known)
-        # A clipped value takes the first or the last number, so these reach without end.
+        # Values beyond the ends are clipped to the first or last number, so these have no end.
         begin = np.where(number <= lowest, -np.inf, zero + step * (number - 0.5))
         end = np.where(number >= highest, np.inf, zero + step * (number + 0.5))
         low = np.array([point.low for point in known])
@@ -191,8 +189,6 @@ _REQUEST = 125
 class RegisterMap:
     """Registers of a junction box, one per point.
 
-    Notes
-    -----
     The paper prints neither addresses nor scales; this map is ours.
 
     Examples
@@ -228,7 +224,7 @@ class RegisterMap:
         return table.rename_axis("address")
 
     def encode(self, values: npt.ArrayLike, failed: npt.ArrayLike = False) -> Words:
-        """Return the content of all registers; NaN, and what is `failed`, gets the error mark."""
+        """Return the content of all registers; NaN and `failed` values get the error mark."""
         return self.coding.encode(self.points, values, failed)
 
     def decode(self, registers: npt.ArrayLike) -> Floats:

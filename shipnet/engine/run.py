@@ -1,4 +1,4 @@
-"""What came of a simulation: what went over both buses, and what the AMS shows of it.
+"""The result of a simulation: the traffic on both buses, and what the AMS shows.
 
 Times are whole nanoseconds from the start of the AMS in arrays, and seconds in tables.
 """
@@ -27,11 +27,11 @@ from shipnet.lazy import Axes, pd
 _Slices = list[tuple[int, int, str]]
 
 
-# What went over the buses ----------------------------------------------------------------------
+# The traffic on the buses ----------------------------------------------------------------------
 
 
 class Cpu:
-    """CPU time [ns] that Modbus interrupts of one length leave; they do not overlap."""
+    """The CPU time left by Modbus interrupts of equal length, which do not overlap [ns]."""
 
     def __init__(self, begins: npt.ArrayLike, length: int) -> None:
         self.begins = np.asarray(begins, dtype=np.int64)
@@ -39,7 +39,7 @@ class Cpu:
         self._left = self.begins - length * np.arange(self.begins.size)
 
     def until(self, time: Integers) -> Integers:
-        """Return how much time the interrupts have left until some times [ns]."""
+        """Return the CPU time that the interrupts have left until these times [ns]."""
         begun = np.searchsorted(self.begins, time, side="right")
         if not self.begins.size:
             return np.asarray(time, dtype=np.int64)
@@ -49,7 +49,7 @@ class Cpu:
         return np.asarray(time - taken, dtype=np.int64)
 
     def at(self, left: Integers) -> Integers:
-        """Return when so much time has been left, interrupts that begin then not counted [ns]."""
+        """Return when this CPU time has been left, before interrupts that begin then [ns]."""
         begun = np.searchsorted(self._left, left, side="left")
         return np.asarray(left + self.length * begun, dtype=np.int64)
 
@@ -62,7 +62,7 @@ class Cpu:
         return np.asarray(number + np.maximum.accumulate(self.until(due) - number), dtype=np.int64)
 
 
-#: What became of a request.
+#: Outcomes of a request.
 OUTCOMES = ("answered", "no answer", "response damaged")
 
 
@@ -79,7 +79,7 @@ class Attempts(NamedTuple):
     heard: Bools
 
 
-#: A round, or a step of it, that did not happen.
+#: The time of a round, or a step of it, that did not happen.
 NEVER = -1 << 62
 
 
@@ -96,7 +96,7 @@ class Rounds(NamedTuple):
 
 
 class Frames(NamedTuple):
-    """Frames that went over the bus, in no order.
+    """Frames that were sent on the bus, in no particular order.
 
     `start` is the first bit and `arrival` the end without the intermission [ns]; bit k of
     `hearers` is set if box k is on the same part of the bus.
@@ -109,7 +109,7 @@ class Frames(NamedTuple):
     hearers: Integers
 
     def heard_by(self, box: int, system: System) -> Integers:
-        """Return which frames a box hears, in the order in which they arrive."""
+        """Return which frames a box receives, in the order in which they arrive."""
         others = (self.hearers >> box & 1).astype(bool) & (system.sender[self.message] != box)
         rows = np.flatnonzero(others)
         return rows[np.lexsort((self.message[rows], self.arrival[rows]))]
@@ -152,7 +152,7 @@ class Shown(NamedTuple):
 # What the AMS shows --------------------------------------------------------------------------
 
 
-#: What a register holds for an error, by lee2012, section III.2.c; as 16 bits it is 0x00FF.
+#: The content that marks an error; lee2012, section III.2.c. As 16 bits it is 0x00FF.
 _ERROR = 0xFF
 
 
@@ -185,7 +185,7 @@ class SyntheticValues:
 def reading(
     values: SyntheticValues, faults: Iterable[EngineFault], place: int, time: float
 ) -> float:
-    """Return what a box makes of a point at a time [s]: its value, or that of broken wires."""
+    """Return the value that a box reads for a point at a time [s], also with broken wires."""
     point, now = values.points[place], nanoseconds(time)
     for wire, kind in WIRES.items():
         if any(begin <= now < stop for begin, stop in outages(faults, point.tag, kind)):
@@ -277,7 +277,7 @@ class Ages:
     def plot(
         self, ax: Axes | None = None, *, limits: Mapping[str, float] | None = None, label: str = ""
     ) -> Axes:
-        """Draw the age as a saw, broken while the point is marked, and `limits` [s] by name."""
+        """Draw the age as a sawtooth with gaps while the point is marked, and `limits` [s]."""
         from shipnet.engine.plot import plot_ages
 
         return plot_ages(self._table, ax=ax, limits=limits, label=label)
@@ -288,7 +288,7 @@ class Ages:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Timeline:
-    """What each CPU and each line does in a stretch of time."""
+    """What each CPU and each line does during an interval."""
 
     start: float
     stop: float
@@ -304,7 +304,7 @@ class Timeline:
         return self._table.copy()
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw CPUs, CAN bus and Modbus lines as rows of bars; what is not drawn is waiting."""
+        """Draw CPUs, CAN bus and Modbus lines as rows of bars; gaps are waiting times."""
         from shipnet.engine.plot import plot_timeline
 
         return plot_timeline(self._table, ax=ax)
@@ -373,7 +373,7 @@ class Run:
 
     @cached_property
     def _good(self) -> tuple[Integers, Bools, Integers]:
-        """Until when each view holds, which messages are shown as good, and until when [ns]."""
+        """End of each view, which messages it shows as good, and until when [ns]."""
         seen = self.views.seen
         until = np.append(seen[1:], max(self.end, int(seen.max(initial=0))))
         good = self.views.number >= 0
@@ -409,7 +409,7 @@ class Run:
         return float(self._table["mean_s"].mean())
 
     def timeline(self, start: float, stop: float) -> Timeline:
-        """Return what each CPU and each line does between two times, 60 s apart at most [s].
+        """Return what each CPU and each line does between two times, at most 60 s apart [s].
 
         A CPU that is not listed waits. The CAN routine runs while the loop waits for the
         multiplexer, so that it does not prolong the conversion; a Modbus interrupt does.
@@ -513,7 +513,7 @@ class Run:
         )
 
     def answers(self) -> pd.DataFrame:
-        """Return one row per poll: ``time_s``, ``answer_s`` (how long; infinite without one)."""
+        """Return one row per ``poll``: ``time_s``, and ``answer_s``, infinite without an answer."""
         rows = pd.DataFrame(self.attempts._asdict())
         took = np.where(rows["outcome"] == 0, nanoseconds(self.system.poll.time), np.inf)
         rows["end"] = rows["start"] + took
@@ -527,7 +527,7 @@ class Run:
         )
 
     def alarms(self) -> pd.DataFrame:
-        """Return what the AMS raises: ``time_s``, ``source`` (a tag or a channel), ``kind``.
+        """Return the alarms of the AMS: ``time_s``, ``source`` (a tag or a channel), ``kind``.
 
         A channel has ``no answer`` and ``answers again``, a point ``0xFF`` (corrected coding: ``too
         old``) and ``good again``, a box on two polled channels ``path lost`` and ``path back``.
@@ -606,7 +606,7 @@ def _changes(time: Integers, good: Bools) -> Sequence[tuple[int, bool]]:
     return list(zip(time[places].tolist(), good[places].tolist(), strict=True))
 
 
-# Who works when: figures 5 and 6 of lee2012 in time --------------------------------------------
+# Timelines: figures 5 and 6 of lee2012 ---------------------------------------------------------
 
 
 def _cpu(run: Run, box: int) -> _Slices:
@@ -637,7 +637,7 @@ def _cpu(run: Run, box: int) -> _Slices:
 
 
 def _without(slices: _Slices, busy: _Slices) -> _Slices:
-    """Return what is left of slices of time when others take theirs."""
+    """Return slices of time without the parts that busy slices occupy."""
     found = []
     starts = np.array(sorted(begin for begin, _, _ in busy), dtype=np.int64)
     taken = sorted(busy)

@@ -1,4 +1,4 @@
-"""The two junction boxes that the AMS asks, as real Modbus slaves with faults."""
+"""The two junction boxes that the AMS polls, as real Modbus slaves with faults."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ FUNCTIONS = frozenset({3})
 #: Unit id of the registers that make faults, and the first one of a sensor.
 FAULT_UNIT, _SENSORS = 247, 100
 
-#: Faults that a real server can show, which are not drawn at random: of parts, and of sensors by
-#: what a register holds for them.
+#: Faults that a real server can show: those of parts, and those of sensors in the order of their
+#: numbers in a register.
 _PARTS = (DeadBox, BusOff, CanBreak, ModbusBreak, DeadPort)
 _OF_SENSORS = (StuckSensor, OpenWire, ShortCircuit)
 
-#: What a fault is called behind the place where it is.
+#: Words for faults, which follow a place and a colon.
 _WORDS: dict[str, tuple[type[EngineFault], ...]] = {
     "dead": (DeadBox,), "bus-off": (BusOff,), "cut": (ModbusBreak, CanBreak),
     "stuck": (StuckSensor,), "open": (OpenWire,), "short": (ShortCircuit,),
@@ -65,22 +65,22 @@ def serve(
     rng: Any = 2024,
     **options: Any,
 ) -> Server:
-    """Serve the two boxes that the AMS asks as real Modbus slaves, to be used in ``with``.
+    """Serve the two boxes that the AMS polls as real Modbus slaves, to be used in ``with``.
 
     Parameters
     ----------
     system : System, optional
         The system, in the printed coding; that of lee2012 if not given.
     faults : fault or iterable of faults, optional
-        What goes wrong, in model time; not losses at random. A box that is dead, or cut off from
-        the AMS, does not answer; values of a box that is not heard on CAN stay as they are, and are
+        Faults in model time, except random losses. A box that is dead, or cut off from the AMS,
+        does not answer. Values of a box that is not received on CAN stay as they are, and are
         marked after the system's `stale_limit`.
     speed : float, default 1
-        Seconds of the engine per real second, 0..1e4.
+        Model seconds per real second, 0..1e4.
     rng : optional
-        Draws the synthetic values; whatever `numpy.random.default_rng` takes.
+        Source of the synthetic values, for `numpy.random.default_rng`.
     **options
-        Those of `shipnet.modbus.serve`: transport, host, port, wire_faults, and for a serial line
+        Options of `shipnet.modbus.serve`: transport, host, port, wire_faults, and for a serial line
         serial_port and line.
 
     Returns
@@ -89,11 +89,6 @@ def serve(
         Unit ids 2 and 3, one slave each. Function code 3 reads one register per point, in the order
         of Table 3, temperatures in tenths of a degree. Unit id 247 holds `fault_registers`, which
         make more faults while it runs.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is out of range, or the system or a fault cannot be served.
 
     Examples
     --------
@@ -111,7 +106,7 @@ def serve(
     wrong = list(system.check_faults(faults))
     for fault in wrong:
         if not isinstance(fault, (*_PARTS, *_OF_SENSORS)):
-            raise ArgumentError(f"one of faults is {fault!r}; losses at random cannot be served")
+            raise ArgumentError(f"one of faults is {fault!r}; random losses cannot be served")
     sensors = SyntheticValues(system.points, rng)
     slaves: dict[int, Slave] = {
         unit: _BoxSlave(JunctionBox(system, wrong, sensors, box))
@@ -220,7 +215,7 @@ class FaultRegisters:
 
 
 class JunctionBox:
-    """The holding registers of one of the two boxes, filled anew for each request."""
+    """The holding registers of one of the two boxes, computed for each request."""
 
     def __init__(
         self, system: System, faults: Sequence[EngineFault], sensors: SyntheticValues, box: int
@@ -240,7 +235,7 @@ class JunctionBox:
         raise DeviceError(ExceptionCode.ILLEGAL_FUNCTION)
 
     def values(self, time: float) -> Floats:
-        """Return what the box knows of every point at a time [s], NaN where it marks it."""
+        """Return the value of every point in the box at a time [s], NaN where it is marked."""
         now = nanoseconds(time)
         heard = [self._heard(box, now) for box in range(len(self.system.boxes))]
         limit = nanoseconds(self.system.stale_limit)
@@ -257,7 +252,7 @@ class JunctionBox:
         return values
 
     def _heard(self, sender: int, now: int) -> int | None:
-        """Return when this box heard another one last [ns], None if never."""
+        """Return when this box last received frames of another one [ns], None if never."""
         if sender == self.box:
             return now
         borders = sorted({0, *(t for fault in self.faults for t in fault.span if 0 < t <= now)})
@@ -269,7 +264,7 @@ class JunctionBox:
         return None
 
     def silent(self, time: float) -> bool:
-        """Whether it is dead at a time [s], or cannot be reached on its channel."""
+        """Return whether the box is dead at a time [s], or cannot be reached on its channel."""
         now, channel = nanoseconds(time), str(self.system.ports.index(self.box) + 1)
         spans = outages(self.faults, self.system.boxes[self.box], DeadBox)
         spans += outages(self.faults, channel, ModbusBreak, DeadPort)

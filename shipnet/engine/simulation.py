@@ -34,8 +34,8 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.lazy import pd
 
-#: Most frames that one run may send, and the AMS read: some gigabytes of memory. A poll reads all
-#: of them.
+#: Most frames that are sent and read in one run: some gigabytes of memory. Each poll reads the
+#: newest frame of every message.
 _MOST_FRAMES = 20_000_000
 
 #: From a fault that lasts to the end of its run [s]: the same for all designs, unless marks take
@@ -52,26 +52,26 @@ def simulate(
     phases: Mapping[str, float] | None = None,
     rng: Any = None,
 ) -> Run:
-    """Simulate the system from the first poll on.
+    """Simulate the system from the first poll on, with clocks that all run at the same rate.
 
     Parameters
     ----------
     system : System
         The system.
     faults : fault or iterable of faults, optional
-        What goes wrong, from `shipnet.engine.faults`.
+        Faults from `shipnet.engine.faults`.
     until : float
         The last poll begins before this time, 0.001..1e6 [s].
     phases : mapping of str to float, optional
-        When a round of each box begins, and under ``"AMS"`` the first poll, 0..100 [s]. What is
-        not named begins at 0, or at a random time if there is an `rng`.
+        When a round of each box begins, and under ``"AMS"`` the first poll, 0..100 [s]. Others
+        begin at 0, or at a random time if there is an `rng`.
     rng : optional
-        Chance, whatever `numpy.random.default_rng` takes; needed if frames get lost.
+        Source of random numbers, for `numpy.random.default_rng`; required if frames are lost.
 
     Returns
     -------
     Run
-        What happened.
+        Requests, frames, and what the AMS shows.
 
     Raises
     ------
@@ -79,13 +79,9 @@ def simulate(
         If an argument is out of its range, or more than 20 million frames would be sent and read;
         each poll reads the newest frame of every message.
 
-    Notes
-    -----
-    All clocks run at the same rate.
-
     Examples
     --------
-    Box 2 dies after 10 s. Its values are shown as good for another four seconds and more:
+    Box 2 dies after 10 s. Its values are shown as good for more than four seconds:
 
     >>> from shipnet import engine
     >>> dead = engine.faults.DeadBox("JB2", start=10)
@@ -109,7 +105,7 @@ def simulate(
     if frames > _MOST_FRAMES:
         raise ArgumentError(
             f"until is {until} s; in that time {frames:.0f} frames are sent and read; they must "
-            f"be {_MOST_FRAMES} at most"
+            f"be at most {_MOST_FRAMES}"
         )
     attempts = ask(system, horizon, begins["AMS"], wrong, chance)
     answered = nanoseconds(system.poll.time)
@@ -164,7 +160,7 @@ def _lost(
     faults: Sequence[EngineFault],
     rng: np.random.Generator | None,
 ) -> Bools | None:
-    """Return what each box does not hear, shape (n_boxes, n_messages, n_rounds)."""
+    """Return which frames each box loses, shape (n_boxes, n_messages, n_rounds)."""
     random = [fault for fault in faults if isinstance(fault, LostCanFrames)]
     if not random or rng is None:
         return None
@@ -181,7 +177,7 @@ def _lost(
 
 
 class _Table:
-    """What a box knows: its own values, and what it heard."""
+    """What a box knows: its own values, and those that it received."""
 
     def __init__(
         self,
@@ -253,7 +249,7 @@ def _freshest(views: Views, channel: Integers) -> Views:
         better = theirs > best_known
         best_known = np.where(better, theirs, best_known)
         best_number = np.where(better, number[newest], best_number)
-    # Of answers that end at the same instant the last one leaves its view.
+    # Of answers that end at the same instant, the last one counts.
     last = np.append(seen[1:] > seen[:-1], True)[: seen.size]
     return Views(seen[last], best_number[last], best_known[last])
 
@@ -270,9 +266,9 @@ def ask(
 ) -> Attempts:
     """Return the requests of all polls that begin before the `horizon`, the first at `phase` [ns].
 
-    A poll begins at the first multiple of the poll period after the poll before. The AMS goes on
-    after its time-out if a response does not begin, and when it is due to end if it breaks off. It
-    takes a response whose begin it did not see for silence.
+    A poll begins at the first multiple of the poll period after the previous poll. If no response
+    begins, the AMS continues after its time-out; if one breaks off, when that should have ended. A
+    response whose beginning the AMS did not see counts as silence.
     """
     lines = [_Line(system, channel, faults, horizon, rng) for channel in (0, 1)]
     if system.polled == "one":
@@ -285,7 +281,7 @@ def ask(
 
 
 class _Line:
-    """A channel with what goes wrong on it."""
+    """A channel and its faults."""
 
     def __init__(
         self,
@@ -317,7 +313,7 @@ class _Line:
     def ask(self, start: int) -> tuple[int, bool, int]:
         """Send a request; return its outcome, whether the box heard it, and when the AMS goes on.
 
-        A cable must be whole while a frame is on it; a box must live from the request on.
+        A cable must be intact while it carries a frame; a box must work from the request on.
         """
         first, last = start + self.first, start + self.last
         damaged = unheard = silent = False
@@ -358,7 +354,7 @@ def _follow(
                 if outcome == 0:
                     break
             if outcome == 0:
-                # Whoever answered is asked first next time; the other one is the spare.
+                # The channel that answered is asked first next time.
                 if line is not order[0]:
                     order = order[::-1]
                 break
@@ -464,18 +460,18 @@ def single_failures(
     trials: int = 5,
     rng: Any = 2024,
 ) -> pd.DataFrame:
-    """Return what each fault alone does: bounds for all phases, and what some random ones show.
+    """Return the effect of each fault alone: bounds for all phases, and results for random ones.
 
     Parameters
     ----------
     system : System
         The system.
     faults : fault or iterable of faults, optional
-        What fails, from `shipnet.engine.faults`; `System.single_faults` if not given.
+        Faults from `shipnet.engine.faults`; `System.single_faults` if not given.
     trials : int, default 5
         How often each fault is simulated, 1..1000.
     rng : optional
-        Draws phases and losses; whatever `numpy.random.default_rng` takes.
+        Source of phases and losses, for `numpy.random.default_rng`.
 
     Returns
     -------
@@ -488,11 +484,6 @@ def single_failures(
         marked, at most; NaN if none), ``noticed`` (what the AMS raises: ``link``, ``path``,
         ``mark`` or ``no``), ``answer_s`` (longest answer), ``answer_ok`` and ``age_ok`` (whether
         the bounds of answer and age are at most 2 s).
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
 
     Notes
     -----
@@ -570,9 +561,9 @@ def _fault_row(system: System, fault: EngineFault | None, runs: Sequence[Run]) -
 
 
 def _unseen(run: Run, begin: float, end: float) -> Bools:
-    """Return of which points nothing newer than the fault is seen while it lasts."""
+    """Return which points show nothing newer than the fault while it lasts."""
     shown = [run.shown(point.tag) for point in run.system.points]
-    # A stuck sensor's values are of the very nanosecond at which it got stuck.
+    # The values of a stuck sensor date from the very nanosecond at which it got stuck.
     first, last = nanoseconds(begin), nanoseconds(end)
     newer = [s.good & (s.sampled > first) & (s.seen <= last) for s in shown]
     return np.asarray(~np.any(newer, axis=1))

@@ -47,7 +47,7 @@ from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 
-#: What lee2012 quotes from the class rules, section II: a response takes 2 s at most [s].
+#: Longest time of a response by the class rules that lee2012 quotes in section II [s].
 RULE = 2.0
 
 #: Longest period, time-out and limit of a system [s].
@@ -69,13 +69,8 @@ class Firmware:
     -----
     The Modbus interrupt suspends everything else; the bytes of its response go out one by one
     beside other work. The short timer and CAN routines run while the loop waits for the
-    multiplexer, so they do not prolong it.
-
-    References
-    ----------
-    .. [1] J. H. Lee, D. S. Kim, "Design and implementation of distributed control system based on
-       dual field-bus for ship engine", J. IEEK 49-SC(2), 2012, section III.2, figures 5 and 6.
-    .. [2] Atmel, "AT90CAN32/64/128" data sheet: a conversion takes 13 clocks of 50..200 kHz.
+    multiplexer, so they do not prolong it (lee2012, section III.2, figures 5 and 6). A conversion
+    takes 13 clocks of 50..200 kHz (Atmel, AT90CAN32/64/128 data sheet).
 
     Examples
     --------
@@ -156,11 +151,11 @@ class System:
 
     Notes
     -----
-    As `coding` "printed", a box marks all values of a box that it has not heard for `stale_limit`,
-    as 0xFF. As "corrected", it also sends the age of every frame, and the AMS marks each value that
-    may be older than `age_limit`. A CAN ring, as figure 3 may be read, is not a bus of ISO 11898;
-    here it is one that works. The AMS stays on the channel that answered last, which is assumed.
-    The time-out waits for the *first* character of a response.
+    With the `coding` "printed", a box marks all values of a box that it has not received for
+    `stale_limit`, as 0xFF. With "corrected", it also sends the age of every frame, and the AMS
+    marks each value that may be older than `age_limit`. A CAN ring, as figure 3 may be read, is not
+    a bus of ISO 11898; here it is assumed to work. It is also assumed that the AMS stays on the
+    channel that answered last. The time-out waits for the *first* character of a response.
 
     References
     ----------
@@ -308,7 +303,7 @@ class System:
 
     @cached_property
     def messages(self) -> MessageSet:
-        """CAN messages, the highest priority first; jitter is what Modbus delays their box."""
+        """CAN messages, the highest priority first; their jitter is the delay by Modbus."""
         return self._messages(self.suspended_ns)
 
     def _messages(self, suspended: Integers) -> MessageSet:
@@ -381,7 +376,7 @@ class System:
 
     @cached_property
     def suspended_ns(self) -> Integers:
-        """What Modbus polls may add to a round of each box, in health [ns], shape (n_boxes,)."""
+        """Time that Modbus polls may add to a round of each healthy box [ns], shape (n_boxes,)."""
         asked = self.ports if self.polled == "both" else self.ports[:1]
         return self.service_ns * np.isin(np.arange(len(self.boxes)), asked).astype(np.int64)
 
@@ -410,7 +405,7 @@ class System:
         return np.array([response.response for response in found])
 
     def poll_spacing(self, lost: float = 0.0) -> float:
-        """Return the time from poll to poll if each first asks in vain for `lost` seconds [s]."""
+        """Return the time from poll to poll if each is delayed by `lost` seconds [s]."""
         period = nanoseconds(self.poll_period)
         whole = nanoseconds(check_scalar("lost", lost, "s", 0, 1e6) + self.poll.time)
         return -(-whole // period) * period / 1e9
@@ -496,13 +491,13 @@ class System:
         .. math:: t_{after} = t_{stale} + t_{mark} + h + T + t_{response}
 
         with the time T from poll to poll. If the silent box is the polled one, the AMS first asks
-        it in vain for :math:`t_{lost}`, retries included; :math:`T_{lost}` is the spacing of a poll
-        with that in it:
+        it without an answer for :math:`t_{lost}`, retries included; :math:`T_{lost}` is the spacing
+        of a poll with that in it:
 
         .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
 
         In the printed design any frame of a box restarts its timer, so that a box that dies within
-        a round keeps values of the round before alive. In the corrected design the AMS marks by
+        a round keeps values of the previous round valid. In the corrected design the AMS marks by
         age.
         """
         if self.coding == "corrected":
@@ -540,7 +535,7 @@ class System:
         return SwitchOver(lost, answer, loss, max(self._gaps(1)))
 
     def _in_vain(self, tries: int, broken: int) -> list[float]:
-        """Return how long some tries in vain on one channel take [s].
+        """Return how long some unanswered tries on one channel take [s].
 
         Up to `broken` of them end with a broken or damaged response, which the AMS notices when the
         whole response is due; the others are silent.
@@ -558,7 +553,7 @@ class System:
         full = self._in_vain(tries, broken)
         late = [0.0]
         if broken > 1:
-            # A retry may be answered, and the next poll be in vain once more.
+            # A retry may be answered, and the next poll fail once more.
             late = [time for n in range(tries) for time in self._in_vain(n, broken)]
         before = max(self.poll_spacing(time) - time for time in late) + max(full)
         after = max(self.poll_spacing(time) - time for time in full)
@@ -581,9 +576,9 @@ class System:
         return max(found)
 
     def failure_bounds(self, fault: EngineFault | None = None) -> FailureBounds:
-        r"""Return the worst that a single fault, or none, does to answers and ages, in any phase.
+        r"""Return the worst effect of one fault, or none, on answers and ages, in any phase.
 
-        If the channel in use fails, the AMS asks in vain for :math:`t_{lost}`: it notices a
+        If the channel in use fails, the AMS gets no answer for :math:`t_{lost}`: it notices a
         response that breaks off when that should have ended, each of r retries after its time-out.
 
         .. math:: t_{lost} = \max(t_{poll}, t_{silent}) + r \, t_{silent}
@@ -620,7 +615,7 @@ class System:
             # The polled box needs no CAN for its own values.
             oldest = healthy if fault.where == self.boxes[0] else lasts + period + healthy
         elif isinstance(fault, BusOff | CanBreak | DeadBox):
-            # The begin and the end of a fault destroy the frames of a round each.
+            # The beginning and the end of a fault each destroy the frames of a round.
             oldest += period * (1 if lasts == inf else 2)
             if not (isinstance(fault, CanBreak) and len(self.segments) == len(self.boxes)):
                 oldest = max(oldest, self.staleness_flag().oldest)

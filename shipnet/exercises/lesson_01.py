@@ -50,7 +50,6 @@ def telegram_time(n_bits: int, rate: int) -> Solution:
     right = 1e3 * n_bits / rate
     return Number(right, "us"), {
         "the last bit takes its time too: n bits last n bit times": right - 1e3 / rate,
-        "count the bit times again: n bits last n of them": right + 1e3 / rate,
         "that is one bit time; what if the next bit is equal?": 1e3 / rate,
         "`n_bits` counts bits, not bytes": 8 * right,
         "more bits take longer: what is divided by what?": rate / n_bits,

@@ -59,18 +59,14 @@ def cable_ends(echoes: tuple[float, ...]) -> Solution:
 @solution("ex-02-2", length=range(60, 321, 20), delay=(5.0, 5.5, 6.0, 6.5, 7.0), place=(5, 10, 15))
 def echo_time(length: int, delay: float, place: int) -> Solution:
     """How much later than a valve's signal its echo comes, for a delay in ns/m."""
-    beyond = length - place
-    right = 2 * beyond * delay * 1e-3
+    beyond, per_metre = length - place, delay * 1e-3
+    right = 2 * beyond * per_metre
     return Number(right, "us"), {
         "the delay is the time for one metre: how long for all of them?": 2 * beyond / delay,
         "is that from the valve to the end, or there and back?": right / 2,
         "the path to the end and back is doubled once too often": 2 * right,
-        "that is from 0 m to the end and back; where does the signal begin?": (
-            2 * length * delay * 1e-3
-        ),
-        "that is when the echo arrives; when does the signal itself arrive?": (
-            (2 * length - place) * delay * 1e-3
-        ),
+        "that is from 0 m to the end and back; where is the valve?": 2 * length * per_metre,
+        "that is when the echo arrives; when does the signal?": (2 * length - place) * per_metre,
         "that is the speed of light in air; your cable has its own delay": 2 * beyond / 299.79,
         "Draw the paths of signal and echo: how many metres longer is the second?": ANY,
     }

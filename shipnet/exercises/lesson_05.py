@@ -92,9 +92,7 @@ def stuffed() -> Solution:
         ),
         "five ones get a stuff bit too": lambda bits: _stuffed(bits, only="0"),
         "five zeros get a stuff bit too": lambda bits: _stuffed(bits, only="1"),
-        "a stuff bit has the other value, to make an edge": lambda bits: _stuffed(
-            bits, turned=False
-        ),
+        "a stuff bit has the other value": lambda bits: _stuffed(bits, turned=False),
         "a run of five may end with the last bit": lambda bits: _stuffed(bits[:-1]) + bits[-1:],
         "nothing is inserted; when is a stuff bit needed?": lambda bits: bits,
         "Count equal bits as you go: when does the count restart, and from what number?": ANY,

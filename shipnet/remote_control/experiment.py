@@ -328,7 +328,7 @@ def recommend(
     most = "at most about " if best["check"] == "CRC" else ""
     why = (
         f"markers alone would let {wrong:.2g} wrong packets per year pass, this lets {most}"
-        f"{best['wrong_per_year']:.2g}; a switch that misses its packet is right again after "
+        f"{best['wrong_per_year']:.2g}; a switch that misses its packet is correct again after "
         f"{best['stale_s']:.2g} s, if RCS ends a turn without an answer after "
         f"{best['turn_timeout_s']:.2g} s"
     )

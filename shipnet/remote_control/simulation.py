@@ -483,7 +483,7 @@ class _Simulation:
             self._leave(station, turn)
 
     def _leave(self, station: Station, turn: int) -> None:
-        """Let a station that waits in vain send as soon as its task can."""
+        """Let a station that gets no answer send as soon as its task can."""
         if self.now < station.busy_until:
             self._at(station.busy_until, partial(self._leave, station, turn))
         elif station.turn == turn and station.state is State.RECEIVING:

@@ -410,8 +410,9 @@ class System:
     def overrun_stall(self) -> tuple[float, float]:
         r"""Return the stall of a slave's task that overruns its ring, shortest and longest [s].
 
-        The stall begins at the worst moment, with a packet. RCS waits in vain, W, and returns after
-        an exchange with the other slave, until the k-th packet after the first fills the ring:
+        The stall begins at the worst moment, with a packet. RCS waits for W without an answer, and
+        returns after an exchange with the other slave, until the k-th packet after the first fills
+        the ring:
 
         .. math:: S = k (W + 3 P + 2 t) + (R - k L - 1) \, t_c, \quad k = \lceil R / L \rceil - 1
 

@@ -1,4 +1,4 @@
-"""Interactive tools: each is a record whose fields are its controls, with an answer and a page."""
+"""Interactive tools: records whose fields are the controls of a page, with an answer."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Pages of widgets: a tool's controls with what follows from them, and frames to leaf through."""
+"""Pages of widgets: a tool's controls and answer, and frames to step through."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ from shipnet.tools._view import (
     write_state,
 )
 
-#: Faults of a file that are listed.
+#: Most faults of a file that are listed.
 _FAULTS = 50
 
-#: Said where a file or a button changed nothing.
+#: Shown if a file or a button changed nothing.
 _BEFORE = "The results above are still the previous ones."
 
-#: Frames of a stepper at most.
+#: Most frames of a stepper.
 _MOST = 1000
 
 #: Draws frame k, counted from 0, on axes.
@@ -56,9 +56,9 @@ Draw = Callable[[int, Axes], object]
 class Page(widgets.VBox):  # type: ignore[misc]
     """The page of a tool: controls, verdict, figure, and a state that can be shared.
 
-    `see` returns what is shown of the inputs, the tool's own `_view` by default. `folds` names
-    controls that are folded away below a title. stories.toml has states to try, each a button;
-    the page opens on the first of them if `story` is set.
+    `see` returns the view of some inputs, by default the tool's own `_view`. `folds` names the
+    controls that are folded away under a title. Each state to try, in stories.toml, is a button;
+    with `story` the page opens on the first of them.
     """
 
     def __init__(
@@ -105,9 +105,11 @@ class Page(widgets.VBox):  # type: ignore[misc]
         tries = widgets.HBox([widgets.HTML("Try:"), *self.stories.values(), self._look])
         answer = widgets.VBox([self._shown, _classed(self.figure, "shipnet-figure")])
         stage = [_classed(answer, "shipnet-answer"), _classed(widgets.VBox(panel), "shipnet-panel")]
-        # What a web page says when it is shown: the query of its link, and whether it is narrow.
+        # Set by the web page when it is shown: the query of its link, and whether it is narrow.
         self.query, self.narrow = (widgets.Text(continuous_update=False) for _ in range(2))
-        self.query.observe(lambda _: self._change(self._linked), "value")
+        self.query.observe(
+            lambda _: self._change(lambda: read_link(self.query.value, self._kind)), "value"
+        )
         self.narrow.observe(lambda _: self.refresh(), "value")
         told = [_classed(self.query, "shipnet-query"), _classed(self.narrow, "shipnet-narrow")]
         foot = widgets.HBox([self.links, self.uploads[load.label], *told, self._noted])
@@ -130,11 +132,11 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
     @property
     def inputs(self) -> Any:
-        """What the controls say; raises ArgumentError if that is not legal."""
+        """The values of the controls; raises ArgumentError if they are not legal."""
         return self._controls.inputs
 
     def refresh(self) -> None:
-        """Compute and show, now."""
+        """Compute and show the view of the present inputs."""
         with self._busy():
             save = '<a class="shipnet-button" aria-disabled="true">save state</a>'
             link = ""
@@ -156,7 +158,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
             self.figure.value = figure or self.figure.value
 
     def _moved(self) -> None:
-        # Computed at once: a browser sends the next value only when this one is done with.
+        # Compute at once: a browser sends the next value only when this one is done.
         self._say("")
         self.refresh()
 
@@ -171,7 +173,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         self._change(lambda: self._told(**values))
 
     def _told(self, press: Sequence[str] = (), **values: Any) -> Any:
-        """Return the inputs of a story: values, maybe of the preset, then of buttons."""
+        """Return the inputs of a story: from its values or those of its preset, and its buttons."""
         if self._preset is not None and values:
             self._setters.put(type(self._preset.start)(**values))
             inputs = self._preset.make(self._setters.inputs, self._kind())
@@ -181,11 +183,8 @@ class Page(widgets.VBox):  # type: ignore[misc]
             inputs = self._acts[label](inputs) or inputs
         return inputs
 
-    def _linked(self) -> Any:
-        return read_link(self.query.value, self._kind)
-
     def _change(self, new: Callable[[], Any], file: str = "") -> None:
-        """Take over new inputs, or None for those there are; say what is wrong with them."""
+        """Show new inputs, or the present ones if None, or else their faults."""
         try:
             with self._busy():
                 inputs = new()
@@ -214,8 +213,8 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
         def take(_: object) -> None:
             files = upload.value
-            # Else the same file, corrected and loaded again, would be no change. Emptied before the
-            # page answers, or a file that is loaded at the answer could be emptied with it.
+            # Otherwise a corrected file of the same name is no change. Emptied before the page
+            # answers, because a file loaded at that moment would be lost.
             upload.value = ()
             for file in files:
                 name, content = file["name"], bytes(file["content"])
@@ -243,7 +242,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
 
 def _lines(problem: Exception) -> str:
-    """Return what is wrong, one fault per line where a file has several."""
+    """Return the message of an error, one fault per line if a file has several."""
     if not isinstance(problem, InputError) or len(problem.faults) < 2:
         return _sentence(problem)
     return "\n".join([f"{problem.file}:", *problem.lines(_FAULTS)])
@@ -271,7 +270,7 @@ class Controls:
         rows = {}
         for name, control in self.widgets.items():
             kind = self._asked[name]
-            # First of all observers: a control beyond its new end is moved before it is read.
+            # The first observer, so that a control beyond its new end is moved before it is read.
             if isinstance(kind, Whole) and kind.at_most:
                 self._bound(control, kind, self.widgets[kind.at_most])
             control.tooltip = kind.help
@@ -294,7 +293,7 @@ class Controls:
         return self._kind(**self._values())
 
     def _values(self) -> dict[str, Any]:
-        """Return all values; a browser's sliders come to their steps by adding, so round."""
+        """Return all values, rounded because a browser's slider adds up its steps."""
         shown = {
             name: round(control.value, 9)
             if isinstance(self._asked[name], Number)
@@ -326,7 +325,7 @@ class Controls:
         self._observers.append(call)
 
     def _changed(self, _: object) -> None:
-        # What a browser sends back after `put` is no change.
+        # A browser echoes the values of `put`, which is no change.
         if not self._quiet and self._seen != self._values():
             self._seen = self._values()
             for call in self._observers:
@@ -341,7 +340,7 @@ class Controls:
 
 
 def _with_help(control: widgets.Widget, help: str) -> widgets.VBox:
-    """Return a control with a sentence that shows while the control is pointed at or in use."""
+    """Return a control with help that is shown while the control is pointed at or in use."""
     text = widgets.HTML(f'<div class="shipnet-help">{escape(help)}</div>')
     return _classed(widgets.VBox([control, text]), "shipnet-control")
 
@@ -356,7 +355,7 @@ def _classed(widget: widgets.Widget, name: str) -> widgets.Widget:
 
 
 def _on_step(kind: Kind, value: Any) -> Any:
-    """Return the value as the slider holds it; the browser would move it there in any case."""
+    """Return the nearest value that the slider can have, as the browser would."""
     if not isinstance(kind, Number):
         return value
     low, high = kind.shown
@@ -364,7 +363,7 @@ def _on_step(kind: Kind, value: Any) -> Any:
 
 
 def _control(kind: Kind, value: Any) -> widgets.Widget | None:
-    """Return the control of a field, None for a series, which has buttons."""
+    """Return the control of a field, or None for a series, which has buttons."""
     label = f"{kind.label} [{kind.unit}]" if kind.unit else kind.label
     common: dict[str, Any] = {"value": value, "description": label}
     if isinstance(kind, Switch):
@@ -374,7 +373,7 @@ def _control(kind: Kind, value: Any) -> widgets.Widget | None:
         menu = widgets.SelectionSlider if kind.slider else widgets.Dropdown
         return menu(options=options, **common)
     if isinstance(kind, Text):
-        # Half a word is nothing to compute with.
+        # Do not compute while a word is being typed.
         late = {"continuous_update": False, "placeholder": kind.hint, **common}
         return widgets.Textarea(rows=kind.rows, **late) if kind.rows > 1 else widgets.Text(**late)
     if isinstance(kind, Whole | Number):

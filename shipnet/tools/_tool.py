@@ -1,4 +1,4 @@
-"""What all tools have in common: inputs as declared fields, what follows from them, and a page."""
+"""The base of all tools: inputs as declared fields, what follows from them, and a page."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 @checked
 class Tool:
-    """Base of the tools: a record whose fields are its controls; its page shows `_view`."""
+    """Base of the tools: a record whose fields are its controls, and what follows from them."""
+
+    #: What the tool computes from its inputs.
+    result: Any
 
     @property
     def verdict(self) -> str:
@@ -33,12 +36,13 @@ class Tool:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the tool's figure."""
-        raise NotImplementedError
+        axes: Axes = self.result.plot(ax=ax)
+        return axes
 
     def explore(self, story: bool = False) -> Page:
         """Return the page with a control for each field, for the last line of a notebook's cell.
 
-        With `story` it opens on the first of its states to try, else on these inputs.
+        With `story` the page opens on the first of its states to try, else on these inputs.
         """
         # The widgets are an extra, which a verdict does not need.
         from shipnet.tools._page import Page
@@ -50,5 +54,5 @@ class Tool:
         raise NotImplementedError
 
     def _options(self) -> dict[str, Any]:
-        """Return what the page has beside controls and figure: arguments of `Page`."""
+        """Return the arguments of `Page`: what it has besides controls and figure."""
         return {}

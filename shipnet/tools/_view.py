@@ -1,4 +1,4 @@
-"""What a page shows and takes: verdict, numbers and figure, buttons, files, a saved state."""
+"""What a page shows: verdict, numbers, figure, buttons and files; and its saved states."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import declared
 from shipnet.lazy import pd
 
-#: Width of a picture [inch], and its resolution [1/inch]; a page shows it at 100 per inch.
+#: Width of a picture [inch], and its resolution [1/inch]; a page shows 100 px per inch.
 _WIDTH, _DPI = 7.5, 150
 
 #: Width of a picture on a phone, and its height as a part of the usual one.
 _NARROW, _FLAT = 4.6, 0.8
 
-#: Version of a saved state; it grows when a field changes its meaning.
+#: Version of saved states; it increases when a field changes its meaning.
 VERSION = 1
 
 _FORMAT = "shipnet tool"
 
-#: A state is a few hundred characters; an editor's text makes it longer [bytes].
+#: Largest state [bytes]; most have a few hundred, but an editor's text makes one longer.
 _LARGEST = 2_000_000
 
-#: Characters of a link, which programs pass on uncut.
+#: Most characters of a link that programs do not cut.
 _LONGEST_LINK = 2_000
 
 
@@ -42,7 +42,7 @@ _LONGEST_LINK = 2_000
 class View:
     """What a page shows: verdict, table, numbers, the figure that `plot` draws, and files.
 
-    A figure that is `dense` is not drawn in less width on a phone.
+    A `dense` figure keeps its width on a phone.
     """
 
     verdict: str
@@ -111,10 +111,10 @@ class View:
 
 
 class Sheet:
-    """Axes that one plot after the other is drawn on.
+    """Axes that are used again for each plot.
 
-    Making the ticks and the layout takes about half of the time of a new figure. So the ticks are
-    kept, and the layout while the words around the axes stay the same.
+    Ticks and layout take about half of the time of a new figure. So the ticks are kept, and the
+    layout too while the words around the axes stay the same.
     """
 
     axes: Axes | None = None
@@ -143,14 +143,14 @@ class Sheet:
 
     def _drawn(self, axes: Axes) -> bytes:
         file, canvas = BytesIO(), cast("Any", axes.figure.canvas)
-        # `savefig` draws twice, and compresses for long storage what is looked at once.
+        # `savefig` draws twice, and compresses more than a picture needs that is shown once.
         canvas.print_png(file, pil_kwargs={"compress_level": 1})
         self.axes = axes
         return file.getvalue()
 
 
 def _clear(axes: Axes) -> None:
-    """Take away all that a plot has drawn and set, but for the ticks themselves."""
+    """Remove what a plot has drawn and set, except the ticks."""
     legend = axes.get_legend()
     drawn = [*axes.lines, *axes.patches, *axes.collections, *axes.texts, *axes.artists]
     for artist in [*drawn, *([legend] if legend else [])]:
@@ -163,7 +163,7 @@ def _clear(axes: Axes) -> None:
 
 
 def _words(axes: Axes) -> tuple[str, ...]:
-    """Return the words around axes, which decide their place."""
+    """Return the words around axes, which determine the layout."""
     legend = axes.get_legend()
     texts = [*axes.get_xticklabels(), *axes.get_yticklabels(), axes.title, axes.xaxis.label,
              axes.yaxis.label, *(legend.get_texts() if legend else ())]  # fmt: skip
@@ -172,7 +172,7 @@ def _words(axes: Axes) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Button:
-    """A button; `act` takes the inputs and returns new ones, or None to compute the same again."""
+    """A button; `act` returns new inputs from the present ones, or None to compute again."""
 
     label: str
     help: str
@@ -181,7 +181,7 @@ class Button:
 
 @dataclass(frozen=True)
 class Upload:
-    """A button for a file; `take` gets the inputs, its name and its content, as `Button.act`."""
+    """A button for a file; `take` returns new inputs from these, its name and its content."""
 
     label: str
     help: str
@@ -191,14 +191,14 @@ class Upload:
 
 @dataclass(frozen=True)
 class Preset:
-    """Controls that set the others; `make` turns their record and the inputs into new inputs."""
+    """Controls that set the others; `make` returns new inputs from their record and the inputs."""
 
     start: Any
     make: Callable[[Any, Any], Any]
 
 
 def download_link(text: str, file: str, content: str | bytes) -> str:
-    """Return a link that saves a file from the page itself, which asks no server for it."""
+    """Return a link that saves a file from the page itself, without a server."""
     data = content.encode() if isinstance(content, str) else content
     href = f"data:application/octet-stream;base64,{b64encode(data).decode()}"
     return (
@@ -214,7 +214,7 @@ def write_state(tool: str, inputs: Any) -> str:
 
 
 def write_link(inputs: Any) -> str:
-    """Return a link to the page with these inputs; empty if an editor's text makes it too long."""
+    """Return a link to the page with these inputs, or "" if it is too long."""
     start = type(inputs)()
     values = {name: getattr(inputs, name) for name in declared(type(inputs))}
     changed = {
@@ -228,7 +228,7 @@ def write_link(inputs: Any) -> str:
 
 
 def read_link(query: str, kind: type) -> Any:
-    """Return the inputs of a link, as the record `kind`; what it does not name is the default."""
+    """Return the inputs of a link as the record `kind`; others have their defaults."""
     values = asdict(kind())
     for name, text in parse_qsl(query, keep_blank_values=True):
         values[name] = _value(text, values.get(name))
@@ -236,7 +236,7 @@ def read_link(query: str, kind: type) -> Any:
 
 
 def _value(text: str, default: Any) -> Any:
-    """Return a value as its default is; what cannot be one stays text, which the check refuses."""
+    """Return a value of the default's type, or the text itself, which the check refuses."""
     if isinstance(default, tuple):
         return tuple(text.split())
     if isinstance(default, bool):
@@ -248,12 +248,12 @@ def _value(text: str, default: Any) -> Any:
 
 
 def read_state(content: bytes, tool: str, kind: type, file: str = "state") -> Any:
-    """Return the inputs that a file holds, as the record `kind`."""
+    """Return the inputs in a file as the record `kind`."""
     return _record(_inputs(content, tool, file), kind, file)
 
 
 def _record(given: Mapping[str, Any], kind: type, file: str) -> Any:
-    """Return a record of values; raise InputError with all that is wrong with them."""
+    """Return a record of values, or raise InputError with all their faults."""
     kinds = declared(kind)
     faults = [f"unknown input {name!r}" for name in given if name not in kinds]
     faults += [f"input {name!r} is missing" for name in kinds if name not in given]
@@ -268,7 +268,7 @@ def _record(given: Mapping[str, Any], kind: type, file: str) -> Any:
         except ArgumentError as fault:
             faults.append(str(fault))
         except TypeError:
-            # The value that limits it is not a number, which has been said already.
+            # The value that limits it is not a number, which is a fault already.
             continue
     if faults:
         raise InputError(file, *faults)
@@ -294,5 +294,5 @@ def _inputs(content: bytes, tool: str, file: str) -> dict[str, Any]:
         raise InputError(file, f"its version is {version!r}; this tool reads version {VERSION}")
     inputs = state.get("inputs")
     if not isinstance(inputs, dict):
-        raise InputError(file, "it holds no inputs")
+        raise InputError(file, "it has no inputs")
     return inputs

@@ -1,4 +1,4 @@
-"""The line explorer: a slave answers over a cable, and the master says what it makes of it."""
+"""The line explorer: a slave answers over a cable, and the master decodes the answer."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ CABLE_CHOICES = MappingProxyType[str, str | Cable](
     }
 )
 
-#: Sampling interval, and what is recorded before and after the answer [s].
+#: Sampling interval, and times recorded before and after the answer [s].
 STEP, BEFORE, AFTER = 250e-9, 6e-6, 28.8e-6
 
-#: Standard deviation of white noise behind the matched filter over that before it: the root of
-#: 8/3 of the sampling interval in half-bits.
+#: Ratio of the standard deviations of white noise after and before the matched filter: the root
+#: of 8/3 of the sampling interval in half-bits.
 FILTERED = (8 / 3 * STEP / HALF_BIT) ** 0.5
 
 
@@ -42,8 +42,8 @@ FILTERED = (8 / 3 * STEP / HALF_BIT) ** 0.5
 class AsiLine(Tool):
     """A slave that answers over a cable, and what the master reads.
 
-    `wave` is the voltage at the master, an `asi.Waveform`, and `result` what the master's receiver
-    makes of it, an `asi.Reception`.
+    `wave` is the voltage at the master, an `asi.Waveform`, and `result` is what its receiver
+    decodes, an `asi.Reception`.
 
     Examples
     --------
@@ -66,10 +66,9 @@ class AsiLine(Tool):
         help="Impedance and delay: the nominal cable, or extremes of a data sheet.",
     )  # fmt: skip
     terminator: bool = switch(
-        default=False,
-        label="100 ohm at the end",
+        default=False, label="100 ohm at the end",
         help="A terminator absorbs the echo but loads the line.",
-    )
+    )  # fmt: skip
     noise: float = number(
         0, 10, default=0.0, unit="V", slider=(0, 1.5), step=0.05, label="noise in 2 MHz",
         help="Standard deviation of white noise at the master, in a bandwidth of 2 MHz: "
@@ -105,7 +104,7 @@ class AsiLine(Tool):
         return self.wave.receive(self.receiver)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the voltage with what the receiver sees in it."""
+        """Draw the voltage with the pulses that the receiver finds."""
         return self.result.plot(self.wave, ax, receiver=self.receiver)
 
     def _view(self) -> View:
@@ -135,7 +134,7 @@ class AsiLine(Tool):
         return self.result.pulses.decode()
 
     def _numbers(self) -> dict[str, str]:
-        """Return the size of the signal, and how even and how still it is."""
+        """Return the size of the signal, the evenness of its pulses, and its ringing."""
         heard, swing = self.result, {"signal": f"{np.ptp(self.wave.u):.1f} Vpp"}
         if np.isnan(heard.amplitude):
             return swing

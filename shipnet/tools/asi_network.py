@@ -1,11 +1,10 @@
-"""The network explorer: slaves on a structure of cable, how fast they are polled, what breaks."""
+"""The network explorer: a cable with slaves, their polling times, and the rules it violates."""
 
 from __future__ import annotations
 
 from functools import cached_property
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from shipnet.asi.emc.error_rates import independent_failures
 from shipnet.asi.plan import Plan, PlanFindings
@@ -14,7 +13,7 @@ from shipnet.fields import choice, number, record, whole
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
-#: Slaves that get addresses of their own; more share them as A and B.
+#: Slaves with addresses of their own; more slaves share addresses as A and B.
 ADDRESSES = 31
 
 
@@ -65,7 +64,7 @@ class AsiNetwork(Tool):
 
     @property
     def shared(self) -> int:
-        """Addresses that are shared."""
+        """Number of shared addresses."""
         return int(np.clip(self.pairs, max(0, self.slaves - ADDRESSES), self.slaves // 2))
 
     @cached_property
@@ -83,12 +82,8 @@ class AsiNetwork(Tool):
 
     @cached_property
     def result(self) -> PlanFindings:
-        """What the rules say of the plan."""
+        """The findings of the rules for the plan."""
         return self.plan.check()
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the plan, with what violates a rule in red."""
-        return self.result.plot(ax=ax)
 
     def _view(self) -> View:
         broken = self.result.broken
@@ -104,7 +99,7 @@ class AsiNetwork(Tool):
     def _numbers(self) -> dict[str, str]:
         """Return times and rates."""
         cycle = self.plan.cycle
-        # A slave is asked twice at most in a cycle; the second time counts in the worst case.
+        # A slave is polled at most twice in a cycle; the second poll counts in the worst case.
         response = cycle.response_time(repetitions=int(self.error_rate > 0))
         effect = independent_failures(self.error_rate, cycle).iloc[0]
         return {

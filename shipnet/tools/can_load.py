@@ -1,4 +1,4 @@
-"""The CAN explorer: a message set as text, a bit rate, its load and its response times."""
+"""The CAN explorer: the load and the response times of a message set at a bit rate."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from dataclasses import replace
 from functools import cached_property
 from math import inf
 from typing import Any
-
-from matplotlib.axes import Axes
 
 from shipnet.can.faults import ErrorBound
 from shipnet.can.lengths import Stuffing
@@ -67,7 +65,7 @@ class CanLoad(Tool):
 
     @cached_property
     def messages(self) -> MessageSet:
-        """The messages of the text, their offsets spread if that is chosen."""
+        """The messages of the text, with spread offsets if that is chosen."""
         messages = MessageSet.parse(self.text)
         return spread_offsets(messages) if self.offsets == "spread" else messages
 
@@ -92,7 +90,7 @@ class CanLoad(Tool):
 
     @property
     def load(self) -> dict[str, float]:
-        """Load of the bus, by how its stuff bits are counted."""
+        """Load of the bus, by the way of counting stuff bits."""
         counted: dict[str, Stuffing] = {
             "no stuff bits": "none", "random data": "mean", "most stuff bits": "worst",
         }  # fmt: skip
@@ -102,10 +100,6 @@ class CanLoad(Tool):
     def lowest(self) -> float:
         """The lowest standard bit rate at which all deadlines are met [bit/s]; inf if none is."""
         return next((rate for rate in BIT_RATES if self._times(rate).met), inf)
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the longest response of each message against its deadline."""
-        return self.result.plot(ax)
 
     def _view(self) -> View:
         late, n = self.result.late, len(self.result)

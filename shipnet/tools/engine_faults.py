@@ -1,4 +1,4 @@
-"""The engine explorer: something fails, and the AMS shows what it knows."""
+"""The engine explorer: the alarm screen of lee2012 after a fault."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from collections import Counter
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from typing import ClassVar
-
-from matplotlib.axes import Axes
 
 from shipnet.engine.faults import EngineFault
 from shipnet.engine.run import Run, Screen
@@ -18,7 +16,7 @@ from shipnet.fields import choice, number, record
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
-#: When the fault begins, and the last time that can be looked at [s].
+#: Start of the fault, and the last time that the screen can show [s].
 START, _END = 10.0, 25.0
 
 #: Designs to choose from.
@@ -28,7 +26,7 @@ DESIGNS = {
     "corrected, CAN as a line": System.corrected(),
 }
 
-#: Faults of any design to choose from, by what they are called. A line lacks a cable of the ring.
+#: Faults of all designs to choose from, by name. A line lacks one cable of the ring.
 FAULTS: dict[str, EngineFault | None] = {"none": None} | {
     str(fault): fault for design in DESIGNS.values() for fault in design.single_faults(START)
 }
@@ -78,12 +76,12 @@ class EngineFaults(Tool):
 
     @cached_property
     def result(self) -> Screen:
-        """What the AMS shows at the time."""
+        """The alarm screen at the chosen time."""
         return _run(self.fault, self.design).screen(self.time)
 
     @cached_property
     def raised(self) -> list[str]:
-        """Alarms so far, the points of a box together."""
+        """Alarms so far; those of a box's points are counted together."""
         alarms = _run(self.fault, self.design).alarms()
         alarms = alarms[alarms["time_s"] <= self.time]
         box = alarms["source"].str.extract(r"^ME-(JB\d+)-", expand=False)
@@ -93,10 +91,6 @@ class EngineFaults(Tool):
             f"{time:.2f} s: {who}, {kind}" + (f" ({count})" if count > 1 else "")
             for (time, who, kind), count in counted.items()
         ]
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the screen of the AMS."""
-        return self.result.plot(ax)
 
     def _view(self) -> View:
         old, marked = self.result.old, self.result.marked

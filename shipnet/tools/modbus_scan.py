@@ -1,10 +1,8 @@
-"""The scan explorer: how long a Modbus master takes to ask all its slaves, against a limit."""
+"""The scan explorer: the time that a Modbus master needs to poll all slaves, and its limit."""
 
 from __future__ import annotations
 
 from functools import cached_property
-
-from matplotlib.axes import Axes
 
 from shipnet.fields import choice, number, record, whole
 from shipnet.modbus.frame import MAX_UNIT
@@ -12,13 +10,13 @@ from shipnet.modbus.polling import BIT_RATES, Scan, scan
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
-#: Characters to choose from: those of the standard, and what many devices are set to.
+#: Characters to choose from: those of the standard, and a common setting of devices.
 CHARACTERS = ("8E1", "8O1", "8N2", "8N1")
 
 
 @record
 class ModbusScan(Tool):
-    """How long a Modbus master takes to ask all its slaves, against a limit.
+    """The time that a Modbus master needs to poll all slaves, and its limit.
 
     `result` is the scan, a `modbus.Scan`.
 
@@ -59,11 +57,7 @@ class ModbusScan(Tool):
         help="How long the master waits for a response before it asks again or gives up.",
     )  # fmt: skip
     retries: int = whole(
-        0,
-        10,
-        default=1,
-        label="retries",
-        help="How often it repeats a request to a silent slave.",
+        0, 10, default=1, label="retries", help="How often it repeats a request to a silent slave."
     )
     limit: float = number(
         0.1, 60, default=2.0, unit="s", slider=(0.1, 10), step=0.1, label="longest scan",
@@ -78,10 +72,6 @@ class ModbusScan(Tool):
             character=self.character, processing=1e-3 * self.processing_ms, dead=self.dead,
             timeout=1e-3 * self.timeout_ms, retries=self.retries, limit=self.limit,
         )  # fmt: skip
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the scan time at every bit rate, and the limit."""
-        return self.result.plot(ax)
 
     def _view(self) -> View:
         found, poll = self.result, self.result.polls[0]

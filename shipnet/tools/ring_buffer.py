@@ -1,4 +1,4 @@
-"""The ring explorer: store and extract by hand, and see what the four variables make of it."""
+"""The ring explorer: store and extract bytes by hand, and watch the four variables."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from shipnet.tools._view import Button, View
 #: Sizes to choose from; 128 is that of chung1998.
 SIZES = (8, 16, 32, 64, 128)
 
-#: Rules to choose from, and what each does.
+#: Rules to choose from, and the effect of each.
 RULES: MappingProxyType[Rule, str] = MappingProxyType(
     {
         "printed": "as printed: an empty ring is read on",
@@ -29,25 +29,16 @@ RULES: MappingProxyType[Rule, str] = MappingProxyType(
     }
 )
 
-#: What can be done, by the text on its button.
+#: The actions: the text of each button, and what it does.
 ACTIONS = MappingProxyType(
     {
-        "byte": "store a byte",
-        "packet": "store a packet",
-        "extract": "extract a byte",
-        "empty": "extract all",
-        "repair": "repair",
+        "byte": ("store a byte", "The interrupt stores the next byte of a packet."),
+        "packet": ("store a packet", "The interrupt stores bytes up to the end of a packet."),
+        "extract": ("extract a byte", "The task extracts one byte, if the rule allows it."),
+        "empty": ("extract all", "The task extracts bytes until the rule stops it."),
+        "repair": ("repair", "The task moves its pointer as the paper does after an overrun."),
     }
 )
-
-#: What each does, in a sentence.
-_HELP = {
-    "byte": "The interrupt stores the next byte of a packet.",
-    "packet": "The interrupt stores bytes up to the end of a packet.",
-    "extract": "The task extracts one byte, if the rule allows it.",
-    "empty": "The task extracts bytes until the rule stops it.",
-    "repair": "The task moves its pointer as the paper does after an overrun.",
-}
 
 #: The four cases in words.
 CASES = MappingProxyType(
@@ -59,7 +50,7 @@ CASES = MappingProxyType(
     }
 )
 
-#: Data of a packet, and the bytes it has.
+#: Items of a packet, and its format.
 _ITEMS = 1
 _FORM = MarkerFormat(n_numbers=_ITEMS)
 
@@ -68,7 +59,7 @@ _FORM = MarkerFormat(n_numbers=_ITEMS)
 class ReceiveRing(Tool):
     """A receive ring that is filled and read by hand, step by step.
 
-    `result` has the ring, what the last action did as `said`, and how many packets were found.
+    `result` has the ring, the effect of the last action as `said`, and the number of packets.
 
     Examples
     --------
@@ -76,7 +67,7 @@ class ReceiveRing(Tool):
     '0xCC extracted from 0'
     """
 
-    #: The rules of the reader to choose from, and what each does.
+    #: The rules of the reader to choose from, and the effect of each.
     RULES: ClassVar[Mapping[Rule, str]] = RULES
 
     size: int = choice(
@@ -86,12 +77,9 @@ class ReceiveRing(Tool):
         RULES, default="printed", label="reader", help="The rule that the reader follows."
     )
     actions: tuple[str, ...] = series(
-        ACTIONS,
-        default=(),
-        most=2000,
-        label="actions",
+        ACTIONS, default=(), most=2000, label="actions",
         help="The actions so far, starting with an empty ring.",
-    )
+    )  # fmt: skip
 
     def then(self, action: str) -> ReceiveRing:
         """Return the same ring after one more action, such as ``"byte"`` or ``"repair"``."""
@@ -128,7 +116,7 @@ class ReceiveRing(Tool):
 
     def _options(self) -> dict[str, Any]:
         def does(action: str) -> Button:
-            return Button(ACTIONS[action], _HELP[action], lambda inputs: inputs.then(action))
+            return Button(*ACTIONS[action], lambda inputs: inputs.then(action))
 
         def back(inputs: ReceiveRing) -> ReceiveRing:
             return replace(inputs, actions=inputs.actions[:-1])
@@ -145,9 +133,9 @@ class ReceiveRing(Tool):
 
 
 class Game:
-    """A ring with somebody who writes packets and somebody who reads them.
+    """A ring with a writer and a reader of packets.
 
-    `said` is what the last action did, and `found` the values of the packets that were read.
+    `said` describes the last action, and `found` has the values of the packets that were read.
     """
 
     def __init__(self, inputs: ReceiveRing) -> None:
@@ -160,12 +148,12 @@ class Game:
 
     @property
     def packets(self) -> int:
-        """How many packets were found."""
+        """Number of packets found."""
         return len(self.found)
 
     @property
     def wrong(self) -> int:
-        """How many of them are older than one before, or were never sent."""
+        """Number of packets that are older than an earlier one, or were never sent."""
         sent = {_value(number) for number in range(self.ring.written // _FORM.size(_ITEMS))}
         due = accumulate((value + 1 for value in self.found), max, initial=0)
         pairs = zip(self.found, due, strict=False)
@@ -198,7 +186,7 @@ class Game:
         return step
 
     def _empty(self) -> None:
-        # An empty ring that is read on may have no end: two rounds show that.
+        # A ring that is read on while empty may never end: two rounds show that.
         for taken in range(2 * self.ring.size):
             if self._extract().action in ("wait", "stop"):
                 self.said = f"{taken} steps, then: {self.said}"
@@ -214,7 +202,7 @@ class Game:
 
 
 def _value(number: int) -> int:
-    # They rise, and neither byte is a marker or 0.
+    # Values increase, and neither byte is a marker or 0.
     return (number // 200 + 1) << 8 | number % 200 + 1
 
 

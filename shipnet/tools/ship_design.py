@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,15 +16,15 @@ from matplotlib.axes import Axes
 from shipnet import datasets
 from shipnet.arguments import checked
 from shipnet.design.catalogue import Assumptions, Range
-from shipnet.design.comparison import RESPONSE, Comparison, compare
+from shipnet.design.comparison import Comparison, compare
 from shipnet.design.designs import Design
 from shipnet.design.failures import worst
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.layout import Site, site_of
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.report import BANNER
 from shipnet.design.rules import RULE_SETS, RuleSet
 from shipnet.design.settings import Settings, names
-from shipnet.design.site import Site, site_of
 from shipnet.design.tables import zipped
 from shipnet.design.words import Reading
 from shipnet.errors import ArgumentError, InputError
@@ -33,14 +33,11 @@ from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, Upload, View
 
-if TYPE_CHECKING:
-    from shipnet.tools._page import Page
-
-#: What the figure can show; against cost, the column of the comparison that it is.
+#: What the figure can show; a figure against cost is named by its column of the comparison.
 PICTURES = {
     "cost": "cost of each option, with its range",
     "conductors_at_cabinet": "conductors against cost",
-    RESPONSE: "worst response against cost",
+    "worst_response_ms": "worst response against cost",
     "lost_by_failure": "points lost by one failure against cost",
     "assumptions": "the assumptions that matter most",
 }
@@ -56,7 +53,7 @@ _FOLDS = {
     ),
 }  # fmt: skip
 
-#: Characters of a list, for a state that holds it must not exceed 2 MB.
+#: Most characters of a list, because a state with it must not exceed 2 MB.
 _LONGEST = 1_000_000
 _STATE = 1_900_000
 
@@ -65,8 +62,7 @@ _MIND = (
     "nominal, with a range from all assumptions low to all high."
 )
 
-#: Ways to connect some points by one option and the others by another: what decides, and how the
-#: points that it does not name are connected.
+#: Mixes of options: the option of some types or categories, and that of all other points.
 MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
     {
         "digital AS-i + analogue CAN": ({"DI": "AS-i", "DO": "AS-i"}, "CAN"),
@@ -77,7 +73,7 @@ MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
     }
 )
 
-#: Seed of the draws of what is assumed, as `shipnet design` has it.
+#: Seed of the draws of the assumptions, the same as in `shipnet design`.
 _SEED = 2024
 
 #: Assumptions that make up the price of a bus, beside its cable.
@@ -152,9 +148,7 @@ class ShipDesign(Tool):
         "With few boxes and stations, a mix may cost more than either.",
     )  # fmt: skip
     redundant: bool = switch(
-        default=False,
-        label="two lines",
-        help="The trunks of CAN and Modbus are laid twice, on separate routes.",
+        default=False, label="two lines", help="The trunks of CAN and Modbus are laid twice."
     )
     rules: str = choice(
         {name: name for name in RULE_SETS}, default="DNV", label="rules",
@@ -201,7 +195,7 @@ class ShipDesign(Tool):
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        # JSON writes a character beyond ASCII as six, a line's end as two.
+        # JSON writes a non-ASCII character as six, and the end of a line as two.
         beyond = len(self.points.encode("ascii", errors="ignore"))
         size = 6 * (len(self.points) - beyond) + beyond + self.points.count("\n")
         if size > _STATE:
@@ -209,7 +203,7 @@ class ShipDesign(Tool):
 
     @property
     def options(self) -> tuple[str, ...]:
-        """What is compared."""
+        """The options to compare."""
         chosen = {
             "home runs": self.home_runs, "junction boxes": self.junction_boxes, "AS-i": self.asi,
             "CAN": self.can, "Modbus RTU": self.modbus, self.mixed: self.mixed != "none",
@@ -218,20 +212,26 @@ class ShipDesign(Tool):
 
     @cached_property
     def result(self) -> Comparison:
-        """Plan the options and compare them; what is not changed is not planned anew."""
+        """Plan the options and compare them; unchanged options are not planned again."""
         if not self.options:
             raise ArgumentError("no option is on; switch on one of home runs to Modbus RTU")
         printed = "".join(one if one.isprintable() else " " for one in self.name)
-        settings = _settings_of(
-            self.spare, self.redundant, self.list_lengths, self.detour, self.labour,
-            self.parts, self.own,
-        )  # fmt: skip
-        name = " ".join(printed.split()) or "list"
+        name, settings = " ".join(printed.split()) or "list", self._settings()
         iolist = _points(self.points, name, self.update_ms, settings.reading)
         return _compared(iolist, self.cabinet, settings, self.options, self.rules)
 
+    def _settings(self) -> Settings:
+        """Return the values of the controls, overridden by the lines of one's own."""
+        values: dict[str, object] = {
+            "spare": self.spare, "redundant": self.redundant, "list_lengths": self.list_lengths,
+            "detour": self.detour, **_prices(self.labour, self.parts),
+        }  # fmt: skip
+        given = Settings.parse(self.own, "limits and prices")
+        words = {table: dict(pairs) for table, pairs in given.reading._asdict().items()}
+        return Settings(values | dict(given.changes()["value"]) | words)
+
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw what `ShipDesign.picture` asks for."""
+        """Draw the chosen figure."""
         if self.picture == "cost":
             return self.result.plot(ax=ax)
         if self.picture == "assumptions":
@@ -259,11 +259,8 @@ class ShipDesign(Tool):
             files=files,
         )
 
-    def explore(self, story: bool = False) -> Page:
-        """Return the page with controls, examples, uploads, and a report to download."""
-        from shipnet.tools._page import Page
-
-        # The inputs that the report is asked for; it goes when they change.
+    def _options(self) -> dict[str, Any]:
+        # The inputs of the report; it is dropped when they change.
         asked: list[ShipDesign] = []
 
         def see(inputs: ShipDesign) -> View:
@@ -284,28 +281,23 @@ class ShipDesign(Tool):
                 ),
             )  # fmt: skip
 
-        return Page(
-            self,
-            see,
-            story=story,
-            folds=_FOLDS,
-            buttons=[
-                example("main engine", _CABINET),
-                example("ship", ""),
-                Button("make the report", "One file to read offline and print: tables, figures, "
-                       "rules and every assumption; in tables.zip the cables, terminals, points "
-                       "and drawing of each option. Buttons to download them appear at the "
-                       "foot of the page.", ask),
-            ],
-            uploads=[Upload("load a list", "CSV or Excel; it replaces the list above.",
-                            ".csv,.txt,.xlsx", from_file),
-                     Upload("load settings", "Limits and prices, as TOML; they replace those "
-                            "above.", ".toml,.txt", settings_from_file)],
+        report = Button(
+            "make the report", "One file to read offline and print: tables, figures, rules and "
+            "every assumption; in tables.zip the cables, terminals, points and drawing of each "
+            "option. Buttons to download them appear at the foot of the page.", ask,
         )  # fmt: skip
+        uploads = [
+            Upload("load a list", "CSV or Excel; it replaces the list above.",
+                   ".csv,.txt,.xlsx", from_file),
+            Upload("load settings", "Limits and prices, as TOML; they replace those above.",
+                   ".toml,.txt", settings_from_file),
+        ]  # fmt: skip
+        buttons = [example("main engine", _CABINET), example("ship", ""), report]
+        return {"see": see, "folds": _FOLDS, "buttons": buttons, "uploads": uploads}
 
 
 def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
-    """Return inputs with the I/O list of a file, whose cabinet is to be found."""
+    """Return inputs with the I/O list of a file, and an empty cabinet."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "list"
         path.write_bytes(content)
@@ -328,19 +320,19 @@ def settings_from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDes
 
 @lru_cache(maxsize=8)
 def _points(text: str, name: str, update_ms: int, reading: Reading) -> IoList:
-    """Return the points of a text, none of which may wait longer than a time."""
+    """Return the points of a text, with a longest update time unless it is 0."""
     iolist = IoList.parse(text, name, reading=reading)
     if not update_ms:
         return iolist
-    # Where the list names none it is NaN, which fmin passes over.
+    # A point without an update time has NaN, which fmin ignores.
     needed = np.fmin(iolist.points["update_ms"], float(update_ms))
     return replace(iolist, points=iolist.points.assign(update_ms=needed))
 
 
 @lru_cache(maxsize=8)
 def _site(iolist: IoList, cabinet: str, settings: Settings) -> tuple[Site, str]:
-    """Return where a list is planned, and how the place of the cabinet is known if it was found."""
-    return site_of(iolist, cabinet.strip() or None, None, settings)
+    """Return the site of a list, and a remark if the cabinet's position was inferred."""
+    return site_of(iolist, cabinet.strip() or None, settings)
 
 
 @lru_cache(maxsize=48)
@@ -354,29 +346,8 @@ def _planned(iolist: IoList, site: Site, settings: Settings, option: str, rules:
     return plan(iolist, site, default, settings=settings, mix=named, name=option, rules=asked)
 
 
-@lru_cache(maxsize=8)
-def _settings_of(
-    spare: float,
-    redundant: bool,
-    list_lengths: bool,
-    detour: float,
-    labour: float,
-    parts: float,
-    own: str,
-) -> Settings:
-    """Return the values of the controls, and over them lines of one's own."""
-    values: dict[str, object] = {
-        "spare": spare, "redundant": redundant, "list_lengths": list_lengths, "detour": detour,
-        **_prices(labour, parts),
-    }  # fmt: skip
-    given = Settings.parse(own, "limits and prices")
-    words = {table: dict(pairs) for table, pairs in given.reading._asdict().items()}
-    return Settings(values | dict(given.changes()["value"]) | words)
-
-
-@lru_cache(maxsize=8)
 def _prices(labour: float, parts: float) -> dict[str, Range]:
-    """Return the assumptions that another labour rate and other prices of bus parts change."""
+    """Return the assumptions changed by a labour rate and by the price of bus parts."""
     assumed = Assumptions()
     times = {"labour_rate": labour / assumed["labour_rate"].nominal}
     times |= {
@@ -395,7 +366,7 @@ def _prices(labour: float, parts: float) -> dict[str, Range]:
 def _compared(
     iolist: IoList, cabinet: str, settings: Settings, options: tuple[str, ...], rules: str
 ) -> Comparison:
-    """Plan and compare; a plan is kept for what it depends on, which prices are not."""
+    """Plan and compare; plans are kept when only prices change."""
     default = Settings()
     unpriced = settings.replace(
         {name: default[name] for name in names() if name.startswith("assumptions.")}
@@ -406,14 +377,14 @@ def _compared(
     return replace(found, remarks=(said,) if said else ())
 
 
-#: Violated rules that are shown of each design.
+#: Most violated rules that are shown per design.
 _SHOWN = 3
 
-_FAILED = {"cut": "is cut", "short": "is shorted", "tray": "is lost", "device": "is dead"}
+_FAILED = {"cut": "is cut", "short": "is shorted", "device": "is dead"}
 
 
 def _numbers(comparison: Comparison) -> dict[str, str]:
-    """Return what the table of a comparison leaves out, in words."""
+    """Return what the table of a comparison omits, in words."""
     x, y, z = comparison.site.cabinet
     said = {
         "list": "; ".join([str(comparison.iolist), *comparison.iolist.remarks]),

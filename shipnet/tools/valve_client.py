@@ -1,7 +1,7 @@
 """The valve client: open, close and set ballast valves over Modbus/TCP, as the paper's PC does.
 
-Static pictures talk to valves in model time; the explorer talks to a server of its own on this
-machine, or to one whose address is typed.
+Static pictures show valves in model time; the page talks to its own server on this machine, or to
+another.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ _OWN = 16
 @checked
 @record
 class ValveClient(Tool):
-    """Ballast valves over Modbus/TCP: open, close and set them, and see what they answer.
+    """Ballast valves over Modbus/TCP: open, close and set them, and see their answers.
 
-    `result` is what model valves answer in model time; the page talks to a server.
+    `result` has the answers of model valves in model time; the page talks to a server.
 
     Examples
     --------
@@ -61,7 +61,7 @@ class ValveClient(Tool):
 
     @cached_property
     def result(self) -> Readout:
-        """What model valves answer that nobody has commanded yet."""
+        """The answers of model valves before any command."""
         return Client.over(ModelValves(self.valves), self.valves).read()
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -73,11 +73,11 @@ class ValveClient(Tool):
         return Explorer(self, story)
 
     def _view(self) -> View:
-        """Return what the page shows of model valves."""
+        """Return the view of model valves."""
         return self.view(self.result)
 
     def view(self, readout: Readout, answer: str = "", *, refused: bool = False) -> View:
-        """Return what the page shows of valves that were read, and of the last command."""
+        """Return the view of valves that were read, with the answer to the last command."""
         row = readout.screen[self.valve]
         silent = row["state"] == "silent"
         place = f"{row['state']}, {said(row['position_percent'], 0, '%')}"
@@ -94,7 +94,7 @@ class ValveClient(Tool):
 
 
 class Explorer(Page):
-    """The client's page; its server is closed by `close`, and at the end of the kernel.
+    """The client's page; `close`, or the end of the kernel, closes its server.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Explorer(Page):
         self._link: Link | None = None
         self._place: tuple[str, int] | None = None
         self._answer, self._refused = "", 0
-        # The browser counts, and each count is a reading: no thread is needed.
+        # The browser counts, and each count reads the valves, so no thread is needed.
         clock = widgets.Play(min=0, max=10**6, interval=500, repeat=True, show_repeat=False)
         clock.tooltip = "Reads all valves twice per second."
         clock.observe(lambda _: self.refresh(), "value")
@@ -159,5 +159,5 @@ class Explorer(Page):
         except OSError as problem:
             self._hang_up()
             return View(verdict=str(problem), ok=False)
-        # The refusal stays said, but it is bad news of one valve only.
+        # The refusal remains shown, but makes only its own valve's answer bad.
         return inputs.view(readout, self._answer, refused=self._refused == inputs.valve)

@@ -1,4 +1,4 @@
-"""The diagnosis explorer: what the sensors of a valve say, and which rules fire on it."""
+"""The diagnosis explorer: the sensors of a valve, and the rules that fire."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from shipnet.fuzzy.terms import NORMAL
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Preset, View
 
-#: What a valve may be doing: where it starts, 0..1, its command, and when it is read [s].
+#: States of a valve: opening at the start, 0..1, command, and time of the reading [s].
 STATES: dict[str, tuple[float, str | None, float]] = {
     "opening": (0.5, "open", 4.0),
     "closing": (0.5, "close", 4.0),
@@ -44,7 +44,7 @@ def _sensor(name: str, default: float, label: str, help: str) -> Any:
 
 @record
 class ValveDiagnosis(Tool):
-    """What the rules of kim2014 say of a valve's readings.
+    """The diagnosis of a valve's readings by the rules of kim2014.
 
     `result` is the decision, a `fuzzy.Decision`; `strength` has the firing strength of each rule,
     and `printed` the codes that fire as printed.
@@ -58,7 +58,7 @@ class ValveDiagnosis(Tool):
     (128, 10, 0.0)
     """
 
-    #: The states of a valve that the plant model can be read in.
+    #: The states in which the model of a valve can be read.
     STATES: ClassVar[Mapping[str, Any]] = STATES
 
     FP: float = _sensor("FP", 90.0, "pump pressure FP", "Pressure at the pump; 90 is normal.")
@@ -79,13 +79,13 @@ class ValveDiagnosis(Tool):
 
     @property
     def readings(self) -> dict[str, list[float]]:
-        """The readings as the rules take them: the speed is missing without a command."""
+        """The readings for the rules; the speed is missing without a command."""
         readings = {name: [getattr(self, name)] for name in _BASE.names}
         return readings if self.commanded else readings | {"DVPos": [nan]}
 
     @cached_property
     def result(self) -> Decision:
-        """What the rules decide."""
+        """The decision of the rules."""
         return _BASE.decide(self.readings, threshold=self.threshold)
 
     @property
@@ -96,7 +96,7 @@ class ValveDiagnosis(Tool):
 
     @cached_property
     def printed(self) -> tuple[str, ...]:
-        """Codes that fire by the limits as printed, without ramps."""
+        """Codes that fire at the printed limits, without ramps."""
         return _BASE.decide(self.readings, "crisp").codes(0)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -180,19 +180,13 @@ class ValveDiagnosis(Tool):
 @dataclass(frozen=True, slots=True)
 class _Plant:
     fault: str = choice(
-        [NORMAL, *FAULTS],
-        default=NORMAL,
-        label="fault",
+        [NORMAL, *FAULTS], default=NORMAL, label="fault",
         help="A fault of the plant; it sets the sensors.",
-    )
+    )  # fmt: skip
     severity: float = number(
-        0,
-        1,
-        default=1.0,
-        step=0.01,
-        label="its severity",
+        0, 1, default=1.0, step=0.01, label="its severity",
         help="0 is healthy, 1 is the full fault.",
-    )
+    )  # fmt: skip
     state: str = choice(
         list(STATES), default="opening", label="the valve is",
         help="State of the valve; a moving valve starts half open and is read after 4 s.",

@@ -33,7 +33,7 @@ def one(code, severity):
     return Actuator(**{name: float(np.ravel(value)[0]) for name, value in numbers.items()})
 
 
-def test_the_operating_point_of_the_paper_comes_out_to_its_printed_digits():
+def test_the_operating_point_agrees_with_the_printed_digits():
     point = operating_point(Actuator())
     for name, printed in normal_values().items():
         digit = 10.0 ** -len(f"{printed:g}".partition(".")[2])
@@ -46,7 +46,7 @@ def test_the_operating_point_of_the_paper_comes_out_to_its_printed_digits():
     "change",
     [{"pump_leak": 1e-12}, {"restrictor": 1e-8}, {"bearing_torque": 90.0}, {"no_load_current": 1}],
 )
-def test_the_operating_point_follows_the_numbers_of_the_actuator(change):
+def test_the_operating_point_depends_on_the_actuator(change):
     before, after = operating_point(Actuator()), operating_point(replace(Actuator(), **change))
     moved = [abs(b - a) > 1e-3 * abs(a) for a, b in zip(before[:3], after[:3], strict=True)]
     assert any(moved)
@@ -135,7 +135,7 @@ def test_differential_equations_with_compliance_agree_with_the_closed_form(
         assert run.strokes()["duration_s"][0] == pytest.approx(ode.end, abs=0.02)
 
 
-def test_past_a_leaking_piston_the_viscous_friction_explains_the_difference():
+def test_viscous_friction_explains_the_difference_with_a_leaking_piston():
     valve = one("V2", 0.8)
     times = np.linspace(0, 12, 25)
     ode = integrate_stroke(valve, times)
@@ -154,7 +154,7 @@ def test_past_a_leaking_piston_the_viscous_friction_explains_the_difference():
     assert far(heavier) < 0.005 < far(valve) < 0.04
 
 
-def test_the_quadrature_of_a_stroke_is_that_of_many_small_steps():
+def test_the_stroke_time_equals_a_sum_of_many_small_steps():
     for direction in (1, -1):
         x = (np.arange(20_000) + 0.5) / 20_000
         expected = np.mean(1 / velocity(Actuator(), x, direction))
@@ -162,7 +162,7 @@ def test_the_quadrature_of_a_stroke_is_that_of_many_small_steps():
     assert stroke_time(one("V1", 1.0)) == np.inf
 
 
-def test_many_valves_are_computed_as_each_alone():
+def test_many_valves_give_the_same_as_each_alone():
     leaks = np.geomspace(1e-13, 1e-10, 7)
     many = operating_point(replace(Actuator(), pump_leak=leaks))
     for k, leak in enumerate(leaks):
@@ -170,7 +170,7 @@ def test_many_valves_are_computed_as_each_alone():
         assert [v[k] if np.ndim(v) else v for v in many] == pytest.approx([float(v) for v in alone])
 
 
-def test_the_flow_through_the_valve_helps_to_close_it_and_hinders_to_open():
+def test_the_flow_helps_to_close_a_valve_and_resists_opening():
     valve = Actuator()
     opens, closes = (load_pressure(valve, 0.58, way) for way in (1, -1))
     torque = (opens - closes) * valve.piston_area * valve.pinion_radius
@@ -178,7 +178,7 @@ def test_the_flow_through_the_valve_helps_to_close_it_and_hinders_to_open():
     assert load_pressure(replace(valve, dynamic_torque=1e4), 0.5, -1) == 0
 
 
-def test_all_that_the_motor_takes_is_work_on_the_oil_or_heat():
+def test_electric_power_is_work_on_the_oil_or_heat():
     pressure = np.array([0, 5e6, 9e6, 12.76e6])
     a = Actuator()
     active = np.sqrt(motor_current(a, pressure) ** 2 - 0.7**2)
@@ -189,7 +189,7 @@ def test_all_that_the_motor_takes_is_work_on_the_oil_or_heat():
 
 
 @given(st.sampled_from(list(FAULTS)), st.floats(0, 1), st.floats(0, 1), st.sampled_from([-1, 1]))
-def test_no_fault_lets_the_shaft_give_more_than_the_motor_takes(code, severity, opening, way):
+def test_with_no_fault_is_shaft_power_above_electric_power(code, severity, opening, way):
     sick, _ = faulty(Actuator(), [Fault(code, severity)], 1)
     pressure = hydraulics(sick, load_pressure(sick, opening, way)).pump_pressure
     torque = sick.displacement * pressure / (2 * np.pi * sick.pump_efficiency) + sick.friction
@@ -201,7 +201,7 @@ def test_no_fault_lets_the_shaft_give_more_than_the_motor_takes(code, severity, 
     assert losses(sick, pressure) == pytest.approx(taken - oil)
 
 
-def test_a_motor_that_would_give_more_than_it_takes_is_refused():
+def test_a_motor_that_would_deliver_more_than_it_draws_is_refused():
     with pytest.raises(ArgumentError, match=r"at most 4\.56 N m/A at this voltage and speed"):
         Actuator(torque_constant=[4.0, 5.0])
     assert Actuator(torque_constant=4.56).torque_constant == 4.56
@@ -224,7 +224,7 @@ def test_sensors_clip_step_and_keep_nan():
     assert np.unique(np.rint(read / (10 / 4095)) - read / (10 / 4095)).max() < 1e-9
 
 
-def test_the_noise_has_the_deviations_that_were_asked_for():
+def test_the_noise_has_the_requested_deviations():
     sensors = Sensors(low=(-1e3,) * 5, high=(1e3,) * 5, bits=None)
     read = sensors.read(np.zeros((5, 20_000)), np.random.default_rng(2024))
     # The deviation of 20,000 draws is good to 0.5 %; four times that.

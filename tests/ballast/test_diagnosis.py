@@ -33,7 +33,7 @@ def pieces(size):
 
 @pytest.mark.parametrize("reading", METHODS)
 @pytest.mark.parametrize("size", [2, 11, 97])
-def test_blocks_are_diagnosed_as_the_whole_run_is(reading, size):
+def test_diagnosis_in_blocks_equals_that_of_the_whole_run(reading, size):
     rules = rule_base(slow_stroke=10)
     whole = diagnose_run(noisy(), rules, method=reading)
     tail, active, alarms, samples = None, [], [], []
@@ -64,7 +64,7 @@ def test_persistence_counts_the_last_samples_of_each_valve():
             np.testing.assert_array_equal(several[row], counted >= k)
 
 
-def test_dead_bands_and_strengths_cut_at_one_half_decide_the_same_and_print_does_not():
+def test_fuzzy_with_threshold_one_half_equals_midpoint_but_not_crisp():
     run = noisy()
     fuzzy, crisp, literal = (
         diagnose_run(run, method=r).active for r in ("fuzzy", "midpoint", "crisp")
@@ -74,7 +74,7 @@ def test_dead_bands_and_strengths_cut_at_one_half_decide_the_same_and_print_does
     assert (diagnose_run(run, threshold=0.9).active != fuzzy).any()
 
 
-def test_the_peer_of_one_valve_and_instant_says_the_same():
+def test_each_valve_and_instant_alone_gives_the_same():
     run = noisy()
     diagnosis = diagnose_run(run, k=1, n=1)
     rows = np.linspace(0, len(run.time) - 1, 40).astype(int)
@@ -101,7 +101,7 @@ def test_the_peer_of_one_valve_and_instant_says_the_same():
             assert found == expected, (valve, row)
 
 
-def test_a_healthy_valve_at_rest_with_trapped_pressure_leaks_only_if_dvpos_counts_always():
+def test_trapped_pressure_at_rest_looks_like_a_leak_only_if_dvpos_always_counts():
     quiet = [Fault("Pos1", 0.1)]  # keeps a tenth of the pressure; the shift of VPos is 0.5 %
     run = simulate(1, [Command("open")], until=20, faults=quiet)
     meant, literal = (diagnose_run(run, method=r).active[-1, 0] for r in ("midpoint", "crisp"))
@@ -116,7 +116,7 @@ def test_dvpos_does_not_count_once_the_target_is_reached_or_the_motor_has_stoppe
     assert np.isfinite(given).any()
 
 
-def test_alarms_headline_and_explanation_tell_of_the_same_codes():
+def test_alarms_and_explanations_name_the_same_codes():
     run = noisy()
     diagnosis = diagnose_run(run)
     assert {"V1", "P2", "V2", "G1"} <= set(diagnosis.alarms()["code"])
@@ -133,7 +133,7 @@ def test_alarms_headline_and_explanation_tell_of_the_same_codes():
 
 
 @pytest.mark.parametrize("settle", [5.0, 30.0])
-def test_what_is_shown_after_a_command_is_the_first_of_all_that_was_active(settle, monkeypatch):
+def test_a_command_shows_the_highest_ranked_active_code(settle, monkeypatch):
     # In 30 s the next command begins, which ends what counts.
     monkeypatch.setattr("shipnet.ballast.diagnosis._SETTLE", settle)
     diagnosis = diagnose_run(noisy())
@@ -171,7 +171,7 @@ def test_a_motor_that_reverses_is_timed_from_zero():
     np.testing.assert_array_equal(run.ran[:, 0], expected)
 
 
-def test_features_are_those_of_the_operating_point():
+def test_strokes_have_the_values_of_the_operating_point():
     run = simulate(1, [Command("open"), Command(90, 20), Command("close", 30)], until=45)
     whole, short, back = run.strokes().itertuples()
     assert whole.duration_s == pytest.approx(9.0, abs=0.05)
@@ -182,7 +182,7 @@ def test_features_are_those_of_the_operating_point():
     assert whole.OP_max_bar == pytest.approx(run.samples["OP"].max(), abs=1e-9)
 
 
-def test_a_run_without_instants_or_commands_is_diagnosed_as_nothing():
+def test_a_run_without_instants_has_no_alarms():
     run = simulate(1, until=0)
     diagnosis = diagnose_run(run)
     assert diagnosis.top.tolist() == [["normal"]]
@@ -205,7 +205,7 @@ def test_a_setting_out_of_range_is_named(arguments, message):
         diagnose_run(simulate(1, until=1), **arguments)
 
 
-def test_rules_about_what_no_run_has_are_refused():
+def test_rules_with_unknown_variables_are_refused():
     other = [v for v in BASE.variables if v.name == "FP"]
 
     strange = RuleBase((replace(other[0], name="Level"),), (Rule("L1", (("Level", "high"),), 1),))
@@ -213,13 +213,13 @@ def test_rules_about_what_no_run_has_are_refused():
         diagnose_run(simulate(1, until=1), strange)
 
 
-def test_what_the_next_block_needs_does_not_keep_this_one_in_memory():
+def test_the_tail_does_not_keep_its_block_in_memory():
     run = next(pieces(400))
     tail = diagnose_run(run).tail
     assert all(x.base is None and len(x) == 4 for x in tail.samples.values())
 
 
-def test_an_instant_before_the_run_or_no_valve_of_it_is_named():
+def test_an_unknown_instant_or_valve_is_named():
     diagnosis = diagnose_run(simulate(1, until=1))
     with pytest.raises(ArgumentError, match=r"time is -1 s; it must be 0\.\.inf s"):
         diagnosis.explain(1, -1)

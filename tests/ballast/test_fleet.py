@@ -22,7 +22,7 @@ def report():
     return run_fleet(16, plan, faults=faults, until=7200.0, rng=rng)
 
 
-def test_every_fault_but_the_slow_one_is_found_by_its_own_code_and_nothing_else_is(report):
+def test_every_fault_but_o1_is_found_by_its_own_code_only(report):
     found = report.faults().set_index("code")
     assert sorted(found.index) == sorted(FAULTS)
     # A motor gets hot by many strokes in a row only.
@@ -76,7 +76,7 @@ def test_the_size_of_a_block_does_not_change_the_report(size, monkeypatch):
     assert len(report.alarms) > 3
 
 
-def test_rates_in_time_are_those_of_a_loop_over_the_instants():
+def test_detection_rates_equal_those_of_a_loop_over_the_instants():
     commands = [Command("open", 5.0), Command("close", 40.0)]
     faults = [Fault("V1", start=30.0, stop=70.0, valves=3), Fault("G1", start=50.0, valves=2)]
     options = dict(faults=faults, until=90.0, idle_step=1.0, rng=1)

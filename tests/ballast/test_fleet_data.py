@@ -91,7 +91,7 @@ def test_labels_are_those_of_the_faults(fleet):
         assert ((rows["severity"] > 0) == (rows["label"] != "")).all()
 
 
-def test_a_label_is_that_of_the_valve_whose_readings_the_fault_moves(fleet):
+def test_labels_belong_to_the_valves_with_the_fault(fleet):
     strokes = pd.read_parquet(fleet[0] / "strokes")
     whole = strokes[(strokes["severity"] == 1) & strokes["label"].isin(["P1", "P2", "V2", "S2"])]
     assert len(whole) > 10 and (whole["top_fault"] == whole["label"].astype(str)).all()
@@ -111,7 +111,7 @@ def test_a_fault_begins_grows_ends_and_may_come_next_to_midnight():
     assert last == pytest.approx([DAY - 1, 2 * DAY - 1, 3 * DAY - 1])
 
 
-def test_over_years_a_valve_is_as_often_and_as_long_faulty_as_asked():
+def test_faults_are_as_frequent_and_as_long_as_requested():
     rng = np.random.default_rng(5)
     rows = [row for _ in range(400) for row in _History.drawn(3650, 2.0, rng).rows]
     days = np.array([[start / DAY, grows, stop / DAY] for _, start, grows, stop in rows])
@@ -122,7 +122,7 @@ def test_over_years_a_valve_is_as_often_and_as_long_faulty_as_asked():
     assert set(share.index) == set(FAULTS) and share.max() < 0.11
 
 
-def test_days_one_by_one_are_one_run():
+def test_days_simulated_one_by_one_equal_one_run():
     block = _Block("", 0, 4, 3, 0.0, 5, 60.0, 1)
     system = spread_valves(4, np.random.default_rng(1))
     history = _History([], [(0.0, "", 0.0), (DAY + 40.0, "P2", 0.6), (2.4 * DAY, "", 0.0)])
@@ -149,7 +149,7 @@ def test_every_file_says_that_it_is_synthetic(fleet):
         assert (about[b"seed"], about[b"faults_per_year"]) == (b"2024", b"50.0")
 
 
-def test_two_workers_write_the_same_bytes_though_one_is_killed(tmp_path):
+def test_two_workers_write_the_same_bytes_even_if_one_is_killed(tmp_path):
     with two_workers() as client:
         killed = []
 
@@ -168,7 +168,7 @@ def test_two_workers_write_the_same_bytes_though_one_is_killed(tmp_path):
     assert data[0].equals(data[1][data[1]["valve"] <= 50].reset_index(drop=True))
 
 
-def test_a_stopped_fleet_goes_on_where_it_stopped(tmp_path):
+def test_a_stopped_fleet_continues_where_it_stopped(tmp_path):
     class Stop(Exception):
         pass
 

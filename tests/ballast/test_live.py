@@ -24,7 +24,7 @@ def test_all_acceptance_tests_pass_with_noise(accepted):
     assert accepted["test"].value_counts(sort=False).to_dict() == counts
 
 
-def test_the_slaves_find_all_twelve_faults_and_nothing_where_nothing_is_wrong(accepted):
+def test_the_slaves_find_all_twelve_faults_and_no_others(accepted):
     table = accepted[accepted["test"] == "diagnosis"]
     assert table["expected"].tolist()[::2] == ["normal", *FAULTS]
     screens = table[1::2].set_index("step")
@@ -72,7 +72,7 @@ def test_the_tank_rises_by_the_closed_form():
     assert other.level == 0
 
 
-def test_a_recorder_keeps_what_a_simulation_returns():
+def test_a_recorder_returns_the_same_run_as_a_simulation():
     orders = [Command("open", 1.0), Command("close", 12.0), Command("open", 14.0)]
     theirs = simulate(2, orders, until=20, rng=np.random.default_rng(4))
     plant = Plant(2, rng=4)
@@ -91,7 +91,7 @@ def test_a_recorder_keeps_what_a_simulation_returns():
     assert ours.movements == theirs.movements
 
 
-def test_what_the_master_received_has_the_steps_of_the_registers():
+def test_received_readings_are_multiples_of_the_register_steps():
     bed = Bed(rng=1)
     bed.wait(1.0)
     bed.station.command("open", 5)

@@ -13,7 +13,7 @@ def axes():
     return Figure().subplots()
 
 
-def test_the_screen_has_a_bar_as_high_as_each_valve_is_open():
+def test_the_bars_of_the_screen_show_the_openings():
     system = System(5, status_poll(9600), opening=[0, 1, 0.4, 0, 0.5])
     run = simulate(system, faults=DeadSlave(4), until=3)
     ax = run.screen().plot(ax=axes(), columns=3)

@@ -9,7 +9,7 @@ from shipnet.ballast.simulation import blocks, simulate
 
 
 @pytest.mark.parametrize("step", [0.1, 0.25, 0.3, 0.4, 1.0])
-def test_simulation_and_recorder_give_one_speed_whatever_the_step(step):
+def test_simulation_and_recorder_have_the_same_speed_at_any_step(step):
     plant = Plant(System(step=step))
     recorder = Recorder(plant)
     plant.order(Command("open"))
@@ -33,7 +33,7 @@ def test_blocks_have_the_speed_of_the_whole_run(size):
     np.testing.assert_allclose(np.concatenate([run.DVPos for run in parts]), whole)
 
 
-def test_the_speed_of_uneven_instants_is_divided_by_the_time_since():
+def test_the_speed_at_uneven_instants_is_divided_by_the_elapsed_time():
     time = np.array([0.0, 0.9, 1.0, 4.0])
     position = np.array([[0.0], [1.0], [3.0], [9.0]])
     assert position_speed(time, position)[:, 0].tolist() == pytest.approx(

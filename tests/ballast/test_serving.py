@@ -35,7 +35,7 @@ def status(client, unit):
     return RegisterMap().decode([registers])
 
 
-def test_a_clock_of_our_own_shows_the_valve_travelling_in_model_time(monkeypatch):
+def test_a_server_with_a_test_clock_moves_the_valve_in_model_time(monkeypatch):
     now = [0.0]
     monkeypatch.setattr("shipnet.ballast.live.real_clock", lambda factor: lambda: now[0])
     with serve(3) as server, connected("tcp", server.port) as client:
@@ -56,7 +56,7 @@ def test_a_clock_of_our_own_shows_the_valve_travelling_in_model_time(monkeypatch
 
 
 @pytest.mark.parametrize("kind", CLIENTS)
-def test_a_valve_opens_and_closes_in_real_time_for_clients_of_another_make(kind):
+def test_a_valve_opens_and_closes_in_real_time_for_pymodbus(kind):
     with serve(4, speed=1000, transport=kind) as server:
         with connected(kind, server.port) as client:
             for command, end, way in ((OPEN, 100, "open"), (CLOSE, 0, "close")):
@@ -78,7 +78,7 @@ def test_a_fault_acts_on_its_valve_only():
         assert [status(client, unit).readings[4, 0] for unit in (1, 2)] == [0, 15]
 
 
-def test_a_serial_line_has_the_valves_too():
+def test_the_valves_are_served_on_a_serial_line():
     require("pty", hasattr(os, "openpty"), "there are no pseudo-terminals")
     ours, theirs = os.openpty()
     name, line = os.ttyname(theirs), SerialLine(115200, "8N1")

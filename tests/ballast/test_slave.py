@@ -60,7 +60,7 @@ def test_manual_mode_refuses_the_master_and_the_switch_needs_it():
     device.turn("open", 0.0)
     device.turn("stop", 2.0)
     seen = status(device, 5.0)
-    assert seen.manual[0]
+    assert not seen.auto[0]
     assert seen.readings[4, 0] == 22
     device.local = False
     write(device, Code.MANUAL, 6.0)
@@ -78,7 +78,7 @@ def test_code_manual_stops_the_motor():
     assert status(device, 10.0).readings[4, 0] == 33
 
 
-def test_the_watchdog_stops_a_valve_whose_master_falls_silent():
+def test_the_watchdog_stops_a_valve_when_requests_cease():
     fed, starved = (ValveDevice(Plant(System(watchdog=2.0))) for _ in range(2))
     for device in (fed, starved):
         write(device, Code.OPEN, 0.0)
@@ -98,7 +98,7 @@ def test_valves_of_one_plant_share_its_time_and_nothing_else():
     assert status(slaves[2].device, 3.0).readings[4, 0] == 56
 
 
-def test_slaves_answer_requests_and_exceptions_as_the_standard_wants():
+def test_slaves_answer_as_the_standard_requires():
     slave = valve_slaves(Plant())[1]
     echo = Request.write_single_register(0x4001, MAP.command(Code.POSITION_OPEN, 40))
     assert slave.answer(echo.pdu) == echo.pdu
@@ -115,14 +115,14 @@ def test_slaves_answer_requests_and_exceptions_as_the_standard_wants():
 
 
 @given(pdu=st.binary(min_size=1, max_size=8), time=st.floats(0, 50))
-def test_any_request_gets_an_answer_or_none_and_breaks_nothing(pdu, time):
+def test_no_request_breaks_a_slave(pdu, time):
     slave = valve_slaves(Plant())[1]
     answer = slave.answer(pdu, time)
     # Exception 4 stands for manual mode only: anything else behind it would be our own mistake.
     assert answer == b"" or answer[0] == pdu[0] or answer[1] in (1, 2, 3)
 
 
-def test_a_slave_finds_its_fault_and_what_does_not_fit_reaches_the_master():
+def test_a_slave_reports_its_fault_and_clipped_readings():
     device = ValveDevice(Plant(1, [Fault("Pos4")]))
     # Three of five readings; S2, in row 7, is Pos4 without motor current, and ranks higher.
     assert [status(device, 0.1 * k).fault[0] for k in range(4)] == [0, 0, 7, 7]
@@ -164,7 +164,7 @@ def test_a_slave_finds_what_the_offline_diagnosis_of_the_same_readings_finds():
     assert active.any(axis=1).tolist() == [True] * 12 + [False]
 
 
-def test_what_is_still_wrong_is_found_again_though_no_reading_changes():
+def test_a_lasting_fault_is_found_again_with_unchanged_readings():
     plant = Plant(2, [Fault("Pos4", valves=2)])
     monitor = Monitor(plant)
     rows = []
@@ -172,14 +172,14 @@ def test_what_is_still_wrong_is_found_again_though_no_reading_changes():
         plant.run_until(float(time))
         rows.append((monitor.row(0), monitor.row(1)))
         if time == 4:
-            monitor.report(1, 0)
+            monitor.forget(1)
     wrong = rows[2]
     assert wrong[0] == 0 < wrong[1]
     # Three of the last five readings, counted anew after the command.
     assert rows == [(0, 0)] * 2 + [wrong] * 2 + [(0, 0)] * 2 + [wrong] * 2
 
 
-def test_a_fault_that_begins_at_rest_is_seen_in_the_readings_from_then_on():
+def test_a_fault_that_begins_at_rest_shows_in_the_next_readings():
     plant = Plant(1, [Fault("Pos4", start=3.5)])
     monitor = Monitor(plant)
     rows = []
@@ -240,7 +240,7 @@ def walk(serial, movement, timeout, retries):
     timeout=st.floats(0.2, 12),
     retries=st.integers(0, 5),
 )
-def test_an_answer_at_the_end_costs_what_a_walk_through_it_costs(baud, movement, timeout, retries):
+def test_the_cost_of_a_late_answer_equals_a_step_by_step_account(baud, movement, timeout, retries):
     serial = SerialLine(baud)
     table = answer_table(serial, 50, movement, timeout=timeout, retries=retries)
     found = table.loc["at the end"]
@@ -260,7 +260,6 @@ def test_an_answer_at_the_end_costs_what_a_walk_through_it_costs(baud, movement,
         (lambda: ValveDevice(Plant(), 1), "valve is 1"),
         (lambda: System(watchdog=0), "watchdog is 0"),
         (lambda: serve(1, watchdog=4000), "watchdog is 4000"),
-        (lambda: ValveDevice(Plant()).monitor.report(0, 13), "row is 13"),
         (lambda: valve_slaves(Plant(248)), "plant has 248 valves"),
         (lambda: ValveDevice(Plant()).turn("position", 0.0), "action is 'position'"),
     ],

@@ -20,7 +20,7 @@ def trials():
     return fault_trials(n_valves=12, rng=np.random.default_rng(2024))
 
 
-def test_all_faults_are_named_by_dead_bands_and_ramps_alike(trials):
+def test_midpoint_and_fuzzy_name_all_faults(trials):
     table = trials.rates()
     for reading in ("midpoint", "fuzzy"):
         found = table.loc[reading]
@@ -34,7 +34,7 @@ def test_all_faults_are_named_by_dead_bands_and_ramps_alike(trials):
     pd.testing.assert_frame_equal(*same)
 
 
-def test_read_as_printed_every_healthy_valve_has_an_alarm(trials):
+def test_crisp_rules_report_every_healthy_valve(trials):
     table = trials.rates().loc["crisp"]
     assert table.loc["normal", "detected"] == 1
     # What outranks P2, which noise alone sets off at rest, is all that is right.
@@ -73,7 +73,7 @@ def test_trials_say_what_their_numbers_are_based_on(trials):
     assert trials.basis == BASIS
 
 
-def test_a_trial_is_what_the_run_of_the_same_valve_shows():
+def test_a_trial_equals_the_diagnosis_of_the_same_run():
     rng = np.random.default_rng(11)
     trials = fault_trials(["V2"], n_valves=3, methods=["fuzzy"], rng=rng).table()
     again = np.random.default_rng(11)
@@ -101,7 +101,7 @@ def test_severities_may_differ_from_valve_to_valve():
     assert trials["isolation_time_s"].isna().all()
 
 
-def test_false_alarms_are_those_of_a_diagnosis_of_the_whole_run():
+def test_false_alarms_equal_those_of_the_whole_run():
     table = false_alarms(6, until=130, period=60, methods=["crisp", "fuzzy"], rng=4)
     rng = np.random.default_rng(4)
     system = spread_valves(6, rng)
@@ -161,6 +161,6 @@ def test_an_argument_of_a_trial_out_of_range_is_named(call, message):
         call(np.random.default_rng(0))
 
 
-def test_a_reading_that_was_not_tried_is_named(trials):
+def test_a_method_without_trials_is_named(trials):
     with pytest.raises(ArgumentError, match="method is 'x'; it must be one of 'crisp', 'midpoint'"):
         trials.confusion("x")

@@ -51,7 +51,7 @@ def test_intervals_of_slope_and_crossing_cover_the_truth_as_often_as_they_say(lo
 
 
 @SCALES
-def test_noise_alone_has_a_trend_as_rarely_as_the_confidence_says(logarithmic):
+def test_noise_alone_has_a_trend_in_5_percent_of_the_cases(logarithmic):
     rng = np.random.default_rng(2024)
     found = sum(
         fit_trend(FEW, line(rng, logarithmic, 0.0, 5.0, FEW), logarithmic=logarithmic).found
@@ -76,7 +76,7 @@ def test_the_band_reaches_the_limit_where_the_crossing_says(logarithmic):
     assert brentq(lambda x: meets(0, x), X.mean(), 1000) == pytest.approx(found.high)
 
 
-def test_the_band_is_that_of_the_covariance_of_polyfit():
+def test_the_band_equals_that_of_polyfit():
     y = line(np.random.default_rng(9), False, 0.5, 3.0)
     (slope, offset), cov = np.polyfit(X, y, 1, cov=True)
     at = np.array([-10.0, 29.5, 100.0])
@@ -88,7 +88,7 @@ def test_the_band_is_that_of_the_covariance_of_polyfit():
 
 @pytest.mark.parametrize("noise", [0.1, 5.0, 50.0])
 @SCALES
-def test_least_squares_are_those_of_scipy(logarithmic, noise):
+def test_least_squares_equal_those_of_scipy(logarithmic, noise):
     y = line(np.random.default_rng(11), logarithmic, 0.5, noise)
     trend = fit_trend(X, y, logarithmic=logarithmic)
     peer = linregress(X, np.log(y) if logarithmic else y)
@@ -162,7 +162,7 @@ def test_a_limit_that_has_been_passed_leaves_no_life(points, logarithmic):
 
 
 @SCALES
-def test_a_limit_that_a_falling_trend_leaves_behind_is_never_reached(logarithmic):
+def test_a_falling_trend_never_reaches_a_limit_above_it(logarithmic):
     falling = fit_trend(np.arange(6), [20, 18.1, 16, 14.2, 12, 10], logarithmic=logarithmic)
     assert remaining_life(falling, 25.0, now=5) == (np.inf,) * 3
 
@@ -182,7 +182,7 @@ def test_the_inverted_model_returns_the_leak_it_was_given():
     assert np.isnan(leak_from_pressure([0.0, 2.0, 126.0, np.nan])).all()
 
 
-def test_synthetic_wear_is_the_law_it_states():
+def test_synthetic_wear_follows_its_law():
     wear = Wear.synthetic(5, 900, noise=(0.0, 0.0), rng=np.random.default_rng(1))
     k0 = Actuator().pump_leak
     np.testing.assert_allclose(np.diff(np.log(wear.leak), axis=0), np.tile(wear.rate, (899, 1)))
@@ -220,7 +220,7 @@ def test_the_rule_of_the_paper_finds_in_a_simulation_what_the_closed_form_says()
         assert (operating_point(sick).FP[0] < 2.5) == found
 
 
-def test_pressure_alone_promises_too_long_a_life_and_the_inverted_model_does_not():
+def test_only_the_inverted_model_predicts_life_without_bias():
     wear = Wear.synthetic(48, 1000, rng=np.random.default_rng(2024))
     table = wear.compare_predictors(parts=(0.3, 0.6, 0.9))
     assert (table.loc[["FP membership", "stroke time"], "median"] > 1.15).all()
@@ -240,7 +240,7 @@ def test_a_pump_that_does_not_wear_has_no_trend_and_no_end():
         assert np.isnan(found.remaining.estimate)
 
 
-def test_the_wide_set_spans_from_the_normal_pressure_to_the_limit_of_p2():
+def test_the_fuzzy_set_worn_spans_from_the_normal_pressure_to_the_limit_of_p2():
     assert WORN.membership([90.06, 90, 46.25, 2.5, 0]).tolist() == [0, 0, 0.5, 1, 1]
 
 

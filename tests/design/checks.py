@@ -18,12 +18,34 @@ CLOSE = 1e-6
 
 def check_everything(design, settings):
     """Assert all that holds for every design."""
+    check_tables(design)
     check_points(design, settings)
     check_connection(design)
     check_lengths(design)
     for segment in design.segments.itertuples():
         own = Segment(design, segment, settings)
         {"AS-i": check_asi, "CAN": check_can, "Modbus RTU": check_modbus}[segment.bus](own)
+
+
+def check_tables(design):
+    """The tables name only devices, segments and points that exist, and each name once."""
+    points, devices, runs = design.points, design.devices, design.cables
+    assert points["tag"].tolist() == design.iolist.points["tag"].tolist()
+    assert (devices["kind"] == "cabinet").sum() == 1
+    for names in (devices["device"], runs["run"], design.segments["segment"]):
+        assert names.is_unique
+    names, segments = set(devices["device"]), {"", *design.segments["segment"]}
+    to_point = runs["kind"].isin(["drop", "home run"])
+    assert names.issuperset([*runs["a"], *runs.loc[~to_point, "b"]])
+    assert set(points["tag"]).issuperset(runs.loc[to_point, "b"])
+    assert {"", *names}.issuperset([*points["device"], *devices["at"]])
+    for table in (points, devices, runs):
+        assert segments.issuperset(table["segment"])
+    assert {"hardwired", "AS-i", "CAN", "Modbus RTU", ""}.issuperset(points["bus"])
+    assert {"drop", "trunk", "home run", "feeder"}.issuperset(runs["kind"])
+    assert {"", "A", "B"}.issuperset(runs["line"])
+    assert ((runs["length_m"] >= 0) & np.isfinite(runs["length_m"])).all()
+    assert runs["used"].between(0, runs["conductors"]).all()
 
 
 def check_points(design, settings):

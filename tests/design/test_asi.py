@@ -12,10 +12,10 @@ from shipnet.asi.plan import Plan
 from shipnet.asi.segment import Supply
 from shipnet.asi.slave import Slave
 from shipnet.asi.timing import Cycle, Transaction
+from shipnet.design.layout import Site
 from shipnet.design.plan_asi import Piece, draw, place_supply, response
 from shipnet.design.planning import plan
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
 from tests.design.lists import table

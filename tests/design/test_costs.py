@@ -16,6 +16,7 @@ from shipnet.design.costs import (
     CABLE_RANGES,
     FIGURES,
     Model,
+    bill_table,
     conductors_at_cabinet,
     draw,
     likely,
@@ -24,14 +25,14 @@ from shipnet.design.costs import (
 )
 from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList, read_iolist
-from shipnet.design.layout import frame
+from shipnet.design.layout import Site, frame
 from shipnet.design.planning import OPTIONS as OPTIONS_OF_A_PLAN
 from shipnet.design.planning import plan
 from shipnet.design.plant import Plant
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.errors import ArgumentError
 from shipnet.signals import hardwired_conductors
+from tests.design.lists import small_loop
 
 PLANT = Plant(modules=20, contacts=3, lines=2, distance=40, spacing=3)
 OPTIONS = {"hardwired": PLANT.hardwired, "AS-i": PLANT.on_asi}
@@ -58,8 +59,7 @@ def mixed():
     fixed = dict.fromkeys(
         ("bus_time", "capacity_used", "response_ms", "slowest_update_ms", "length_m"), 1.0
     )
-    run = {"cable": "MI4P075", "segment": "", "route_m": 8.0, "length_m": 10.0, "line": "",
-           "way": ()}  # fmt: skip
+    run = {"cable": "MI4P075", "segment": "", "route_m": 8.0, "length_m": 10.0, "line": ""}
     return Design(
         "mixed", replace(iolist, points=points), site=Site((0, 0, 0)),
         points=frame("points", rows),
@@ -289,7 +289,7 @@ def test_what_is_out_of_range_is_refused(call, message):
 
 
 def test_the_assumptions_file_is_in_order_and_every_row_is_used():
-    table = Assumptions().table
+    table = datasets.read("synthetic_design_assumptions.csv").set_index("name")
     assert table.index.is_unique
     assert table.map(lambda cell: cell != "").all(axis=None)
     assert set(table["status"]) == {"assumed", "derived"}
@@ -297,7 +297,7 @@ def test_the_assumptions_file_is_in_order_and_every_row_is_used():
     # The mixed plant has every device and every channel; a digital module and stations with two
     # lines stand in the others, and a barrier.
     safe = IoList.parse("tag,signal,x,y,z\nA,4-20mA Ex ia,1,0,0").plan("home runs", (0, 0, 0))
-    redundant = Design.example(redundant=True)
+    redundant = small_loop(redundant=True)
     others = (Model(design).names for design in (PLANT.on_asi, redundant, safe))
     assert set(table.index) <= set(Model(MIXED).names).union(*others)
     # What a length laid may be, from the detour and the tails that the row names.
@@ -499,7 +499,7 @@ def test_a_saving_is_the_one_of_the_nominal_figures():
 
 def test_a_bill_adds_up_to_the_total_cost():
     for design in (*OPTIONS.values(), MIXED):
-        bill = design.bill()
+        bill = bill_table(design)
         assert bill["cost_eur"].sum() == pytest.approx(design.quantities()["total_cost_eur"])
         assert set(bill["kind"]) == {"cable", "part", "work"}
 

@@ -6,12 +6,11 @@ from xml.etree import ElementTree
 
 import pytest
 
-from shipnet.design.designs import Design
 from shipnet.design.drawing import sheets, single_line
 from shipnet.design.iolist import IoList
 from shipnet.design.planning import OPTIONS
 from shipnet.design.plant import Plant
-from tests.design.lists import ship
+from tests.design.lists import ship, small_loop
 
 SHIP = ship(300)
 SVG = "{http://www.w3.org/2000/svg}"
@@ -61,7 +60,7 @@ def test_a_drawing_has_sheets_that_fit_on_a_page():
 
 
 def test_supplies_and_terminators_stand_where_they_are():
-    said = words(single_line(Design.example()))
+    said = words(single_line(small_loop()))
     assert {"master", "JB1", "JB2", "45 m", "26 m"} <= set(said)
     small = {"supply.station": 0.1, "supply.solenoid": 0, "supply.short": 0}
     said = words(single_line(ship(40).plan("CAN", (20, 0, 4), settings=small)))
@@ -88,7 +87,7 @@ def test_a_supply_out_of_the_cabinet_is_drawn_beside_the_device_that_it_feeds(op
 def test_other_designs_are_drawn_too_and_no_name_becomes_markup(redundant):
     single_line(Plant(12, contacts=2, lines=3).on_asi)
     single_line(Plant(1, contacts=1).hardwired)
-    single_line(Design.example(redundant=redundant))
+    single_line(small_loop(redundant=redundant))
     hostile = '<script>&"'
     iolist = IoList.parse(f"tag,signal,system,box,x,y,z\nA,contact,{hostile},{hostile},1,2,3")
     for option in OPTIONS:

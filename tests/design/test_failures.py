@@ -13,20 +13,13 @@ from shipnet import datasets
 from shipnet.design.designs import Design
 from shipnet.design.failures import FAILURES, Reach, lost, single_failures, worst
 from shipnet.design.iolist import IoList, read_iolist
-from shipnet.design.layout import frame
+from shipnet.design.layout import Site, frame
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site, Tray, Trays
 from shipnet.errors import ArgumentError
-from tests.design.lists import ship
+from tests.design.lists import ship, small_loop
 
 JOINS = {"cabinet", "master", "gateway"}
-
-#: Trays along the ship.
-TRAYS = Trays(
-    {f"{n}": (20.0 * n, 0.0, 8.0) for n in range(10)},
-    tuple(Tray(f"t{n}", f"{n}", f"{n + 1}") for n in range(9)),
-)
 
 
 def searched(design, cut=(), dead=(), needs=None):
@@ -157,8 +150,7 @@ def random_network(rng, n_devices=9, n_points=12):
     runs = [
         {"run": f"r{n}", "cable": "MI1P075", "a": a, "b": b, "kind": kind,
          "segment": str(rng.choice(segments)), "route_m": 1.0, "length_m": 1.0, "used": 2,
-         "conductors": 2, "at_cabinet": False, "line": str(rng.choice(["", "A", "B"])),
-         "way": tuple(rng.choice(["t1", "t2", "t3"], rng.integers(0, 3)))}
+         "conductors": 2, "at_cabinet": False, "line": str(rng.choice(["", "A", "B"]))}
         for n, (a, b, kind) in enumerate(runs)
     ]  # fmt: skip
     return Design(
@@ -214,15 +206,12 @@ def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
     table = single_failures(design)
     needs = searched(design)[1:3]
     before = points_reached(design, needs)
-    ways = dict(zip(design.cables["run"], design.cables["way"], strict=True))
     system = design.iolist.points.set_index("tag")["system"]
     for failure, names in (("cut", design.cables["run"]), ("device", design.devices["device"])):
         assert table.loc[table["failure"] == failure, "failed"].tolist() == names.tolist()
     for row in table.itertuples():
         together = shorted(design, row.failed) if row.failure == "short" else []
-        on_tray = [run for run, way in ways.items() if row.failed in way]
-        cut = {"cut": [row.failed], "tray": on_tray, "device": [],
-               "short": together}[row.failure]  # fmt: skip
+        cut = {"cut": [row.failed], "device": [], "short": together}[row.failure]
         dead = [row.failed] if row.failure == "device" else []
         if row.failure == "short":
             dead = masters_at(design, together)
@@ -266,11 +255,10 @@ def test_all_failures_at_once_cost_what_each_costs_alone(option, seed):
     """Failures of several areas are looked at together."""
     rng = np.random.default_rng(seed)
     limits = Settings({"redundant": bool(rng.integers(2)), "fed": bool(rng.integers(4))})
-    site = Site((26.0, 6.0, 14.0), TRAYS if rng.integers(2) else None)
+    site = Site((26.0, 6.0, 14.0))
     reach = Reach(mangled(plan(ship(60, seed), site, option, settings=limits), rng))
     failures = [((run,), ()) for run in range(len(reach.design.cables))]
-    failures += [*reach.shorts, *((runs, ()) for runs in reach.trays.values())]
-    failures += [((), (device,)) for device in range(len(reach.design.devices))]
+    failures += [*reach.shorts, *(((), (device,)) for device in range(len(reach.design.devices)))]
     alone = [reach.lost([failure])[0].tolist() for failure in failures]
     assert [points.tolist() for points in reach.lost(failures)] == alone
 
@@ -286,7 +274,7 @@ def test_a_dead_master_takes_the_points_of_its_line_also_behind_a_repeater_besid
 
 
 def test_a_short_takes_one_line_between_two_repeaters():
-    design = Design.example()
+    design = small_loop()
     assert single_failures(design).query("failure == 'short'")["points_lost"].tolist() == [4]
     repeated = design.devices.assign(
         kind=design.devices["kind"].where(design.devices["device"] != "JB1", "repeater")
@@ -323,7 +311,7 @@ def test_a_short_of_a_feeder_takes_the_stations_that_hang_on_the_same_supply():
 
 
 def test_feeders_that_meet_in_the_cabinet_alone_are_shorted_one_by_one():
-    design = Design.example()
+    design = small_loop()
     supplies = pd.DataFrame({"device": ["S1", "S2"], "kind": "supply", "segment": "loop 1",
                              "x_m": 9.0, "y_m": 0.0, "z_m": 4.0, "at": ""})  # fmt: skip
     feeders = design.cables.head(2).assign(
@@ -379,44 +367,30 @@ def test_a_repeater_beside_the_master_is_as_dead_as_its_line():
 
 
 def test_two_lines_are_lost_only_if_both_are_cut():
-    design = Design.example(redundant=True)
+    design = small_loop(redundant=True)
     table = single_failures(design)
     trunk = table[table["kind"] == "trunk"]
     assert set(trunk["failure"]) == {"cut", "short"}
     assert trunk["points_lost"].max() == 0
     assert lost(design, cables=["trunk 2A", "trunk 1B"]) == ("TT-3", "LS-4")
-    assert lost(design, trays=["port", "starboard"]) == tuple(design.points["tag"])
-
-
-def test_a_tray_that_holds_both_lines_is_worth_both():
-    design = Design.example(redundant=True)
-    together = Design(
-        "together", design.iolist, design.site, design.points, design.devices,
-        design.cables.assign(way=[("port",)] * len(design.cables)), design.segments, design.reasons,
-    )  # fmt: skip
-    (row,) = single_failures(together).query("failure == 'tray'").itertuples()
-    assert (row.failed, row.points_lost, row.systems) == (
-        "port",
-        4,
-        ("Bilge", "Cooling", "Fuel oil"),
-    )
+    assert lost(design, cables=["trunk 1A", "trunk 1B"]) == tuple(design.points["tag"])
 
 
 def test_the_worst_of_each_kind_leaves_the_cabinet_out():
-    table = worst(single_failures(Design.example()))
+    table = worst(single_failures(small_loop()))
     assert table["failure"].tolist() == list(FAILURES)
-    assert table["points_lost"].tolist() == [4, 4, 4, 4]
-    assert table["failed"].tolist() == ["trunk 1", "trunk 1", "port", "master"]
+    assert table["points_lost"].tolist() == [4, 4, 4]
+    assert table["failed"].tolist() == ["trunk 1", "trunk 1", "master"]
     assert "cabinet" not in set(table["kind"])
 
 
 def test_what_does_not_exist_cannot_fail():
-    with pytest.raises(ArgumentError, match=r"no cable 'trunk 9', no device 'JB9', no tray 'aft'"):
-        lost(Design.example(), cables=["trunk 9"], devices=["JB9"], trays=["aft"])
+    with pytest.raises(ArgumentError, match=r"no cable 'trunk 9', no device 'JB9'"):
+        lost(small_loop(), cables=["trunk 9"], devices=["JB9"])
 
 
 def test_a_network_without_points_or_cables_loses_nothing():
-    design = Design.example()
+    design = small_loop()
     none = IoList(design.iolist.points.iloc[:0].reset_index(drop=True), "")
     empty = Design(
         "empty", none, design.site, frame("points"),

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from shipnet import datasets
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.layout import find_cabinet
 from shipnet.design.points import RANGES
 from shipnet.design.words import COLUMNS, column_of
 from shipnet.errors import ArgumentError, InputError
@@ -85,7 +86,7 @@ def test_points_are_chosen_by_a_query():
     ship = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     valves = ship.where("system == 'Ballast valve'")
     assert len(valves) == 120 and valves.table().index[-1] == 119
-    assert valves.counts["contact"] == 48 and ship.find_cabinet().place == (26.0, 6.0, 14.0)
+    assert valves.counts["contact"] == 48 and find_cabinet(ship).place == (26.0, 6.0, 14.0)
     for query in ("no_such_column == 1", "x_m ==", "tag == 'none'"):
         with pytest.raises(ArgumentError, match="query is"):
             ship.where(query)

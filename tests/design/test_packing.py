@@ -69,8 +69,9 @@ def test_every_point_has_a_register_and_every_register_is_asked(types):
         places.setdefault((what, int(number)), []).append(int(bit[1]) if bit else None)
     assert all(len(set(bits)) == len(bits) <= 16 for bits in places.values())
     counts = {kind: types.count(kind) for kind in ("AI", "AO", "DI", "DO")}
-    assert station.inputs == counts["AI"] + ceil(counts["DI"] / 16)
-    assert station.outputs == counts["AO"] + ceil(counts["DO"] / 16)
+    for what, analogue, digital in (("input", "AI", "DI"), ("holding", "AO", "DO")):
+        used = sum(place == what for place, _ in places)
+        assert used == counts[analogue] + ceil(counts[digital] / 16)
     asked = []
     for request in station.requests:
         what = {4: "input", 16: "holding"}[request.function]

@@ -9,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shipnet import datasets
+from shipnet.design.costs import bill_table
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.rules import Rule, RuleSet, longest_responses
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site, Trays
 from shipnet.errors import ArgumentError
 from tests.design.checks import check_everything
 from tests.design.lists import lists, ship, table
@@ -104,7 +105,7 @@ def test_a_point_without_a_place_keeps_its_length_whatever_the_settings_say():
 def test_every_option_has_the_same_spare_channels(example, option, spare):
     design = plan(example, Site((26, 6, 14)), option, settings=Settings({"spare": spare}))
     value = example.points["type"].str[0] == "A"
-    bill = design.bill().set_index("item")["number"]
+    bill = bill_table(design).set_index("item")["number"]
     if option == "AS-i":
         # A module of values may be fast enough for some of its ports only; the others are spare.
         for kind, own in (("AS-i analogue module", value), ("AS-i module", ~value)):
@@ -233,28 +234,6 @@ def test_a_point_without_a_place_goes_home_and_nowhere_else():
         assert not design.points["fits"].any()
         assert design.reasons["limit"].tolist() == ["place", "place"]
         check_everything(design, Settings())
-
-
-def test_two_lines_keep_to_trays_of_their_own_where_there_are_some(example):
-    trays = Trays.read(datasets.path("synthetic_trays_ship.csv"))
-    site = Site((26, 6, 14), trays)
-    limits = Settings({"redundant": True})
-    for option in ("CAN", "Modbus RTU"):
-        design = plan(example, site, option, settings=limits)
-        assert design.fits
-        for segment in design.segments["segment"]:
-            runs = design.cables[
-                (design.cables["segment"] == segment) & (design.cables["kind"] == "trunk")
-            ]
-            used = {
-                line: {tray for way in runs.loc[runs["line"] == line, "way"] for tray in way}
-                for line in "AB"
-            }
-            assert used["A"] and used["B"] - used["A"]
-            # What both use, no way goes round: without these trays the second line has no way.
-            assert len(used["A"] & used["B"]) < len(used["A"])
-        lines = design.cables[design.cables["kind"] == "trunk"].groupby("line")["b"].apply(set)
-        assert lines["A"] == lines["B"]
 
 
 def test_a_mix_gives_each_kind_its_bus_and_the_first_choice_decides(example):
@@ -432,6 +411,6 @@ def test_an_intrinsically_safe_point_is_on_a_bus_only_with_a_barrier_in_its_box(
         limits = Settings({"field_barriers": barriers})
         design = plan(iolist, SITE, option, settings=limits)
         assert design.points["bus"].tolist() == [bus, option]
-        assert design.bill().set_index("item").loc["barrier", "number"] == 1
+        assert bill_table(design).set_index("item").loc["barrier", "number"] == 1
     mixed = plan(iolist, SITE, "home runs", mix={"A": option})
     assert mixed.points["bus"].tolist() == ["hardwired", "hardwired"]

@@ -13,7 +13,6 @@ from shipnet.design.costs import quantities, tornado
 from shipnet.design.iolist import read_iolist
 from shipnet.design.plant import Plant
 from shipnet.design.plot import plot_pareto
-from shipnet.design.site import Trays
 from shipnet.errors import ArgumentError
 
 VALVES = read_iolist(datasets.path("synthetic_iolist_valves.csv"))
@@ -180,14 +179,10 @@ def test_an_iolist_without_devices_is_refused(ax):
         VALVES.plot("CAN", ax)
 
 
-def test_a_design_and_trays_are_drawn_from_above(ax):
+def test_a_design_is_drawn_from_above(ax):
     design = NETWORKS["AS-i"]
     assert design.plot(ax) is ax and ax.get_title() == "AS-i"
     assert sum(len(own.get_segments()) for own in ax.collections) == len(design.cables)
-    trays = Trays.read(datasets.path("synthetic_trays_ship.csv"))
-    drawn = trays.plot(Figure().subplots())
-    assert len(drawn.collections[0].get_segments()) == len(trays.names) == len(trays.table())
-    assert {text.get_text() for text in drawn.texts} == set(trays.cabinets)
 
 
 def test_the_costs_of_a_design_are_drawn_with_their_ranges(ax):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from shipnet.__main__ import main
 from shipnet.design import IoList, Settings, read_iolist
-from shipnet.design.site import site_of
+from shipnet.design.layout import site_of
 from shipnet.design.words import UNITS, decimal_mark, read_number
 from shipnet.errors import InputError
 from tests.design import messy
@@ -280,7 +280,7 @@ def test_frames_and_decks_may_come_from_sheets_of_the_workbook(tmp_path):
 def test_without_frames_a_place_is_a_doubt_and_no_fault():
     iolist = IoList.parse("tag,type,frame,deck\nA1,DI,34,DK3\nA2,DI,,\n")
     assert not iolist.located.any() and iolist.reading()["doubt"].sum() == 1
-    assert site_of(iolist, None, None, SETTINGS)[1].startswith("2 of 2 points have neither a place")
+    assert site_of(iolist, None, SETTINGS)[1].startswith("2 of 2 points have neither a place")
 
 
 # What is counted, and what becomes a fault ----------------------------------------------------

@@ -12,10 +12,9 @@ import pytest
 from shipnet.__main__ import main
 from shipnet.design.comparison import compare
 from shipnet.design.costs import EXCLUDED
-from shipnet.design.designs import Design
 from shipnet.design.iolist import IoList
 from shipnet.design.report import BANNER, document, table
-from tests.design.lists import ship
+from tests.design.lists import ship, small_loop
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 HOSTILE = ["<script>alert(1)</script>", '"><img src=x onerror=y>', "&amp;$x^2$", "' onload='z"]
@@ -55,7 +54,7 @@ def pictures(page):
 
 @pytest.fixture(scope="module")
 def comparison():
-    return compare([Design.example(), Design.example(redundant=True)], rng=np.random.default_rng(1))
+    return compare([small_loop(), small_loop(redundant=True)], rng=np.random.default_rng(1))
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +121,7 @@ def test_a_long_list_has_its_points_in_the_tables_and_a_bounded_report():
 
 def test_the_same_comparison_gives_the_same_bytes(comparison, page, tmp_path):
     again, dated = tmp_path / "a.html", tmp_path / "b.html"
-    designs = [Design.example(), Design.example(redundant=True)]
+    designs = [small_loop(), small_loop(redundant=True)]
     compare(designs, rng=np.random.default_rng(1)).report(again)
     remarked = replace(comparison, remarks=("the cabinet is guessed",))
     remarked.report(dated, date="2026-11-21")
@@ -132,7 +131,7 @@ def test_the_same_comparison_gives_the_same_bytes(comparison, page, tmp_path):
 
 
 def test_no_text_of_a_list_becomes_a_tag_of_the_page():
-    small = Design.example()
+    small = small_loop()
     hostile = IoList.from_table(pd.DataFrame({
         "tag": HOSTILE, "system": HOSTILE, "signal": "contact", "x": [5.0, 6, 7, 8], "y": 1.0,
         "z": 1.0, "note": HOSTILE,
@@ -147,7 +146,7 @@ def test_no_text_of_a_list_becomes_a_tag_of_the_page():
 
 
 def test_an_option_with_a_dollar_or_a_tag_in_its_name_is_drawn_as_it_is():
-    small = Design.example()
+    small = small_loop()
     named = {name: getattr(small, name) for name in
              ("iolist", "site", "points", "devices", "cables", "segments", "reasons")}  # fmt: skip
     odd = type(small)("$a_{<script>", **named)
@@ -171,7 +170,7 @@ def test_a_picture_does_not_hide_what_is_left_out():
     far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
                                    "y": 0.0, "z": 0.0}))  # fmt: skip
     rng = np.random.default_rng(1)
-    page = far.compare(Design.example().site, ["home runs", "AS-i"], rng=rng).html()
+    page = far.compare(small_loop().site, ["home runs", "AS-i"], rng=rng).html()
     assert "(2 DI) of table, in no system." in Page(page).text
     named = ["AS-i (1 left out)" in figure for figure in pictures(page)[:4]]
     assert named == [True, True, True, False]  # the last one weighs whole options only
@@ -180,7 +179,7 @@ def test_a_picture_does_not_hide_what_is_left_out():
 def test_of_options_that_all_leave_points_out_no_difference_is_drawn():
     far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
                                    "y": 0.0, "z": 0.0}))  # fmt: skip
-    page = far.compare(Design.example().site, ["AS-i", "CAN"]).html()
+    page = far.compare(small_loop().site, ["AS-i", "CAN"]).html()
     assert len(pictures(page)) == 3 + 2  # and a drawing of each design
     assert "What each assumption does" not in page
 
@@ -189,7 +188,7 @@ def test_only_a_verdict_is_coloured():
     cells = table(["tag", "rule"], [["violated valve", "violated"]], verdicts=[1])
     assert "<td>violated valve</td>" in cells
     assert '<td class="k fail">violated</td>' in cells
-    small = Design.example()
+    small = small_loop()
     renamed = small.iolist.points.assign(
         tag=["met 1", "violated 2", "violated 3", "not verified 4"]
     )
@@ -231,38 +230,15 @@ def test_the_command_finds_the_cabinet_and_says_so(tmp_path, capsys):
     assert "the cabinet is assumed at" in capsys.readouterr().out
 
 
-TRAYS = (
-    "kind,name,x_m,y_m,z_m,from,to\ncabinet,control room,0,0,0,,\nnode,A,0,9,0,,\n"
-    "node,B,60,9,0,,\ntray,port,,,,A,B\n"
-)
-
-
-def test_a_cabinet_may_be_named_as_in_the_file_of_trays(tmp_path, capsys):
-    points, trays = tmp_path / "points.csv", tmp_path / "trays.csv"
+def test_the_command_says_if_listed_home_runs_differ_from_computed_ones(tmp_path, capsys):
+    points = tmp_path / "points.csv"
     points.write_text(LIST, encoding="utf-8")
-    trays.write_text(TRAYS, encoding="utf-8")
-    command = ["design", str(points), "--options", "home runs", "--trays", str(trays)]
-    assert main([*command, "--cabinet", "control room"]) == 0
-    named = capsys.readouterr().out
-    assert main([*command, "--cabinet", "0,0,0"]) == 0
-    assert capsys.readouterr().out == named
-    assert main([*command, "--cabinet", "bridge"]) == 2
-    assert "or one of 'control room'" in capsys.readouterr().err
-
-
-def test_it_is_told_if_home_runs_are_reckoned_otherwise_than_all_else(tmp_path, capsys):
-    points, trays = tmp_path / "points.csv", tmp_path / "trays.csv"
-    points.write_text(LIST, encoding="utf-8")
-    trays.write_text(TRAYS, encoding="utf-8")
     command = ["design", str(points), "--options", "home runs,CAN", "--cabinet"]
     said = "Home runs keep the lengths of the list, 0.261 km for 8 points; computed like all"
     assert main([*command, "0,0,0"]) == 0
     assert said not in capsys.readouterr().out
     assert main([*command, "60,0,0"]) == 0
     assert f"{said} other cables, from the cabinet at 60, 0, 0 m" in capsys.readouterr().out
-    assert main([*command, "0,0,0", "--trays", str(trays)]) == 0
-    said += " other cables, from the cabinet at 0, 0, 0 m over the trays"
-    assert said in capsys.readouterr().out
 
 
 def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, capsys):
@@ -291,7 +267,6 @@ def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, cap
         (["LIST", "--mix", "DI=DALI"], "--mix names 'DALI'; it must be one of home runs"),
         (["LIST", "--rules", "KR"], "rules is 'KR'; it must be one of DNV"),
         (["LIST", "--rules", "own.csv"], "own.csv: cannot be read"),
-        (["LIST", "--trays", "trays.csv"], "trays.csv: cannot be read"),
         (["LIST", "--options", "home runs,DALI"], "--options names 'DALI'; it must be one of home"),
         (["LIST", "--settings", "own.toml"], "own.toml: cannot be read"),
         (["--settings", "own.toml", "--show-settings"], "own.toml: cannot be read"),

@@ -11,10 +11,10 @@ from shipnet import datasets
 from shipnet.design.designs import Design
 from shipnet.design.failures import lost
 from shipnet.design.iolist import IoList
+from shipnet.design.layout import Site
 from shipnet.design.planning import plan
 from shipnet.design.rules import APPLIES, MEASURES, RULE_SETS, Rule, RuleSet
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.engine import class_rules
 from shipnet.errors import ArgumentError, InputError
 from shipnet.modbus.faults import Break
@@ -22,9 +22,10 @@ from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
+from tests.design.lists import small_loop
 from tests.modbus.sweeps import sweep
 
-ONE_LINE, TWO_LINES = Design.example(), Design.example(redundant=True)
+ONE_LINE, TWO_LINES = small_loop(), small_loop(redundant=True)
 
 
 def checked(design, rules="DNV", **more):
@@ -219,21 +220,6 @@ def test_a_supply_changes_over_only_if_another_feeds_beside_it():
     assert judged(asi, "supply change-over", 2.0, confirmed="yes")["verdict"] == "violated"
     none = judged(planned("home runs"), "supply change-over", 2.0, confirmed="yes")
     assert (none["verdict"], none["why"]) == ("not verified", "no supply is planned")
-
-
-def test_lines_that_share_a_tray_do_not_run_apart():
-    design = TWO_LINES
-    assert judged(design, "trays shared by two lines", 0.0)["verdict"] == "met"
-    ways = [(*way, "riser") if way else way for way in design.cables["way"]]
-    row = judged(
-        changed(design, cables=design.cables.assign(way=ways)), "trays shared by two lines", 0.0
-    )
-    assert (row["value"], row["object"], row["verdict"]) == (1, "riser", "violated")
-    bare = changed(design, cables=design.cables.assign(way=[()] * len(design.cables)))
-    row = judged(bare, "trays shared by two lines", 0.0)
-    assert row["verdict"] == "not verified" and "no trays" in row["why"]
-    row = judged(ONE_LINE, "trays shared by two lines", 0.0)
-    assert row["why"] == "no link has two lines"
 
 
 def test_buses_are_known_by_their_standards_and_checks():

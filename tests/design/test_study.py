@@ -7,7 +7,7 @@ import pytest
 
 from shipnet.design.catalogue import Range
 from shipnet.design.iolist import IoList
-from shipnet.design.site import Site
+from shipnet.design.layout import Site
 from shipnet.errors import ArgumentError
 
 LIST = IoList.parse(

@@ -10,17 +10,17 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from shipnet.design.catalogue import Range, cables, read_assumptions
-from shipnet.design.designs import Design
+from shipnet.design.costs import bill_table
+from shipnet.design.layout import Site
 from shipnet.design.planning import plan
 from shipnet.design.rules import Rule, RuleSet
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
-from shipnet.design.supply import LOADS, feeders_of
+from shipnet.design.supply import LOADS, feeders_of, supply_tables
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import Cable
 from shipnet.line.network import CableRun, Network
 from shipnet.signals import SIGNALS
-from tests.design.lists import lists, ship, table
+from tests.design.lists import lists, ship, small_loop, table
 
 SITE = Site((0.0, 0.0, 0.0))
 
@@ -63,7 +63,7 @@ def solved(design):
 def test_the_voltages_are_those_of_the_solver_for_cables(iolist, option, redundant):
     design = plan(iolist, SITE, option, settings=Settings({"redundant": redundant}))
     expected = solved(design)
-    table = design.voltages()
+    table = supply_tables(design)[1]
     lines = table[table["segment"].str.startswith("AS-i") & ~table["supply"].str.contains("aux")]
     got = table.drop(lines.index).set_index(["supply", "device"])["voltage_v"]
     assert set(got.index) == {key for key in expected if key[0] != key[1]}
@@ -75,7 +75,7 @@ def test_the_voltages_are_those_of_the_solver_for_cables(iolist, option, redunda
 def test_an_as_i_line_has_the_voltages_of_its_plan(loop):
     # The planner solved each line with repeaters and supplies; here they are found in its tables.
     design = plan(ship(400), SITE, "AS-i", settings=Settings({"supply.loop": loop}))
-    supplies = design.supplies()
+    supplies = supply_tables(design)[0]
     lines = supplies[supplies["kind"] == "supply"].groupby("segment")
     expected = design.segments.set_index("segment")
     assert (design.devices["kind"] == "repeater").sum() > 5
@@ -96,12 +96,12 @@ def test_a_chain_by_hand():
     first = 24 - 40 * 15.96e-3 * (0.522 + 0.65)
     second = first - 60 * 15.96e-3 * 0.65
     design = plan(iolist, site, "CAN")
-    got = design.voltages().set_index("device")
+    got = supply_tables(design)[1].set_index("device")
     assert got["voltage_v"].tolist() == pytest.approx([first, second], abs=1e-12)
     assert got["current_a"].tolist() == pytest.approx([1.172, 0.65])
     assert got["load_a"].tolist() == pytest.approx([0.522, 0.65])
     assert got["shorted_v"].iloc[1] == pytest.approx(second - 100 * 15.96e-3 * 1.7)
-    (supply,) = design.supplies().to_dict("records")
+    (supply,) = supply_tables(design)[0].to_dict("records")
     assert supply["worst_device"] == "CAN box 2" and supply["devices"] == 2
     assert (supply["current_a"], supply["drop_v"]) == pytest.approx((1.172, 24 - second))
     assert supply["cross_section_mm2"] == 2.5 and supply["length_m"] == 100
@@ -117,25 +117,25 @@ def test_a_long_chain_of_stations_is_fed_on_the_way():
     assert design.check("supply").ok
     idle = {f"supply.{name}": 0 for name in ("solenoid", "station", "short")}
     once = plan(table(rows), SITE, "CAN", settings=Settings({"boxes.points": 8, **idle}))
-    (bare,) = once.priced(Settings({"boxes.points": 8})).supplies().to_dict("records")
+    (bare,) = supply_tables(once.priced(Settings({"boxes.points": 8})))[0].to_dict("records")
     assert bare["lowest_v"] < -100 and bare["length_m"] > 700 and bare["cross_section_mm2"] == 1.5
     # More supplies, each with its mains from the cabinet and a cable to its station, all counted.
-    supplies = design.supplies()
+    supplies = supply_tables(design)[0]
     assert len(supplies) > 1 and (supplies["lowest_v"] >= 18).all()
     assert (supplies["current_a"] + 1.7 <= 20).all()
     moved = supplies[supplies["at"] != "cabinet"]
     mains = design.cables[(design.cables["kind"] == "feeder") & (design.cables["a"] == "cabinet")]
     assert sorted(mains["b"]) == sorted(moved["supply"]) and mains["at_cabinet"].all()
-    bill = design.bill().set_index("item")
+    bill = bill_table(design).set_index("item")
     assert bill.loc["supply", "number"] == len(supplies)
     feeders = design.cables[design.cables["kind"] == "feeder"].groupby("cable")["length_m"].sum()
     for cable, metres in feeders.items():
         assert bill.loc[cable, "number"] >= metres
-    assert set(design.voltages()["device"]) == set(
+    assert set(supply_tables(design)[1]["device"]) == set(
         devices.loc[devices["kind"] == "station", "device"]
     )
     local = plan(table(rows), SITE, "CAN", settings=Settings({"boxes.points": 8, "fed": False}))
-    assert segment and len(local.supplies()) == 0
+    assert segment and len(supply_tables(local)[0]) == 0
 
 
 @pytest.mark.parametrize("option", ["CAN", "Modbus RTU", "AS-i"])
@@ -143,7 +143,7 @@ def test_a_long_chain_of_stations_is_fed_on_the_way():
 def test_feeders_are_as_thin_as_the_limits_allow(option, redundant):
     design = plan(ship(150), SITE, option, settings=Settings({"redundant": redundant}))
     sizes = feeders_of("MI1P150")
-    limits, table = design.settings.supply, design.voltages()
+    limits, table = design.settings.supply, supply_tables(design)[1]
     table = table.join(design.cables.set_index("run")["cable"], on="run")
     table = table[table["cable"].isin([size.id for size in sizes])]
     assert len(table) > 5
@@ -200,10 +200,12 @@ def test_a_second_feed_from_the_far_end_would_cost_more(option):
     for segment in design.segments["segment"]:
         runs = design.cables[design.cables["segment"] == segment]
         feeders, order = runs[runs["kind"] == "feeder"], runs["b"][runs["kind"] == "trunk"].tolist()
-        supplies = (design.supplies()["segment"] == segment).sum()
+        supplies = (supply_tables(design)[0]["segment"] == segment).sum()
         taken = (supplies - 1) * (price["supply"] + rate * price["part_time"])
         taken += sum(spent(cables()[r.cable], r.length_m) for r in feeders.itertuples())
-        load = design.voltages().drop_duplicates("device").set_index("device")["load_a"][order]
+        load = (
+            supply_tables(design)[1].drop_duplicates("device").set_index("device")["load_a"][order]
+        )
         way = np.vstack([np.zeros(3), places.loc[order].to_numpy(), np.zeros(3)])
         metres = SITE.length(np.abs(np.diff(way, axis=0)).sum(axis=1))
         nodes = ["supply", *order, "supply"]
@@ -236,7 +238,7 @@ def test_a_load_that_no_supply_serves_is_a_reason():
 
 def test_the_cable_of_the_worst_point_counts():
     iolist = table([("solenoid", (10, 0, 0), 1000), ("solenoid", (30, 0, 0), 1000)])
-    (row,) = plan(iolist, SITE, "CAN").voltages().to_dict("records")
+    (row,) = supply_tables(plan(iolist, SITE, "CAN"))[1].to_dict("records")
     # The box is half way between; 10 m with detour and tails to either coil, and it is on alone.
     assert row["voltage_v"] - row["lowest_v"] == pytest.approx((1.15 * 10 + 5) * 52e-3 * 0.25)
 
@@ -344,9 +346,9 @@ def test_a_trunk_whose_resistance_or_length_is_not_listed_is_not_verified():
 
 
 def test_a_design_without_feeders_has_no_supplies():
-    for design in (Design.example(), plan(ship(30), SITE, "junction boxes"),
+    for design in (small_loop(), plan(ship(30), SITE, "junction boxes"),
                    plan(ship(30), SITE, "CAN", settings=Settings({"fed": False}))):  # fmt: skip
-        assert len(design.supplies()) == len(design.voltages()) == 0
+        assert len(supply_tables(design)[0]) == len(supply_tables(design)[1]) == 0
 
 
 def test_every_signal_has_a_load_or_none():

@@ -20,7 +20,7 @@ from shipnet.design.planning import OPTIONS
 from shipnet.design.plant import Plant
 from shipnet.design.tables import file_name, terminals
 from shipnet.signals import SIGNALS
-from tests.design.lists import lists, ship
+from tests.design.lists import lists, ship, small_loop
 
 SHIP = ship(120)
 TABLES = {"cables", "terminals", "devices", "points", "segments", "bill", "reasons", "supplies",
@@ -150,7 +150,7 @@ def test_on_other_options_every_core_has_terminals_of_its_own(found, option):
 
 
 def test_a_redundant_line_a_plant_and_a_mix_have_terminals_too():
-    check_terminals(Design.example(redundant=True))
+    check_terminals(small_loop(redundant=True))
     plant = Plant(12, contacts=4, lines=2, signal="contact_common")
     check_terminals(plant.on_asi)
     check_terminals(SHIP.plan("junction boxes", (20, 0, 4), mix={"DI": "AS-i", "rtd_3wire": "CAN"}))
@@ -258,7 +258,7 @@ def test_a_design_that_connects_nothing_has_tables_with_titles_alone(tmp_path):
 
 
 def test_the_names_of_designs_become_names_of_files(tmp_path):
-    one = Design.example()
+    one = small_loop()
     named = {name: getattr(one, name) for name in
              ("iolist", "site", "points", "devices", "cables", "segments", "reasons")}  # fmt: skip
     given_ = ["a/b", "a-b", "A:B", "..", "../x", "케이블 1"]

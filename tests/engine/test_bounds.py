@@ -43,7 +43,7 @@ def test_the_worst_phases_attain_the_bound_of_a_value_of_the_polled_box():
     assert run.table()["worst_s"].iloc[place] == pytest.approx(bound, abs=1e-7)
 
 
-def test_the_worst_phases_attain_the_bound_of_a_value_that_comes_over_can():
+def test_the_worst_phases_attain_the_bound_of_a_value_received_on_can():
     system = System()
     # All boxes queue their frames at once; the last message of all is the last one through, and
     # the registers are read a nanosecond before it is taken over.
@@ -69,7 +69,7 @@ def test_the_terms_add_up_and_own_values_skip_the_bus():
     assert ages["transaction_s"].iloc[0] == pytest.approx(0.25479 - 0.0131771, abs=1e-5)
 
 
-def test_both_channels_polled_take_the_better_one():
+def test_with_both_channels_polled_the_better_one_counts():
     ages = System.corrected().worst_age()
     assert set(ages.loc[ages["box"] == "JB1", "channel"]) == {1}
     assert set(ages.loc[ages["box"] == "JB3", "channel"]) == {2}
@@ -114,7 +114,7 @@ def noticed(system, box, start, rng):
     ],
     ids=["late mark", "early mark"],
 )
-def test_time_outs_of_a_dead_port_box_are_part_of_the_bound(system):
+def test_the_bound_includes_time_outs_of_a_dead_polled_box(system):
     rng = np.random.default_rng(2024)
     bound = system.staleness_flag()
     found = [noticed(system, "JB1", 10 + rng.uniform(0, 1), rng) for _ in range(40)]
@@ -155,7 +155,7 @@ def test_no_dead_box_of_any_system_is_shown_for_longer_than_the_bound(system, bo
     assert oldest <= bound.oldest + 1e-9
 
 
-def test_a_cut_channel_is_left_after_133_ms_and_answered_within_2_s():
+def test_the_ams_leaves_a_cut_channel_after_133_ms_and_has_an_answer_within_2_s():
     system = System()
     told = system.switch_over()
     run = simulate(system, until=20, faults=[ModbusBreak("1", start=9.9)])
@@ -170,7 +170,7 @@ def test_a_cut_channel_is_left_after_133_ms_and_answered_within_2_s():
 
 
 @pytest.mark.parametrize("retries", [0, 1, 2, 10])
-def test_the_timeout_that_gives_a_switch_over_gives_it(retries):
+def test_timeout_for_inverts_the_switch_over_time(retries):
     wanted = 0.5
     timeout = System().timeout_for(wanted, retries=retries)
     assert System(timeout=timeout, retries=retries).switch_over().request == pytest.approx(wanted)
@@ -178,7 +178,7 @@ def test_the_timeout_that_gives_a_switch_over_gives_it(retries):
 
 @pytest.mark.parametrize("bit_rate", [1200, 2400, 9600, 19200, 115200])
 @pytest.mark.parametrize("retries", range(11))
-def test_the_shortest_and_the_longest_timeout_are_taken_too(bit_rate, retries):
+def test_timeout_for_accepts_the_shortest_and_longest_timeouts(bit_rate, retries):
     serial = SerialLine(bit_rate)
     for timeout in (serial.t35 + Firmware().processing, 100.0):
         time = (1 + retries) * (serial.frame_time(8) + timeout)
@@ -186,7 +186,7 @@ def test_the_shortest_and_the_longest_timeout_are_taken_too(bit_rate, retries):
         assert System(serial=serial, timeout=found).timeout == pytest.approx(timeout, rel=1e-12)
 
 
-def test_the_known_age_is_never_below_the_true_one_and_marks_nothing_in_health():
+def test_the_known_age_is_at_least_the_true_age_and_marks_no_healthy_value():
     system = System.corrected()
     run = simulate(system, until=60, rng=np.random.default_rng(5))
     for place, message in enumerate(system.message_of.tolist()):
@@ -213,7 +213,7 @@ def test_the_known_age_is_never_below_the_true_one_and_marks_nothing_in_health()
         (lambda: System().timeout_for(0.133, retries=-1), "retries is -1"),
     ],
 )
-def test_what_has_no_answer_is_refused(make, message):
+def test_questions_without_an_answer_are_refused(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()
 

@@ -14,7 +14,7 @@ REFERENCE = Path(__file__).parents[1] / "reference" / "can" / "lee2012_jb_can_vo
 
 
 @pytest.mark.parametrize("bits", [16, 12, 10, 8])
-def test_the_reference_table_comes_out(bits):
+def test_the_volume_equals_the_reference_table(bits):
     table = CanLayout(POINTS, bits).volume().rename(index={"all": "TOTAL"})
     with REFERENCE.open() as file:
         rows = [row for row in csv.DictReader(file) if int(row["bits_per_analog"]) == bits]
@@ -31,7 +31,7 @@ def test_the_reference_table_comes_out(bits):
                 assert table.loc[row["jb"], ours] == pytest.approx(float(row[theirs]))
 
 
-def test_the_message_set_is_that_of_the_data_file():
+def test_the_message_set_equals_the_data_file():
     stored = read_messages(datasets.path("synthetic_can_lee2012.csv"))
     assert CanLayout(POINTS).messages() == stored
 
@@ -61,7 +61,7 @@ def test_the_table_says_where_each_point_is(bits):
     assert (table["message"] == table["last_message"]).all() == (64 % bits == 0)
 
 
-def test_a_box_of_switches_alone_and_one_of_values_alone():
+def test_boxes_may_have_switches_only_or_analogue_values_only():
     points = [Point("S", "A", "switch", "logic"), Point("P", "B", "4-20 mA", "pressure", 0, 6)]
     layout = CanLayout(points, 12)
     assert layout.volume().bytes.to_dict() == {"A": 1, "B": 2, "all": 3}

@@ -75,7 +75,7 @@ def test_each_rule_alone_can_fail(change, rule):
     assert "violated" not in {v for name, v in found.items() if name != "links routed apart"}
 
 
-def test_a_protocol_of_ones_own_fails_two_rules():
+def test_a_protocol_without_a_standard_violates_two_rules():
     found = verdicts(replace(GOOD, protocols=("CAN", "homemade")))
     failed = [rule for rule, verdict in found.items() if verdict == "violated"]
     assert failed == ["standard protocol", "CRC"]
@@ -83,7 +83,7 @@ def test_a_protocol_of_ones_own_fails_two_rules():
     assert verdicts(replace(GOOD, retries_known=False))["retransmission"] == "not verified"
 
 
-def test_two_of_three_links_apart_are_enough():
+def test_two_separate_links_of_three_meet_the_rule():
     links = {"1": ("JB1",), "2": ("JB1", "JB3"), "3": ("JB3",)}
     routes = dict.fromkeys(links, ("a",))
     table = check(replace(GOOD, links=links, routes=routes)).table().set_index("rule")
@@ -105,7 +105,7 @@ def test_the_answer_is_judged_at_the_limit():
 STUFFED = Frame(0x1F3, bytes.fromhex("00F0FFFF00647B0F"))
 
 
-def test_two_wrong_bits_behind_the_bit_stuffing_can_pass_the_crc_of_can():
+def test_two_wrong_bits_after_bit_stuffing_can_pass_the_crc_of_can():
     wrong = list(STUFFED.bits)
     for place in (39, 85):
         wrong[place] = "10"[int(wrong[place])]
@@ -114,7 +114,7 @@ def test_two_wrong_bits_behind_the_bit_stuffing_can_pass_the_crc_of_can():
     assert CAN.undetected(payload=8) == 0
 
 
-def test_a_useless_crc_is_seen_to_miss(monkeypatch):
+def test_a_useless_crc_violates_its_rule(monkeypatch):
     monkeypatch.setattr(
         Crc, "of", lambda crc, rows: np.zeros(np.shape(rows)[:1], np.int64) if np.ndim(rows) else 0
     )
@@ -122,7 +122,7 @@ def test_a_useless_crc_is_seen_to_miss(monkeypatch):
     assert verdicts(GOOD)["CRC"] == "violated"
 
 
-def test_one_dead_part_costs_its_box_where_there_is_no_other():
+def test_a_dead_part_without_a_spare_costs_its_box():
     sizes = {box: len(points) for box, points in POINTS.by_box().items()}
     table = Redundancy.compare(POINTS)
     single = table[table.design == "one of each"]
@@ -132,14 +132,14 @@ def test_one_dead_part_costs_its_box_where_there_is_no_other():
     assert (table[table.design == "two of each"].points_lost == 0).all()
 
 
-def test_lists_of_names_are_as_good_as_tuples():
+def test_lists_of_names_become_tuples():
     listed = Description(POINTS, protocols=["CAN"], links={"1": ["JB1"], "2": ["JB3"]})
     assert listed.protocols == ("CAN",)
     assert listed.links == {"1": ("JB1",), "2": ("JB3",)}
     assert hash(listed) == hash(Description(POINTS, protocols=("CAN",)))
 
 
-def test_what_is_no_description_is_refused():
+def test_wrong_descriptions_are_refused():
     for action, message in (
         (lambda: check(POINTS), "must be a Description"),
         (lambda: Description(POINTS, volatile=0), "volatile is 0"),

@@ -10,7 +10,7 @@ from shipnet.engine.system import Firmware, System
 from shipnet.errors import ArgumentError
 
 
-def test_the_three_modes_differ_in_their_conversion_time_as_in_their_inputs():
+def test_conversion_times_are_proportional_to_the_analogue_inputs():
     system = System()
     one = system.firmware.input_time
     assert one == pytest.approx(1e-3 + 13 / 125e3)
@@ -19,7 +19,7 @@ def test_the_three_modes_differ_in_their_conversion_time_as_in_their_inputs():
     assert (system.loop_ns - system.convert_ns).tolist() == (frames * 100_000).tolist()
 
 
-def test_a_point_is_sampled_in_its_turn_and_switches_behind_all_inputs():
+def test_points_are_sampled_in_turn_and_switches_last():
     system = System()
     own = system.box_of == 2
     offsets = system.offset_ns[own]
@@ -44,7 +44,7 @@ def brute(begins, length, until):
 
 
 @given(begins=BUSY, time=st.integers(0, 300), work=st.integers(1, 90))
-def test_work_ends_when_a_count_of_free_nanoseconds_says_so(begins, time, work):
+def test_work_ends_where_a_count_of_free_nanoseconds_ends(begins, time, work):
     free = brute(begins, LENGTH, 1000)
     cpu = Cpu(begins, LENGTH)
     assert cpu.until(np.array([time]))[0] == free[:time].sum()
@@ -64,7 +64,7 @@ def test_jobs_wait_for_each_other(begins, due):
     assert cpu.at(cpu.queue(np.array(due), work) + work).tolist() == expected
 
 
-def test_a_request_makes_the_conversion_longer_by_its_service_and_can_does_not():
+def test_modbus_interrupts_prolong_the_conversion_but_can_does_not():
     phases = {"JB1": 0.0, "JB2": 0.25, "JB3": 0.28, "AMS": 0.0}
     firmware = Firmware(processing=6e-3)
     system = System(firmware=firmware, update_period=0.5)

@@ -24,19 +24,19 @@ IEC_60751 = {-200: 18.52, -150: 39.72, -100: 60.26, -50: 80.31, -10: 96.09, 0: 1
              400: 247.09, 500: 280.98, 600: 313.71, 850: 390.48}  # fmt: skip
 
 
-def test_the_table_of_the_standard_comes_out():
+def test_resistances_equal_the_table_of_the_standard():
     ours = pt100_resistance(list(IEC_60751))
     assert ours == pytest.approx(list(IEC_60751.values()), abs=0.00501)
 
 
-def test_the_inverse_is_the_root_that_a_solver_finds():
+def test_the_inverse_equals_the_root_of_a_solver():
     for r in np.linspace(18.6, 390.4, 60):
         root = brentq(lambda t, r=r: pt100_resistance(t) - r, -200, 850, xtol=1e-12)
         assert pt100_temperature(r) == pytest.approx(root, abs=1e-8)
 
 
 @pytest.mark.parametrize("bad", [-201, 851, np.nan, np.inf, "x", True, None])
-def test_what_is_no_temperature_is_refused(bad):
+def test_temperatures_out_of_range_are_refused(bad):
     with pytest.raises(ArgumentError, match="temperature is"):
         pt100_resistance(bad)
     with pytest.raises(ArgumentError, match="resistance is"):
@@ -54,7 +54,7 @@ def test_the_current_loop_is_that_of_the_paper():
     assert LOOP.voltage(current) == pytest.approx(1.25 * (250 * current - 1))
 
 
-def test_a_transmitter_goes_no_further_than_its_limits():
+def test_a_transmitter_stays_within_its_limits():
     ends = LOOP.signal([[-1e9], [1e9]]).ravel().tolist()
     assert ends == [3.8e-3, 20.5e-3]
 
@@ -68,7 +68,7 @@ def test_a_step_is_the_reference_over_1024():
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.125, 1.0])
-def test_the_error_of_conversion_is_that_of_a_dense_grid(margin):
+def test_the_conversion_error_equals_that_of_a_dense_grid(margin):
     card = InputCard(POINTS, margin=margin)
     table = card.accuracy()
     places = [k for k, _ in POINTS.kinds() if POINTS[k].analogue]
@@ -81,12 +81,12 @@ def test_the_error_of_conversion_is_that_of_a_dense_grid(margin):
     assert (error >= table.conversion_error - slack).all()
 
 
-def test_without_margin_no_fault_of_an_analogue_sensor_is_told():
+def test_without_margin_no_fault_of_an_analogue_sensor_is_detected():
     table = InputCard(POINTS).wire_faults()
     assert not table.detected.any()
 
 
-def test_with_margin_every_fault_of_an_analogue_sensor_is_told():
+def test_with_margin_every_fault_of_an_analogue_sensor_is_detected():
     card = InputCard(POINTS, margin=0.125)
     table = card.wire_faults()
     analogue = table.condition != "switch"
@@ -128,7 +128,7 @@ def test_a_value_comes_back_within_the_error_of_the_table(seed, margin, bits):
     assert (np.abs(back - values) <= step + 1e-9).all()
 
 
-def test_what_cannot_be_is_refused():
+def test_impossible_cards_values_and_codes_are_refused():
     card = InputCard(POINTS)
     nan = LOW.copy()
     nan[21] = np.nan

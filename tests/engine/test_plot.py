@@ -54,7 +54,7 @@ def test_a_timeline_has_a_row_for_each_cpu_and_line(ax, run):
         Timeline(1.0, 1.5, table.iloc[:0]).plot(ax)
 
 
-def test_an_age_is_a_saw_whose_tips_are_those_of_the_table(ax, run):
+def test_ages_are_drawn_as_a_sawtooth_with_the_values_of_the_table(ax, run):
     run.ages("ME-JB2-044").plot(ax, limits={"rule": 2.0}, label="point")
     ages = run.ages("ME-JB2-044").table()
     saw = ax.lines[0].get_ydata()
@@ -73,7 +73,7 @@ def test_an_age_is_a_saw_whose_tips_are_those_of_the_table(ax, run):
     assert texts(ax) == ["rule"]
 
 
-def test_a_screen_tells_good_old_and_marked_by_text_too(ax, run, values, shown):
+def test_a_screen_distinguishes_good_old_and_marked_values_by_text_too(ax, run, values, shown):
     run.screen(13.0, values).plot(ax)
     said = [text for text, _ in shown]
     assert len(said) == 2 * 99

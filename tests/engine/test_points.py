@@ -33,7 +33,7 @@ def test_the_points_are_those_of_table_3_written_out():
     assert next(points, None) is None
 
 
-def test_one_row_less_leaves_the_current_loops_of_the_exhaust_gas():
+def test_without_the_double_row_the_current_loops_remain():
     full, less = printed_points(), printed_points(double_row=False)
     gone = [point for point in full if point not in less]
     assert (len(full), len(less)) == (99, 89)
@@ -80,7 +80,7 @@ def test_a_point_that_cannot_be_says_why(change, message):
         Point(**(fields | change))
 
 
-def test_a_list_of_points_must_be_one():
+def test_wrong_lists_of_points_are_refused():
     point = read_points()[0]
     for bad, message in ((3, "sequence"), ([1], "class Point"), ([point, point], "same tag")):
         with pytest.raises(ArgumentError, match=message):
@@ -118,7 +118,7 @@ def test_every_fault_of_a_file_is_named_at_once(tmp_path):
         (b"tag,box,condition,quantity\nA,B\n", "condition is ''"),
     ],
 )
-def test_a_file_that_is_none_is_refused(tmp_path, content, message):
+def test_a_file_without_points_is_refused(tmp_path, content, message):
     file = tmp_path / "points.csv"
     file.write_bytes(content)
     with pytest.raises(InputError, match=message):

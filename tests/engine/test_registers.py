@@ -35,7 +35,7 @@ CLIPPED = {
 
 
 @pytest.mark.parametrize("coding", [*CODINGS.values(), *CLIPPED.values()], ids=lambda c: c.name)
-def test_the_collisions_are_those_of_a_dense_grid(coding):
+def test_collisions_equal_those_of_a_dense_grid(coding):
     grid = np.linspace(LOW, HIGH, 20_001)
     grid[:, ~ANALOGUE] = grid[:, ~ANALOGUE].round()
     hit = coding.encode(POINTS, grid) == coding.error
@@ -78,7 +78,7 @@ def test_the_decimal_step_is_within_a_thousandth_of_the_span():
 
 
 @pytest.mark.parametrize("coding", ["tenths, 0xFFFF", "corrected: decimal, 0x8000"])
-def test_what_the_map_encodes_it_decodes(coding):
+def test_decoded_registers_equal_the_encoded_values(coding):
     rng = np.random.default_rng(7)
     values = readings(rng, 50)
     failed = rng.random((50, 99)) < 0.1
@@ -111,7 +111,7 @@ def test_the_table_names_every_point_once():
     assert table.box.tolist() == [point.box for point in POINTS]
 
 
-def test_what_no_box_has_is_refused():
+def test_wrong_codings_and_registers_are_refused():
     for action, message in (
         (lambda: Coding("x", 0.0, 255), "step is 0"),
         (lambda: Coding("x", "half", 255), "step is 'half'"),

@@ -91,7 +91,7 @@ def test_a_box_out_of_reach_is_silent_and_the_other_one_is_not(fault, silent):
         (CanBreak("JB2-JB3", start=5), {"JB3"}),
     ],
 )
-def test_a_box_that_is_not_heard_keeps_its_last_values_for_four_seconds(fault, lost):
+def test_values_of_a_box_that_is_not_received_stay_for_four_seconds(fault, lost):
     out = np.isin(BOX, list(lost))
     good, values = known([fault], 8.9)
     assert good.all()
@@ -100,7 +100,7 @@ def test_a_box_that_is_not_heard_keeps_its_last_values_for_four_seconds(fault, l
     assert known([fault], 9.1)[0].tolist() == (~out).tolist()
 
 
-def test_a_box_that_returns_is_heard_again_and_a_stuck_sensor_stands_still():
+def test_a_returning_box_is_received_again_and_a_stuck_sensor_is_constant():
     assert known([DeadBox("JB2", start=5, stop=12)], 12.5)[0].all()
     stuck = known([StuckSensor(POINTS[0].tag, start=3, stop=6)], 5.0)[1]
     assert stuck[0] == SENSORS.at(0, 3.0) != SENSORS.at(0, 5.0)
@@ -115,7 +115,7 @@ def test_a_box_that_was_never_heard_has_no_values():
 def test_what_cannot_be_served_is_refused():
     for action, message in (
         (lambda: serve(System.corrected()), "coding is 'corrected'"),
-        (lambda: serve(faults=LostCanFrames("JB2")), "losses at random"),
+        (lambda: serve(faults=LostCanFrames("JB2")), "random losses"),
         (lambda: serve(faults=DeadBox("JB9")), "where is 'JB9'"),
         (lambda: serve(speed=-1), "speed is -1"),
     ):
@@ -145,7 +145,7 @@ def test_a_fault_of_a_valve_is_not_one_of_the_engine(capsys):
     assert error.count("\n") == 1 and "such as 2:dead" in error
 
 
-def test_a_fault_that_is_no_place_and_event_is_refused():
+def test_words_that_name_no_fault_are_refused():
     system = System()
     for words in ("fire", "box dead JB1", "4:dead", "JB2:cut", "2:stuck", "dead"):
         with pytest.raises(ArgumentError, match=f"fault is '{words}'; it must be a place and"):
@@ -175,7 +175,7 @@ def test_a_silent_box_leaves_the_other_one_alone():
     assert [bool(slaves[unit].answer(ALL, 1.0)) for unit in (2, 3)] == [False, True]
 
 
-def test_broken_wires_read_what_the_card_makes_of_them():
+def test_broken_wires_read_the_value_that_the_card_computes():
     tag, card = "ME-JB2-044", InputCard(POINTS)
     place = next(k for k, point in enumerate(POINTS) if point.tag == tag)
     for kind, wire in ((OpenWire, "open"), (ShortCircuit, "short")):
@@ -217,7 +217,7 @@ def test_the_register_of_a_sensor_has_one_of_three_faults():
     assert slaves[2].answer(own, 50.0) == moving[0]
 
 
-def test_registers_that_are_none_and_faults_that_are_none_are_refused():
+def test_unknown_registers_and_faults_are_refused():
     slaves, table = serve(speed=0).slaves, fault_registers()
     assert table.index.tolist() == [*range(12), *range(100, 199)]
     for address, value, code in ((12, 1, 2), (199, 1, 2), (0, 2, 3), (100, 4, 3)):

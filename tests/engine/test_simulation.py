@@ -98,7 +98,7 @@ def fits(system):
 
 @settings(max_examples=12)
 @given(system=SYSTEMS.filter(fits), seed=st.integers(0, 10**6), data=st.data())
-def test_the_arrays_say_what_a_walk_from_event_to_event_says(system, seed, data):
+def test_the_arrays_equal_an_event_by_event_simulation(system, seed, data):
     faults = data.draw(faults_of(system))
     phases = phases_of(np.random.default_rng(seed), system)
     assert_same(system, 3.0, faults, phases)
@@ -120,7 +120,7 @@ def test_the_same_generator_gives_the_same_run():
     assert tables[0].equals(tables[1])
 
 
-def test_a_long_run_is_its_parts():
+def test_a_long_run_equals_its_parts():
     # The bus works in chunks on a long run; rounds do not depend on how long it goes on.
     phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.3, "AMS": 0.4}
     long = simulate(System(), until=5000, phases=phases).ages("ME-JB3-062").table()
@@ -170,7 +170,7 @@ def test_a_cut_destroys_the_frame_on_the_wire_and_those_behind_it():
     assert len(last) == 1
 
 
-def test_a_box_that_comes_back_has_forgotten_what_others_told_it():
+def test_a_box_that_comes_back_has_no_values_of_others():
     phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.4, "AMS": 0.9}
     # It is back 0.4 ms before the first request that it answers again, and box 2 is dead by then.
     faults = [DeadBox("JB1", start=5.5, stop=6.8995), DeadBox("JB2", start=5.0), ModbusBreak("2")]

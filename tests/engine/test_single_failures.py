@@ -78,14 +78,14 @@ def test_the_corrected_design_shows_nothing_old_and_notices_all_but_a_stuck_sens
 MEETS = System(poll_period=0.4, update_period=0.25, stale_limit=0.6)
 
 
-def test_the_verdict_on_the_age_is_a_bound_and_no_sample():
+def test_the_verdict_on_the_age_comes_from_a_bound():
     channel = [ModbusBreak("1", start=AT), LostModbusFrames("1", start=AT, response=0.5)]
     for trials in (1, 3):
         assert not single_failures(PRINTED, channel, trials=trials)["age_ok"].iloc[1:].any()
     assert single_failures(MEETS, channel, trials=1)["age_ok"].all()
 
 
-def test_a_shorter_poll_period_meets_the_2_s_rule_for_all_that_the_printed_coding_can_see():
+def test_a_shorter_poll_period_meets_the_2_s_rule_for_all_visible_faults():
     unseen = {f for f in MEETS.single_faults() if type(f) in (LostCanFrames, StuckSensor)}
     for fault in MEETS.single_faults():
         bounds = MEETS.failure_bounds(fault)
@@ -178,7 +178,7 @@ def test_no_mixture_of_faults_makes_the_corrected_design_show_an_old_value(kinds
 
 
 @pytest.mark.parametrize("system", [PRINTED, CORRECTED], ids=["printed", "corrected"])
-def test_an_age_that_grows_for_ever_is_infinite_and_one_that_ends_is_not(system):
+def test_only_an_age_that_grows_without_end_is_infinite(system):
     tag = system.points[0].tag
     table = single_failures(
         system,
@@ -224,7 +224,7 @@ def test_a_box_that_comes_back_is_good_again():
     assert marked == pytest.approx(own["time_s"].diff().iloc[1])
 
 
-def test_without_any_channel_no_answer_comes_and_old_values_stay():
+def test_without_any_channel_old_values_stay():
     run = simulate(
         PRINTED, until=20, faults=[ModbusBreak("1", start=10.5), ModbusBreak("2", start=10.5)]
     )
@@ -233,7 +233,7 @@ def test_without_any_channel_no_answer_comes_and_old_values_stay():
     assert set(run.alarms()["source"]) == {"channel 1", "channel 2"}
 
 
-def test_a_share_of_requests_is_lost_as_the_probability_says():
+def test_requests_are_lost_with_the_given_probability():
     lost = LostModbusFrames("1", request=0.2, response=0.1)
     # Without channel 2 the AMS always asks on channel 1 again.
     faults = [lost, ModbusBreak("2")]
@@ -256,6 +256,6 @@ def test_a_share_of_requests_is_lost_as_the_probability_says():
         (lambda: single_failures(PRINTED, trials=0), "trials is 0"),
     ],
 )
-def test_faults_that_cannot_be_are_refused(make, message):
+def test_impossible_faults_are_refused(make, message):
     with pytest.raises(ArgumentError, match=message):
         make()

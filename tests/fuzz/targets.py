@@ -333,7 +333,6 @@ TARGETS: dict[str, Target] = {
         lambda data: _file(".xlsx", design.read_iolist)(_sheet(data)), _sheet_xml
     ),
     "settings": Target(_text(design.Settings.parse), lambda: [design.Settings().text().encode()]),
-    "trays": Target(_text(design.Trays.parse), _data("synthetic_trays_ship.csv")),
     "class rules": Target(_file(".csv", design.RuleSet.read), _data("design_rules.csv")),
 }
 

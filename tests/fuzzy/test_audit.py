@@ -35,7 +35,7 @@ def intervals_of(base, rule, method):
 
 
 @pytest.mark.parametrize("method", ["crisp", "midpoint"])
-def test_overlaps_are_those_that_the_ends_of_the_intervals_have(method):
+def test_overlaps_equal_those_of_the_intervals(method):
     expected = []
     for a, b in combinations(BASE.rules, 2):
         left, right = (intervals_of(BASE, rule, method) for rule in (a, b))
@@ -118,7 +118,7 @@ RIGHT = {
 
 @pytest.mark.parametrize("crisp", [True, False])
 @pytest.mark.parametrize(("how", "wrong"), RIGHT.items())
-def test_what_the_published_vectors_are_diagnosed_as(how, wrong, crisp):
+def test_the_diagnoses_of_the_published_vectors(how, wrong, crisp):
     reading, fill = how
     tests = rule_vectors(reading, fill=fill)
     table = BASE.check(tests, "crisp" if crisp else "fuzzy")

@@ -75,7 +75,7 @@ def test_without_any_sensor_the_state_is_unknown():
     assert BASE.fire({"OT": [95, math.nan]}).decide(k=1, n=2).top.tolist() == ["O1"] * 2
 
 
-def test_the_table_says_what_was_decided_on_what():
+def test_the_table_has_the_decisions_and_the_bad_sensors():
     table = BASE.fire({"MC": [0, 0, 9], "VPos": [105, 50, 50], "OP": [2, 2, 2]}).decide().table()
     assert table.iloc[0].tolist() == ["Pos1", 1.0, "Pos1 S1 Pos3", "FP OT DVPos", ""]
     assert table.iloc[1].tolist() == ["normal", 1.0, "", "FP OT DVPos", ""]

@@ -110,7 +110,7 @@ def test_missing_and_clipped_sensors_are_flagged(table):
 
 
 @given(rows)
-def test_a_cut_of_a_half_is_the_comparison_with_a_dead_band(table):
+def test_a_threshold_of_one_half_equals_the_midpoint_comparison(table):
     samples = samples_of(table)
     fuzzy, crisp = BASE.fire(samples), BASE.fire(samples, "midpoint")
     clear = np.abs(fuzzy.strength - 0.5) > 1e-9
@@ -162,12 +162,12 @@ def test_a_value_beyond_the_universe_counts_as_its_end():
     assert BASE.fire(sample)["G1"] == 1
 
 
-def test_normal_is_what_no_rule_takes_and_unknown_without_sensors():
+def test_normal_is_the_rest_and_nan_without_sensors():
     firing = BASE.fire({"OT": [50, 82, 90, NAN]})
     assert np.allclose(firing.normal, [1, 0.8, 0, NAN], atol=TOLERANCE, equal_nan=True)
 
 
-def test_many_samples_are_the_same_as_each_alone():
+def test_many_samples_give_the_same_as_each_alone():
     n = 3 * 8192 + 5
     samples = uniform(n)
     firing = BASE.fire(samples)
@@ -240,7 +240,7 @@ def test_empty_samples_make_empty_results():
 # scikit-fuzzy as the other route.
 
 
-def test_scikit_fuzzy_fires_the_same_on_random_samples():
+def test_scikit_fuzzy_has_the_same_strengths_for_random_samples():
     samples = uniform(120)
     # In the narrow ramps too, and with missing sensors.
     samples["MC"][:60] = np.linspace(0, 0.2, 60)
@@ -283,7 +283,7 @@ def test_a_control_system_has_the_terms_on_its_points_and_a_consequent_per_rule(
     assert x.universe.size == 103 and {7.55, 8.55} <= set(x.universe)
 
 
-def test_a_corner_between_the_points_is_given_to_scikit_fuzzy_as_well():
+def test_corners_between_the_points_are_points_of_scikit_fuzzy_as_well():
     term = Term("high", (7.52, 7.56, math.inf, math.inf), "x > 7.54")
     base = RuleBase((Variable("x", "", 0, 10, (term,)),), (Rule("on", (("x", "high"),), 1),))
     # Without them scikit-fuzzy interpolates 0.5 between its points at 7.5 and 7.6.

@@ -97,7 +97,7 @@ def test_the_assumed_vectors_are_the_inputs_of_the_table(printed, version):
     assert speeds == ({} if version == "printed" else {"normal": 10, "V2": 0})
 
 
-def test_the_assumed_fills_leave_what_is_printed_alone():
+def test_the_assumed_fills_do_not_change_printed_values():
     for version in VERSIONS:
         bare = rule_vectors(version)
         for fill in ("normal", "physical"):

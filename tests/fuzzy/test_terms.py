@@ -68,7 +68,9 @@ def test_text_that_is_not_a_comparison_is_refused(text):
 
 
 @given(numbers, numbers, st.booleans(), st.booleans(), st.sampled_from(["both", "low", "high"]))
-def test_a_comparison_is_written_as_it_is_read(a, b, low_closed, high_closed, ends):
+def test_the_text_of_a_comparison_parses_to_the_same_comparison(
+    a, b, low_closed, high_closed, ends
+):
     low, high = (a, b) if a <= b else (b, a)
     assume(low < high)
     interval = {
@@ -83,7 +85,7 @@ def test_a_comparison_is_written_as_it_is_read(a, b, low_closed, high_closed, en
 
 @example((0.0, 5e-324, 1.0, 1.0), [0.0])  # the narrowest ramp there is
 @given(trapezoids(), st.lists(numbers, min_size=1, max_size=20))
-def test_membership_is_that_of_scikit_fuzzy_to_the_last_bit(corners, x):
+def test_membership_equals_that_of_scikit_fuzzy_to_the_last_bit(corners, x):
     values = np.array([*x, *(corner for corner in corners if math.isfinite(corner))])
     far = [(-1e9, -1e9), (1e9, 1e9)]
     given_corners = [

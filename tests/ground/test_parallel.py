@@ -15,7 +15,6 @@ import pandas as pd
 import pytest
 
 import shipnet
-from shipnet import datasets
 from shipnet.design import IoList
 from shipnet.errors import ArgumentError, InputError
 from shipnet.parallel import compute, points_of, save_whole
@@ -142,12 +141,11 @@ def test_a_scheduler_is_found_by_its_address(dask):
 def test_a_study_of_comparisons_on_a_cluster_gives_the_same_bits(dask, tmp_path):
     points = "".join(f"L{n},contact,S{n % 3},{10 + 4 * n},{n % 5},2,III\n" for n in range(12))
     iolist = IoList.parse("tag,signal,system,x,y,z,category\n" + points)
-    trays = datasets.path("synthetic_trays_ship.csv")
     arguments = ({"detour": [1.0, 1.3, 1.6]}, (26, 6, 14), ["home runs", "AS-i", "CAN"])
-    here = iolist.study(*arguments, trays=trays, client=1)
+    here = iolist.study(*arguments, client=1)
     assert here["total_cost_eur"].nunique() == 9
     for where in ({"client": dask}, {"folder": tmp_path}, {"folder": tmp_path, "client": dask}):
-        there = iolist.study(*arguments, trays=trays, progress=False, **where)
+        there = iolist.study(*arguments, progress=False, **where)
         pd.testing.assert_frame_equal(there, here, check_exact=True)
 
 

@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
+import networkx as nx
 import numpy as np
 import pytest
 
-from shipnet.design import Design
+from shipnet.design import IoList
 from shipnet.engine.system import System
 from shipnet.modbus.faults import Break
 from shipnet.modbus.pdu import Request
@@ -79,14 +80,19 @@ def test_the_second_question_is_answered_right():
     assert worst(55) <= 2.0 < worst(56)
 
 
-def test_two_lines_on_one_tray_are_lost_with_it():
-    """The lesson takes both trays away instead: the same points are lost."""
-    apart = Design.example(redundant=True)
-    ways = [("port",) if way else () for way in apart.cables["way"]]
-    together = replace(apart, cables=apart.cables.assign(way=ways))
-    assert apart.lost(trays=["port"]) == apart.lost(trays=["starboard"]) == ()
-    assert together.lost(trays=["port"]) == apart.lost(trays=["port", "starboard"])
-    assert len(together.lost(trays=["port"])) == len(apart.points)
+def test_both_lines_are_lost_with_the_tray_that_carries_them():
+    sensors = IoList.parse("tag,type,x,y,z\nA,DI,9,2,4\nC,DI,60,2,4")
+    plant = sensors.plan("Modbus RTU", (0, 0, 4), settings={"redundant": True})
+    trunks = plant.cables.query("kind == 'trunk'").set_index("run")[["a", "b"]]
+    near = [run for run in trunks.index if " trunk 1 " in run]
+    assert len(near) == 2
+    for cut, lost in ((near[:1], 0), (near[1:], 0), (near, 2)):
+        graph = nx.Graph(trunks.drop(cut).to_numpy().tolist())
+        graph.add_edges_from(("cabinet", f"Modbus 1 master {line}") for line in "AB")
+        reached = nx.node_connected_component(graph, "cabinet")
+        tags = plant.points["tag"][~plant.points["device"].isin(reached)]
+        assert plant.lost(cables=cut) == tuple(tags)
+        assert len(tags) == lost
 
 
 def test_what_the_age_is_made_of_adds_up():

@@ -9,10 +9,10 @@ from shipnet import datasets
 from shipnet.design.comparison import compare
 from shipnet.design.costs import tornado
 from shipnet.design.iolist import IoList, read_iolist
+from shipnet.design.layout import Site
 from shipnet.design.planning import plan
 from shipnet.design.plant import Plant
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.exercises import check
 from tests.lessons.students import NAMED, right, solved
 

@@ -11,7 +11,7 @@ from shipnet.tools.modbus_scan import CHARACTERS, ModbusScan
 @pytest.mark.parametrize("character", CHARACTERS)
 @pytest.mark.parametrize("slaves", [1, 31, 247])
 @pytest.mark.parametrize("registers", [1, 125])
-def test_a_scan_is_counted_in_characters(character, slaves, registers):
+def test_scan_times_follow_from_characters_and_silences(character, slaves, registers):
     inputs = ModbusScan(9600, character, slaves, registers, processing_ms=3, timeout_ms=1000)
     bits = {"8E1": 11, "8O1": 11, "8N2": 11, "8N1": 10}[character]
     characters = 8 + (5 + 2 * registers) + 2 * 3.5

@@ -11,13 +11,12 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
-from shipnet.design.comparison import RESPONSE
 from shipnet.design.costs import label
 from shipnet.design.iolist import IoList
+from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS
 from shipnet.design.report import BANNER
 from shipnet.design.settings import Settings
-from shipnet.design.site import Site
 from shipnet.errors import ArgumentError, InputError
 from shipnet.tools import ship_design
 from shipnet.tools._view import read_state, write_state
@@ -194,7 +193,7 @@ def test_every_picture_has_every_option_or_assumption(picture):
 
 
 def test_against_response_the_front_is_that_of_the_picture():
-    ax = replace(SMALL, picture=RESPONSE).plot(ax=Figure().subplots())
+    ax = replace(SMALL, picture="worst_response_ms").plot(ax=Figure().subplots())
     front = np.column_stack(ax.lines[0].get_data())
     assert (np.diff(front[:, 0]) > 0).all() and (np.diff(front[:, 1]) < 0).all()
 

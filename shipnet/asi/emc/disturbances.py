@@ -20,7 +20,7 @@ from shipnet.lazy import Axes, pd
 #: Spacing of the samples whose standard deviation is the amplitude of noise [s].
 _SPACING = 250e-9
 
-#: Begin and end of a telegram in its record [s].
+#: Start and end of a telegram in its record [s].
 Span = tuple[float, float]
 
 
@@ -37,7 +37,7 @@ def add_events(
     shape: Callable[..., Floats],
     *parameters: Floats,
 ) -> None:
-    """Add ``shape(time since its begin, *parameters)`` to each row of `u`, for up to `length` [s].
+    """Add ``shape(time since its start, *parameters)`` to each row of `u`, for up to `length` [s].
 
     `begin` and each parameter have one number per row. Samples outside the record are ignored.
     """

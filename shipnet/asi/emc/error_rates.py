@@ -85,7 +85,7 @@ def _row(
     }
 
 
-#: Noise from this many half-bits before the first pulse's peak on is part of the pulse.
+#: Half-bits before the peak of the first pulse in which noise counts as part of the pulse.
 _REACH = 1.25
 
 #: Up to this `minimum` over the first pulse the closed form holds behind a matched filter. Above it
