@@ -15,7 +15,7 @@ from shipnet.answers import FORMS, Answer, check_output
 from shipnet.errors import ArgumentError, InputError
 from shipnet.lazy import pd
 
-#: What the terminal shows of a transaction: title, column, width and digits.
+#: Columns of a transaction on the terminal: title, name, width and digits.
 _TRANSACTION = (
     ("ms", "start_ms", 9, 3), ("", "master_pause_bit", 5, 1), ("pauses", "slave_pause_bit", 6, 1),
     ("req V", "request_amplitude_V", 7, 2), ("resp V", "response_amplitude_V", 7, 2),
@@ -23,13 +23,13 @@ _TRANSACTION = (
     ("ringing", "request_ringing", 9, 2), ("", "response_ringing", 5, 2),
 )  # fmt: skip
 
-#: Rows of a table that the terminal shows, and the part of a record that a figure shows [s].
+#: Most rows of a table on the terminal, and length of the record in a figure [s].
 _ROWS = 40
 _SHOWN = 400e-6
 
 
 def number(text: str) -> float:
-    """Return a number that may end in a prefix of SI, such as 125k or 100n."""
+    """Return a number that may end in an SI prefix, such as 125k or 100n."""
     power = {"M": 6, "k": 3, "m": -3, "u": -6, "n": -9}.get(text[-1:])
     return float(text if power is None else f"{text[:-1]}e{power}")
 
@@ -66,7 +66,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
 
 
 def _marked(transactions: pd.DataFrame) -> pd.DataFrame:
-    """Return transactions whose bits begin with 0b, so that no reader takes them for a number."""
+    """Return transactions whose bits begin with 0b, so that no program reads them as a number."""
     bits = transactions[["request", "response"]]
     return transactions.assign(**bits.where(bits == "", "0b" + bits))
 
@@ -131,10 +131,7 @@ def _decode(arguments: argparse.Namespace) -> Answer:
 def _answer(
     found: Any, numbers: Mapping[str, tuple[float, str]], text: str = "", **tables: pd.DataFrame
 ) -> Answer:
-    """Return an answer of a front for the terminal, with its tables that are not empty.
-
-    `text` replaces the table of findings.
-    """
+    """Return an answer with its tables that are not empty; `text` replaces the findings."""
     look: dict[str, Any] = {"index": False, "na_rep": "-", "max_rows": _ROWS}
     blocks = [
         f"{name.replace('_', ' ')}:\n"
@@ -249,7 +246,7 @@ def _design(arguments: argparse.Namespace) -> Answer | None:
 def _serve(arguments: argparse.Namespace) -> None:
     from shipnet.fields import check_scalar, check_whole
 
-    # The models and the library take a while to load, so what needs neither is checked first.
+    # The models and the library load slowly, so we check first what needs neither.
     engine = arguments.device == "engine"
     if arguments.udp and arguments.serial is not None:
         raise ArgumentError("--udp and --serial exclude each other")
@@ -268,7 +265,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     from shipnet.modbus.uart import SerialLine
     from shipnet.modbus.wire import WireFault
 
-    # Faults are reported in one line, not in the library's log besides.
+    # Faults are reported in one line, not also in the library's log.
     logging.getLogger("pymodbus").addHandler(logging.NullHandler())
     where = f"{arguments.host}, port {{}} (TCP)"
     options: dict[str, Any] = {"host": arguments.host, "port": arguments.port}
@@ -341,7 +338,7 @@ def _fleet(arguments: argparse.Namespace) -> None:
     )
 
 
-#: What runs each command of `commands.toml`.
+#: The function of each command in `commands.toml`.
 _COMMANDS = {
     "ledger": _ledger, "decode": _decode, "check": _check, "can": _can, "modbus": _modbus,
     "serve": _serve, "fleet": _fleet, "design": _design, "grade": _grade,
@@ -385,7 +382,7 @@ def _option(
     type: str = "",
     **more: Any,
 ) -> None:
-    """Add an argument: ``FILE``, ``--channel NAME``, or ``--udp``, which has no value."""
+    """Add an argument such as ``FILE``, ``--channel NAME``, or ``--udp`` without a value."""
     flags, _, metavar = words.rpartition(" ")
     if words.startswith("-") and not flags:
         parser.add_argument(words, action="store_true", help=help)
@@ -402,7 +399,7 @@ def _option(
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    """Run a command, write its files first, since a reader of the output may stop, and print."""
+    """Run a command, write its files and then print, because a reader of the output may stop."""
     for file in arguments.output:
         check_output(file, arguments.forms)
     answer = arguments.run(arguments)
@@ -422,14 +419,14 @@ def _run(arguments: argparse.Namespace) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
-    That is 0 if it is done and good, 1 if it is done and the answer is bad, 2 after a user's
-    mistake, which standard error reports (one line per fault of a file), 130 after an interrupt.
+    That is 0 if the answer is good, 1 if it is bad, 2 after a user's mistake, which standard error
+    reports (one line per fault of a file), 130 after an interrupt.
     """
     parsed = _parser().parse_args(arguments)
     try:
         return _run(parsed)
     except BrokenPipeError:
-        # Whoever reads the output has had enough; the interpreter must not complain at its end.
+        # The reader of the output stopped; the interpreter must not report that at its end.
         sys.stdout = None
     except KeyboardInterrupt:
         return 130

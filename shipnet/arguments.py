@@ -1,4 +1,4 @@
-"""Arguments of functions that are checked against their annotations."""
+"""Checks of arguments against the annotations of functions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 class _Rule(NamedTuple):
-    """What a type allows: the test before a call, in words, and the one after it failed."""
+    """The values of a type: a test before a call, a description, and a test after a failed call."""
 
     test: Callable[[Any], bool]
     legal: str
@@ -33,9 +33,8 @@ class _Rule(NamedTuple):
 def checked(made: T) -> T:
     """Check the arguments of a function, or of a class and its public methods, by annotation.
 
-    All but numbers are checked before the call. Numbers are the function's own task, as it knows
-    their ranges: if it fails and names no argument, an error names the first of a wrong type.
-    Declared fields check themselves.
+    The function checks numbers itself, because it knows their ranges. If it fails without naming an
+    argument, an error names the first of a wrong type. Declared fields check themselves.
     """
     if not isinstance(made, type):
         return _checked(made, ())  # type: ignore[no-any-return] # it is called as before
@@ -49,7 +48,7 @@ def checked(made: T) -> T:
 
 
 def _checked(function: Any, skipped: Collection[str]) -> Any:
-    """Return a function that checks its arguments, or itself if there is nothing to check."""
+    """Return a function that checks its arguments, or the function if there is nothing to check."""
     parameters = signature(function).parameters
     given = {
         name: one
@@ -63,7 +62,7 @@ def _checked(function: Any, skipped: Collection[str]) -> Any:
     names = tuple(parameters)
 
     known: dict[str, list[_Rule]] = {}
-    #: The types that are known to pass before a call, by name and by place.
+    #: The types that are known to be legal before a call, by name and by place.
     passed: dict[str, set[type]] = {}
     places: list[set[type] | None] = []
 
@@ -105,12 +104,12 @@ def _checked(function: Any, skipped: Collection[str]) -> Any:
 
 
 def _met(rules: Sequence[_Rule], value: Any, failed: bool = False) -> bool:
-    """Return whether a value meets one of the rules, as far as is asked before or after a call."""
+    """Return whether a value meets one of the rules, before a call or after it failed."""
     return any(((failed and rule.after) or rule.test)(value) for rule in rules)
 
 
 def _fault(name: str, value: Any, rules: Sequence[_Rule], failed: bool) -> str:
-    """Return what is wrong with a value, or with the first wrong one of a collection."""
+    """Return the fault of a value, or of the first wrong one in a collection."""
     for rule in rules:
         if rule.within and isinstance(value, Collection) and not isinstance(value, str | bytes):
             for part in value.values() if isinstance(value, Mapping) else value:
@@ -125,7 +124,7 @@ def _legal(rules: Sequence[_Rule]) -> str:
 
 
 def _numbers(rules: list[_Rule]) -> bool:
-    """Return whether the rules let everything pass until a call failed."""
+    """Return whether the rules accept everything until a call failed."""
     return not rules or any(rule.test is _anything for rule in rules)
 
 
@@ -134,13 +133,13 @@ def _anything(value: Any) -> bool:
 
 
 def _rules(annotation: Any, scope: dict[str, Any]) -> list[_Rule]:
-    """Return what an annotation allows; nothing if one of its parts cannot be tested."""
+    """Return the rules of an annotation; none if one of its parts cannot be tested."""
     rules = [_rule(part, scope) for part in _parts(annotation, scope)]
     return [] if None in rules else [rule for rule in rules if rule is not None]
 
 
 def _parts(annotation: Any, scope: dict[str, Any]) -> Iterator[Any]:
-    """Yield the types of a union; those that only type checkers import are Any."""
+    """Yield the types of a union; those that only type checkers import become Any."""
     if isinstance(annotation, str):
         parts, depth = [""], 0
         for sign in annotation.strip(" '\""):
@@ -166,7 +165,7 @@ def _parts(annotation: Any, scope: dict[str, Any]) -> Iterator[Any]:
 
 
 class _Names(dict[str, Any]):
-    """The names of a module, and those of its package's front, which it may know as types only."""
+    """The names of a module and of its package's front, which it may import for types only."""
 
     def __missing__(self, name: str) -> Any:
         if name in dir(_front(self)):
@@ -180,7 +179,7 @@ def _front(scope: Mapping[str, Any]) -> ModuleType:
 
 
 def _rule(kind: Any, scope: dict[str, Any]) -> _Rule | None:
-    """Return what a type allows, None if that cannot be tested."""
+    """Return the rule of a type, None if it cannot be tested."""
     origin, inner = get_origin(kind) or (NoneType if kind is None else kind), get_args(kind)
     if origin is Literal:
         legal = f"one of {', '.join(map(repr, inner))}"
@@ -194,7 +193,7 @@ def _rule(kind: Any, scope: dict[str, Any]) -> _Rule | None:
         wanted = [name for name, one in vars(origin).items() if name[0] != "_" and callable(one)]
         has = lambda value: all(hasattr(value, name) for name in wanted)  # noqa: E731
         return _Rule(has, f"{article} {origin.__name__}") if wanted else None
-    if origin.__name__ == "ndarray":  # of numbers, but for a few of text
+    if origin.__name__ == "ndarray":  # of numbers, except for a few of text
         return None if "str_" in str(inner) else _NAMED["npt.ArrayLike"]
     if issubclass(origin, Mapping):
         return _collection(Mapping, "a mapping", _rules(inner[-1], scope) if inner else [])
@@ -205,12 +204,12 @@ def _rule(kind: Any, scope: dict[str, Any]) -> _Rule | None:
     if issubclass(origin, Enum):
         return _Rule(lambda value: _is_member(origin, value), f"{article} {origin.__name__}")
     if origin.__subclasses__() and origin.__name__ not in dir(_front(scope)):
-        return None  # the classes that a user knows are checked, and named, where they matter
+        return None  # only classes that a user knows are checked here
     return _Rule(_of(origin), f"{article} {origin.__name__}", of_type=True)
 
 
 def _collection(kind: type, name: str, within: list[_Rule]) -> _Rule:
-    """Return the rule of a collection; what an iterator yields cannot be seen before."""
+    """Return the rule of a collection; the elements of an iterator cannot be checked."""
     plain = not within or any(rule.after for rule in within)
     by_type = all(rule.of_type for rule in within)
 
@@ -244,7 +243,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _is_array(value: Any) -> bool:
-    """Return whether a value is an array of numbers, not NaN alone."""
+    """Return whether a value is an array of numbers that are not all NaN."""
     import numpy as np  # not needed by most programs that check an argument
 
     try:
@@ -255,7 +254,7 @@ def _is_array(value: Any) -> bool:
 
 
 def _may_be_array(value: Any) -> bool:
-    """Return whether a value may become an array: what it holds is seen when it does."""
+    """Return whether a value may become an array, whose content is checked then."""
     if isinstance(value, str | bytes):
         return False
     return isinstance(value, Number | Iterable) or hasattr(value, "__array__")
@@ -265,7 +264,7 @@ def _of(*kinds: type) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, kinds)
 
 
-#: Rules by type, or by its name where the type would import what a call may not need.
+#: Rules by type, or by name where the type would import a library that a call may not need.
 _NAMED: Mapping[Any, _Rule] = {
     NoneType: _Rule(_of(NoneType), "None", of_type=True),
     str: _Rule(_of(str), "text", of_type=True),

@@ -1,4 +1,4 @@
-"""Names of kinds of arrays, and how to read the long ones."""
+"""Names of kinds of arrays, and reading of long ones in parts."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Words: TypeAlias = npt.NDArray[np.uint16]
 
 
 def parts_of(u: Floats, length: int = 2**20) -> Iterator[tuple[int, Floats]]:
-    """Yield parts of samples with their beginnings; of a mapped file one is in memory at a time."""
+    """Yield parts of samples with their offsets; of a mapped file, one at a time is in memory."""
     for low in range(0, len(u), length):
         yield low, u[low : low + length]
         release(u)
 
 
 def release(u: npt.NDArray[np.generic]) -> None:
-    """Give back the memory of what was read of a mapped file; other arrays stay as they are."""
+    """Release the memory of the parts of a mapped file that were read; do nothing otherwise."""
     base: object = u
     while isinstance(base, np.ndarray):
         base = base.base

@@ -19,7 +19,7 @@ def nanoseconds(time: float) -> int:
 
 @record
 class Fault:
-    """A fault that begins and ends; each package derives its own kinds from it."""
+    """A fault that begins and ends, the base of each package's faults."""
 
     start: float = number(0, 1e9, "s", "When it begins", default=0.0, kw_only=True)
     stop: float = number(0, inf, "s", "When it ends, later than `start`", default=inf, kw_only=True)
@@ -37,7 +37,7 @@ class Fault:
 
 
 def as_faults(faults: Any, *kinds: type) -> tuple[Any, ...]:
-    """Return one or several faults as a tuple, or raise unless each is of one of the `kinds`."""
+    """Return one or several faults as a tuple, or raise if one is not of the `kinds`."""
     kinds = kinds or (Fault,)
     known = ", ".join(sorted(kind.__name__ for kind in kinds))
     try:

@@ -1,4 +1,4 @@
-"""Cyclic redundancy checks of one message, or of many rows at once.
+"""Cyclic redundancy checks of one message, or of many at once.
 
 A table of 256 entries shifts the register by whole bytes. In a reflected algorithm the lowest bit
 of a byte comes first, and the register runs backwards.
@@ -20,7 +20,7 @@ __all__ = ["CAN", "MODBUS", "Crc"]
 
 @record
 class Crc:
-    """A cyclic redundancy check, with the parameters and names of G. Cook's catalogue.
+    """A cyclic redundancy check, with the parameters of G. Cook's catalogue.
 
     The polynomial omits its highest term.
 
@@ -63,7 +63,7 @@ class Crc:
     def of(self, data: npt.NDArray[np.uint8]) -> npt.NDArray[np.unsignedinteger]: ...
 
     def of(self, data: Any) -> Any:
-        """Return the check value of bytes, of bits as sent, or of each row of an array of bytes.
+        """Return the check value of bytes, of bits in the order sent, or of each row of an array.
 
         Bits are a str of 0 and 1; an array has shape (..., n_bytes). If the register starts at 0,
         as for CAN, leading zeros do not count, so rows may be padded in front.
@@ -79,7 +79,7 @@ class Crc:
         if isinstance(data, str):
             if odd := set(data) - set("01"):
                 raise SymbolError(f"data has {min(odd)!r} among its bits; bits are 0 or 1")
-            # Bits beyond whole bytes go first, so that the rest can go by bytes.
+            # Bits beyond whole bytes are first, so that the rest can be shifted by bytes.
             whole = len(data) % 8
             for bit in data[:whole]:
                 register = self._shifted(register, int(bit))

@@ -1,4 +1,4 @@
-"""Where the data files are: in the checkout, or inside the installed package."""
+"""The data files, in the checkout or in the installed package."""
 
 from __future__ import annotations
 

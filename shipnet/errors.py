@@ -1,6 +1,6 @@
-"""What can be wrong with bits and bytes, one class per kind of fault.
+"""Errors in bits and bytes, arguments and files.
 
-A batch function returns the `code` of a class where a scalar function raises it; 0 is no fault.
+Where a scalar function raises a `FrameError`, a batch function returns its `code`; 0 is no fault.
 """
 
 import re
@@ -15,8 +15,7 @@ __all__ = [
     "SymbolError", "UnknownCallError", "load_extra", "name_of",
 ]  # fmt: skip
 
-#: Characters of a fault, of a message with several, and of a value that one quotes, beyond which
-#: the middle is left out.
+#: Longest fault, message and quoted value [characters]; the middle of longer ones is left out.
 _FAULT, _MESSAGE, _QUOTED = 300, 3000, 80
 
 #: A value that a message quotes.
@@ -38,7 +37,7 @@ def _short(text: str) -> str:
 
 
 class FrameError(ValueError):
-    """A frame breaks a rule of its bus; the subclass says which."""
+    """A frame violates a rule of its bus; the subclass says which."""
 
     code: ClassVar[int]
 
@@ -71,15 +70,15 @@ class ParityError(FrameError, code=5):
 
 
 class UnknownCallError(FrameError, code=6):
-    """The bits are in order, but no call of the standard has this pattern."""
+    """The bits are correct, but no call of the standard has this pattern."""
 
 
 class AlternationError(FrameError, code=8):
-    """Two pulses in a row have the same sign."""
+    """Two successive pulses have the same sign."""
 
 
 class PauseError(FrameError, code=9):
-    """The line falls silent inside the telegram: two half-bits in a row without a pulse."""
+    """The line is silent inside the telegram: two successive half-bits have no pulse."""
 
 
 class InformationError(FrameError, code=10):
@@ -91,7 +90,7 @@ class SilenceError(FrameError, code=11):
 
 
 class StuffError(FrameError, code=12):
-    """Six equal bits in a row where the sixth had to be a stuff bit."""
+    """Six equal bits in succession, where the sixth had to be a stuff bit."""
 
 
 class FormError(FrameError, code=13):
@@ -111,11 +110,11 @@ class FieldError(FrameError, code=16):
 
 
 class MismatchError(FrameError, code=17):
-    """The response is in order, but it does not belong to the request."""
+    """The response is correct, but it does not belong to the request."""
 
 
 class ArgumentError(ValueError):
-    """An argument lies outside its legal range; the message names it, its value and the range."""
+    """An argument is illegal; the message has its name, its value and the legal range."""
 
     code = 7
 
@@ -131,22 +130,22 @@ class InputError(ValueError):
     file : str
         The file as the user named it.
     *faults : str
-        What is wrong and what was expected, each with its row and column where it has one.
+        The faults, each with its row and column if it has one, and what was expected.
     more : int, default 0
-        How many faults there are beside those given.
+        Number of further faults.
 
     Examples
     --------
     >>> print(InputError("scope.csv", "row 7, column 2: 'x' is not a number", "row 9 is empty"))
     scope.csv: row 7, column 2: 'x' is not a number; row 9 is empty
 
-    The message has the first ten; those that differ in nothing but their rows are one:
+    The message has the first ten; those that differ only in their rows are joined:
 
     >>> print(InputError("list.csv", *(f"row {n}, column y: is empty" for n in (2, 3, 4, 9))))
     list.csv: rows 2 to 4 and 9, column y: is empty
     """
 
-    #: Faults of a file that one message names.
+    #: Most faults in one message.
     shown = 10
 
     def __init__(self, file: str, *faults: str, more: int = 0) -> None:
@@ -156,9 +155,9 @@ class InputError(ValueError):
         self.more = more
 
     def lines(self, most: int | None = None) -> list[str]:
-        """Return up to `most` groups of faults, one per line, and a line that counts the others.
+        """Return up to `most` groups of faults, one per line, and the number of the others.
 
-        Faults of one group differ only in their rows and in the value that they quote first. With
+        The faults of a group differ only in their rows and in the first value that they quote. With
         `most`, a line has at most 300 characters.
         """
         groups = self._groups(most is not None)
@@ -189,13 +188,13 @@ class InputError(ValueError):
         return said
 
 
-#: A fault with its place: what is counted, its number, and the rest, with the value that is wrong.
+#: A fault with its place: row or line, its number, and the rest with the wrong value.
 _PLACED = re.compile(
     r"(row|line) (\d{1,9})([,:][^'\"]*?: )('[^']*'|\"[^\"]*\")(; .*)|"
     r"(row|line) (\d{1,9})([,:].*)", re.DOTALL,
 )  # fmt: skip
 
-#: Runs of rows, and different values, that a message names.
+#: Most runs of rows, and most different values, in a message.
 _RUNS, _VALUES = 5, 5
 
 
@@ -205,7 +204,7 @@ def _joined(parts: Sequence[str]) -> str:
 
 
 def listed(numbers: Iterable[int], runs_shown: int | None = _RUNS) -> str:
-    """Return rows or lines in words, behind their name: `` 3``, ``s 2 to 9 and 12``."""
+    """Return the numbers of rows as text to follow "row": `` 3``, ``s 2 to 9 and 12``."""
     runs: list[list[int]] = []
     for number in sorted(set(numbers)):
         if runs and number == runs[-1][-1] + 1:
@@ -224,7 +223,7 @@ _NAMES[ArgumentError.code] = ArgumentError.__name__
 
 
 def name_of(code: int) -> str:
-    """Return the name of the error class that a batch code stands for, or ``"ok"`` for 0.
+    """Return the name of the error class with a batch code, or ``"ok"`` for 0.
 
     Parameters
     ----------
@@ -252,7 +251,7 @@ def name_of(code: int) -> str:
 
 
 def load_extra(module: str, package: str, extra: str = "bus") -> Any:
-    """Return an optional module, or say which package to install for it."""
+    """Return an optional module, or raise an error that names the package to install."""
     try:
         return import_module(module)
     except ModuleNotFoundError as problem:

@@ -253,10 +253,7 @@ class Choice(Kind):
 class Switch(Kind):
     """Yes or no."""
 
-    @property
-    def legal(self) -> str:
-        """Both values."""
-        return "True, False"
+    legal = "True, False"
 
     def _check(self, name: str, value: Any, record: Any) -> bool:
         if not isinstance(value, bool):
@@ -321,11 +318,9 @@ class Part(Kind):
         return f"a {self.of.__name__}"
 
     def _check(self, name: str, value: Any, record: Any) -> Any:
-        if isinstance(value, self.of):
-            return value
-        if self.make is None:
-            raise ArgumentError(f"{name} is {value!r}; it must be {self.legal}")
-        return self.make(value)
+        if self.make is not None and not isinstance(value, self.of):
+            return self.make(value)
+        return check_kind(name, value, self.of)
 
 
 # Declarations ----------------------------------------------------------------------------------

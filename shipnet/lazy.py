@@ -1,4 +1,4 @@
-"""What is imported when it is used first, or never: pandas takes half a second, matplotlib more."""
+"""Slow libraries, imported at their first use: pandas takes half a second, matplotlib more."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 else:
 
     class _Library:
-        """A library whose names are looked up in it, which imports it."""
+        """A library that is imported when one of its names is used."""
 
         def __init__(self, name: str) -> None:
             self._name = name

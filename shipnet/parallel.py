@@ -1,7 +1,6 @@
-"""Many independent tasks: one by one while that is short, else in processes or on a Dask cluster.
+"""Independent tasks, computed one by one, in processes or on a Dask cluster, with the same results.
 
-A task's random numbers depend on its place alone, and results come in the order of the tasks, so
-the results do not depend on where they were computed.
+A task's random numbers depend only on its place, and results are in the order of the tasks.
 """
 
 from __future__ import annotations
@@ -31,16 +30,16 @@ from shipnet.arguments import checked
 from shipnet.errors import ArgumentError, InputError, load_extra
 from shipnet.fields import check_whole
 
-#: Time that processes must save before they are started, and time of a chunk of tasks [s].
+#: Time that processes must save before they are started, and duration of a chunk of tasks [s].
 _WORTHWHILE, _CHUNK = 4.0, 1.0
 
-#: Losses of workers in a row, without a result between them, after which we give up.
+#: Consecutive losses of workers, without a result between them, that end the computation.
 _MOST_LOSSES = 5
 
-#: How long a scheduler has to answer, and a terminal shows nothing [s].
+#: Time-out of a scheduler, and delay of the progress bar [s].
 _ANSWER, _PATIENCE = 10, 2.0
 
-_GONE = "the Dask scheduler was lost; with a folder the same call goes on where it stopped"
+_GONE = "the Dask scheduler was lost; with a folder, the same call resumes where it stopped"
 
 Point = dict[str, Any]
 Progress = Callable[[int, int], object]
@@ -57,7 +56,7 @@ def points_of(grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]]) -
     if not points:
         raise ArgumentError("the grid has no point")
     if any(point.keys() != points[0].keys() for point in points):
-        raise ArgumentError("the points of the grid have not all the same arguments")
+        raise ArgumentError("the points of the grid have different arguments")
     return points
 
 
@@ -79,18 +78,18 @@ def compute(
         Called as ``function(task)``, or as ``function(task, rng)`` if there is a seed. For a
         `folder` it must be importable, not a lambda.
     tasks : iterable
-        What it is called with.
+        The arguments of the calls.
     seed : int, optional
         0..2^63 - 1; each task gets a random generator that depends on the seed and its place.
     client : None, int, str or distributed.Client, optional
-        Where the tasks run. None stays here, and starts a process per core once that saves more
-        than 4 s; 1 stays here; 2..1024 is the number of processes; a text is the address of a Dask
-        scheduler. Processes and Dask need ``pip install "shipnet[cluster]"``.
+        Where the tasks run: 1 for this process, 2..1024 for that many processes, the address of a
+        Dask scheduler or its client. By default this process, then one process per core if that
+        saves more than 4 s. Processes and Dask need ``pip install "shipnet[cluster]"``.
     folder : path, optional
-        Where results are kept, as JSON, so that the same call resumes after a stop. They must be
-        numbers, text, lists or dicts; a tuple comes back as a list.
+        Folder for results as JSON, so that the same call resumes after a stop. Results must be
+        numbers, text, lists or dicts; a tuple becomes a list.
     progress : bool or callable, optional
-        ``progress(done, total)`` is called as results arrive. True shows a bar, False none; by
+        Called as ``progress(done, total)`` when results arrive. True shows a bar, False none; by
         default a terminal shows one after 2 s.
 
     Returns
@@ -101,22 +100,22 @@ def compute(
     Raises
     ------
     ArgumentError
-        If an argument is out of its range, no scheduler answers, or a result is not fit for the
-        folder. What the function raises passes through, with a note that names the task.
+        If an argument is out of its range, no scheduler answers, or a result cannot be stored in
+        the folder. An error of the function gets a note that names the task.
     InputError
-        If the folder holds the results of other tasks, or cannot be written.
+        If the folder contains the results of other tasks, or cannot be written.
     ImportError
         If processes or Dask are asked for and not installed.
     ConnectionError
         If the scheduler is lost.
     RuntimeError
-        If workers died five times in a row without a result.
+        If workers died five times in succession without a result.
 
     Notes
     -----
-    Another worker takes over the tasks of a lost one. Bits are the same for the same version of
-    numpy on processors of the same kind. Each worker should use one thread for linear algebra:
-    processes started here, and Dask's own workers, have ``OMP_NUM_THREADS=1``.
+    Another worker takes over the tasks of a lost one. Results are the same bit for bit for the same
+    version of numpy on processors of the same kind. Each worker should use one thread for linear
+    algebra: processes started here, and Dask's own workers, have ``OMP_NUM_THREADS=1``.
 
     Examples
     --------
@@ -162,12 +161,12 @@ def compute(
 def _run(
     function: Callable[..., Any], seed: int | None, indices: Sequence[int], jobs: Sequence[Any]
 ) -> tuple[list[Any], float]:
-    """Return the results of a chunk of tasks and the time it took; this runs in the worker."""
+    """Return the results of a chunk of tasks and its duration; this runs in the worker."""
     import numpy as np
 
     begin, results = perf_counter(), []
     for index, job in zip(indices, jobs, strict=True):
-        # What SeedSequence(seed).spawn() would give this place, without making the others.
+        # As SeedSequence(seed).spawn() for this place, without making the others.
         own = () if seed is None else (np.random.SeedSequence(seed, spawn_key=(index,)),)
         try:
             results.append(function(job, *map(np.random.default_rng, own)))
@@ -197,7 +196,7 @@ def _checked(client: Any, stack: ExitStack) -> Any:
 
 
 def _processes_for(left: float, function: Callable[..., Any]) -> int | None:
-    """Return how many processes to start for work that would take so long here [s], or None."""
+    """Return how many processes to start for work of this duration [s], or None."""
     if left < _WORTHWHILE or current_process().daemon:
         return None
     try:
@@ -209,7 +208,7 @@ def _processes_for(left: float, function: Callable[..., Any]) -> int | None:
 
 
 def _executor(client: Any) -> tuple[Executor, int, type[Exception]]:
-    """Return what runs the chunks, how many at once, and the error that means a lost worker."""
+    """Return the executor, its number of workers, and the error of a lost worker."""
     if isinstance(client, int):
         loky = load_extra("loky", "loky", "cluster")
         pool = loky.get_reusable_executor(client, env={"OMP_NUM_THREADS": "1"})
@@ -230,13 +229,13 @@ def _spread(
     keep: Callable[[Sequence[int], Sequence[Any]], None],
     each: float | None,
 ) -> None:
-    """Give the tasks to workers chunk by chunk, and those of lost workers to others."""
+    """Compute the tasks in chunks, and those of lost workers again."""
     pending: dict[Future[Any], list[int]] = {}
     losses = 0
     try:
         while todo or pending:
             pool, workers, lost = _executor(client)
-            # One chunk in work and one in wait for each worker, shorter ones near the end.
+            # One running and one waiting chunk per worker, shorter ones near the end.
             while todo and len(pending) < 2 * workers:
                 size = 1 if each is None else min(_CHUNK / each, len(todo) / (4 * workers))
                 indices = [todo.popleft() for _ in range(min(max(1, int(size)), len(todo)))]
@@ -259,7 +258,7 @@ def _spread(
                 keep(indices, values)
             if dropped:
                 losses += 1
-                if isinstance(client, int):  # processes that lose one are all stopped
+                if isinstance(client, int):  # a pool that loses a process stops all of them
                     dropped += [index for indices in pending.values() for index in indices]
                     pending.clear()
                 dropped.sort()
@@ -276,7 +275,7 @@ def _spread(
 
 
 class _Folder:
-    """Results in a folder: files that appear whole or not at all, each marked with its study."""
+    """Results in a folder: complete files, each marked with the study that it belongs to."""
 
     def __init__(
         self, folder: Path, function: Callable[..., Any], jobs: list[Any], seed: int | None
@@ -295,11 +294,11 @@ class _Folder:
                     held = json.loads(file.read_bytes())
                     mark, values = held["study"], {int(i): x for i, x in held["results"].items()}
                 except (ValueError, KeyError, TypeError, AttributeError):
-                    continue  # torn by a crash of the machine: its tasks are computed again
+                    continue  # damaged by a crash of the machine: its tasks are computed again
                 if mark != self._mark:
                     raise InputError(
                         str(folder),
-                        "holds results of another function, other tasks, another seed or another "
+                        "has results of another function, other tasks, another seed or another "
                         "version of shipnet; give an empty folder",
                     )
                 self.results |= {i: x for i, x in values.items() if 0 <= i < len(jobs)}
@@ -308,12 +307,12 @@ class _Folder:
             raise InputError(str(folder), f"cannot be used: {problem.strerror}") from problem
 
     def add(self, new: dict[int, Any]) -> dict[int, Any]:
-        """Keep results, write them every second, and return them as a restart would read them."""
+        """Add results, write them every second, and return them as they would be read again."""
         try:
             text = json.dumps({str(index): value for index, value in new.items()})
         except (TypeError, ValueError) as problem:
             raise ArgumentError(
-                f"a result of tasks {list(new)[:10]} is not fit for the folder: {problem}; it must "
+                f"a result of tasks {list(new)[:10]} cannot be stored: {problem}; it must "
                 "consist of numbers, text, lists and dicts"
             ) from None
         read = {int(index): value for index, value in json.loads(text).items()}
@@ -323,7 +322,7 @@ class _Folder:
         return read
 
     def save(self, check: bool = False) -> None:
-        """Write what is new; `check` writes nothing, but finds out whether that is possible."""
+        """Write new results; with `check`, only test whether the folder can be written."""
         if not self._new and not check:
             return
         text = json.dumps({"study": self._mark, "results": self._new})
@@ -336,10 +335,10 @@ class _Folder:
 
 
 def _fingerprint(what: object) -> str:
-    """Return a check sum of a study, the same in every session."""
+    """Return a check sum of a study that is the same in every session."""
     digest = sha256()
     pickler = pickle.Pickler(SimpleNamespace(write=digest.update), protocol=5)
-    # Without its memo it does not matter which equal parts are the same object.
+    # Without its memo, equal parts give the same bytes whether or not they are one object.
     pickler.fast = True
     plain: dict[type, Any] = {MappingProxyType: lambda proxy: (dict, (dict(proxy),))}
     pickler.dispatch_table = {**copyreg.dispatch_table, **plain}
@@ -347,13 +346,13 @@ def _fingerprint(what: object) -> str:
         pickler.dump(what)
     except Exception as problem:
         raise ArgumentError(
-            f"function and tasks must be such that pickle stores them, for a folder: {problem}"
+            f"with a folder, pickle must be able to store function and tasks: {problem}"
         ) from None
     return digest.hexdigest()
 
 
 def save_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` write a file under a name of its own, then rename it: no reader sees half."""
+    """Call `write` for a temporary file and rename it, so that no reader sees half a file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     own = path.with_name(f".{path.name}.{gethostname()}.{os.getpid()}")
     write(own)
@@ -363,7 +362,7 @@ def save_whole(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def teller(progress: bool | Progress | None) -> Progress:
-    """Return what shows progress: a bar if True, by default on a terminal once 2 s are over."""
+    """Return a function that shows progress as a bar, by default on a terminal after 2 s."""
     if callable(progress):
         return progress
     start = perf_counter() if progress is None else -inf

@@ -1,7 +1,7 @@
-"""One look for every figure and table of the suite.
+"""The style of all figures and tables.
 
-Theory is a line, measurement or data are markers, a value that a paper prints is dashed grey,
-and a limit is one red dashed line with its name on it.
+Theory is a line, data are markers, a printed value is a dashed grey line, and a limit is a dashed
+red line with its name.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FIELD = {
 
 
 def use() -> None:
-    """Apply the suite's look to all later figures and tables.
+    """Apply the suite's style to all later figures and tables.
 
     Tables show whole cells; a notebook's figures have twice the dots, for a projector.
 
@@ -47,7 +47,7 @@ def use() -> None:
     pd.set_option("display.max_colwidth", None, "display.max_rows", 200)
     with as_file(files("shipnet") / "shipnet.mplstyle") as sheet:
         plt.style.use(sheet)
-    # Without a shell, the function below would make one.
+    # Without a shell, the function below would create one.
     if "IPython" in sys.modules and sys.modules["IPython"].get_ipython():
         from matplotlib_inline.backend_inline import set_matplotlib_formats
 
@@ -65,7 +65,7 @@ def axes(ax: Axes | None = None, **options: Any) -> Axes:
 
 
 def limit(ax: Axes, level: float, name: str) -> None:
-    """Draw a limit as a horizontal line with its name right of the axes, clear of the data."""
+    """Draw a limit as a horizontal line with its name right of the axes."""
     ax.axhline(level, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
     ax.text(
         1.01, level, name, transform=ax.get_yaxis_transform(), color=LIMIT["color"], va="center",
@@ -73,13 +73,13 @@ def limit(ax: Axes, level: float, name: str) -> None:
 
 
 def legend(ax: Axes, columns: int = 4, **options: Any) -> None:
-    """Put the legend above the axes, clear of the data; `options` are those of `Axes.legend`."""
+    """Draw the legend above the axes; `options` are those of `Axes.legend`."""
     above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
     ax.legend(**above, ncols=columns, **options)
 
 
 def logarithmic(axis: Any) -> None:
-    """Make an axis logarithmic, with a tick at 1, 2 and 5 of each power of ten in sight."""
+    """Make an axis logarithmic, with ticks at 1, 2 and 5 times each power of ten in its range."""
     axis.axes.set(**{f"{axis.axis_name}scale": "log"})
     low, high = axis.get_view_interval()
     ticks = [step * 10.0**power for power in range(-6, 7) for step in (1, 2, 5)]
@@ -102,7 +102,7 @@ def box(
 
 @checked
 def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
-    """Show nothing of the axes but what is drawn on them, within these limits."""
+    """Set the limits of axes and hide their ticks, grid and frame."""
     ax.set(xlim=x, ylim=y, xticks=[], yticks=[])
     ax.grid(visible=False)
     ax.spines[:].set_visible(False)
@@ -110,7 +110,7 @@ def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
 
 
 def save(draw: Callable[[Axes], object], file: str) -> None:
-    """Write a figure with the suite's look, drawn by a function that takes axes, to a file."""
+    """Save a figure in the suite's style, drawn by a function of the axes."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

@@ -281,7 +281,7 @@ def of_modbus():
     }  # fmt: skip
     instances = {
         "Adu": adu, "Request": request, "Response": response, "Poll": poll, "Loop": loop,
-        "Scan": modbus.scan(3, registers=4), "DualChannel": modbus.DualChannel(poll), "Run": run,
+        "Scan": modbus.scan(3, registers=4), "Run": run,
         "Reach": loop.reach(), "Slave": slave, "SerialLine": line, "Waveform": wave,
         "Characters": wave.decode(), "Server": None, "Device": None, "ExceptionCode": None,
         "FunctionCode": None,
@@ -304,7 +304,7 @@ def of_remote_control():
         "target": "RCS", "path": "none.csv", "system": system, "until": 0.2,
         "faults.Stall.stop": 1.0,
         "compare_checks.n_items": [1], "compare_checks.packets": 10, "switch_delays.changes": 1,
-        "switch_delays.bit_rates": [9600], "Ring.explore.max_unread": 2,
+        "Ring.explore.max_unread": 2,
     }  # fmt: skip
     for name, form in (("Marker", rc.MarkerFormat()), ("Cobs", rc.CobsFormat())):
         packet, of = form.encode({1: 2}), f"{name}Format"

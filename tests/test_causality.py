@@ -74,20 +74,13 @@ def test_an_ams_waits_for_the_end_of_a_response_that_breaks_off(kind, late):
     assert raised == pytest.approx(asked, abs=1e-9)
 
 
-LOOP = modbus.Loop(
-    6, modbus.Poll(modbus.Request.read_input_registers(0, 4), modbus.SerialLine(9600), timeout=0.1)
-)
-DUAL = modbus.DualChannel(
-    modbus.Poll(
-        modbus.Request.read_holding_registers(0, 99), modbus.SerialLine(9600), timeout=0.25
-    ),
-    recheck=1.5,
-)
+POLL = modbus.Poll(modbus.Request.read_input_registers(0, 4), modbus.SerialLine(9600), timeout=0.1)
+LOOP, OPEN = modbus.Loop(6, POLL), modbus.Loop(3, POLL, closed=False, recheck=1.5)
 
 
 @settings(max_examples=30)
 @given(
-    system=st.sampled_from([LOOP, DUAL]),
+    system=st.sampled_from([LOOP, OPEN]),
     start=st.floats(0.1, 4),
     lasts=st.sampled_from([np.inf, 0.01, 0.7]),
     data=st.data(),

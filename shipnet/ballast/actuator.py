@@ -1,7 +1,7 @@
 """An electro-hydraulic actuator: its parameters, its hydraulics in closed form, its motor.
 
 The paper prints none of these numbers. They describe an actuator of common size for a butterfly
-valve of DN 100 to 150, chosen so that the operating point lies near row 0 of the rule table; each
+valve of DN 100 to 150, chosen so that the operating point is near row 0 of the rule table; each
 is an assumption unless a source is given.
 """
 

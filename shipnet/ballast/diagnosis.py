@@ -233,7 +233,7 @@ def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats
 @checked
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What is reported for every valve at every instant, as `Run.diagnose` returns it.
+    """The diagnosis of every valve at every instant, as `Run.diagnose` returns it.
 
     The `run` was diagnosed with the rules of `base`. `samples` are the values of each variable,
     shape (n_times, n_valves), NaN where it is not evaluated; `active` are the active codes in the

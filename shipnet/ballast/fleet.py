@@ -236,7 +236,7 @@ def write_fleet(
     Raises
     ------
     InputError
-        If the folder cannot be written, or holds another fleet.
+        If the folder cannot be written, or contains another fleet.
     ImportError
         If pyarrow is not installed: ``pip install "shipnet[cluster]"``.
 

@@ -338,7 +338,7 @@ class Station(Master):
 
     @property
     def seen(self) -> MasterRun:
-        """What the master has received so far."""
+        """The run so far, as the master received it."""
         return MasterRun(
             self.n, self.rule.poll, self.registers, self.time, list(self.shown),
             list(self.writes), list(self.tries),

@@ -1,4 +1,4 @@
-"""What a valve's slave measures: its channels and sensors, and the speed of the position.
+"""The channels and sensors of a valve's slave, and the speed of the position.
 
 The paper prints no units; bar, bar, A, degC and percent are our reading (claim kim2014-038).
 """

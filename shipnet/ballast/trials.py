@@ -30,7 +30,7 @@ from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
 
-#: What the numbers are based on.
+#: The basis of the numbers.
 BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
 
 #: A year [s].
@@ -98,7 +98,7 @@ class Trials:
 
     @property
     def basis(self) -> str:
-        """What the numbers are based on."""
+        """The basis of the numbers, in one sentence."""
         return BASIS
 
     def __repr__(self) -> str:
@@ -360,7 +360,7 @@ _FAULT_COLUMNS = {
 @checked
 @dataclass(frozen=True, eq=False)
 class FleetReport:
-    """What was found in a fleet, as `run_fleet` returns it.
+    """The faults and alarms of a fleet, as `run_fleet` returns them.
 
     Parameters
     ----------
@@ -520,7 +520,7 @@ def run_fleet(
     Parameters
     ----------
     system : System or int
-        The valves, which are read directly, without a master; a number stands for plain valves.
+        The valves, or their number. They are read directly, without a master.
     commands : iterable of Command
         Commands to the valves, such as `Command.random` returns.
     faults : Fault or iterable of Fault, optional

@@ -104,16 +104,10 @@ def read_messages(
 class Analysis:
     """The bit rate and priority order that a message set needs; `analyse` returns it.
 
-    Attributes
-    ----------
-    responses : mapping of float to ResponseTimes
-        Response times by bit rate, the lowest rate first.
-    lowest, lowest_in_best_order : float
-        Lowest bit rate at which the given order, or some priority order, meets all deadlines
-        [bit/s]; infinite if there is none.
-    best : Assignment
-        Best priority order at `lowest_in_best_order`, or at the highest bit rate if that is
-        infinite.
+    `responses` has the response times by bit rate, the lowest rate first. `lowest` and
+    `lowest_in_best_order` are the lowest bit rates at which the given order, or some priority
+    order, meets all deadlines [bit/s]; infinite if there is none. `best` has the messages in the
+    best priority order at `lowest_in_best_order`, or at the highest bit rate if that is infinite.
 
     Examples
     --------

@@ -54,25 +54,11 @@ def hexadecimal(key: int) -> str:
 class Log:
     """Recorded frames as columns, in the order of the file.
 
-    Parameters
-    ----------
-    time : ndarray of float, shape (n,)
-        Time stamps [s]; all NaN if the log has none.
-    channel : ndarray of str, shape (n,)
-        Bus of each frame.
-    arbitration_id : ndarray of int, shape (n,)
-        Identifiers.
-    extended, remote : ndarray of bool, shape (n,)
-        Whether the identifier has 29 bits, and whether it is a remote frame.
-    dlc : ndarray of uint8, shape (n,)
-        Data length codes.
-    data : ndarray of uint8, shape (n, 8)
-        Data bytes, padded with 0.
-    faults : tuple of str, optional
-        Faults of the file; what they concern is left out.
-    skipped : tuple of (float, str, str), optional
-        Valid records that are not frames of classic CAN: time [s], channel and kind, ``"CAN FD
-        frame"`` or ``"error frame"``.
+    `time` has the time stamps [s], all NaN if there are none, and `channel` the bus of each frame.
+    `arbitration_id` has 29 bits if `extended`; `remote` marks remote frames. `dlc` has the data
+    length codes, and `data`, shape (n, 8), the bytes, padded with 0. `faults` describes records
+    left out, and `skipped` valid ones that are not frames of classic CAN: time [s], channel and
+    kind, ``"CAN FD frame"`` or ``"error frame"``.
 
     Examples
     --------

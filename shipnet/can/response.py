@@ -246,23 +246,12 @@ def _first_gaps(
 
 
 class ResponseTime(NamedTuple):
-    """The longest response time of a `message`, and what it consists of.
+    """The longest response time of a `message`, and its parts [s].
 
-    Attributes
-    ----------
-    frame_time : float
-        Time that its frame takes [s].
-    blocking : float
-        Longest frame that may already be on the bus [s].
-    busy_period : float
-        Longest time that the bus is busy with this or higher priority, including blocking [s];
-        infinite if endless, NaN with offsets.
-    instances : tuple of float
-        Longest response of each instance of the message in the busy period [s].
-    response : float
-        The longest of them [s]; infinite if the busy period is endless.
-    met : bool
-        Whether the response meets the deadline, compared in whole ticks.
+    `blocking` is the longest frame that may already be on the bus, and `busy_period` the longest
+    time that the bus is busy with this or higher priority, including blocking: infinite if endless,
+    NaN with offsets. `instances` has the longest response of each instance in the busy period, and
+    `response` is the longest of them. `met` says whether it meets the deadline, in whole ticks.
 
     Examples
     --------

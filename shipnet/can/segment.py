@@ -149,23 +149,11 @@ class Segment:
 class Signals:
     """Voltages on a line and the bits read from them; `Segment.send` returns it.
 
-    Attributes
-    ----------
-    t : ndarray of float, shape (n_t,)
-        Times [s].
-    sample_times : ndarray of float, shape (n_bits,)
-        Sample points [s].
-    sent : ndarray of int8, shape (n_bits,)
-        Wired AND of the bits sent.
-    points : tuple of str
-        Points of the network, the rows of the arrays below: b1, b2, ... on the trunk and s1, s2,
-        ... at the ends of stubs.
-    v : ndarray of float, shape (n_points, n_t)
-        Differential voltages [V].
-    samples : ndarray of float, shape (n_points, n_bits)
-        Voltages at the sample points [V].
-    bits : ndarray of int8, shape (n_points, n_bits)
-        0 dominant, 1 recessive, -1 where a receiver may read either.
+    `t` has the times [s], `sample_times` the sample points [s], and `sent` the wired AND of the
+    bits sent. `v`, the differential voltages [V], `samples`, those at the sample points, and `bits`
+    have one row per point of the network. A bit is 0 (dominant), 1 (recessive) or -1 where a
+    receiver may read either. `points` names the rows: b1, b2, ... on the trunk and s1, s2, ... at
+    the ends of stubs.
 
     Examples
     --------

@@ -242,12 +242,8 @@ def simulate(
 class BatchRun:
     """Response times for many sets of offsets; `simulate_batch` returns it.
 
-    Attributes
-    ----------
-    max_response, mean_response : ndarray of float, shape (n_sets, n_messages)
-        Longest and mean response [s], messages in order of priority; NaN if nothing was sent.
-    sent : ndarray of int, shape (n_sets, n_messages)
-        Frames sent.
+    `max_response` and `mean_response` [s] and `sent`, the number of frames, have one row per set
+    and one column per message in order of priority. Responses are NaN if nothing was sent.
 
     Examples
     --------

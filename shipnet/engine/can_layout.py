@@ -33,7 +33,7 @@ class CanLayout:
     """Which CAN frame contains which point: box k sends identifiers from 0x100 k up, k = 1..7.
 
     The identifiers, and so the priorities, are assumed: JB1 before JB2 before JB3. If `bits` does
-    not divide 64, some values lie in two frames; `table` shows which.
+    not divide 64, some values are split between two frames; `table` shows which.
 
     Examples
     --------

@@ -92,7 +92,7 @@ class Redundancy:
         return pd.concat(tables, names=["design", ""]).reset_index("design").reset_index(drop=True)
 
 
-# What is known of a system ---------------------------------------------------------------------
+# Descriptions ----------------------------------------------------------------------------------
 
 
 @checked
@@ -167,7 +167,7 @@ class Description:
 
 # The rules -------------------------------------------------------------------------------------
 
-#: What a check computes, NaN if too little is described, and why.
+#: The result of a check, NaN if too little is described, and its reason.
 _Outcome = tuple[float, str]
 
 
@@ -298,7 +298,7 @@ def check(system: Description) -> Findings:
     Parameters
     ----------
     system : Description
-        What is known of the system.
+        Data of the system.
 
     Returns
     -------

@@ -21,7 +21,7 @@ from shipnet.tables import read_sheet
 
 Condition = Literal["RTD", "4-20 mA", "switch"]
 
-#: What a junction box can read: a resistance thermometer, a current loop, a contact.
+#: Inputs of a junction box: a resistance thermometer, a current loop, a contact.
 CONDITIONS: tuple[Condition, ...] = ("RTD", "4-20 mA", "switch")
 
 #: Columns of a file of points; any other column is for remarks.
@@ -238,7 +238,7 @@ def read_points(path: str | PathLike[str] | None = None) -> PointList:
     path : path, optional
         CSV file or Excel workbook with a row of column titles: the fields of `Point`, of which
         ``tag``, ``box``, ``condition`` and ``quantity`` are required. Other columns are ignored; an
-        empty cell takes the default.
+        empty cell means the default.
 
     Returns
     -------

@@ -178,7 +178,7 @@ CODINGS = {
     )
 }
 
-# Which address holds what ----------------------------------------------------------------------
+# The address map -------------------------------------------------------------------------------
 
 #: Most registers that one request reads.
 _REQUEST = 125

@@ -123,7 +123,7 @@ def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
 
 
 class Views(NamedTuple):
-    """What the AMS knows after each answer, one row per answer.
+    """The knowledge of the AMS after each answer, one row per answer.
 
     `seen` is when the answer was complete [ns]. By message, `number` is the round that the values
     are from, -1 if they are missing or marked, and `known` the earliest time at which they can
@@ -209,8 +209,8 @@ class Screen:
 
     Notes
     -----
-    In the printed coding a register is **assumed** to hold whole units, so that 255 degC looks like
-    an error. The corrected coding has tenths, and a mark that no value equals.
+    In the printed coding a register is **assumed** to contain whole units, so that 255 degC looks
+    like an error. The corrected coding has tenths, and a mark that no value equals.
 
     Examples
     --------
@@ -288,7 +288,7 @@ class Ages:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Timeline:
-    """What each CPU and each line does during an interval."""
+    """The work of each CPU and each line during an interval."""
 
     start: float
     stop: float

@@ -87,7 +87,7 @@ def serve(
     -------
     Server
         Unit ids 2 and 3, one slave each. Function code 3 reads one register per point, in the order
-        of Table 3, temperatures in tenths of a degree. Unit id 247 holds `fault_registers`, which
+        of Table 3, temperatures in tenths of a degree. Unit id 247 has `fault_registers`, which
         make more faults while it runs.
 
     Examples
@@ -166,7 +166,7 @@ def fault_registers(system: System | None = None) -> pd.DataFrame:
 
 
 class FaultRegisters:
-    """The device behind `fault_registers`; it changes the list of `faults` that the boxes have."""
+    """The device behind `fault_registers`; it changes the list of `faults` of the boxes."""
 
     def __init__(self, system: System, faults: list[EngineFault]) -> None:
         self.faults = faults

@@ -177,7 +177,7 @@ def _lost(
 
 
 class _Table:
-    """What a box knows: its own values, and those that it received."""
+    """The values that a box knows: its own, and those that it received."""
 
     def __init__(
         self,
@@ -254,7 +254,7 @@ def _freshest(views: Views, channel: Integers) -> Views:
     return Views(seen[last], best_number[last], best_known[last])
 
 
-# What the AMS asks ----------------------------------------------------------------------------
+# Requests of the AMS --------------------------------------------------------------------------
 
 
 def ask(
@@ -363,7 +363,7 @@ def _follow(
     return rows
 
 
-# What the boxes send each other ----------------------------------------------------------------
+# Frames of the boxes ---------------------------------------------------------------------------
 
 
 def rounds(

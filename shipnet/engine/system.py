@@ -126,7 +126,7 @@ class SwitchOver(NamedTuple):
 
 
 class FailureBounds(NamedTuple):
-    """What a single failure costs at worst, whatever the phases of all clocks [s].
+    """The worst effects of a single failure, whatever the phases of all clocks [s].
 
     The longest time of an `answer` from the first request of its poll, the longest `gap` between
     two answers, and the `oldest` value shown as good, infinite if it grows without end.
@@ -255,7 +255,7 @@ class System:
         fields: dict[str, Any] = {"coding": "corrected", "polled": "both", "update_period": 0.25}
         return cls(**{**fields, **changes})
 
-    # What it consists of
+    # Parts
 
     @cached_property
     def boxes(self) -> tuple[str, ...]:
@@ -332,7 +332,7 @@ class System:
 
     @property
     def message_of(self) -> Integers:
-        """Number of the message that each point lies in, shape (n_points,)."""
+        """Number of the message that contains each point, shape (n_points,)."""
         return self._layout.message_of
 
     @cached_property
@@ -411,7 +411,7 @@ class System:
         return -(-whole // period) * period / 1e9
 
     def hop_ns(self, reader: int) -> Integers:
-        """Return how old each message can be when box `reader` takes it over [ns].
+        """Return how old each message can be when box `reader` receives it [ns].
 
         The time runs from the start of the sender's round.
         """
@@ -468,7 +468,7 @@ class System:
                 "can_s": np.where(own, 0.0, response),
                 "handling_s": np.where(own, 0.0, handling),
                 "poll_s": spacing,
-                # The silence behind the response takes the place of the one behind the request.
+                # The silence after the response replaces the one after the request.
                 "transaction_s": self.poll.shortest_timeout,
             }
             table = pd.DataFrame(
@@ -631,11 +631,11 @@ class System:
         # At both ends a rounding must not make a time-out that is out of range.
         return min(max(time / tries - request, shortest), LONGEST)
 
-    # What can fail
+    # Failures
 
     @property
     def places(self) -> Mapping[str, tuple[str, ...]]:
-        """What can fail, by the `at` of a fault."""
+        """The places that can fail, by the `at` of a fault."""
         return {
             "cable": self.segments,
             "channel": ("1", "2"),

@@ -1,7 +1,7 @@
-"""Kinds of answers: each reads what a student gives, and says how it differs from the right one.
+"""Kinds of answers: each reads a student's answer and reports how it differs from the right one.
 
-What it says is a fact about the answer, never a guess at its cause; the mistakes of an exercise
-name causes. No fact leads to the right answer by trying.
+A report is a fact about the answer, never a guess at the cause, and does not help to find the right
+answer by trying.
 """
 
 from __future__ import annotations
@@ -23,43 +23,43 @@ import numpy as np
 
 T = TypeVar("T")
 
-#: How long a student's function may take [s].
+#: Time limit of a student's function [s].
 LIMIT = 10.0
 
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
 
-#: What is said of an answer of which nothing else is known for sure.
+#: Report on an answer about which nothing else is certain.
 NOT_YET = "not right yet"
 
-#: Powers of ten that prefixes of units make: from pico to tera, one way or the other.
+#: Powers of ten between units with SI prefixes, from pico to tera.
 _PREFIXES = tuple(power for power in range(-24, 25, 3) if power)
 
 
 class NotSolved(Exception):
-    """Raised where an exercise has no answer yet."""
+    """An exercise has no answer yet."""
 
 
 class Misread(Exception):
-    """Raised where an answer is not of the kind that is asked; says how."""
+    """An answer is of the wrong kind; the text says how."""
 
 
 class Answer(Protocol):
-    """What an answer is compared with."""
+    """A right answer, with which others are compared."""
 
     @property
     def value(self) -> object:
         """The right answer."""
 
     def read(self, given: object) -> Any:
-        """Return an answer in one notation; raise Misread if it is of another kind."""
+        """Return an answer in a standard form; raise Misread if it is of another kind."""
 
     def fault(self, answer: Any) -> str | None:
-        """Say how an answer that was read differs; None if it is right."""
+        """Return how an answer that was read differs; None if it is right."""
 
 
 def shown(value: object) -> str:
-    """Return a value as a message shows it."""
+    """Return a value as text for a message."""
     if isinstance(value, np.generic):
         value = value.item()
     try:
@@ -69,7 +69,7 @@ def shown(value: object) -> str:
 
 
 def blank(given: object) -> bool:
-    """Return whether nothing has been answered."""
+    """Return whether there is no answer."""
     return given is ... or given is None
 
 
@@ -78,7 +78,7 @@ def _other(asked: str, given: object) -> Misread:
 
 
 def _number(given: object, unit: str) -> float:
-    """Return a single number, of an array too."""
+    """Return an answer as a number, which may be the only one of an array."""
     asked = f"a number is asked for{f', in {unit}' if unit else ''}"
     if isinstance(given, np.ndarray) and given.size == 1:
         given = given.item()
@@ -92,7 +92,7 @@ def _number(given: object, unit: str) -> float:
 
 
 def _prefix(number: float, right: float, unit: str, tolerance: float) -> str | None:
-    """Return how a number differs from another if its digits are the same."""
+    """Return how a number differs from another one with the same digits."""
 
     def near(factor: float) -> bool:
         return math.isclose(number, factor * right, rel_tol=tolerance)
@@ -119,7 +119,7 @@ def _rounded(number: float, right: float) -> bool:
     for digits in (2, 3):
         step = 10.0 ** (math.floor(math.log10(abs(right))) + 1 - digits)
         on_grid = math.isclose(number, round(number / step) * step, rel_tol=1e-9)
-        # Half a step itself: some round it up, some to even.
+        # Half a step itself is rounded up by some, to even by others.
         if on_grid and abs(number - right) <= step / 2 * (1 + 1e-9):
             return True
     return False
@@ -138,9 +138,9 @@ class Number:
         return _number(given, self.unit)
 
     def fault(self, answer: float) -> str | None:
-        """Say how a number differs; None if it is right."""
+        """Return how a number differs; None if it is right."""
         scale = abs(self.value) or 1.0
-        # The last bits of a product may go either way.
+        # The last bits of a product may differ.
         if abs(answer - self.value) <= self.tolerance * scale * (1 + 1e-9):
             return None
         if fact := _prefix(answer, self.value, self.unit, self.tolerance):
@@ -153,18 +153,11 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Whole:
+class Whole(Number):
     """A count."""
 
-    value: float
-    unit: str = ""
-
-    def read(self, given: object) -> float:
-        """Return an answer as a number."""
-        return _number(given, self.unit)
-
     def fault(self, answer: float) -> str | None:
-        """Say how a count differs; None if it is right."""
+        """Return how a count differs; None if it is right."""
         if math.isclose(answer, self.value, rel_tol=1e-9):
             return None
         if answer != round(answer):
@@ -174,7 +167,7 @@ class Whole:
 
 @dataclass(frozen=True)
 class Bits:
-    """A row of bits, the first in time first."""
+    """A sequence of bits in the order of time."""
 
     value: str
 
@@ -190,7 +183,7 @@ class Bits:
         return bits
 
     def fault(self, answer: str) -> str | None:
-        """Say how bits differ; None if they are right."""
+        """Return how bits differ; None if they are right."""
         if answer == self.value:
             return None
         return f"these {len(answer)} bits are {NOT_YET}"
@@ -198,7 +191,7 @@ class Bits:
 
 @dataclass(frozen=True)
 class Bytes:
-    """A row of bytes, the first on the line first."""
+    """A sequence of bytes in the order of the line."""
 
     value: bytes
 
@@ -218,7 +211,7 @@ class Bytes:
         raise _other("bytes are asked for, such as '01 0A'", given)
 
     def fault(self, answer: bytes) -> str | None:
-        """Say how bytes differ; None if they are right."""
+        """Return how bytes differ; None if they are right."""
         if answer == self.value:
             return None
         if len(answer) != len(self.value):
@@ -230,13 +223,13 @@ class Bytes:
 
 @dataclass(frozen=True)
 class Words:
-    """Words of a list: one, several in their order (a tuple), or some in any order (a set)."""
+    """Words of a list: one, several in order (a tuple), or some in any order (a set)."""
 
     value: str | tuple[str, ...] | frozenset[str]
     options: tuple[str, ...]
 
     def read(self, given: object) -> object:
-        """Return an answer as words are spelt in the list; capitals make no difference."""
+        """Return an answer with the words as spelt in the list; capitals make no difference."""
         if isinstance(self.value, str):
             return self._word(given)
         if isinstance(given, str):
@@ -253,29 +246,29 @@ class Words:
         return word
 
     def fault(self, answer: object) -> str | None:
-        """Say that words differ; None if they are right."""
+        """Return that words differ; None if they are right."""
         return None if answer == self.value else NOT_YET
 
 
 @dataclass(frozen=True)
 class Function:
-    """A function of the student's, tried on several inputs."""
+    """A student's function, tried on several inputs."""
 
     value: Callable[..., Any]
     cases: Sequence[tuple[Any, ...]]
     answer: Callable[[Any], Answer] = Number
 
     def read(self, given: object) -> tuple[str, list[Any]]:
-        """Return the name of a function, and what it returns for each input."""
+        """Return the name of a function and its results for the inputs."""
         if not callable(given):
             raise _other("a function is asked for", given)
         name = getattr(given, "__name__", "your function")
         return name, _limited(name, lambda: [self._tried(given, name, case) for case in self.cases])
 
     def _tried(self, given: Callable[..., Any], name: str, case: tuple[Any, ...]) -> Any:
-        """Return what a function returns for one input."""
+        """Return the result of a function for one input."""
         try:
-            # A function that changes what it is given must not spoil the comparison.
+            # A function that changes its input must not affect the comparison.
             result = given(*deepcopy(case))
         except NotImplementedError:
             raise NotSolved from None
@@ -293,7 +286,7 @@ class Function:
             raise Misread(f"{_call(name, case)} returned {shown(result)}: {kind}") from None
 
     def fault(self, answer: tuple[str, list[Any]]) -> str | None:
-        """Say which result is wrong first; None if all are right."""
+        """Return the first wrong result; None if all are right."""
         name, results = answer
         for case, result in zip(self.cases, results, strict=True):
             if fact := self.answer(self.value(*case)).fault(result):
@@ -302,7 +295,7 @@ class Function:
 
 
 def _limited(name: str, work: Callable[[], T]) -> T:
-    """Return what a student's function gives; raise Misread if it does not end."""
+    """Return the result of a student's function; raise Misread if it does not end in time."""
     done: list[T] = []
     failed: list[BaseException] = []
 
@@ -317,7 +310,7 @@ def _limited(name: str, work: Callable[[], T]) -> T:
     thread.start()
     thread.join(LIMIT)
     if thread.is_alive():
-        # Ends the loop at its next step; else it would take a core until the kernel stops.
+        # This ends the loop, which would otherwise use a core until the kernel stops.
         ident = ctypes.c_ulong(thread.ident or 0)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ident, ctypes.py_object(SystemExit))
         raise Misread(
@@ -347,7 +340,7 @@ def _place(function: Callable[..., Any], trace: TracebackType | None) -> str:
 
 
 def _not_rows(rows: object) -> str | None:
-    """Return how something differs from a list of dicts, as the end of a sentence."""
+    """Return the end of a sentence on how an object differs from a list of dicts."""
     if isinstance(rows, dict):
         return "; that is a single one"
     if not isinstance(rows, Sequence) or isinstance(rows, str | bytes):
@@ -360,7 +353,7 @@ def _not_rows(rows: object) -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A table of numbers, in any order of its rows; the first column names them."""
+    """A table of numbers with rows in any order; the first column identifies them."""
 
     value: Sequence[Mapping[str, float]]
     units: dict[str, str] = field(default_factory=dict)
@@ -385,7 +378,7 @@ class Table:
         return sorted(found, key=lambda row: row[columns[0]])
 
     def fault(self, answer: list[dict[str, float]]) -> str | None:
-        """Say which cell is wrong first; None if all are right."""
+        """Return the first wrong cell; None if all are right."""
         first = next(iter(self.value[0]))
         for row, right in zip(answer, self.value, strict=True):
             for name, value in right.items():

@@ -1,9 +1,9 @@
-"""Grades of a folder of notebooks that students handed in: the command `shipnet grade`.
+"""Grading of notebooks that students handed in: the command `shipnet grade`.
 
-A student's cells run in a process of their own, which answers questions: the value of a name, or
-what a function returns for some arguments. The answers are judged here, so that nothing in a
-notebook can reach the checks. That process has an empty folder, no input, and limits of time,
-memory and file size. It does not protect the computer against an attack.
+A student's cells run in another process, which returns the value of a name, or the result of a
+function for some arguments. The answers are judged here, so that no notebook can reach the checks.
+The process has an empty folder, no input, and limits of time, memory and file size. It does not
+protect the computer against an attack.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -32,23 +32,23 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.exercises.exercise import check, exercises, student
 from shipnet.lazy import pd
 
-#: The name in a notebook as it is handed out.
+#: The name in a notebook before a student changes it.
 EXAMPLE = "Kim"
 
-#: How long a cell, or all that is asked about one exercise, may take [s]; what the process may
-#: take of memory and write to a file, and the longest answer [byte].
+#: Time limit of a cell, and of all questions about one exercise [s]; memory, file size and length
+#: of an answer [byte].
 LIMIT, MEMORY, FILE, ANSWER = 8.0, 4 << 30, 10 << 20, 1 << 20
 
-#: Solutions of fewer characters than this, without comments and spaces, may be equal by chance.
+#: Shortest solution, without comments and spaces, that is hardly equal by chance [characters].
 _LONG = 80
 
 
 class _Ended(Exception):
-    """The process of a student has ended; the text gives the reason."""
+    """A student's process has ended; the text has the reason."""
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a process and what it has started."""
+    """End a process and those that it started."""
     if hasattr(os, "killpg"):
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -56,10 +56,10 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 class _Session:
-    """The process that runs a student's cells; one that ended starts again without the last."""
+    """The process that runs a student's cells; it restarts without a cell that ended it."""
 
     def __init__(self, cells: list[str], folder: str) -> None:
-        #: By cell, why the process ended in it, and what it raised.
+        #: By cell, why the process ended in it, and its error.
         self.ended: dict[int, str] = {}
         self.raised: dict[int, str] = {}
         self.deadline = 0.0
@@ -67,7 +67,7 @@ class _Session:
         self._process: subprocess.Popen[bytes] | None = None
 
     def ask(self, *task: object) -> Any:
-        """Return what the process answers; raise _Ended, or RuntimeError with what went wrong."""
+        """Return the answer of the process; raise _Ended, or RuntimeError with its error."""
         while self._process is None:
             self._start()
         return self._told(*task)
@@ -99,7 +99,7 @@ class _Session:
                     self._told("run", cell)
                 except _Ended as why:
                     self.ended[number] = str(why)
-                except RuntimeError as error:  # as in a notebook, the cells below run all the same
+                except RuntimeError as error:  # as in a notebook, the next cells run anyway
                     self.raised[number] = str(error)
         self.deadline = max(asked, monotonic() + LIMIT)
 
@@ -134,7 +134,7 @@ class _Session:
 
 
 class _Remote:
-    """A function of a student's, which runs in the process of the student."""
+    """A student's function, which runs in the student's process."""
 
     def __init__(self, session: _Session, expression: str, name: str) -> None:
         self.__name__, self._session, self._expression = name, session, expression
@@ -175,7 +175,7 @@ def _decoded(value: Any, session: _Session) -> Any:
 
 
 def _encoded(value: Any, expression: str = "", depth: int = 0) -> Any:
-    """Return a value as JSON has it; a dict with one key says what else it is."""
+    """Return a value for JSON; a dict with one key represents another type."""
     if value is ...:
         return {"blank": 1}
     if isinstance(value, np.generic | np.ndarray):
@@ -189,7 +189,9 @@ def _encoded(value: Any, expression: str = "", depth: int = 0) -> Any:
             return kind(value)
     if depth < 5 and isinstance(value, list | tuple | set | frozenset):
         parts = [_encoded(part, "", depth + 1) for part in value]
-        return parts if isinstance(value, list) else {_KIND[type(value)]: parts}
+        if isinstance(value, list):
+            return parts
+        return {"tuple" if isinstance(value, tuple) else "set": parts}
     if depth < 5 and isinstance(value, dict):
         pairs = value.items()
         return {"dict": [[_encoded(part, "", depth + 1) for part in pair] for pair in pairs]}
@@ -198,9 +200,6 @@ def _encoded(value: Any, expression: str = "", depth: int = 0) -> Any:
     if callable(value) and expression:
         return {"function": [expression, str(getattr(value, "__name__", expression))]}
     return {"other": type(value).__name__}
-
-
-_KIND: Mapping[type, str] = {tuple: "tuple", set: "set", frozenset: "set"}
 
 
 def answer() -> None:
@@ -240,11 +239,11 @@ def answer() -> None:
 
 @dataclass
 class _HandIn:
-    """A notebook as it was handed in, and what came of it."""
+    """A notebook that was handed in, and its verdicts."""
 
     file: str
     cells: list[str] = field(default_factory=list)
-    #: By exercise: the name that its check takes, and the number of the cell of the check.
+    #: By exercise: the name that is checked, and the number of the cell with the check.
     checks: dict[str, tuple[str, int]] = field(default_factory=dict)
     name: str = ""
     verdicts: dict[str, str] = field(default_factory=dict)
@@ -252,7 +251,7 @@ class _HandIn:
 
     @classmethod
     def read(cls, path: Path, folder: Path) -> _HandIn:
-        """Return a notebook; one that cannot be read has a flag that says so."""
+        """Return a notebook; one that cannot be read gets a flag."""
         made = cls(path.relative_to(folder).as_posix())
         try:
             cells = json.loads(path.read_text("utf-8"))["cells"]
@@ -283,7 +282,7 @@ class _HandIn:
         self.flags += [f"check of {key} edited" for key in sorted(edited - self.checks.keys())]
 
     def solving(self, key: str) -> int:
-        """Return the number of the cell that binds the name which a check takes, or -1."""
+        """Return the number of the cell that assigns the checked name, or -1."""
         name, number = self.checks[key]
         for before in range(number, -1, -1):
             for node in _nodes(self.cells[before]):
@@ -293,13 +292,13 @@ class _HandIn:
         return -1
 
     def lines_of(self, key: str) -> str:
-        """Return the cell that solves an exercise, without comments, or nothing if it is short."""
+        """Return the cell that solves an exercise, without comments; empty if it is short."""
         solving = self.solving(key)
         lines = ast.unparse(ast.parse(self.cells[solving])) if solving >= 0 else ""
         return lines if len("".join(lines.split())) >= _LONG else ""
 
     def grade(self) -> None:
-        """Run the cells and judge every exercise of the lessons that are checked."""
+        """Run the cells and judge every exercise of the notebook's lessons."""
         keys = []
         for lesson in sorted({int(key[3:5]) for key in self.checks if key[3:5].isdecimal()}):
             with suppress(ArgumentError):  # there is no such lesson
@@ -347,10 +346,10 @@ def _nodes(cell: str) -> Iterator[ast.AST]:
 
 
 def grade(folder: str) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the grades of the notebooks of a folder and those in it, and what each check says.
+    """Return the grades of the notebooks in a folder and its subfolders, and their verdicts.
 
-    The grades have one row per notebook: its name and file, a column per exercise with 1 or 0, the
-    sum, and flags. The verdicts have one row per notebook and exercise.
+    The grades have one row per notebook, with a column of 1 or 0 per exercise, their sum, and
+    flags. The verdicts have one row per notebook and exercise.
     """
     root = Path(folder)
     if not root.is_dir():
@@ -379,7 +378,7 @@ def grade(folder: str) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def as_html(file: str, grades: pd.DataFrame, verdicts: pd.DataFrame) -> None:
-    """Write the grades as a page, with what the checks say of answers that are not correct."""
+    """Save the grades as a page, with the verdicts on answers that are not correct."""
     wrong = verdicts[verdicts["verdict"] != "correct"]
     parts = [
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>Grades</title>',
@@ -395,7 +394,7 @@ def as_html(file: str, grades: pd.DataFrame, verdicts: pd.DataFrame) -> None:
 
 
 def _flag_copies(handed: list[_HandIn]) -> None:
-    """Flag those with the same name, or with the same long solution, as another."""
+    """Flag notebooks with the same name, or with the same long solution, as another."""
     same: defaultdict[tuple[str, str], list[_HandIn]] = defaultdict(list)
     for one in handed:
         if one.name and "name unchanged" not in one.flags:

@@ -10,7 +10,7 @@ from shipnet.exercises.exercise import ANY, Solution, solution
 from shipnet.modbus.faults import Break
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
-from shipnet.modbus.redundancy import DualChannel, Loop
+from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 
 _LINE = SerialLine(9600)
@@ -50,7 +50,7 @@ def oldest(period: float, timeout: int, retries: int, age: float) -> Solution:
 
     def old(retries: int) -> float:
         poll = Poll(_STATUS, _LINE, timeout=timeout / 1e3, retries=retries)
-        return age + float(DualChannel(poll, period=period).worst_gap(Break(0))[0])
+        return age + period + poll.timeout_time
 
     right = old(retries)
     return Number(right, "s"), {

@@ -255,7 +255,7 @@ class RuleBase:
         return table.assign(fired=[" ".join(codes[row]) for row in fires], count=fires.sum(axis=1))
 
     def check(self, vectors: pd.DataFrame, method: str = "fuzzy") -> pd.DataFrame:
-        """Return what the rules report for test vectors, whose index holds the expected codes.
+        """Return what the rules report for test vectors, whose index has the expected codes.
 
         One row per vector: the code ``expected``, the codes that ``fired``, the ``top`` one, and
         whether that is ``right``.
@@ -389,7 +389,7 @@ class Firing:
 @checked
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """What is reported for each sample, as `RuleBase.decide` returns it.
+    """The decision for each sample, as `RuleBase.decide` returns it.
 
     Parameters
     ----------

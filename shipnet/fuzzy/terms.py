@@ -18,7 +18,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import part, record, text, whole
 from shipnet.lazy import Axes
 
-#: What is reported when no rule fires, and when no sensor reports anything.
+#: Decisions when no rule fires, and when no sensor reports anything.
 NORMAL, UNKNOWN = "normal", "unknown"
 
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
@@ -67,11 +67,11 @@ class Interval:
         return f"{left}x <{'=' * self.high_closed} {high}"
 
     def contains(self, x: npt.ArrayLike) -> Bools:
-        """Return which values lie inside; NaN never does."""
+        """Return which values are inside; NaN never is."""
         values = np.asarray(x, dtype=float)
         above = values >= self.low if self.low_closed else values > self.low
         below = values <= self.high if self.high_closed else values < self.high
-        # Without an end, even infinity lies inside.
+        # Without an end, even infinity is inside.
         above |= (self.low == -inf) & (values == -inf)
         return np.asarray(above & (below | ((self.high == inf) & (values == inf))))
 
@@ -175,7 +175,7 @@ class Term:
         if d == inf:
             c = d = b
             values = np.minimum(values, b)
-        # trapmf takes one axis only and gives NaN full membership.
+        # trapmf accepts one axis only and gives NaN full membership.
         degree = trapmf(values.reshape(-1), [a, b, c, d]).reshape(values.shape)
         return np.where(np.isnan(values), 0.0, degree)
 
@@ -275,7 +275,7 @@ class Variable:
         for limit in sorted(end for end in ends if np.isfinite(end)) if crisp else ():
             ax.axvline(limit, **style.PAPER, linewidth=1, zorder=0.5, label=label)  # type: ignore[arg-type]
             label = "_again"
-        # Narrow terms lie too close together for labels beside the curves.
+        # Narrow terms are too close together for labels beside the curves.
         ax.legend(loc="best", handlelength=1.2, labelspacing=0.2)
         ax.set_xlim(self.low, self.high)
         ax.set_ylim(-0.05, 1.05)

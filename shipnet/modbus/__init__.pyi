@@ -10,7 +10,6 @@ from .pdu import decode as decode
 from .polling import Poll as Poll
 from .polling import Scan as Scan
 from .polling import scan as scan
-from .redundancy import DualChannel as DualChannel
 from .redundancy import Loop as Loop
 from .server import Server as Server
 from .server import serve as serve

@@ -16,8 +16,7 @@ Port = Literal["A", "B"]
 class Break(Fault):
     """A section of the cable is interrupted.
 
-    Section k lies between slaves k and k + 1; section 0 is at port A and the last one at port B. On
-    a `DualChannel`, 0 and 1 are the cables of channels 1 and 2.
+    Section k lies between slaves k and k + 1; section 0 is at port A and the last one at port B.
 
     Examples
     --------
@@ -51,9 +50,7 @@ class Short(Fault):
 
 @record
 class DeadSlave(Fault):
-    """A slave does not answer, but the cable past it works.
-
-    Slaves are counted from port A. On a `DualChannel`, 1 and 2 are the slaves of channels 1 and 2.
+    """A slave does not answer, but the cable past it works; slaves are counted from port A.
 
     Examples
     --------
@@ -70,8 +67,6 @@ class DeadSlave(Fault):
 @record
 class DeadPort(Fault):
     """A port of the master neither sends nor receives, and leaves the line alone.
-
-    On a `DualChannel`, A is channel 1 and B is channel 2.
 
     Examples
     --------

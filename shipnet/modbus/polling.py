@@ -97,10 +97,13 @@ class Poll:
         """Return how far the line is used, if each slave's points need an `update` [s]."""
         check_scalar("update", update, "s", 1e-6, 1e6)
         scan = self.scan_time(n_slaves, dead=dead)
-        tries = dead * (1 + self.retries)
-        busy = (n_slaves - dead) * self.on_wire + tries * self.line.frame_time(self.request_size)
         capacity = max(n_slaves / MAX_UNIT, scan / update)
-        return Utilisation(busy / scan, capacity, scan + self.time)
+        return Utilisation(self._busy_time(n_slaves, dead) / scan, capacity, scan + self.time)
+
+    def _busy_time(self, n_slaves: int, dead: int) -> float:
+        """Return how long there are bytes on the line in a scan [s]."""
+        tries = dead * (1 + self.retries)
+        return (n_slaves - dead) * self.on_wire + tries * self.line.frame_time(self.request_size)
 
     def max_slaves(self, period: float, *, dead: int = 0) -> int:
         """Return how many slaves, dead ones included, a scan can have in a period [s], 0..247."""
@@ -161,12 +164,7 @@ class Scan:
     @property
     def bus_time(self) -> float:
         """Fraction of the time with bytes on the line, 0..1."""
-        busy = (
-            poll.utilisation(self.n_slaves, 1.0, dead=self.dead).bus_time
-            * poll.scan_time(self.n_slaves, dead=self.dead)
-            for poll in self.polls
-        )
-        return sum(busy) / self.time
+        return sum(poll._busy_time(self.n_slaves, self.dead) for poll in self.polls) / self.time
 
     @property
     def max_slaves(self) -> int | None:

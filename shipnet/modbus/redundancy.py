@@ -1,10 +1,10 @@
-"""Redundant Modbus lines, a closed loop or two channels: reachable slaves and longest gaps."""
+"""A redundant Modbus line, closed to a loop: reachable slaves and longest gaps."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ from shipnet import style
 from shipnet.arrays import Floats
 from shipnet.clock import Fault, as_faults
 from shipnet.errors import ArgumentError
-from shipnet.fields import check_scalar, check_whole, choice, number, part, record, switch, whole
+from shipnet.fields import check_whole, choice, number, part, record, switch, whole
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.frame import MAX_UNIT
@@ -81,66 +81,8 @@ class Reach:
         return self.last_a - dead_a, self.n_slaves + 1 - begin_b - dead_b
 
 
-class _Redundant:
-    """Methods shared by a loop and two channels."""
-
-    __slots__ = ()
-    if TYPE_CHECKING:
-        recheck: float
-
-        @property
-        def n_slaves(self) -> int: ...
-        @property
-        def period(self) -> float: ...
-        def reach(self, faults: Faults = ()) -> Reach: ...
-        def _gaps(
-            self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
-        ) -> tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]: ...
-        def single_faults(self) -> list[Fault]: ...
-
-    def _check(self) -> None:
-        """Raise unless the master rechecks at most once per scan."""
-        if self.recheck < self.period * (1 - 1e-12):
-            scan = f"{self.period:g} s, a scan"
-            raise ArgumentError(f"recheck is {self.recheck:g} s; it must be at least {scan}")
-
-    def worst_gap(self, faults: Faults) -> Floats:
-        """Return each slave's longest time between two answers that the faults can cause [s].
-
-        All faults begin at once and last, whatever their times. The gap of a lost slave is
-        infinite. That of a moved slave is also its longest switch-over time, from the fault to the
-        first answer.
-        """
-        served = np.array(self.reach(faults).served)
-        stay, moved, lost = (int((served == port).sum()) for port in "AB-")
-        staying, moving, last = self._gaps(stay, moved, lost)
-        gap: Floats = np.select([served == "A", served == "B"], [staying, moving], np.inf)
-        if moved:
-            gap[np.flatnonzero(served == "B")[-1]] = last
-        return gap
-
-    def single_failures(self) -> pd.DataFrame:
-        """Return the worst effect of each fault, one row per ``fault``.
-
-        ``kind`` is break, short, slave or port; ``served_a``, ``served_b`` and ``lost`` count
-        slaves; ``worst_gap_s`` is the longest gap of any slave still served, NaN if there is none.
-        """
-        faults = self.single_faults()
-        stay, moved = np.array([self.reach(fault).counts for fault in faults]).T
-        lost = self.n_slaves - stay - moved
-        staying, moving, last = self._gaps(stay, moved, lost)
-        # Moved slaves wait longer than those that stay.
-        worst = np.select([moved > 1, moved == 1, stay > 0], [moving, last, staying], np.nan)
-        names = [str(fault) for fault in faults]
-        columns = {"served_a": stay, "served_b": moved, "lost": lost, "worst_gap_s": worst}
-        return pd.DataFrame(
-            {"kind": [name.split()[0] for name in names], **columns},
-            index=pd.Index(names, name="fault"),
-        )
-
-
 @record(slots=True)
-class Loop(_Redundant):
+class Loop:
     r"""A line from port A of a master past all slaves and, if closed, back to its port B.
 
     Notes
@@ -209,7 +151,9 @@ class Loop(_Redundant):
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        self._check()
+        if self.recheck < self.period * (1 - 1e-12):
+            scan = f"{self.period:g} s, a scan"
+            raise ArgumentError(f"recheck is {self.recheck:g} s; it must be at least {scan}")
 
     @property
     def period(self) -> float:
@@ -256,6 +200,40 @@ class Loop(_Redundant):
         last_a = 0 if without_a else min(first_cut, n)
         first_b = n + 1 if without_b else max(last_cut + 1, 1)
         return Reach(n, last_a, first_b, frozenset(dead))
+
+    def worst_gap(self, faults: Faults) -> Floats:
+        """Return each slave's longest time between two answers that the faults can cause [s].
+
+        All faults begin at once and last, whatever their times. The gap of a lost slave is
+        infinite. That of a moved slave is also its longest switch-over time, from the fault to the
+        first answer.
+        """
+        served = np.array(self.reach(faults).served)
+        stay, moved, lost = (int((served == port).sum()) for port in "AB-")
+        staying, moving, last = self._gaps(stay, moved, lost)
+        gap: Floats = np.select([served == "A", served == "B"], [staying, moving], np.inf)
+        if moved:
+            gap[np.flatnonzero(served == "B")[-1]] = last
+        return gap
+
+    def single_failures(self) -> pd.DataFrame:
+        """Return the worst effect of each fault, one row per ``fault``.
+
+        ``kind`` is break, short, slave or port; ``served_a``, ``served_b`` and ``lost`` count
+        slaves; ``worst_gap_s`` is the longest gap of any slave still served, NaN if there is none.
+        """
+        faults = self.single_faults()
+        stay, moved = np.array([self.reach(fault).counts for fault in faults]).T
+        lost = self.n_slaves - stay - moved
+        staying, moving, last = self._gaps(stay, moved, lost)
+        # Moved slaves wait longer than those that stay.
+        worst = np.select([moved > 1, moved == 1, stay > 0], [moving, last, staying], np.nan)
+        names = [str(fault) for fault in faults]
+        columns = {"served_a": stay, "served_b": moved, "lost": lost, "worst_gap_s": worst}
+        return pd.DataFrame(
+            {"kind": [name.split()[0] for name in names], **columns},
+            index=pd.Index(names, name="fault"),
+        )
 
     def _gaps(
         self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
@@ -322,81 +300,3 @@ class Loop(_Redundant):
         ax.set(xlim=(-1.35, 1.35), ylim=(-1.25, 1.25), aspect="equal")
         ax.set_axis_off()
         return ax
-
-
-@record(slots=True)
-class DualChannel(_Redundant):
-    r"""Two channels from a master to two slaves that both hold all data.
-
-    Notes
-    -----
-    The two slaves are one source of data, so `n_slaves` is 1: port A reaches it through the first
-    slave, port B through the second. How the slaves share their data is not modelled.
-
-    With the period P and a timed-out poll G, the longest time between two answers is P + G, or P if
-    the channel stays in use. lee2012 (sections III.2 and IV.2) gives no time-out or
-    retries. Its switching time of 133 us is only 1.3 bit times; 133 ms would be a request of 9.17
-    ms and a time-out of 124 ms.
-
-    Examples
-    --------
-    The time-out that gives 133 ms, with one register because the paper does not say how many:
-
-    >>> from shipnet.modbus import Poll, Request, SerialLine
-    >>> from shipnet.modbus.faults import Break
-    >>> line, request = SerialLine(9600), Request.read_holding_registers(0, 1)
-    >>> ams = DualChannel(Poll(request, line, timeout=0.133 - line.frame_time(8)))
-    >>> round(ams.poll.timeout_time * 1e3), ams.reach(Break(0)).served
-    (133, ['B'])
-    >>> ams.worst_gap(Break(0)).round(3).tolist()
-    [1.133]
-    """
-
-    #: One source of data; the master has a port B, and nothing lies downstream.
-    n_slaves: ClassVar[int] = 1
-    closed: ClassVar[bool] = True
-    move: ClassVar[str] = "slave"
-    poll: Poll = part(Poll, "What the master asks")
-    period: float = number(
-        0, 3600, "s", "Time between the starts of two polls, at least that of a poll; a longer one "
-        "delays the next. The AMS of lee2012 polls once per second", default=1.0, kw_only=True,
-    )  # fmt: skip
-    recheck: float = number(
-        1e-3, 1e6, "s", "As for `Loop`; not shorter than `period`", default=60.0, kw_only=True
-    )
-
-    def __post_init__(self) -> None:
-        self._check()
-        check_scalar("period", self.period, "s", self.poll.time, 3600)
-
-    def single_faults(self) -> list[Fault]:
-        """Return a break and a short of each channel, then the slaves, then the ports."""
-        both = (0, 1)
-        ports: list[Fault] = [DeadPort("A"), DeadPort("B")]
-        return [*map(Break, both), *map(Short, both), *map(DeadSlave, (1, 2)), *ports]
-
-    def reach(self, faults: Faults = ()) -> Reach:
-        """Return which port reaches the data with these faults, whatever their times."""
-        dead = {self._channel(fault) for fault in line_faults(faults)}
-        return Reach(1, int("A" not in dead), 1 + int("B" in dead))
-
-    @staticmethod
-    def _channel(fault: Fault) -> str:
-        match fault:
-            case Break(section=place) | Short(section=place):
-                return "AB"[check_whole("section", place, 0, 1)]
-            case DeadSlave(slave=place):
-                return "AB"[check_whole("slave", place, 1, 2) - 1]
-            case DeadPort(port=port):
-                return port
-        raise ArgumentError(f"{fault!r} is not a fault of channels")
-
-    def _gaps(
-        self, stay: npt.ArrayLike, moved: npt.ArrayLike, lost: npt.ArrayLike
-    ) -> tuple[npt.ArrayLike, npt.ArrayLike, npt.ArrayLike]:
-        """Return the longest gap [s] of data that stay on their channel, or are moved (twice)."""
-        switched = self.period + self.poll.timeout_time
-        return self.period, switched, switched
-
-
-System = Loop | DualChannel  #: A master with two ports.

@@ -17,7 +17,7 @@ from shipnet.clock import Fault
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 from shipnet.modbus.frame import MAX_UNIT
-from shipnet.modbus.redundancy import DualChannel, Faults, System, line_faults
+from shipnet.modbus.redundancy import Faults, Loop, line_faults
 
 A, B, LOST = range(3)  #: Ports, or none.
 
@@ -33,7 +33,7 @@ Try = tuple[float, int, int, int, bool]  #: Start [s], slave from 0, port, kind,
 class Paths:
     """The connections between slaves and ports, by intervals without a change."""
 
-    def __init__(self, system: System, faults: Sequence[Fault]) -> None:
+    def __init__(self, system: Loop, faults: Sequence[Fault]) -> None:
         system.reach(faults)
         edges = {f.start for f in faults} | {f.stop for f in faults}
         starts = [0.0, *sorted(edge for edge in edges if 0 < edge < inf)]
@@ -61,11 +61,9 @@ class Paths:
 class Master:
     """A master that applies the switch-over rule, and its clock."""
 
-    def __init__(self, system: System, faults: Sequence[Fault]) -> None:
+    def __init__(self, system: Loop, faults: Sequence[Fault]) -> None:
         n = system.n_slaves
         self.rule, self.n = system, n
-        # A loop is scanned again at once.
-        self.period = system.period if isinstance(system, DualChannel) else 0.0
         self.attempts = 1 + system.poll.retries
         self.answered, self.unanswered = system.poll.time, system.poll.unanswered_time
         self.needed = system.poll.time - system.poll.line.t35
@@ -90,7 +88,6 @@ class Master:
         if self.time == begin:
             # If all are lost, nothing happens before the next recheck.
             self.time = min(self.last_failure + self.rule.recheck, end)
-        self.time = max(self.time, begin + self.period)
 
     def turn(self, slave: int) -> None:
         """Poll or recheck one slave, as the rule requires."""
@@ -151,7 +148,7 @@ class Run:
     Run(3 slaves, no faults, 32 tries in 1 s, longest gap 0.0963 s)
     """
 
-    system: System
+    system: Loop
     faults: tuple[Fault, ...]
     until: float
     tries: list[Try]
@@ -281,12 +278,12 @@ class Run:
 
 
 @checked
-def simulate(system: System, *, faults: Faults = (), until: float) -> Run:
+def simulate(system: Loop, *, faults: Faults = (), until: float) -> Run:
     """Simulate a master that polls its slaves through either port.
 
     Parameters
     ----------
-    system : Loop or DualChannel
+    system : Loop
         The line; at the start all slaves are served through port A.
     faults : Fault or iterable of Fault, optional
         Faults from `faults`: `Break`, `Short`, `DeadSlave` and `DeadPort`.
@@ -305,17 +302,16 @@ def simulate(system: System, *, faults: Faults = (), until: float) -> Run:
 
     Examples
     --------
-    The AMS of lee2012 loses channel 1 half a second after a poll:
+    A loop of two slaves breaks between them:
 
-    >>> from shipnet.modbus import DualChannel, Poll, Request, SerialLine
+    >>> from shipnet.modbus import Loop, Poll, Request, SerialLine
     >>> from shipnet.modbus.faults import Break
-    >>> request = Request.read_holding_registers(0, 99)
-    >>> ams = DualChannel(Poll(request, SerialLine(9600), timeout=0.3))
-    >>> run = simulate(ams, faults=Break(0, start=2.5), until=5)
-    >>> run.events().round(3)[["start_s", "port", "kind", "answered"]].values.tolist()[2:5]
-    [[2.0, 'A', 'poll', True], [3.0, 'A', 'poll', False], [3.309, 'B', 'switch', True]]
-    >>> run.table().round(3).longest_gap_s.tolist()
-    [1.309]
+    >>> poll = Poll(Request.read_holding_registers(0, 99), SerialLine(9600), timeout=0.3)
+    >>> run = simulate(Loop(2, poll), faults=Break(1, start=0.1), until=1)
+    >>> run.events().round(3)[["start_s", "port", "kind", "answered"]].values.tolist()[:3]
+    [[0.0, 'A', 'poll', True], [0.25, 'A', 'poll', False], [0.559, 'B', 'switch', True]]
+    >>> run.table()["port"].tolist()
+    ['A', 'B']
     """
     end = check_scalar("until", until, "s", 0, 1e5)
     failed = line_faults(faults)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from heapq import heappop, heappush
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from shipnet.lazy import pd
 
 __all__ = ["LossyPath", "compare"]
 
-Match = Literal["nothing", "unit id", "transaction id"]
-
-_IDS = 1 << 16  #: Number of transaction ids.
 _MOST = 10**6  #: Most requests.
 
 
@@ -54,62 +51,22 @@ class LossyPath:
         return np.where(gone, np.inf, time)
 
 
-class Run(NamedTuple):
-    """The requests of a master: the unit of each, and the request whose reply it took.
+def transaction_ids(n: int) -> list[int]:
+    """Return the transaction ids of n requests, which start again after 65536."""
+    return (np.arange(n) % (1 << 16)).tolist()
 
-    `reply_to` is -1 after a time-out; `dropped` counts replies received and not taken.
+
+def replies(
+    marks: Sequence[int], path: LossyPath, timeout: float, rng: np.random.Generator
+) -> tuple[Integers, int]:
+    """Return the request whose reply each request takes, and how many replies are dropped.
+
+    A request takes a reply to a request with the same mark; -1 stands for a time-out.
     """
-
-    unit: Integers
-    reply_to: Integers
-    dropped: int
-
-    @property
-    def timeouts(self) -> int:
-        """Requests without a reply."""
-        return int((self.reply_to < 0).sum())
-
-    @property
-    def mismatched(self) -> int:
-        """Requests that took the reply to another request."""
-        others = self.reply_to != np.arange(self.reply_to.size)
-        return int(((self.reply_to >= 0) & others).sum())
-
-    @property
-    def wrong_unit(self) -> int:
-        """Requests that took the reply of another unit."""
-        return int(((self.reply_to >= 0) & (self.unit[self.reply_to] != self.unit)).sum())
-
-
-def simulate(
-    units: Sequence[int] | Integers,
-    path: LossyPath,
-    *,
-    match: Match = "transaction id",
-    timeout: float = 0.5,
-    rng: Any = None,
-) -> Run:
-    """Simulate a master that asks one unit after the other in datagrams.
-
-    It takes a reply whose `match` field equals that of its request; the other arguments are those
-    of `compare`.
-    """
-    asked = np.asarray(units)
-    if asked.ndim != 1 or not 1 <= asked.size <= _MOST or asked.dtype.kind not in "iu":
-        raise ArgumentError(f"units is {units!r}; it must be a row of 1..{_MOST} whole numbers")
-    if asked.min() < 0 or asked.max() > 255:
-        raise ArgumentError(f"units reach from {asked.min()} to {asked.max()}; they must be 0..255")
-    wait = check_scalar("timeout", timeout, "s", 1e-9, 3600)
-    n, generator = len(asked), check_rng(rng)
-    there = path.transit(n, generator)
-    back = path.transit(2 * n, generator).reshape(n, 2, 2)
+    n = len(marks)
+    there = path.transit(n, rng)
+    back = path.transit(2 * n, rng).reshape(n, 2, 2)
     trips = (there[:, :, np.newaxis] + back).reshape(n, 4).tolist()
-
-    marks = {
-        "nothing": np.zeros(n, np.int64),
-        "unit id": asked,
-        "transaction id": np.arange(n) % _IDS,
-    }[match].tolist()
     in_transit: list[tuple[float, int]] = []
     reply_to, dropped, now = np.full(n, -1), 0, 0.0
     for k in range(n):
@@ -117,15 +74,15 @@ def simulate(
         for trip in trips[k]:
             if trip < np.inf:
                 heappush(in_transit, (start + trip, k))
-        now = start + wait
-        while in_transit and in_transit[0][0] <= start + wait:
+        now = start + timeout
+        while in_transit and in_transit[0][0] <= start + timeout:
             arrival, request = heappop(in_transit)
             if marks[request] == marks[k]:
                 now = max(arrival, start)
                 reply_to[k] = request
                 break
             dropped += 1
-    return Run(asked, reply_to, dropped)
+    return reply_to, dropped
 
 
 @checked
@@ -178,10 +135,21 @@ def compare(
     unit id                 10           0        32       31
     transaction id           0           0        39       38
     """
+    asked = np.asarray(units)
+    if asked.ndim != 1 or not 1 <= asked.size <= _MOST or asked.dtype.kind not in "iu":
+        raise ArgumentError(f"units is {units!r}; it must be a row of 1..{_MOST} whole numbers")
+    if asked.min() < 0 or asked.max() > 255:
+        raise ArgumentError(f"units reach from {asked.min()} to {asked.max()}; they must be 0..255")
+    wait = check_scalar("timeout", timeout, "s", 1e-9, 3600)
     seed = int(check_rng(rng).integers(2**63))
+    n = len(asked)
+    marks = {"nothing": [0] * n, "unit id": asked.tolist(), "transaction id": transaction_ids(n)}
     rows = {}
-    for match in get_args(Match):
-        run = simulate(units, path, match=match, timeout=timeout, rng=seed)
-        rows[match] = (run.mismatched, run.wrong_unit, run.timeouts, run.dropped)
+    for name, own in marks.items():
+        reply_to, dropped = replies(own, path, wait, check_rng(seed))
+        answered = reply_to >= 0
+        mismatched = answered & (reply_to != np.arange(n))
+        wrong_unit = answered & (asked[reply_to] != asked)
+        rows[name] = (mismatched.sum(), wrong_unit.sum(), n - answered.sum(), dropped)
     columns = ["mismatched", "wrong_unit", "timeouts", "dropped"]
     return pd.DataFrame.from_dict(rows, orient="index", columns=columns)

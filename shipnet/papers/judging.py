@@ -1,7 +1,7 @@
-"""The ledger: what the papers print beside what shipnet computes, and the verdict.
+"""The ledger: the printed values of the papers beside the computed ones, with a verdict.
 
-`data/claims.csv` holds what is printed and how it is judged. The *match* of a number follows from
-the two values and the printed precision; the verdict is a judgement.
+`data/claims.csv` has the printed values and the verdicts. The *match* of a number follows from the
+two values and the printed precision; the verdict is a judgement.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from shipnet.fields import check_choice
 from shipnet.lazy import Axes, pd
 from shipnet.papers.registry import PAPERS, REGISTRY, load
 
-#: Verdicts that are none: the note says what is missing.
+#: Verdicts of claims that are not judged; the note says what is missing.
 UNDECIDED = ("not verified", "not reproducible", "open")
 
-#: The condition under which a verdict holds without a qualification.
+#: The condition of a verdict without qualification.
 AS_PRINTED = "as printed"
 
-#: Colour of each kind of treatment: the basis of what is judged, or why a claim is not.
+#: Colour of each treatment of a claim: the basis of a judged one, or why it is not judged.
 _COLOURS = {
     "model": "#0072B2", "arithmetic": "#56B4E9", "count": "#D55E00", "ours": "#009E73",
     "erratum": "#CC79A7", "context": "#d9d9d9", "not verified": "#b0b0b0",
@@ -36,7 +36,7 @@ TREATMENTS = tuple(_COLOURS)
 
 @checked
 class Claim:
-    """One claim of a paper: what is printed, what we compute, and the verdict.
+    """One claim of a paper: the printed and the computed value, and the verdict.
 
     Its attributes are the columns of `Ledger.table`.
 
@@ -71,7 +71,7 @@ class Claim:
         return self._row[name]
 
     def recompute(self, **inputs: Any) -> Any:
-        """Return the value with other inputs; without any, what the ledger holds."""
+        """Return the value with some inputs replaced; by default as in the ledger."""
         if self.id not in REGISTRY:
             raise ArgumentError(f"claim {self.id} is not computed; its status is {self.status}")
         return REGISTRY[self.id](**inputs)
@@ -82,7 +82,6 @@ class Claim:
         return f"<Claim {self.id}: the paper says {says}, we compute {ours}: {verdict}>"
 
 
-@checked
 class Ledger:
     """The claims of one paper or of all, each with its recomputation and its verdict."""
 
@@ -96,31 +95,29 @@ class Ledger:
         `published` is as printed; `computed` is a float, or a bool for a statement, or None;
         `relative_difference` is computed over published, minus 1.
         """
-        order = list(PAPERS)
-        claims = sorted(self._claims, key=lambda one: (order.index(one["paper"]), one["id"]))
-        return pd.DataFrame([_judge(claim) for claim in claims]).set_index("id")
+        return pd.DataFrame([_judge(claim) for claim in self._claims]).set_index("id")
 
     def counts(self) -> pd.DataFrame:
-        """Return how many claims of each paper are judged on each basis, or not judged."""
+        """Return the number of claims of each paper by basis, or by the reason for not judging."""
         table = self.table()
         how = table["basis"].where(table["status"] == "judged", table["status"])
         counted = pd.crosstab(table["paper"], how)
-        keys = [key for key in PAPERS if key in counted.index]
-        counted = counted.reindex(index=keys, columns=list(TREATMENTS), fill_value=0)
+        order = table["paper"].unique()
+        counted = counted.reindex(index=order, columns=list(TREATMENTS), fill_value=0)
         counted.columns.name, counted.index.name = None, "paper"
         return counted.assign(claims=counted.sum(axis=1))
 
     def judged(self) -> pd.DataFrame:
-        """Return the numbers that are recomputed and the statements that are checked."""
+        """Return the recomputed numbers and the checked statements."""
         return self.table().query("status == 'judged'")
 
     def differing(self) -> pd.DataFrame:
-        """Return the judged claims that do not simply agree, with the reason."""
+        """Return the judged claims that do not simply agree, with the reasons."""
         columns = ["where", "claim", "published", "verdict", "holds_under", "corrected", "note"]
         return self.judged().query("verdict != 'agrees'")[columns]
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw how many claims of each paper are treated how; numbers below 4 are not written."""
+        """Draw the number of claims of each paper by treatment, with labels from 4."""
         ax, counts = style.axes(ax), self.counts()
         left = counts["claims"] * 0
         for treatment, colour in _COLOURS.items():
@@ -179,7 +176,7 @@ def ledger(paper: str | None = None) -> Ledger:
 
 
 def show(*claims: str) -> pd.DataFrame:
-    """Show claims as a notebook does: what the paper says, what we compute, the verdict and why.
+    """Show claims with the printed value, our value, the verdict and its reason.
 
     Parameters
     ----------
@@ -298,43 +295,39 @@ def _status(claim: Mapping[Hashable, Any]) -> str:
 
 
 def _says(row: Mapping[str, Any]) -> str:
-    """Return what the paper prints, with its unit."""
+    """Return the printed value with its unit."""
     return f"{row['published']} {row['unit']}".strip() if row["published"] else ""
 
 
 def computed_text(row: Mapping[Any, Any]) -> str:
-    """Return what we compute, without its unit; of an erratum only a number."""
+    """Return the computed value without its unit; for an erratum only if it is a number."""
     if row["kind"] == "erratum" and isinstance(row["computed"], bool):
         return ""
     return format_computed(row["computed"], str(row["published"]))
 
 
 def _ours(row: Mapping[str, Any]) -> str:
-    """Return what we compute, with its unit."""
+    """Return the computed value, with its unit if it is a number."""
     text = computed_text(row)
-    return (
-        text if isinstance(row["computed"], bool) or not text else f"{text} {row['unit']}".strip()
-    )
+    unit = "" if isinstance(row["computed"], bool) or not text else row["unit"]
+    return f"{text} {unit}".strip()
 
 
 def _verdict(row: Mapping[str, Any]) -> str:
-    """Return the verdict, its condition unless it is as printed, and why it differs."""
+    """Return the verdict, with its condition unless as printed, and why the values differ."""
     said = str(row["verdict"] or row["kind"])
     if row["holds_under"] not in ("", AS_PRINTED):
         said += f" ({row['holds_under']})"
     if said.startswith(("agrees", "ours", "context")):
         return said
     instead = f"Instead: {row['corrected']}" if row["corrected"] else ""
-    # The first sentence of the note: one that follows begins with a capital, "p. 5" does not.
+    # The first sentence of the note: the next one begins with a capital, unlike "p. 5".
     why = re.split(r"\.(?:\s+(?=[A-Z])|$)", str(row["note"]))[0]
     return ". ".join(filter(None, [said, instead, why[:1].upper() + why[1:]]))
 
 
 def format_computed(value: object, published: str = "") -> str:
-    """Write a computed value for people: four significant digits, or whether a statement holds.
-
-    A hexadecimal number is written where one is `published`.
-    """
+    """Return a computed value as text, hexadecimal if it is `published` so."""
     if value is None:
         return ""
     if isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""Blocks and what leads from one to another, and rows of fields."""
+"""Diagrams of blocks with arrows, and rows of fields."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from matplotlib.patches import FancyArrowPatch
 from shipnet import datasets, style
 from shipnet.papers.registry import drawing
 
-#: Text, colour and place of each block by its name.
+#: Text, colour and position of each block by name.
 Blocks: TypeAlias = Mapping[str, tuple[str, str, float, float]]
 
-#: Names of blocks that are joined, and the word on the way.
+#: Names of two joined blocks, and the label between them.
 Ways: TypeAlias = Sequence[tuple[str, str, str]]
 
-#: Colours of blocks, light enough to write on.
+#: Colours of blocks, light enough for text.
 FILL = {
     "": "white", "blue": style.FIELD["address"], "amber": style.FIELD["information"],
     "green": style.FIELD["parity"], "purple": style.FIELD["control"],
@@ -30,7 +30,7 @@ HALF = (0.82, 0.33)
 
 
 def diagram(paper: str, item: str, *, ax: Axes, arrowstyle: str = "->") -> Blocks:
-    """Draw the blocks of a figure and what leads from one to another; return the blocks."""
+    """Draw the blocks of a figure and the arrows between them; return the blocks."""
 
     def rows(name: str) -> list[list[str]]:
         table = datasets.read(name)
@@ -47,7 +47,7 @@ def diagram(paper: str, item: str, *, ax: Axes, arrowstyle: str = "->") -> Block
 
 
 def diagrams(paper: str, *items: str, arrowstyle: str = "->") -> None:
-    """Register figures that are a diagram and nothing else."""
+    """Register figures that are only a diagram."""
     for item in items:
         drawing(paper, item)(partial(_diagram, paper, item, arrowstyle))
 
@@ -61,7 +61,7 @@ def _diagram(paper: str, item: str, arrowstyle: str, *, ax: Axes) -> Axes:
 
 
 def outline(ax: Axes, blocks: Blocks, ways: Ways, arrowstyle: str = "->") -> None:
-    """Draw blocks, and an arrow or a line from edge to edge of those that are joined."""
+    """Draw blocks, and an arrow or a line between those that are joined."""
     for first, second, word in ways:
         tail, head = (np.array(blocks[name][2:]) for name in (first, second))
         way = head - tail
@@ -71,7 +71,7 @@ def outline(ax: Axes, blocks: Blocks, ways: Ways, arrowstyle: str = "->") -> Non
         arrow(ax, begin, end, arrowstyle)
         if word:
             x, y = (begin + end) / 2
-            # Above a level way, left of any other.
+            # Above a horizontal arrow, left of any other.
             level = abs(way[1]) < 0.1
             ax.text(
                 x - (0 if level else 0.2), y + (0.05 if level else 0), word,
@@ -93,7 +93,7 @@ def box(
     edge: str = "0.2",
     linestyle: str = "-",
 ) -> None:
-    """Draw a filled box with a text in its middle."""
+    """Draw a filled box with a text in its centre."""
     style.box(
         ax, *corner, width, height, text,
         facecolor=colour, edgecolor=edge, linestyle=linestyle, zorder=2,
@@ -111,7 +111,7 @@ def arrow(ax: Axes, tail: Sequence[float], head: Sequence[float], arrowstyle: st
 
 
 def fields(ax: Axes, rows: Mapping[str, Sequence[tuple[str, str, str]]]) -> Axes:
-    """Draw rows of fields, each with its words, its colour in `style.FIELD`, and bytes below."""
+    """Draw rows of fields, each with a text, a colour of `style.FIELD`, and bytes below."""
     widest = 0.0
     for row, (title, parts) in enumerate(rows.items()):
         x, y = 0.0, -1.6 * row

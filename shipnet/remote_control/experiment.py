@@ -332,13 +332,9 @@ def recommend(
         f"{best['stale_s']:.2g} s, if RCS ends a turn without an answer after "
         f"{best['turn_timeout_s']:.2g} s"
     )
+    check, per_packet = str(best["check"]), int(best["per_packet"])
+    names = ("turn_timeout_s", "refresh_s", "wrong_per_year", "stale_s")
+    timeout, refresh, per_year, stale = (float(best[name]) for name in names)
     return Recommendation(
-        str(best["check"]),
-        best["sending"],
-        int(best["per_packet"]),
-        float(best["turn_timeout_s"]),
-        float(best["refresh_s"]),
-        float(best["wrong_per_year"]),
-        float(best["stale_s"]),
-        why,
+        check, best["sending"], per_packet, timeout, refresh, per_year, stale, why
     )

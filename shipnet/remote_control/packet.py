@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from shipnet.arrays import Bools, Bytes, Floats
+from shipnet.arrays import Bools, Bytes
 from shipnet.crc import MODBUS
 from shipnet.errors import FrameError
 from shipnet.fields import check_scalar, check_whole, choice, record, switch, whole
@@ -159,11 +159,11 @@ class MarkerFormat(PacketFormat):
 
         Markers alone accept every packet whose m marker bytes are intact,
 
-        .. math:: P_u = (1 - p)^{8 m} \left( Q - (1 - p)^{24 n} \right)
+        .. math:: P_u = (1 - p)^{8 m} \left( 1 - P_e - (1 - p)^{24 n} \right)
 
-        with the probability Q that the receiver accepts the n numbers. With a CRC, the other bits
-        must also be a code word, see `crc_residual`; this upper bound, less than a thousandth too
-        high, leaves out the check of the numbers.
+        unless a number turns into the last marker, with the probability P_e. With a CRC, the other
+        bits must also be a code word, see `crc_residual`; this upper bound is less than a
+        thousandth too high. A check of the numbers is left out, so it only lowers the share.
         """
         head, lead = len(self.head), len(self.lead)
         step, end = lead + _ITEM, head + n_items * (lead + _ITEM)
@@ -172,11 +172,12 @@ class MarkerFormat(PacketFormat):
         intact = (1 - p) ** (8 * len(markers))
         if self.crc:
             return intact * crc_residual(end + 1, p, markers)
-        if self.numbers == "any":
-            # Written as a sum without cancellation for small p.
-            changed = -float(np.expm1(24 * n_items * np.log1p(-p))) - _ends_early(self, n_items, p)
-        else:
-            changed = _numbers_taken(self, n_items, p) - (1 - p) ** (24 * n_items)
+        # Written as a sum without cancellation for small p.
+        changed = -float(np.expm1(24 * n_items * np.log1p(-p)))
+        if not lead:
+            apart = np.bitwise_count(np.arange(n_items, dtype=np.uint8) ^ np.uint8(PACKET_END))
+            early = p**apart * (1 - p) ** (8.0 - apart)
+            changed += float(np.expm1(np.log1p(-early).sum()))
         return intact * max(changed, 0.0)
 
     def _encode_rows(self, items: Bytes) -> Bytes:
@@ -467,33 +468,3 @@ def code_weights(n_bytes: int, known: tuple[int, ...] = ()) -> tuple[int, ...]:
         sums = np.stack([pairs[:, 0] + pairs[:, 1], pairs[:, 0] - pairs[:, 1]], axis=1)
     weights = (found.size - sums.reshape(-1)) // 2
     return tuple(np.bincount(weights, minlength=found.size + 1).tolist())
-
-
-def _becomes(number: int, p: float) -> Floats:
-    """Return the probability that each of the 256 bytes arrives instead of a number."""
-    distance = np.bitwise_count(np.arange(256, dtype=np.uint8) ^ np.uint8(number))
-    return np.asarray(p**distance * (1 - p) ** (8.0 - distance))
-
-
-def _ends_early(packet_format: MarkerFormat, n_items: int, p: float) -> float:
-    """Return how often a number turns into the last marker, which ends a packet of reading A."""
-    if packet_format.lead:
-        return 0.0
-    early = [float(_becomes(number, p)[PACKET_END]) for number in range(n_items)]
-    return -float(np.expm1(np.log1p(-np.array(early)).sum())) if early else 0.0
-
-
-def _numbers_taken(packet_format: MarkerFormat, n_items: int, p: float) -> float:
-    """Return how often the receiver accepts the numbers that arrive."""
-    if packet_format.numbers == "any":
-        return 1 - _ends_early(packet_format, n_items, p)
-    known = np.arange(256) < packet_format.n_numbers
-    if packet_format.numbers == "known":
-        return float(np.prod([_becomes(number, p)[known].sum() for number in range(n_items)]))
-    # Probability that the numbers so far rise, by the last of them; the first entry means none.
-    rising = np.zeros(257)
-    rising[0] = 1.0
-    for number in range(n_items):
-        below = np.cumsum(rising)[:256]
-        rising = np.append(0.0, below * _becomes(number, p) * known)
-    return float(rising.sum())

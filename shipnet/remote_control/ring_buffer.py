@@ -195,13 +195,8 @@ class Ring:
 
     def store_all(self, data: bytes) -> None:
         """Store bytes one after another; of more than `size` of them the last ones remain."""
-        given = check_bytes("data", data)
-        kept = given[-self.size :]
-        first = (self.written + len(given) - len(kept)) % self.size
-        end = min(first + len(kept), self.size)
-        self._cells[first:end] = kept[: end - first]
-        self._cells[: len(kept) - (end - first)] = kept[end - first :]
-        self.written += len(given)
+        for byte in check_bytes("data", data):
+            self.store(byte)
 
     def extract(self) -> Step:
         """Do one step of the reader."""

@@ -142,23 +142,12 @@ def _found(
 class SerialCapture:
     """Characters of a recorded serial line; `read_capture` makes it.
 
-    Attributes
-    ----------
-    bit_rate : float
-        Bit rate with which the line was read, given or found [bit/s].
-    measured_rate : float
-        Bit rate of the sender by all edges of all characters [bit/s].
-    character : str
-        Data bits, parity and stop bits, as ``"8N1"``.
-    waveform : shipnet.modbus.Waveform
-        Levels with glitches, 1 while the line is idle, for `Waveform.decode` with other settings;
-        None for characters that do not have 8 bits.
-    duration : float
-        Length of the record [s].
-    channel : str
-        Channel of the file.
-    glitches : int
-        Pulses shorter than a third of a bit, which were removed, and false starts.
+    `bit_rate` is that with which the line was read, given or found, and `measured_rate` that of the
+    sender by all edges [bit/s]. `character` has data bits, parity and stop bits, as ``"8N1"``.
+    `waveform` is the line with glitches, for `modbus.Waveform.decode` with other settings; None for
+    characters that do not have 8 bits. `duration` is the length of the record [s], and `channel`
+    that of the file. `glitches` counts removed pulses shorter than a third of a bit, and false
+    starts.
 
     Examples
     --------

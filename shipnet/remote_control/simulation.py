@@ -91,24 +91,10 @@ class Packet:
 class Run:
     """A finished simulation of the link.
 
-    Attributes
-    ----------
-    system : System
-        The link.
-    until : float
-        End of the simulation [s].
-    faults : tuple of Fault
-        The faults.
-    changes : list of Change
-        The changes, in order of time.
-    packets : list of Packet
-        All packets that were begun.
-    updates : list of Update
-        Values that the stations received from each other.
-    heartbeats : list of (float, str, str, int)
-        Time [s], receiver and sender of each sign of life, and the ticks counted before it.
-    max_unread : int
-        Most bytes that waited in a ring when its task read it.
+    `system`, `until` [s] and `faults` are as given, and `changes` are in order of time. `packets`
+    are all that were begun, `updates` the values that stations received from each other, and
+    `heartbeats` the signs of life: time [s], receiver, sender and the ticks counted before.
+    `max_unread` is the most bytes that waited in a ring when its task read it.
 
     Examples
     --------
@@ -523,10 +509,9 @@ def switch_delays(
     system: System | None = None,
     *,
     changes: int = 20,
-    bit_rates: Iterable[float] = BIT_RATES,
     rng: np.random.Generator | int | None = None,
 ) -> pd.DataFrame:
-    """Return the delays with which SS follows a switch on the bridge, by bit rate.
+    """Return the delays with which SS follows a switch on the bridge, at the paper's bit rates.
 
     Parameters
     ----------
@@ -534,8 +519,6 @@ def switch_delays(
         The link; its bit rate does not matter. That of the paper if omitted.
     changes : int, default 20
         Number of moves of the switch, 1..10000.
-    bit_rates : iterable of float, optional
-        Bit rates [bit/s]; those of section 5 of chung1998 if omitted.
     rng : numpy.random.Generator or int, optional
         Random generator, or its seed, for the times of the moves.
 
@@ -555,7 +538,7 @@ def switch_delays(
     base = System() if system is None else system
     n = check_whole("changes", changes, 1, 10_000)
     chance, rows = check_rng(rng), []
-    for rate in bit_rates:
+    for rate in BIT_RATES:
         link = replace(base, bit_rate=rate)
         bound = link.response_time()
         # At least twice the longest delay between two moves, and up to a cycle more.

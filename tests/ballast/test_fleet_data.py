@@ -184,7 +184,7 @@ def test_a_stopped_fleet_continues_where_it_stopped(tmp_path):
     made = write_fleet(tmp_path, 60, 1, client=1, progress=lambda done, _: seen.append(done))
     assert seen == [1, 2] and file.stat().st_mtime_ns == written
     assert made["valves"].tolist() == [50, 10] and not list(tmp_path.rglob(".block-*"))
-    with pytest.raises(InputError, match="holds results of another function, other tasks"):
+    with pytest.raises(InputError, match="has results of another function, other tasks"):
         write_fleet(tmp_path, 60, 2, client=1)
 
 

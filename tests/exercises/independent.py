@@ -699,10 +699,10 @@ def ring_emptied(events, size):
 def in_other_words(right):
     """Yield an answer that is right in the notations that students use."""
     value = right.value
-    if isinstance(right, Number):
-        yield from (np.float64(value), np.array(value), np.array([value]), float(f"{value:.4g}"))
-    elif isinstance(right, Whole):
+    if isinstance(right, Whole):
         yield from (float(value), np.int64(value), np.array(value))
+    elif isinstance(right, Number):
+        yield from (np.float64(value), np.array(value), np.array([value]), float(f"{value:.4g}"))
     elif isinstance(right, Bits):
         yield from (list(value), np.array([*map(int, value)]), " ".join(value))
     elif isinstance(right, Bytes):

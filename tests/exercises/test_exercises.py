@@ -242,7 +242,7 @@ def test_a_quantity_guessed_by_chance_hardly_ever_gets_a_diagnosis():
     for one in map(exercise, EXERCISES):
         for numbers in draws(one, 10):
             right, mistakes, _ = hints(one, numbers)
-            if isinstance(right, Number):
+            if type(right) is Number:
                 guesses = right.value * np.exp(rng.uniform(-1, 1, 10))
                 diagnosed += [one.fault(guess, Drawn(numbers)) in mistakes for guess in guesses]
     # Each of up to nine mistakes covers 1 % of a number.

@@ -11,7 +11,7 @@ from shipnet.errors import ArgumentError
 from shipnet.modbus.faults import Break, DeadPort, DeadSlave, Short
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
-from shipnet.modbus.redundancy import DualChannel, Loop
+from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.simulation import simulate
 from shipnet.modbus.uart import SerialLine
 from tests.modbus.sweeps import longest_recovery, pairs, sweep
@@ -146,19 +146,6 @@ def test_the_bound_is_attained_on_the_largest_loop(move):
     assert found[149] == pytest.approx(by_hand, abs=1e-6)
 
 
-@pytest.mark.parametrize("timeout", [0.05, 0.3, 1.7])
-def test_channels_switch_as_late_as_the_closed_form_at_worst(timeout):
-    ams = DualChannel(Poll(ONE, LINE, timeout=timeout, retries=1))
-    for fault in (Break(0), Short(0), DeadSlave(1), DeadPort("A")):
-        assert sweep(ams, [fault]).max() == pytest.approx(ams.worst_gap([fault]).max())
-        found = sweep(ams, [fault], np.linspace(1, 2, 23))
-        assert (found <= ams.worst_gap([fault]) + DUST).all()
-    for fault in (Break(1), Short(1), DeadSlave(2), DeadPort("B")):
-        assert sweep(ams, [fault]).max() == pytest.approx(ams.worst_gap([fault]).max()) == 1.0
-    lost = [len(ams.reach(case).lost) for case in pairs(ams)]
-    assert len(lost) == 28 and sum(lost) == 16
-
-
 def test_a_line_that_is_not_closed_has_one_port():
     system = loop(5, closed=False)
     faults = system.single_faults()
@@ -172,15 +159,6 @@ def test_a_line_that_is_not_closed_has_one_port():
         assert found == pytest.approx(bound), case
         run = simulate(system, faults=case, until=20)
         assert set(run.events().port) <= {"A"} and run.table().port.tolist() == reach.served
-
-
-def test_the_printed_switching_time_is_a_request_and_a_time_out():
-    line = SerialLine(9600)
-    ams = DualChannel(Poll(ONE, line, timeout=0.133 - line.frame_time(8)))
-    polls = simulate(ams, faults=[Break(0, start=1.5)], until=2.5).events()
-    last, first = polls[polls.port == "A"].iloc[-1], polls[polls.port == "B"].iloc[0]
-    assert not last.answered and first.answered and first.kind == "switch"
-    assert first.start_s - last.start_s == pytest.approx(0.133)
 
 
 def test_polls_never_overlap_and_their_outcome_decides_their_length():
@@ -303,11 +281,6 @@ def test_a_simulation_of_no_time_has_no_polls():
         (lambda: loop(5).reach([Break(6)]), r"section is 6.*0\.\.5"),
         (lambda: loop(5).reach([DeadSlave(6)]), r"slave is 6.*1\.\.5"),
         (lambda: loop(5).reach(["break"]), "'break'; it must be one of Break, DeadPort"),
-        (lambda: DualChannel(loop().poll).reach([Break(2)]), r"section is 2.*0\.\.1"),
-        (lambda: DualChannel(loop().poll).reach([DeadSlave(3)]), r"slave is 3.*1\.\.2"),
-        (lambda: DualChannel(loop().poll).reach([None]), "None; it must be one of Break"),
-        (lambda: DualChannel(loop().poll, period=0.01), "period is 0.01 s"),
-        (lambda: DualChannel(loop().poll, recheck=0.5), "recheck is 0.5 s"),
         (lambda: simulate(loop(), until=-1), "until is -1"),
         (lambda: simulate(loop(), faults=[Break(9)], until=1), "section is 9"),
         (lambda: sweep(loop(), [Break(1)], [-1.0]), "start is -1"),

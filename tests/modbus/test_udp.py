@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipnet.errors import ArgumentError
-from shipnet.modbus.udp import LossyPath, compare, simulate
+from shipnet.modbus.udp import LossyPath, compare, replies, transaction_ids
 
 
 class Scripted:
@@ -25,19 +25,14 @@ class Scripted:
 
 @pytest.mark.parametrize("late", [0, 3, 40, 99])
 def test_one_late_answer_mismatches_all_that_follow_if_ids_are_0_and_none_if_they_count(late):
-    units = np.arange(100) + 1
     # It comes 0.01 s after the time-out of 0.5 s, and so before the answer to the next request.
-    path = Scripted(late, delay=0.01, lateness=0.49)
-    zero = simulate(units, path, match="nothing", rng=0)
-    assert (zero.mismatched, zero.timeouts, zero.dropped) == (100 - 1 - late, 1, 0)
-    assert zero.reply_to.tolist() == [
-        *range(late),
-        -1,
-        *range(late, 99),
-    ]  # each has the answer to the one before it
-    counted = simulate(units, Scripted(late, 0.01, 0.49), rng=0)
-    assert (counted.mismatched, counted.timeouts) == (0, 1)
-    assert counted.dropped == (late < 99)
+    reply_to, dropped = replies([0] * 100, Scripted(late, delay=0.01, lateness=0.49), 0.5, None)
+    # Each request takes the answer to the previous one.
+    assert reply_to.tolist() == [*range(late), -1, *range(late, 99)]
+    assert dropped == 0
+    counted, dropped = replies(transaction_ids(100), Scripted(late, 0.01, 0.49), 0.5, None)
+    assert counted.tolist() == [*range(late), -1, *range(late + 1, 100)]
+    assert dropped == (late < 99)
 
 
 @given(
@@ -49,17 +44,15 @@ def test_one_late_answer_mismatches_all_that_follow_if_ids_are_0_and_none_if_the
 def test_counted_ids_are_never_mismatched_on_any_network(seed, lost, late, duplicated):
     path = LossyPath(lost, late, duplicated, delay=0.01, lateness=0.6)
     units = np.arange(60) % 5
-    runs = {
-        match: simulate(units, path, match=match, rng=seed)
-        for match in ("nothing", "unit id", "transaction id")
-    }
-    assert runs["transaction id"].mismatched == 0
-    assert runs["unit id"].wrong_unit == 0
-    for run in runs.values():
-        taken = np.flatnonzero(run.reply_to >= 0)
-        assert len(taken) == 60 - run.timeouts
-        assert (run.reply_to[taken] <= taken).all()  # no reply comes before its request
-        assert run.wrong_unit <= run.mismatched
+    table = compare(units, path, rng=seed)
+    assert table.mismatched["transaction id"] == 0
+    assert table.wrong_unit["unit id"] == 0
+    assert (table.wrong_unit <= table.mismatched).all()
+    assert (table.mismatched + table.timeouts <= 60).all()
+    for marks in (units.tolist(), transaction_ids(60)):
+        reply_to, _ = replies(marks, path, 0.5, np.random.default_rng(seed))
+        taken = np.flatnonzero(reply_to >= 0)
+        assert (reply_to[taken] <= taken).all()  # no reply comes before its request
 
 
 def test_without_faults_all_ways_to_check_are_equal():
@@ -78,9 +71,9 @@ def test_an_id_returns_after_65536_requests():
             self.answers = True
             return times
 
-    run = simulate(np.ones(65538, int), Lost(), rng=1, timeout=1e-3)
-    assert run.reply_to[65536] == 0
-    assert (run.mismatched, run.timeouts) == (1, 65537)
+    reply_to, _ = replies(transaction_ids(65538), Lost(), 1e-3, None)
+    assert reply_to[65536] == 0
+    assert (np.delete(reply_to, 65536) == -1).all()
 
 
 def test_the_path_loses_delays_and_duplicates_as_often_as_its_probabilities_say():
@@ -101,10 +94,9 @@ def test_the_path_loses_delays_and_duplicates_as_often_as_its_probabilities_say(
 
 
 def test_a_duplicated_request_is_answered_twice_and_the_second_answer_is_left_over():
-    run = simulate([1, 2], LossyPath(duplicated=1.0), match="nothing", rng=1)
+    reply_to, _ = replies([0, 0], LossyPath(duplicated=1.0), 0.5, np.random.default_rng(1))
     # Two copies there, each answered, each answer duplicated: three too many for the next request.
-    assert run.reply_to.tolist() == [0, 0]
-    assert run.mismatched == run.wrong_unit == 1
+    assert reply_to.tolist() == [0, 0]
 
 
 @pytest.mark.parametrize(
@@ -113,10 +105,10 @@ def test_a_duplicated_request_is_answered_twice_and_the_second_answer_is_left_ov
         (lambda: LossyPath(lost=1.1), "lost is 1.1"),
         (lambda: LossyPath(delay=-1), "delay is -1 s"),
         (lambda: LossyPath().transit(-1, np.random.default_rng(1)), "n is -1"),
-        (lambda: simulate([], LossyPath(), rng=1), "row of 1"),
-        (lambda: simulate([1.0], LossyPath(), rng=1), "whole numbers"),
-        (lambda: simulate([256], LossyPath(), rng=1), r"0\.\.255"),
-        (lambda: simulate([1], LossyPath(), rng=1, timeout=0), "timeout is 0"),
+        (lambda: compare([], LossyPath(), rng=1), "row of 1"),
+        (lambda: compare([1.0], LossyPath(), rng=1), "whole numbers"),
+        (lambda: compare([256], LossyPath(), rng=1), r"0\.\.255"),
+        (lambda: compare([1], LossyPath(), rng=1, timeout=0), "timeout is 0"),
     ],
 )
 def test_arguments_out_of_range_are_named(make, message):
