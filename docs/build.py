@@ -174,8 +174,9 @@ def errata_page() -> str:
     from shipnet.papers import ledger
 
     everything = ledger()
-    errata, differing = everything.errata(), everything.differing()
-    listed = everything.table().loc[[*errata.index, *differing.index]].reset_index()
+    table, differing = everything.table(), everything.differing()
+    errata = table.query("kind == 'erratum'")
+    listed = table.loc[[*errata.index, *differing.index]].reset_index()
     parts = [
         "# Errata",
         f"{len(errata)} misprints, wrong terms and slips of numbering in the five papers, and "

@@ -98,9 +98,9 @@ class Poll:
         check_scalar("update", update, "s", 1e-6, 1e6)
         scan = self.scan_time(n_slaves, dead=dead)
         capacity = max(n_slaves / MAX_UNIT, scan / update)
-        return Utilisation(self.busy_time(n_slaves, dead) / scan, capacity, scan + self.time)
+        return Utilisation(self._busy_time(n_slaves, dead) / scan, capacity, scan + self.time)
 
-    def busy_time(self, n_slaves: int, dead: int) -> float:
+    def _busy_time(self, n_slaves: int, dead: int) -> float:
         """Return how long there are bytes on the line in a scan [s]."""
         tries = dead * (1 + self.retries)
         return (n_slaves - dead) * self.on_wire + tries * self.line.frame_time(self.request_size)
@@ -164,7 +164,7 @@ class Scan:
     @property
     def bus_time(self) -> float:
         """Fraction of the time with bytes on the line, 0..1."""
-        return sum(poll.busy_time(self.n_slaves, self.dead) for poll in self.polls) / self.time
+        return sum(poll._busy_time(self.n_slaves, self.dead) for poll in self.polls) / self.time
 
     @property
     def max_slaves(self) -> int | None:
