@@ -82,7 +82,7 @@ def compute(
     seed : int, optional
         0..2^63 - 1; each task gets a random generator that depends on the seed and its place.
     client : None, int, str or distributed.Client, optional
-        Where the tasks run: 1 for this process, 2..1024 for so many processes, the address of a
+        Where the tasks run: 1 for this process, 2..1024 for that many processes, the address of a
         Dask scheduler or its client. By default this process, then one process per core if that
         saves more than 4 s. Processes and Dask need ``pip install "shipnet[cluster]"``.
     folder : path, optional
@@ -264,7 +264,7 @@ def _spread(
                 dropped.sort()
                 if losses >= _MOST_LOSSES:
                     raise RuntimeError(
-                        f"workers died {losses} times in a row, in one of tasks {dropped[:10]}"
+                        f"workers died {losses} times in succession, in one of tasks {dropped[:10]}"
                     )
                 todo.extendleft(reversed(dropped))
     finally:
