@@ -165,7 +165,10 @@ def ledger_page() -> str:
         _table(["paper", *done.columns], counts),
     ]
     for key, claims in everything.table().reset_index().groupby("paper", sort=False):
-        parts += [f"## {key}", _table(COLUMNS, map(_claim, claims.to_dict("records")))]
+        parts += [
+            f"## {key}",
+            _table(COLUMNS, map(_claim, claims.to_dict("records")), "ledger claims"),
+        ]
     return "\n\n".join(parts) + "\n"
 
 
@@ -298,9 +301,9 @@ def _linked(text: str) -> str:
     return CLAIM_ID.sub(r'<a href="#\g<0>">\g<0></a>', html.escape(text))
 
 
-def _table(titles: list[str], rows: Iterable[str]) -> str:
+def _table(titles: list[str], rows: Iterable[str], kind: str = "ledger") -> str:
     head = "".join(f"<th>{title}</th>" for title in titles)
-    lines = ["```{raw} html", '<div class="wide"><table class="ledger">']
+    lines = ["```{raw} html", f'<div class="wide"><table class="{kind}">']
     lines += [f"<thead><tr>{head}</tr></thead>", "<tbody>", *rows, "</tbody></table></div>", "```"]
     return "\n".join(lines)
 

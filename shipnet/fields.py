@@ -50,7 +50,7 @@ def check_quantity(what: str, value: Any, unit: str, *, low: float = 0.0, high: 
             raise ValueError
     except (TypeError, ValueError, OverflowError):
         raise ArgumentError(
-            f"{what} is {value!r}; it must be a number or a row of numbers, {legal}"
+            f"{what} is {value!r}; it must be a number or a 1-D array of numbers, {legal}"
         ) from None
     array = array.astype(float)
     good = (array >= low) & (array <= high)

@@ -264,7 +264,7 @@ def _spread(
                 dropped.sort()
                 if losses >= _MOST_LOSSES:
                     raise RuntimeError(
-                        f"workers died {losses} times in a row, in one of tasks {dropped[:10]}"
+                        f"workers died {losses} times in succession, in one of tasks {dropped[:10]}"
                     )
                 todo.extendleft(reversed(dropped))
     finally:

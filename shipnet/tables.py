@@ -180,7 +180,7 @@ def parse_sheet(
     first that is not blank. An error calls it `what`.
     """
     if "\0" in text:
-        raise InputError(source, "is not text: it holds zero bytes; expected a CSV file")
+        raise InputError(source, "is not text: it contains zero bytes; expected a CSV file")
     lines = list(StringIO(text, newline=""))
     found = _top(lines, is_titles)
     if found is None:

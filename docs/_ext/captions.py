@@ -1,4 +1,4 @@
-"""Alternative text of the figures of notebooks: the caption in the cell below each."""
+"""What the outputs of notebooks lack: a text for each figure, a name for tables of claims."""
 
 from __future__ import annotations
 
@@ -15,10 +15,13 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 
+CLAIMS = "<th>the paper says</th>"
+
+
 class Captions(SphinxTransform):
     """Give each figure its caption for those who do not see it, and leave its height to its width.
 
-    myst-nb would name it by the digest of its file.
+    myst-nb would name it by the digest of its file. Tables of claims are named for the style sheet.
     """
 
     default_priority = 400
@@ -34,6 +37,10 @@ class Captions(SphinxTransform):
                 else:
                     logger.warning("a figure without a caption below", location=image)
                 image.attributes.pop("height", None)
+            for table in cell.findall(nodes.raw):
+                if CLAIMS in table.astext():
+                    named = table.astext().replace('class="dataframe"', 'class="dataframe claims"')
+                    table[:] = [nodes.Text(named)]
 
 
 def setup(app: Sphinx) -> ExtensionMetadata:

@@ -22,8 +22,8 @@ from shipnet.errors import ArgumentError
 
 Singles = npt.NDArray[np.float32]
 
-#: Silence that ends a telegram [s]. Pulses of a telegram are at most 6 us apart, or 9 us if one is
-#: lost; two telegrams are at least 12 us apart: 6 us more than the shortest pause.
+#: Silence that ends a telegram [s]. Its pulses are at most 6 us apart, or 9 us if one is lost; two
+#: telegrams are at least 12 us apart, 6 us more than the shortest pause.
 SILENCE = 3.5 * HALF_BIT
 
 #: Lowest sampling rate after resampling [Hz]; the spectrum of pulses ends at 0.7 MHz.

@@ -221,7 +221,7 @@ _IDENTIFICATION = [
 #: Share of repetitions up to which a line is green, and yellow (P+F, AS-i 3.0 command interface).
 _LIGHTS = 0.01, 0.05
 
-#: The slave of a telegram whose address cannot be read.
+#: Name of the slave if a telegram's address cannot be read.
 UNKNOWN = "unknown"
 
 _FINE = ["ok", "", CUT_OFF]
@@ -397,7 +397,7 @@ class Capture:
 
     @property
     def telegrams(self) -> int:
-        """How many telegrams were received without an error."""
+        """Number of telegrams that were received without an error."""
         columns = self.transactions[["request_error", "response_error"]]
         return int((columns == "ok").to_numpy().sum())
 

@@ -22,7 +22,7 @@ from shipnet.asi.slave import DEVICE
 from shipnet.asi.telegram import REQUEST_BITS, frame
 from shipnet.lazy import pd
 
-#: Longest part of a record that is used, and shortest record that suffices [s].
+#: Longest part of a record that is used, and length of the shortest usable record [s].
 _LONGEST, _SHORTEST = 40e-3, 0.5e-3
 
 #: Length of the stretches for spectra, and of the line's echoes that are removed [s].
@@ -34,7 +34,7 @@ _BAND = 25e3, 550e3
 #: Start before a request, and length of the window around it [s]; damping [nepers].
 _BEFORE, _WINDOW, _DAMPING = 5e-6, 100e-6, 3.0
 
-#: Fewest and most requests from which an impedance is computed.
+#: Fewest and most requests for an impedance.
 _FEWEST, _MOST = 3, 64
 
 #: Possible delays of restored telegrams, because nothing is restored outside the band [s].

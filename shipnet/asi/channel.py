@@ -64,9 +64,7 @@ class Record:
     def cycle(self) -> Integers:
         """Number of the cycle of each row; -1 before the first."""
         cycle = np.full(self.starts.size, -1, dtype=np.int64)
-        for row, number in self.cycles[:1]:
-            cycle[row:] = number
-        if len(self.cycles) > 1:
+        if self.cycles:
             rows, numbers = np.array(self.cycles).T
             ends = np.append(rows[1:], self.starts.size)
             cycle[rows[0] :] = np.repeat(numbers, ends - rows)

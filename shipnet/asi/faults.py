@@ -175,7 +175,9 @@ class LostReply(_OfSlave):
     """
 
     call: Call = part(Call, "The kind of request", default=Call.DATA_EXCHANGE)
-    count: int = whole(1, 10**9, "", "How many replies are lost from `start` on", default=1)
+    count: int = whole(
+        1, 10**9, "", "Number of replies that are lost, beginning at `start`", default=1
+    )
 
     def apply(self, channel: Channel, stations: Stations) -> None:
         """Lose replies, beginning with the first after `start`."""

@@ -115,7 +115,7 @@ class Identity(NamedTuple):
 
 
 def half_of(key: int, profile: Profile) -> Half | None:
-    """Return the half of a slave, A or B; None for a standard slave and at address 0."""
+    """Return a slave's half, A or B; None for a standard slave and at address 0."""
     if not profile.extended or key < 2:
         return None
     return "B" if key & 1 else "A"
@@ -155,7 +155,7 @@ class Lists:
         return [self.label(key) for key in sorted(self.polls)]
 
     def label(self, key: int) -> str:
-        """Return the label of a slave by its key."""
+        """Return a slave's label by its key."""
         known = self.detected.get(key)
         return label_of(key, extended=known is not None and known.profile.extended)
 
@@ -231,7 +231,7 @@ _PATIENCE = 100
 
 
 def identify(key: int) -> Task[Identity | None]:
-    """Read the four codes of a slave."""
+    """Read a slave's four codes."""
     half: Half | None = "B" if key & 1 else None
     io = yield prepared(Call.READ_IO_CONFIGURATION, key >> 1, half=half)
     if io < 0:

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 _E = TypeVar("_E", bound=Element)
 
 
-#: The kinds of elements of a plan, by the name of their attribute.
+#: Kinds of elements by the plan's attributes.
 _KINDS: dict[str, type[Element]] = {
     "cables": CableRun,
     "masters": Master,
@@ -314,10 +314,10 @@ class Plan:
         amplitude: float = 0.0,
         rng: RNGLike | None = None,
     ) -> LineWaveform:
-        """Return what a scope records while the master polls the slaves of a plan of one segment.
+        """Simulate a scope's record while the master polls the slaves of a plan of one segment.
 
-        Each slave answers what it receives; the master repeats requests, drops slaves and looks
-        for new ones. All slaves are active at the start, and their inputs change at random.
+        Each slave answers the requests that it receives; the master repeats requests, drops slaves
+        and looks for new ones. At first all slaves are active; their inputs change at random.
 
         The record has a `duration` of 1e-3..0.2 [s], sampled every `dt`, 50e-9..500e-9 and a whole
         fraction of 3e-6 [s], at `node`, by default the master's. `weak` has the send currents of
@@ -412,7 +412,7 @@ class Plan:
         return table.rename_axis("slave")
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return the use of a plan of one line if each point needs an `update` [s]."""
+        """Return the utilisation of a plan of one line whose points need an `update` time [s]."""
         check_scalar("update", update, "s", 1e-6, 1e6)
         times = self.response_times()
         shares = [len(self._addresses()) / ADDRESSES, *(times["update_s"] / update)]

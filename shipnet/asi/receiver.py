@@ -22,14 +22,14 @@ from shipnet.arrays import Bools, Floats, Indices
 from shipnet.asi.modulation import HALF_BIT, Modulation, Pulses, check_columns
 from shipnet.asi.telegram import REQUEST_BITS, RESPONSE_BITS
 from shipnet.errors import ArgumentError, SilenceError
-from shipnet.fields import check_rng, check_scalar, check_whole, number, record, switch
+from shipnet.fields import check_rng, check_scalar, number, record, switch
 from shipnet.lazy import Axes
 from shipnet.line import waveform as line_waveform
 
 #: Arguments that `numpy.random.default_rng` accepts.
 RNGLike = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence | int
 
-#: Voltage below which nothing counts [V]: 30 % of 1.5 V, the smallest signal of 3 V peak to peak.
+#: Voltage below which nothing is a pulse [V]: 30 % of 1.5 V, half of the smallest legal signal.
 MINIMUM = 0.45
 
 #: Legal sampling intervals [s]: the longest leaves three samples per half-bit; less than the
@@ -218,7 +218,7 @@ RECEIVERS: Mapping[str, Receiver] = MappingProxyType(
     {
         "sensitive": Receiver(
             source="30 % of 1.5 V, half of the smallest legal signal of 3 V peak to peak (ZMD "
-            "data sheets); what is below 30 % must be ignored (AS-International FAQ)"
+            "data sheets); signals below 30 % must be ignored (AS-International FAQ)"
         ),
         "noise-proof": Receiver(
             minimum=0.9,
@@ -282,17 +282,16 @@ class Waveform(line_waveform.Waveform):
         """Receive the telegrams."""
         return (receiver or Receiver()).receive(self)
 
-    def eye(self, points: int = 61) -> Eye:
-        """Return all half-bits of the telegrams, each with `points` samples, for an eye diagram."""
+    def eye(self) -> Eye:
+        """Return all half-bits of the telegrams, each with 61 samples, for an eye diagram."""
         from scipy.ndimage import map_coordinates
 
-        count = check_whole("points", points, 2, 10_000)
         bits, rows = self.records
         heard = receive(rows, self.dt, bits.shape[-1], matched=False)
         if not np.isfinite(heard.start).all():
             raise ArgumentError("a telegram in u has no pulse above the receiver's minimum")
         signs = np.pad(Modulation(bits).pulses.signs, ((0, 0), (0, 2)))[:, 1:]
-        t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, count)
+        t = np.linspace(-HALF_BIT / 2, HALF_BIT / 2, 61)
         middles = heard.start[:, np.newaxis] + HALF_BIT * (np.arange(signs.shape[1]) + 1.5)
         place = (middles[..., np.newaxis] + t) / self.dt
         if place.max() > rows.shape[1] - 1:
@@ -344,7 +343,7 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     _check_bit_count(n_bits)
     n_t = u.shape[-1]
     rows = u.reshape(-1, n_t)
-    # What is not in double precision is copied.
+    # Rows that are not in double precision are copied.
     chunk = max(1, _SAMPLES // (n_t if u.dtype == np.float64 else 2 * n_t))
     parts = [
         # `_decide` takes samples by their place in memory.

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 #: How long a change of current is computed [s]: longer than an undamped line rings.
 _RINGS = 250e-6
 
-#: Largest delay of the answer of a slave that is in step [s] (A2SI data sheet).
+#: Largest delay of the answer of a slave in step [s] (A2SI data sheet).
 _LATE = 0.5e-6
 
 #: Silence before the first request, and times before and after a telegram that receivers see [s].

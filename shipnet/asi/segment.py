@@ -82,7 +82,7 @@ class Repeater:
 
 @record
 class Terminator:
-    """A terminator or extension plug: a resistance behind a capacitor, so only for the signal.
+    """A terminator or extension plug: a resistance in series with a capacitor, for the signal only.
 
     The default resistance is assumed: the wave impedance of the cable.
 

@@ -83,7 +83,7 @@ class Standby:
 
 
 class InputChange(NamedTuple):
-    """The input ports of a slave change to a value at a time [s]."""
+    """A change of a slave's input ports to a value at a time [s]."""
 
     time: float
     slave: str

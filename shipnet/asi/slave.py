@@ -63,7 +63,7 @@ def _key_and_half(label: str) -> tuple[int, Half | None] | None:
 
 
 def label_of(key: int, *, extended: bool) -> str:
-    """Return the label of a slave by its key; that of an A/B slave with an address has A or B."""
+    """Return a slave's label by its key; that of an A/B slave with an address has A or B."""
     return f"{key >> 1}{'AB'[key & 1] if extended and key > 1 else ''}"
 
 
@@ -164,7 +164,7 @@ class Slave:
     def plot_states(ax: Axes | None = None) -> Axes:
         """Draw the receive states with the events between them: icn2007's figure 3.19.
 
-        A slash precedes what the slave does at the event.
+        An action of the slave follows its event after a slash.
         """
         ax = style.axes(ax, figsize=(7.5, 2.6))
         box = {"facecolor": style.FIELD["address"], "edgecolor": "0.3"}
@@ -300,7 +300,7 @@ DEFAULT = 0xF
 
 
 class RunningSlave:
-    """The state of a slave while it runs; times are simulated [s] and must not run backwards."""
+    """The state of a running slave; times are simulated [s] and must not decrease."""
 
     # ZMD AG, "SAP5S/SAP51", data sheet rev. 3.1, 2012, pp. 39, 46, 47: after a reset a slave keeps
     # its outputs off and does not answer *data exchange* until a *write parameter* has come (flag

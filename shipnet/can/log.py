@@ -231,11 +231,6 @@ class LogLoad:
     _total: pd.DataFrame
     left_out: int = 0
 
-    @property
-    def frames(self) -> int:
-        """Number of frames counted."""
-        return len(self._windows)
-
     def total(self) -> pd.DataFrame:
         """Return one row per bus: ``frames``, ``duration_s``, ``load`` and ``peak_load``."""
         return self._total.copy()
@@ -253,7 +248,7 @@ class LogLoad:
             f"{channel}: load {row.load:.1%}, peak {row.peak_load:.1%}".replace("%", " %")
             for channel, row in zip(self._total.index, self._total.itertuples(), strict=True)
         ]
-        parts += [f"{self.frames or 'no'} frames"]
+        parts += [f"{len(self._windows) or 'no'} frames"]
         parts += [f"{self.left_out} left out"] if self.left_out else []
         return f"LogLoad({'; '.join(parts)})"
 

@@ -79,7 +79,7 @@ def _other(asked: str, given: object) -> Misread:
 
 def _number(given: object, unit: str) -> float:
     """Return an answer as a number, which may be the only one of an array."""
-    asked = f"a number is asked for{f', in {unit}' if unit else ''}"
+    asked = f"a number is expected{f', in {unit}' if unit else ''}"
     if isinstance(given, np.ndarray) and given.size == 1:
         given = given.item()
     if isinstance(given, str):
@@ -161,7 +161,7 @@ class Whole(Number):
         if math.isclose(answer, self.value, rel_tol=1e-9):
             return None
         if answer != round(answer):
-            return f"{NOT_YET}: a whole number is asked for"
+            return f"{NOT_YET}: a whole number is expected"
         return NOT_YET
 
 
@@ -176,7 +176,7 @@ class Bits:
         if isinstance(given, Integral):
             raise Misread("bits are written in quotes, '0110', so that zeros in front stay")
         if not isinstance(given, Iterable):
-            raise _other("bits in quotes are asked for, such as '0110'", given)
+            raise _other("bits in quotes are expected, such as '0110'", given)
         bits = "".join(map(str, given)).replace(" ", "").replace("_", "")
         if strange := sorted(set(bits) - {"0", "1"}):
             raise Misread(f"{shown(strange[0])} is not a bit")
@@ -208,7 +208,7 @@ class Bytes:
                 return bytes(given)
             except ValueError:
                 raise Misread("a byte is a number from 0 to 255") from None
-        raise _other("bytes are asked for, such as '01 0A'", given)
+        raise _other("bytes are expected, such as '01 0A'", given)
 
     def fault(self, answer: bytes) -> str | None:
         """Return how bytes differ; None if they are right."""
@@ -235,7 +235,7 @@ class Words:
         if isinstance(given, str):
             given = given.replace(",", " ").split()
         if not isinstance(given, Iterable):
-            raise Misread(f"a list is asked for, some of {', '.join(self.options)}")
+            raise Misread(f"a list is expected, with words from {', '.join(self.options)}")
         return type(self.value)(map(self._word, given))
 
     def _word(self, given: object) -> str:
@@ -261,7 +261,7 @@ class Function:
     def read(self, given: object) -> tuple[str, list[Any]]:
         """Return the name of a function and its results for the inputs."""
         if not callable(given):
-            raise _other("a function is asked for", given)
+            raise _other("a function is expected", given)
         name = getattr(given, "__name__", "your function")
         return name, _limited(name, lambda: [self._tried(given, name, case) for case in self.cases])
 
@@ -365,11 +365,11 @@ class Table:
         columns = list(self.value[0])
         if form := _not_rows(rows):
             row = ", ".join(f"{name!r}: ..." for name in columns)
-            raise Misread(f"a table is asked for, a list of rows such as {{{row}}}{form}")
+            raise Misread(f"a table is expected, a list of rows such as {{{row}}}{form}")
         if missing := [name for name in columns if any(name not in row for row in rows)]:
-            raise Misread(f"column {missing[0]!r} is missing; asked for are {', '.join(columns)}")
+            raise Misread(f"column {missing[0]!r} is missing; expected are {', '.join(columns)}")
         if len(rows) != len(self.value):
-            raise Misread(f"{len(rows)} rows, but {len(self.value)} are asked for")
+            raise Misread(f"{len(rows)} rows, but {len(self.value)} are expected")
         if any(blank(row[name]) for row in rows for name in columns):
             raise NotSolved
         found = [

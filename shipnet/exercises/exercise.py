@@ -228,7 +228,7 @@ def check(key: str, answer: object, me: Student | None = None) -> Verdict:
     except NotSolved:
         return Verdict(key, "not solved yet")
     except Exception as error:  # an answer may be an object that cannot be compared
-        fault = f"this answer cannot be compared ({type(error).__name__}): what kind is asked for?"
+        fault = f"this answer cannot be compared ({type(error).__name__}): which kind is expected?"
     return Verdict(key, fault or "correct")
 
 

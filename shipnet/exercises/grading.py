@@ -125,9 +125,7 @@ class _Session:
             value = _decoded(reply.get("value"), self)
         except Exception:  # the student's code can write to this pipe
             self.close()
-            raise _Ended(
-                "stopped: the answer is too large, or of no kind that is asked for"
-            ) from None
+            raise _Ended("stopped: the answer is too large, or of an unexpected kind") from None
         if "error" in reply:
             raise RuntimeError(str(reply["error"]))
         return value

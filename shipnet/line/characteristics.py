@@ -1,9 +1,10 @@
 """Compute voltages step by step in time, by the method of characteristics.
 
-Each end of a lossless line is a resistor Z0 and a source that repeats what left the other end
-one delay ago, so each node is solved by itself. A quarter of a line's resistance lies at each end
-and half in its middle; inductors and capacitors follow the trapezoidal rule. See H. W. Dommel,
-"Digital computer solution of electromagnetic transients", IEEE Trans. PAS-88 (1969) 388-399.
+Each end of a lossless line is a resistor Z0 and a source that repeats the wave that left the
+other end one delay ago, so each node is solved by itself. A quarter of a line's resistance is at
+each end and half in its middle; inductors and capacitors follow the trapezoidal rule. See
+H. W. Dommel, "Digital computer solution of electromagnetic transients", IEEE Trans. PAS-88 (1969)
+388-399.
 """
 
 from __future__ import annotations

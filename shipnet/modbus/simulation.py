@@ -122,7 +122,10 @@ class Master:
 
     def ask(self, slave: int, port: int, kind: int) -> bool:
         """Poll a slave with all retries; return whether it answered."""
-        return any(self.attempt(slave, port, kind) for _ in range(self.attempts))
+        left = self.attempts
+        while left and not self.attempt(slave, port, kind):
+            left -= 1
+        return left > 0
 
     def attempt(self, slave: int, port: int, kind: int) -> bool:
         """Send one request and let the time pass; return whether it was answered."""

@@ -44,7 +44,7 @@ def test_sharing_an_address_doubles_the_time():
     assert 16 / time == pytest.approx(50 * 5e-3 / cycle_time(31))
 
 
-def test_a_profile_is_found_by_its_first_two_codes():
+def test_the_first_two_codes_identify_a_profile():
     assert exchanges(Profile.parse("S-7.3.C")) == 7
     assert exchanges("S-6.0") == exchanges("S-0.F") == 1
     for profile in ("S-7.A.8", "S-7.A.9", "S-7.5.5"):

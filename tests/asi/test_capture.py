@@ -76,7 +76,7 @@ def check_five(capture):
     assert set(table["request_error"]) == set(table["response_error"]) == {"ok"}
 
 
-def test_a_row_says_everything_about_a_transaction():
+def test_a_row_describes_a_whole_transaction():
     capture = decode(30 + five(), 1e-7)
     check_five(capture)
     row = capture.transactions.iloc[4]
@@ -374,7 +374,7 @@ def test_what_is_not_as_i_has_no_good_telegram(u):
 )
 @example(np.zeros(1, np.float32), 1e-7)
 @settings(max_examples=60)
-def test_any_samples_give_a_table(u, dt):
+def test_any_samples_make_a_table(u, dt):
     capture = decode(u, dt)
     assert capture.summary().transactions == len(capture.transactions)
     assert len(capture.counters()) == 8
@@ -416,7 +416,7 @@ def test_figure_shades_the_telegrams_with_their_bits():
     assert ax.get_xlim() == pytest.approx((0, 180))
 
 
-def test_figure_of_a_long_record_keeps_every_peak():
+def test_a_figure_of_a_long_record_shows_every_peak():
     u = noise(np.zeros(200_000), 0.1)
     u[123_456] = 9
     ax = Figure().subplots()
@@ -463,7 +463,7 @@ def test_command_decodes_a_scope_file(tmp_path, capsys):
         ("1\n2\n3\n", ["--sample-interval", "-1"], "sample_interval is -1.0 s"),
     ],
 )
-def test_command_tells_a_mistake_in_one_line(content, options, message, tmp_path, capsys):
+def test_the_command_reports_a_mistake_in_one_line(content, options, message, tmp_path, capsys):
     file = tmp_path / "a.csv"
     file.write_text(content)
     assert main(["decode", str(file), *options]) == 2
@@ -490,7 +490,7 @@ def test_the_low_pass_is_that_of_scipy(up):
 
 @pytest.mark.parametrize("kind", [np.float64, np.float32, np.int16, ">f8"])
 @pytest.mark.parametrize("suffix", ["npy", "npz"])
-def test_a_mapped_file_gives_the_table_of_its_samples(kind, suffix, tmp_path, monkeypatch):
+def test_a_mapped_file_decodes_like_its_samples(kind, suffix, tmp_path, monkeypatch):
     monkeypatch.setattr(scope_file, "MAPPED", 0)
     monkeypatch.setattr(bursts, "_TOGETHER", 5)
     telegrams, end = cycle(range(1, 32))

@@ -112,7 +112,7 @@ def named(wave, noise=0.05):
     return found[0] if len(found) else NONE
 
 
-def test_causes_on_trees_that_made_no_rule():
+def test_causes_on_trees_that_the_rules_were_not_made_from():
     pairs = [
         (cause, named(faulty(cause, seed), noise))
         for cause in (NONE, *CAUSES)

@@ -48,7 +48,7 @@ def test_pulses_add_up_as_currents_do():
     assert (bits, error) == ("", Pulses(np.sign(total)).check()[1])
 
 
-def test_what_began_before_is_heard_from_its_middle_on():
+def test_a_telegram_that_began_earlier_is_heard_from_its_middle():
     early = [*Modulation(ANSWERS[9]).pulses.signs[4:], 0, 0, 0, 0, 0, 0]
     assert collide(((ANSWERS[9], -4),), 7)[1] == Pulses(early).check()[1]
 
@@ -66,7 +66,7 @@ def test_the_codes_of_one_disturbed_pulse_are_those_that_the_scalar_receiver_fin
                 assert type(caught.value).__name__ == name_of(next(wrong))
 
 
-def test_disturbances_are_as_frequent_as_asked_and_independent():
+def test_disturbances_have_the_given_rates_and_are_independent():
     rng = np.random.default_rng(3)
     drawn = draw(rng, 8000, [0.1, 0.0, 1.0], [0.2, 0.0, 1.0], attempts=3)
     assert drawn.shape == (8000, 3, 3, 3)

@@ -55,7 +55,7 @@ def test_schneider_prints_156_us_times_n_plus_one_above_a_floor():
 
 
 @given(st.integers(1, 31).flatmap(lambda n: st.tuples(st.just(n), st.integers(0, n))))
-def test_a_master_that_asks_by_turns_hears_every_slave_in_its_time(used):
+def test_a_master_that_polls_in_turn_updates_every_slave_in_time(used):
     addresses, pairs = used
     alone = addresses - pairs
     line = list(requests(alone, pairs, cycles=4))
@@ -108,7 +108,7 @@ def test_repetitions_only_delay_the_worst_case():
         (lambda: Cycle().response_time("S-7.3", conversion=-1), "conversion is -1 s"),
     ],
 )
-def test_what_is_no_cycle_is_refused(call, message):
+def test_illegal_cycles_are_refused(call, message):
     with pytest.raises(ArgumentError, match=message):
         call()
 

@@ -189,7 +189,7 @@ def test_a_repeater_in_the_middle_of_a_ring():
     assert (plan.segments[0].signals().received == 1).all()
 
 
-def test_slaves_at_one_node_hear_the_same_whatever_their_order():
+def test_slaves_at_one_node_hear_the_same_in_any_order():
     twice = line(100, [80, 80, 5]).segments[0].signals()
     assert twice.level_least[0] == twice.level_least[1] > twice.level_least[2]
     turned = line(100, [5, 80, 80]).segments[0].signals()

@@ -272,7 +272,7 @@ def test_pulses_come_at_their_rate_with_one_sign_and_any_phase():
     assert PACKET_LENGTH * PULSE_RATE == 75
 
 
-def test_a_pulse_ahead_of_the_record_is_still_felt_in_it():
+def test_a_pulse_before_the_record_still_disturbs_it():
     # The input makes the pulses long; the first sample is disturbed as often as the last.
     u = np.abs(draw(Burst(1e6), np.arange(100) * 25e-9, 1.0, rng(), 4000))
     assert u[:, 0].mean() == pytest.approx(u[:, -1].mean(), rel=0.15)

@@ -75,7 +75,7 @@ def close(rate, published):
     [(True, 0.9, {0.5: 1.9e-3, 0.6: 1.9e-2, 0.8: 0.18, 1.0: 0.49}),
      (False, 1.2, {0.3: 3.8e-3, 0.4: 0.11, 0.5: 0.50, 0.6: 0.86, 0.8: 0.997})],
 )  # fmt: skip
-def test_noise_costs_what_was_found_before(matched, minimum, published):
+def test_noise_destroys_the_published_share_of_telegrams(matched, minimum, published):
     table = rates_of(
         NEAR, Noise(), list(published), 12_000, rng(), matched=matched, minimum=minimum
     )
@@ -84,7 +84,7 @@ def test_noise_costs_what_was_found_before(matched, minimum, published):
     assert not table["undetected"].any()
 
 
-def test_impulses_cost_what_was_found_before():
+def test_impulses_destroy_the_published_share_of_telegrams():
     published = {1: (0.036, 0.21, 0.43), 4: (0.16, 0.62, 0.88)}
     for count, rates in published.items():
         disturbance = Impulses(count)
@@ -95,7 +95,7 @@ def test_impulses_cost_what_was_found_before():
         assert table["alternation"].between(0.6, 0.88).all()
 
 
-def test_a_receiver_that_keeps_time_fails_as_often_as_theory_says():
+def test_a_receiver_with_perfect_timing_agrees_with_theory():
     # A sample a microsecond, the second one on the first peak: no noise ahead of it, and the
     # slots lie on samples. 400 samples make the mean that is taken off small. Four sigma.
     telegrams = ideal(-3.5e-6, 2.4, 400e-6)
@@ -110,7 +110,7 @@ def test_a_receiver_that_keeps_time_fails_as_often_as_theory_says():
     assert (np.abs(table["rate"] - theory) < 4 * error + 0.02 * theory).all()
 
 
-def test_noise_ahead_of_a_telegram_is_taken_for_its_start_as_often_as_theory_says():
+def test_false_starts_before_a_telegram_agree_with_theory():
     # Pulses of 6 V are not missed, but 302 samples ahead are silent. Four sigma.
     telegrams = ideal(300.5e-6, 6.0, 500e-6)
     raw = {"matched": False, "minimum": 1.6}
@@ -127,7 +127,7 @@ def test_noise_ahead_of_a_telegram_is_taken_for_its_start_as_often_as_theory_say
 
 
 @pytest.mark.parametrize("minimum", [0.45, 0.9])
-def test_the_filtered_receiver_comes_near_to_theory(minimum):
+def test_the_filtered_receiver_is_close_to_theory(minimum):
     sigma = {0.45: [0.3, 0.4, 0.5], 0.9: [0.6, 0.8, 1.0]}[minimum]
     theory = theory_of(NEAR, sigma, minimum=minimum)
     rates = rates_of(NEAR, Noise(), sigma, 8000, rng(), minimum=minimum)["rate"]
@@ -141,7 +141,7 @@ def test_theory_is_refused_where_a_weakened_first_pulse_slips():
     assert theory_of(NEAR, [0.55], minimum=1.2, matched=False) > 0
 
 
-def test_the_filter_leaves_what_theory_takes_for_the_noise():
+def test_the_noise_behind_the_filter_is_that_of_theory():
     noise = Noise().voltage(np.arange(4096) * 250e-9, 1.0, rng(), 50, span=(0, 0))
     y = matched_filter(noise, 250e-9)[:, 20:-20]
     assert y.std() == pytest.approx(np.sqrt(8 / (3 * 12)), rel=0.01)
@@ -292,7 +292,7 @@ def test_exchanges_fail_as_often_on_the_simulated_line():
     assert failed / exchanges == pytest.approx(row["exchange"], abs=apart)
 
 
-def test_a_plan_says_why_it_has_no_error_rate():
+def test_a_plan_states_why_it_has_no_error_rate():
     found = asi.line(250, slaves=(5, 250)).error_rates(0.3e-3)
     unknown = found[found["exchange"].isna()]
     assert unknown["why"].str.contains("received without an error").all()
@@ -316,7 +316,7 @@ def test_every_named_receiver_has_a_source():
 # What failures do to a cycle -------------------------------------------------------------------
 
 
-def test_three_failed_cycles_in_a_row_take_as_long_as_a_chain_of_states_says():
+def test_the_time_to_three_failed_cycles_agrees_with_a_markov_chain():
     # The chain counts failed cycles in a row, 0 to 2; the third is the end. Mean steps to it.
     for p in (0.2, 0.5, 0.9):
         q = p**2
@@ -391,7 +391,7 @@ def test_a_single_packet_counts_as_much_as_one_of_many(monkeypatch):
     assert (np.abs(alone - many) <= 5 * np.sqrt(many / 400)).all()
 
 
-def test_in_a_packet_without_end_the_closed_form_holds(monkeypatch):
+def test_an_endless_packet_agrees_with_the_closed_form(monkeypatch):
     # 10 s of independent failures: series are geometric up to the sixth, drops as often as
     # `independent_failures` says with cycles as long as repetitions make them.
     p, slaves, length = 0.5, 8, 10.0

@@ -35,7 +35,7 @@ def within(row, low, high):
     ("deviation", "receiver", "n"),
     [(0.6, PROOF, 40_000), (0.5, PROOF, 150_000), (0.7, DEAF, 100_000)],
 )
-def test_counting_gives_the_same_rate(deviation, receiver, n):
+def test_counting_agrees(deviation, receiver, n):
     counted = count_errors(NEAR, Noise(), deviation, n, 1, receiver=receiver).iloc[0]
     sampled = rate_of(deviation, 20_000, receiver)
     assert within(sampled, counted["rate_low"], counted["rate_high"]) and sampled["sound"]
@@ -109,7 +109,7 @@ def test_each_design_point_satisfies_its_inequalities_and_none_nearer_does():
     assert rare_errors._design_point(opposite) is None
 
 
-def test_cables_and_topologies_have_a_row_each_and_a_stop_costs_nothing(tmp_path):
+def test_each_wave_has_a_row_and_an_interrupted_job_resumes(tmp_path):
     waves = {
         "line": asi.line(100, slaves=(5,)).waveform(),
         "star": asi.star(60, [10, 20]).waveform(node="leg 2"),

@@ -13,7 +13,7 @@ from shipnet.papers.kim2023.signals import train_of
 WORDS = Modulation(RESPONSES).bits
 
 
-def test_ideal_pulses_lie_on_each_other():
+def test_ideal_pulses_coincide():
     opened = Waveform(train_of(1.5 * Modulation(WORDS).pulses.signs), 250e-9, bits=WORDS).eye()
     assert opened.t.tolist() == np.linspace(-1.5e-6, 1.5e-6, 61).tolist()
     assert len(opened.pulses) == (Modulation(WORDS).pulses.signs != 0).sum()
@@ -36,7 +36,6 @@ def test_a_supply_voltage_and_a_scale_change_nothing():
     )
     assert scaled.eye().pulses == pytest.approx(plain.pulses, abs=1e-9)
     assert np.abs(plain.pulses).max() == pytest.approx(1, abs=1e-12)
-    assert wave.eye(2).t.tolist() == [-1.5e-6, 1.5e-6]
 
 
 def test_the_weakest_pulse_is_the_receivers():
@@ -50,20 +49,15 @@ def test_the_weakest_pulse_is_the_receivers():
 
 
 @pytest.mark.parametrize(
-    ("u", "points", "message"),
+    ("u", "message"),
     [
-        (np.zeros((16, 320)), 61, "^a telegram in u has no pulse above the receiver's minimum$"),
-        (
-            train_of(2 * Modulation(WORDS).pulses.signs),
-            1,
-            "^points is 1; it must be a whole number 2..10000$",
-        ),
-        (train_of(Modulation(WORDS).pulses.signs)[:, :190], 61, "u ends after 4.75e-05 s"),
+        (np.zeros((16, 320)), "^a telegram in u has no pulse above the receiver's minimum$"),
+        (train_of(Modulation(WORDS).pulses.signs)[:, :190], "u ends after 4.75e-05 s"),
     ],
 )
-def test_what_does_not_fit_is_named(u, points, message):
+def test_what_does_not_fit_is_named(u, message):
     with pytest.raises(ArgumentError, match=message):
-        Waveform(u, 250e-9, bits=WORDS).eye(points)
+        Waveform(u, 250e-9, bits=WORDS).eye()
 
 
 @pytest.mark.parametrize(

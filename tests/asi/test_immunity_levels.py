@@ -110,7 +110,7 @@ def test_every_test_that_a_ship_asks_for_has_its_row(ax):
     assert ax.get_xscale() == "log"
 
 
-def test_dots_stand_at_the_ratio_and_show_what_is_wrong_or_unsure(ax):
+def test_dots_are_at_the_ratio_and_mark_gaps_and_doubts(ax):
     plot_levels(ax)
     dots = {line.get_ydata()[0]: line for line in ax.lines if line.get_marker() in ("o", "x")}
     texts = [text.get_text() for text in ax.texts]

@@ -44,7 +44,7 @@ def test_a_receiver_hears_every_response_and_a_finer_step_hears_the_same():
         asi.Receiver(threshold=1)
 
 
-def test_noise_of_one_density_costs_the_same_at_any_step():
+def test_error_rates_do_not_depend_on_the_step():
     plan, receiver = asi.line(100, slaves=(5,)), asi.Receiver(minimum=0.9)
     rates = [
         asi.emc.count_errors(

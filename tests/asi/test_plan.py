@@ -102,7 +102,7 @@ def test_which_end_of_a_repeater_comes_first_does_not_matter():
         assert (one.head, one.lead, one.reach) == (other.head, other.lead, other.reach)
 
 
-def test_a_line_without_a_master_has_no_heads_and_two_lines_are_told_apart():
+def test_a_line_without_a_master_has_no_heads_and_lines_are_numbered():
     plan = Plan([CableRun("a", "b", 10), CableRun("c", "d", 20)], [Master(node="c")])
     assert [segment.head for segment in plan.segments] == [None, "c"]
     assert [segment.line for segment in plan.segments] == [0, 1]
@@ -110,7 +110,7 @@ def test_a_line_without_a_master_has_no_heads_and_two_lines_are_told_apart():
     assert str(plan.segments[0]) == "segment at a"
 
 
-def test_the_structures_have_the_lengths_that_are_asked_for():
+def test_the_structures_have_the_given_lengths():
     assert line(100, 62).segments[0].length == pytest.approx(100)
     assert star(90, [1.5] * 4, along=3).segments[0].length == pytest.approx(96)
     assert ring(100, evenly_spaced(90, 9)).segments[0].length == pytest.approx(100)
@@ -181,7 +181,7 @@ def test_what_makes_no_plan_is_refused(call, message):
         call()
 
 
-def test_a_slave_has_four_inputs_unless_told_otherwise():
+def test_a_slave_has_four_inputs_by_default():
     assert str(Slave("1").profile) == "S-0.F.F"
     assert str(Slave("1B").profile) == "S-0.A.F"
 

@@ -91,7 +91,7 @@ def test_windows_1252_is_read_too(load):
     assert load(SMALL.replace("bridge", "Brücke").encode("cp1252")).masters[0].node == "Brücke"
 
 
-def test_what_is_left_empty_takes_the_default(load):
+def test_empty_cells_mean_the_default(load):
     plan = load("kind,node,to,length_m,address\ncable,a,b,5,\nslave,b,,,7\nrepeater,b,c,,\n"
                 "cable,c,d,6,\nterminator,d,,,\nsupply,a,,,\n")  # fmt: skip
     assert plan.slaves == (Slave("7", node="b"),)
@@ -135,7 +135,7 @@ cable,b,c,5,,,,,,,extra
     ]
 
 
-def test_faults_of_the_structure_come_with_those_of_cells_if_the_cables_are_right(load):
+def test_structure_and_cell_faults_are_reported_together_if_all_cables_are_legal(load):
     content = SMALL + "slave,hold,,,,3,,,,\nslave,deck,,,,x,,,,\ncable,deck,bridge,9,,,,,,\n"
     assert [fault.split(";")[0] for fault in faults(load, content)] == [
         "row 7, column address: 'x'",
@@ -172,11 +172,11 @@ def test_faults_of_the_structure_come_with_those_of_cells_if_the_cables_are_righ
         ),
     ],
 )
-def test_what_is_no_plan_is_refused(load, content, message):
+def test_files_that_are_not_plans_are_refused(load, content, message):
     assert any(message in fault for fault in faults(load, content)), faults(load, content)
 
 
-def test_a_comma_in_a_name_is_no_decimal_comma(load):
+def test_a_comma_in_a_name_is_not_a_decimal_comma(load):
     plan = load("kind;node;to;length_m\ncable;deck 3, aft;b;1.5\n")
     assert plan.cables == (CableRun("deck 3, aft", "b", 1.5),)
 
@@ -224,7 +224,7 @@ def plans(draw):
 
 
 @given(plans(), quantities(Repeater, "delay"))
-def test_a_saved_plan_comes_back_to_the_last_bit(tmp_path_factory, plan, delay):
+def test_a_saved_plan_is_read_back_exactly(tmp_path_factory, plan, delay):
     other = renamed(line(7.7), "\N{WAVE DASH}")
     both = Plan(
         [*plan.cables, *other.cables], plan.masters, plan.supplies, plan.slaves,
@@ -236,7 +236,7 @@ def test_a_saved_plan_comes_back_to_the_last_bit(tmp_path_factory, plan, delay):
 
 
 @given(st.binary(max_size=300) | st.text(f"{SMALL}\"'", max_size=300).map(str.encode))
-def test_whatever_a_file_holds_it_is_a_plan_or_an_input_error(tmp_path_factory, content):
+def test_any_file_is_a_plan_or_an_input_error(tmp_path_factory, content):
     file = tmp_path_factory.getbasetemp() / "any.csv"
     file.write_bytes(SMALL.encode()[: len(content)] + content)
     try:
@@ -263,7 +263,7 @@ def test_a_module_for_values_keeps_its_channels_and_conversion(load, tmp_path):
             load(rows + f"slave,b,,,7,S-7.3,{cell},\n")
 
 
-def test_a_cable_of_ones_own_has_no_name_in_a_file(tmp_path):
+def test_a_custom_cable_cannot_be_saved(tmp_path):
     with pytest.raises(ArgumentError, match="has a cable of its own"):
         line(100, cable=CABLES["as-i 1.5"]).save(tmp_path / "plan.csv")
 

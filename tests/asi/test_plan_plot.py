@@ -24,7 +24,7 @@ def legend(ax):
     return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
-def test_slaves_lie_at_their_distance_in_the_colour_of_their_verdict(ax):
+def test_slaves_are_drawn_at_their_distance_in_the_colour_of_their_verdict(ax):
     plan = line(100, 62)
     findings = plan.check()
     assert findings.plot(ax=ax) is ax
@@ -74,7 +74,7 @@ def test_slaves_at_one_node_are_named_together(ax):
     assert [text.get_text() for text in ax.texts] == ["1", "2", "3", "4", "5A 5B"]
 
 
-def test_lines_lie_one_below_the_other(ax):
+def test_lines_are_drawn_one_below_the_other(ax):
     plan = read_plan(datasets.path("synthetic_asi_plan_submarine.csv"))
     plan.plot(plan.check(), ax=ax)
     heights = [y for _, y in points(ax, "master")]

@@ -37,7 +37,7 @@ def test_status_flags():
     assert describe_status(0b0100) == "S2 reserved"
 
 
-def test_profiles_come_back_from_their_text():
+def test_profiles_are_parsed_from_their_text():
     for codes in itertools.product(range(16), range(16), [None, *range(16)]):
         profile = Profile(*codes)
         assert Profile.parse(str(profile)) == profile

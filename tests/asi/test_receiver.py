@@ -64,7 +64,7 @@ def supplied(bits, dt, *, start=3e-6, duration=64e-6):
 
 
 @pytest.mark.parametrize("words", [RESPONSES, REQUESTS], ids=["16 responses", "2048 requests"])
-def test_every_telegram_comes_back_from_its_pulses(words):
+def test_every_telegram_is_decoded_from_its_pulses(words):
     bits, error = Pulses(slots_of(words)).check()
     assert (bits == words).all()
     assert not error.any()
@@ -120,7 +120,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", CLASSES)
-def test_every_class_of_error_is_told_apart(name):
+def test_every_error_class_is_recognised(name):
     row, message = BROKEN[name]
     slots = ["-0+".index(sign) - 1 for sign in row]
     kind = CLASSES[name]
@@ -132,7 +132,7 @@ def test_every_class_of_error_is_told_apart(name):
 
 
 @pytest.mark.parametrize("name", CLASSES)
-def test_every_class_of_error_is_told_apart_on_the_line(name):
+def test_every_error_class_is_recognised_on_the_line(name):
     slots = np.array(["-0+".index(sign) - 1 for sign in BROKEN[name][0]])
     t = np.arange(256) * 250e-9
     x = (t - 4e-6) / HALF_BIT - np.arange(16)[:, np.newaxis]
@@ -188,7 +188,7 @@ def test_checks_keep_leading_axes():
         (np.full(16, -128, dtype=np.int8), "they must be -1, 0 or"),
     ],
 )
-def test_what_is_no_row_of_slots_is_refused(slots, message):
+def test_illegal_rows_of_slots_are_refused(slots, message):
     for function in (Pulses.check, lambda pulses: pulses.violations):
         with pytest.raises(ArgumentError, match=message):
             function(Pulses(slots))
@@ -252,7 +252,7 @@ def test_the_start_moves_with_the_telegram_between_the_samples():
         assert found == pytest.approx(starts, abs=5e-9)
 
 
-def test_noise_costs_what_theory_says():
+def test_noise_agrees_with_theory():
     # 2.35 V behind the supply: at 0.4 V of noise in 250 ns the filter loses 1 in 100 000, samples
     # alone lose every tenth. At 1.5 V most are lost; none is taken for another.
     rng = np.random.default_rng(2024)
@@ -269,7 +269,7 @@ def test_noise_costs_what_theory_says():
         assert (received.bits[fine] == RESPONSES[6]).all()
 
 
-def test_silence_is_said_and_gives_no_numbers():
+def test_silence_has_an_error_and_no_numbers():
     received = receive(np.full((2, 300), 30.0), 250e-9, 7)
     assert (received.error == SilenceError.code).all()
     assert (received.bits == NONE).all()
@@ -286,7 +286,7 @@ def test_a_telegram_cut_off_is_an_error(end):
         assert receive(u, 250e-9, 7, matched=matched).error > 0
 
 
-def test_a_request_is_no_response_nor_the_other_way():
+def test_requests_and_responses_are_not_confused():
     u = ideal(REQUESTS, 250e-9, duration=100e-6)
     assert receive(u, 250e-9, 7).error.all()
     assert receive(ideal(RESPONSES, 250e-9), 250e-9, 14).error.all()
@@ -335,7 +335,7 @@ def test_the_first_pulse_is_the_measure_not_the_largest():
     assert received.amplitude == pytest.approx(1 + u.mean())
 
 
-def test_the_line_is_silent_behind_the_record():
+def test_the_line_is_silent_after_the_record():
     # Cut in the last pulse: it is there, and its flank is not taken for more of them.
     u = ideal("0011001", 250e-9)[: round(41e-6 / 250e-9)]
     received = receive(u, 250e-9, 7, matched=False)
@@ -357,7 +357,7 @@ def test_leading_axes_stay_and_large_batches_agree_with_single_telegrams():
             np.testing.assert_allclose(many[place], one, rtol=1e-9)
 
 
-def test_no_telegrams_give_empty_arrays():
+def test_no_telegrams_make_empty_arrays():
     received = receive(np.zeros((0, 256)), 250e-9, 14)
     assert received.bits.shape == (0, 14)
     assert received.error.shape == received.start.shape == (0,)
@@ -393,7 +393,7 @@ def test_products_of_blocks_filter_as_the_plain_sum_does(size, taps, up, down, k
     assert found == pytest.approx(expected, abs=error)
 
 
-def test_the_filter_takes_records_shorter_than_itself():
+def test_the_filter_accepts_records_shorter_than_itself():
     assert matched_filter([5.0], 250e-9).tolist() == [0]
     assert matched_filter([[1.0, -1.0]], 250e-9).shape == (1, 2)
 
@@ -542,7 +542,7 @@ def test_rounding_decides_nothing(matched, minimum, window):
 
 
 @pytest.mark.parametrize("matched", [True, False])
-def test_samples_may_lie_anywhere_in_memory(matched):
+def test_samples_may_have_any_memory_layout(matched):
     u, fine = ideal(RESPONSES, 250e-9, start=5e-6), ideal(RESPONSES, 125e-9)
     assert not receive(u, 250e-9, 7, matched=matched).error.any()
     for same in (

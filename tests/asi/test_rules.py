@@ -281,7 +281,7 @@ def test_one_row_a_rule_and_object():
     assert table[["source", "why", "unit"]].notna().all().all()
 
 
-def test_other_limits_give_other_verdicts():
+def test_other_limits_change_verdicts():
     limits = rule_limits()
     limits.loc["cable_length", "high"] = 130.0
     plan = line(120, [120])
@@ -326,7 +326,7 @@ def test_what_cannot_be_computed_is_the_worst_of_all():
 
 
 @pytest.mark.parametrize("wanted", [0, -1, float("nan"), float("inf")])
-def test_what_is_no_cycle_is_refused(wanted):
+def test_illegal_cycles_are_refused(wanted):
     with pytest.raises(ArgumentError, match="wanted_cycle is"):
         check(line(9, [9]), wanted_cycle=wanted)
 

@@ -33,7 +33,7 @@ def test_telegrams_are_sums_of_single_changes():
         assert u[row] == pytest.approx(whole, abs=2e-5 * np.abs(whole).max())
 
 
-def test_what_a_slave_hears_is_what_the_master_hears_of_it():
+def test_both_directions_have_the_same_voltage():
     network = line(100, slaves=(30,), supply=70).network
     bits = Request.data_exchange(21, 0xE).bits
     (there,) = telegram_voltages(network, "0 m", ["30 m"], bits)
@@ -81,7 +81,7 @@ def test_a_ring_agrees_with_its_two_halves_folded():
     assert u[:2] == pytest.approx(folded, abs=1e-9)
 
 
-def test_quality_is_the_worst_of_what_the_receiver_says():
+def test_quality_is_the_worst_of_all_receptions():
     plan = line(140, slaves=(5, 70, 140))
     found, wave = plan.quality(), plan.waveform(before=5e-6, after=55e-6)
     heard = wave.receive()

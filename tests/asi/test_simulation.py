@@ -158,7 +158,7 @@ def test_the_cycle_is_the_sum_of_its_transactions():
     assert simulate(FULL, cycles=20).cycle_times.max() < 5.148e-3  # OMRON W357: 33 x 26 bit
 
 
-def test_two_slaves_of_one_address_take_turns_and_others_do_not():
+def test_only_slaves_that_share_an_address_alternate():
     table = simulate([*FULL[:2], STANDARD[4]], cycles=10).events()
     table = table.query("phase == 'data_exchange'")
     assert table.groupby("slave").size().to_dict() == {"1A": 5, "1B": 5, "5": 10}
@@ -184,7 +184,7 @@ def test_a_slave_that_missed_the_request_before_answers_two_bit_times_later():
     assert late[["cycle", "slave", "outcome"]].to_numpy().tolist() == [[1, "2", "ok"]]
 
 
-def test_a_slave_that_heard_nothing_yet_answers_late():
+def test_a_slave_out_of_step_answers_late():
     # The first request of all goes to address 0.
     table = simulate([slave("S-7.F.F", 0)], until=1e-3).events()
     assert table["master_pause_bit"].to_list()[:4] == [5, 3, 3, 3]
@@ -239,7 +239,7 @@ def test_the_phases_follow_each_other():
     assert len(asked) == 1 + 31 + (31 - 3)
 
 
-def test_without_slaves_the_master_goes_on_detecting():
+def test_without_slaves_the_master_keeps_detecting():
     run = simulate([], until=0.03)
     assert (run.events()["phase"] == "detection").all()
     assert run.summary.cycles == 0
@@ -247,7 +247,7 @@ def test_without_slaves_the_master_goes_on_detecting():
     assert run.failure_classes().empty and run.response_times().empty
 
 
-def test_a_slave_takes_outputs_and_gives_inputs():
+def test_a_slave_receives_outputs_and_sends_inputs():
     slaves = [slave("S-0.F.F", 1, inputs=6), slave("S-8.F.F", 2), slave("S-7.A.E", 3, "B")]
     run = simulate(slaves, Master(outputs={"2": 5, "3B": 2}), cycles=3)
     assert run.masters[-1].lists.inputs == {2: 6, 4: 5, 7: 0}
@@ -304,7 +304,7 @@ def test_only_cycles_that_fail_in_a_row_drop_a_slave(heard_again):
     assert simulate_drawn(drawn, THREE, cycles=7).summary.dropped == 1
 
 
-def test_a_slave_that_comes_back_is_taken_in_again():
+def test_a_slave_that_returns_is_included_again():
     run = simulate(THREE, until=0.3, faults=[DeadSlave("2", start=0.05, stop=0.1)])
     events = run.lists.query("slave == '2' and list == 'LAS'")
     assert events["present"].to_list() == [True, False, True]
@@ -312,7 +312,7 @@ def test_a_slave_that_comes_back_is_taken_in_again():
     assert run.slaves[1].outputs == 0xF and run.slaves[1].active
 
 
-def test_a_new_slave_takes_the_place_of_the_only_one_missing():
+def test_a_new_slave_replaces_the_only_missing_one():
     slaves = [*THREE[:2], slave("S-7.F.F", 0)]
     master = Master(PROJECTED, automatic_addressing=True)
     run = simulate(slaves, master, until=0.3)
@@ -341,7 +341,7 @@ def test_else_a_new_slave_keeps_address_0(present, new, automatic):
     assert "0" in run.masters[-1].lists.lds
 
 
-def test_periphery_faults_are_found_and_go():
+def test_periphery_faults_are_found_and_cleared():
     run = simulate(THREE, until=0.1, faults=[PeripheryFault("3", start=0.03, stop=0.06)])
     seen = run.lists.query("list == 'LPF'")
     assert seen["present"].to_list() == [True, False]
@@ -403,7 +403,7 @@ def test_a_change_of_half_works():
     ],
     ids=str,
 )
-def test_a_command_that_cannot_be_carried_out_says_why(command, says):
+def test_a_failed_command_reports_why(command, says):
     run = simulate(THREE, cycles=50, commands=[(0.02, command)])
     assert run.commands[["done", "outcome"]].to_numpy().tolist() == [[False, says]]
     assert run.masters[-1].lists.las == ["1", "2", "3"]
@@ -418,7 +418,7 @@ def test_a_command_that_cannot_be_carried_out_says_why(command, says):
     ],
     ids=str,
 )
-def test_a_command_says_what_came_of_it(command, says):
+def test_a_command_reports_its_outcome(command, says):
     run = simulate(THREE, cycles=300, commands=[(0.02, command)])
     assert run.commands[["done", "outcome"]].to_numpy().tolist() == [[True, says]]
     assert run.masters[-1].lists.las == ["1", "2", "3"]
@@ -450,7 +450,7 @@ def test_equal_answers_of_two_slaves_are_one_and_different_ones_an_error():
     assert set(table["outcome"]) <= {"AlternationError", "PauseError", "InformationError"}
 
 
-def test_id_code_1_tells_no_two_slaves_of_one_address_apart():
+def test_id_code_1_does_not_distinguish_slaves_at_one_address():
     for id1 in range(15):
         twins = [*THREE, slave("S-7.F.F", 2, inputs=2, id1=id1)]
         run = simulate(twins, cycles=30, commands=[(0.02, ReadCodes("2"))])
@@ -468,7 +468,7 @@ def test_two_slaves_at_one_address_out_of_step_are_an_error_even_with_equal_data
     assert bad[["cycle", "slave"]].to_numpy().tolist() == [[2, "2"]]
 
 
-def test_an_answer_behind_the_time_out_spoils_the_next_request():
+def test_an_answer_after_the_time_out_garbles_the_next_request():
     run = simulate(THREE, cycles=10, faults=[LateAnswer("2", 8, start=12e-3)])
     table = run.events().query("phase == 'data_exchange'")
     first = table.query("slave == '2' and outcome != 'ok'").iloc[:2]
@@ -488,7 +488,7 @@ def test_an_answer_just_in_time_is_heard():
     assert set(table["master_pause_bit"]) == {10}
 
 
-def test_a_broken_cable_takes_all_slaves_behind_it():
+def test_a_broken_cable_disconnects_all_slaves_downstream():
     plan = placed(STANDARD, positions={one.label: 3.0 * one.address for one in STANDARD})
     run = simulate(plan, until=0.3, faults=BrokenCable(60, start=0.1))
     assert run.masters[-1].lists.las == [str(address) for address in range(1, 21)]
@@ -506,7 +506,7 @@ def test_a_broken_cable_takes_all_slaves_behind_it():
         [BrokenCable(5, start=0.02, stop=0.2), DeadSlave("2", start=0.03, stop=0.05)],
     ],
 )
-def test_a_slave_comes_back_when_the_last_reason_is_gone(faults):
+def test_a_slave_returns_when_its_last_fault_ends(faults):
     for duration, las in ((0.15, ["1", "3"]), (0.4, ["1", "2", "3"])):
         run = simulate(placed(THREE, positions={"2": 10.0}), until=duration, faults=faults)
         assert run.masters[-1].lists.las == las
@@ -567,7 +567,7 @@ def test_a_standby_master_hears_both_halves():
 # Statistics.
 
 
-def test_repetitions_are_as_many_as_the_probability_says():
+def test_the_number_of_repetitions_agrees_with_the_probability():
     p, q = 0.05, 0.03
     drawn = draw(np.random.default_rng(7), 20_000, [0, p, 0], [0, q, 0])
     run = simulate_drawn(drawn, THREE, Master(drop_after=1000), cycles=20_000)

@@ -57,7 +57,7 @@ def test_a_new_slave_reads_nothing_before_a_pause():
 
 
 @pytest.mark.parametrize("event", [Event.PAUSE, Event.SLAVE_PAUSE])
-def test_any_pause_takes_an_asynchronous_slave_to_receive(event):
+def test_any_pause_brings_an_asynchronous_slave_to_receive(event):
     slave = RunningSlave(Slave("21", "S-7.F.F"))
     slave.pause(event)
     assert slave.state is State.RECEIVE
@@ -103,7 +103,7 @@ def test_a_call_without_answer_is_obeyed_silently():
     assert not slave.active
 
 
-def test_a_synchronous_slave_lets_the_response_pass_and_waits_for_the_pause_behind_it():
+def test_a_synchronous_slave_ignores_the_response_until_the_pause_after_it():
     slave = listening()
     slave.hear(FOREIGN)
     slave.pause(Event.PAUSE)
@@ -114,7 +114,7 @@ def test_a_synchronous_slave_lets_the_response_pass_and_waits_for_the_pause_behi
     assert slave.synchronised
 
 
-def test_a_slave_out_of_step_takes_the_response_for_a_faulty_request():
+def test_a_slave_out_of_step_reads_the_response_as_a_faulty_request():
     slave = listening()
     slave.hear(GARBLED)
     slave.pause(Event.PAUSE)
@@ -123,7 +123,7 @@ def test_a_slave_out_of_step_takes_the_response_for_a_faulty_request():
 
 
 @given(st.lists(st.text("01", max_size=16) | st.sampled_from([FOREIGN, GARBLED]), max_size=30))
-def test_whatever_it_hears_it_stays_in_a_state_of_the_table_and_answers_only_its_own(traffic):
+def test_a_slave_always_follows_the_table_and_answers_only_its_own_requests(traffic):
     slave = listening(inputs=9)
     for bits in traffic:
         answer = slave.hear(bits)
@@ -135,7 +135,7 @@ def test_whatever_it_hears_it_stays_in_a_state_of_the_table_and_answers_only_its
         assert slave.state is State.RECEIVE
 
 
-def test_a_slave_says_in_a_table_what_it_makes_of_telegrams():
+def test_listen_returns_states_and_answers():
     asked = Request(Call.READ_ID, 21).bits
     heard = Slave("21", "S-7.F.F").listen([asked, "", GARBLED, asked, "", asked])
     assert heard["state"].tolist() == [
@@ -184,12 +184,12 @@ def test_delete_then_assign_changes_the_address():
     assert slave.address == 9
 
 
-def test_only_a_slave_at_address_0_takes_an_address():
+def test_only_a_slave_at_address_0_accepts_an_address():
     assert say(listening(address=21), Request(Call.ASSIGN_ADDRESS, 0, 9)) is None
     assert say(listening(address=0), Request(Call.ASSIGN_ADDRESS, 0, 9)).data == 6
 
 
-def test_a_deleted_address_comes_back_with_a_reset():
+def test_a_reset_restores_a_deleted_address():
     slave = listening(address=21)
     say(slave, Request(Call.DELETE_ADDRESS, 21))
     assert slave.status() & 1
@@ -207,7 +207,7 @@ def test_it_stores_for_15_ms_and_stores_nothing_else_meanwhile():
     assert say(slave, Request(Call.DELETE_ADDRESS, 9), 1.0 + WRITE_TIME).data == 0
 
 
-def test_a_supply_lost_while_it_stores_costs_the_address():
+def test_losing_supply_while_storing_deletes_the_address():
     slave = listening(address=0)
     say(slave, Request(Call.ASSIGN_ADDRESS, 0, 9), 1.0)
     slave.switch_off(1.0 + WRITE_TIME / 2)
@@ -236,7 +236,7 @@ def test_bit_3_of_id1_is_the_half():
     assert say(slave, Request(Call.READ_ID1, 9, half="A"), 1.0) is None
 
 
-def test_a_code_being_stored_keeps_an_address_waiting():
+def test_no_address_is_accepted_while_a_code_is_stored():
     slave = listening("S-7.A.E", address=0, id1=5)
     say(slave, Request(Call.WRITE_ID1, 0, 5 | 8), 1.0)
     assert say(slave, Request(Call.ASSIGN_ADDRESS, 0, 9), 1.0 + 0.99 * WRITE_TIME) is None

@@ -49,7 +49,7 @@ def test_requests_worked_out_by_hand(request_, bits):
     assert Request.parse(bits, extended=request_.half is not None) == request_
 
 
-def test_every_call_stands_in_the_list_by_hand():
+def test_the_list_by_hand_has_every_call():
     assert {request.call for request, _ in BY_HAND} == set(Call)
     assert len(Call) == 13
 
@@ -116,7 +116,7 @@ def legal_requests():
                 yield Request(call, address, data, half)
 
 
-def test_every_legal_request_comes_back_from_its_bits():
+def test_every_legal_request_is_parsed_from_its_bits():
     requests = list(legal_requests())
     for request in requests:
         assert Request.parse(request.bits, extended=request.half is not None) == request
@@ -369,7 +369,7 @@ def test_fixed_and_missing_answers_are_those_of_the_data_sheet():
         (Request(Call.ENTER_PROGRAM_MODE, 0), "enter program mode at address 0, without answer"),
     ],
 )
-def test_a_request_says_what_it_is(request_, text):
+def test_a_request_describes_itself(request_, text):
     assert str(request_) == text
 
 
@@ -392,7 +392,7 @@ def test_a_request_says_what_it_is(request_, text):
         (Response(0x2, Call.READ_STATUS), "answer to read status: 0010, S1 periphery fault"),
     ],
 )
-def test_a_response_says_what_it_is(response, text):
+def test_a_response_describes_itself(response, text):
     assert str(response) == text
 
 

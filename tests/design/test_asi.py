@@ -52,7 +52,7 @@ def test_no_segment_is_longer_than_allowed_and_nothing_is_lost(hops, tree):
     ("places", "depth"),
     [((0, 100), 0), ((0, 101), 1), ((0, 200), 1), ((0, 201), 2), ((0, 300), 2), ((0, 301), 3)],
 )
-def test_a_repeater_stands_at_every_100_m_of_a_long_way(places, depth):
+def test_a_long_line_has_a_repeater_every_100_m(places, depth):
     drawn = draw(between(places), between(places), LIMITS)
     assert drawn.depth == depth == len(drawn.repeaters)
 
@@ -62,7 +62,7 @@ def test_a_repeater_stands_at_every_100_m_of_a_long_way(places, depth):
     st.lists(st.integers(1, 20), min_size=1, max_size=7),
     st.lists(st.sampled_from([0.0, 0.065, 0.5]), min_size=8, max_size=8),
 )
-def test_the_supply_stands_where_the_circuit_loses_least(hops, currents):
+def test_the_supply_is_where_the_voltage_drop_is_least(hops, currents):
     places = np.cumsum([0, *hops])
     pieces = [
         Piece(str(a), str(b), (a, b), float(places[b] - places[a]), 1.0)

@@ -32,7 +32,7 @@ def test_resistance_and_mass_are_physically_possible(cable):
     assert 1.0 < 1e3 * cable.mass.nominal / cable.area_mm2 < 2.7
 
 
-def test_a_cable_of_a_bus_has_a_wave_impedance_and_about_the_resistance_of_its_line(cable):
+def test_a_bus_cable_has_an_impedance_and_about_the_resistance_of_its_line(cable):
     assert (cable.line == "") == (cable.buses == ("hardwired",))
     if cable.line:
         line = CABLES[cable.line]
@@ -100,12 +100,12 @@ def test_more_conductors_than_the_largest_cable_has_are_refused():
         smallest(62, spare=0.2)
 
 
-def test_a_range_lies_about_its_figure():
+def test_a_range_includes_its_nominal_value():
     assert Range.around(4.0, "confirmed") == (4, 4, 4)
     assert Range.around(4.0, "estimate") == (3, 4, 5)
 
 
-def test_only_cables_of_a_bus_have_a_longest_segment():
+def test_only_bus_cables_have_a_longest_segment():
     assert all(isinf(c.longest_m) == (c.buses == ("hardwired",)) for c in cables().values())
     with pytest.raises(TypeError):
         cables()["new"] = None

@@ -21,7 +21,7 @@ def some_places(least=0, most=9):
 
 
 @given(some_places(), st.sampled_from([0.0, 5.0, 30.0]), st.integers(1, 4))
-def test_a_zone_keeps_its_reach_and_its_size(places, reach, most):
+def test_a_zone_meets_its_limits_of_reach_and_size(places, reach, most):
     labels = zones(places, reach=reach, most=most)
     assert labels.shape == (len(places),)
     assert list(dict.fromkeys(labels)) == list(range(labels.max(initial=-1) + 1))
@@ -82,7 +82,7 @@ def test_the_grouping_is_as_good_as_the_best_of_all_on_separate_rooms():
 
 
 @given(st.lists(st.integers(0, 60), max_size=12))
-def test_division_ends_when_every_group_keeps_its_limits(items):
+def test_division_ends_when_every_group_meets_its_limits(items):
     def judge(group):
         span = max(group) - min(group)
         return span, max(len(group) / 3, 1 if span <= 10 else inf)

@@ -32,13 +32,13 @@ def test_the_front_is_that_of_comparing_each_with_each(values):
     assert pareto_optimal(values).tolist() == [not each for each in beaten]
 
 
-def test_the_front_of_nothing_is_empty_and_a_row_is_no_table():
+def test_no_rows_have_no_pareto_front_and_a_single_row_is_refused():
     assert pareto_optimal(np.empty((0, 3))).tolist() == []
     with pytest.raises(ArgumentError, match="shape"):
         pareto_optimal([1.0, 2.0])
 
 
-def test_the_table_says_what_each_part_says():
+def test_the_table_agrees_with_its_parts():
     both = compare([small_loop(), small_loop(redundant=True)], rules="IMO")
     for name, design in both.designs.items():
         row = both.table().loc[name]
@@ -101,7 +101,7 @@ def test_a_saving_counts_from_the_first_option_to_the_cheapest_other():
     assert alone == "CAN"
 
 
-def test_the_headline_is_the_cheapest_that_violates_no_rule_and_what_it_costs_more():
+def test_the_headline_names_the_cheapest_design_without_violations_and_its_extra_cost():
     rules = RuleSet((Rule("two", "lines of a link", 2, bound="at least", confirmed="yes"),))
     one, two = small_loop(), small_loop(redundant=True)
     costs = [design.quantities()["total_cost_eur"] for design in (one, two)]
@@ -118,7 +118,7 @@ def test_the_headline_is_the_cheapest_that_violates_no_rule_and_what_it_costs_mo
     )
 
 
-def test_an_option_that_leaves_points_out_is_no_saving_and_says_why():
+def test_an_option_that_leaves_points_out_is_not_a_saving_and_gives_the_reason():
     unplaced = IoList.parse("tag,signal,home run,x,y,z\nL-1,contact,20,,,\nL-2,contact,20,5,2,3\n")
     found = unplaced.compare(small_loop().site)
     assert found.table()["points_left_out"].tolist() == [0, 1, 1, 1, 1]
@@ -132,7 +132,7 @@ def test_an_option_that_leaves_points_out_is_no_saving_and_says_why():
     assert said.endswith("(and 1 more).")
 
 
-def test_the_short_table_of_a_small_plant_is_not_all_noughts():
+def test_the_short_table_of_a_small_plant_is_not_all_zeros():
     lone = IoList.parse("tag,signal,x,y,z\nL-1,contact,3,2,3\n")
     found = lone.compare(small_loop().site, ["home runs", "CAN"])
     cost = found.short().loc["total cost [EUR]", "home runs"]
@@ -159,7 +159,7 @@ def test_the_cabinet_of_the_example_ship_is_found_from_its_home_runs():
     assert "half of which it fits within 0.1 m" in str(found)
 
 
-def test_a_cabinet_that_lengths_do_not_settle_says_so():
+def test_an_ambiguous_position_of_the_cabinet_is_reported():
     assert find_cabinet(SHIP).settled
     points = SHIP.points
     for system in ("Ballast valve", "Main engine", "Fire damper"):
@@ -231,7 +231,7 @@ def test_a_comparison_is_saved_as_tables(tmp_path):
     assert (tmp_path / "all" / "b-c" / "settings.toml").read_text() == both.settings.text()
 
 
-def test_each_use_of_the_draws_gives_the_same():
+def test_the_draws_are_the_same_each_time():
     both = compare([small(), small(name="b")], rng=np.random.default_rng(3))
     more = both.add(small(name="c"))
     pd.testing.assert_frame_equal(
@@ -240,7 +240,7 @@ def test_each_use_of_the_draws_gives_the_same():
 
 
 @pytest.mark.parametrize(("option", "limit"), [("AS-i", 0.7), ("CAN", 0.51)])
-def test_what_a_limit_on_responses_costs_is_the_difference_to_the_plan_without_it(option, limit):
+def test_the_price_of_a_response_limit_is_the_difference_from_the_plan_without_it(option, limit):
     rules = RuleSet((Rule("shown", "response", limit, host=True, confirmed="yes"),))
     iolist = ship(40)
     found = iolist.compare((0, 0, 0), ["home runs", option], rules=rules)
@@ -255,7 +255,7 @@ def test_what_a_limit_on_responses_costs_is_the_difference_to_the_plan_without_i
     assert priced.without_limits.settings is priced.settings
 
 
-def test_the_price_of_a_barrier_in_the_cabinet_is_the_difference_to_one_in_the_box():
+def test_the_price_of_barriers_in_the_cabinet_is_the_difference_from_barriers_in_boxes():
     iolist = IoList.parse("tag,signal,x,y,z\nA,4-20mA Ex ia,20,0,0\nB,contact,21,0,0")
     inside, outside = (
         iolist.compare((0, 0, 0), ["home runs", "CAN"], settings={"field_barriers": field})

@@ -205,7 +205,7 @@ def test_counts_are_exact_and_have_no_range():
     assert (others["nominal"] < others["high"]).all()
 
 
-def test_points_that_are_left_out_are_said_not_hidden():
+def test_points_that_are_left_out_are_reported():
     found = quantities(MIXED)
     assert found.unconnected == 2
     assert "2 points not connected" in repr(found)
@@ -253,7 +253,7 @@ def test_a_network_without_anything_costs_nothing():
     assert (draw({"empty": empty}, rng=np.random.default_rng(1), draws=3) == 0).all(axis=None)
 
 
-def test_an_own_price_is_used_and_named_as_given():
+def test_a_users_price_is_used_and_marked_as_given():
     found = quantities(priced(PLANT.on_asi, labour_rate=(100, 110, 120)))
     row = found.assumptions.set_index("name").loc["labour_rate"]
     assert (row["status"], row["nominal"]) == ("given", 110)
@@ -283,7 +283,7 @@ def test_the_catalogue_is_used(monkeypatch):
         (lambda: Plant(modules=2, contacts=1, distance=float("nan")), "distance is nan"),
     ],
 )
-def test_what_is_out_of_range_is_refused(call, message):
+def test_values_out_of_range_are_refused(call, message):
     with pytest.raises(ArgumentError, match=message):
         call()
 
@@ -340,7 +340,7 @@ def test_the_mean_of_the_draws_is_that_of_the_closed_form(monkeypatch):
             assert abs(drawn.mean() - expected[figure]) < 4 * error, (option, figure)
 
 
-def test_draws_lie_within_the_bounds_and_hardly_reach_them():
+def test_draws_are_within_the_bounds_and_hardly_reach_them():
     sample = draw(OPTIONS, rng=np.random.default_rng(2024))
     for option, design in OPTIONS.items():
         bounds = quantities(design).figures
@@ -362,7 +362,7 @@ def test_a_further_option_leaves_the_draws_of_the_others_alone():
     pd.testing.assert_frame_equal(twice["a"], twice["b"])
 
 
-def test_the_tornado_is_what_a_changed_assumption_does(monkeypatch):
+def test_the_tornado_shows_the_effect_of_each_changed_assumption(monkeypatch):
     found = tornado(OPTIONS)
     assumed, known = Assumptions(), cables()
     for name in found.every.index:
@@ -385,7 +385,7 @@ def test_the_tornado_is_what_a_changed_assumption_does(monkeypatch):
             assert found.ends.loc[name, level] == pytest.approx(first - second)
 
 
-def test_the_tornado_is_sorted_and_says_its_top():
+def test_the_tornado_is_sorted_and_names_the_largest_swings():
     found = tornado(OPTIONS)
     assert found.every["swing"].is_monotonic_decreasing
     assert found.between == ("AS-i", "hardwired")
@@ -400,7 +400,7 @@ def test_the_tornado_is_sorted_and_says_its_top():
     assert turned.top() == found.top()
 
 
-def test_what_both_options_pay_moves_the_figure_but_not_the_difference():
+def test_a_shared_cost_moves_the_figure_but_not_the_difference():
     free = priced(PLANT.on_asi, labour_rate=0)
     found = tornado({"a": free, "b": free})
     assert (found.every["a at low"] < found.every["a at high"]).any()

@@ -59,7 +59,7 @@ def test_a_drawing_has_sheets_that_fit_on_a_page():
             assert 0 < float(text.get("x")) < 760 and 0 < float(text.get("y")) <= height
 
 
-def test_supplies_and_terminators_stand_where_they_are():
+def test_supplies_and_terminators_are_drawn_at_their_places():
     said = words(single_line(small_loop()))
     assert {"master", "JB1", "JB2", "45 m", "26 m"} <= set(said)
     small = {"supply.station": 0.1, "supply.solenoid": 0, "supply.short": 0}
@@ -84,7 +84,7 @@ def test_a_supply_out_of_the_cabinet_is_drawn_beside_the_device_that_it_feeds(op
 
 
 @pytest.mark.parametrize("redundant", [True, False])
-def test_other_designs_are_drawn_too_and_no_name_becomes_markup(redundant):
+def test_all_designs_can_be_drawn_and_names_are_escaped(redundant):
     single_line(Plant(12, contacts=2, lines=3).on_asi)
     single_line(Plant(1, contacts=1).hardwired)
     single_line(small_loop(redundant=redundant))

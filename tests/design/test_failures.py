@@ -201,7 +201,7 @@ def masters_at(design, runs):
 
 @settings(max_examples=8)
 @given(st.integers(0, 10**6))
-def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
+def test_every_single_failure_costs_the_points_that_a_search_finds(seed):
     design = random_network(np.random.default_rng(seed))
     table = single_failures(design)
     needs = searched(design)[1:3]
@@ -223,7 +223,7 @@ def test_every_single_failure_costs_what_one_search_a_failure_finds(seed):
 
 @settings(max_examples=20)
 @given(st.integers(0, 10**6))
-def test_several_failures_at_once_cost_what_a_search_finds(seed):
+def test_simultaneous_failures_cost_the_points_that_a_search_finds(seed):
     rng = np.random.default_rng(seed)
     design = random_network(rng)
     cut = list(rng.choice(design.cables["run"], 3, replace=False))
@@ -251,7 +251,7 @@ def mangled(design, rng):
 @pytest.mark.parametrize("option", OPTIONS)
 @settings(max_examples=3)
 @given(seed=st.integers(0, 10**6))
-def test_all_failures_at_once_cost_what_each_costs_alone(option, seed):
+def test_failures_computed_together_cost_what_each_costs_alone(option, seed):
     """Failures of several areas are looked at together."""
     rng = np.random.default_rng(seed)
     limits = Settings({"redundant": bool(rng.integers(2)), "fed": bool(rng.integers(4))})
@@ -263,7 +263,7 @@ def test_all_failures_at_once_cost_what_each_costs_alone(option, seed):
     assert [points.tolist() for points in reach.lost(failures)] == alone
 
 
-def test_a_dead_master_takes_the_points_of_its_line_also_behind_a_repeater_beside_it():
+def test_a_dead_master_costs_the_points_of_its_line_and_those_downstream_of_a_repeater():
     ship = read_iolist(datasets.path("synthetic_iolist_ship.csv")).points
     valves = IoList.from_table(ship[ship["system"] == "Ballast valve"])
     limits = Settings({"asi.repeaters": 1, "spare": 0})
@@ -273,7 +273,7 @@ def test_a_dead_master_takes_the_points_of_its_line_also_behind_a_repeater_besid
         assert set(lost(design, devices=[f"{segment} master"])) == set(points["tag"])
 
 
-def test_a_short_takes_one_line_between_two_repeaters():
+def test_a_short_costs_one_line_between_two_repeaters():
     design = small_loop()
     assert single_failures(design).query("failure == 'short'")["points_lost"].tolist() == [4]
     repeated = design.devices.assign(
@@ -288,7 +288,7 @@ def test_a_short_takes_one_line_between_two_repeaters():
     assert shorts["points_lost"].tolist() == [4, 2]
 
 
-def test_a_short_of_one_branch_takes_all_branches_of_a_master():
+def test_a_short_of_one_branch_costs_all_branches_of_a_master():
     """The line leaves an AS-i master by one pair of terminals, in however many directions."""
     iolist = IoList.parse("tag,signal,x,y,z\nA,contact,30,0,0\nB,contact,-30,0,0")
     design = plan(iolist, Site((0.0, 0.0, 0.0)), "AS-i")
@@ -298,7 +298,7 @@ def test_a_short_of_one_branch_takes_all_branches_of_a_master():
     assert trunk.query("failure == 'short'")["points_lost"].tolist() == [2]
 
 
-def test_a_short_of_a_feeder_takes_the_stations_that_hang_on_the_same_supply():
+def test_a_short_of_a_feeder_costs_all_stations_on_the_same_supply():
     iolist = IoList.parse(
         "tag,signal,x,y,z\n" + "\n".join(f"P-{n},contact,{20 * n},0,0" for n in range(1, 5))
     )
@@ -336,7 +336,7 @@ def test_outputs_of_as_i_need_the_auxiliary_supply_and_inputs_do_not():
     assert feeder["tags"].tolist() == [("V",), ("V",)]
 
 
-def test_a_line_of_as_i_without_current_takes_what_lies_behind_it_too():
+def test_an_as_i_line_without_current_costs_everything_downstream_too():
     """Master and repeaters live on the line they send on, as `shipnet.asi.plan` has it."""
     iolist = IoList.parse(
         "tag,signal,x,y,z\nA,contact,20,0,0\nB,contact,120,0,0\nC,contact,200,0,0"
@@ -384,7 +384,7 @@ def test_the_worst_of_each_kind_leaves_the_cabinet_out():
     assert "cabinet" not in set(table["kind"])
 
 
-def test_what_does_not_exist_cannot_fail():
+def test_unknown_cables_and_devices_are_refused():
     with pytest.raises(ArgumentError, match=r"no cable 'trunk 9', no device 'JB9'"):
         lost(small_loop(), cables=["trunk 9"], devices=["JB9"])
 

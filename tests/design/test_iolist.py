@@ -143,7 +143,7 @@ def test_a_faulty_cell_is_named_with_what_is_expected(changes, fault):
     assert found[0].startswith("row 2") and fault in found[0]
 
 
-def test_every_fault_is_told_at_once_in_the_order_of_the_file():
+def test_all_faults_are_reported_at_once_in_the_order_of_the_file():
     bad = text(
         {}, {"tag": "ls-1", "type": "AO"}, {"tag": "LS-3", "x": "far", "home run": "-2"},
         {"tag": "LS-4"}, {"tag": "LS-4", "update": "never", "signal": "radio"},
@@ -157,7 +157,7 @@ def test_every_fault_is_told_at_once_in_the_order_of_the_file():
     assert "'LS-4' is the tag of row 5 already" in found[4]
 
 
-def test_a_thousand_faulty_rows_are_all_kept_and_told_in_few_words():
+def test_a_thousand_faulty_rows_are_all_kept_and_reported_briefly():
     found = faults(text(*({"tag": f"T{k}", "home run": "-1"} for k in range(1000))))
     assert len(found) == 1000
     assert str(InputError("x", *found)).startswith(
@@ -184,12 +184,12 @@ def test_a_thousand_faulty_rows_are_all_kept_and_told_in_few_words():
         ('tag,type,home run\n"LS,DI,12', "is not a CSV file: unexpected end of data, in row 2"),
     ],
 )  # fmt: skip
-def test_what_is_no_list_is_refused(given, fault):
+def test_files_that_are_not_lists_are_refused(given, fault):
     with pytest.raises(InputError, match=fault.replace("(", r"\(")):
         IoList.parse(given)
 
 
-def test_what_is_not_used_or_assumed_is_said():
+def test_unused_and_assumed_values_are_reported():
     iolist = IoList.parse("tag,type,home run,alarm limit,range\nLS,DI,4,high,\nLT,DI,4,,")
     assert iolist.remarks == (
         "not used: alarm limit; range",
@@ -214,7 +214,7 @@ def test_type_signal_and_conductors_follow_from_each_other():
     assert points["conductors"].tolist() == [2, 2, 2, 4, 2, 2]
 
 
-def test_a_proximity_switch_is_told_apart_by_its_wires():
+def test_proximity_switches_are_distinguished_by_their_wires():
     given = "tag,type,signal,cores,home run\na,DI,proximity switch,3,1\nb,DI,proximity switch,2,1\n"
     given += "c,,PNP,,1\nd,DI,inductive sensor 2-wire,,1\n"
     points = IoList.parse(given).points
@@ -235,7 +235,7 @@ def test_a_proximity_switch_is_told_apart_by_its_wires():
          ["line 2: a", "row 2: a", "row 2 is a", "row 3 is a", "", "rows 1: a"], 5),
     ],
 )  # fmt: skip
-def test_faults_that_differ_in_their_rows_alone_are_told_as_one(faults, told, beyond):
+def test_faults_that_differ_only_in_their_rows_are_reported_as_one(faults, told, beyond):
     assert InputError("x", *faults).lines(10) == told
     assert InputError("x", *faults, more=7).lines(1) == [told[0], f"and {7 + beyond} more"]
 
@@ -251,14 +251,14 @@ def test_a_box_has_one_place_and_needs_it_only_once():
     )
 
 
-def test_a_cable_to_a_box_that_is_shorter_than_the_straight_way_is_a_doubt():
+def test_a_cable_shorter_than_the_distance_to_its_box_is_doubtful():
     head = "tag,type,x,y,z,box,box x,box y,box z,to box\n"
     said = "the cable to the box is shorter than the straight distance, but kept: 1 row (2)"
     assert said not in IoList.parse(f"{head}a,DI,0,0,0,B,3,4,0,4.9").remarks
     assert said in IoList.parse(f"{head}a,DI,0,0,0,B,3,4,0,4.7").remarks
 
 
-def test_what_was_saved_is_loaded_and_no_cell_is_a_formula(tmp_path):
+def test_a_saved_list_is_read_back_and_has_no_formulas(tmp_path):
     path = tmp_path / "list.csv"
     for tag in ("=1+1", "-K1", "+A1", "@x", "'=K", "''-K", "plain", "'quoted'", 'say "a,b"'):
         iolist = IoList.parse(text(tag=tag, note="=cmd|'/c calc'!A1"))
@@ -325,7 +325,7 @@ cells = st.text("0123456789.,;-+eE'=\"\t\n ", max_size=6) | st.sampled_from(
 @example(b"PK\x03\x04")
 @example(b"tag,type,length\nA,DI," + b"9" * 200_000)
 @settings(max_examples=200)
-def test_any_bytes_give_a_list_or_an_input_error(tmp_path_factory, given):
+def test_any_bytes_are_read_as_a_list_or_raise_an_input_error(tmp_path_factory, given):
     if not isinstance(given, bytes):
         rows = "\n".join(",".join(row) for row in given)
         given = f"tag,type,length,x,y,z,signal,conductors\n{rows}".encode()

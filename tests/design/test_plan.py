@@ -50,14 +50,14 @@ def example():
 
 @settings(max_examples=12)
 @given(lists(), st.sampled_from(OPTIONS), st.sampled_from([Settings(), TIGHT, TREELESS]))
-def test_a_plan_keeps_every_limit_or_says_why_not(iolist, option, limits):
+def test_a_plan_meets_every_limit_or_gives_a_reason(iolist, option, limits):
     design = plan(iolist, SITE, option, settings=limits)
     check_everything(design, limits)
 
 
 @pytest.mark.parametrize("limits", [Settings(), TIGHT, TREELESS], ids=["usual", "tight", "chain"])
 @pytest.mark.parametrize("option", BUSES)
-def test_a_plan_of_a_crowd_keeps_every_limit(option, limits):
+def test_a_plan_of_many_close_points_meets_every_limit(option, limits):
     design = plan(ship(80), SITE, option, settings=limits)
     check_everything(design, limits)
     assert len(design.segments) > 0
@@ -146,7 +146,7 @@ def test_a_common_return_counts_once_a_trunk_and_once_a_home_run():
         ("Modbus RTU", 1100, "length", 1219),
     ],
 )
-def test_what_is_too_far_away_is_left_out_with_value_and_bound(option, away, limit, bound):
+def test_points_that_are_too_far_away_are_left_out_with_value_and_bound(option, away, limit, bound):
     iolist = table([("contact", (away - 200, 200, 0), 1000), ("contact", (20, 0, 0), 1000)])
     design = plan(iolist, SITE, option)
     assert design.points["fits"].tolist() == [False, True]
@@ -159,7 +159,7 @@ def test_what_is_too_far_away_is_left_out_with_value_and_bound(option, away, lim
 
 @pytest.mark.parametrize("option", BUSES)
 @pytest.mark.parametrize("signal", ["contact", "current_loop"])
-def test_what_is_needed_too_soon_is_left_out_and_its_neighbour_is_not(option, signal):
+def test_points_needed_too_soon_are_left_out_but_not_their_neighbours(option, signal):
     iolist = table([(signal, (20, 0, 0), 0.4), (signal, (20, 0, 0), 1000)])
     design = plan(iolist, SITE, option)
     assert design.points["fits"].tolist() == [False, True]
@@ -236,7 +236,7 @@ def test_a_point_without_a_place_goes_home_and_nowhere_else():
         check_everything(design, Settings())
 
 
-def test_a_mix_gives_each_kind_its_bus_and_the_first_choice_decides(example):
+def test_a_mix_connects_each_kind_by_its_bus_and_the_first_choice_decides(example):
     choose = {"AI": "CAN", "DI": "AS-i", "Fire damper": "junction boxes", "I": "home runs"}
     design = plan(example, Site((26, 6, 14)), "Modbus RTU", mix=choose)
     points = example.points.assign(bus=design.points["bus"])
@@ -268,7 +268,7 @@ def test_unknown_options_and_kinds_are_named():
         plan(iolist, SITE, "home runs", mix={"bilge": "CAN"})
 
 
-def test_names_that_the_planner_would_give_are_left_to_the_user():
+def test_the_planner_avoids_names_that_the_list_uses():
     iolist = IoList.parse(
         "tag,signal,x,y,z,JB\ncabinet,contact,1,0,0,CAN 1 master\nCAN J2,contact,2,0,0,J2"
     )
@@ -346,7 +346,7 @@ def test_limits_out_of_range_are_named(make, message):
         make()
 
 
-def test_the_update_time_of_the_settings_holds_where_a_list_names_none():
+def test_points_without_an_update_time_have_that_of_the_settings():
     iolist = IoList.parse("tag,signal,x,y,z,update\nA,contact,20,0,0,\nB,contact,21,0,0,800")
     for update, slowest in ((0.4, 400), (1.0, 800), (3.0, 800)):
         design = plan(iolist, Site((0, 0, 0)), "CAN", settings=Settings({"update": update}))
@@ -385,7 +385,7 @@ def test_a_limit_that_is_met_anyway_changes_nothing():
     assert plan(SLOW, SITE, "home runs", rules=within(1e-3)).without_limits is None
 
 
-def test_what_the_host_takes_is_left_of_a_limit_and_a_limit_below_it_is_left_out():
+def test_the_hosts_time_is_subtracted_from_a_limit_and_shorter_limits_are_ignored():
     inputs = SLOW.points["type"].isin(["DI", "AI"]).to_numpy()
     for limit, left in ((2.0, 1.5), (0.75, 0.25), (0.5, np.inf), (0.2, np.inf)):
         longest = longest_responses(within(limit), SLOW.points, 0.5)

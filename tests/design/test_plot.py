@@ -31,7 +31,7 @@ def spans(collection):
     return [segment[:, 0].tolist() for segment in collection.get_segments()]
 
 
-def test_designs_stand_side_by_side_with_their_ranges(ax):
+def test_designs_are_drawn_side_by_side_with_their_ranges(ax):
     found = compare(NETWORKS.values())
     assert found.plot("cable_mass_kg", ax=ax) is ax
     assert [bar.get_width() for bar in ax.patches] == [q["cable_mass_kg"] for q in OPTIONS.values()]

@@ -38,7 +38,7 @@ def only(text, **options):
 
 
 @pytest.mark.parametrize("form", ["cp949", "utf-8", "utf-16", "workbook"])
-def test_every_bad_row_of_a_messy_list_and_no_sound_one_is_named(form, tmp_path):
+def test_only_the_bad_rows_of_a_messy_list_are_reported(form, tmp_path):
     sheet, _, bad = messy.rows()
     path = tmp_path / "list.xlsx"
     if form == "workbook":
@@ -129,7 +129,7 @@ def test_a_column_type_may_hold_signals_if_no_other_does():
     assert "'xyz'; expected DI, DO" in only("tag,type\nA,DI\nB2,xyz\n")
 
 
-def test_own_words_that_mean_nothing_are_named():
+def test_own_words_without_a_meaning_are_reported():
     text = '[columns]\nA = "tagg"\n[signals]\nB = "gizmo"\n[frames]\nfore = 1\n[decks]\nC = true\n'
     with pytest.raises(InputError) as error:
         Settings.parse(text)
@@ -175,7 +175,7 @@ def spellings():
         yield from ((word, signal) for word in words.split(";"))
 
 
-def test_at_least_70_of_76_common_spellings_are_understood_and_said():
+def test_at_least_70_of_76_common_spellings_are_understood_and_reported():
     understood, tried = Counter(), 0
     for pair, signal in spellings():
         word, _, kind = pair.rpartition("|")
@@ -226,7 +226,7 @@ def test_a_number_is_read_as_it_is_meant_or_not_at_all(cell, mark, value):
     [(["1,5", "1,234"], ","), (["1.5", "1,234"], "."), (["1,234"], ""), (["1,5", "2.5"], ""),
      (["1.234,5"], ","), (["12", ""], "")],
 )  # fmt: skip
-def test_the_decimal_mark_of_a_list_is_what_its_clear_numbers_say(cells, mark):
+def test_the_decimal_mark_of_a_list_follows_from_its_clear_numbers(cells, mark):
     assert decimal_mark(cells) == mark
 
 
@@ -294,13 +294,13 @@ def test_without_frames_a_place_is_a_doubt_and_no_fault():
         ("A1,DI,contact,1,2,3\nSPARE 1,DI,,,,\nA2,DI,DELETED,1,1,1\n", "left out, marked as", 2),
     ],
 )
-def test_rows_that_are_no_points_are_left_out_and_counted(rows, what, count):
+def test_rows_that_are_not_points_are_left_out_and_counted(rows, what, count):
     iolist = IoList.parse(HEAD + rows)
     assert len(iolist) == 1
     assert {n for said, n in notes(iolist).items() if said.startswith(what)} == {count}
 
 
-def test_a_row_with_nothing_but_a_tag_is_a_fault_and_not_left_out():
+def test_a_row_with_only_a_tag_is_a_fault():
     assert only(f"{HEAD}A1,DI,contact,1,2,3\nA-17,,,,,\n").startswith(
         "row 3, column signal (C): is"
     )
@@ -388,7 +388,7 @@ def test_a_title_of_types_and_signals_in_two_languages_is_one_column(title):
     ]  # fmt: skip
 
 
-def test_a_list_whose_titles_are_not_known_says_where_to_name_them():
+def test_a_list_with_unknown_titles_points_to_the_settings():
     with pytest.raises(
         InputError, match=r"unknown titles: wkz; \[columns\] in the settings may explain"
     ):

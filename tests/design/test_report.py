@@ -97,7 +97,7 @@ def test_everything_that_was_assumed_and_every_rule_is_in_the_report(comparison,
         assert tag in words
 
 
-def test_the_contents_lead_to_every_annex_which_stand_after_the_pages_to_decide_on(page):
+def test_the_contents_link_to_every_annex_after_the_main_pages(page):
     targets = re.findall(r'<a href="#(annex-[A-Z])">(Annex [A-Z]: [^<]+)</a>', page)
     heads = re.findall(r'<section id="(annex-[A-Z])">\n<h2>([^<]+)</h2>', page)
     assert targets == heads and len(heads) == 9
@@ -154,7 +154,7 @@ def test_an_option_with_a_dollar_or_a_tag_in_its_name_is_drawn_as_it_is():
     assert "script" not in Page(page).tags
 
 
-def test_what_does_not_fit_stands_there_with_its_reason(page):
+def test_points_that_do_not_fit_are_listed_with_their_reason(page):
     far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
                                    "y": 0.0, "z": 0.0}))  # fmt: skip
     found = far.compare((0, 0, 4), ["home runs", "AS-i"])
@@ -241,7 +241,7 @@ def test_the_command_says_if_listed_home_runs_differ_from_computed_ones(tmp_path
     assert f"{said} other cables, from the cabinet at 60, 0, 0 m" in capsys.readouterr().out
 
 
-def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, capsys):
+def test_a_list_without_places_has_no_position_of_the_cabinet(tmp_path, capsys):
     points, report = tmp_path / "points.csv", tmp_path / "report.html"
     points.write_text("tag,type,home run\nA,DI,30\n", encoding="utf-8")
     assert main(["design", str(points), "--options", "home runs", "-o", str(report)]) == 0
@@ -276,7 +276,7 @@ def test_a_list_without_places_has_no_cabinet_that_stands_anywhere(tmp_path, cap
         (["LIST", "-o", "/nowhere/at/all.html"], "all.html'; there is no folder"),
     ],
 )
-def test_a_mistake_is_told_in_one_line(arguments, message, tmp_path, capsys):
+def test_a_mistake_is_reported_in_one_line(arguments, message, tmp_path, capsys):
     points = tmp_path / "points.csv"
     points.write_text(LIST, encoding="utf-8")
     options = [] if "--options" in arguments else ["--options", "home runs"]

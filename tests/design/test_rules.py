@@ -49,7 +49,7 @@ def test_lee2012_is_quoted_in_the_words_of_the_engine():
 
 
 @pytest.mark.parametrize("rule_set", RULE_SETS)
-def test_what_was_not_read_is_never_passed_and_what_was_needs_a_source(rule_set):
+def test_an_unread_rule_is_never_met_and_a_read_one_has_a_source(rule_set):
     for design in (ONE_LINE, TWO_LINES):
         table = checked(design, rule_set)
         open_ = table[table["confirmed"] == "no"]
@@ -90,7 +90,7 @@ def test_the_host_is_added_where_the_rule_counts_it_and_only_there():
     assert judged(ONE_LINE, "response", 0.18)["value"] == pytest.approx(0.18)
 
 
-def test_a_limit_is_kept_on_it_or_not_by_its_bound():
+def test_the_bound_decides_whether_a_value_on_the_limit_meets_it():
     design = ONE_LINE
     verdicts = [
         judged(design, "lines of a link", 1.0, bound=bound)["verdict"]
@@ -145,7 +145,7 @@ def test_two_essential_systems_on_one_line_are_one_too_many():
     assert (row["value"], row["verdict"]) == (0, "met")
 
 
-def test_systems_without_a_name_are_not_taken_for_one():
+def test_unnamed_systems_do_not_count_as_one():
     design = ONE_LINE
     unnamed = replace(design.iolist, points=design.iolist.points.assign(system=""))
     row = judged(changed(design, iolist=unnamed), "systems on one link", 1.0)
@@ -163,7 +163,7 @@ def test_systems_without_a_name_are_not_taken_for_one():
 
 
 @pytest.mark.parametrize("measure", sorted(set(MEASURES) - {"unconnected points"}))
-def test_nothing_is_passed_while_a_point_concerned_is_left_out(measure):
+def test_a_rule_is_not_met_while_a_point_concerned_is_left_out(measure):
     design = TWO_LINES
     out = design.points.assign(fits=False, bus="", segment="", device="", response_ms=np.nan)
     partly = design.points.assign(fits=[True, True, False, True])
@@ -249,7 +249,7 @@ def test_points_that_are_late_or_fit_nowhere_are_counted():
 
 @pytest.mark.parametrize("measure", MEASURES)
 @pytest.mark.parametrize("applies", APPLIES)
-def test_every_measure_comes_to_something_for_every_kind_of_point(measure, applies):
+def test_every_measure_has_a_result_for_every_kind_of_point(measure, applies):
     row = judged(ONE_LINE, measure, 0.0, applies=applies)
     assert row["verdict"] in ("met", "violated", "not verified")
     assert np.isnan(row["value"]) or row["value"] >= 0
@@ -270,7 +270,7 @@ def test_rules_of_ones_own_are_read_in_any_order(tmp_path):
     assert RuleSet.of(file).rules == (quick, lines)
 
 
-def test_all_faults_of_a_file_are_told_at_once(tmp_path):
+def test_all_faults_of_a_file_are_reported_at_once(tmp_path):
     file = tmp_path / "own.csv"
     file.write_text(
         "rule,measure,limit,unit,bound,confirmed,applies\n"
@@ -309,7 +309,7 @@ def test_all_faults_of_a_file_are_told_at_once(tmp_path):
         ("rule,measure,limit\n", "has no rule"),
     ],
 )
-def test_a_file_that_is_none_is_told_so(text, fault, tmp_path):
+def test_a_file_without_rules_is_reported(text, fault, tmp_path):
     file = tmp_path / "own.csv"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=fault):

@@ -35,7 +35,7 @@ def test_every_value_has_a_name_and_only_those():
 
 
 @pytest.mark.parametrize("name", names())
-def test_every_value_says_what_it_is_and_what_it_may_be(name):
+def test_every_value_has_a_meaning_and_a_legal_range(name):
     assert len(kind_of(name).help) > 5 and not re.search("`|]_", kind_of(name).help)
     assert len(legal(name)) > 3
     # What is not legal is refused in the same words.
@@ -65,7 +65,7 @@ def other(name):
     ) else 0.9 * value  # fmt: skip
 
 
-def test_what_is_printed_is_read_back_as_it_was():
+def test_printed_settings_are_read_back_unchanged():
     default = Settings().text()
     assert Settings.parse(default) == Settings()
     everything = Settings({name: other(name) for name in names()})
@@ -129,7 +129,7 @@ crew = 4
 """
 
 
-def test_all_faults_are_told_at_once_with_name_value_and_legal_range(tmp_path):
+def test_all_faults_are_reported_at_once_with_name_value_and_legal_range(tmp_path):
     path = tmp_path / "own.toml"
     path.write_text(FAULTY, encoding="utf-8")
     with pytest.raises(InputError) as error:
@@ -182,7 +182,7 @@ def test_all_faults_are_told_at_once_with_name_value_and_legal_range(tmp_path):
         ("spare = '" + "x" * 1000 + "'", "...; it must be 0..10"),
     ],
 )
-def test_what_is_no_file_of_settings_is_refused_in_a_line(text, fault):
+def test_files_that_are_not_settings_are_refused_in_one_line(text, fault):
     with pytest.raises(InputError) as error:
         Settings.parse(text)
     assert fault in str(error.value)
@@ -197,7 +197,7 @@ words = st.sampled_from(
 
 @given(st.lists(words, max_size=12).map("".join) | st.text(max_size=40))
 @example("\ufeffdetour = 1.5")
-def test_any_text_gives_a_basis_or_an_input_error(text):
+def test_any_text_is_read_as_settings_or_raises_an_input_error(text):
     try:
         basis = Settings.parse(text)
     except InputError as error:
@@ -223,7 +223,7 @@ def test_values_may_come_from_an_array():
     assert Settings({"asi.inputs": np.int64(2)}).asi.inputs == 2
 
 
-def test_wrong_parts_of_a_basis_are_named():
+def test_wrong_parts_of_settings_are_named():
     for made, fault in (
         (lambda: Settings({"detour": 0.9}), "detour is 0.9; it must be 1..10"),
         (lambda: Settings({"host_time": -1}), "host_time is -1; it must be 0..60 s"),
@@ -236,7 +236,7 @@ def test_wrong_parts_of_a_basis_are_named():
             made()
 
 
-def test_a_comparison_and_its_report_tell_what_is_not_the_default():
+def test_a_comparison_and_its_report_show_changed_settings():
     iolist = IoList.parse(LIST)
     basis = Settings(
         {"detour": 1.4, "host_time": 0.25, "can.nodes": 8, "assumptions.can_station": 500}
@@ -334,7 +334,7 @@ def test_settings_are_equal_by_their_values():
         ("[can]\nlenght = 60", "no 'can.lenght'; see shipnet design --show-settings$"),
     ],
 )
-def test_a_name_under_the_wrong_table_is_told_where_it_is(text, said):
+def test_a_name_in_the_wrong_table_is_reported_with_its_right_place(text, said):
     with pytest.raises(InputError, match=said):
         Settings.parse(text)
 

@@ -47,7 +47,7 @@ def test_routes_are_symmetric_and_no_shorter_than_the_straight_line(places):
     assert SITE.route(a, a) == 0
 
 
-def test_a_place_that_is_not_known_has_no_route():
+def test_an_unknown_position_has_no_route():
     unknown = [(np.nan,) * 3, (1.0, 2.0, 3.0)]
     assert np.isnan(SITE.route(unknown, SITE.cabinet)).tolist() == [True, False]
     assert SITE.route(np.zeros((0, 3)), SITE.cabinet).shape == (0,)

@@ -36,7 +36,7 @@ def test_each_row_is_that_of_a_comparison_of_its_own():
             )  # fmt: skip
 
 
-def test_what_is_varied_moves_what_it_should_and_nothing_else():
+def test_a_varied_setting_changes_only_its_own_figures():
     table = LIST.study(GRID, SITE, WAYS).set_index(["design", "detour", "boxes.points"])
     cost = table["total_cost_eur"]
     assert cost["home runs", 1.6, 4] > cost["home runs", 1.0, 4] == cost["home runs", 1.0, 16]
@@ -48,7 +48,7 @@ def test_what_is_varied_moves_what_it_should_and_nothing_else():
     assert rates["assumptions.labour_rate"].tolist() == [40, Range(40, 80, 90)]
 
 
-def test_what_is_not_varied_is_what_was_given():
+def test_settings_that_are_not_varied_keep_their_values():
     given = {"assumptions.gland": 0, "spare": 1, "host_time": 3}
     points = [{"detour": 1.3}]
     (found,) = LIST.study(points, SITE, ["CAN"], settings=given).to_dict("records")
@@ -57,7 +57,7 @@ def test_what_is_not_varied_is_what_was_given():
     assert found["rules_violated"] == alone["rules_violated"]["CAN"]
 
 
-def test_wrong_values_are_all_told_before_anything_is_planned(monkeypatch):
+def test_all_wrong_values_are_reported_before_anything_is_planned(monkeypatch):
     monkeypatch.setattr("shipnet.design.comparison.plan", None)
     with pytest.raises(ArgumentError) as error:
         LIST.study({"detour": [1.0, 0.5], "asi.inputs": [4, 9]}, SITE, WAYS)
@@ -81,7 +81,7 @@ def test_a_short_study_starts_no_process(monkeypatch):
     assert len(LIST.study({"detour": [1.0, 1.2]}, SITE, ["home runs"])) == 2
 
 
-def test_progress_is_told_a_comparison_at_a_time():
+def test_progress_is_reported_after_each_comparison():
     told = []
     LIST.study(
         {"spare": [0.1, 0.2, 0.3]}, SITE, ["home runs"], client=1,

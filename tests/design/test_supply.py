@@ -107,7 +107,7 @@ def test_a_chain_by_hand():
     assert supply["cross_section_mm2"] == 2.5 and supply["length_m"] == 100
 
 
-def test_a_long_chain_of_stations_is_fed_on_the_way():
+def test_a_long_chain_of_stations_has_supplies_along_it():
     # A station with coils every 23 m: with 1.5 mm2 from one supply, the last would get far less
     # than nothing, which nobody said.
     rows = [("solenoid", (23 * (n // 8), 0, 0), 1000) for n in range(8, 8 * 32)]

@@ -176,7 +176,7 @@ def test_a_large_box_divides_its_points_among_several_trunks():
     assert plan[(plan["cable"] == "B trunk 1") & (plan["core"] == 4)]["carries"].item() == "spare"
 
 
-def test_a_workbook_holds_the_same_as_the_files(found):
+def test_a_workbook_has_the_same_tables_as_the_files(found):
     for option in OPTIONS:
         book = openpyxl.load_workbook(found.folder / option / f"{option}.xlsx")
         names = {path.stem for path in (found.folder / option).glob("*.csv")}
@@ -206,7 +206,7 @@ def test_the_same_list_gives_the_same_files_and_one_point_more_no_other_names():
         assert all_["run"].is_unique
 
 
-def test_no_name_is_given_twice_where_points_and_boxes_are_called_alike():
+def test_names_stay_unique_if_points_and_boxes_share_one():
     rows = [
         "A trunk 1,contact,1,2,3,drop A",
         "A,contact,1,2,3,drop A",
@@ -244,7 +244,7 @@ def test_no_cell_is_a_formula_and_every_tag_is_read_back(tmp_path):
     assert again.tolist() == iolist.points["tag"].tolist()
 
 
-def test_a_design_that_connects_nothing_has_tables_with_titles_alone(tmp_path):
+def test_a_design_that_connects_nothing_has_tables_with_titles_only(tmp_path):
     far = IoList.from_table(
         pd.DataFrame({"tag": ["A"], "signal": "contact", "x": 900.0, "y": 0.0, "z": 0.0})
     )

@@ -400,7 +400,7 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
         (Words(("a", "b"), ("a", "b", "c")), ["b", "a"], "not right yet"),
         (Words(frozenset("ab"), ("a", "b", "c")), "a, c", "not right yet"),
         (Words(frozenset("ab"), ("a", "b", "c")), "abc", "none of"),
-        (Words(frozenset("ab"), ("a", "b", "c")), 5, "a list is asked for"),
+        (Words(frozenset("ab"), ("a", "b", "c")), 5, "a list is expected"),
     ],
 )
 def test_a_wrong_answer_is_told_what_is_sure(answer, wrong, hint):
@@ -469,7 +469,7 @@ def test_a_function_is_told_input_and_result():
     [
         (lambda n: None, "returned nothing"),
         (lambda: 1, "takes 0 positional arguments"),
-        (3, "a function is asked for"),
+        (3, "a function is expected"),
         (lambda n: "2", "without quotes"),
     ],
 )

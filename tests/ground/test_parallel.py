@@ -113,7 +113,7 @@ def test_a_task_that_kills_every_process_ends_the_study():
     def dies(task):
         os.kill(os.getpid(), signal.SIGKILL)
 
-    with pytest.raises(RuntimeError, match=r"died 5 times in a row, in one of tasks \[0"):
+    with pytest.raises(RuntimeError, match=r"died 5 times in succession, in one of tasks \[0"):
         compute(dies, range(2), client=2)
 
 

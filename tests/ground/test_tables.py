@@ -118,7 +118,7 @@ def archive(**files):
         (b"PK\x03\x04 and no more", "is not an Excel workbook"),
         (archive(mimetype="application/vnd.oasis.opendocument"), "is not an Excel workbook"),
         (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1 old", r"is an old Excel file \(.xls\)"),
-        (b"\x00\x01\x02", "holds zero bytes"),
+        (b"\x00\x01\x02", "contains zero bytes"),
         (bytes(2**24 + 1), "is larger than 16777216 bytes"),
     ],
     ids=["torn", "ods", "xls", "binary", "large"],

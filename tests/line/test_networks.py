@@ -351,7 +351,7 @@ def test_bad_cables_are_refused(arguments, message):
         ),
     ],
 )
-def test_bad_arguments_are_refused_and_say_what_is_legal(lay, message):
+def test_bad_arguments_are_refused_with_their_legal_range(lay, message):
     network = Net()
     network.line("a", "b", 5, CABLE)
     with pytest.raises(ArgumentError, match=message):
@@ -424,7 +424,7 @@ def test_a_waveform_is_drawn_in_microseconds():
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz"])
-def test_a_saved_waveform_comes_back(tmp_path, suffix):
+def test_a_saved_waveform_is_read_back(tmp_path, suffix):
     u = np.array([[0.0, 1.5, -2.25, 30.0], [1.0, 2.0, 3.0, 4.0]])
     wave = Waveform(u, 50e-9, names=("near", "far"))
     wave.save(tmp_path / f"wave{suffix}")

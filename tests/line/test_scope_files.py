@@ -96,7 +96,7 @@ def refused(file, **options):
 
 
 @pytest.mark.parametrize("layout", SYNTHETIC)
-def test_every_layout_gives_the_same_waveform(layout, save):
+def test_every_layout_has_the_same_waveform(layout, save):
     waveform = Waveform.read(save(SYNTHETIC[layout]))
     assert waveform.u == pytest.approx(V, abs=1e-9)
     assert waveform.dt == pytest.approx(DT, rel=1e-6)
@@ -191,7 +191,7 @@ def test_bad_text(content, message, save):
     assert message in refused(save(content))
 
 
-def test_what_is_no_file(tmp_path):
+def test_paths_that_are_not_files(tmp_path):
     assert "No such file" in refused(tmp_path / "none.csv")
     assert "not a file" in refused(tmp_path)
     os.mkfifo(tmp_path / "pipe.csv")
@@ -268,7 +268,7 @@ def test_a_sigrok_session_of_many_parts(save):
     assert (waveform.dt, waveform.names) == (DT, ("AS-i",))
 
 
-def test_a_sigrok_session_keeps_what_was_not_recorded(save):
+def test_a_sigrok_session_has_nan_where_nothing_was_recorded(save):
     waveform = Waveform.read(save(session([V, np.full(N, np.nan), V]), "a.sr"))
     assert np.isnan(waveform.u).sum() == N
 
@@ -300,7 +300,7 @@ def test_a_npz_archive_that_unpacks_to_too_much_is_refused(tmp_path):
     assert "it unpacks to 16777218 numbers; at most 16777216" in refused(tmp_path / "a.npz")
 
 
-def test_only_what_is_asked_for_is_unpacked(save, tmp_path, monkeypatch):
+def test_only_the_wanted_channel_is_unpacked(save, tmp_path, monkeypatch):
     monkeypatch.setattr("shipnet.line.scope_file.MOST_NUMBERS", 2 * N)
     monkeypatch.setattr("shipnet.line.scope_file.MOST_PER_BYTE", 0)
     other = [("analog-1-2-1", np.asarray(-V, "<f4").tobytes())]

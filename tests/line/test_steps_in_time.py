@@ -210,7 +210,7 @@ def test_a_capacitor_fills_and_an_inductor_lets_go_with_its_time_constant(load, 
     assert v[1][later] == pytest.approx(expected, abs=2e-4)
 
 
-def test_a_network_never_gives_more_energy_than_it_took():
+def test_a_network_never_returns_more_energy_than_it_received():
     network = asi_network(50, CABLES["as-i 1.5"])
     current = send_current(np.array([0, 1, 1, 0, 1]))
     t, (v,) = times(60e-6, 5e-9), waves(network, [("n5", drawn(current))], 60e-6, 5e-9, ["n5"])

@@ -34,7 +34,7 @@ def write(folder, name, *cells):
     nbformat.write(new_notebook(cells=list(cells)), folder / name)
 
 
-def test_the_index_lists_what_is_there_and_takes_no_text_for_html(tmp_path):
+def test_the_index_lists_all_tools_and_escapes_their_text(tmp_path):
     png = new_output("display_data", {"image/png": "QUJD\nREVG\n"})
     title = new_markdown_cell("# A <b> & {{ x }}\n\nLead {% y %}.\n\nMore.")
     write(tmp_path, "b.ipynb", title, new_code_cell("1", outputs=[png]))
@@ -60,7 +60,7 @@ def test_the_template_names_nothing_outside(tmp_path):
         assert loads == [], path.name
 
 
-def test_voila_keeps_kernels_ready_unless_it_is_asked_not_to(tmp_path):
+def test_voila_keeps_kernels_ready_unless_told_otherwise(tmp_path):
     ready, late = f"{app.PREHEAT}=True", f"{app.PREHEAT}=False"
     assert ready in app.voila(EXPLORE, tmp_path)[0]
     command, _ = app.voila(EXPLORE, tmp_path, late)

@@ -17,7 +17,7 @@ def test_every_answer_is_read_on_every_cable(data, cable):
     assert tool.ok and tool.verdict.startswith(f"read {Response(data).bits}: ")
 
 
-def test_too_long_a_cable_gives_a_named_error_and_a_terminator_prevents_it():
+def test_too_long_a_cable_raises_a_named_error_and_a_terminator_prevents_it():
     long = AsiLine(length=250)
     assert not long.ok and long.verdict.startswith("AlternationError: slot 4")
     terminated = replace(long, terminator=True)
@@ -31,7 +31,7 @@ def test_a_terminator_loads_the_line_and_leaves_the_tolerances_of_the_pulses():
         assert not tool.ok and tool.result.ringing > 0.30
 
 
-def test_a_telegram_read_from_uneven_pulses_is_no_good_line():
+def test_a_line_with_uneven_pulses_is_not_good_even_if_it_is_read():
     far = AsiLine(length=230, place=230)
     assert far.numbers["ringing"] > "30%" and far._read() == Response(far.data).bits
     assert not far.ok and far.verdict.endswith("; the pulses are outside their tolerance")

@@ -87,7 +87,7 @@ def test_late_messages_are_red_bars():
     assert "response, missed" in labels
 
 
-def test_the_editor_says_what_is_wrong_and_keeps_the_text():
+def test_the_editor_reports_faults_and_keeps_the_text():
     page = CanLoad().explore()
     before = page.figure.value
     page.controls["bit_rate"].value = 50_000
@@ -116,7 +116,7 @@ def test_a_dbc_is_loaded_as_text():
     assert "all 1 messages meet their deadlines" in page.text
 
 
-def test_a_file_that_is_no_text_changes_nothing_and_what_windows_writes_is_text():
+def test_a_binary_file_changes_nothing_and_a_windows_text_is_read():
     page = CanLoad().explore()
     load(page.uploads["load a message set"], b"\x89PNG\0", "a.png")
     assert page.note == "a.png: this is not a text file"

@@ -36,14 +36,14 @@ def test_a_reader_that_keeps_up_finds_every_packet(size, rule):
     assert tool.ok and result.ring.lost == 0
 
 
-def test_by_the_letter_even_a_reader_that_keeps_up_reads_what_is_not_due():
+def test_by_the_printed_rule_even_a_fast_reader_reads_too_much():
     tool = ReceiveRing(16, "printed", 60 * (*PACKET, *ALL))
     result = tool.result
     assert result.ring.stale > 0 and not tool.ok
     assert result.packets != 60 or result.wrong
 
 
-def test_the_printed_repair_gives_up_what_the_corrected_ring_still_has():
+def test_the_printed_repair_loses_bytes_that_the_corrected_ring_keeps():
     late = 3 * PACKET
     rules = ("intended", "corrected")
     printed, corrected = (ReceiveRing(16, rule, (*late, "repair")).result for rule in rules)
@@ -53,7 +53,7 @@ def test_the_printed_repair_gives_up_what_the_corrected_ring_still_has():
     assert found == [1, 2]
 
 
-def test_two_rounds_late_the_printed_ring_takes_itself_for_empty():
+def test_two_rounds_late_the_printed_ring_seems_empty():
     actions = (*(5 * PACKET), "byte", "byte")
     late = ReceiveRing(16, "intended", (*actions, "extract")).result
     assert late.ring.unread == 32 and "known to be empty" in late.said
@@ -73,7 +73,7 @@ def test_reading_on_without_end_is_cut_off():
     assert (result.packets, result.wrong) == (2, 1)
 
 
-def test_more_packets_than_a_byte_can_number_are_told_apart():
+def test_more_packets_than_a_byte_can_number_are_distinguished():
     result = ReceiveRing(8, "intended", 450 * (*PACKET, *ALL)).result
     assert (result.packets, result.wrong) == (450, 0)
 
@@ -93,7 +93,7 @@ def test_a_packet_that_is_begun_is_stored_to_its_end():
         ({"actions": 2001 * ("byte",)}, "there are 2001 actions"),
     ],
 )
-def test_a_value_that_is_no_choice_is_named(fields, message):
+def test_a_value_that_is_not_a_choice_is_named(fields, message):
     with pytest.raises(ArgumentError, match=message):
         ReceiveRing(**fields)
 

@@ -37,7 +37,7 @@ def small():
     return SMALL.result
 
 
-def test_it_says_what_compare_says(small):
+def test_the_tool_agrees_with_compare(small):
     iolist = IoList.parse(FEW, "few.csv")
     rng = np.random.default_rng(2024)
     expected = iolist.compare(Site((10, 0, 8)), OPTIONS, rng=rng)
@@ -47,7 +47,7 @@ def test_it_says_what_compare_says(small):
     assert small.conclusions() == expected.conclusions()
 
 
-def test_a_price_plans_nothing_anew_and_a_limit_does(monkeypatch, small):
+def test_a_new_price_replans_nothing_and_a_new_limit_does(monkeypatch, small):
     def planner(*_, **__):
         raise AssertionError("planned anew")
 
@@ -83,7 +83,7 @@ def test_lines_of_settings_win_over_the_controls_and_reach_plan_price_and_rules(
     assert len(caught.value.faults) == 2 and "asi.length" in str(caught.value)
 
 
-def test_settings_are_loaded_from_a_file_and_given_as_one():
+def test_settings_are_loaded_from_a_file_and_saved_to_one():
     page = SMALL.explore()
     load(page.uploads["load settings"], b"[asi]\nlength = 200\n", "own.toml")
     assert page.inputs.own == "[asi]\nlength = 200\n"
@@ -106,7 +106,7 @@ def test_the_labour_rate_is_paid_by_the_hour_and_the_price_of_parts_by_the_part(
     assert dict(zip(assumed["name"], assumed["status"], strict=True))["labour_rate"] == "given"
 
 
-def test_a_tight_need_leaves_points_out_and_says_why_once_a_reason():
+def test_a_short_update_time_leaves_points_out_and_each_reason_is_given_once():
     tight = replace(SMALL, update_ms=20)
     found = tight.result
     left = found.table()["points_left_out"]
@@ -122,7 +122,7 @@ def test_a_tight_need_leaves_points_out_and_says_why_once_a_reason():
         replace(only, picture=picture).plot(ax=Figure().subplots())
 
 
-def test_the_verdict_names_what_breaks_no_rule_the_cheapest_first(small):
+def test_the_verdict_names_designs_without_violations_the_cheapest_first(small):
     table = small.table()
     good = table[(table["rules_violated"] == 0) & (table["points_left_out"] == 0)]
     assert small.meeting == good.sort_values("total_cost_eur").index.tolist()
@@ -133,7 +133,7 @@ def test_the_verdict_names_what_breaks_no_rule_the_cheapest_first(small):
     assert bad.verdict == "8 points: every design that connects all points violates a rule"
 
 
-def test_the_table_and_the_page_say_what_it_is(small):
+def test_the_table_and_the_page_say_that_it_is_a_design_aid(small):
     shown = SMALL._view()
     pd.testing.assert_frame_equal(shown.table, small.short())
     assert BANNER in shown.caption and "assumptions" in shown.caption
@@ -141,7 +141,7 @@ def test_the_table_and_the_page_say_what_it_is(small):
 
 
 @pytest.mark.parametrize("mixed", MIXES)
-def test_every_mix_is_one_option_more_and_mixes_what_there_is(mixed):
+def test_every_mix_is_one_more_option_of_the_points_present(mixed):
     found = replace(SMALL, mixed=mixed).result
     assert list(found.designs) == [*OPTIONS, mixed]
     plain = "tag,type,home run\na,AI,20\nb,AI,30\n".replace("AI", "AO")
@@ -204,7 +204,7 @@ def excel(table):
     return file.getvalue()
 
 
-def test_a_workbook_becomes_the_points_that_it_holds():
+def test_a_workbook_becomes_its_points():
     table = pd.DataFrame({"Tag": ["LS-1", "TT-2"], "Signal": ["limit switch", "Pt100 3-wire"],
                           "x": [1.5, 2], "y": [0, 0], "z": [3, 4]})  # fmt: skip
     taken = from_file(SMALL, "list.xlsx", excel(table))
@@ -223,7 +223,7 @@ def test_a_file_is_read_as_it_was_written(encoding):
     assert len(taken.name) == 80
 
 
-def test_a_list_that_no_state_can_hold_is_refused():
+def test_a_list_too_large_for_a_state_is_refused():
     with pytest.raises(ArgumentError, match="a state holds"):
         replace(SMALL, points="\u8239" * 400_000)
     most = replace(SMALL, points="\u8239" * 310_000 + "\n")
@@ -232,7 +232,7 @@ def test_a_list_that_no_state_can_hold_is_refused():
     assert read_state(state, "ship_design", ShipDesign) == most
 
 
-def test_the_page_refuses_a_bad_list_fault_by_fault_and_takes_a_good_one():
+def test_the_page_lists_the_faults_of_a_bad_list_and_accepts_a_good_one():
     page = SMALL.explore()
     before = page.inputs
     upload = page.uploads["load a list"]

@@ -104,7 +104,7 @@ def test_the_figure_at_the_lowest_and_the_highest_of_all(tool):
 
 
 @pytest.mark.parametrize("tool", TOOLS)
-def test_axes_that_are_drawn_on_again_show_nothing_of_what_was_there(tool):
+def test_axes_that_are_used_again_show_nothing_of_the_last_plot(tool):
     kinds = declared(kind_of(tool)).items()
     given = [{n: x} for n, kind in kinds if not isinstance(kind, Text) for x in limits(kind)]
     sheet, again = Sheet(), 0
@@ -125,7 +125,7 @@ def test_axes_that_are_drawn_on_again_show_nothing_of_what_was_there(tool):
 
 
 @pytest.mark.parametrize("tool", TOOLS)
-def test_what_is_not_legal_is_named(tool):
+def test_values_that_are_not_legal_are_named(tool):
     for name, kind in declared(kind_of(tool)).items():
         wrong = [None, [], object(), {}]
         if isinstance(kind, Number | Whole):
@@ -136,7 +136,7 @@ def test_what_is_not_legal_is_named(tool):
 
 
 @pytest.mark.parametrize("tool", TOOLS)
-def test_sliders_stay_within_what_is_legal_and_start_where_the_inputs_do(tool):
+def test_sliders_stay_within_legal_values_and_start_at_the_inputs(tool):
     start = kind_of(tool)()
     controls = Controls(start)
     for name, kind in declared(type(start)).items():

@@ -97,13 +97,13 @@ def test_a_control_that_must_not_exceed_another_follows_it(page, seen):
     assert page.controls["dead"].max == 30
 
 
-def test_text_becomes_no_html_and_the_picture_has_words(page):
+def test_text_is_escaped_and_the_picture_has_alternative_text(page):
     assert page.text == "5 slaves <on> CAN\ndead: 0"
     assert "5 slaves &lt;on&gt; CAN" in page._shown.value
     assert 'alt="A line: 5 slaves &lt;on&gt; CAN"' in page.figure.value
 
 
-def test_what_is_wrong_is_a_sentence_and_the_old_picture_pales(page):
+def test_a_fault_is_a_sentence_and_the_old_picture_fades(page):
     page.controls["bus"].value = "AS-i"
     old = page.figure.value
     assert "A line: 5 slaves" in old and "shipnet-stale" not in page._dom_classes
@@ -124,7 +124,7 @@ def test_what_is_wrong_is_a_sentence_and_the_old_picture_pales(page):
     assert "shipnet-busy" not in page._dom_classes
 
 
-def test_a_file_with_several_faults_is_told_fault_by_fault(seen):
+def test_the_faults_of_a_file_are_listed_one_per_line(seen):
     faults = [f"row {n} is <empty>" for n in range(60)]
 
     def take(toy, name, content):
@@ -141,7 +141,7 @@ def test_a_file_with_several_faults_is_told_fault_by_fault(seen):
     assert Page(Toy(), see).text == "a.csv:\nrow 0 is <empty>\nrow 1 is <empty>"
 
 
-def test_a_table_stands_between_verdict_and_numbers():
+def test_a_table_is_shown_between_verdict_and_numbers():
     table = pd.DataFrame({"cost <EUR>": ["<1", "2"]}, index=["a & b", "c"])
     view = View(verdict="two", ok=True, numbers={"n": "2"}, table=table, caption="made <up>")
     assert str(view).splitlines()[-2:] == ["made <up>", "n: 2"] and "cost <EUR>" in str(view)
@@ -165,7 +165,7 @@ def test_the_page_is_busy_while_it_computes():
     assert "shipnet-busy" not in page._dom_classes
 
 
-def test_a_change_is_shown_before_the_browser_is_told_that_it_is_done_with(page, seen):
+def test_a_change_is_shown_before_the_browser_may_send_the_next(page, seen):
     async def moved():
         page.controls["slaves"].value = 19
         return page.text
@@ -184,7 +184,7 @@ def test_a_preset_sets_all_controls_and_is_computed_once(seen):
     assert page.controls["slaves"].value == 14
 
 
-def test_a_button_changes_what_no_control_shows_and_failure_is_said(seen):
+def test_a_button_changes_fields_without_controls_and_reports_failure(seen):
     buttons = [
         Button("a", "Adds a.", lambda toy: replace(toy, done=(*toy.done, "a"))),
         Button("crash", "Fails.", lambda toy: 1 / 0),
@@ -201,7 +201,7 @@ def test_a_button_changes_what_no_control_shows_and_failure_is_said(seen):
     assert "This should not happen: ZeroDivisionError" in page.note
 
 
-def test_an_upload_changes_inputs_or_says_why_not_and_takes_the_same_file_twice(seen):
+def test_an_upload_changes_inputs_or_says_why_not_and_works_twice_for_a_file(seen):
     def take(toy, name, content):
         if not content:
             raise InputError(name, "it is empty")
@@ -236,7 +236,7 @@ TOYS = st.builds(
 
 
 @given(toy=TOYS)
-def test_a_saved_state_comes_back_as_it_was(toy):
+def test_a_saved_state_is_loaded_unchanged(toy):
     assert read_state(write_state(TOOL, toy).encode(), TOOL, Toy) == toy
 
 
@@ -246,7 +246,7 @@ def state(**changes):
     return json.dumps({**whole, "inputs": inputs, **changes}).encode()
 
 
-def test_the_link_saves_what_load_takes_back(page):
+def test_load_reads_back_what_the_link_saves(page):
     page.controls["slaves"].value = 9
     page.controls["name"].value = "caf\xe9"
     kept = b64decode(
@@ -289,7 +289,7 @@ def test_a_state_that_is_saved_when_the_verdict_changes_is_the_new_one(page):
     ],
     ids=range(17),
 )
-def test_a_state_that_cannot_be_is_refused_and_nothing_changes(page, content, message):
+def test_an_illegal_state_is_refused_and_nothing_changes(page, content, message):
     page.controls["length"].value = 77.0
     before, calls = page.inputs, len(page._see)
     load(page.uploads["load state"], content, "bad.json")
@@ -304,12 +304,12 @@ def query(toy):
 
 
 @given(toy=TOYS)
-def test_a_link_comes_back_as_it_was_and_names_only_what_is_changed(toy):
+def test_a_link_is_read_back_unchanged_and_names_only_changed_inputs(toy):
     assert read_link(query(toy), Toy) == toy
     assert query(replace(Toy(), dead=3)) == "dead=3" and query(Toy()) == ""
 
 
-def test_a_link_opens_the_page_on_its_values_and_the_page_gives_the_same_link(page, seen):
+def test_a_link_opens_the_page_at_its_values_and_the_page_has_the_same_link(page, seen):
     page.query.value = "slaves=9&ring=True&done=a b&name="
     assert page.inputs == Toy(slaves=9, ring=True, done=("a", "b")) and page.note == ""
     assert len(seen) == 2 and "?slaves=9&amp;ring=True&amp;done=a+b" in page.links.value
@@ -369,7 +369,7 @@ def test_a_sheet_keeps_its_axes_unless_their_size_changes_and_makes_room_for_new
     assert sheet.axes is None
 
 
-def test_controls_that_are_folded_away_are_read_as_all_others(seen):
+def test_controls_that_are_folded_away_are_read_like_others(seen):
     page = Page(Toy(), seen, folds={"more": ("ring", "name")})
     (fold,) = page._controls.folded
     assert fold.selected_index is None and fold.titles == ("more",)
@@ -384,7 +384,7 @@ def test_missing_inputs_are_named_all_at_once():
         read_state(short.encode(), TOOL, Toy)
 
 
-def test_a_slider_holds_the_nearest_step_and_what_the_browser_sends_back_is_no_change(page, seen):
+def test_a_slider_shows_the_nearest_step_and_a_browsers_echo_is_not_a_change(page, seen):
     page._controls.put(Toy(length=10.4))
     assert page.inputs.length == 10.0
     page.note = "kept"

@@ -80,7 +80,7 @@ def test_over_a_socket_it_is_the_same_as_in_model_time():
     assert ValveClient(valves=5, valve=3).view(readout).verdict == "valve 3: moving, 0 %"
 
 
-def test_what_is_no_server_is_told_in_a_sentence():
+def test_an_address_without_a_server_is_reported_in_a_sentence():
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
         port = closed.getsockname()[1]
@@ -91,7 +91,7 @@ def test_what_is_no_server_is_told_in_a_sentence():
 
 
 @pytest.mark.parametrize("reply", [b"", b"\x00" * 9, "silence", "other unit"])
-def test_a_server_that_answers_nonsense_is_told_in_a_sentence(reply):
+def test_a_server_that_answers_nonsense_is_reported_in_a_sentence(reply):
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
         def answer():
@@ -173,7 +173,7 @@ def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it():
     box.close()
 
 
-def test_a_reading_that_is_missing_is_said_and_is_no_silence():
+def test_a_missing_reading_is_reported_and_does_not_count_as_silence():
     valves = ModelValves(2)
     valves._slaves[1].device.plant._offsets[:] = np.nan
     readout = Client.over(valves, 3).read()
@@ -207,14 +207,14 @@ def test_a_refusal_colours_its_valve_only_until_that_obeys():
         box.close()
 
 
-def test_what_is_typed_counts_when_it_is_finished():
+def test_typed_text_counts_when_it_is_finished():
     box = ValveClient().explore()
     fields = box.controls
     box.close()
     assert not any(fields[name].continuous_update for name in ("address", "port", "valves"))
 
 
-def test_the_explorer_goes_to_a_server_that_is_typed_and_says_where_none_is():
+def test_the_explorer_connects_to_a_typed_address_or_reports_that_no_server_answers():
     box = ValveClient().explore()
     try:
         fields, buttons = box.controls, box.buttons
@@ -232,7 +232,7 @@ def test_the_explorer_goes_to_a_server_that_is_typed_and_says_where_none_is():
         box.close()
 
 
-def test_a_client_that_nobody_holds_any_more_closes_its_server():
+def test_a_client_that_is_no_longer_referenced_closes_its_server():
     before = threading.active_count()
     box = ValveClient().explore()
     assert threading.active_count() == before + 1

@@ -38,7 +38,7 @@ def test_every_fault_is_active_in_some_state_and_health_in_all_is_normal(code):
     assert mild == ["normal"] * 4
 
 
-def test_the_vectors_of_the_paper_are_diagnosed_as_it_says():
+def test_the_papers_vectors_are_diagnosed_as_printed():
     table = rule_vectors(fill="physical")
     for code, row in table.iterrows():
         commanded = bool(row["DVPos"] == row["DVPos"])
@@ -126,7 +126,7 @@ def test_the_sliders_start_where_the_inputs_do_and_a_fault_sets_them():
     assert controls["threshold"].value == 1.0
 
 
-def test_the_confusion_matrix_shows_percent_and_frames_what_is_right():
+def test_the_confusion_matrix_shows_percent_and_frames_correct_results():
     trials = fault_trials(
         ["normal", "Pos3"], n_valves=4, methods=["fuzzy"], rng=np.random.default_rng(1)
     )

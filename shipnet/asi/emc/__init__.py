@@ -1,4 +1,4 @@
-"""Electromagnetic disturbances: their waveforms, the telegrams that they cost, what rules ask."""
+"""Electromagnetic disturbances, the telegrams that they destroy, and immunity test levels."""
 
 import lazy_loader
 

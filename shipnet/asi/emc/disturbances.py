@@ -286,7 +286,7 @@ def levels() -> pd.DataFrame:
     pandas.DataFrame
         One row per parameter of a test: both levels, their ratio, gap and sources. ``gap`` is
         "covers", "below", "test missing" (AS-i has none) or "not asked" (by the ship).
-        ``asi_printed`` is what kim2023 prints in Table 2, ``asi`` what it means. Where
+        ``asi_printed`` is the value in kim2023's Table 2, ``asi`` its meaning. Where
         ``confirmed`` is "yes", the marine value is on a public page of a type-tested product or
         of a test house; where it is "no", it is general knowledge: confirm it before using it.
 

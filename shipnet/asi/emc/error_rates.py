@@ -93,13 +93,13 @@ _REACH = 1.25
 #: counted rates are 2 times higher at 1e-4, and 26 times at 1e-8.
 _HIGHEST_MINIMUM = 0.35
 
-#: Number of standard deviations beyond which noise is not counted.
+#: Number of standard deviations beyond which noise is ignored.
 _FAR = 9.0
 
 #: Nodes and weights of an integral from -1 to 1.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
-#: A probability whose complement still has a logarithm; logarithms keep small ones from rounding.
+#: Largest probability whose complement has a logarithm; logarithms keep small ones exact.
 _ALMOST_ONE = 1 - 1e-15
 
 

@@ -46,7 +46,7 @@ _GRID = 250e-9
 #: of the pulse that must be lower then.
 _SLIPS, _AROUND = 3, 7
 
-#: Noise ahead of a telegram becomes its first pulse at one of these points [s].
+#: Spacing of the points before a telegram at which noise becomes its first pulse [s].
 _AHEAD = 0.5e-6
 
 #: Share of draws that go to the less likely design points and telegrams, whatever a pilot found.
@@ -165,7 +165,7 @@ def _points_of(case: _Case) -> Floats:
         first, s = int(at[0]), float(np.sign(row[at[0]]))
         sets = _Sets(gain, row, receiver)
         sets.add([_below(sets.above(first, s))])
-        # Noise ahead; of the other sign also until shortly before the pulse.
+        # Noise before the telegram, with the other sign until shortly before the pulse.
         ends = {s: first - round(1.25 * half), -s: first - round(half / 2)}
         for sign, end in ends.items():
             for i in range(0, end, max(1, round(_AHEAD / dt))):

@@ -54,7 +54,7 @@ def send_loops(
     The line runs at 9600 bit/s. Only the printed loop on a busy chip depends on the time to `poll`.
     """
     if not polls:
-        raise ArgumentError("polls is empty; it must hold a time")
+        raise ArgumentError("polls is empty; it must contain a time")
     ways = [("idle", b"", "printed", polls[0]), ("idle", b"", "intended", polls[0])]
     ways += [("busy", waiting, "printed", poll) for poll in polls]
     ways += [("busy", waiting, "intended", polls[0])]

@@ -212,7 +212,7 @@ def recovered(
     ``intended`` is the mean over the `places` of the reader, which ``stops`` at this share of them.
     """
     if not len(places):
-        raise ArgumentError("places is empty; it must hold a place")
+        raise ArgumentError("places is empty; it must contain a place")
     size, rows = length(reading="A"), []
     for n in waiting:
         found = [packets_found(n, "intended", get_no=place) for place in places]
