@@ -51,7 +51,7 @@ class Run:
     speed : ndarray of float, shape (n_times, n_valves)
         Change of VPos, up or down, within the last second [%/s].
     ran : ndarray of float, shape (n_times, n_valves)
-        How long the motor has been running in its direction [s]; NaN while it is off.
+        Time that the motor has been running in its direction [s]; NaN while it is off.
     moving, active : ndarray of bool, shape (n_times, n_valves)
         Whether the valve turns, and whether a command is still in progress.
     opening : ndarray of float, shape (n_times, n_valves)

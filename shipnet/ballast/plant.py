@@ -356,7 +356,7 @@ class Plant:
 
     @property
     def run_time(self) -> Floats:
-        """How long each motor has been running at this reading [s]; NaN if it is off."""
+        """Time that each motor has been running at this reading [s]; NaN if it is off."""
         return np.where(self.running, (self.ran - 1) * self.step, np.nan)
 
     def ticks(self, time: float) -> int:

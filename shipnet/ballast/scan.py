@@ -51,7 +51,7 @@ def status_poll(
     timeout : float, default 1
         Response time-out of the master [s].
     retries : int, default 0
-        How often the master repeats a request that is not answered.
+        Number of times that the master repeats an unanswered request.
 
     Returns
     -------

@@ -299,7 +299,7 @@ class Comparison:
         mix: Mapping[str, str] | None = None,
         name: str | None = None,
     ) -> Design:
-        """Plan the same points at the same place in one way more, as `IoList.plan`."""
+        """Plan the same points at the same place in one more way, as `IoList.plan` does."""
         values = self.settings.replace(settings or {})
         return plan(
             self.iolist, self.site, option, settings=values, mix=mix, name=name, rules=self.rules

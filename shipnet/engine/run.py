@@ -237,12 +237,12 @@ class Screen:
 
     @property
     def marked(self) -> int:
-        """How many points are marked."""
+        """Number of points that are marked."""
         return int((self._table["mark"] != "").sum())
 
     @property
     def old(self) -> int:
-        """How many points are shown as good when older than 2 s."""
+        """Number of points shown as good when older than 2 s."""
         return int((self._table["age_s"] > RULE).sum())
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -135,7 +135,7 @@ def parse_fault(system: System, words: str) -> EngineFault:
 
 @checked
 def fault_registers(system: System | None = None) -> pd.DataFrame:
-    """Return the registers that make faults in a served engine, on unit id 247.
+    """Return the registers that inject faults into a served engine, on unit id 247.
 
     Function codes 3, 6 and 16 read and write them. A fault begins when its number is written; 0
     ends it.

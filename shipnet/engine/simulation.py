@@ -469,7 +469,7 @@ def single_failures(
     faults : fault or iterable of faults, optional
         Faults from `shipnet.engine.faults`; `System.single_faults` if not given.
     trials : int, default 5
-        How often each fault is simulated, 1..1000.
+        Number of simulations of each fault, 1..1000.
     rng : optional
         Source of phases and losses, for `numpy.random.default_rng`.
 

@@ -138,7 +138,7 @@ class FailureBounds(NamedTuple):
 
 
 class StalenessFlag(NamedTuple):
-    """How long a silent box goes unnoticed at worst: time from its failure, age of a value [s]."""
+    """Longest time that a silent box goes unnoticed: from its failure, and as a value's age [s]."""
 
     after: float
     oldest: float
@@ -294,7 +294,7 @@ class System:
 
     @cached_property
     def conversion_times(self) -> dict[str, float]:
-        """How long the inputs of each box take [s]."""
+        """Time that each box takes to convert its inputs [s]."""
         return dict(zip(self.boxes, (self.convert_ns / 1e9).tolist(), strict=True))
 
     @cached_property
@@ -359,7 +359,7 @@ class System:
 
     @cached_property
     def convert_ns(self) -> Integers:
-        """How long the inputs of each box take [ns], shape (n_boxes,)."""
+        """Time that each box takes to convert its inputs [ns], shape (n_boxes,)."""
         counts = [sum(point.analogue for point in own) for own in self.points.by_box().values()]
         return nanoseconds(self.firmware.input_time) * np.array(counts, dtype=np.int64)
 
@@ -371,7 +371,7 @@ class System:
 
     @property
     def service_ns(self) -> int:
-        """How long the Modbus interrupt takes [ns]."""
+        """Duration of the Modbus interrupt [ns]."""
         return nanoseconds(self.firmware.processing)
 
     @cached_property

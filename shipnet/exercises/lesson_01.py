@@ -46,7 +46,7 @@ def levels(bits: str) -> Solution:
 
 @solution("ex-01-2", n_bits=range(7, 22), rate=(50, 125, 200, 250, 400))
 def telegram_time(n_bits: int, rate: int) -> Solution:
-    """How long a telegram of equal bits is without an edge, at a rate in kbit/s."""
+    """Duration of a telegram of equal bits, which has no edge, at a rate in kbit/s."""
     right = 1e3 * n_bits / rate
     return Number(right, "us"), {
         "the last bit takes its time too: n bits last n bit times": right - 1e3 / rate,

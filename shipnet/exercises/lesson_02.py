@@ -58,7 +58,7 @@ def cable_ends(echoes: tuple[float, ...]) -> Solution:
 
 @solution("ex-02-2", length=range(60, 321, 20), delay=(5.0, 5.5, 6.0, 6.5, 7.0), place=(5, 10, 15))
 def echo_time(length: int, delay: float, place: int) -> Solution:
-    """How much later than a valve's signal its echo comes, for a delay in ns/m."""
+    """Time from a valve's signal to its echo, for a delay in ns/m."""
     beyond, per_metre = length - place, delay * 1e-3
     right = 2 * beyond * per_metre
     return Number(right, "us"), {

@@ -51,7 +51,7 @@ def request(unit: int, number: int, quantity: int) -> Solution:
 
 @solution("ex-06-2", registers=range(6, 31), rate=(2400, 4800, 9600, 19200))
 def response_time(registers: int, rate: int) -> Solution:
-    """How long a response is on the line."""
+    """Duration of a response on the line."""
 
     def lasts(extra: int = 0, character: str = "8E1") -> float:
         size = _question(0, registers).response_size + 3 + extra
@@ -88,7 +88,7 @@ _TRIED = [(1, 1, 9600), (31, 10, 19200), (60, 4, 38400), (247, 4, 115200), (247,
 
 @solution("ex-06-3")
 def scan_time() -> Solution:
-    """How long a scan of all slaves takes."""
+    """Duration of a scan of all slaves."""
     return Function(_scan, _TRIED, lambda right: Number(right, "s")), {
         "is the silence 3.5 characters at every bit rate?": lambda *case: _scan_with(7, *case),
         "a transaction has two silences, one after each frame": (

@@ -113,7 +113,7 @@ class Cable(Valued):
 
     @property
     def parameters(self) -> tuple[Quantity, ...]:
-        """The constants r, l, c, g and skin, and the resistance at direct current."""
+        """The constants r, l, c, g and skin, and the DC resistance."""
         return self.r, self.l, self.c, self.g, self.skin, self.resistance
 
     @property

@@ -101,7 +101,7 @@ def check_coils(coils: Iterable[bool], most: int, name: str = "coils") -> tuple[
 
 
 def pack_coils(coils: tuple[bool, ...]) -> bytes:
-    """Return coils as bytes, the first in the lowest bit, padded with 0."""
+    """Return coils as bytes, the first in the least significant bit, padded with 0."""
     value = sum(1 << place for place, coil in enumerate(coils) if coil)
     return value.to_bytes(-(-len(coils) // 8), "little")
 
@@ -169,7 +169,7 @@ class Request(_Framed):
     address : int
         Address of the first coil or register, 0..65535.
     quantity : int, optional
-        How many to read: 1..2000 coils or inputs, 1..125 registers. For writes, the number of
+        Number to read: 1..2000 coils or inputs, 1..125 registers. For writes, the number of
         values.
     coils : sequence of bool, optional
         States to write from the lowest address: 1 with code 5, 1..1968 with code 15.

@@ -168,7 +168,7 @@ class Scan:
 
     @property
     def max_slaves(self) -> int | None:
-        """How many slaves fit into the limit, including dead ones; None without a limit."""
+        """Number of slaves that fit into the limit, including dead ones; None without a limit."""
         return None if self.limit is None else _most(self.polls, self.limit, self.dead)
 
     @property

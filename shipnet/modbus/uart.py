@@ -1,7 +1,7 @@
 """A serial line: its characters and silences, its level over time, and what a UART reads.
 
-A character is a start bit of level 0, the data from the lowest bit, perhaps a parity bit, and one
-or two stop bits of level 1; an idle line has level 1.
+A character is a start bit of level 0, the data with the least significant bit first, perhaps a
+parity bit, and one or two stop bits of level 1; an idle line has level 1.
 """
 
 from __future__ import annotations

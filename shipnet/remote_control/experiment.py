@@ -106,7 +106,7 @@ class Comparison:
     --------
     >>> from shipnet import remote_control as rc
     >>> rc.compare_checks([10], [1e-3], packets=20_000, rng=2024)
-    Comparison(3 checks, 60000 packets, 4158 accepted though wrong)
+    Comparison(3 checks, 60000 packets, 4158 accepted with errors)
     """
 
     _rows: tuple[tuple[object, ...], ...]
@@ -117,7 +117,7 @@ class Comparison:
             return "Comparison(of nothing)"
         return (
             f"Comparison({table['check'].nunique()} checks, {table['sent'].sum()} packets, "
-            f"{table['undetected'].sum()} accepted though wrong)"
+            f"{table['undetected'].sum()} accepted with errors)"
         )
 
     def table(self) -> pd.DataFrame:
@@ -161,8 +161,8 @@ def switch_staleness(shares: Shares, period: float, interval: float, sending: Se
 
     .. math:: f = \frac{1}{2} \left( 1 - e^{-2 T / \tau} \right)
 
-    A discarded packet, with the probability d, leaves the old position; one that is accepted though
-    wrong, u, leaves none. In the long run the share of wrong positions is
+    A discarded packet, with the probability d, leaves the old position; one that is accepted with
+    errors, u, leaves none. In the long run the share of wrong positions is
 
     .. math:: g + \frac{d f (1 - g)}{1 - d + 2 d f}, \quad g = \frac{u}{1 - d}
     """
@@ -189,7 +189,7 @@ class Recommendation:
 
     `sending` is "changed" or "cyclic"; RCS ends a turn without an answer after `turn_timeout` [s];
     `refresh_time` is the mean time in which every value is received once [s]; `wrong_per_year`
-    counts packets accepted though wrong (an upper estimate if byte-stuffed); `stale_time` is the
+    counts packets accepted with errors (an upper estimate if byte-stuffed); `stale_time` is the
     mean time that a switch is wrong after a failed packet [s].
     """
 

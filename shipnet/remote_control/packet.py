@@ -155,7 +155,7 @@ class MarkerFormat(PacketFormat):
         return 1 - (1 - check_whole("markers", markers, 0, 256) / 256) ** n
 
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
-        r"""Return the share that is accepted though wrong.
+        r"""Return the share that is accepted with errors.
 
         Markers alone accept every packet whose m marker bytes are intact,
 
@@ -383,7 +383,7 @@ class CobsFormat(PacketFormat):
         return [*parts, "end of the packet"]
 
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
-        """Return an estimate, usually too high, of the share that is accepted though wrong."""
+        """Return an estimate, usually too high, of the share that is accepted with errors."""
         # Single inverted bits that pass are counted by trying them all; two or more are taken as
         # noise, of which 2**-16 passes. Of four million pairs of inverted bits none passed.
         bits = 8 * self.size(n_items)

@@ -49,7 +49,7 @@ def check_bytes(name: str, data: object) -> bytes:
 
 
 class Shares(NamedTuple):
-    """The outcomes of packets as shares of all; `undetected` are accepted though wrong."""
+    """The outcomes of packets as shares of all; `undetected` are accepted with errors."""
 
     intact: float
     detected: float
@@ -58,7 +58,7 @@ class Shares(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Packets sent over a disturbed line: all, detected as wrong, and accepted though wrong."""
+    """Packets sent over a disturbed line: all, detected as wrong, and accepted with errors."""
 
     sent: int
     detected: int
@@ -243,7 +243,7 @@ class PacketFormat:
     def transmit(
         self, n_items: int, rate: float, packets: int, rng: np.random.Generator | int | None = None
     ) -> Trial:
-        """Send packets; return how many are detected as wrong, and how many accepted though wrong.
+        """Send packets; return how many are detected as wrong, and how many accepted with errors.
 
         The values are random, and bits are inverted with the probability `rate`, 0..0.5.
         """

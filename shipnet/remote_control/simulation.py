@@ -200,7 +200,7 @@ class Run:
         """Draw the packets of each station from `start` to `stop` [s], as Fig. 2 of chung1998.
 
         A packet is a block in the row of its sender, coloured by its receiver, with an arrow to the
-        receiver that read it; a lost one is hatched. A red triangle marks a partner taken as
+        receiver that read it; a lost one is hatched. A red triangle marks a partner declared
         failed. A figure shows up to 500 packets.
         """
         from shipnet.remote_control.plot import plot_time_chart

@@ -96,7 +96,7 @@ def forwarded(source: str, target: str) -> frozenset[int]:
 @checked
 @record
 class Supervision:
-    r"""The rule by which a silent partner is taken as failed.
+    r"""The rule by which a silent partner is declared failed.
 
     Every tick adds 1 to ``count``, and any 0xDD clears ``count`` and ``miss``. A ``count`` beyond
     its limit is cleared and adds 1 to ``miss``; a ``miss`` beyond its limit is a failure. With
@@ -153,7 +153,7 @@ class Supervision:
         return (self.n_ticks - 1) * self.tick, self.n_ticks * self.tick
 
     def plot(self, ax: Axes | None = None, *, label: str = "") -> Axes:
-        """Draw the counters from the last 0xDD of a partner until the partner is taken as failed.
+        """Draw the counters from the last 0xDD of a partner until the partner is declared failed.
 
         A second rule drawn on the same axes has a colour and a height of its own.
         """

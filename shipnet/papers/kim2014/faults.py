@@ -264,7 +264,7 @@ class Picture(NamedTuple):
 def seen_strokes(
     numbers: Iterable[int] = (5, 64, 247), *, duration: float = 15.0, start: float = 3.0
 ) -> dict[int, Run]:
-    """Return the readings of the last valve that masters of this many receive at 9600 bit/s.
+    """Return the readings of the last valve, by the master's number of valves, at 9600 bit/s.
 
     Its command to open is due at `start` and is sent after the current poll.
     """

@@ -168,7 +168,7 @@ _MARKS = ".o^sD"
 
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
-    """Draw the true position of a valve, and the positions that masters of this many valves got."""
+    """Draw a valve's true position, and what masters received, by their number of valves."""
     ax.plot(
         true.time, true.samples["VPos"][:, 0], color="0.6", linewidth=1, label="the valve itself"
     )
