@@ -98,7 +98,7 @@ class _Clock:
         return gone
 
     def curve(self, span: int) -> tuple[Integers, Integers]:
-        """Return lengths of closed windows, and by how much their largest work grows there."""
+        """Return the lengths at which the largest work of closed windows grows, and by how much."""
         begin = np.unique(self.latest[(self.latest >= 0) & (self.latest < self.hyperperiod)])
         first = np.searchsorted(self.event, begin, side="right") - 1
         count = np.searchsorted(self.event, begin + span, side="right") - first

@@ -256,7 +256,7 @@ class Cells:
         self._faults.append((row, place, f"row {self.rows[row]}{text}"))
 
     def wrong(self, rows: Iterable[int], name: str, expected: str) -> None:
-        """Record the same fault of some cells of a column."""
+        """Record the same fault for the cells of a column in these rows."""
         cells = self[name]
         for row in rows:
             what = self.odd(row, name)

@@ -112,7 +112,7 @@ def read_edges(
 
 
 def bit_time(edges: Edges, longest: int) -> float:
-    """Return the samples per bit; runs of up to `longest` bits count."""
+    """Return the samples per bit, from runs of up to `longest` bits."""
     # Nearly half of all runs are one bit long and none is shorter; the others are whole multiples.
     runs = np.diff(edges.places)
     runs = runs[runs < 16 * np.quantile(runs, 0.2)]

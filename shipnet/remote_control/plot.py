@@ -182,7 +182,7 @@ def plot_time_chart(
 
 
 def plot_margins(table: pd.DataFrame, ax: Axes | None, limit: float) -> Axes:
-    """Draw how long a healthy slave's counters run, over the bit rate."""
+    """Draw the time that a healthy slave's counters run, over the bit rate."""
     ax = style.axes(ax)
     rate = table["bit_rate"].to_numpy(dtype=float)
     for column, label in (

@@ -29,7 +29,7 @@ def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, in
     Returns
     -------
     dict of int to int
-        Number and value of each that differs, ``NEW_SEND`` there; it may be empty.
+        The values that differ, by number, ``NEW_SEND`` there; empty if none does.
 
     Examples
     --------

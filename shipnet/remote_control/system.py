@@ -486,7 +486,7 @@ class Timing:
         return pd.DataFrame(rows, columns=columns)
 
     def plot(self, ax: Axes | None = None, *, limit: float = 3.0) -> Axes:
-        """Draw how long a healthy slave's counters run, over the bit rate.
+        """Draw the time that a healthy slave's counters run, over the bit rate.
 
         `limit`, the time to failure [s], is a red dashed line.
         """

@@ -312,7 +312,7 @@ def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
 
 
 def settings_from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
-    """Return inputs with the lines of a file of settings."""
+    """Return the inputs with the lines of a settings file as their own settings."""
     lines = text_of(content)
     Settings.parse(lines, name)
     return replace(inputs, own=lines)

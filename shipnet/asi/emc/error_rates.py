@@ -106,7 +106,7 @@ _ALMOST_ONE = 1 - 1e-15
 def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, int]:
     """Return the slots' heights from the first pulse on, and which of them have pulses.
 
-    The other two are the number of samples before each telegram and that of a record.
+    The last two values are the samples before each telegram and the samples of a record.
     """
     (bits, u), dt = wave.records, wave.dt
     n_bits = bits.shape[1]

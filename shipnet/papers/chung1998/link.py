@@ -304,7 +304,7 @@ check("chung1998-074", counter={"changed": ITEMS})(
 
 @check("chung1998-068", counter={"interval": 3600.0})
 def loss_does_no_harm(*, interval: float = 1.0) -> bool:
-    """Whether a value that changes every `interval` [s] is right within `PATIENCE` on average.
+    """Whether values that change every `interval` [s] are correct within `PATIENCE` on average.
 
     We assume one datum per packet and a bit error rate of 1e-5.
     """
