@@ -1,7 +1,8 @@
 """Labelled sensor data of a fleet over months, as Parquet files for research on diagnosis.
 
-The data are synthetic: faults and sensors are those of our own simulator. A task is a block of
-valves for all days; they are commanded together, so that numpy advances them together.
+The data are synthetic: our own simulator produces the faults and the sensor readings. A task
+simulates a block of valves for all days. The valves of a block are commanded together, so that
+numpy can advance them together.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ _DAY = 86400.0
 _EPOCH = np.datetime64("2026-01-01", "ms")
 
 #: Commands end before this time of day, at least a minute apart, so that no motor runs at midnight
-#: [s]; each command moves this share of the valves.
+#: [s]; each command moves this fraction of the valves.
 _LAST, _APART, _SHARE = 82_800.0, 60.0, 0.9
 
 #: A fault appears at once or grows in steps: days of growth, number of steps, and days from full
@@ -84,7 +85,7 @@ class _History(NamedTuple):
                 yield Fault(code, severity, valve, start=start, stop=stop)
 
     def at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the fault's place in `FAULTS`, -1 if there is none, and its severity."""
+        """Return the index of the fault in `FAULTS`, or -1 if there is none, and its severity."""
         starts, codes, severities = zip(*self.steps, strict=True)
         known = list(FAULTS)
         places = np.array([known.index(code) if code else -1 for code in codes])
@@ -186,7 +187,7 @@ class _Writer:
         about = {name: str(value) for name, value in self._about.items()}
         made = made.replace_schema_metadata({**made.schema.metadata, **about})
         path = Path(self._block.folder, *folders, f"block-{self._block.number:04d}.parquet")
-        # The times of a valve rise in even steps; the other columns have few distinct values.
+        # The times of a valve are evenly spaced; the other columns have few distinct values.
         others = [name for name in made.column_names if name != "time"]
         steps = {"time": "DELTA_BINARY_PACKED"} if "time" in made.column_names else None
         write = partial(self._parquet.write_table, made, compression="zstd")
@@ -273,5 +274,5 @@ def write_fleet(
         _written, blocks, seed=source, client=client, folder=where / "done", progress=progress
     )
     for torn in where.glob("*/**/.block-*"):
-        torn.unlink()  # left by a writer that was killed
+        torn.unlink()  # a temporary file left by a writer that was killed
     return pd.DataFrame(found).set_index("block")

@@ -1,4 +1,4 @@
-"""The rule table of kim2014 as a rule base, and the values with which the paper tests it."""
+"""The rule table of kim2014 as a rule base, and the paper's test values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from shipnet.lazy import pd
 #: The versions of the test values, and their names in the data file.
 VERSIONS = {"printed": "printed", "corrected": "meant"}
 
-#: Assumptions for the sensors whose values a row does not print.
+#: Assumed values of the sensors that a row does not print.
 FILLS = ("absent", "normal", "physical")
 
 
@@ -82,14 +82,14 @@ def _term(row: dict[str, str]) -> Term:
 
 
 def _rows(name: str) -> list[dict[str, str]]:
-    """Return the rows of a data file, without pandas, which a server does not load."""
+    """Return the rows of a data file; a server does not load pandas, so it is not used here."""
     with datasets.path(name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
 @checked
 def rule_vectors(version: str = "corrected", *, fill: str = "absent") -> pd.DataFrame:
-    """Return the values with which kim2014 tests its rules.
+    """Return the test values that kim2014 uses for its rules.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ HOPS: tuple[Hop, ...] = (("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "
 
 @record
 class DeadStation(Fault):
-    """A station does nothing from `start` to `stop`, and then continues with its old values.
+    """A station is inactive from `start` to `stop`, and then continues with its old values.
 
     Examples
     --------
