@@ -453,11 +453,34 @@ def read_list(
     return _from_sheet(sheet, {k.strip().lower(): v for k, v in (columns or {}).items()}, period)
 
 
+#: Limits of a DBC file, beyond which cantools takes seconds and gigabytes: bytes of a message (1785
+#: in J1939) and of all messages, and multiplexer values of all signals.
+_LARGEST, _LARGEST_SUM, _MOST_VALUES = 1785, 500_000, 65_536
+
+
+def _refuse_large(text: str, source: str) -> None:
+    """Raise if the text of a DBC file has numbers that take cantools too much time."""
+    plain = re.sub(r'"(?:\\"|[^"])*"|//[^\n]*', " ", text)
+    lengths = [float(n) for n in re.findall(r"\bBO_\s+\d+\s+\w+\s*:\s*(\d+)", plain)]
+    bits = [float(n) for pair in re.findall(r":\s*(\d+)\s*\|\s*(\d+)", plain) for n in pair]
+    ranges = re.findall(r"(\d+)\s*-\s*(\d+)", plain)
+    values = [float(end) - float(start) for start, end in ranges]
+    for what, found, most in (
+        ("the length of a message in bytes", max(lengths, default=0), _LARGEST),
+        ("the length of all messages in bytes", sum(lengths), _LARGEST_SUM),
+        ("the place of a signal in bits", max(bits, default=0), 8 * _LARGEST),
+        ("the number of multiplexer values", sum(values), _MOST_VALUES),
+    ):
+        if not found <= most:
+            raise InputError(source, f"{what} is {found:g}; it must be at most {most}")
+
+
 def parse_dbc(
     text: str, source: str, period: float | None = None, strict: bool = True
 ) -> MessageSet:
     """Read the messages in the text of a DBC file, through cantools."""
     cantools = load_extra("cantools", "cantools")
+    _refuse_large(text, source)
     try:
         database = cantools.database.load_string(text, database_format="dbc", strict=False)
     # cantools raises any error that its parser meets.

@@ -485,6 +485,35 @@ def test_the_cycle_times_of_a_dbc_give_load_and_response_times(tmp_path):
     assert response_times(messages, 125e3).late == []
 
 
+@pytest.mark.parametrize(
+    ("length", "bits", "values", "said"),
+    [
+        ("8888888", "0|16", "1-2", "the length of a message in bytes is 8.88889e.06; .* most 1785"),
+        ("\n // note\n1786", "0|16", "1-2", "the length of a message in bytes is 1786"),
+        ("8", "9999999|16", "1-2", "the place of a signal in bits is 1e.07; .* most 14280"),
+        ("8", "0|9999999", "1-2", "the place of a signal in bits"),
+        ("8", "0|16", "0-9999999", "the number of multiplexer values is 1e.07; .* most 65536"),
+        ("8", "0|16", "0-40000, 50000-90000", "the number of multiplexer values is 80000"),
+        ("9" * 5000, "0|16", "1-2", "the length of a message in bytes is inf"),
+        ("8", "0|16", "9-" + "9" * 5000, "the number of multiplexer values is inf"),
+    ],
+)
+def test_a_dbc_with_huge_numbers_is_refused_before_it_costs_time(length, bits, values, said):
+    pytest.importorskip("cantools")
+    text = (
+        f'BU_: A\nBO_ 145 S: {length} A\n SG_ m M : 0|8@1+ (1,0) [0|8] "" A\n'
+        f' SG_ rpm m1 : {bits}@1+ (1,0) [0|8] "" A\nSG_MUL_VAL_ 145 rpm m {values};\n'
+    )
+    with pytest.raises(InputError, match=said):
+        parse_dbc(text, "hostile.dbc", 1.0, strict=False)
+
+
+def test_large_numbers_in_texts_and_comments_of_a_dbc_are_read():
+    pytest.importorskip("cantools")
+    text = 'VERSION "BO_ 1 S: 99999 A, 0-999999"\nBU_: A\n// : 99999|8\nBO_ 145 S: 8 A\n'
+    assert parse_dbc(text, "good.dbc", 1.0).names == ("S",)
+
+
 def test_a_file_that_is_not_a_dbc_is_refused(tmp_path):
     pytest.importorskip("cantools")
     with pytest.raises(InputError, match=r"none\.dbc: cannot be read"):
