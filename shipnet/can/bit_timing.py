@@ -1,4 +1,4 @@
-"""Bit timing: the settings of a controller, and what they allow.
+"""Bit timing: the settings of a controller, and the bus length and clock error they allow.
 
 A bit has a synchronisation segment of one quantum, a propagation segment and two phase segments;
 the bus is sampled between the phase segments.

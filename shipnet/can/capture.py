@@ -209,7 +209,7 @@ class _Line:
         return rows, again
 
     def _read(self, chosen: Indices) -> tuple[_Rows, Bools]:
-        """Read these frames, sorted by their number of edges."""
+        """Read the given frames, sorted by their number of edges."""
         bits, misfit, doubt = self.receive(chosen, 1.0)
         rows = self.rows(chosen, bits[:, misfit.argmin(axis=0), np.arange(len(chosen))])
         again = np.zeros(len(chosen), dtype=bool)

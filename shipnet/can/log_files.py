@@ -67,7 +67,7 @@ class _Found:
         self.more = 0
 
     def fault(self, place: int, why: str, where: str = "") -> None:
-        """Note a fault at a place."""
+        """Record a fault at a place."""
         if len(self.faults) < _FAULTS:
             self.faults.append((place, f"{where or f'{self.unit} {place}'}: {why}"))
         else:
@@ -120,7 +120,7 @@ class _Found:
 
 
 def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
-    """Return the fewest places to remove so that times never decrease."""
+    """Return the smallest set of places to remove so that times never decrease."""
     if not np.any(np.diff(time) < 0):
         return np.zeros(0, dtype=np.intp)
     # The longest non-decreasing sequence: the last place of the best one of each length.

@@ -312,7 +312,7 @@ class ResponseTimes(Named[ResponseTime]):
 
     @property
     def critical(self) -> str:
-        """Name of the message whose response takes most of its deadline; "" if there is none."""
+        """Name of the message with the highest ratio of response to deadline; "" if none."""
         worst = max(self, key=lambda one: one.response / one.message.deadline, default=None)
         return "" if worst is None else worst.message.name
 

@@ -610,7 +610,7 @@ def _checked(file: str, table: _Channels, k: int) -> Floats:
 
 
 def _is_counter(table: _Channels, k: int) -> bool:
-    """Whether a column only numbers the samples."""
+    """Return whether a column only numbers the samples."""
     column = table.columns[k]
     if k > 0 or len(table.columns) == 1 or column.unit:
         return False
@@ -806,7 +806,7 @@ def _parse(data: bytes, offset: int, layout: _Layout) -> Floats:
 
 
 def _parse_slowly(file: str, data: bytes, skip: int, layout: _Layout) -> Floats:
-    """Read row by row, and report every cell that is not a number."""
+    """Parse row by row, and report every cell that is not a number."""
     rows: list[list[float]] = []
     faults: list[str] = []
     more = 0

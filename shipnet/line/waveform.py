@@ -119,7 +119,7 @@ class Waveform:
         np.savetxt(path, columns, delimiter=",", header=titles, comments="", fmt="%.9g")
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw all voltages over time, with a legend if there are several."""
+        """Draw all voltages over time, with a legend if there is more than one."""
         ax = style.axes(ax)
         rows = self.u.reshape(-1, self.u.shape[-1])
         names = self.names if len(self.names) == len(rows) else [None] * len(rows)

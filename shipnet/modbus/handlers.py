@@ -264,7 +264,7 @@ class TcpListener(Listener):
         self.port = self.server.sockets[0].getsockname()[1]
 
     def close(self) -> None:
-        """Accept no more, and close all connections."""
+        """Stop accepting clients, and close all connections."""
         if self.server is not None:
             self.server.close()
         super().close()

@@ -106,7 +106,7 @@ class Poll:
         return (n_slaves - dead) * self.on_wire + tries * self.line.frame_time(self.request_size)
 
     def max_slaves(self, period: float, *, dead: int = 0) -> int:
-        """Return how many slaves, dead ones included, a scan can have in a period [s], 0..247."""
+        """Return the number of slaves, dead ones included, that fit into a period [s], 0..247."""
         longest = check_scalar("period", period, "s", 0, 1e6)
         return _most([self], longest, check_whole("dead", dead, 0, MAX_UNIT))
 

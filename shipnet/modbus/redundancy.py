@@ -1,4 +1,4 @@
-"""A redundant Modbus line, closed to a loop: reachable slaves and longest gaps."""
+"""A redundant Modbus line that forms a loop: reachable slaves and longest gaps."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ class Loop:
         ]
 
     def reach(self, faults: Faults = ()) -> Reach:
-        """Return which slaves are reached with these faults, whatever their times."""
+        """Return the slaves reached with these faults, whatever the times of the faults."""
         n = self.n_slaves
         first_cut, last_cut, first_short, last_short = n + 1, -1, n + 2, -2
         dead: set[int] = set()
