@@ -54,13 +54,13 @@ class Actuator:
     )
     restrictor: Quantity = _number(
         1e-15, 1e-3, "m3/(s sqrt(Pa))",
-        "Flow through the lock valve over the root of its pressure drop", 54.8e-6 / sqrt(88e5),
+        "Flow through the lock valve per square root of its pressure drop", 54.8e-6 / sqrt(88e5),
     )  # fmt: skip
     piston_area: Quantity = _number(1e-5, 1.0, "m2", "Area of the piston, 100 mm across", 7.85e-3)
     pinion_radius: Quantity = _number(1e-3, 1.0, "m", "Radius of the pinion", 0.04)
     piston_leak: Quantity = _number(1e-18, 1e-6, "m3/(s Pa)", "Laminar leak past the piston", 1e-13)
     trapped: Quantity = _number(
-        0, 1, "", "Part of the load's pressure that the lock valve keeps at rest", 0.0
+        0, 1, "", "Fraction of the load's pressure that the lock valve holds at rest", 0.0
     )
     bearing_torque: Quantity = _number(
         1e-3, inf, "N m", "Friction of bearings and packing; inf for a stuck valve", 55.0
@@ -72,9 +72,7 @@ class Actuator:
         0, 1e6, "N m", "Torque of the flow, which closes the valve", 20.0
     )
     no_load_current: Quantity = _number(0, 1e3, "A", "Magnetising current of the motor", 0.7)
-    torque_constant: Quantity = _number(
-        1e-3, 1e4, "N m/A", "Shaft torque over active current", 4.15
-    )
+    torque_constant: Quantity = _number(1e-3, 1e4, "N m/A", "Shaft torque per active current", 4.15)
     pump_efficiency: Quantity = _number(0.05, 1, "", "Mechanical efficiency of the pump", 0.85)
     friction: Quantity = _number(0, 1e4, "N m", "Additional torque that the pump needs", 0.0)
     voltage: Quantity = _number(1, 1e4, "V", "Line voltage, three phases", 400.0)
@@ -86,13 +84,13 @@ class Actuator:
         1e-3, 1e4, "W/K", "Heat flow from the motor per kelvin above its surroundings", 6.4
     )
     ambient: Quantity = _number(
-        -40, 100, "degC", "Temperature of its surroundings; IACS UR M40, machinery spaces", 45.0
+        -40, 100, "degC", "Ambient temperature of the motor; IACS UR M40, machinery spaces", 45.0
     )
     duty: Quantity = _number(
         0, 1, "", "Share of the time for which it ran before: type S3 15 % of IEC 60034-1", 0.15
     )
     motor_time: Quantity = _number(
-        0.1, 3600, "s", "The controller stops a motor that has run for this long", 20.0
+        0.1, 3600, "s", "Running time after which the controller stops a motor", 20.0
     )
 
     def __post_init__(self) -> None:

@@ -53,7 +53,7 @@ class Run:
     ran : ndarray of float, shape (n_times, n_valves)
         Time that the motor has been running in its direction [s]; NaN while it is off.
     moving, active : ndarray of bool, shape (n_times, n_valves)
-        Whether the valve turns, and whether a command is still in progress.
+        True while the valve turns, and while a command is in progress.
     opening : ndarray of float, shape (n_times, n_valves)
         True opening, 0..1, which no sensor reads.
     movements : tuple of Movement
@@ -459,7 +459,7 @@ def diagnose(
     Returns
     -------
     shipnet.fuzzy.Decision
-        The top fault, all active codes, and why.
+        The top fault, all active codes, and the reasons.
 
     Examples
     --------

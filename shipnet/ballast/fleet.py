@@ -213,13 +213,14 @@ def write_fleet(
     Parameters
     ----------
     folder : path
-        Folder for the files. The same call continues there after a stop; another one is refused.
+        Folder for the files. After an interruption, the same call continues there; a different call
+        is refused.
     valves : int, default 1000
         Number of valves, 1..100000; one worker simulates a block of 50.
     days : int, default 365
         Number of days, 1..3650.
     faults_per_year : float, default 2
-        Mean number of faults per valve and year of health, 0..50; each is one of `FAULTS`.
+        Mean number of faults per valve and healthy year, 0..50; each is one of `FAULTS`.
     strokes : int, default 6
         Commands per day, alternately to open and to close the valves of a block, 0..100.
     idle_step : float, default 60
@@ -247,9 +248,9 @@ def write_fleet(
     ``time`` in UTC, the channels with their units, whether the motor is ``running`` and a command
     ``active``, and as truth the ``label``, the code of the present fault or empty, and its
     ``severity``, 0..1. ``strokes/`` has one row per run of a motor with the diagnosis by the rule
-    table, ``faults/`` one per fault: when it starts, how long it grows, in five steps, and when it
-    is repaired. Every file states in its metadata that it is synthetic: finding these faults
-    verifies a method, but does not validate it.
+    table, ``faults/`` one per fault: its start, the duration of its growth, in five steps, and its
+    repair. Every file states in its metadata that it is synthetic: finding these faults verifies a
+    method, but does not validate it.
 
     Examples
     --------

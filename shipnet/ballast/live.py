@@ -203,10 +203,10 @@ def acceptance_tests(*, bit_rate: float = 9600.0, rng: Any = None) -> pd.DataFra
 
     Notes
     -----
-    The paper prints that all tests were passed, but neither steps nor criteria; these are ours. A
+    The paper prints that all tests were passed, but neither steps nor criteria; we chose them. A
     fault is found if its code is among those active after the command, because the rules are
-    nested. The slave's status contains one code; it passes if it is that of the fault, or of a rule
-    that implies it.
+    nested. The slave's status contains one code; the step passes if this is the fault's code, or
+    the code of a rule that implies it.
 
     Examples
     --------
@@ -438,7 +438,7 @@ class ModelValves:
     n_valves : int, default 16
         Number of valves, 1..247.
     faults : tuple of Fault, optional
-        Their faults.
+        Faults of the valves.
     rng : numpy.random.Generator, optional
         Draws the noise of the sensors; no noise if omitted.
 
@@ -479,7 +479,7 @@ class Client:
     address : str, default "127.0.0.1"
         Name or address of the server.
     port : int, default 5020
-        Its port.
+        Port of the server.
     n_valves : int, default 16
         Number of valves that are read, 1..247.
     timeout : float, default 1

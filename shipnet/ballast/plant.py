@@ -85,7 +85,7 @@ class Command:
     """
 
     action: str | float
-    time: float = number(0, 1e9, "s", "Time at which it is given", default=0.0)
+    time: float = number(0, 1e9, "s", "Time at which the command is given", default=0.0)
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:

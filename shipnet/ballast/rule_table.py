@@ -27,9 +27,9 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
     Parameters
     ----------
     slow_stroke : float, optional
-        Time from which a stroke is slow [s], 1..3600. It adds a variable ``Time``, the running time
-        of the motor, and a rule T1 of the lowest rank, with a ramp of 1 s. The rule is ours: the
-        table has no fault for a slow valve, but prints a stroke of up to 10 s.
+        Time from which a stroke is slow [s], 1..3600. This argument adds a variable ``Time``, the
+        running time of the motor, and a rule T1 of the lowest rank, with a ramp of 1 s. The rule is
+        ours: the table has no fault for a slow valve, but prints a stroke of up to 10 s.
 
     Returns
     -------
@@ -96,8 +96,8 @@ def rule_vectors(version: str = "corrected", *, fill: str = "absent") -> pd.Data
     version : {"corrected", "printed"}, default "corrected"
         With the misprints corrected, or as printed.
     fill : {"absent", "normal", "physical"}, default "absent"
-        The reading of a sensor that a row does not print: none; its normal value; or that of the
-        plant in the state that the row describes.
+        The reading of a sensor that a row does not print: none; its normal value; or the value in
+        the plant's state that the row describes.
 
     Returns
     -------

@@ -62,21 +62,21 @@ def simulate(
     system : System or int
         The valves, or their number if they are commanded and read directly.
     commands : iterable of Command, optional
-        Their commands, in any order. A master sends them one by one, between two polls.
+        Commands to the valves, in any order. A master sends them one by one, between two polls.
     faults : Fault or iterable of Fault, optional
         Faults of the valves, and with a master of the line (`shipnet.modbus`).
     until : float
         End time, 0..1e8 [s]; with a master 0..1e5 [s].
     idle_step : float, optional
-        Time between two readings while no motor runs, `step`..3600 [s]; that of the system if
-        omitted. It applies without a master only.
+        Time between two readings while no motor runs, `step`..3600 [s]; the system's value if
+        omitted. It applies only without a master.
     rng : Generator, int or None, optional
         Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
 
     Returns
     -------
     Run or MasterRun
-        Readings, flags and movements; with a master what it received and showed.
+        Readings, flags and movements; with a master, the data that it received and showed.
 
     Examples
     --------

@@ -270,8 +270,8 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
     The shipped recording was made by others on rotary actuators of the kind that turns ship
     valves, 15 000 in-lbf [1]_: three healthy ones, one with a damaged gear, one with a leaking
     seal. Each stroke of 3000 samples was reduced to 600 points, the mean of five samples or, for
-    accelerations, ten times their standard deviation. Values are raw counts; units and sampling
-    period are not published.
+    accelerations, ten times their standard deviation. Values are raw counts; the units and the
+    sampling period are not published.
 
     References
     ----------

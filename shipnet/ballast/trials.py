@@ -76,9 +76,10 @@ class Trials:
     Notes
     -----
     The indices are those of the DAMADICS benchmark [1]_, whose text was not available to us; we
-    define them as follows. *Detection time*: until any code is active. *Isolation time*: until the
-    fault's own code is active, if it is the top fault of the trial. *Isolability*: the share of the
-    detected faults that are isolated. *Sensitivity*: the least severity that was detected.
+    define them as follows. *Detection time*: time until any code is active. *Isolation time*: time
+    until the fault's own code is active, if it is the top fault of the trial. *Isolability*: the
+    fraction of the detected faults that are isolated. *Sensitivity*: the lowest severity that was
+    detected.
 
     References
     ----------
@@ -177,7 +178,7 @@ def fault_trials(
     n_valves : int, default 256
         Valves with each fault; at most 10000 in all.
     severity : float or array_like of float, shape (n_valves,), default 1
-        How severe the faults are, 0..1.
+        Severity of the faults, 0..1.
     methods : iterable of str, optional
         Methods of diagnosis, of the same readings: ``crisp``, ``midpoint`` and ``fuzzy`` if
         omitted.
@@ -293,9 +294,10 @@ def false_alarms(
     -------
     pandas.DataFrame
         Indexed by ``method``: ``commands``; the number of periods with an alarm, ``alarmed``, and
-        their share ``per_command`` with ``_low`` and ``_high``; ``valve_years``, the ``alarms`` in
-        them (a top fault that follows normal), and ``per_valve_year`` with ``_low`` and ``_high``;
-        and ``false_detection_rate``, the share of the time during which a fault is reported.
+        their fraction ``per_command`` with ``_low`` and ``_high``; ``valve_years``, the ``alarms``
+        in them (a top fault that follows normal), and ``per_valve_year`` with ``_low`` and
+        ``_high``; and ``false_detection_rate``, the fraction of the time during which a fault is
+        reported.
 
     Notes
     -----
@@ -378,7 +380,7 @@ class FleetReport:
         One row for every time a code became active: ``time_s``, ``valve``, ``code``, ``top_fault``.
     signals : DataFrame
         One row for every time the top fault of a valve changed: ``time_s``, ``valve``,
-        ``top_fault``. It is normal until the first.
+        ``top_fault``. The top fault is normal until the first change.
 
     Notes
     -----
@@ -530,12 +532,12 @@ def run_fleet(
     rng : Generator, int or None, optional
         Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
     idle_step : float, default 1
-        Time between two readings while no motor runs; it is 0.1 s while one does [s].
+        Time between two readings while no motor runs; the interval is 0.1 s while a motor runs [s].
 
     Returns
     -------
     FleetReport
-        When each fault began and when it was diagnosed; false alarms.
+        Times at which each fault began and was diagnosed, and false alarms.
 
     Notes
     -----

@@ -25,8 +25,7 @@ from shipnet.modbus.uart import SerialLine
 
 Verdict = Literal["met", "violated", "not verified"]
 
-#: Protocols with an open international standard or public specification, and the bits of their
-#: CRCs.
+#: Protocols with an open international standard or public specification, and their CRCs.
 STANDARDS: dict[str, tuple[str, Crc | None]] = {
     "CAN": ("ISO 11898-1", CAN),
     "Modbus RTU": ("MODBUS over serial line V1.02", MODBUS),
@@ -115,7 +114,7 @@ class Description:
     cpus: int | None = whole(1, 4, "", "Processors of each box", default=None, optional=True)
     supplies: int | None = whole(1, 4, "", "Supplies of each box", default=None, optional=True)
     power_switch_over: float | None = number(
-        0, 3600, "s", "How long a change of the supply takes", default=None, optional=True
+        0, 3600, "s", "Duration of a change-over of the supply", default=None, optional=True
     )
     volatile: bool | None = switch(
         "Whether settings or programs are stored in volatile memory", default=None,
@@ -125,7 +124,7 @@ class Description:
     links: Mapping[str, tuple[str, ...]] | None = field(default=None, hash=False)
     routes: Mapping[str, tuple[str, ...]] | None = field(default=None, hash=False)
     poll: Poll | None = part(
-        Poll, "The poll that asks one junction box for all points", default=None, optional=True
+        Poll, "Poll that requests all points from one junction box", default=None, optional=True
     )
     retries_known: bool = switch(
         "Whether the retries of `poll` are those of the system, not a mere default", default=False

@@ -34,8 +34,8 @@ class CanBreak(EngineFault):
     Notes
     -----
     A break splits the bus in two, each part with one of the two terminators. Both parts still work,
-    which is an **assumption** that suits short cables and low bit rates. What is queued or on the
-    bus at the break, or at its repair, is lost. A box on its own gets no acknowledgement.
+    which is an **assumption** that suits short cables and low bit rates. Frames queued or on the
+    bus at the break, or at its repair, are lost. An isolated box receives no acknowledgement.
 
     Examples
     --------
@@ -174,10 +174,10 @@ class LostModbusFrames(EngineFault):
     at = "channel"
 
     request: float = number(
-        0, 1, "", "Probability that a request is not understood", default=0.5, kw_only=True
+        0, 1, "", "Probability that a request arrives damaged", default=0.5, kw_only=True
     )
     response: float = number(
-        0, 1, "", "Probability that a response is not understood", default=0.0, kw_only=True
+        0, 1, "", "Probability that a response arrives damaged", default=0.0, kw_only=True
     )
 
 

@@ -112,7 +112,7 @@ class InputCard:
 
     points: PointList = part(PointList, "One or more points", make=PointList)
     bits: int = whole(
-        1, 16, "", "Resolution of the converter; that of the AT90CAN128 is 10", default=10,
+        1, 16, "", "Resolution of the converter; the AT90CAN128 has 10 bits", default=10,
         kw_only=True,
     )  # fmt: skip
     reference: float = number(

@@ -201,10 +201,10 @@ class Screen:
     Parameters
     ----------
     time : float
-        When [s].
+        Time of the screen [s].
     table : pandas.DataFrame
-        One row per point, by tag: ``box``, ``service``, ``value`` shown, ``unit``, ``true`` (what
-        the sensor measures now), ``age_s`` and ``mark``: empty, ``0xFF``, ``too old``, or ``0xFF?``
+        One row per point, by tag: ``box``, ``service``, ``value`` shown, ``unit``, ``true`` (the
+        sensor's present value), ``age_s`` and ``mark``: empty, ``0xFF``, ``too old``, or ``0xFF?``
         for a good value that equals the error mark. Value and age are NaN if marked.
 
     Notes

@@ -70,11 +70,11 @@ def serve(
     Parameters
     ----------
     system : System, optional
-        The system, in the printed coding; that of lee2012 if not given.
+        The system, in the printed coding; the system of lee2012 if not given.
     faults : fault or iterable of faults, optional
         Faults in model time, except random losses. A box that is dead, or cut off from the AMS,
-        does not answer. Values of a box that is not received on CAN stay as they are, and are
-        marked after the system's `stale_limit`.
+        does not answer. Values of a box that is not received on CAN stay unchanged, and are marked
+        after the system's `stale_limit`.
     speed : float, default 1
         Model seconds per real second, 0..1e4.
     rng : optional
@@ -88,7 +88,7 @@ def serve(
     Server
         Unit ids 2 and 3, one slave each. Function code 3 reads one register per point, in the order
         of Table 3, temperatures in tenths of a degree. Unit id 247 has `fault_registers`, which
-        make more faults while it runs.
+        inject more faults while the server runs.
 
     Examples
     --------
@@ -143,12 +143,12 @@ def fault_registers(system: System | None = None) -> pd.DataFrame:
     Parameters
     ----------
     system : System, optional
-        The system; that of lee2012 if not given.
+        The system; by default the one of lee2012.
 
     Returns
     -------
     pandas.DataFrame
-        One row per ``address``: ``where`` something can fail, and what the register ``holds``.
+        One row per ``address``: ``where`` a fault can occur, and what the register ``holds``.
 
     Examples
     --------

@@ -63,15 +63,15 @@ def simulate(
     until : float
         The last poll begins before this time, 0.001..1e6 [s].
     phases : mapping of str to float, optional
-        When a round of each box begins, and under ``"AMS"`` the first poll, 0..100 [s]. Others
-        begin at 0, or at a random time if there is an `rng`.
+        Start of a round of each box and, under ``"AMS"``, of the first poll, 0..100 [s]. Other
+        boxes begin at 0, or at a random time if there is an `rng`.
     rng : optional
         Source of random numbers, for `numpy.random.default_rng`; required if frames are lost.
 
     Returns
     -------
     Run
-        Requests, frames, and what the AMS shows.
+        Requests, frames, and the values that the AMS shows.
 
     Raises
     ------
@@ -477,13 +477,13 @@ def single_failures(
     -------
     pandas.DataFrame
         One row per fault, after a first row ``none``: ``lost`` (points without a newer value as
-        long as the fault lasts), ``old`` (points shown as good when older than 2 s),
+        long as the fault lasts), ``old`` (points shown as good although older than 2 s),
         ``oldest_s`` (greatest age shown as good; infinite if it grows as long as a lasting fault
-        does), ``bound_s`` (what that can reach in any phase; infinite without a bound), ``marked``
-        (points ever marked), ``marked_after_s`` (from the fault until the last of them was first
-        marked, at most; NaN if none), ``noticed`` (what the AMS raises: ``link``, ``path``,
-        ``mark`` or ``no``), ``answer_s`` (longest answer), ``answer_ok`` and ``age_ok`` (whether
-        the bounds of answer and age are at most 2 s).
+        does), ``bound_s`` (bound on ``oldest_s`` in any phase; infinite without a bound),
+        ``marked`` (points ever marked), ``marked_after_s`` (longest time from the fault until the
+        last of these points was first marked; NaN if none), ``noticed`` (what the AMS raises:
+        ``link``, ``path``, ``mark`` or ``no``), ``answer_s`` (longest answer), ``answer_ok`` and
+        ``age_ok`` (whether the bounds of answer and age are at most 2 s).
 
     Notes
     -----

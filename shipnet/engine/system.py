@@ -70,7 +70,7 @@ class Firmware:
     The Modbus interrupt suspends everything else; the bytes of its response go out one by one
     beside other work. The short timer and CAN routines run while the loop waits for the
     multiplexer, so they do not prolong it (lee2012, section III.2, figures 5 and 6). A conversion
-    takes 13 clocks of 50..200 kHz (Atmel, AT90CAN32/64/128 data sheet).
+    takes 13 cycles of a clock of 50..200 kHz (Atmel, AT90CAN32/64/128 data sheet).
 
     Examples
     --------
@@ -88,7 +88,9 @@ class Firmware:
         0, 1, "s", "Wait after the multiplexer has chosen an input until its filter has settled",
         default=1e-3,
     )  # fmt: skip
-    send: float = number(1e-9, 1, "s", "To hand one frame to the CAN controller", default=100e-6)
+    send: float = number(
+        1e-9, 1, "s", "Time to pass one frame to the CAN controller", default=100e-6,
+    )  # fmt: skip
     receive: float = number(
         1e-9, 1e-3, "s",
         "CAN interrupt: to take over one frame and reset the timer of its sender", default=50e-6,
@@ -155,9 +157,9 @@ class System:
     -----
     With the `coding` "printed", a box marks all values of a box that it has not received for
     `stale_limit`, as 0xFF. With "corrected", it also sends the age of every frame, and the AMS
-    marks each value that may be older than `age_limit`. A CAN ring, as figure 3 may be read, is not
-    a bus of ISO 11898; here it is assumed to work. It is also assumed that the AMS stays on the
-    channel that answered last. The time-out waits for the *first* character of a response.
+    marks each value that may be older than `age_limit`. Figure 3 may show a CAN ring, which ISO
+    11898 does not allow; here a ring is assumed to work. It is also assumed that the AMS stays on
+    the channel that answered last. The time-out waits for the *first* character of a response.
 
     References
     ----------
@@ -185,7 +187,7 @@ class System:
         default_factory=read_points, make=PointList,
     )  # fmt: skip
     firmware: Firmware = part(
-        Firmware, "Times within a box; all assumed if not given", default_factory=Firmware
+        Firmware, "Times within a box; all are assumed if not given", default_factory=Firmware
     )
     can_bit_rate: int = whole(
         10_000, 10**6, "bit/s", "Bit rate of CAN; not printed, assumed", default=125_000

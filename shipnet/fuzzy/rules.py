@@ -398,7 +398,7 @@ class Decision:
     threshold : float
         Lowest strength at which a rule fires.
     active : ndarray of bool, shape (..., n_rules)
-        Which rules are reported, in the order of ``firing.base.codes``.
+        True for each reported rule, in the order of ``firing.base.codes``.
 
     Examples
     --------

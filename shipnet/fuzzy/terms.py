@@ -37,7 +37,7 @@ class Interval:
     low, high : float
         The ends; -inf or inf where there is none. At least one must be finite.
     low_closed, high_closed : bool, default False
-        Whether an end belongs to the interval.
+        True if the end belongs to the interval.
 
     Examples
     --------
@@ -188,7 +188,7 @@ class Variable:
     Parameters
     ----------
     name : str
-        Its symbol, such as ``FP``: letters, digits and underscores.
+        Symbol of the variable, such as ``FP``: letters, digits and underscores.
     unit : str
         Unit of its values, of the universe and of the corners of the terms.
     low, high : float

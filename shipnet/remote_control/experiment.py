@@ -278,16 +278,16 @@ def recommend(
     n_items : int
         Values that each station sends, 1..84.
     system : System, optional
-        Its bit rate, character, processing and ``turn_timeout`` count; that of the paper if
-        omitted. Without a ``turn_timeout``, a turn ends after half a cycle, twice the time of an
-        answer; waiting until the counters run out, as printed, would leave a switch wrong for 4.4 s
-        more.
+        Only bit rate, character, processing and ``turn_timeout`` are used; by default the paper's
+        link. Without a ``turn_timeout``, a turn ends after half a cycle, twice the time of an
+        answer; waiting until the counters reach the limit, as printed, would leave a switch wrong
+        for 4.4 s longer.
     rate : float, default 1e-5
         Bit error rate, 0..0.1; our assumption, because the paper names none.
     stale_time : float, default 3
         Longest mean time that a switch is shown in a wrong position after a failed packet,
-        1e-3..1e9 [s], including the wait of RCS for the lost answer; by default as long as a failed
-        partner may stay unnoticed.
+        1e-3..1e9 [s], including the wait of RCS for the lost answer; the default equals the time
+        for which a failed partner may go unnoticed.
 
     Returns
     -------

@@ -67,7 +67,7 @@ class LostPacket(Fault):
     """
 
     source: str = choice(STATIONS, "Its sender")
-    target: str = choice(STATIONS, "Its receiver; one of the two is RCS")
+    target: str = choice(STATIONS, "Receiver of the packet; sender or receiver is RCS")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -78,9 +78,9 @@ class MarkerFormat(PacketFormat):
 
     Notes
     -----
-    A value byte may equal a marker; nothing escapes it. With ``numbers="any"``, a receiver that
-    stores by number, as printed, writes outside its table when a number is disturbed. The paper
-    [1]_ names no check of the numbers and no CRC.
+    A value byte may equal a marker, because the format has no escape sequence. With
+    ``numbers="any"``, a receiver that stores by number, as printed, writes outside its table when a
+    number is disturbed. The paper [1]_ names no check of the numbers and no CRC.
 
     References
     ----------

@@ -80,28 +80,28 @@ class Ring:
     Parameters
     ----------
     size : int, default 128
-        Number of bytes that it holds, 2..65536.
+        Capacity of the ring, 2..65536 bytes.
     rule : {"printed", "intended", "corrected"}, default "printed"
-        How the reader decides. "printed": by the printed tests, in which ``no == get_no`` with
-        equal flags counts as data. "intended": the same, but such a ring is empty. "corrected":
-        writer and reader count their bytes without starting again.
+        Rule by which the reader decides. "printed": the printed tests, in which ``no == get_no``
+        with equal flags counts as data. "intended": the same, but such a ring is empty.
+        "corrected": writer and reader count their bytes without returning to 0.
 
     Attributes
     ----------
     written : int
-        Bytes stored so far; the printed program does not have this number.
+        Bytes stored so far; the printed program does not keep this count.
     lost : int
         Bytes that were never read and can no longer be read.
     stale : int
-        Bytes taken that were read before or never received.
+        Bytes read that had been read before or were never received.
 
     Notes
     -----
     In case a the printed reader [1]_ switches the receive interrupt off and sends; here it stops,
-    and continues when the case has changed. In case c it gives up a part of the ring: it moves to
-    the middle if ``no`` is in the lower half, else to the start, and seeks 0xCC from there. If
-    there is none, it ends at the writer, with an empty ring; the paper does not say. ``no == size /
-    2`` counts as the upper half, also our choice.
+    and continues when the case has changed. In case c it skips a part of the ring: it moves to the
+    middle if ``no`` is in the lower half, otherwise to the start, and searches for 0xCC from there.
+    If it finds none, it stops at the writer, with an empty ring; the paper does not specify this
+    case. ``no == size / 2`` counts as the upper half, which is also our choice.
 
     The counters of a corrected program may have 16 bits: their difference is right as long as fewer
     than 65536 bytes are unread.

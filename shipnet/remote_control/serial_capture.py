@@ -206,14 +206,14 @@ def read_capture(
     path : path
         A file as for `shipnet.can.read_capture`. The level of the idle line is 1.
     bit_rate : float, optional
-        Bit rate of the receiver, 50..10e6 [bit/s]; that of the sender, as found, if omitted.
+        Bit rate of the receiver, 50..10e6 [bit/s]; the sender's rate, as found, if omitted.
     character : str, optional
-        Data bits (5..9), parity (N, E, O) and stop bits (1, 2), as ``"8N1"``; found if omitted,
-        with 7 or 8 data bits.
+        Data bits (5..9), parity (N, E, O) and stop bits (1, 2), such as ``"8N1"``; found if
+        omitted, with 7 or 8 data bits.
     channel : str, optional
         Title or number of the channel; the one with the most changes if omitted.
     sample_interval : float, optional
-        Time between two samples [s], in place of that of the file.
+        Time between two samples [s], which replaces that in the file.
 
     Returns
     -------
@@ -232,8 +232,8 @@ def read_capture(
     All bits are sampled in their middle, and the next character begins at the first fall after the
     middle of the first stop bit. Pulses shorter than a third of a bit are removed first.
 
-    Rate and form are those with the fewest faults. With fewer than about ten characters several
-    forms have none, and the result is a guess, so state them.
+    The bit rate and character format with the fewest faults are chosen. With fewer than about ten
+    characters, several formats have no faults and the result is a guess, so pass both arguments.
 
     Examples
     --------

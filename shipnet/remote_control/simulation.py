@@ -245,9 +245,9 @@ def simulate(
 
     Notes
     -----
-    A station takes bytes only while it receives (``comm_f`` is 1). Its task reads the ring after
-    every byte, and answers when a packet is complete; a broken packet is not answered. The part of
-    it that arrived stays in the ring and can spoil the next packet. The timers stop only when their
+    A station accepts bytes only while it receives (``comm_f`` is 1). Its task reads the ring after
+    every byte, and answers when a packet is complete; a broken packet is not answered. The part
+    that arrived stays in the ring and can spoil the next packet. The timers stop only when their
     station is dead. One byte 0xDD of the partner, marker or value, clears the counters; in a format
     without markers a complete packet does.
 
@@ -517,7 +517,7 @@ def switch_delays(
     Parameters
     ----------
     system : System, optional
-        The link; its bit rate does not matter. That of the paper if omitted.
+        The link, by default the paper's; its bit rate is not used.
     changes : int, default 20
         Number of moves of the switch, 1..10000.
     rng : numpy.random.Generator or int, optional

@@ -29,7 +29,7 @@ def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, in
     Returns
     -------
     dict of int to int
-        The values that differ, by number, ``NEW_SEND`` there; empty if none does.
+        The changed values by number, ``NEW_SEND`` there; empty if there are none.
 
     Examples
     --------

@@ -122,7 +122,7 @@ class Supervision:
     tick: float = number(1e-3, 10, "s", "Period of the timer", default=0.1)
     count_limit: int = whole(1, 1000, "ticks", "Limit of `count`", default=10)
     miss_limit: int = whole(
-        0, 1000, "", "Limit of `miss`, at least 1 if it need only be reached", default=3
+        0, 1000, "", "Limit of `miss`, at least 1 if reaching it suffices", default=3
     )
     strict: bool = switch("Whether a limit must be exceeded, not only reached", default=True)
 
@@ -232,7 +232,7 @@ class System:
 
     Notes
     -----
-    With packets of the length P, and a time t to process each, a cycle takes
+    With packets of duration P and a processing time t per packet, the duration of a cycle is
 
     .. math:: T = 4 (P + t)
 
