@@ -1,4 +1,4 @@
-"""An electro-hydraulic actuator: its parameters, its hydraulics in closed form, its motor.
+"""An electro-hydraulic actuator: parameters, hydraulics in closed form, and motor.
 
 The paper prints none of these numbers. They describe an actuator of common size for a butterfly
 valve of DN 100 to 150, chosen so that the operating point is near row 0 of the rule table; each
@@ -54,13 +54,13 @@ class Actuator:
     )
     restrictor: Quantity = _number(
         1e-15, 1e-3, "m3/(s sqrt(Pa))",
-        "Flow through the lock valve over the root of its pressure drop", 54.8e-6 / sqrt(88e5),
+        "Flow through the lock valve per square root of its pressure drop", 54.8e-6 / sqrt(88e5),
     )  # fmt: skip
     piston_area: Quantity = _number(1e-5, 1.0, "m2", "Area of the piston, 100 mm across", 7.85e-3)
     pinion_radius: Quantity = _number(1e-3, 1.0, "m", "Radius of the pinion", 0.04)
     piston_leak: Quantity = _number(1e-18, 1e-6, "m3/(s Pa)", "Laminar leak past the piston", 1e-13)
     trapped: Quantity = _number(
-        0, 1, "", "Part of the load's pressure that the lock valve keeps at rest", 0.0
+        0, 1, "", "Fraction of the load's pressure that the lock valve holds at rest", 0.0
     )
     bearing_torque: Quantity = _number(
         1e-3, inf, "N m", "Friction of bearings and packing; inf for a stuck valve", 55.0
@@ -72,9 +72,7 @@ class Actuator:
         0, 1e6, "N m", "Torque of the flow, which closes the valve", 20.0
     )
     no_load_current: Quantity = _number(0, 1e3, "A", "Magnetising current of the motor", 0.7)
-    torque_constant: Quantity = _number(
-        1e-3, 1e4, "N m/A", "Shaft torque over active current", 4.15
-    )
+    torque_constant: Quantity = _number(1e-3, 1e4, "N m/A", "Shaft torque per active current", 4.15)
     pump_efficiency: Quantity = _number(0.05, 1, "", "Mechanical efficiency of the pump", 0.85)
     friction: Quantity = _number(0, 1e4, "N m", "Additional torque that the pump needs", 0.0)
     voltage: Quantity = _number(1, 1e4, "V", "Line voltage, three phases", 400.0)
@@ -86,13 +84,13 @@ class Actuator:
         1e-3, 1e4, "W/K", "Heat flow from the motor per kelvin above its surroundings", 6.4
     )
     ambient: Quantity = _number(
-        -40, 100, "degC", "Temperature of its surroundings; IACS UR M40, machinery spaces", 45.0
+        -40, 100, "degC", "Ambient temperature of the motor; IACS UR M40, machinery spaces", 45.0
     )
     duty: Quantity = _number(
         0, 1, "", "Share of the time for which it ran before: type S3 15 % of IEC 60034-1", 0.15
     )
     motor_time: Quantity = _number(
-        0.1, 3600, "s", "The controller stops a motor that has run for this long", 20.0
+        0.1, 3600, "s", "Running time after which the controller stops a motor", 20.0
     )
 
     def __post_init__(self) -> None:
@@ -111,7 +109,7 @@ class Actuator:
 
     @property
     def n_valves(self) -> int | None:
-        """Number of valves that the arrays describe; None without arrays."""
+        """Number of valves that the arrays describe; None if there are no arrays."""
         return next((len(value) for value in self._arrays()), None)
 
     @property
@@ -124,7 +122,7 @@ class Actuator:
         return [value for value in values if isinstance(value, np.ndarray)]
 
 
-#: Opening over which the seating torque decays, as a part of the quarter turn; our assumption.
+#: Opening over which the seating torque decays, as a fraction of the quarter turn; our assumption.
 _SEAT = 0.03
 
 #: Nodes of the quadrature over a stroke; with 48 the error of the seat's exponential is 1e-9.
@@ -158,7 +156,7 @@ def hydraulics(actuator: Actuator, load: npt.ArrayLike) -> Hydraulics:
 
 
 class Oil:
-    """The hydraulics of an actuator; what does not depend on the load is computed once."""
+    """The hydraulics of an actuator; values that do not depend on the load are computed once."""
 
     # The oil is assumed to be stiff, so pressures follow the load at once. The pump delivers
     # D n - K p with the relief valve closed, and D n - (K + K_r) p + K_r p_r with it open; the
@@ -171,7 +169,7 @@ class Oil:
         supplies = (pumped, pumped + np.asarray(a.relief_slope) * a.relief_pressure)
         self._balances = tuple(zip(leaks, supplies, strict=True))
         self._restrictor, self._piston_leak = a.restrictor, a.piston_leak
-        # The pressure at which all the flow through the lock valve leaks past the piston.
+        # At this pressure, all the flow through the lock valve leaks past the piston.
         self._blocked = np.asarray(np.inf)
         for leak, supply in self._balances:
             s = _root(leak, a.restrictor * (1 + leak / a.piston_leak), supply)
@@ -197,7 +195,7 @@ def velocity(actuator: Actuator, opening: npt.ArrayLike, direction: npt.ArrayLik
 
 
 def stroke_time(actuator: Actuator, direction: int = 1) -> Floats:
-    """Return how long a valve takes from end to end: to open (1) or to close (-1)."""
+    """Return the stroke time of a valve from end to end, to open (1) or to close (-1)."""
     # Two panels: the seat, whose torque decays within a few hundredths, needs its own nodes.
     edge = 10 * _SEAT
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
@@ -215,31 +213,31 @@ def _root(a: npt.ArrayLike, b: npt.ArrayLike, c: npt.ArrayLike) -> Floats:
 
 
 def _active_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    """Return the part of the motor's current that is in phase with its voltage."""
+    """Return the component of the motor's current that is in phase with its voltage."""
     a = actuator
     torque = np.asarray(a.displacement) * pump_pressure / (2 * np.pi * a.pump_efficiency)
     return np.asarray((torque + a.friction) / a.torque_constant)
 
 
 def motor_current(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    """Return the current of the running motor: magnetising and active part, in quadrature."""
+    """Return the current of the running motor: magnetising and active components in quadrature."""
     return np.asarray(np.hypot(actuator.no_load_current, _active_current(actuator, pump_pressure)))
 
 
 def electric_power(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    """Return the electric power of the running motor, which only its active current carries."""
+    """Return the electric power of the running motor, computed from its active current."""
     drawn = np.sqrt(3) * actuator.voltage * _active_current(actuator, pump_pressure)
     return np.asarray(drawn + actuator.no_load_loss)
 
 
 def losses(actuator: Actuator, pump_pressure: npt.ArrayLike) -> Floats:
-    """Return the heat in motor and pump: all the power that the oil does not carry away."""
+    """Return the heat in motor and pump: the electric power not transferred to the oil."""
     pressure = np.asarray(pump_pressure, float)
     given = np.asarray(actuator.displacement) * actuator.speed * pressure
     return np.asarray(electric_power(actuator, pressure) - given)
 
 
 def steady_temperature(actuator: Actuator) -> Floats:
-    """Return the temperature of the motor after many strokes at its duty."""
+    """Return the steady-state temperature of the motor at its duty cycle."""
     pressure = hydraulics(actuator, load_pressure(actuator, 0.5)).pump_pressure
     return actuator.ambient + actuator.duty * losses(actuator, pressure) / actuator.cooling

@@ -33,7 +33,7 @@ _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
 #: Time after the end of a command during which codes count as its result [s]; our choice.
 _SETTLE = 5.0
 
-#: Readings whose strengths are in memory at once: 25 MB for 12 rules.
+#: Readings whose firing strengths are held in memory at once: 25 MB for 12 rules.
 _AT_ONCE = 2**18
 
 
@@ -53,7 +53,7 @@ class Run:
     ran : ndarray of float, shape (n_times, n_valves)
         Time that the motor has been running in its direction [s]; NaN while it is off.
     moving, active : ndarray of bool, shape (n_times, n_valves)
-        Whether the valve turns, and whether a command is still in progress.
+        True while the valve turns, and while a command is in progress.
     opening : ndarray of float, shape (n_times, n_valves)
         True opening, 0..1, which no sensor reads.
     movements : tuple of Movement
@@ -83,7 +83,7 @@ class Run:
 
     @cached_property
     def DVPos(self) -> Floats:
-        """Speed of VPos [%/s], NaN unless the motor has been running for the whole second."""
+        """Speed of VPos [%/s]; NaN unless the motor has run for the whole last second."""
         return stroke_speed(self.speed, self.ran)
 
     @cached_property
@@ -123,7 +123,7 @@ class Run:
             if last - first < 1:
                 continue
             seen = self.readings[first:last, :, moved.valve]
-            # The next reading shows where the valve stopped.
+            # The first reading after the run shows where the valve stopped.
             place = self.readings[min(last, self.time.size - 1), 4, moved.valve]
             row[0] = abs(place - seen[0, 4])
             row[1:3] = np.median(seen[:, [0, 2]], axis=0)
@@ -143,8 +143,8 @@ class Run:
         """Diagnose all valves at all instants, by default with the rules of the paper.
 
         A code is active if its rule fired in `k` or more of the last `n` instants. `method` is
-        ``fuzzy``, ``midpoint`` or ``crisp``. Only ``crisp``, the table as printed, evaluates DVPos
-        while no command is active.
+        ``fuzzy``, ``midpoint`` or ``crisp``. Only ``crisp``, the rule table as printed, evaluates
+        DVPos while no command is active.
         """
         return diagnose_run(self, rules, method=method, k=k, n=n, threshold=threshold)
 
@@ -214,14 +214,14 @@ class Recorder:
 
 
 class Tail(NamedTuple):
-    """The last instants of a run, copied, with which the diagnosis of the next run begins."""
+    """A copy of the last instants of a run, with which the diagnosis of the next run begins."""
 
     samples: dict[str, Floats]
     active: Bools
 
 
 def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats]:
-    """Return the values of the rules' variables; DVPos only under a command, or at any time."""
+    """Return the values of the rules' variables; `any_time` includes DVPos outside commands."""
     found = run.samples | {"Time": run.ran}
     found["DVPos"] = run.speed if any_time else np.where(run.active, run.DVPos, np.nan)
     unknown = [name for name in base.names if name not in found]
@@ -280,7 +280,7 @@ class Diagnosis:
 
     @cached_property
     def onset(self) -> Bools:
-        """Where a code becomes active, shape as `active`."""
+        """Mask of the instants at which a code becomes active; same shape as `active`."""
         new = self.active.copy()
         new[1:] &= ~self.active[:-1]
         new[:1] &= ~self.before
@@ -288,7 +288,7 @@ class Diagnosis:
 
     @cached_property
     def alarm_times(self) -> Floats:
-        """When each code first became active [s], shape (n_valves, n_rules); NaN if it did not."""
+        """Time at which each code first became active [s]; (n_valves, n_rules), NaN if never."""
         if not self.time.size:
             return np.full(self.active.shape[1:], np.nan)
         return np.where(self.active.any(axis=0), self.time[self.active.argmax(axis=0)], np.nan)
@@ -333,8 +333,8 @@ class Diagnosis:
     def explain(self, valve: int, time: float) -> str:
         """Return one sentence that explains the diagnosis of a valve at a time [s].
 
-        The last instant up to that time counts. A code whose rule has fired in too few instants is
-        not active yet.
+        The sentence describes the last instant up to that time. A code whose rule has fired in too
+        few instants is not active yet.
         """
         if not self.time.size:
             raise ArgumentError(f"time is {time!r}; the run has no instants")
@@ -349,7 +349,7 @@ class Diagnosis:
         return np.asarray(self.active[:, self._place(valve), self._column(code)])
 
     def first_alarm(self, valve: int, code: str) -> float:
-        """Return when a code first became active [s]; NaN if it did not."""
+        """Return the time at which a code first became active [s]; NaN if never."""
         return float(self.alarm_times[self._place(valve), self._column(code)])
 
     def n_alarms(self, valve: int, code: str | None = None) -> int:
@@ -403,7 +403,7 @@ def diagnose_run(
     threshold: float = 0.5,
     earlier: Tail | None = None,
 ) -> Diagnosis:
-    """Diagnose all valves at all instants of a run, which may continue the run of `earlier`."""
+    """Diagnose all valves at all instants of a run, which may continue that of `earlier`."""
     base = rules if rules is not None else rule_base()
     check_choice("method", method, METHODS)
     window = check_whole("n", n, 1, 1000)
@@ -417,7 +417,7 @@ def diagnose_run(
     n_times = run.time.size
     active = np.empty((n_times, run.n_valves, len(base.rules)), bool)
     size = max(_AT_ONCE // run.n_valves, window)
-    # Also runs once without instants, so that wrong arguments are refused.
+    # The loop also runs once without instants, so that wrong arguments are refused.
     for start in range(0, max(n_times, 1), size):
         first = max(kept + start - window + 1, 0)
         part = {name: x[first : kept + start + size] for name, x in samples.items()}
@@ -459,7 +459,7 @@ def diagnose(
     Returns
     -------
     shipnet.fuzzy.Decision
-        The top fault, all active codes, and why.
+        The top fault, all active codes, and the reasons.
 
     Examples
     --------

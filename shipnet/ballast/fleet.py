@@ -1,7 +1,8 @@
 """Labelled sensor data of a fleet over months, as Parquet files for research on diagnosis.
 
-The data are synthetic: faults and sensors are those of our own simulator. A task is a block of
-valves for all days; they are commanded together, so that numpy advances them together.
+The data are synthetic: our own simulator produces the faults and the sensor readings. A task
+simulates a block of valves for all days. The valves of a block are commanded together, so that
+numpy can advance them together.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ _DAY = 86400.0
 _EPOCH = np.datetime64("2026-01-01", "ms")
 
 #: Commands end before this time of day, at least a minute apart, so that no motor runs at midnight
-#: [s]; each command moves this share of the valves.
+#: [s]; each command moves this fraction of the valves.
 _LAST, _APART, _SHARE = 82_800.0, 60.0, 0.9
 
 #: A fault appears at once or grows in steps: days of growth, number of steps, and days from full
@@ -84,7 +85,7 @@ class _History(NamedTuple):
                 yield Fault(code, severity, valve, start=start, stop=stop)
 
     def at(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the fault's place in `FAULTS`, -1 if there is none, and its severity."""
+        """Return the index of the fault in `FAULTS`, or -1 if there is none, and its severity."""
         starts, codes, severities = zip(*self.steps, strict=True)
         known = list(FAULTS)
         places = np.array([known.index(code) if code else -1 for code in codes])
@@ -186,7 +187,7 @@ class _Writer:
         about = {name: str(value) for name, value in self._about.items()}
         made = made.replace_schema_metadata({**made.schema.metadata, **about})
         path = Path(self._block.folder, *folders, f"block-{self._block.number:04d}.parquet")
-        # The times of a valve rise in even steps; the other columns have few distinct values.
+        # The times of a valve are evenly spaced; the other columns have few distinct values.
         others = [name for name in made.column_names if name != "time"]
         steps = {"time": "DELTA_BINARY_PACKED"} if "time" in made.column_names else None
         write = partial(self._parquet.write_table, made, compression="zstd")
@@ -212,13 +213,14 @@ def write_fleet(
     Parameters
     ----------
     folder : path
-        Folder for the files. The same call continues there after a stop; another one is refused.
+        Folder for the files. After an interruption, the same call continues there; a different call
+        is refused.
     valves : int, default 1000
         Number of valves, 1..100000; one worker simulates a block of 50.
     days : int, default 365
         Number of days, 1..3650.
     faults_per_year : float, default 2
-        Mean number of faults per valve and year of health, 0..50; each is one of `FAULTS`.
+        Mean number of faults per valve and healthy year, 0..50; each is one of `FAULTS`.
     strokes : int, default 6
         Commands per day, alternately to open and to close the valves of a block, 0..100.
     idle_step : float, default 60
@@ -246,9 +248,9 @@ def write_fleet(
     ``time`` in UTC, the channels with their units, whether the motor is ``running`` and a command
     ``active``, and as truth the ``label``, the code of the present fault or empty, and its
     ``severity``, 0..1. ``strokes/`` has one row per run of a motor with the diagnosis by the rule
-    table, ``faults/`` one per fault: when it starts, how long it grows, in five steps, and when it
-    is repaired. Every file states in its metadata that it is synthetic: finding these faults
-    verifies a method, but does not validate it.
+    table, ``faults/`` one per fault: its start, the duration of its growth, in five steps, and its
+    repair. Every file states in its metadata that it is synthetic: finding these faults verifies a
+    method, but does not validate it.
 
     Examples
     --------
@@ -273,5 +275,5 @@ def write_fleet(
         _written, blocks, seed=source, client=client, folder=where / "done", progress=progress
     )
     for torn in where.glob("*/**/.block-*"):
-        torn.unlink()  # left by a writer that was killed
+        torn.unlink()  # a temporary file left by a writer that was killed
     return pd.DataFrame(found).set_index("block")

@@ -1,7 +1,8 @@
 """A test bed in simulated time, its acceptance tests, and real servers and clients.
 
-The test bed is that of Figure 15: a PC, the master and five slaves on a loop; S3 fills a tank, S5
-has the fault simulator. The plant is ours; the measurements of the real test bed are not printed.
+The test bed of Figure 15 has a PC, a master and five slaves on a loop; S3 fills a tank, and S5 has
+the fault simulator. The plant is our own model: the paper prints no measurements of the real test
+bed.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from shipnet.modbus.slave import DeviceError, Slave, answer
 
 
 class _Image(ValveRegisters):
-    """A valve as the master knows it."""
+    """A valve as the master last received it."""
 
     def __init__(self, station: Station, unit: int) -> None:
         self.station, self.unit = station, unit
@@ -48,7 +49,7 @@ class _Image(ValveRegisters):
         raise DeviceError(ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND)
 
     def command(self, value: int, time: float) -> None:
-        """Forward a command to the slave, and its exception back."""
+        """Forward a command to the slave, and return any exception."""
         response = self.station.write(value, self.unit).response
         if not response:
             raise DeviceError(ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND)
@@ -72,7 +73,7 @@ _STROKE = 10.0
 #: Time for which a valve is observed after its stroke [s], and the tolerance of a position [%].
 _SETTLE, _NEAR = 5.0, 1.5
 
-#: Faults that show at the closed end: the test closes the valve instead of opening it.
+#: Faults that appear at the closed end: the test closes the valve instead of opening it.
 _CLOSING = ("S2", "Pos2", "Pos4")
 
 
@@ -140,7 +141,7 @@ class TestBed:
         return self.station.time
 
     def device(self, unit: int) -> ValveDevice:
-        """Return a slave, for its switches."""
+        """Return a slave, so that its switches can be turned."""
         device = self.station.slaves[check_whole("unit", unit, 1, N_SLAVES)].device
         assert isinstance(device, ValveDevice)
         return device
@@ -179,7 +180,7 @@ class TestBed:
         return self.recorder.run
 
     def serve(self, **options: Any) -> Server:
-        """Return a real server, for a ``with`` block, that answers a PC as the master does."""
+        """Return a real server for a ``with`` block; it answers a PC as the master does."""
         return serve_slaves(self.gateway, clock=lambda: self.time, **options)
 
 
@@ -202,10 +203,10 @@ def acceptance_tests(*, bit_rate: float = 9600.0, rng: Any = None) -> pd.DataFra
 
     Notes
     -----
-    The paper prints that all tests were passed, but neither steps nor criteria; these are ours. A
+    The paper prints that all tests were passed, but neither steps nor criteria; we chose them. A
     fault is found if its code is among those active after the command, because the rules are
-    nested. The slave's status contains one code; it passes if it is that of the fault, or of a rule
-    that implies it.
+    nested. The slave's status contains one code; the step passes if this is the fault's code, or
+    the code of a rule that implies it.
 
     Examples
     --------
@@ -297,7 +298,7 @@ def _diagnosis_of(make: Callable[..., TestBed], code: str | None) -> Iterator[St
     bed = make(fault=code, opening=float(closing))
     bed.wait(1.0)
     bed.command(_SIMULATOR, "close" if closing else "open")
-    # A valve that does not reach its target runs until its motor time is over.
+    # The motor of a valve that does not reach its target runs until its time limit.
     while bed.plant.running.any():
         bed.wait(1.0)
     bed.wait(_SETTLE)
@@ -308,7 +309,7 @@ def _diagnosis_of(make: Callable[..., TestBed], code: str | None) -> Iterator[St
     said = " ".join(found) or NORMAL
     step = f"{FAULTS[code][0]} ({code})" if code else "nothing wrong"
     yield Step(step, expected, said, expected in said.split())
-    # The slave also finds it by itself, and reports the row of the table in its status.
+    # The slave also detects the fault itself, and reports the row of the table in its status.
     seen = bed.screen()[_SIMULATOR]
     shown = f"fault {seen['fault']}" if seen["state"] == "fault" else str(seen["state"])
     right = [f"fault {row}" for row in _rows(base, code)] if code else ["open"]
@@ -317,7 +318,7 @@ def _diagnosis_of(make: Callable[..., TestBed], code: str | None) -> Iterator[St
 
 
 def _rows(base: RuleBase, code: str) -> list[int]:
-    """Return the row of a code, then those of the rules that fire only if its rule does."""
+    """Return the row of a code, then the rows of rules that fire only if the code's rule does."""
     own = set(base.rule(code).antecedent)
     rows = [row for row, rule in enumerate(base.rules, 1) if own <= set(rule.antecedent)]
     return sorted(rows, key=lambda row: base.codes[row - 1] != code)
@@ -430,14 +431,14 @@ class Link:
 
 @checked
 class ModelValves:
-    """Valves without a server, in a model time that the caller sets.
+    """Valves without a server; the caller sets the model time.
 
     Parameters
     ----------
     n_valves : int, default 16
         Number of valves, 1..247.
     faults : tuple of Fault, optional
-        Their faults.
+        Faults of the valves.
     rng : numpy.random.Generator, optional
         Draws the noise of the sensors; no noise if omitted.
 
@@ -478,7 +479,7 @@ class Client:
     address : str, default "127.0.0.1"
         Name or address of the server.
     port : int, default 5020
-        Its port.
+        Port of the server.
     n_valves : int, default 16
         Number of valves that are read, 1..247.
     timeout : float, default 1
@@ -511,7 +512,7 @@ class Client:
 
     @classmethod
     def over(cls, ask: Ask, n_valves: int = 16) -> Client:
-        """Return a client that sends its requests another way, such as to `ModelValves`."""
+        """Return a client that sends its requests through `ask`, such as `ModelValves`."""
         client = cls.__new__(cls)
         client.n_valves = check_whole("n_valves", n_valves, 1, MAX_UNIT)
         client._ask = ask
@@ -531,7 +532,7 @@ class Client:
     def command(self, valve: int, action: str | float) -> str:
         """Command a valve: ``open``, ``close``, ``manual``, ``auto`` or a position, 0..100 [%].
 
-        Return a sentence that says what was done, or why the valve refuses.
+        Return a sentence that says what was done, or why the valve refused.
         """
         unit = check_whole("valve", valve, 1, MAX_UNIT)
         request = Request.write_single_register(
@@ -574,7 +575,7 @@ class Readout:
 
     @property
     def screen(self) -> Screen:
-        """The valves as the master would show them, just read."""
+        """The valves as the master would show them if it had just read them."""
         silent = self.rows["fault"].isna().to_numpy()
         return Screen.of(self.rows, silent=silent, age=np.where(silent, np.inf, 0.0), time=0.0)
 

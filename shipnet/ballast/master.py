@@ -1,7 +1,7 @@
 """The master: it scans its valves, sends commands in between, and shows what it received.
 
-Everything passes through the slaves' registers and takes as long as its frames on the line. The two
-ports and their faults are those of `shipnet.modbus`.
+All data pass through the slaves' registers, and each transfer takes as long as its frames on the
+line. `shipnet.modbus` provides the two ports and their faults.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ STATE_COLOURS = {
 #: Hatches of states that an operator must notice even without colours.
 _HATCHES = {"fault": "xxxx", "silent": "...."}
 
-#: In wider rows, valves show neither their position nor their number.
+#: In rows of more valves, bars show neither position nor number.
 _NUMBERED = 20
 
 #: A valve within this of an end counts as open or closed [%]; the paper does not say.
@@ -58,7 +58,7 @@ LEAST_CURRENT = 0.15
 
 
 class Shown(NamedTuple):
-    """A status that was received: when it was read, and from when it is shown."""
+    """A received status: the time at which it was read, and the time from which it is shown."""
 
     unit: int
     read: float
@@ -115,7 +115,7 @@ class Screen:
 
     @classmethod
     def of(cls, rows: pd.DataFrame, *, silent: Bools, age: Floats, time: float) -> Screen:
-        """Return the screen of the last statuses, rows of `Status.table`, NaN for one not seen."""
+        """Return the screen of the last statuses, rows of `Status.table`; NaN without a status."""
         position = rows["VPos_percent"].to_numpy()
         fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
         conditions = [
@@ -147,7 +147,7 @@ class Screen:
     ) -> Axes:
         """Draw a bar per valve, coloured by its state; the selected one is framed.
 
-        Bars that are wide enough show the position and the number of their valve.
+        Bars that are wide enough show the position and the number of the valve.
         """
         ax = style.axes(ax)
         units = self.shown.index.to_numpy()
@@ -294,7 +294,7 @@ class MasterRun:
         )
 
     def _last(self, times: Floats) -> Integers:
-        """Return the place of the status shown for each valve; past the end if there is none."""
+        """Return the index of the status shown for each valve; past the end if there is none."""
         unit, shown = (self.answers[name].to_numpy() for name in ("unit", "shown_s"))
         found = np.full((times.size, self.n_valves), len(self.shown))
         for k in range(self.n_valves):
@@ -319,7 +319,7 @@ class MasterRun:
 
 
 class Station(Master):
-    """A master with two ports, its line and the valves on it, whose time only advances."""
+    """A master with two ports, its line and the valves on it; time only moves forward."""
 
     # Section 3.3 of the paper: the command goes out between two polls, and the scan continues after
     # its echo. Our assumptions: a command is sent once, through the port that serves the slave,
@@ -338,7 +338,7 @@ class Station(Master):
 
     @property
     def seen(self) -> MasterRun:
-        """The run so far, as the master received it."""
+        """The run so far, from the statuses that the master received."""
         return MasterRun(
             self.n, self.rule.poll, self.registers, self.time, list(self.shown),
             list(self.writes), list(self.tries),
@@ -397,7 +397,7 @@ class Station(Master):
         return True
 
     def _holds(self, start: float, end: float, unit: int, port: int) -> bool:
-        """Return whether a path is intact; a lost slave is tried through port A."""
+        """Return whether the path is intact; an unreachable slave is polled through port A."""
         return self.paths.hold(start, end, unit - 1, A if port == LOST else port)
 
 

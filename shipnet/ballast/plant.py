@@ -1,6 +1,6 @@
 """Valves with their commands and faults, simulated step by step.
 
-The effects of a fault are our assumption: the paper says how it showed, not what was broken. At
+The effects of a fault are our assumption: the paper describes the symptoms, not the defect. At
 severity 1 they satisfy the rule of the fault, so a diagnosis that finds them verifies the code, not
 the rules.
 """
@@ -44,13 +44,13 @@ from shipnet.fields import (
 #: The commands besides a position.
 ACTIONS = ("open", "close", "stop")
 
-#: Time between the commands of two groups [s]: more than the longest motor run.
+#: Time between the commands of two groups [s]: longer than the longest motor run.
 _GROUP_PAUSE = 30.0
 
 #: A valve this close to the commanded position does not start [%]; our assumption.
 DEAD_BAND = 0.5
 
-#: Rows of temperature and position among the readings.
+#: Row indices of temperature and position in the readings.
 _OT, _VPOS = 3, 4
 
 
@@ -63,7 +63,7 @@ def _numbers(valves: int | Iterable[int] | None) -> tuple[int, ...] | None:
 
 
 def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
-    """Return the places of these valves among `n_valves`, from 0."""
+    """Return the indices of these valves among `n_valves`, from 0."""
     known = range(1, n_valves + 1) if valves is None else _numbers(valves) or ()
     return [check_whole("one of valves", valve, 1, n_valves) - 1 for valve in known]
 
@@ -85,7 +85,7 @@ class Command:
     """
 
     action: str | float
-    time: float = number(0, 1e9, "s", "Time at which it is given", default=0.0)
+    time: float = number(0, 1e9, "s", "Time at which the command is given", default=0.0)
     valves: int | Iterable[int] | None = None
 
     def __post_init__(self) -> None:
@@ -94,7 +94,7 @@ class Command:
 
     @property
     def position(self) -> float | None:
-        """The position to go to [%]; None for another command."""
+        """The commanded position [%]; None for any other command."""
         return None if isinstance(self.action, str) else self.action
 
     @property
@@ -103,7 +103,7 @@ class Command:
         return self.action if isinstance(self.action, str) else "position"
 
     def mask(self, n_valves: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Return which of this many valves it commands, valve 1 first."""
+        """Return a mask of the commanded valves among this many, valve 1 first."""
         count = check_whole("n_valves", n_valves, 1, 10_000)
         meant = np.zeros(count, bool)
         meant[_places(self.valves, count)] = True
@@ -146,7 +146,7 @@ class Command:
 
 
 #: How severity s changes a number: linearly, as a power, towards infinity, or by an amount.
-#: Severity 0 leaves the number as it is, to the last bit.
+#: Severity 0 leaves the number unchanged, to the last bit.
 _LAWS = {
     "linear": lambda number, value, s: number * (1 + (value - 1) * s),
     "power": lambda number, value, s: number * value**s,
@@ -197,8 +197,8 @@ class Fault(TimedFault):
     """A fault of some valves.
 
     The `valves` are numbers from 1, and None means all. When a fault ends, a valve stays where the
-    fault left it. A motor that has no cooling from time 0 is as warm at first as earlier strokes
-    would have made it.
+    fault left it. A motor without cooling from time 0 starts as warm as earlier strokes would have
+    made it.
 
     Examples
     --------
@@ -259,8 +259,8 @@ class Fault(TimedFault):
     ) -> list[Fault]:
         """Return faults that begin at random times up to `until` [s], each on a different valve.
 
-        All codes occur equally often, give or take one; `severity` is one for all, or the lowest
-        and the highest, 0..1.
+        The numbers of faults per code differ by at most one. `severity` is one value for all
+        faults, or the lowest and the highest value, 0..1.
         """
         valves = check_whole("n_valves", n_valves, 1, 10_000)
         count = check_whole("n_faults", n_faults, 0, valves)
@@ -310,11 +310,11 @@ class Movement(NamedTuple):
 
 
 class Plant:
-    """Valves at one time, which only advances.
+    """The valves at the present time, which only moves forward.
 
     The state is opening and motor temperature. Commands and faults take effect at the first reading
     at or after their time. Between two readings a valve turns at its speed half-way, and it stops
-    where it should, not at the next reading. Limit switches act at the true ends; a commanded
+    exactly at its target, not at the next reading. Limit switches act at the true ends; a commanded
     position is compared with the reading of the potentiometer.
     """
 
@@ -325,7 +325,7 @@ class Plant:
         self.faults: tuple[Any, ...] = as_faults(faults, Fault)
         self._rng = None if rng is None else check_rng(rng)
         times = {time for fault in self.faults for time in (fault.start, fault.stop)} - {inf}
-        #: Readings at which a fault begins or ends.
+        #: Numbers of the readings at which a fault begins or ends.
         self.changes = sorted(map(self.ticks, times))
         n = self.n_valves
         self.tick = 0
@@ -340,7 +340,7 @@ class Plant:
         self._load: Floats | None
         self._driven: Hydraulics | None
         self._change()
-        # Earlier strokes were those of a healthy valve, but perhaps without cooling.
+        # The valve was healthy in earlier strokes, except that cooling may have been missing.
         before = replace(self._healthy, cooling=self._actuator.cooling)
         self.temperature = np.broadcast_to(steady_temperature(before), n).copy()
         self.readings, self._measured, self._stale = np.zeros((5, n)), -1, True
@@ -352,7 +352,7 @@ class Plant:
 
     @property
     def _busy(self) -> bool:
-        return bool(np.count_nonzero(self.running))  # takes a fifth of the time of any()
+        return bool(np.count_nonzero(self.running))  # five times as fast as any()
 
     @property
     def run_time(self) -> Floats:
@@ -364,7 +364,7 @@ class Plant:
         return ceil(time / self.step - 1e-6)
 
     def order(self, command: Command) -> None:
-        """Carry out a command now, at whatever time it is due."""
+        """Carry out a command now, whatever its time."""
         meant = command.mask(self.n_valves)
         outcome = "stopped" if command.kind == "stop" else "replaced"
         self._stop(meant & self.running, self.time, outcome)
@@ -393,7 +393,7 @@ class Plant:
             self._action[valve] = command.kind
 
     def measure(self) -> Floats:
-        """Read the sensors, which draws noise."""
+        """Read the sensors; each reading draws random noise."""
         self.ran = np.where(self.running, self.ran + (self._measured != self.tick), 0)
         self.readings = self.sensors.read(self._truth() + self._offsets, self._rng)
         self._measured, self._stale = self.tick, False
@@ -402,7 +402,7 @@ class Plant:
         return self.readings
 
     def advance(self, ticks: int = 1) -> None:
-        """Let time pass, and stop motors that arrive; at most one tick while a motor runs."""
+        """Advance time, at most one tick while a motor runs; stop motors at their targets."""
         heat: npt.ArrayLike = 0.0
         if self._busy:
             if self._stale or self._measured != self.tick:
@@ -425,7 +425,7 @@ class Plant:
         return readings
 
     def _cooling(self, ticks: int, heat: npt.ArrayLike) -> tuple[Floats, Floats]:
-        """Return the final temperatures, and the fraction of the difference that remains."""
+        """Return the final temperatures, and the remaining fraction of the difference from them."""
         cooling = np.asarray(self._actuator.cooling)
         aim = np.asarray(self._actuator.ambient + heat / cooling)
         return aim, np.exp(-cooling * (ticks * self.step) / self._actuator.heat_capacity)
@@ -436,7 +436,7 @@ class Plant:
             self._change()
 
     def run_until(self, time: float) -> Floats:
-        """Let time pass until the last reading at or before a time."""
+        """Advance time to the last reading at or before a time."""
         last = floor(time / self.step + 1e-6)
         while self.tick < last:
             jump = 1 if self._busy else min(last, self._next_change) - self.tick
@@ -520,7 +520,7 @@ class Plant:
     def _change(self) -> None:
         """Apply the faults that have begun and not ended."""
         for fault in self.faults:
-            fault.severities(self.n_valves)  # refuses an unknown valve before the fault is due
+            fault.severities(self.n_valves)  # reject an unknown valve before the fault is due
         now = self.tick * self.step + 1e-6 * self.step
         due = [fault for fault in self.faults if fault.start <= now < fault.stop]
         self._actuator, self._offsets = faulty(self._healthy, due, self.n_valves)

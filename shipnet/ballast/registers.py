@@ -23,8 +23,8 @@ from shipnet.errors import ArgumentError, FieldError
 from shipnet.fields import check_scalar, check_whole, choice, record
 from shipnet.lazy import pd
 
-#: Readings of the codes of Table 2: column of the data file, base of its numbers. The first one is
-#: used: the position codes 6 and 10, with auto added to close and open.
+#: Interpretations of the codes of Table 2: column of the data file, and base of its numbers. The
+#: first one is used: it has the position codes 6 and 10, with auto added to close and open.
 CODE_READINGS = {
     "flag sum": ("code_flag_sum", 10),
     "one bit": ("code_one_bit", 10),
@@ -34,7 +34,7 @@ CODE_READINGS = {
 
 
 class Code(Enum):
-    """The commands of a register, by their names in Table 2."""
+    """The commands in a register, by their names in Table 2."""
 
     MANUAL = "Manual"
     AUTO = "Auto"
@@ -56,8 +56,8 @@ def command_codes(reading: str = "flag sum") -> dict[Code, int]:
 #: Input registers of the status; Tables 1 and 3 of the paper.
 FIRST_REGISTER, N_REGISTERS = 0x4020, 4
 
-#: The largest number of steps in a byte, and the byte of a missing value. The paper names none;
-#: without one a dead sensor reads as the end of its scale.
+#: The largest number of steps in a byte, and the byte of a missing value. The paper names no such
+#: byte; without it, a dead sensor reads as the end of its scale.
 HIGHEST, MISSING = 0xFE, 0xFF
 
 
@@ -83,7 +83,7 @@ SCALES = (
 def whole_steps(
     values: Floats, highest: npt.ArrayLike, missing: npt.ArrayLike | None = None
 ) -> tuple[Integers, Bools]:
-    """Return values as whole numbers within range, and which were outside."""
+    """Return values as whole numbers clipped to the range, and a mask of those outside it."""
     unknown = np.isnan(values)
     rounded = np.rint(np.where(unknown, highest, values))
     kept = np.minimum(np.maximum(rounded, 0), highest)
@@ -100,7 +100,7 @@ _TIME_STEP = 0.1
 #: Step of each reading, shape (5, 1).
 _STEPS = np.array([[scale.step] for scale in SCALES])
 
-#: Greatest number of steps, and the value sent for NaN, by the longest operating time; (6, 1) each.
+#: Greatest number of steps, and the value sent for NaN; the operating time is last; (6, 1) each.
 _HIGHEST = {last: np.array([[HIGHEST]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
 _MISSING = {last: np.array([[MISSING]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
 
@@ -114,7 +114,7 @@ _PLACES[1, -1] = 1
 
 
 class Packed(NamedTuple):
-    """Registers that a slave sends, and which readings did not fit."""
+    """Registers that a slave sends, and a mask of the readings that did not fit."""
 
     registers: Words
     saturated: Bools
@@ -202,7 +202,7 @@ class RegisterMap:
             fault, ticks = words[0] >> 4 & 0xF, words[1]
         else:
             fault, ticks = words[1] >> 8, words[1] & 0xFF
-        # The first bit, Manual, is the opposite of Auto.
+        # The Manual bit is the inverse of Auto.
         auto, close, opened = ((bits >> place & 1).astype(bool) for place in (1, 2, 3))
         return Status(readings, auto, close, opened, fault, ticks * _TIME_STEP)
 
@@ -216,8 +216,8 @@ class RegisterMap:
     def encode_command(self, action: str | float, now: float = 0.0) -> int:
         """Return the command register for ``open``, ``close``, ``manual``, ``auto`` or a position.
 
-        A position, 0..100 [%], is rounded to a whole number; its code depends on whether it is
-        below the position `now`.
+        A position, 0..100 [%], is rounded to a whole number; the code depends on whether the
+        position is below the present one, `now`.
         """
         codes = {c.value.lower(): c for c in (Code.OPEN, Code.CLOSE, Code.MANUAL, Code.AUTO)}
         asked, last = check_action(action, codes), check_scalar("now", now, "%", 0, 255)
@@ -227,9 +227,9 @@ class RegisterMap:
         return self.command(Code.POSITION_CLOSE if whole < last else Code.POSITION_OPEN, whole)
 
     def table(self) -> pd.DataFrame:
-        """Return where and in which steps each reading is sent, and its largest error.
+        """Return the register, the step and the largest error of each reading.
 
-        The error is that of converter and register together, within the scales of both.
+        The error includes both converter and register, within the scales of both.
         """
         rows = [
             (
@@ -244,7 +244,7 @@ class RegisterMap:
         return pd.DataFrame(rows, columns=columns).set_index("channel")
 
     def decode_command(self, value: int) -> tuple[Code, int]:
-        """Return the command of a register, and its position [%]."""
+        """Return the command in a register, and its position [%]."""
         word = check_whole("value", value, 0, 0xFFFF)
         position, number = word >> 8, word & 0xFF
         meant = {known: code for code, known in command_codes().items()}
@@ -262,7 +262,7 @@ class RegisterMap:
 
 
 def check_action(action: Any, words: Iterable[str]) -> str | float:
-    """Return one of these actions, or a position to go to [%]; raise for anything else."""
+    """Return one of these actions, or a position to move to [%]; raise for anything else."""
     if isinstance(action, str) and action in words:
         return action
     plain = isinstance(action, Real) and not isinstance(action, bool)

@@ -1,4 +1,4 @@
-"""The rule table of kim2014 as a rule base, and the values with which the paper tests it."""
+"""The rule table of kim2014 as a rule base, and the paper's test values."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from shipnet.lazy import pd
 #: The versions of the test values, and their names in the data file.
 VERSIONS = {"printed": "printed", "corrected": "meant"}
 
-#: Assumptions for the sensors whose values a row does not print.
+#: Assumed values of the sensors that a row does not print.
 FILLS = ("absent", "normal", "physical")
 
 
@@ -27,9 +27,9 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
     Parameters
     ----------
     slow_stroke : float, optional
-        Time from which a stroke is slow [s], 1..3600. It adds a variable ``Time``, the running time
-        of the motor, and a rule T1 of the lowest rank, with a ramp of 1 s. The rule is ours: the
-        table has no fault for a slow valve, but prints a stroke of up to 10 s.
+        Time from which a stroke is slow [s], 1..3600. This argument adds a variable ``Time``, the
+        running time of the motor, and a rule T1 of the lowest rank, with a ramp of 1 s. The rule is
+        ours: the table has no fault for a slow valve, but prints a stroke of up to 10 s.
 
     Returns
     -------
@@ -82,22 +82,22 @@ def _term(row: dict[str, str]) -> Term:
 
 
 def _rows(name: str) -> list[dict[str, str]]:
-    """Return the rows of a data file, without pandas, which a server does not load."""
+    """Return the rows of a data file; a server does not load pandas, so it is not used here."""
     with datasets.path(name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
 
 @checked
 def rule_vectors(version: str = "corrected", *, fill: str = "absent") -> pd.DataFrame:
-    """Return the values with which kim2014 tests its rules.
+    """Return the test values that kim2014 uses for its rules.
 
     Parameters
     ----------
     version : {"corrected", "printed"}, default "corrected"
         With the misprints corrected, or as printed.
     fill : {"absent", "normal", "physical"}, default "absent"
-        The reading of a sensor that a row does not print: none; its normal value; or that of the
-        plant in the state that the row describes.
+        The reading of a sensor that a row does not print: none; its normal value; or the value in
+        the plant's state that the row describes.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The scan of a master: how long it takes to poll all valves, and how old a shown value can be."""
+"""The scan of a master: time to poll all valves, and greatest age of a shown value."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from shipnet.modbus.polling import Poll
 from shipnet.modbus.redundancy import Loop
 from shipnet.modbus.uart import SerialLine
 
-#: Usual bit rates within the 2400 to 115200 bit/s of both controllers in section 3 of the paper.
+#: Usual bit rates from 2400 to 115200 bit/s, the range of both controllers in section 3 of the
+#: paper.
 BIT_RATES = (2400, 4800, 9600, 19200, 38400, 57600, 115200)
 
 #: The request of a scan to each valve: input registers 0x4020 to 0x4023.
@@ -77,11 +78,11 @@ def command_poll(poll: Poll) -> Poll:
 @checked
 @record(eq=False)
 class System:
-    """Valves, and with a poll also the line and the master that scans them.
+    """Valves and, if there is a poll, the line and the master that scans them.
 
     Without `poll`, such as `status_poll` returns, the valves are commanded and read directly. More
-    than 247 valves are divided among several masters. `opening` is where the valves are at first,
-    0..1, one number or one per valve.
+    than 247 valves are divided among several masters. `opening` is the initial opening of the
+    valves, 0..1, one number or one per valve.
 
     Examples
     --------
@@ -134,7 +135,7 @@ class System:
         return Loop(self.n_valves, self.poll, move=self.move)
 
     def worst_age(self, *, commands: int = 0) -> float:
-        """Return how old a shown position can be while all valves answer [s].
+        """Return the greatest age of a shown position while all valves answer [s].
 
         `commands` is the number of commands sent within one scan.
         """
@@ -143,11 +144,11 @@ class System:
         return system.period + count * command_poll(poll).time + poll.shortest_timeout
 
     def scan_times(self) -> pd.DataFrame:
-        """Return how long scans take, one row per bit rate.
+        """Return the scan times, one row per bit rate.
 
-        ``scan_s`` is the scan of the master with the most valves, ``worst_age_s`` how old a shown
-        position can be, and ``valves_in_2_s`` the number of valves that a master updates within the
-        2 s in which DNV-OS-D202 requires a full screen.
+        ``scan_s`` is the scan time of the master with the most valves, ``worst_age_s`` the greatest
+        age of a shown position, and ``valves_in_2_s`` the number of valves that a master updates
+        within the 2 s in which DNV-OS-D202 requires a full screen.
         """
         given = self.poll if self.poll is not None else status_poll()
         masters = -(-self.n_valves // MAX_UNIT)
@@ -176,7 +177,7 @@ class System:
 
 
 def as_system(system: System | int) -> System:
-    """Return a system, or plain valves of this number."""
+    """Return a system; a number stands for that many valves without a poll."""
     if isinstance(system, System):
         return system
     return System(check_whole("system", system, 1, 10_000))

@@ -1,6 +1,6 @@
 """The channels and sensors of a valve's slave, and the speed of the position.
 
-The paper prints no units; bar, bar, A, degC and percent are our reading (claim kim2014-038).
+The paper prints no units; we inferred bar, bar, A, degC and percent (claim kim2014-038).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def position_speed(time: Floats, position: Floats) -> Floats:
 
 
 def stroke_speed(speed: Floats, ran: npt.ArrayLike) -> Floats:
-    """Return a speed where the motor has been running for the whole window, and NaN elsewhere."""
+    """Return the speed where the motor has run for the whole window, and NaN elsewhere."""
     return np.where(np.asarray(ran) >= WINDOW - 1e-9, speed, np.nan)
 
 
@@ -116,11 +116,11 @@ class Sensors:
 
     @cached_property
     def _scale(self) -> Floats:
-        """Low, high, noise and step as columns, which every reading needs; shape (4, 5, 1)."""
+        """Low end, high end, noise and step of each sensor as columns, shape (4, 5, 1)."""
         return np.array([self.low, self.high, self.noise, self.step])[..., np.newaxis]
 
     def read(self, truth: npt.ArrayLike, rng: np.random.Generator | None = None) -> Floats:
-        """Return readings of true values."""
+        """Return the sensors' readings of true values."""
         values = np.asarray(truth, float)
         if values.ndim < 2 or values.shape[-2] != 5:
             raise ArgumentError(f"truth has the shape {values.shape}; it must be (5, n_valves)")

@@ -1,4 +1,4 @@
-"""Commands and faults over time, and what the sensors of many valves read."""
+"""Simulation of many valves: commands and faults over time, and the sensor readings."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def blocks(
     rng: Any = None,
     size: int = 2000,
 ) -> Iterator[Run]:
-    """Simulate valves in consecutive runs, because a long time does not fit into memory."""
+    """Simulate valves in consecutive runs, because one long run does not fit into memory."""
     plant = Plant(system, faults, rng)
     last = plant.ticks(check_scalar("until", until, "s", 0, 1e8))
     idle = check_scalar("idle_step", idle_step, "s", plant.step, 3600)
@@ -62,21 +62,21 @@ def simulate(
     system : System or int
         The valves, or their number if they are commanded and read directly.
     commands : iterable of Command, optional
-        Their commands, in any order. A master sends them one by one, between two polls.
+        Commands to the valves, in any order. A master sends them one by one, between two polls.
     faults : Fault or iterable of Fault, optional
         Faults of the valves, and with a master of the line (`shipnet.modbus`).
     until : float
         End time, 0..1e8 [s]; with a master 0..1e5 [s].
     idle_step : float, optional
-        Time between two readings while no motor runs, `step`..3600 [s]; that of the system if
-        omitted. It applies without a master only.
+        Time between two readings while no motor runs, `step`..3600 [s]; the system's value if
+        omitted. It applies only without a master.
     rng : Generator, int or None, optional
         Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
 
     Returns
     -------
     Run or MasterRun
-        Readings, flags and movements; with a master what it received and showed.
+        Readings, flags and movements; with a master, the data that it received and showed.
 
     Examples
     --------

@@ -1,6 +1,6 @@
-"""A valve as a Modbus slave: its registers, its switches, its diagnosis, its watchdog.
+"""A valve as a Modbus slave: registers, switches, diagnosis and watchdog.
 
-Each request brings the model time, so the same slave works in a real server and in a simulation.
+Each request carries the model time, so the same slave works in a real server and in a simulation.
 """
 
 from __future__ import annotations
@@ -45,24 +45,24 @@ class Monitor:
         plant.watchers.append(self._look)
 
     def row(self, valve: int) -> int:
-        """Return the row of the highest-ranked code that was found, 0 if none."""
+        """Return the row of the highest-ranked code that was found; 0 if there is none."""
         found = self.found[valve, self._ranked]
         return int(self._ranked[found.argmax()]) + 1 if np.count_nonzero(found) else 0
 
     def forget(self, valve: int) -> None:
-        """Forget the codes found for a valve, and begin to count again."""
+        """Clear the codes found for a valve, and restart the count."""
         self.found[valve] = False
         for fired in self._fired:
             fired[valve] = False
 
     def _look(self) -> None:
-        """Apply the rules to the present reading; a second one at the same time replaces it."""
+        """Apply the rules to the present reading; it replaces an earlier one of the same time."""
         plant = self.plant
         if self._places and self._places[-1][0] == plant.time:
             self._places.pop()
             self._fired.pop()
         self._places.append((plant.time, plant.readings[4]))
-        # The speed needs the present reading and the last one that is at least a window old.
+        # The speed needs the present reading and the latest reading that is at least a window old.
         while len(self._places) > 1 and self._places[1][0] < plant.time - WINDOW + 1e-9:
             self._places.popleft()
         self._fired.append(self._fires())
@@ -73,7 +73,7 @@ class Monitor:
         plant, speed = self.plant, np.full(self.plant.n_valves, np.nan)
         calm = not np.count_nonzero(plant.active)
         if calm and self._calm is not None and np.array_equal(plant.readings, self._calm[0]):
-            # Without noise, most readings of a fleet at rest equal the one before.
+            # Without noise, most readings of a fleet at rest equal the previous reading.
             return self._calm[1].copy()
         if not calm:
             ends = (self._places[0], self._places[-1])
@@ -92,7 +92,7 @@ _FUNCTIONS = frozenset({4, 6})
 
 
 class ValveRegisters:
-    """The registers of a valve: a status to read, and a command to write."""
+    """The registers of a valve: a readable status and a writable command."""
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> Sequence[int]:
         """Return registers of the status."""
@@ -108,7 +108,7 @@ class ValveRegisters:
         self.command(values[0], time)
 
     def status(self, time: float) -> Sequence[int]:
-        """Return the four registers at a time."""
+        """Return the four status registers at a time."""
         raise NotImplementedError
 
     def command(self, value: int, time: float) -> None:
@@ -120,8 +120,8 @@ class ValveDevice(ValveRegisters):
     """One valve of a plant as a device for `shipnet.modbus.server`."""
 
     # Figures 9 and 10 of the paper: the master commands in auto mode, the switches in manual mode,
-    # and a write starts the motor. Our reading: the write is answered when the movement starts, and
-    # after code Manual every movement is refused.
+    # and a write starts the motor. Our interpretation: the write is answered when the movement
+    # starts, and after code Manual every movement is refused.
     def __init__(self, plant: Plant, valve: int = 0, monitor: Monitor | None = None) -> None:
         self.plant = plant
         self.valve = check_whole("valve", valve, 0, plant.n_valves - 1)

@@ -1,4 +1,4 @@
-"""Recorded strokes of hydraulic actuators: features, rules with limits from healthy ones, scores.
+"""Recorded strokes of hydraulic actuators: features, rules with limits from healthy data, scores.
 
 The sensors of the shipped recording are not those of kim2014, so the rules use features that any
 actuator has, and their limits come from healthy actuators other than the one under test.
@@ -38,11 +38,11 @@ HEALTHY = "healthy"
 #: Points per stroke. The actuator has stopped by `_STOPPED`; the supply runs until `_HELD`.
 POINTS, _STOPPED, _HELD = 600, 200, 250
 
-#: Parts of the travel: for speed and pressures in motion, and for bursts, common at the ends.
+#: Fractions of the travel: for speed and pressures in motion, and for bursts, common at the ends.
 _STEADY, _INNER = (0.2, 0.8), (0.25, 0.8)
 
 #: Points of the running median above which a burst is measured, and the value added before the
-#: logarithm, because a quiet point may be 0 [count].
+#: logarithm, because a quiet point may have the value 0 [count].
 _NEAR, _FLOOR = 17, 0.3
 
 #: A limit is the largest of the healthy actuators' quantiles; above it a term rises to 1 within a
@@ -55,7 +55,8 @@ _RULES = {
     "F2": ("flow_closing", 10.0, 0.04, "Flow", "fast for its pressure when it closes"),
 }
 
-#: Takes the tables of the known strokes and of those to judge; returns which of these to report.
+#: Accepts the tables of known strokes and of strokes to judge; returns which of the latter to
+#: report.
 Judge = Callable[["pd.DataFrame", "pd.DataFrame"], npt.ArrayLike]
 
 
@@ -107,13 +108,13 @@ class Strokes:
     def table(self) -> pd.DataFrame:
         """Return one row of features per stroke, in points and raw counts.
 
-        ``opening`` says whether the angle rose. ``dead_time`` lasts until 2 % of the travel,
+        ``opening`` is True if the angle rose. ``dead_time`` lasts until 2 % of the travel,
         ``stroke_time`` from 5 to 95 %. From 20 to 80 %: the median difference of the two
         chamber pressures, ``moving_difference``; the ``roughness`` of the speed; and the median of
-        each ``vibration``, a decimal logarithm. A ``burst`` is its largest excess over the
-        surroundings between 25 and 80 %, at ``burst_place``. At rest: the ``holding_pressure``, its
-        ``decay``, and the ``supply_ripple``. ``flow_opening`` and ``flow_closing`` are the speed
-        per root of the holding pressure, NaN in the other direction.
+        each ``vibration``, a decimal logarithm. A ``burst`` is the largest excess of the vibration
+        over its surroundings between 25 and 80 %, at ``burst_place``. At rest: the
+        ``holding_pressure``, its ``decay``, and the ``supply_ripple``. ``flow_opening`` and
+        ``flow_closing`` are the speed per root of the holding pressure, NaN in the other direction.
         """
         return self._features.copy()
 
@@ -131,7 +132,7 @@ class Strokes:
         inner = moves & (way > _INNER[0]) & (way < _INNER[1])
 
         def reached(share: float) -> Floats:
-            """Return when this fraction of the travel is completed, interpolated between points."""
+            """Return the interpolated point at which this fraction of the travel is completed."""
             after = np.maximum((way >= share).argmax(axis=1), 1)
             before, now = way[every, after - 1], way[every, after]
             return np.asarray(after - 1 + (share - before) / (now - before))
@@ -200,16 +201,16 @@ class Strokes:
         *,
         judges: Mapping[str, Judge] | None = None,
     ) -> pd.DataFrame:
-        """Return how many strokes of each actuator are reported by rules that never saw it.
+        """Return how many strokes of each actuator are reported by rules fitted without it.
 
         Limits come from the healthy actuators of `reference`, by default the shipped recording,
         except the one under test. `judges` are other methods by name: each is called once per
-        actuator with the features of all others of `reference`, healthy or not, and those of its
-        own strokes, and returns which to report.
+        actuator and returns which strokes to report. Its arguments are the features of all other
+        actuators of `reference`, healthy or not, and the features of the actuator's own strokes.
 
         Indexed by ``method``, ``report`` (a flag of the rules, or any), ``actuator`` and
-        ``condition``: ``strokes``, those ``reported``, and their share ``rate`` with its 95 %
-        interval ``low`` to ``high``. For healthy strokes the rate is that of false alarms. A stroke
+        ``condition``: ``strokes``, those ``reported``, and the fraction ``rate`` with its 95 %
+        interval ``low`` to ``high``. For healthy strokes the rate is the false alarm rate. A stroke
         without movement is reported.
         """
         others = dict(judges or {})
@@ -269,8 +270,8 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
     The shipped recording was made by others on rotary actuators of the kind that turns ship
     valves, 15 000 in-lbf [1]_: three healthy ones, one with a damaged gear, one with a leaking
     seal. Each stroke of 3000 samples was reduced to 600 points, the mean of five samples or, for
-    accelerations, ten times their standard deviation. Values are raw counts; units and sampling
-    period are not published.
+    accelerations, ten times their standard deviation. Values are raw counts; the units and the
+    sampling period are not published.
 
     References
     ----------

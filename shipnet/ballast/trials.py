@@ -1,7 +1,7 @@
 """The quality of the diagnosis: trials with each fault, false alarms, and a fleet over time.
 
 The faults are those of our own simulator and are made to fit the rules: a high rate verifies the
-code, it does not validate the method.
+code; it does not validate the method.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
 
-#: The basis of the numbers.
+#: Statement of what the numbers are based on.
 BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
 
 #: A year [s].
@@ -39,7 +39,7 @@ _YEAR = 365.25 * 86400
 #: Standard deviation of the logarithm of pump leak, restrictor and bearing torque among valves.
 _SPREAD = 0.02
 
-#: A trial: rest, open, rest, close, rest [s]. A motor may run for 20 s.
+#: Durations of the phases of a trial: rest, open, rest, close, rest [s]. A motor may run for 20 s.
 _OPEN, _CLOSE, _END = 5.0, 35.0, 65.0
 
 #: Instants per block: the readings of 3328 valves then take 27 MB.
@@ -47,7 +47,7 @@ _BLOCK = 100
 
 
 def spread_valves(n_valves: int, rng: np.random.Generator) -> System:
-    """Return valves that differ from each other as new ones do, by our assumption."""
+    """Return valves that differ from each other as new valves do; the spread is our assumption."""
     n = check_whole("n_valves", n_valves, 1, 10_000)
     usual = Actuator()
     factors = np.exp(_SPREAD * rng.standard_normal((3, n)))
@@ -76,9 +76,10 @@ class Trials:
     Notes
     -----
     The indices are those of the DAMADICS benchmark [1]_, whose text was not available to us; we
-    define them as follows. *Detection time*: until any code is active. *Isolation time*: until the
-    fault's own code is active, if it is the top fault of the trial. *Isolability*: the share of the
-    detected faults that are isolated. *Sensitivity*: the least severity that was detected.
+    define them as follows. *Detection time*: time until any code is active. *Isolation time*: time
+    until the fault's own code is active, if it is the top fault of the trial. *Isolability*: the
+    fraction of the detected faults that are isolated. *Sensitivity*: the lowest severity that was
+    detected.
 
     References
     ----------
@@ -114,10 +115,10 @@ class Trials:
     def rates(self) -> pd.DataFrame:
         """Return how often faults were found, indexed by method and fault.
 
-        The number ``n``; the shares ``detected``, ``named`` and ``isolated`` with the ends ``_low``
-        and ``_high`` of their 95 % intervals; ``isolability``, ``sensitivity``, and median
+        The number ``n``; the fractions ``detected``, ``named`` and ``isolated`` with the ends
+        ``_low`` and ``_high`` of their 95 % intervals; ``isolability``, ``sensitivity``, and median
         ``detection_time_s`` and ``isolation_time_s``. Of ``normal`` valves, ``detected`` is the
-        share with a false alarm and ``isolated`` the share without one.
+        fraction with a false alarm and ``isolated`` the fraction without one.
         """
         groups = self.rows.groupby(["method", "fault"], sort=False)
         table = pd.DataFrame({"n": groups.size()})
@@ -143,7 +144,7 @@ class Trials:
         return counted.reindex(index=list(mine["fault"].unique()), columns=order, fill_value=0)
 
     def plot(self, method: str = "fuzzy", ax: Axes | None = None) -> Axes:
-        """Draw the confusion in percent of each row."""
+        """Draw the confusion matrix in percent of each row."""
         table = self.confusion(method)
         ax = style.axes(ax)
         count = table.to_numpy(float)
@@ -177,7 +178,7 @@ def fault_trials(
     n_valves : int, default 256
         Valves with each fault; at most 10000 in all.
     severity : float or array_like of float, shape (n_valves,), default 1
-        How severe the faults are, 0..1.
+        Severity of the faults, 0..1.
     methods : iterable of str, optional
         Methods of diagnosis, of the same readings: ``crisp``, ``midpoint`` and ``fuzzy`` if
         omitted.
@@ -249,7 +250,7 @@ def fault_trials(
 
 
 def _diagnosed(runs: Iterable[Run], methods: Iterable[str]) -> Iterator[dict[str, Diagnosis]]:
-    """Diagnose consecutive blocks, each by every method."""
+    """Diagnose consecutive blocks by every method."""
     tails: dict[str, Tail] = {}
     for run in runs:
         found = {
@@ -293,9 +294,10 @@ def false_alarms(
     -------
     pandas.DataFrame
         Indexed by ``method``: ``commands``; the number of periods with an alarm, ``alarmed``, and
-        their share ``per_command`` with ``_low`` and ``_high``; ``valve_years``, the ``alarms`` in
-        them (a top fault that follows normal), and ``per_valve_year`` with ``_low`` and ``_high``;
-        and ``false_detection_rate``, the share of the time during which a fault is reported.
+        their fraction ``per_command`` with ``_low`` and ``_high``; ``valve_years``, the ``alarms``
+        in them (a top fault that follows normal), and ``per_valve_year`` with ``_low`` and
+        ``_high``; and ``false_detection_rate``, the fraction of the time during which a fault is
+        reported.
 
     Notes
     -----
@@ -319,7 +321,7 @@ def false_alarms(
     alarms, reported = dict.fromkeys(wanted, 0), dict.fromkeys(wanted, 0.0)
     quiet = {method: np.ones((1, valves), bool) for method in wanted}
     system = spread_valves(valves, generator)
-    # The last period is whole: it ends just before the next command would be due.
+    # The last period is complete: it ends just before the next command would be due.
     end = starts[-1] + every - 0.1
     runs = blocks(system, orders, until=end, rng=generator, size=max(2**19 // valves, 1))
     last = 0.0
@@ -378,7 +380,7 @@ class FleetReport:
         One row for every time a code became active: ``time_s``, ``valve``, ``code``, ``top_fault``.
     signals : DataFrame
         One row for every time the top fault of a valve changed: ``time_s``, ``valve``,
-        ``top_fault``. It is normal until the first.
+        ``top_fault``. The top fault is normal until the first change.
 
     Notes
     -----
@@ -431,7 +433,7 @@ class FleetReport:
         return pd.DataFrame(rows, columns=list(_FAULT_COLUMNS)).astype(_FAULT_COLUMNS)
 
     def _reported(self, low: float, high: float, signals: pd.DataFrame) -> float:
-        """Return how long faults are reported between two times [s]."""
+        """Return the time for which faults are reported between two times [s]."""
         ends = signals.groupby("valve")["time_s"].shift(-1).fillna(self.duration)
         spans = np.clip(ends, low, high) - np.clip(signals["time_s"], low, high)
         return float(spans[~signals["top_fault"].isin([NORMAL, UNKNOWN])].sum())
@@ -472,13 +474,13 @@ class FleetReport:
         )
 
     def false_alarm_rate(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Return the confidence interval of the rate of false alarms per valve and year."""
+        """Return the confidence interval of the false alarm rate per valve and year."""
         years = self.n_valves * self.duration / _YEAR
         low, high = event_interval(len(self.false_alarms()), years, confidence=confidence)
         return float(low), float(high)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw when each fault appeared, when its valve was moved, and when it was reported."""
+        """Draw the times at which each fault appeared and was reported, and its valve moved."""
         ax = style.axes(ax)
         faults, commands = self.faults(), self.commands
         hour = 3600.0
@@ -530,12 +532,12 @@ def run_fleet(
     rng : Generator, int or None, optional
         Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
     idle_step : float, default 1
-        Time between two readings while no motor runs; it is 0.1 s while one does [s].
+        Time between two readings while no motor runs; the interval is 0.1 s while a motor runs [s].
 
     Returns
     -------
     FleetReport
-        When each fault began and when it was diagnosed; false alarms.
+        Times at which each fault began and was diagnosed, and false alarms.
 
     Notes
     -----

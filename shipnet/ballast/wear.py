@@ -1,7 +1,7 @@
 """Pumps that wear out, as synthetic data, and their remaining life, predicted from a trend.
 
 The law of wear, its rates and the noise are assumptions, and one predictor uses that law, so the
-results are an upper bound of what is possible on a ship.
+results are an upper bound on the accuracy possible on a ship.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from shipnet.lazy import Axes, pd
 #: The longest stroke of a healthy valve [s]: row 0 of the rule table.
 LIMIT = 10.0
 
-#: Number of leaks for which a stroke time is computed; interpolation between them errs by 1e-6 s.
+#: Number of leaks for which a stroke time is computed; the interpolation error is 1e-6 s.
 _GRID = 2001
 
 
@@ -91,7 +91,7 @@ class Wear:
         usual = Actuator()
         rates = median * np.exp(sigma * generator.standard_normal(n))
         exponent = rates * np.arange(strokes)[:, np.newaxis]
-        # With a larger leak, no oil reaches the cylinder.
+        # With a leak above this, no oil reaches the cylinder.
         leak = usual.pump_leak * np.exp(np.minimum(exponent, 12.0))
         pressure = mid_pressure(leak)
         grid = np.linspace(0.0, float(exponent.max(initial=0.0)) + 1e-9, _GRID)
@@ -136,8 +136,8 @@ class Wear:
     def predict(self, valve: int, at: int, *, predictor: str = "leak") -> Prediction:
         """Predict how many strokes are left, from up to 200 strokes before stroke number `at`.
 
-        `predictor` is ``leak`` (that of the pump, computed from FP by the inverted model; its
-        logarithm rises linearly), ``stroke time`` or ``FP membership`` (which rise linearly).
+        `predictor` is ``leak`` (the pump leak, computed from FP by the inverted model; its
+        logarithm rises linearly), ``stroke time`` or ``FP membership`` (both rise linearly).
         """
         k = self._place(valve)
         check_choice("predictor", predictor, PREDICTORS)
@@ -150,7 +150,8 @@ class Wear:
     def predictions(self, at: int) -> pd.DataFrame:
         """Return how many strokes every valve has left after `at` strokes, indexed by ``valve``.
 
-        The prediction ``remaining`` has the interval ``low`` to ``high``; ``true`` is the truth.
+        The prediction ``remaining`` has the interval ``low`` to ``high``; ``true`` is the true
+        number.
         """
         rows = {valve: self.predict(valve, at).remaining for valve in range(1, self.life.size + 1)}
         table = pd.DataFrame.from_dict(rows, orient="index", columns=["remaining", "low", "high"])
@@ -158,7 +159,7 @@ class Wear:
         return table.rename_axis("valve")
 
     def life_table(self, valve: int = 1, at: Iterable[int] = (20, 50, 100, 200)) -> pd.DataFrame:
-        """Return the strokes left of one valve, predicted after each number of ``strokes``."""
+        """Return the remaining life of one valve, predicted after each number of ``strokes``."""
         k = self._place(valve)
         rows = {now: (*self.predict(valve, now).remaining, self.life[k] - now) for now in at}
         columns = ["remaining", "low", "high", "true"]
@@ -169,8 +170,9 @@ class Wear:
         """Compare the remaining life that each predictor predicts with the true one.
 
         Indexed by ``predictor`` and by the ``part`` of the true life at which it predicts: the
-        number of ``valves``; the share with a trend, ``found``; quantiles of predicted over true
-        life; the share ``within_20`` percent; and the share whose interval ``covers`` the truth.
+        number of ``valves``; the fraction with a trend, ``found``; quantiles of predicted over true
+        life; the fraction ``within_20`` percent; and the fraction whose interval ``covers`` the
+        true life.
         """
         index, rows = [], []
         for predictor in PREDICTORS:
@@ -199,7 +201,7 @@ class Wear:
         return check_whole("valve", valve, 1, self.life.size) - 1
 
     def _indicator(self, predictor: str, rows: slice, k: int) -> tuple[Floats, float, str]:
-        """Return the values that a predictor extrapolates, their limit, and their name."""
+        """Return the values that a predictor extrapolates, with their limit and name."""
         if predictor == "stroke time":
             return self.stroke_time[rows, k], LIMIT, "stroke time [s]"
         pressure = self.FP[rows, k]
@@ -211,7 +213,7 @@ class Wear:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The number of strokes that a worn pump has left, predicted from a trend."""
+    """The remaining life of a worn pump in strokes, predicted from a trend."""
 
     wear: Wear
     valve: int
@@ -237,7 +239,7 @@ class Prediction:
         ax.axhline(limit, **style.LIMIT, linewidth=1, label="limit")  # type: ignore[arg-type]
         if trend.found:
             found, last = trend.crossing(limit), self.at - 1
-            # A crossing far away, or in the past, does not determine the scale.
+            # A crossing far in the future, or in the past, does not determine the scale.
             end = found.estimate if last < found.estimate < 5 * last else last
             stop = 1.25 * end
             grid = np.linspace(0, stop, 200)
@@ -272,7 +274,7 @@ def limit_leak() -> float:
 
     def late(log_factor: float) -> float:
         worn = replace(usual, pump_leak=usual.pump_leak * np.exp(log_factor))
-        # A valve that stops exceeds any limit.
+        # The stroke time of a valve that stops exceeds any limit.
         return min(float(stroke_time(worn)), 1e6) - LIMIT
 
     return float(usual.pump_leak * np.exp(brentq(late, 0.0, 10.0, xtol=1e-10)))
@@ -290,7 +292,7 @@ def leak_from_pressure(pressure: npt.ArrayLike) -> Floats:
 
 
 def mid_pressure(leak: npt.ArrayLike) -> Floats:
-    """Return the pump pressure of the default valve, half open, for leaks of any shape [bar]."""
+    """Return the pump pressure of the default valve, half open, for an array of leaks [bar]."""
     leaks = np.asarray(leak, float)
     worn = replace(Actuator(), pump_leak=leaks.reshape(-1))
     state = hydraulics(worn, load_pressure(worn, 0.5))
@@ -313,10 +315,10 @@ class Crossing(NamedTuple):
 class Trend:
     """A straight line through points, by least squares."""
 
-    #: Whether the line describes the logarithm.
+    #: True if the line describes the logarithm.
     logarithmic: bool
     slope: float
-    #: Half-widths of the intervals of the slope, and of the line at its centre.
+    #: Half-widths of the confidence intervals of the slope, and of the line at its centre.
     slope_margin: float
     margin: float
     centre: tuple[float, float]
@@ -326,7 +328,7 @@ class Trend:
 
     @property
     def found(self) -> bool:
-        """Whether the slope is significant."""
+        """True if the slope is significant."""
         return self.p_value < 1 - CONFIDENCE
 
     @property
@@ -340,18 +342,18 @@ class Trend:
         return self._back(self.centre[1] + self.slope * (np.asarray(x, float) - self.centre[0]))
 
     def band(self, x: npt.ArrayLike) -> tuple[Floats, Floats]:
-        """Return the ends of the interval of the line."""
+        """Return the ends of the line's confidence interval."""
         u = np.asarray(x, float) - self.centre[0]
         line, wide = self.centre[1] + self.slope * u, np.hypot(self.margin, self.slope_margin * u)
         return self._back(line - wide), self._back(line + wide)
 
     def crossing(self, limit: float) -> Crossing:
-        """Return where the line reaches a limit, with its interval."""
+        """Return the point at which the line reaches a limit, with its interval."""
         if not self.found:
             return Crossing(nan, nan, inf)
         goal = float(np.log(limit)) if self.logarithmic else limit
         gap, x, w = goal - self.centre[1], self.centre[0], self.slope_margin
-        square = self.slope**2 - w**2  # above 0, because the trend is significant
+        square = self.slope**2 - w**2  # positive, because the trend is significant
         root = sqrt(w**2 * gap**2 + self.margin**2 * square)
         low, high = ((self.slope * gap + side * root) / square for side in (-1, 1))
         return Crossing(x + gap / self.slope, x + low, x + high)
@@ -361,9 +363,9 @@ class Trend:
 
 
 def remaining_life(trend: Trend, limit: float, now: float) -> Crossing:
-    """Return how long a trend takes from now to rise to a limit."""
+    """Return the time from now until a trend rises to a limit."""
     found = trend.crossing(limit)
-    # Without a trend the slope means nothing, and the median counts.
+    # Without a trend the slope is meaningless, so the median is used.
     if (trend.at(now) if trend.found else trend.median) >= limit:
         return Crossing(0.0, 0.0, 0.0)
     if not trend.found:
@@ -411,5 +413,5 @@ WORN = Term("worn", (-inf, -inf, 2.5, 90.0), "x < 2.5", "worn")
 #: Indicators from which the remaining life can be predicted.
 PREDICTORS = ("FP membership", "stroke time", "leak")
 
-#: Least and most strokes that a prediction uses.
+#: Smallest and largest number of strokes that a prediction uses.
 _FEWEST, _WINDOW = 10, 200

@@ -150,7 +150,7 @@ class Analysis:
 
     @property
     def ok(self) -> bool:
-        """Whether some bit rate meets all deadlines."""
+        """Whether at least one bit rate meets all deadlines."""
         return self.lowest < math.inf
 
     @property
@@ -269,7 +269,7 @@ class LogComparison:
 
     @property
     def ok(self) -> bool | None:
-        """Whether all is as planned; None if the log is too short to tell."""
+        """Whether all messages are as planned; None if the log is too short to tell."""
         odd = set(self._table["verdict"]) - {"as planned"}
         return None if odd == {"not seen"} else not odd
 

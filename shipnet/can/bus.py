@@ -1,4 +1,4 @@
-"""The events on a CAN bus, one after the other, in whole nanoseconds.
+"""Event-by-event simulation of a CAN bus, in whole nanoseconds.
 
 When the bus becomes free, the waiting frame of highest priority is sent without interruption. All
 releases at one instant take part in the same arbitration.
@@ -17,7 +17,7 @@ from shipnet.can.faults import BitErrors, ErrorAt, Simulated
 from shipnet.can.frame import INTERMISSION
 from shipnet.clock import NEVER, nanoseconds
 
-WAITING = -1  #: The start of a frame that never began.
+WAITING = -1  #: Start time that marks a frame that was never sent.
 
 #: Length of an error frame with intermission, if a second flag of 6 bits follows the first [bit].
 ERROR_FRAME = 23
@@ -131,7 +131,7 @@ class Nodes:
         #: Recessive sequences that each node in bus off still waits for.
         self.missing: dict[int, int] = {}
         self.rest_until = [0] * number
-        #: How often each node went bus off.
+        #: Number of times that each node went bus off.
         self.bus_off = [0] * number
         #: Good frames of each node that its counters do not include yet.
         self.good = [0] * number

@@ -38,7 +38,7 @@ from shipnet.line.scope_file import Edges, bit_time, read_edges
 
 #: Bit rates tried by default: those of CANopen, NMEA 2000 and vehicles.
 _RATES = (*BIT_RATES, 100e3 / 3, 250e3 / 3, 2e6 / 21, 100e3, 200e3, 400e3, 800e3)
-_TRIED = 40_000  #: Number of edges on which they are compared.
+_TRIED = 40_000  #: Number of edges on which the bit rates are compared.
 _FEWEST = 1.9  #: Fewest samples per bit, with a margin for inaccurate clocks.
 _IDLE = 9.5  #: Recessive bits before a start of frame; one may begin in the third of intermission.
 _EDGES, _BITS = 160, 176  #: Most edges and bits of a frame; the longest frame has 157 bits.

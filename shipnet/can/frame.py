@@ -1,4 +1,4 @@
-"""Frames of classic CAN: their bits on the line, how a receiver reads them, which one wins the bus.
+"""Frames of classic CAN: encoding, decoding and arbitration.
 
 A transmitter inserts an inverted stuff bit after five equal bits, up to the end of the CRC
 sequence. In arbitration, 0 is dominant and wins over any 1 sent at the same time.
@@ -46,7 +46,7 @@ HEADS = (_BASE, _EXTENDED)  #: The fields before the data, without and with an e
 
 
 def highest_id(extended: bool) -> int:
-    """Return the highest arbitration id, that of lowest priority."""
+    """Return the highest arbitration id, which has the lowest priority."""
     return 2**29 - 1 if extended else 2**11 - 1
 
 
@@ -200,7 +200,7 @@ class Frame:
         return len(self.bits) + INTERMISSION
 
     def frame_time(self, bit_rate: float) -> float:
-        """Return how long the frame and its intermission occupy the bus [s]."""
+        """Return the duration of the frame and its intermission [s]."""
         return self.length / check_bit_rate(bit_rate)
 
     @property

@@ -1,4 +1,4 @@
-"""Recorded CAN frames, the load they make, and the messages they show."""
+"""Recorded CAN frames, the bus load they cause, and the messages they contain."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ class Log:
         )
 
     def messages(self, *, period: float | None = None) -> MessageSet:
-        """Return the messages that the log shows, as `read_messages` does for its file."""
+        """Return the messages found in the log, as `read_messages` does for its file."""
         self._check_times("a message set")
         if period is not None:
             check_scalar("period", period, "s", 1e-6, 1e5)

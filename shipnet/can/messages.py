@@ -117,7 +117,7 @@ class Message:
         return self.bits or length_table(stuffing)[self.extended][self.dlc]
 
     def frame_time(self, bit_rate: float, stuffing: Stuffing = "worst") -> float:
-        """Return how long the frame and its intermission occupy the bus [s]."""
+        """Return the duration of the frame and its intermission [s]."""
         return self.frame_length(stuffing) / check_bit_rate(bit_rate)
 
 

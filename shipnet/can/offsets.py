@@ -34,7 +34,7 @@ class Streams(NamedTuple):
     jitter: Integers
     offset: Integers
     clock: Integers
-    #: How late a more urgent message may be queued and still win.
+    #: Longest delay after which a more urgent message still wins if it is queued.
     tau: int
 
 

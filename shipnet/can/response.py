@@ -77,7 +77,7 @@ class Bus(NamedTuple):
     assumptions: Assumptions
 
     def reported(self, message: int) -> int:
-        """Return how much longer a message's response is than its delay."""
+        """Return the difference between a message's response and its delay."""
         _, frame, jitter = self.streams[message]
         spared = INTERMISSION * self.bit if self.assumptions.intermission == "between" else 0
         return frame - spared + (jitter if self.assumptions.own_jitter else 0)

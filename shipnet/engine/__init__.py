@@ -1,4 +1,4 @@
-"""The engine monitoring system of lee2012: points, junction boxes, two field buses, their rules."""
+"""The engine monitoring system of lee2012: points, junction boxes, field buses and class rules."""
 
 import lazy_loader
 

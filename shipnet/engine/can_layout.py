@@ -1,6 +1,6 @@
 """The points of the boxes in CAN messages: which bytes of which frame contain which point.
 
-The paper prints no mapping, so this one is ours. A box sends its analogue values first, with `bits`
+The paper prints no mapping; we assume this one. A box sends its analogue values first, with `bits`
 bits each, most significant bit first, padded to a whole byte; then its switches, eight per byte,
 the first in the least significant bit. The bytes are split into frames of eight.
 """
@@ -23,17 +23,17 @@ from shipnet.lazy import pd
 #: Data bytes of a classic CAN frame; ISO 11898-1.
 _FRAME = 8
 
-#: Identifiers from one box to the next: the box's number times 256, the highest 11-bit one.
+#: Step of the identifiers from box to box, and the highest 11-bit identifier.
 _ID_STEP, _HIGHEST_ID = 0x100, 0x7FF
 
 
 @checked
 @record
 class CanLayout:
-    """Which CAN frame contains which point: box k sends identifiers from 0x100 k up, k = 1..7.
+    """The mapping of points to CAN frames: box k sends identifiers from 0x100 k up, k = 1..7.
 
-    The identifiers, and so the priorities, are assumed: JB1 before JB2 before JB3. If `bits` does
-    not divide 64, some values are split between two frames; `table` shows which.
+    The identifiers, and therefore the priorities, are assumed: JB1 before JB2 before JB3. If `bits`
+    does not divide 64, some values are split between two frames; `table` shows which.
 
     Examples
     --------
@@ -57,7 +57,7 @@ class CanLayout:
 
     @cached_property
     def _packed(self) -> tuple[Integers, dict[str, int]]:
-        """First bit of each point among those of all messages, and the data bytes of each box."""
+        """First bit of each point in the data of all messages, and data bytes per box."""
         first, sizes = np.empty(len(self.points), np.int64), dict[str, int]()
         for box, own in self.points.by_box().items():
             place, size = packed([point.analogue for point in own], self.bits)
@@ -83,14 +83,14 @@ class CanLayout:
 
     @cached_property
     def _spans(self) -> dict[str, slice]:
-        """The bytes of each message among those of all."""
+        """The byte range of each message in the data of all messages."""
         dlc = np.array([message.dlc for message in self.messages()])
         ends = np.cumsum(dlc)
         spans = map(slice, (ends - dlc).tolist(), ends.tolist())
         return dict(zip((message.name for message in self.messages()), spans, strict=True))
 
     def table(self) -> pd.DataFrame:
-        """Return the message and byte in which each point begins, and its last message, by tag."""
+        """Return each point's first message and byte, and its last message, by tag."""
         names = np.array(list(self._spans), dtype=object)
         begins = np.array([span.start for span in self._spans.values()])
         first, last = self.message_of, self._message_at(self._packed[0] + self._width - 1)
@@ -108,7 +108,7 @@ class CanLayout:
         """Return the amount of data in one update, by box and for ``all``.
 
         ``worst_bits`` and ``worst_extended_bits`` are for 11-bit and 29-bit identifiers,
-        intermission included; ``ms_125k`` and so on are the times of ``worst_bits``.
+        intermission included; ``ms_125k`` and the other times are the durations of ``worst_bits``.
         """
         messages = self.messages()
         frames = pd.DataFrame(

@@ -1,7 +1,7 @@
 """The class rules that lee2012 quotes in section II, each checked on a described system.
 
-What a description leaves out is not verified. The text of the rules was not available to us;
-`Rule.elsewhere` says what public texts require on the same matter.
+A rule that needs a value missing from the description is not verified. The text of the rules was
+not available to us; `Rule.elsewhere` says what public texts require on the same matter.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Redundancy:
     cpus: int = whole(1, 4, "", "Processors of each box", default=1)
 
     def table(self) -> pd.DataFrame:
-        """Return what each ``dead`` part costs: ``boxes_lost``, ``points_lost``."""
+        """Return the effect of each ``dead`` part: ``boxes_lost``, ``points_lost``."""
         rows = []
         for kind, count in (("supply", self.supplies), ("cpu", self.cpus)):
             for box, own in self.points.by_box().items():
@@ -75,12 +75,12 @@ class Redundancy:
         return pd.DataFrame(rows, columns=["dead", "boxes_lost", "points_lost"])
 
     def worst(self) -> int:
-        """Return the largest number of points that one dead part costs."""
+        """Return the largest number of points lost with one dead part."""
         return int(self.table()["points_lost"].max())
 
     @classmethod
     def compare(cls, points: Iterable[Point]) -> pd.DataFrame:
-        """Return what dead parts cost with one or two of each: one row per design and part."""
+        """Return the effect of dead parts with one or two of each: one row per design and part."""
         designs = {
             "one of each": (1, 1),
             "two supplies": (2, 1),
@@ -114,7 +114,7 @@ class Description:
     cpus: int | None = whole(1, 4, "", "Processors of each box", default=None, optional=True)
     supplies: int | None = whole(1, 4, "", "Supplies of each box", default=None, optional=True)
     power_switch_over: float | None = number(
-        0, 3600, "s", "How long a change of the supply takes", default=None, optional=True
+        0, 3600, "s", "Duration of a change-over of the supply", default=None, optional=True
     )
     volatile: bool | None = switch(
         "Whether settings or programs are stored in volatile memory", default=None,
@@ -124,7 +124,7 @@ class Description:
     links: Mapping[str, tuple[str, ...]] | None = field(default=None, hash=False)
     routes: Mapping[str, tuple[str, ...]] | None = field(default=None, hash=False)
     poll: Poll | None = part(
-        Poll, "The poll that asks one junction box for all points", default=None, optional=True
+        Poll, "Poll that requests all points from one junction box", default=None, optional=True
     )
     retries_known: bool = switch(
         "Whether the retries of `poll` are those of the system, not a mere default", default=False
@@ -149,7 +149,7 @@ class Description:
 
     @classmethod
     def printed(cls) -> Description:
-        """Return what lee2012 prints of its system.
+        """Return the description of the system that lee2012 prints.
 
         That is one microcontroller per box (section IV.1), CAN and Modbus RTU, two channels to JB1
         and JB3 (Fig 3) and 9600 bit/s 8E1 (Table 2). That one request polls all 99 points is our
@@ -167,16 +167,17 @@ class Description:
 
 # The rules -------------------------------------------------------------------------------------
 
-#: The result of a check, NaN if too little is described, and its reason.
+#: The computed value, NaN if the description is incomplete, and the reason.
 _Outcome = tuple[float, str]
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A class rule as the paper quotes it: what it asks of an object, the measure and its limit.
+    """A class rule as the paper quotes it: the requirement on an object, its measure and its limit.
 
-    `compute` is called with a system and its field `known`. The limit is the highest value, or the
-    lowest with `at_least`; `elsewhere` says what public texts require on the same matter.
+    `compute` is called with a system and its field `known`. The limit is the highest permitted
+    value, or the lowest with `at_least`; `elsewhere` says what public texts require on the same
+    matter.
     """
 
     name: str
@@ -191,7 +192,7 @@ class Rule:
     at_least: bool = False
 
     def judge(self, system: Description) -> tuple[Verdict, float, str]:
-        """Return the verdict on a system, the value computed, and why."""
+        """Return the verdict on a system, the value computed, and the reason."""
         known = getattr(system, self.known)
         value, why = (nan, "not described") if known is None else self.compute(system, known)
         if isnan(value):
@@ -215,7 +216,7 @@ def _standard(system: Description, protocols: tuple[str, ...]) -> _Outcome:
 
 
 def _apart(system: Description, links: Mapping[str, tuple[str, ...]]) -> _Outcome:
-    """Return the largest number of links that share nothing, and what any two links share."""
+    """Return the largest number of links that share no space or tray, and what links share."""
     sets = [set(touched) for touched in links.values()]
     shared: set[str] = set().union(*(a & b for a, b in combinations(sets, 2)))
     why = f"shared: {', '.join(sorted(shared))}" if shared else ""
@@ -247,7 +248,7 @@ def _crc(system: Description, protocols: tuple[str, ...]) -> _Outcome:
 
 
 def _repeats(system: Description, protocols: tuple[str, ...]) -> _Outcome:
-    # A CAN controller repeats until it succeeds; ISO 11898-1. A Modbus master may ask again.
+    # A CAN controller repeats until it succeeds; ISO 11898-1. A Modbus master may retry.
     asked = [name for name in protocols if name != "CAN"]
     if not asked:
         return inf, "CAN repeats by itself"

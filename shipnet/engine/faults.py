@@ -1,4 +1,4 @@
-"""What can go wrong in the system; times are seconds from the start of the AMS."""
+"""Faults of the system; times are in seconds from the start of the AMS."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = [
 
 @record
 class EngineFault(Fault):
-    """A fault at a place of the system; the base of all kinds."""
+    """A fault at a place in the system; base class of all kinds."""
 
     words: ClassVar[str] = ""
     at: ClassVar[Literal["box", "cable", "channel", "sensor"]] = "box"
@@ -34,8 +34,8 @@ class CanBreak(EngineFault):
     Notes
     -----
     A break splits the bus in two, each part with one of the two terminators. Both parts still work,
-    which is an **assumption** that suits short cables and low bit rates. What is queued or on the
-    bus at the break, or at its repair, is lost. A box on its own gets no acknowledgement.
+    which is an **assumption** that suits short cables and low bit rates. Frames queued or on the
+    bus at the break, or at its repair, are lost. An isolated box receives no acknowledgement.
 
     Examples
     --------
@@ -77,7 +77,7 @@ class DeadPort(EngineFault):
 
 @record
 class DeadBox(EngineFault):
-    """A box has no supply, or its only CPU is dead; it returns without the values of the others.
+    """A box has no supply or a dead CPU; it restarts without the values of the other boxes.
 
     Examples
     --------
@@ -145,7 +145,7 @@ class ShortCircuit(EngineFault):
 
 @record
 class LostCanFrames(EngineFault):
-    """CAN frames of a box are lost at random at each receiver, by overrun of its buffers.
+    """CAN frames of a box are lost at random at each receiver, because its buffers overrun.
 
     Examples
     --------
@@ -174,10 +174,10 @@ class LostModbusFrames(EngineFault):
     at = "channel"
 
     request: float = number(
-        0, 1, "", "Probability that a request is not understood", default=0.5, kw_only=True
+        0, 1, "", "Probability that a request arrives damaged", default=0.5, kw_only=True
     )
     response: float = number(
-        0, 1, "", "Probability that a response is not understood", default=0.0, kw_only=True
+        0, 1, "", "Probability that a response arrives damaged", default=0.0, kw_only=True
     )
 
 
@@ -195,5 +195,5 @@ WIRES: dict[Literal["open", "short"], type[EngineFault]] = {
 def outages(
     faults: Iterable[EngineFault], where: str, *kinds: type[Fault]
 ) -> list[tuple[int, int]]:
-    """Return begin and end [ns] of each fault of some kinds at a place, in order."""
+    """Return start and end [ns] of each fault of some kinds at a place, in order."""
     return sorted(fault.span for fault in faults if type(fault) in kinds and fault.where == where)

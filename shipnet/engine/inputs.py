@@ -7,7 +7,7 @@ current or a contact) to 0..5 V, which the converter of the controller turns int
           c = \left\lfloor \frac{2^n u}{U_{ref}} + \frac{1}{2} \right\rfloor
 
 In lee2012 the window of a 4-20 mA loop is 4..20 mA (250 ohm, then an amplifier
-:math:`1.25 (u - 1 V)`), and that of a thermometer is its range.
+:math:`1.25 (u - 1 V)`), and the window of a thermometer is its range.
 """
 
 from __future__ import annotations
@@ -74,16 +74,16 @@ def _within(name: str, value: npt.ArrayLike, low: float, high: float, unit: str)
 #: Zero and full scale of a current loop [A].
 _LOOP = (4e-3, 20e-3)
 
-#: Currents that distinguish a failure (the outer two) from a value (between the inner): NAMUR NE 43
+#: Currents that distinguish a failure (outer two) from a value (between the inner two): NAMUR NE 43
 #: [A].
 NAMUR = (3.6e-3, 3.8e-3, 20.5e-3, 21e-3)
 
-#: The same as fractions of the span above its zero; they also apply to thermometers.
+#: The same limits as fractions of the span above its zero; they also apply to thermometers.
 _PARTS = [(i - _LOOP[0]) / (_LOOP[1] - _LOOP[0]) for i in NAMUR]
 
 #: Signal of each kind of sensor by wire fault: resistance [ohm], current [A], contact (1 is
 #: closed). A short circuit across a transmitter connects the supply to the 250 ohm alone; at 24 V
-#: they draw 96 mA, which is outside every window.
+#: the current is 96 mA, which is outside every window.
 WIRE_FAULTS: dict[Literal["open", "short"], dict[str, float]] = {
     "open": {"RTD": np.inf, "4-20 mA": 0.0, "switch": 0.0},
     "short": {"RTD": 0.0, "4-20 mA": np.inf, "switch": 1.0},
@@ -112,7 +112,7 @@ class InputCard:
 
     points: PointList = part(PointList, "One or more points", make=PointList)
     bits: int = whole(
-        1, 16, "", "Resolution of the converter; that of the AT90CAN128 is 10", default=10,
+        1, 16, "", "Resolution of the converter; the AT90CAN128 has 10 bits", default=10,
         kw_only=True,
     )  # fmt: skip
     reference: float = number(
@@ -127,7 +127,7 @@ class InputCard:
 
     @property
     def highest(self) -> int:
-        """Highest code; a step is the reference divided by one more.
+        """Highest code; a step is the reference divided by the highest code plus one.
 
         Atmel, AT90CAN128 data sheet 4250E-CAN-12/04, p. 277: "the reference minus one LSB".
         """
@@ -139,7 +139,7 @@ class InputCard:
         return float(self.reference / 2**self.bits)
 
     def signal(self, values: npt.ArrayLike) -> Floats:
-        """Return resistances [ohm], currents [A], 3.8..20.5 mA, or contacts (1 closed)."""
+        """Return resistances [ohm], currents [A] of 3.8..20.5 mA, or contacts (1 is closed)."""
         v = by_point(self.points, "values", values).astype(np.float64)
         signals = np.empty(v.shape)
         for k, point in enumerate(self.points):
@@ -192,7 +192,7 @@ class InputCard:
         return self._decoded(c / np.where(highest > 1, self.highest + 1.0, 1.0))
 
     def _decoded(self, part: npt.ArrayLike) -> Floats:
-        """Return the values at parts of the window, voltage over reference, without rounding."""
+        """Return the values at fractions of the window (voltage / reference), without rounding."""
         x = np.asarray(part)
         window, ends = self.window, self._ends
         values = np.empty(x.shape)
@@ -213,8 +213,8 @@ class InputCard:
     def limits(self) -> Integers:
         """Codes at or below the first and at or above the second are failures, shape (n_points, 2).
 
-        They are the codes of 3.6 and 21 mA, and of the same fractions of a thermometer's span; they
-        are out of range where such a code could also be a value.
+        The limits are the codes of 3.6 and 21 mA, and of the same fractions of a thermometer's
+        span. A limit is outside the range of codes where its code could also be a value.
         """
         ends = self._ends
         signals = [ends[:, 0] + part * (ends[:, 1] - ends[:, 0]) for part in _PARTS]
@@ -228,7 +228,7 @@ class InputCard:
         )
 
     def valid(self, code: npt.ArrayLike) -> Bools:
-        """Return which codes are values and not failures, by `limits`."""
+        """Return which codes are values and not failures, according to `limits`."""
         low, high = self.limits.T
         c = np.asarray(code)
         return np.asarray((c > low) & (c < high))
@@ -246,8 +246,8 @@ class InputCard:
                 continue
             one = replace(self, points=PointList([point]))
             n = self.highest + 1
-            # Between two steps of the converter the decoded value stays the same, so the largest
-            # error lies at a step or at an end of the range.
+            # Between two steps of the converter the decoded value is constant, so the largest error
+            # occurs at a step or at an end of the range.
             edges = one._decoded((np.arange(1, n) - 0.5)[:, np.newaxis] / n)[:, 0]
             decoded = one.value(np.arange(n)[:, np.newaxis])[:, 0]
             inside = (edges > point.low) & (edges < point.high)
@@ -266,7 +266,7 @@ class InputCard:
         return pd.DataFrame(rows, columns=columns)
 
     def broken(self, wire: Literal["open", "short"]) -> Words:
-        """Return the codes of all points with their wires open or short."""
+        """Return the codes of all points with their wires open or short-circuited."""
         return self.code([WIRE_FAULTS[wire][point.condition] for point in self.points])
 
     def wire_faults(self) -> pd.DataFrame:
@@ -292,7 +292,7 @@ class InputCard:
 
     @cached_property
     def _ends(self) -> Floats:
-        """The signals at both ends of the ranges."""
+        """The signals at both ends of the points' ranges."""
         ends = np.empty((len(self.points), 2))
         for k, point in enumerate(self.points):
             if point.condition == "RTD":

@@ -29,7 +29,7 @@ _TASKS = {
     "response": ("#009E73", ""),
 }
 
-#: Legend labels of tasks that are named like a bus or a device.
+#: Legend labels of tasks with the same name as a bus or a device.
 _LABELS = {name: f"{name} interrupt" for name in ("CAN", "timer", "Modbus")}
 
 #: Frames on the bus, by sender.
@@ -40,7 +40,7 @@ _MOST_BARS, _TILES, _SIZE = 5000, 9, 9
 
 
 def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
-    """Draw the work of CPUs and lines as rows of bars; CAN frames have the grey of their sender."""
+    """Draw the work of CPUs and lines as rows of bars; each CAN sender has its own grey."""
     ax = style.axes(ax)
     if not 1 <= len(table) <= _MOST_BARS:
         raise ArgumentError(f"table has {len(table)} rows; it must be 1..{_MOST_BARS}")
@@ -81,7 +81,7 @@ def plot_ages(
     x = np.column_stack([ages["seen_s"], ages["good_until_s"], ages["good_until_s"]])
     y = np.column_stack([ages["age_s"], ages["last_age_s"], gap])
     joined = (ages["good_until_s"] == ages["until_s"]) & good
-    # A fresh value drops the line at once; after a mark a new line begins.
+    # A new value makes the line drop vertically; after a mark a new line begins.
     y[:, 2] = np.where(joined, np.append(ages["age_s"].iloc[1:], np.nan), np.nan)
     (line,) = ax.plot(x.ravel(), y.ravel(), label=label or None)
     bad = ages[ages["good_until_s"] < ages["until_s"]]
@@ -125,7 +125,7 @@ def plot_screen(table: pd.DataFrame, *, ax: Axes | None, old: float) -> Axes:
                 corners, facecolors=colours, edgecolors="0.3", linewidths=0.5, hatch=hatch
             )
         )  # fmt: skip
-    # Hundreds of texts take ten times as long as a collection of their outlines.
+    # Drawing hundreds of texts takes ten times as long as drawing a collection of their outlines.
     ax.add_collection(
         PathCollection(
             [_outline(text) for *_, text, _ in words],
@@ -168,7 +168,7 @@ def plot_system(
 ) -> Axes:
     """Draw boxes with their points, CAN cables and channels to the boxes at the AMS's two ports.
 
-    `failed` has the place of each failure, a box, cable or channel, and the text beside its cross.
+    `failed` maps the place of each failure (a box, cable or channel) to the text beside its cross.
     """
     ax = style.axes(ax)
     look = {"facecolor": "white", "edgecolor": "0.2", "zorder": 2}

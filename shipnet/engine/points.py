@@ -24,7 +24,7 @@ Condition = Literal["RTD", "4-20 mA", "switch"]
 #: Inputs of a junction box: a resistance thermometer, a current loop, a contact.
 CONDITIONS: tuple[Condition, ...] = ("RTD", "4-20 mA", "switch")
 
-#: Columns of a file of points; any other column is for remarks.
+#: Columns of a point file; any other column holds remarks.
 _COLUMNS = ("tag", "box", "condition", "quantity", "low", "high", "unit", "signal", "alarm",
             "service")  # fmt: skip
 
@@ -36,8 +36,8 @@ PT100 = (-200.0, 850.0)
 class Point:
     """A measuring point.
 
-    `box` is the junction box that it is wired to, `quantity` what is measured, such as
-    ``"temperature"``, `unit` that of the range, `signal` the kind of sensor, such as ``"Pt100
+    `box` is the junction box that it is wired to, `quantity` the measured quantity, such as
+    ``"temperature"``, `unit` the unit of the range, `signal` the kind of sensor, such as ``"Pt100
     3-wire"``, and `service` the place on the engine. `tag` and `box` must not be empty.
 
     Examples
@@ -87,12 +87,12 @@ class Point:
 
     @property
     def analogue(self) -> bool:
-        """Whether it has a value, not only two states."""
+        """True if the point has a continuous value, False if it has two states."""
         return self.condition != "switch"
 
     @property
     def cylinder(self) -> int | None:
-        """Number of the cylinder that `service` names as ``cyl 3``; None if it names none."""
+        """Number of the cylinder that `service` names, such as ``cyl 3``; None without one."""
         found = re.search(r"\bcyl (\d+)\b", self.service)
         return int(found[1]) if found else None
 
@@ -173,7 +173,7 @@ class PointList(tuple[Point, ...]):
         return pd.DataFrame(rows, columns=list(_COLUMNS)).set_index("tag")
 
     def counts(self) -> pd.DataFrame:
-        """Return the number of points by box and condition, with a last row ``all``."""
+        """Return the number of points by box and condition, with totals in a last row ``all``."""
         rows = []
         for own in (*self.by_box().values(), self):
             kinds = [point.condition for point in own]
@@ -191,9 +191,9 @@ class PointList(tuple[Point, ...]):
         segments: int = 3,
         segment_wires: int = 2,
     ) -> Saving:
-        """Count the conductors of hardwired points, and of the two buses in their place.
+        """Count the conductors of hardwired points, and of the two buses that replace them.
 
-        `rtd`, `loop` and `switch` are the conductors of one sensor (1..4). CAN has 0..100
+        `rtd`, `loop` and `switch` are the numbers of conductors per sensor (1..4). CAN has 0..100
         `segments` of 1..8 wires, and Modbus two channels of two wires. Shields, supplies and spare
         cores are not counted.
         """
@@ -208,7 +208,7 @@ class PointList(tuple[Point, ...]):
         return Saving(sum(each[point.condition] for point in self), can + modbus)
 
     def kinds(self) -> list[tuple[int, int]]:
-        """Return the place of the first point and the number of points for each kind of input."""
+        """Return the index of the first point and the number of points for each kind of input."""
         first: dict[tuple[object, ...], list[int]] = {}
         for k, point in enumerate(self):
             key = (point.condition, point.low, point.high, point.unit, point.signal)

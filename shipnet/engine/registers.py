@@ -30,9 +30,9 @@ from shipnet.modbus.pdu import Request
 class Coding:
     """How a value becomes the content of a register.
 
-    `step` is the value of one count, 1e-6..1e6 in the unit of the point. With ``"full scale"`` the
+    `step` is the value of one count, 1e-6..1e6 in the point's unit. With ``"full scale"`` the
     range fills the bits, from 0 to all ones; with ``"decimal"`` the step is the largest power of
-    ten within a thousandth of the span.
+    ten up to a thousandth of the span.
 
     A value that does not fit is clipped to the nearest content. A switch is 0 or 1.
 
@@ -77,7 +77,7 @@ class Coding:
         if self.step == "full scale":
             return float(point.span / (2**self.bits - 1))
         if self.step == "decimal":
-            # The logarithm of 1000 may miss 3 by a rounding.
+            # A rounding error may make the logarithm of 1000 differ from 3.
             return float(10.0 ** floor(log10(point.span / 1000) + 1e-9))
         return float(self.step)
 
@@ -117,13 +117,13 @@ class Coding:
         return np.where(signed & (r >= 0x8000), r - 0x10000, r).astype(np.float64)
 
     def _scale(self, points: PointList) -> tuple[Floats, Floats]:
-        """Return step and value of content 0, by point."""
+        """Return the step and the value of content 0 for each point."""
         full = self.step == "full scale"
         zero = np.array([point.low if full and point.analogue else 0.0 for point in points])
         return np.array([self.step_of(point) for point in points]), zero
 
     def _bounds(self, points: PointList) -> tuple[Floats, Floats]:
-        """Return the lowest and highest number of each point's register, without the error mark."""
+        """Return the lowest and highest number in each register, excluding the error mark."""
         signed = self.step != "full scale"
         high = 2 ** (self.bits - signed) - 1
         low = -high - (self.error != 2**15) if signed else 0
@@ -134,20 +134,22 @@ class Coding:
         """Return which legal readings are coded as the error mark, one row per point.
 
         ``reads`` is the value of the mark; readings ``from``..``to`` are mistaken for an error (NaN
-        if none are), which is ``percent`` of the range.
+        if none are); they cover ``percent`` of the range.
         """
         known = PointList(points)
         mark = np.full(len(known), self.error, np.int64)
         number = self._number(known, mark)
         step, zero = self._scale(known)
         lowest, highest = self._bounds(known)
-        # Values beyond the ends are clipped to the first or last number, so these have no end.
+        # Values beyond the ends are clipped to the first or last number, so the outer intervals
+        # have no end.
         begin = np.where(number <= lowest, -np.inf, zero + step * (number - 0.5))
         end = np.where(number >= highest, np.inf, zero + step * (number + 0.5))
         low = np.array([point.low for point in known])
         high = np.array([point.high for point in known])
         begin, end = np.maximum(begin, low), np.minimum(end, high)
-        # The upper end of an interval belongs to the next number, the end of a range to the range.
+        # The upper end of an interval belongs to the next number; the end of a range belongs to the
+        # range.
         meet = (begin < end) | ((begin == end) & (begin == low))
         meet &= (number >= lowest) & (number <= highest)
         return pd.DataFrame(
@@ -163,8 +165,8 @@ class Coding:
         )
 
 
-#: Readings of the coding, which the paper does not print, and a corrected one, in which no value
-#: looks like the mark.
+#: Interpretations of the coding, which the paper does not print, and a corrected coding, in which
+#: no value equals the error mark.
 CODINGS = {
     coding.name: coding
     for coding in (
@@ -189,7 +191,7 @@ _REQUEST = 125
 class RegisterMap:
     """Registers of a junction box, one per point.
 
-    The paper prints neither addresses nor scales; this map is ours.
+    The paper prints neither addresses nor scales; we assume this map.
 
     Examples
     --------
@@ -218,7 +220,7 @@ class RegisterMap:
         )
 
     def table(self) -> pd.DataFrame:
-        """Return the address map: by address the tag that it ``holds``, its box, step and unit."""
+        """Return the address map: the tag that each address ``holds``, its box, step and unit."""
         rows = [(p.tag, p.box, self.coding.step_of(p), p.unit) for p in self.points]
         table = pd.DataFrame(rows, columns=["holds", "box", "step", "unit"])
         return table.rename_axis("address")

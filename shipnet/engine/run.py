@@ -39,7 +39,7 @@ class Cpu:
         self._left = self.begins - length * np.arange(self.begins.size)
 
     def until(self, time: Integers) -> Integers:
-        """Return the CPU time up to these times that interrupts did not use [ns]."""
+        """Return the CPU time that interrupts left unused up to these times [ns]."""
         begun = np.searchsorted(self.begins, time, side="right")
         if not self.begins.size:
             return np.asarray(time, dtype=np.int64)
@@ -49,12 +49,12 @@ class Cpu:
         return np.asarray(time - taken, dtype=np.int64)
 
     def at(self, left: Integers) -> Integers:
-        """Return when this CPU time has been left, before interrupts that begin then [ns]."""
+        """Return when this CPU time has become free, before interrupts that begin then [ns]."""
         begun = np.searchsorted(self._left, left, side="left")
         return np.asarray(left + self.length * begun, dtype=np.int64)
 
     def queue(self, due: Integers, work: int) -> Integers:
-        """Return when jobs that wait for each other begin, in CPU time for `at` [ns].
+        """Return the start times of jobs that wait for each other, in CPU time for `at` [ns].
 
         `due` rises; `work` is the CPU time of each job.
         """
@@ -67,9 +67,9 @@ OUTCOMES = ("answered", "no answer", "response damaged")
 
 
 class Attempts(NamedTuple):
-    """Requests in order of time: poll, channel (0 or 1), first bit [ns], place in `OUTCOMES`.
+    """Requests in order of time: poll, channel (0 or 1), first bit [ns], index in `OUTCOMES`.
 
-    A box may have `heard` a request whose response did not begin.
+    `heard` is True if the box received the request, even if no response began.
     """
 
     poll: Integers
@@ -79,7 +79,7 @@ class Attempts(NamedTuple):
     heard: Bools
 
 
-#: The time of a round, or a step of it, that did not happen.
+#: The time given for a round, or a step of a round, that did not happen.
 NEVER = -1 << 62
 
 
@@ -98,8 +98,8 @@ class Rounds(NamedTuple):
 class Frames(NamedTuple):
     """Frames that were sent on the bus, in no particular order.
 
-    `start` is the first bit and `arrival` the end without the intermission [ns]; bit k of
-    `hearers` is set if box k is on the same part of the bus.
+    `start` is the first bit and `arrival` the end without the intermission [ns]; bit k of `hearers`
+    is set if box k is on the sender's part of the bus.
     """
 
     message: Integers
@@ -116,18 +116,18 @@ class Frames(NamedTuple):
 
 
 def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
-    """Return when a timer marks the values of a sender `heard` too long ago, for `Cpu.at` [ns]."""
+    """Return when a timer marks a sender last `heard` too long ago, for `Cpu.at` [ns]."""
     limit = nanoseconds(system.stale_limit)
     silent = np.diff(heard, append=heard[-1:] + limit + 1) > limit
     return cpu.until(heard[silent] + limit)
 
 
 class Views(NamedTuple):
-    """What the AMS can conclude after each answer, one row per answer.
+    """The AMS's knowledge after each answer, one row per answer.
 
-    `seen` is when the answer was complete [ns]. By message, `number` is the round that the values
-    are from, -1 if they are missing or marked, and `known` the AMS's lower bound for the
-    time at which they were sampled [ns].
+    `seen` is the time at which the answer was complete [ns]. For each message, `number` is the
+    round of its values, -1 if they are missing or marked, and `known` the AMS's lower bound for
+    their sampling time [ns].
     """
 
     seen: Integers
@@ -136,9 +136,9 @@ class Views(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """What the AMS shows of a point, one entry per view, from `seen` to `until` [ns].
+    """The views of a point on the AMS, one entry per view, from `seen` to `until` [ns].
 
-    The value was true when it was `sampled`. It is shown as good until `good_until`, which equals
+    The value was `sampled` at that time. It is shown as good until `good_until`, which equals
     `seen` if the value is marked from the start.
     """
 
@@ -157,7 +157,7 @@ _ERROR = 0xFF
 
 
 class SyntheticValues:
-    """Synthetic values: a slow wave about a mean for every point.
+    """Synthetic values: a slow wave around a mean for every point.
 
     `rng` draws mean (40..60 % of the range), amplitude (5..15 %), period (60..600 s) and phase of
     each wave. Switches stay closed, at 0.
@@ -174,7 +174,7 @@ class SyntheticValues:
         self._phase = rng.uniform(0, 2 * np.pi, n)
 
     def at(self, place: int, time: npt.ArrayLike) -> Floats:
-        """Return the value of point number `place` at some times [s]."""
+        """Return the values of point number `place` at some times [s]."""
         t = np.asarray(time, dtype=np.float64)
         if not self.points[place].analogue:
             return np.zeros(t.shape)
@@ -185,7 +185,7 @@ class SyntheticValues:
 def reading(
     values: SyntheticValues, faults: Iterable[EngineFault], place: int, time: float
 ) -> float:
-    """Return the value that a box reads for a point at a time [s], also with broken wires."""
+    """Return the value that a box reads for a point at a time [s], including wire faults."""
     point, now = values.points[place], nanoseconds(time)
     for wire, kind in WIRES.items():
         if any(begin <= now < stop for begin, stop in outages(faults, point.tag, kind)):
@@ -196,15 +196,15 @@ def reading(
 
 @checked
 class Screen:
-    """What the AMS shows at a time, with **synthetic** values; `Run.screen` makes one.
+    """The screen of the AMS at a time, with **synthetic** values; `Run.screen` creates one.
 
     Parameters
     ----------
     time : float
-        When [s].
+        Time of the screen [s].
     table : pandas.DataFrame
-        One row per point, by tag: ``box``, ``service``, ``value`` shown, ``unit``, ``true`` (what
-        the sensor measures now), ``age_s`` and ``mark``: empty, ``0xFF``, ``too old``, or ``0xFF?``
+        One row per point, by tag: ``box``, ``service``, ``value`` shown, ``unit``, ``true`` (the
+        sensor's present value), ``age_s`` and ``mark``: empty, ``0xFF``, ``too old``, or ``0xFF?``
         for a good value that equals the error mark. Value and age are NaN if marked.
 
     Notes
@@ -242,7 +242,7 @@ class Screen:
 
     @property
     def old(self) -> int:
-        """Number of points shown as good when older than 2 s."""
+        """Number of points shown as good although older than 2 s."""
         return int((self._table["age_s"] > RULE).sum())
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -269,7 +269,7 @@ class Ages:
         """Return one row per answer of a box.
 
         ``seen_s``, ``until_s`` (the next answer), ``good_until_s`` (shown as good until then),
-        ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good; ages are NaN
+        ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good. Ages are NaN
         where the point is marked at once.
         """
         return self._table.copy()
@@ -316,7 +316,7 @@ class Timeline:
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """A finished simulation of a `system` with some `faults`; `simulate` makes one.
+    """A finished simulation of a `system` with some `faults`; `simulate` creates one.
 
     Tables have times in seconds from the start of the AMS; the attributes after `until` are arrays
     of the simulator, in nanoseconds.
@@ -351,7 +351,7 @@ class Run:
         )
 
     def shown(self, tag: str) -> Shown:
-        """Return what the AMS shows of a point over time."""
+        """Return the views of a point on the AMS over time."""
         return self._shown(self._place(tag))
 
     def _place(self, tag: str) -> int:
@@ -373,7 +373,7 @@ class Run:
 
     @cached_property
     def _good(self) -> tuple[Integers, Bools, Integers]:
-        """End of each view, which messages it shows as good, and until when [ns]."""
+        """End of each view, the messages that it shows as good, and when that ends [ns]."""
         seen = self.views.seen
         until = np.append(seen[1:], max(self.end, int(seen.max(initial=0))))
         good = self.views.number >= 0
@@ -409,9 +409,9 @@ class Run:
         return float(self._table["mean_s"].mean())
 
     def timeline(self, start: float, stop: float) -> Timeline:
-        """Return what each CPU and each line does between two times, at most 60 s apart [s].
+        """Return the work of each CPU and each line between two times, at most 60 s apart [s].
 
-        A CPU that is not listed waits. The CAN routine runs while the loop waits for the
+        A CPU waits while no work is listed. The CAN routine runs while the loop waits for the
         multiplexer, so that it does not prolong the conversion; a Modbus interrupt does.
         """
         check_scalar("start", start, "s", -1.0, 1e6)
@@ -436,7 +436,7 @@ class Run:
         return Timeline(start, stop, pd.DataFrame(table, columns=columns))
 
     def screen(self, time: float, values: SyntheticValues | None = None) -> Screen:
-        """Return what the AMS shows at a time between its first answer and the end [s].
+        """Return the screen of the AMS at a time between the first answer and the end [s].
 
         Without `values` of the sensors, synthetic ones with the seed 2024 are shown.
         """
@@ -471,11 +471,11 @@ class Run:
         return Screen(time, pd.DataFrame(rows, columns=columns).set_index("tag"))
 
     def table(self) -> pd.DataFrame:
-        """Return how old each point was: one row per tag.
+        """Return the age of each point: one row per tag.
 
-        ``box``, ``worst_s`` and ``mean_s`` (ages while shown as good), ``marked_s`` (how long it is
-        marked), ``sampled_s`` (when the last good value was true, NaN without any) and
-        ``good_until_s`` (when it was last shown as good).
+        ``box``, ``worst_s`` and ``mean_s`` (ages while shown as good), ``marked_s`` (time for which
+        the point is marked), ``sampled_s`` (sampling time of the last good value, NaN without one)
+        and ``good_until_s`` (time at which the point was last shown as good).
         """
         return self._table.copy()
 
@@ -543,7 +543,7 @@ class Run:
         for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
             tags.setdefault(message, []).append(point.tag)
         for message, own in tags.items():
-            # Good from each answer on, bad from where that ends before the next.
+            # A state is good from each answer, and bad if it ends before the next answer.
             fine, end = good[:, message], good_until[:, message]
             time = np.stack([self.views.seen, end], axis=1)
             state = np.stack([fine, fine & (end == until)], axis=1)
@@ -585,7 +585,7 @@ class Run:
 
     @cached_property
     def bus_time(self) -> pd.Series[float]:
-        """Share of the time in which the CAN bus and both Modbus lines are busy."""
+        """Fraction of the time in which the CAN bus and both Modbus lines are busy."""
         inside = self.sent.start >= 0
         bits = self.system.frame_ns[self.sent.message[inside]]
         busy = {"CAN": int(bits.sum())}
@@ -600,7 +600,7 @@ class Run:
 
 
 def _changes(time: Integers, good: Bools) -> Sequence[tuple[int, bool]]:
-    """Return when a state, good at first, changes, and to what."""
+    """Return the times at which a state, good at first, changes, and the new states."""
     before = np.append(True, good[:-1]) if good.size else good
     places = np.flatnonzero(good != before)
     return list(zip(time[places].tolist(), good[places].tolist(), strict=True))
@@ -637,12 +637,12 @@ def _cpu(run: Run, box: int) -> _Slices:
 
 
 def _without(slices: _Slices, busy: _Slices) -> _Slices:
-    """Return slices of time without the parts that busy slices occupy."""
+    """Return time slices without the parts that busy slices occupy."""
     found = []
     starts = np.array(sorted(begin for begin, _, _ in busy), dtype=np.int64)
     taken = sorted(busy)
     for begin, end, task in slices:
-        # A slice of the busy ones that began before may reach into this one.
+        # An earlier busy slice may extend into this slice.
         first = max(int(np.searchsorted(starts, begin)) - 1, 0)
         for other, until, _ in taken[first : int(np.searchsorted(starts, end))]:
             if until <= begin:

@@ -41,11 +41,11 @@ UNITS = (2, 3)
 #: Function codes of a junction box; lee2012, section IV.1.a.
 FUNCTIONS = frozenset({3})
 
-#: Unit id of the registers that make faults, and the first one of a sensor.
+#: Unit id of the registers that inject faults, and the first register of a sensor.
 FAULT_UNIT, _SENSORS = 247, 100
 
-#: Faults that a real server can show: those of parts, and those of sensors in the order of their
-#: numbers in a register.
+#: Faults that a real server can show: faults of parts, then faults of sensors, in the order of
+#: their numbers in a register.
 _PARTS = (DeadBox, BusOff, CanBreak, ModbusBreak, DeadPort)
 _OF_SENSORS = (StuckSensor, OpenWire, ShortCircuit)
 
@@ -70,11 +70,11 @@ def serve(
     Parameters
     ----------
     system : System, optional
-        The system, in the printed coding; that of lee2012 if not given.
+        The system, in the printed coding; the system of lee2012 if not given.
     faults : fault or iterable of faults, optional
         Faults in model time, except random losses. A box that is dead, or cut off from the AMS,
-        does not answer. Values of a box that is not received on CAN stay as they are, and are
-        marked after the system's `stale_limit`.
+        does not answer. Values of a box that is not received on CAN stay unchanged, and are marked
+        after the system's `stale_limit`.
     speed : float, default 1
         Model seconds per real second, 0..1e4.
     rng : optional
@@ -88,7 +88,7 @@ def serve(
     Server
         Unit ids 2 and 3, one slave each. Function code 3 reads one register per point, in the order
         of Table 3, temperatures in tenths of a degree. Unit id 247 has `fault_registers`, which
-        make more faults while it runs.
+        inject more faults while the server runs.
 
     Examples
     --------
@@ -143,12 +143,12 @@ def fault_registers(system: System | None = None) -> pd.DataFrame:
     Parameters
     ----------
     system : System, optional
-        The system; that of lee2012 if not given.
+        The system; by default the one of lee2012.
 
     Returns
     -------
     pandas.DataFrame
-        One row per ``address``: ``where`` something can fail, and what the register ``holds``.
+        One row per ``address``: ``where`` a fault can occur, and what the register ``holds``.
 
     Examples
     --------
@@ -178,7 +178,7 @@ class FaultRegisters:
         }  # fmt: skip
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
-        """Return which fault each place has now, 0 for none."""
+        """Return the number of each place's present fault, 0 for none."""
         now = nanoseconds(time)
         content = []
         for where, kinds in self._rows(table, address, quantity):
@@ -188,7 +188,7 @@ class FaultRegisters:
         return content
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """End the faults that the places have now, and begin those that are written."""
+        """End the present faults of the places, and begin the faults that are written."""
         rows = self._rows(table, address, len(values))
         if any(value > len(kinds) for value, (_, kinds) in zip(values, rows, strict=True)):
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_VALUE)
@@ -224,14 +224,14 @@ class JunctionBox:
         self.registers = RegisterMap(system.points)
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
-        """Return registers in a row; exception 2 if one of them does not exist."""
+        """Return consecutive registers; exception 2 if one of them does not exist."""
         if table != "holding_registers" or address + quantity > len(self.registers):
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS)
         content: list[int] = self.registers.encode(self.values(time)).tolist()
         return content[address : address + quantity]
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """Refuse: nothing can be written to a junction box."""
+        """Refuse the request: the registers of a junction box are read-only."""
         raise DeviceError(ExceptionCode.ILLEGAL_FUNCTION)
 
     def values(self, time: float) -> Floats:
@@ -252,7 +252,7 @@ class JunctionBox:
         return values
 
     def _heard(self, sender: int, now: int) -> int | None:
-        """Return when this box last received frames of another one [ns], None if never."""
+        """Return when this box last received frames of another box [ns], None if never."""
         if sender == self.box:
             return now
         borders = sorted({0, *(t for fault in self.faults for t in fault.span if 0 < t <= now)})

@@ -1,6 +1,6 @@
 """The whole system in simulated time: the AMS's requests, the boxes' CPUs and their CAN frames.
 
-Time is in whole nanoseconds from the start of the AMS; the boxes have run before.
+Time is in whole nanoseconds from the start of the AMS; the boxes are already running then.
 """
 
 from __future__ import annotations
@@ -63,15 +63,15 @@ def simulate(
     until : float
         The last poll begins before this time, 0.001..1e6 [s].
     phases : mapping of str to float, optional
-        When a round of each box begins, and under ``"AMS"`` the first poll, 0..100 [s]. Others
-        begin at 0, or at a random time if there is an `rng`.
+        Start of a round of each box and, under ``"AMS"``, of the first poll, 0..100 [s]. Other
+        boxes begin at 0, or at a random time if there is an `rng`.
     rng : optional
         Source of random numbers, for `numpy.random.default_rng`; required if frames are lost.
 
     Returns
     -------
     Run
-        Requests, frames, and what the AMS shows.
+        Requests, frames, and the values that the AMS shows.
 
     Raises
     ------
@@ -199,7 +199,7 @@ class _Table:
         self.done = cpu.at(cpu.queue(sent.arrival[rows], work) + work)
 
     def read(self, time: Integers) -> tuple[Integers, Integers]:
-        """Return the round of every message at some times, -1 if missing or marked, and `known`."""
+        """Return every message's round at some times, -1 if missing or marked, and `known`."""
         system, box = self.system, self.box
         number = np.full((time.size, system.sender.size), -1)
         known = np.full((time.size, system.sender.size), NEVER)
@@ -230,13 +230,13 @@ class _Table:
         """Return when the timer of a sender last marked its values [ns]."""
         heard = self.done[self.system.sender[self.message] == sender]
         work = nanoseconds(self.system.firmware.mark)
-        # The first mark was never made: it precedes all times.
+        # The first entry is not a real mark; it precedes all times.
         ends = np.append(NEVER, self.cpu.at(marks(self.system, self.cpu, heard) + work))
         return np.asarray(ends[np.searchsorted(ends, time, side="right") - 1])
 
 
 def _freshest(views: Views, channel: Integers) -> Views:
-    """Return what the AMS knows after every answer, each message from the better channel."""
+    """Return the AMS's knowledge after every answer, with each message from the better channel."""
     order = np.argsort(views.seen, kind="stable")
     seen, channel = views.seen[order], channel[order]
     number, known = views.number[order], views.known[order]
@@ -267,8 +267,8 @@ def ask(
     """Return the requests of all polls that begin before the `horizon`, the first at `phase` [ns].
 
     A poll begins at the first multiple of the poll period after the previous poll. If no response
-    begins, the AMS continues after its time-out; if one breaks off, when that should have ended. A
-    response whose beginning the AMS did not see counts as silence.
+    begins, the AMS continues after its time-out. If a response breaks off, the AMS continues when
+    the response should have ended. A response whose beginning the AMS missed counts as silence.
     """
     lines = [_Line(system, channel, faults, horizon, rng) for channel in (0, 1)]
     if system.polled == "one":
@@ -297,8 +297,8 @@ class _Line:
         self.deaths = outages(faults, box, DeadBox)
         self.losses = [f for f in faults if isinstance(f, LostModbusFrames) and f.where == name]
         request = system.poll.line.frame_time(8)
-        # From the first bit of a request: its end, the interrupt that it makes, the first and the
-        # last bit of the response, and when the AMS goes on, with a response and without one.
+        # Times from the first bit of a request: its end, the interrupt that it causes, the first
+        # and the last bit of the response, and when the AMS continues, with and without a response.
         self.sent = nanoseconds(request)
         self.read = nanoseconds(request + system.serial.t35)
         self.first = nanoseconds(request + system.shortest_timeout)
@@ -311,9 +311,9 @@ class _Line:
             self.draws = iter(rng.random((most, 2 * len(self.losses))).tolist())
 
     def ask(self, start: int) -> tuple[int, bool, int]:
-        """Send a request; return its outcome, whether the box heard it, and when the AMS goes on.
+        """Send a request; return its outcome, if the box received it, and when the AMS continues.
 
-        A cable must be intact while it carries a frame; a box must work from the request on.
+        A cable must be intact while it carries a frame; a box must work from the request onwards.
         """
         first, last = start + self.first, start + self.last
         damaged = unheard = silent = False
@@ -341,7 +341,7 @@ class _Line:
 def _follow(
     system: System, horizon: int, phase: int, lines: list[_Line]
 ) -> list[tuple[int, int, int, int, bool]]:
-    """Return the requests of a port that has one line, or two to choose from."""
+    """Return the requests of a port with one line, or with a choice of two."""
     period = nanoseconds(system.poll_period)
     rows = []
     number, now, order = 0, phase, lines
@@ -354,7 +354,7 @@ def _follow(
                 if outcome == 0:
                     break
             if outcome == 0:
-                # The channel that answered is asked first next time.
+                # The next poll starts on the channel that answered.
                 if line is not order[0]:
                     order = order[::-1]
                 break
@@ -402,7 +402,7 @@ def islands(system: System, faults: Sequence[EngineFault], time: int) -> list[li
     for place, segment in enumerate(system.segments):
         ends = place, (place + 1) % len(part)
         if not out(segment, CanBreak):
-            # The cable runs through a box, whether that is alive or not.
+            # The cable runs through a box, whether the box is alive or not.
             old, new = part[ends[1]], part[ends[0]]
             part = [new if p == old else p for p in part]
     able = [k for k, box in enumerate(system.boxes) if not out(box, DeadBox, BusOff)]
@@ -413,10 +413,10 @@ def islands(system: System, faults: Sequence[EngineFault], time: int) -> list[li
 def send(
     system: System, loops: Sequence[Rounds], span: tuple[int, int], faults: Sequence[EngineFault]
 ) -> Frames:
-    """Return all frames that another box hears within a span [ns], each with its worst stuffing.
+    """Return all frames that another box receives within a span [ns], each with its worst stuffing.
 
-    When a cable, a box or a controller fails or returns, all that is queued or on the bus is lost;
-    the next round replaces it.
+    When a cable, a box or a controller fails or returns, all frames queued or on the bus are lost;
+    the next round replaces them.
     """
     from shipnet.can.bus import Releases, send_undisturbed
 
@@ -477,13 +477,13 @@ def single_failures(
     -------
     pandas.DataFrame
         One row per fault, after a first row ``none``: ``lost`` (points without a newer value as
-        long as the fault lasts), ``old`` (points shown as good when older than 2 s),
+        long as the fault lasts), ``old`` (points shown as good although older than 2 s),
         ``oldest_s`` (greatest age shown as good; infinite if it grows as long as a lasting fault
-        does), ``bound_s`` (what that can reach in any phase; infinite without a bound), ``marked``
-        (points ever marked), ``marked_after_s`` (from the fault until the last of them was first
-        marked, at most; NaN if none), ``noticed`` (what the AMS raises: ``link``, ``path``,
-        ``mark`` or ``no``), ``answer_s`` (longest answer), ``answer_ok`` and ``age_ok`` (whether
-        the bounds of answer and age are at most 2 s).
+        does), ``bound_s`` (bound on ``oldest_s`` in any phase; infinite without a bound),
+        ``marked`` (points ever marked), ``marked_after_s`` (longest time from the fault until the
+        last of these points was first marked; NaN if none), ``noticed`` (what the AMS raises:
+        ``link``, ``path``, ``mark`` or ``no``), ``answer_s`` (longest answer), ``answer_ok`` and
+        ``age_ok`` (whether the bounds of answer and age are at most 2 s).
 
     Notes
     -----
@@ -513,7 +513,7 @@ def _fault_run(system: System, fault: EngineFault | None, rng: np.random.Generat
     settled = max(system.staleness_flag().after, RULE) + 3 * system.poll_period
     start, stop = (10.0, inf) if fault is None else (fault.start, fault.stop)
     end = start + max(2 * settled, _LENGTH) if stop == inf else stop + settled
-    # No phase between fault and clocks is special: the fault itself begins a little later.
+    # A small delay of the fault avoids special phases between the fault and the clocks.
     late = float(rng.uniform(0, system.poll_period))
     moved = [] if fault is None else [replace(fault, start=start + late, stop=stop + late)]
     return simulate(system, faults=moved, until=end, rng=rng)
@@ -561,9 +561,9 @@ def _fault_row(system: System, fault: EngineFault | None, runs: Sequence[Run]) -
 
 
 def _unseen(run: Run, begin: float, end: float) -> Bools:
-    """Return which points show nothing newer than the fault while it lasts."""
+    """Return the points that show no value newer than the fault while it lasts."""
     shown = [run.shown(point.tag) for point in run.system.points]
-    # The values of a stuck sensor date from the very nanosecond at which it got stuck.
+    # The values of a stuck sensor date from exactly the nanosecond at which it became stuck.
     first, last = nanoseconds(begin), nanoseconds(end)
     newer = [s.good & (s.sampled > first) & (s.seen <= last) for s in shown]
     return np.asarray(~np.any(newer, axis=1))

@@ -1,4 +1,4 @@
-"""The engine monitoring system as a whole, and the bounds of its times by formula."""
+"""The engine monitoring system as a whole, and bounds on its times by formula."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ RULE = 2.0
 #: Longest period, time-out and limit of a system [s].
 LONGEST = 100.0
 
-#: Clocks of one conversion of the AT90CAN128's ADC, and those from its start until the input is
-#: sampled; Atmel, AT90CAN128 data sheet, section "ADC".
+#: Clock cycles of one conversion of the AT90CAN128's ADC, and clock cycles from its start until the
+#: input is sampled; Atmel, AT90CAN128 data sheet, section "ADC".
 _CLOCKS, _HOLD = 13, 1.5
 
 
@@ -63,14 +63,14 @@ class Firmware:
     """Times within a junction box. The paper prints none of them: all are **assumed**.
 
     The main loop converts all analogue inputs, reads the switches and hands the frames to the CAN
-    controller. Three routines interrupt it: Modbus before timer before CAN.
+    controller. Three routines interrupt it, in this order of priority: Modbus, timer, CAN.
 
     Notes
     -----
     The Modbus interrupt suspends everything else; the bytes of its response go out one by one
     beside other work. The short timer and CAN routines run while the loop waits for the
     multiplexer, so they do not prolong it (lee2012, section III.2, figures 5 and 6). A conversion
-    takes 13 clocks of 50..200 kHz (Atmel, AT90CAN32/64/128 data sheet).
+    takes 13 cycles of a clock of 50..200 kHz (Atmel, AT90CAN32/64/128 data sheet).
 
     Examples
     --------
@@ -88,7 +88,9 @@ class Firmware:
         0, 1, "s", "Wait after the multiplexer has chosen an input until its filter has settled",
         default=1e-3,
     )  # fmt: skip
-    send: float = number(1e-9, 1, "s", "To hand one frame to the CAN controller", default=100e-6)
+    send: float = number(
+        1e-9, 1, "s", "Time to pass one frame to the CAN controller", default=100e-6,
+    )  # fmt: skip
     receive: float = number(
         1e-9, 1e-3, "s",
         "CAN interrupt: to take over one frame and reset the timer of its sender", default=50e-6,
@@ -104,19 +106,20 @@ class Firmware:
 
     @property
     def input_time(self) -> float:
-        """One analogue input: settling and conversion [s]."""
+        """Time of one analogue input: settling and conversion [s]."""
         return self.settling + _CLOCKS / self.adc_clock
 
     def conversion_time(self, n_analogue: int) -> float:
-        """Return how long a number of analogue inputs takes, 0..1000 of them [s]."""
+        """Return the conversion time of 0..1000 analogue inputs [s]."""
         return check_whole("n_analogue", n_analogue, 0, 1000) * self.input_time
 
 
 class SwitchOver(NamedTuple):
     """Times of a switch-over to the other channel [s].
 
-    From the unanswered request to the first `request` and the whole `answer` on the other channel;
-    from the `loss` of the channel to that answer, and the `gap` between two answers, at worst.
+    `request` and `answer` run from the unanswered request to the first request and to the end of
+    the answer on the other channel. `loss` runs from the loss of the channel to that answer, and
+    `gap` is the time between two answers, both in the worst case.
     """
 
     request: float
@@ -128,8 +131,9 @@ class SwitchOver(NamedTuple):
 class FailureBounds(NamedTuple):
     """The worst effects of a single failure, whatever the phases of all clocks [s].
 
-    The longest time of an `answer` from the first request of its poll, the longest `gap` between
-    two answers, and the `oldest` value shown as good, infinite if it grows without end.
+    `answer` is the longest time from the first request of a poll to its answer, `gap` the longest
+    time between two answers, and `oldest` the greatest age shown as good, infinite if the age grows
+    without limit.
     """
 
     answer: float
@@ -153,9 +157,9 @@ class System:
     -----
     With the `coding` "printed", a box marks all values of a box that it has not received for
     `stale_limit`, as 0xFF. With "corrected", it also sends the age of every frame, and the AMS
-    marks each value that may be older than `age_limit`. A CAN ring, as figure 3 may be read, is not
-    a bus of ISO 11898; here it is assumed to work. It is also assumed that the AMS stays on the
-    channel that answered last. The time-out waits for the *first* character of a response.
+    marks each value that may be older than `age_limit`. Figure 3 may show a CAN ring, which ISO
+    11898 does not allow; here a ring is assumed to work. It is also assumed that the AMS stays on
+    the channel that answered last. The time-out waits for the *first* character of a response.
 
     References
     ----------
@@ -183,7 +187,7 @@ class System:
         default_factory=read_points, make=PointList,
     )  # fmt: skip
     firmware: Firmware = part(
-        Firmware, "Times within a box; all assumed if not given", default_factory=Firmware
+        Firmware, "Times within a box; all are assumed if not given", default_factory=Firmware
     )
     can_bit_rate: int = whole(
         10_000, 10**6, "bit/s", "Bit rate of CAN; not printed, assumed", default=125_000
@@ -250,7 +254,7 @@ class System:
     def corrected(cls, **changes: Any) -> System:
         """Return a system that meets the 2 s rule for the age of its data, with some `changes`.
 
-        It has the corrected coding, polls both channels and updates every 0.25 s.
+        The system has the corrected coding, polls both channels and updates every 0.25 s.
         """
         fields: dict[str, Any] = {"coding": "corrected", "polled": "both", "update_period": 0.25}
         return cls(**{**fields, **changes})
@@ -303,7 +307,7 @@ class System:
 
     @cached_property
     def messages(self) -> MessageSet:
-        """CAN messages, the highest priority first; their jitter is the delay by Modbus."""
+        """CAN messages, the highest priority first; their jitter is the delay caused by Modbus."""
         return self._messages(self.suspended_ns)
 
     def _messages(self, suspended: Integers) -> MessageSet:
@@ -344,7 +348,7 @@ class System:
 
     @cached_property
     def offset_ns(self) -> Integers:
-        """When each point is sampled, from the start of its box's round [ns], shape (n_points,)."""
+        """Sampling time of each point from the start of the round [ns], shape (n_points,)."""
         offsets = np.zeros(len(self.points), dtype=np.int64)
         inputs = [0] * len(self.boxes)
         each = nanoseconds(self.firmware.input_time)
@@ -376,13 +380,13 @@ class System:
 
     @cached_property
     def suspended_ns(self) -> Integers:
-        """Time that Modbus polls may add to a round of each healthy box [ns], shape (n_boxes,)."""
+        """Longest time that Modbus polls add to a healthy box's round [ns], shape (n_boxes,)."""
         asked = self.ports if self.polled == "both" else self.ports[:1]
         return self.service_ns * np.isin(np.arange(len(self.boxes)), asked).astype(np.int64)
 
     @cached_property
     def period_ns(self) -> Integers:
-        """From round to round of each box's loop [ns], shape (n_boxes,)."""
+        """Time from round to round of each box's loop [ns], shape (n_boxes,)."""
         reserved = self.loop_ns + self.service_ns * np.isin(np.arange(len(self.boxes)), self.ports)
         return np.asarray(np.maximum(nanoseconds(self.update_period), reserved))
 
@@ -405,13 +409,13 @@ class System:
         return np.array([response.response for response in found])
 
     def poll_spacing(self, lost: float = 0.0) -> float:
-        """Return the time from poll to poll if each is delayed by `lost` seconds [s]."""
+        """Return the time from poll to poll if each poll is delayed by `lost` seconds [s]."""
         period = nanoseconds(self.poll_period)
         whole = nanoseconds(check_scalar("lost", lost, "s", 0, 1e6) + self.poll.time)
         return -(-whole // period) * period / 1e9
 
     def hop_ns(self, reader: int) -> Integers:
-        """Return how old each message can be when box `reader` receives it [ns].
+        """Return the greatest age of each message when box `reader` receives it [ns].
 
         The time runs from the start of the sender's round.
         """
@@ -423,7 +427,7 @@ class System:
         return np.where(sender == reader, self.convert_ns[sender] + self.service_ns, others)
 
     def worst_age(self) -> pd.DataFrame:
-        r"""Return how old each point can be at the AMS, just before the next value replaces it.
+        r"""Return the greatest age of each point at the AMS, just before its next value arrives.
 
         .. math:: A = \left( L - o \right) + P + S + R + h + T + t_{response}
 
@@ -431,7 +435,7 @@ class System:
         holds), the terms ``sampling_s`` (L - o: from sampling to the end of the box's round),
         ``update_s`` (P: one round later), ``interrupt_s`` (S: a Modbus request in that round),
         ``can_s`` (R: response time of the message), ``handling_s`` (h: the CAN interrupt),
-        ``poll_s`` (T: the poll before came too early), ``transaction_s`` (from the reading of the
+        ``poll_s`` (T: the previous poll came too early), ``transaction_s`` (from the reading of the
         registers to the end of the response), and their sum ``worst_s``.
 
         For the polled box's own values L is the conversion alone, and R, h and S are 0. If both
@@ -444,7 +448,7 @@ class System:
     def _ages(
         self, channels: tuple[int, ...], suspended: Integers, can_response: Floats
     ) -> pd.DataFrame:
-        """Return the ages over the better of some channels, for delays of the boxes and frames."""
+        """Return the ages over the best of some channels, with given delays of boxes and frames."""
         spacing = self.poll_spacing()
         longest = int(self.loop_ns.max()) + self.service_ns
         if longest > nanoseconds(spacing):
@@ -486,13 +490,13 @@ class System:
         return pd.concat([first[better], last[~better]]).sort_index()
 
     def staleness_flag(self) -> StalenessFlag:
-        r"""Return how long a silent box goes unnoticed at worst, if nothing else fails.
+        r"""Return the longest time that a silent box goes unnoticed, if nothing else fails.
 
         .. math:: t_{after} = t_{stale} + t_{mark} + h + T + t_{response}
 
-        with the time T from poll to poll. If the silent box is the polled one, the AMS first asks
-        it without an answer for :math:`t_{lost}`, retries included; :math:`T_{lost}` is the spacing
-        of a poll with that in it:
+        with the time T from poll to poll. If the silent box is the polled one, the AMS first polls
+        it in vain for :math:`t_{lost}`, retries included; :math:`T_{lost}` is the time from poll to
+        poll including that time:
 
         .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
 
@@ -517,11 +521,12 @@ class System:
         return StalenessFlag(after, after + float((old / 1e9 + queued).max()))
 
     def switch_over(self) -> SwitchOver:
-        """Return what a lost channel costs in time; ArgumentError if both channels are polled.
+        """Return the delays caused by a lost channel; ArgumentError if both channels are polled.
 
         The paper measures 133 "us" from the loss of channel 1 to the request on channel 2. Read as
-        milliseconds, that is a request of 9.17 ms and a time-out of 123.8 ms. A response with all
-        99 points takes 232.6 ms, so such a time-out can only wait for the first character.
+        milliseconds, this time consists of a request of 9.17 ms and a time-out of 123.8 ms. A
+        response with all 99 points takes 232.6 ms, so such a time-out can only wait for the first
+        character.
         """
         if self.polled == "both":
             raise ArgumentError("polled is 'both'; only a system that polls one channel switches")
@@ -529,16 +534,16 @@ class System:
         lost = (1 + self.retries) * (request + self.timeout)
         broken = max(self._in_vain(1 + self.retries, 1))
         answer = lost + self.poll.time
-        # Lost just after the last bit of a response, or just after the first one.
+        # The channel is lost just after the last bit of a response, or just after the first bit.
         first = request + self.shortest_timeout
         loss = max(self.poll_spacing() + lost + self.serial.t35, broken + self.poll.time - first)
         return SwitchOver(lost, answer, loss, max(self._gaps(1)))
 
     def _in_vain(self, tries: int, broken: int) -> list[float]:
-        """Return how long some unanswered tries on one channel take [s].
+        """Return the duration of some unanswered tries on one channel [s].
 
         Up to `broken` of them end with a broken or damaged response, which the AMS notices when the
-        whole response is due; the others are silent.
+        whole response is due; the other tries get no response.
         """
         silent = self.poll.line.frame_time(8) + self.timeout
         damaged = range(min(tries, broken) + 1)
@@ -553,14 +558,14 @@ class System:
         full = self._in_vain(tries, broken)
         late = [0.0]
         if broken > 1:
-            # A retry may be answered, and the next poll fail once more.
+            # A retry may be answered, and the next poll may fail again.
             late = [time for n in range(tries) for time in self._in_vain(n, broken)]
         before = max(self.poll_spacing(time) - time for time in late) + max(full)
         after = max(self.poll_spacing(time) - time for time in full)
         return before, max(after, self.poll_spacing())
 
     def _oldest_read(self, broken: int) -> float:
-        """Return the greatest age shown as good while channel 1 fails and is left [s]."""
+        """Return the greatest age shown as good while the AMS leaves a failing channel 1 [s]."""
         before, after = self._gaps(broken)
         healthy, ports = self.suspended_ns, np.isin(np.arange(len(self.boxes)), self.ports)
         # If a round of a loop takes longer than a poll, several requests can meet it.
@@ -579,16 +584,17 @@ class System:
         r"""Return the worst effect of one fault, or none, on answers and ages, in any phase.
 
         If the channel in use fails, the AMS gets no answer for :math:`t_{lost}`: it notices a
-        response that breaks off when that should have ended, each of r retries after its time-out.
+        broken response when the response should have ended, and the failure of each of r retries
+        after its time-out.
 
         .. math:: t_{lost} = \max(t_{poll}, t_{silent}) + r \, t_{silent}
 
         .. math:: t_{gap} = T + t_{lost}, \qquad A' = A - T + t_{gap}
 
-        with :math:`t_{silent}` of a request and its time-out, the time T from poll to poll and the
-        age A of `worst_age`. Where frames are damaged at random, each try may take
-        :math:`t_{poll}`. A failure on the CAN bus destroys the frames of one round, so A grows by
-        one update period. A silent box has the bound of `staleness_flag`. In the printed design
+        where :math:`t_{silent}` is the time of a request and its time-out, with the time T from
+        poll to poll and the age A of `worst_age`. Where frames are damaged at random, each try may
+        take :math:`t_{poll}`. A failure on the CAN bus destroys the frames of one round, so A grows
+        by one update period. A silent box has the bound of `staleness_flag`. In the printed design
         random losses on CAN have no bound: one frame keeps all values of its box alive.
         """
         answer, gap = self.poll.time, self.poll_spacing()
@@ -628,14 +634,14 @@ class System:
         shortest = self.shortest_timeout
         low, high = (tries * (request + timeout) for timeout in (shortest, LONGEST))
         check_scalar("time", time, "s", low, high)
-        # At both ends a rounding must not make a time-out that is out of range.
+        # At both ends, rounding must not produce a time-out that is out of range.
         return min(max(time / tries - request, shortest), LONGEST)
 
     # Failures
 
     @property
     def places(self) -> Mapping[str, tuple[str, ...]]:
-        """The places that can fail, by the `at` of a fault."""
+        """The places that can fail, by the attribute `at` of a fault."""
         return {
             "cable": self.segments,
             "channel": ("1", "2"),
@@ -644,7 +650,7 @@ class System:
         }
 
     def check_faults(self, faults: Fault | Iterable[Fault]) -> tuple[EngineFault, ...]:
-        """Return one or several faults as a tuple, or raise unless the system has what fails."""
+        """Return one or several faults as a tuple; raise if the system lacks a place that fails."""
         found: list[EngineFault] = []
         places = self.places
         for fault in as_faults(faults, *KINDS, *WIRES.values()):
@@ -660,7 +666,7 @@ class System:
         """Return all lasting single faults that begin at a time [s].
 
         Every cable, port, box and CAN node fails, half of the frames of each box and channel are
-        lost, and the first sensor of each box gets stuck.
+        lost, and the first sensor of each box sticks.
         """
         first = tuple(own[0].tag for own in self.points.by_box().values())
         places = {**self.places, "sensor": first}

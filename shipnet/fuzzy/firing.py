@@ -24,7 +24,7 @@ Samples: TypeAlias = "Mapping[str, npt.ArrayLike] | pd.DataFrame"
 #: ramps, or by their membership functions.
 METHODS = ("crisp", "midpoint", "fuzzy")
 
-#: Points of a universe in scikit-fuzzy, besides the corners of its terms.
+#: Points of a universe in scikit-fuzzy, in addition to the corners of its terms.
 _POINTS = 101
 
 
@@ -67,7 +67,7 @@ class Ramps:
         within = np.minimum(np.maximum(x, self._low), self._high)
         signed = within[self._variable]
         signed *= self._sign
-        # fmax turns NaN into the foot, so its strength is 0. No narrow ramp can overflow.
+        # fmax replaces NaN by the foot, so its strength is 0. No narrow ramp can overflow.
         part = np.fmax(signed, self._foot)
         np.minimum(part, self._shoulder, out=part)
         part -= self._foot
@@ -101,7 +101,7 @@ def compare(
 
 
 def persistent(fires: Bools, k: int, n: int) -> Bools:
-    """Return where `k` or more of the last `n` rows fire; nothing fired before the first row."""
+    """Return a mask of the rows at which `k` or more of the last `n` fire; none fired earlier."""
     window = check_whole("n", n, 1, 10**6)
     least = check_whole("k", k, 1, window)
     if window == 1:
@@ -134,7 +134,7 @@ def arrays(names: Sequence[str], samples: Samples) -> dict[str, Floats]:
 
 
 def control_system(variables: Sequence[Variable], rules: Sequence[Rule]) -> Any:
-    """Return the rules as a control system of scikit-fuzzy, without the unused variables."""
+    """Return the rules as a scikit-fuzzy control system, without the unused variables."""
     from skfuzzy import control
     from skfuzzy.membership import trapmf
 

@@ -29,10 +29,10 @@ from shipnet.fuzzy.firing import (
 from shipnet.fuzzy.terms import NORMAL, UNKNOWN, Rule, Term, Variable
 from shipnet.lazy import Axes, pd
 
-#: Samples that are processed together: their arrays fit in the cache.
+#: Samples processed together, so that their arrays fit in the cache.
 _BLOCK = 8192
 
-#: Most regions that are computed, and most columns of a drawing in which a number can be read.
+#: Most regions that are computed, and most columns of a drawing whose numbers remain legible.
 _MOST_REGIONS, _MOST_NUMBERS = 10**6, 20
 
 
@@ -132,7 +132,7 @@ class RuleBase:
         return [(self[name], self[name][term]) for name, term in rule.antecedent]
 
     def top_codes(self, active: Bools, silent: npt.ArrayLike = False) -> npt.NDArray[np.object_]:
-        """Return the top active code of each row; else ``unknown`` if silent, else ``normal``."""
+        """Return each row's top active code; if none, ``unknown`` if `silent`, or ``normal``."""
         places = [self.codes.index(code) for code in self.ranking]
         ranked = active[..., places]
         first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), len(places))
@@ -191,14 +191,14 @@ class RuleBase:
         k: int = 1,
         n: int = 1,
     ) -> Decision:
-        """Return what to report for every sample: `fire`, then `Firing.decide`."""
+        """Return the decision for every sample: `fire`, then `Firing.decide`."""
         return self.fire(samples, method).decide(threshold=threshold, k=k, n=n)
 
     def overlaps(self, method: str = "crisp") -> pd.DataFrame:
         """Return the pairs of rules that can fire together: codes ``a`` and ``b``, ``relation``.
 
-        ``a in b`` means that b fires whenever a does; the others are ``b in a``, ``equal`` and
-        ``overlap``. `method` is ``crisp`` or ``midpoint``.
+        ``a in b`` means that b fires whenever a does; the other relations are ``b in a``, ``equal``
+        and ``overlap``. `method` is ``crisp`` or ``midpoint``.
         """
         names = {
             (True, True): "equal", (True, False): "a in b", (False, True): "b in a",
@@ -212,7 +212,7 @@ class RuleBase:
         return pd.DataFrame(rows, columns=["a", "b", "relation"])
 
     def plot_overlaps(self, ax: Axes | None = None) -> Axes:
-        """Draw the share of the regions of the row's rule in which the column's rule also fires."""
+        """Draw the percentage of the row rule's regions in which the column's rule also fires."""
         ax = style.axes(ax)
         count = self._overlap_counts("crisp").astype(float)
         alone = np.diag(count)[:, None]
@@ -229,7 +229,7 @@ class RuleBase:
         return ax
 
     def _overlap_counts(self, method: str) -> Integers:
-        """Return the number of regions in which each pair of rules, or a rule, fires."""
+        """Count the regions in which each pair of rules fires; the diagonal counts single rules."""
         table = self.regions(method)[list(self.names)]
         fires = self.fire(table, method).strength.astype(np.int64)
         return fires.T @ fires
@@ -257,8 +257,8 @@ class RuleBase:
     def check(self, vectors: pd.DataFrame, method: str = "fuzzy") -> pd.DataFrame:
         """Return what the rules report for test vectors, whose index has the expected codes.
 
-        One row per vector: the code ``expected``, the codes that ``fired``, the ``top`` one, and
-        whether that is ``right``.
+        One row per vector: the code ``expected``, the codes that ``fired``, the ``top`` code, and
+        whether the top code is ``right``.
         """
         decision = self.decide(vectors, method)
         table = decision.table().rename(columns={"active": "fired"})
@@ -267,10 +267,10 @@ class RuleBase:
         return table[["expected", "fired", "top", "right"]]
 
     def centroid(self, samples: Samples) -> pd.DataFrame:
-        r"""Defuzzify the number of the fault as a controller would, which shows why one must not.
+        r"""Defuzzify the fault number as a controller would, to show why this is wrong.
 
-        One row per sample: the ``active`` codes, the ``top`` one, the ``centroid`` z of their
-        numbers, and the code ``nearest`` to it, the lower one in a tie. Rule i has the consequent
+        One row per sample: the ``active`` codes, the ``top`` code, the ``centroid`` z of their
+        numbers, and the code ``nearest`` to z, the lower one in a tie. Rule i has the consequent
         "number is i", a triangle of half-width 1/2 about i that is cut at the firing strength:
 
         .. math:: z = \frac{\sum_i w_i \left( 2 - w_i \right) i}{\sum_i w_i \left( 2 - w_i \right)}
@@ -291,7 +291,7 @@ class RuleBase:
         """Return the rules as a `skfuzzy.control.ControlSystem`, for comparison.
 
         Each variable becomes an antecedent with 101 points and the corners of its terms. Each rule
-        becomes a consequent that is named by its code and has the single term ``on``.
+        becomes a consequent that is named after the rule's code and has the single term ``on``.
         """
         return control_system(self.variables, self.rules)
 
@@ -301,8 +301,8 @@ class RuleBase:
 class Firing:
     """The firing strength of each rule for each sample, as `RuleBase.fire` returns it.
 
-    A strength is the lowest membership among the rule's terms, equal to that of `skfuzzy.trapmf` to
-    the last bit.
+    A strength is the lowest membership among the rule's terms. Each membership equals the result of
+    `skfuzzy.trapmf` to the last bit.
 
     Parameters
     ----------
@@ -331,19 +331,19 @@ class Firing:
 
     @cached_property
     def missing(self) -> Bools:
-        """Which sensors report nothing, shape (..., n_variables)."""
+        """Mask of the sensors without a value, shape (..., n_variables)."""
         return np.stack([np.isnan(x) for x in self.values.values()], axis=-1)
 
     @cached_property
     def clipped(self) -> Bools:
-        """Which values lie outside their universe, shape (..., n_variables)."""
+        """Mask of the values outside their universe, shape (..., n_variables)."""
         ends = [(variable.low, variable.high) for variable in self.base.variables]
         values = zip(self.values.values(), ends, strict=True)
         return np.stack([(x < low) | (x > high) for x, (low, high) in values], axis=-1)
 
     @cached_property
     def normal(self) -> Floats:
-        """Strength of "no fault": 1 less the greatest strength; NaN without any sensor."""
+        """Strength of "no fault": 1 minus the greatest strength; NaN if all sensors are missing."""
         rest = np.asarray(1 - self.strength.max(axis=-1))
         return np.where(self.missing.all(axis=-1), np.nan, rest)
 
@@ -352,7 +352,7 @@ class Firing:
         return np.asarray(self.strength[..., self.base.codes.index(self.base.rule(code).code)])
 
     def decide(self, *, threshold: float = 0.5, k: int = 1, n: int = 1) -> Decision:
-        """Return what to report: rules that fired in `k` or more of the last `n` samples.
+        """Return the decision: the rules that fired in `k` or more of the last `n` samples.
 
         A rule fires if its strength is at least `threshold`, which is above 0 and up to 1. With `n`
         above 1, time runs along the first axis, and the `n` samples include the present one.
@@ -398,7 +398,7 @@ class Decision:
     threshold : float
         Lowest strength at which a rule fires.
     active : ndarray of bool, shape (..., n_rules)
-        Which rules are reported, in the order of ``firing.base.codes``.
+        True for each reported rule, in the order of ``firing.base.codes``.
 
     Examples
     --------
@@ -427,7 +427,7 @@ class Decision:
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
-        """The active code of the highest priority, else ``normal``; ``unknown`` without sensors."""
+        """The active code of the highest priority, or ``normal``; ``unknown`` without sensors."""
         return self.firing.base.top_codes(self.active, self.firing.missing.all(axis=-1))
 
     def codes(self, *index: int) -> tuple[str, ...]:
@@ -438,7 +438,8 @@ class Decision:
     def table(self) -> pd.DataFrame:
         """Return one row per sample: ``top``, its ``strength``, ``active`` codes and bad sensors.
 
-        ``missing`` names the sensors without a value, ``clipped`` those outside their universe.
+        ``missing`` names the sensors without a value, ``clipped`` the sensors outside their
+        universe.
         """
         if self.active.ndim > 2:
             raise ArgumentError(f"active has {self.active.ndim} axes; a table has two")
@@ -505,7 +506,7 @@ class Decision:
 
 
 def draw_matrix(ax: Axes, values: Floats, written: Callable[[int, int, float], str]) -> None:
-    """Draw values of 0 to 1 as a map, with text in the cells above 0 if there is room."""
+    """Draw values from 0 to 1 as a map, with text in the cells above 0 if there is room."""
     rows, columns = values.shape
     ax.imshow(values, cmap="Blues", vmin=0, vmax=1, aspect="auto", interpolation="nearest")
     ax.grid(visible=False)

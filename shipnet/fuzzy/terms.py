@@ -1,4 +1,4 @@
-"""The words of a rule base: terms such as "high", the variables that they describe, and rules."""
+"""The parts of a rule base: terms such as "high", the variables that they describe, and rules."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Interval:
     low, high : float
         The ends; -inf or inf where there is none. At least one must be finite.
     low_closed, high_closed : bool, default False
-        Whether an end belongs to the interval.
+        True if the end belongs to the interval.
 
     Examples
     --------
@@ -67,11 +67,11 @@ class Interval:
         return f"{left}x <{'=' * self.high_closed} {high}"
 
     def contains(self, x: npt.ArrayLike) -> Bools:
-        """Return which values are inside; NaN never is."""
+        """Return which values are inside; NaN is always outside."""
         values = np.asarray(x, dtype=float)
         above = values >= self.low if self.low_closed else values > self.low
         below = values <= self.high if self.high_closed else values < self.high
-        # Without an end, even infinity is inside.
+        # An interval without an end contains infinity.
         above |= (self.low == -inf) & (values == -inf)
         return np.asarray(above & (below | ((self.high == inf) & (values == inf))))
 
@@ -157,7 +157,7 @@ class Term:
     def midpoint(self) -> Interval:
         """The values with a membership of 0.5 or more."""
         a, b, c, d = self.corners
-        # inf - inf would be NaN; a step holds at its edge, as a ramp does in its middle.
+        # inf - inf would be NaN; a step holds at its edge, as a ramp does at its midpoint.
         low, high = (x if x == y else (x + y) / 2 for x, y in ((a, b), (c, d)))
         return Interval(low, high, a > -inf, d < inf)
 
@@ -188,7 +188,7 @@ class Variable:
     Parameters
     ----------
     name : str
-        Its symbol, such as ``FP``: letters, digits and underscores.
+        Symbol of the variable, such as ``FP``: letters, digits and underscores.
     unit : str
         Unit of its values, of the universe and of the corners of the terms.
     low, high : float
@@ -250,7 +250,7 @@ class Variable:
         edges = sorted(end for end in ends if self.low <= end <= self.high)
         middles = [(a + b) / 2 for a, b in pairwise(edges)]
         points = np.array(sorted([*edges, *middles]))
-        # A point inside a cell represents it better than one on an edge.
+        # A point inside a cell represents the cell better than a point on its edge.
         inner = np.isin(points, middles)
         holds = np.stack([one.contains(points) for one in intervals], axis=1)
         found: dict[tuple[bool, ...], int] = {}
@@ -266,7 +266,7 @@ class Variable:
         grid = np.linspace(self.low, self.high, 501)
         for term in self.terms:
             corners = [x for x in term.corners if self.low < x < self.high]
-            # A point on each side of a corner draws a step upright.
+            # With a point on each side of a corner, a step is drawn vertically.
             sides = [np.nextafter(corners, end) for end in (-np.inf, np.inf)]
             x = np.unique(np.concatenate([grid, corners, *sides]))
             ax.plot(x, term.membership(x), label=term.english or term.name)
@@ -363,12 +363,12 @@ class Rule:
 
 
 def check_word(what: str, text: str) -> str:
-    """Return a name if it is of letters, digits and underscores and begins with a letter."""
+    """Return a name if it begins with a letter and has only letters, digits and underscores."""
     if not isinstance(text, str) or not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", text):
         raise ArgumentError(f"{what} is {text!r}; it must be letters, digits and underscores")
     return text
 
 
 def _number_text(value: float) -> str:
-    """Return a number with just enough digits to distinguish it from all others."""
+    """Return a number with just enough digits to distinguish it from all other numbers."""
     return repr(float(value)).removesuffix(".0")

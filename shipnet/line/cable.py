@@ -181,7 +181,7 @@ class Cable(Valued):
         width: float = 100e-9,
         n_steps: int = 31,
     ) -> Pulse:
-        """Send a Gaussian pulse of 1 V and standard deviation `width` [s] to the `end` [ohm].
+        """Simulate a Gaussian pulse of 1 V and standard deviation `width` [s] to the `end` [ohm].
 
         The near end is matched; an `end` of None is open. The result begins when the pulse leaves
         and ends when its echo is back. `width` is 1/200 to 2 times the delay of the cable.

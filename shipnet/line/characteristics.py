@@ -1,4 +1,4 @@
-"""Compute voltages step by step in time, by the method of characteristics.
+"""Time-domain simulation of lines by the method of characteristics.
 
 Each end of a lossless line is a resistor Z0 and a source that repeats the wave that left the
 other end one delay ago, so each node is solved by itself. A quarter of a line's resistance is at
@@ -42,7 +42,7 @@ def simulate(network: Network, sources: Mapping[str, tuple[Floats, Floats]], dt:
     steady = leak + np.add.reduceat(ends.y, starts)
     block = min(_BLOCK, int(ends.steps.min()))
     depth = int(ends.steps.max()) + 2 + block
-    # The waves that left each end; times before 0 are read as 0 before they are written.
+    # Waves that left each end; entries for times before 0 are still 0 when they are read.
     left = np.zeros((depth, len(own)))
     v = np.zeros((len(network.nodes), injected.shape[1]))
     for begin in range(1, v.shape[1], block):

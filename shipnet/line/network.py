@@ -24,7 +24,7 @@ SHORTEST, LONGEST = 1e-6, 1e6
 #: Legal values of a load [ohm, H, F].
 LEAST, MOST = 1e-18, 1e18
 
-#: Largest current and voltage at direct current, of either sign [A, V].
+#: Largest magnitude of DC current and voltage [A, V].
 _MOST_DC = 1e9
 
 
@@ -239,12 +239,12 @@ class Network:
 
     @property
     def ring(self) -> CableRun | None:
-        """The run that closes a ring, None for a tree."""
+        """The run that closes the ring; None for a tree."""
         return None if self._ring is None else self.runs[self._ring]
 
     @property
     def trees(self) -> int | None:
-        """Number of trees of a Monte Carlo, None for a single tree."""
+        """Number of trees of a Monte Carlo; None for a single tree."""
         return self._trees
 
     def index(self, name: str, what: str = "name") -> int:

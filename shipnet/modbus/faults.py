@@ -50,7 +50,7 @@ class Short(Fault):
 
 @record
 class DeadSlave(Fault):
-    """A slave does not answer, but the cable past it works; slaves are counted from port A.
+    """A slave does not respond, but its cable is intact; slaves are counted from port A.
 
     Examples
     --------
@@ -66,7 +66,7 @@ class DeadSlave(Fault):
 
 @record
 class DeadPort(Fault):
-    """A port of the master neither sends nor receives, and leaves the line alone.
+    """A port of the master neither sends nor receives, and does not load the line.
 
     Examples
     --------

@@ -54,7 +54,7 @@ def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
 
 
 def checked_pdu(pdu: bytes) -> bytes:
-    """Return a PDU as bytes, or raise unless it has 1..253."""
+    """Return a PDU as bytes, or raise unless it has 1..253 bytes."""
     if type(pdu) is bytes and 1 <= len(pdu) <= MAX_PDU:
         return pdu
     if not isinstance(pdu, bytes | bytearray | memoryview) or not 1 <= len(pdu) <= MAX_PDU:

@@ -1,4 +1,4 @@
-"""Listeners for clients: TCP connections, datagrams and a serial port."""
+"""Listeners for requests over TCP, in datagrams or on a serial port."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
         self.timer = self.loop.call_later(_IDLE, self._end_if_idle)
 
     def connection_made(self, transport: Any) -> None:
-        """Start, or close the connection if there are too many."""
+        """Start, or close the connection if too many are open."""
         if self.listener.has_room():
             super().connection_made(transport)
         else:
@@ -200,7 +200,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
         super()._send_if_open(frame, to)
 
     def _end_if_idle(self) -> None:
-        """Close a connection without recent requests, or look again later."""
+        """Close a connection without recent requests, or check again later."""
         now = self.loop.time()
         if self.held_back:
             self.last_request = now

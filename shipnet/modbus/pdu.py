@@ -427,7 +427,7 @@ def _values(message: Request | Response) -> bytes:
 
 
 def _number(message: Request | Response) -> int:
-    """Return the number that encodes the only coil or register of a message."""
+    """Return the number that encodes the single coil or register of a message."""
     return 0xFF00 * message.coils[0] if message.coils else message.registers[0]
 
 

@@ -101,7 +101,7 @@ class Poll:
         return Utilisation(self._busy_time(n_slaves, dead) / scan, capacity, scan + self.time)
 
     def _busy_time(self, n_slaves: int, dead: int) -> float:
-        """Return how long there are bytes on the line in a scan [s]."""
+        """Return the time in a scan during which bytes are on the line [s]."""
         tries = dead * (1 + self.retries)
         return (n_slaves - dead) * self.on_wire + tries * self.line.frame_time(self.request_size)
 

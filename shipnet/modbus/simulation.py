@@ -47,7 +47,7 @@ class Paths:
         self.piece = 0
 
     def hold(self, start: float, end: float, slave: int, port: int) -> bool:
-        """Return whether a path is whole from `start` to `end`; starts must not decrease."""
+        """Return whether a path is intact from `start` to `end`; starts must not decrease."""
         while self.ends[self.piece] <= start:
             self.piece += 1
         piece = self.piece
@@ -128,7 +128,7 @@ class Master:
         return left > 0
 
     def attempt(self, slave: int, port: int, kind: int) -> bool:
-        """Send one request and let the time pass; return whether it was answered."""
+        """Send one request and advance the clock; return whether it was answered."""
         start = self.time
         answered = self.paths.hold(start, start + self.needed, slave, port)
         self.tries.append((start, slave, port, kind, answered))

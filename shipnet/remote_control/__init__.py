@@ -1,4 +1,4 @@
-"""Remote control of a main engine by chung1998: packets, receive ring, link of three stations.
+"""Remote control of a main engine by chung1998: packets, receive ring and a link of three stations.
 
 In notebooks: ``from shipnet import remote_control as rc``.
 """

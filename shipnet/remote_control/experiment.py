@@ -1,4 +1,4 @@
-"""Markers against CRC, by number of items: the comparison that chung1998 suggests to others."""
+"""Markers against CRC, by number of items: the comparison that chung1998 leaves to future work."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from shipnet.remote_control.packet import MOST_STUFFED, CobsFormat, MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat, Shares
 from shipnet.remote_control.system import Supervision, System
 
-#: Whether a value is sent only when it has changed, as printed, or in every packet.
+#: The ways of sending a value: only when it has changed, as printed, or in every packet.
 Sending = Literal["changed", "cyclic"]
 
 #: The checks of a packet: as printed, with CRC-16 after it, and with CRC-16 only, byte-stuffed.
@@ -100,7 +100,7 @@ _COLUMNS = (
 @checked
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """Packets that each check detects and misses, by number of items and bit error rate.
+    """The packets that each check detects and misses, by number of items and bit error rate.
 
     Examples
     --------
@@ -123,16 +123,16 @@ class Comparison:
     def table(self) -> pd.DataFrame:
         """Return one row per check, number of items and bit error rate.
 
-        ``low`` and ``high`` are 95 % bounds of the undetected share, ``expected`` is that share by
-        `MarkerFormat.error_shares`, ``missed`` the accepted share of the disturbed packets, and
-        ``items_lost`` the share of items in discarded packets.
+        ``low`` and ``high`` are 95 % bounds of the undetected fraction, ``expected`` is that
+        fraction by `MarkerFormat.error_shares`, ``missed`` the accepted fraction of the disturbed
+        packets, and ``items_lost`` the fraction of items in discarded packets.
         """
         return pd.DataFrame(list(self._rows), columns=list(_COLUMNS))
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the share of wrong packets that each check accepts at the first bit error rate.
+        """Draw the fraction of packets accepted with errors, at the first bit error rate.
 
-        Over the number of items, lines are theory and markers counts with their bounds.
+        Over the number of items, lines show theory, and markers show counts with their bounds.
         """
         from shipnet.remote_control.plot import plot_checks
 
@@ -145,8 +145,8 @@ class Comparison:
 class Staleness(NamedTuple):
     """How a receiver follows a switch of two positions.
 
-    `share` is the share of the time in which it shows another position than the last packet should
-    have brought; `duration` is the mean time from a failed packet to the right position [s].
+    `share` is the fraction of the time in which it shows a position other than the one sent in the
+    last packet; `duration` is the mean time from a failed packet to the right position [s].
     """
 
     share: float
@@ -162,7 +162,7 @@ def switch_staleness(shares: Shares, period: float, interval: float, sending: Se
     .. math:: f = \frac{1}{2} \left( 1 - e^{-2 T / \tau} \right)
 
     A discarded packet, with the probability d, leaves the old position; one that is accepted with
-    errors, u, leaves none. In the long run the share of wrong positions is
+    errors, u, leaves none. In the long run the fraction of wrong positions is
 
     .. math:: g + \frac{d f (1 - g)}{1 - d + 2 d f}, \quad g = \frac{u}{1 - d}
     """
@@ -172,8 +172,8 @@ def switch_staleness(shares: Shares, period: float, interval: float, sending: Se
     share = spoiled + d * flip * (1 - spoiled) / (1 - d + 2 * d * flip)
     if sending == "cyclic":
         return Staleness(share, period / (1 - d - u))
-    # An old position ends with the next move, discarded or not, unless that is accepted wrongly; a
-    # wrong one ends only with a correct packet.
+    # An old position ends with the next move, discarded or not, unless its packet is accepted with
+    # errors; a wrong position ends only with a correct packet.
     spoiled_moves = 1 / (1 - d - u)
     old_moves = 1 + u * spoiled_moves
     moves = (d * old_moves + u * spoiled_moves) / (d + u) if d + u else 1.0
@@ -188,7 +188,7 @@ class Recommendation:
     """The recommended way to send a number of values, and why.
 
     `sending` is "changed" or "cyclic"; RCS ends a turn without an answer after `turn_timeout` [s];
-    `refresh_time` is the mean time in which every value is received once [s]; `wrong_per_year`
+    `refresh_time` is the mean time to receive every value once [s]; `wrong_per_year`
     counts packets accepted with errors (an upper estimate if byte-stuffed); `stale_time` is the
     mean time that a switch is wrong after a failed packet [s].
     """
@@ -212,7 +212,7 @@ class Recommendation:
 def candidates(n_items: int, system: System, rate: float, stale_time: float) -> pd.DataFrame:
     """Return all ways to send 1..84 values per station, one row each, as `recommend` compares them.
 
-    A discarded packet also costs the wait of a turn, but spoils no other packet. A check and size
+    A discarded packet also causes a wait of one turn, but affects no other packet. A check and size
     whose answer takes longer than a turn has no row. If the items are split among several packets,
     all are as long as the longest and each cycle carries one packet per station, so a value is
     updated once per as many cycles as there are packets. If only changes are sent, a packet is as
@@ -234,15 +234,15 @@ def candidates(n_items: int, system: System, rate: float, stale_time: float) -> 
             for sending in ways:
                 changed = sending == "changed"
                 shares = form.error_shares(1 if changed else per_packet, p)
-                # One packet for a change per interval, or four per cycle.
+                # One packet per interval if only changes are sent, or four packets per cycle.
                 packets = 1 / _INTERVAL if changed else 4 / cycle
                 timeout = cycle / 2 if base.turn_timeout is None else base.turn_timeout
-                # The wait for a lost answer exceeds the time of an answer by this. If a turn ends
-                # before the answer arrives, nothing is received at all.
+                # The wait for a lost answer exceeds the time of an answer by this time. If a turn
+                # ends before the answer arrives, nothing is received at all.
                 longer = timeout - cycle / 4
                 if longer <= 0:
                     continue
-                # Each of the four packets of a cycle may be discarded, and costs a wait.
+                # Each of the four packets of a cycle may be discarded, which causes a wait.
                 period = n_packets * (cycle + 4 * shares.detected * longer)
                 wait = 0.0 if changed else longer / (1 - shares.detected - shares.undetected)
                 after = switch_staleness(shares, period, _INTERVAL, sending)
@@ -267,7 +267,7 @@ def recommend(
     rate: float = 1e-5,
     stale_time: float = 3.0,
 ) -> Recommendation:
-    """Return how to send a number of values: the fastest way that meets all limits.
+    """Return the recommended way to send a number of values: the fastest that meets all limits.
 
     The limits are ours; the paper states none. Receivers may accept one packet with wrong items
     per year, a switch moves once per hour, and ``Supervision.intended()`` must not raise an alarm
@@ -278,16 +278,16 @@ def recommend(
     n_items : int
         Values that each station sends, 1..84.
     system : System, optional
-        Its bit rate, character, processing and ``turn_timeout`` count; that of the paper if
-        omitted. Without a ``turn_timeout``, a turn ends after half a cycle, twice the time of an
-        answer; waiting until the counters run out, as printed, would leave a switch wrong for 4.4 s
-        more.
+        Only bit rate, character, processing and ``turn_timeout`` are used; by default the paper's
+        link. Without a ``turn_timeout``, a turn ends after half a cycle, twice the time of an
+        answer; waiting until the counters reach the limit, as printed, would leave a switch wrong
+        for 4.4 s longer.
     rate : float, default 1e-5
         Bit error rate, 0..0.1; our assumption, because the paper names none.
     stale_time : float, default 3
         Longest mean time that a switch is shown in a wrong position after a failed packet,
-        1e-3..1e9 [s], including the wait of RCS for the lost answer; by default as long as a failed
-        partner may stay unnoticed.
+        1e-3..1e9 [s], including the wait of RCS for the lost answer; the default equals the time
+        for which a failed partner may go unnoticed.
 
     Returns
     -------

@@ -21,7 +21,7 @@ HOPS: tuple[Hop, ...] = (("RCS", "BCS"), ("BCS", "RCS"), ("RCS", "SS"), ("SS", "
 
 @record
 class DeadStation(Fault):
-    """A station does nothing from `start` to `stop`, and then continues with its old values.
+    """A station is inactive from `start` to `stop`, and then continues with its old values.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class LostPacket(Fault):
     """
 
     source: str = choice(STATIONS, "Its sender")
-    target: str = choice(STATIONS, "Its receiver; one of the two is RCS")
+    target: str = choice(STATIONS, "Receiver of the packet; sender or receiver is RCS")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,12 +1,12 @@
 """Packets of numbered values: between markers, as printed, and byte-stuffed with a CRC.
 
 A value is sent as its number, its low byte and its high byte. The drawing of the printed packet is
-lost, and the text allows two readings:
+missing, and the text allows two interpretations:
 
 - A: ``CC DD (number low high) x n EE``, 3 + 3 n bytes;
 - B: ``CC (DD number low high) x n EE``, 2 + 4 n bytes.
 
-A packet per value is reading A with one item per packet.
+One packet per value is interpretation A with one item per packet.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from shipnet.remote_control.packet_format import Items, NumberCheck, PacketForma
 #: engine remote control system", 1998, section 3.2.
 PACKET_START, DATA_START, PACKET_END = 0xCC, 0xDD, 0xEE
 
-#: Numbers below it are not markers.
+#: Numbers below this are not markers.
 _MOST_NUMBERS = PACKET_START
 
 #: Bytes of an item, and of the CRC.
@@ -43,7 +43,7 @@ MOST_STUFFED = 84
 #: Names of the bytes of an item.
 _PARTS = ("number", "low byte", "high byte")
 
-#: Bits of the CRC, and digits for sums that almost cancel.
+#: Bits of the CRC, and decimal digits for sums whose terms almost cancel.
 _CRC_BITS, _DIGITS = 16, 80
 
 _NUMBER_CHECKS = {
@@ -54,12 +54,12 @@ _NUMBER_CHECKS = {
 
 
 def _crc(rows: Bytes) -> npt.NDArray[np.unsignedinteger]:
-    # A single packet is faster as bytes.
+    # The CRC of a single packet is faster on bytes.
     return np.array([MODBUS.of(rows.tobytes())], np.uint16) if len(rows) == 1 else MODBUS.of(rows)
 
 
 def _crc_fits(rows: Bytes) -> Bools:
-    # After its own check, the register of a reflected CRC without final addition is 0.
+    # After its own check value, the register of a reflected CRC without a final XOR is 0.
     return np.asarray(_crc(rows) == 0)
 
 
@@ -78,9 +78,9 @@ class MarkerFormat(PacketFormat):
 
     Notes
     -----
-    A value byte may equal a marker; nothing escapes it. With ``numbers="any"``, a receiver that
-    stores by number, as printed, writes outside its table when a number is disturbed. The paper
-    [1]_ names no check of the numbers and no CRC.
+    A value byte may equal a marker, because the format has no escape sequence. With
+    ``numbers="any"``, a receiver that stores by number, as printed, writes outside its table when a
+    number is disturbed. The paper [1]_ names no check of the numbers and no CRC.
 
     References
     ----------
@@ -144,18 +144,18 @@ class MarkerFormat(PacketFormat):
 
     @staticmethod
     def false_sync(n_bytes: int, markers: int = 3) -> float:
-        r"""Return how often random bytes include at least one that equals one of the markers.
+        r"""Return the probability that at least one of some random bytes equals a marker.
 
         .. math:: P = 1 - \left( 1 - \frac{m}{256} \right)^n
 
-        All bytes are equally likely here, unlike the values of a ship: a shaft speed below 204 rpm
+        All byte values are equally likely here, unlike on a ship: a shaft speed below 204 rpm
         sent as a whole number never includes a marker.
         """
         n = check_whole("n_bytes", n_bytes, 0, 10**6)
         return 1 - (1 - check_whole("markers", markers, 0, 256) / 256) ** n
 
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
-        r"""Return the share that is accepted with errors.
+        r"""Return the fraction of packets accepted with errors.
 
         Markers alone accept every packet whose m marker bytes are intact,
 
@@ -163,7 +163,7 @@ class MarkerFormat(PacketFormat):
 
         unless a number turns into the last marker, with the probability P_e. With a CRC, the other
         bits must also be a code word, see `crc_residual`; this upper bound is less than a
-        thousandth too high. A check of the numbers is left out, so it only lowers the share.
+        thousandth too high. A check of the numbers is left out; it would only lower the fraction.
         """
         head, lead = len(self.head), len(self.lead)
         step, end = lead + _ITEM, head + n_items * (lead + _ITEM)
@@ -172,7 +172,7 @@ class MarkerFormat(PacketFormat):
         intact = (1 - p) ** (8 * len(markers))
         if self.crc:
             return intact * crc_residual(end + 1, p, markers)
-        # Written as a sum without cancellation for small p.
+        # The sum is written so that it does not cancel for small p.
         changed = -float(np.expm1(24 * n_items * np.log1p(-p)))
         if not lead:
             apart = np.bitwise_count(np.arange(n_items, dtype=np.uint8) ^ np.uint8(PACKET_END))
@@ -207,10 +207,10 @@ class MarkerFormat(PacketFormat):
 
 
 class MarkerParser:
-    """Reads a stream byte by byte: seeks 0xCC, and discards what breaks the form."""
+    """Reads a stream byte by byte, searches for 0xCC, and discards malformed packets."""
 
-    # As in the paper, all bytes from the start of a broken packet are lost. The byte that broke it
-    # is tested again, because it may start the next packet.
+    # As in the paper, all bytes from the start of a malformed packet are lost. The byte that
+    # violated the form is tested again, because it may start the next packet.
 
     def __init__(self, packet_format: MarkerFormat) -> None:
         self.discarded = 0
@@ -235,7 +235,7 @@ class MarkerParser:
         return packets
 
     def read(self, byte: int) -> str:
-        """Take one byte, and return its meaning."""
+        """Read one byte, and return its meaning."""
         complete = self.feed(bytes([byte]))
         place, head, lead = len(self._packet) - 1, len(self._head), len(self._lead)
         if complete:
@@ -287,7 +287,7 @@ class MarkerParser:
 
 def stuff(data: Bytes) -> Bytes:
     """Return rows of up to 254 bytes without any 0, by consistent overhead byte stuffing."""
-    # Every 0 becomes the distance to the next one, and the distance to the first is put in front.
+    # Every 0 becomes the distance to the next 0, and the distance to the first 0 precedes the data.
     n_rows, size = data.shape
     check_whole("length of data", size, 0, _SPAN)
     rows = np.zeros((n_rows, size + 2), np.uint8)
@@ -300,7 +300,7 @@ def stuff(data: Bytes) -> Bytes:
 
 
 def unstuff(rows: Bytes) -> tuple[Bools, Bytes]:
-    """Return which rows are stuffed correctly, and the bytes that `stuff` was given for those."""
+    """Return which rows are stuffed correctly, and the original bytes of those rows."""
     n_rows, width = rows.shape
     good = (rows != 0).all(axis=1)
     if n_rows == 1:  # a single packet is faster byte by byte
@@ -324,11 +324,11 @@ def unstuff(rows: Bytes) -> tuple[Bools, Bytes]:
 
 @record
 class CobsFormat(PacketFormat):
-    """The packet corrected: byte-stuffed, so that no value looks like its end, with a CRC.
+    """The corrected packet: with a CRC, and byte-stuffed, so that no value equals the end byte.
 
     Items and their CRC-16/MODBUS are written without any 0 by consistent overhead byte stuffing
-    (COBS) [1]_, and a 0 ends the packet: 4 + 3 n bytes. A receiver that has lost its place finds
-    it again at the next 0. Not in the paper.
+    (COBS) [1]_, and a 0 ends the packet: 4 + 3 n bytes. A receiver that has lost synchronisation
+    resynchronises at the next 0. This format is not in the paper.
 
     References
     ----------
@@ -383,9 +383,10 @@ class CobsFormat(PacketFormat):
         return [*parts, "end of the packet"]
 
     def _undetected(self, n_items: int, p: float, hit: float) -> float:
-        """Return an estimate, usually too high, of the share that is accepted with errors."""
-        # Single inverted bits that pass are counted by trying them all; two or more are taken as
-        # noise, of which 2**-16 passes. Of four million pairs of inverted bits none passed.
+        """Return an estimate, usually too high, of the fraction accepted with errors."""
+        # Undetected single-bit errors are counted by trying every bit. Two or more inverted bits
+        # are treated as noise, of which a fraction of 2**-16 passes. Of four million pairs of
+        # inverted bits none passed.
         bits = 8 * self.size(n_items)
         single = bits * p * (1 - p) ** (bits - 1)
         return self.undetected_flips(n_items) * single + max(hit - single, 0.0) * 2.0**-_CRC_BITS
@@ -403,7 +404,7 @@ class CobsFormat(PacketFormat):
 
 
 class CobsParser:
-    """Reads a stream: the bytes between two zeros are a packet, or are discarded."""
+    """Reads a stream: the bytes between two zeros are a packet or are discarded."""
 
     def __init__(self, packet_format: CobsFormat) -> None:
         self.discarded = 0
@@ -433,11 +434,11 @@ class CobsParser:
 
 
 def crc_residual(n_bytes: int, rate: float, known: tuple[int, ...] = ()) -> float:
-    r"""Return how often CRC-16/MODBUS passes bytes, with their check, that differ from those sent.
+    r"""Return the probability that CRC-16/MODBUS accepts bytes, with their check, that have errors.
 
-    Bytes at the `known` places are always those sent. By MacWilliams' identity, with the number B
-    of words of weight w in the dual code of a code of L bits (T. Fujiwara, T. Kasami, S. Lin, IEEE
-    Trans. Communications 37 (1989) 986-989):
+    Bytes at the `known` places have no errors. By MacWilliams' identity, with the number B of words
+    of weight w in the dual code of a code of L bits (T. Fujiwara, T. Kasami, S. Lin, IEEE Trans.
+    Communications 37 (1989) 986-989):
 
     .. math:: P_u = 2^{-16} \sum_{w=0}^{L} B_w (1 - 2 p)^w - (1 - p)^L
     """
@@ -461,7 +462,8 @@ def code_weights(n_bytes: int, known: tuple[int, ...] = ()) -> tuple[int, ...]:
     """Return the number of words of weight 0, 1, ... in the dual code of CRC-16/MODBUS."""
     bits = 8 * np.array(known, np.int64)[:, np.newaxis] + np.arange(8)
     found = np.delete(MODBUS.syndromes(n_bytes), bits.reshape(-1))
-    # The Walsh-Hadamard transform counts, for each of the 2**16 sums of checks, even minus odd.
+    # The Walsh-Hadamard transform counts, for each of the 2**16 sums of check bits, the even words
+    # minus the odd words.
     sums = np.bincount(found, minlength=1 << _CRC_BITS)
     for bit in range(_CRC_BITS):
         pairs = sums.reshape(-1, 2, 1 << bit)

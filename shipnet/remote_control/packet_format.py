@@ -29,7 +29,7 @@ NumberCheck = Literal["any", "known", "rising"]
 #: Packets processed at a time.
 _CHUNK = 1 << 16
 
-#: The fault of a refused packet; the text about numbers continues with the legal ones.
+#: The fault of a refused packet; the text about numbers continues with the legal numbers.
 _FAULTS: Mapping[type[FrameError], str] = {
     LengthError: "has a length that no number of items gives",
     FormError: "does not have the form of a packet",
@@ -49,7 +49,7 @@ def check_bytes(name: str, data: object) -> bytes:
 
 
 class Shares(NamedTuple):
-    """The outcomes of packets as shares of all; `undetected` are accepted with errors."""
+    """The outcomes of packets as fractions of all packets; `undetected` is accepted with errors."""
 
     intact: float
     detected: float
@@ -71,7 +71,7 @@ class Trial:
 
     @property
     def missed(self) -> float:
-        """Share of the disturbed packets that is accepted; NaN if none was disturbed."""
+        """Fraction of the disturbed packets that is accepted; NaN if none was disturbed."""
         hit = self.detected + self.undetected
         return self.undetected / hit if hit else float("nan")
 
@@ -150,7 +150,7 @@ class PacketFormat:
     def trace(self, stream: bytes, *, start: int = 0) -> pd.DataFrame:
         """Return the meaning of each byte to a reader: ``place``, ``byte`` and ``taken_as``.
 
-        The first byte is at the place `start` of a ring of 128.
+        The first byte is at place `start` of a ring of 128 bytes.
         """
         size = 128
         taken = self._taken(check_bytes("stream", stream))
@@ -191,9 +191,9 @@ class PacketFormat:
         return self._encode_rows(items)
 
     def decode_batch(self, packets: npt.ArrayLike) -> Decoded:
-        """Return the reading of rows of uint8 of one length, each as by `decode`.
+        """Decode rows of uint8 of equal length, each as `decode` does.
 
-        A refused row has an error code, and 0 for its items.
+        A refused row has an error code, and its items are 0.
         """
         rows = np.asarray(packets)
         if rows.dtype != np.uint8 or rows.ndim != 2:
@@ -216,7 +216,7 @@ class PacketFormat:
         return Decoded(error, numbers * good, values * good)
 
     def error_shares(self, n_items: int, rate: float) -> Shares:
-        """Return the shares of packets that arrive intact, detected and undetected, in closed form.
+        """Return the fractions of packets intact, detected and undetected, in closed form.
 
         Bits are inverted independently with the probability `rate`, 0..0.5; start and stop bits are
         left out.
@@ -224,15 +224,15 @@ class PacketFormat:
         p = check_scalar("rate", rate, "", 0, 0.5)
         n = check_whole("n_items", n_items, 0, self.n_numbers)
         bits = 8 * self.size(n)
-        # 1 - intact, without cancellation for small p.
+        # 1 - intact, computed without cancellation for small p.
         hit = -float(np.expm1(bits * np.log1p(-p)))
         undetected = self._undetected(n, p, hit)
         return Shares((1 - p) ** bits, hit - undetected, undetected)
 
     def undetected_flips(self, n_items: int) -> float:
-        r"""Return the share of single inverted bits that a receiver does not detect.
+        r"""Return the fraction of single-bit errors that a receiver does not detect.
 
-        All are tried, on values of 0. With markers only it is
+        Every bit is tried, with all values 0. With markers only, the fraction is
 
         .. math:: S = \frac{24 n}{8 L}
 
@@ -252,8 +252,8 @@ class PacketFormat:
 
     def outcomes(self, n_items: int, rate: float, packets: int, rng: np.random.Generator) -> Bytes:
         """Return the outcomes of packets with random values: 0 intact, 1 detected, 2 undetected."""
-        # Gaps between inverted bits are drawn, not bits; and only packets that are hit are built
-        # and checked, because all others are accepted.
+        # Gaps between inverted bits are drawn at random, not the bits. Only packets with inverted
+        # bits are built and checked, because all others are accepted.
         p = check_scalar("rate", rate, "", 0, 0.5)
         n = check_whole("packets", packets, 0, 10**9)
         items = check_whole("n_items", n_items, 0, self.n_numbers)

@@ -15,7 +15,7 @@ from shipnet import style
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
 
-#: The flags and places that define each case, and its colour: normal pale, abnormal strong.
+#: The flags and places that define each case, and its colour: pale if normal, strong if abnormal.
 _CASES = {
     "b": ("b: same flags, no >= get_no", "#cfe3f3"),
     "d": ("d: flags differ, no < get_no", "#9cc4e4"),
@@ -23,7 +23,7 @@ _CASES = {
     "a": ("a: same flags, no < get_no", "#c44e52"),
 }
 
-#: Field whose colour shows to whom a packet goes.
+#: Field whose colour shows the receiver of a packet.
 _TARGETS = {"RCS": "control", "BCS": "address", "SS": "information"}
 
 #: Packets that one figure can show.
@@ -75,7 +75,7 @@ def _at(radius: float, degrees: float) -> tuple[float, float]:
 
 
 def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
-    """Draw which case shows: a row per place of the reader, a column per unread byte."""
+    """Draw the cases: one row per place of the reader, one column per number of unread bytes."""
     ax = style.axes(ax)
     size = len(shown)
     order = np.vectorize(list(_CASES).index)(shown)
@@ -102,7 +102,7 @@ def plot_cases(shown: npt.NDArray[np.str_], ax: Axes | None) -> Axes:
 
 
 def plot_lead(letters: Sequence[str], size: int, ax: Axes | None) -> Axes:
-    """Draw how many bytes the four variables show as unread, over how many are."""
+    """Draw the number of bytes that the four variables show as unread, over the true number."""
     ax = style.axes(ax)
     leads = np.arange(len(letters))
     ax.plot(leads, leads, color="0.5", linewidth=1, label="truly unread")
@@ -132,7 +132,7 @@ def plot_time_chart(
     end: float,
     until: float,
 ) -> Axes:
-    """Draw the packets of each station in time, as Fig. 2 of chung1998."""
+    """Draw the packets of each station over time, as in Fig. 2 of chung1998."""
     shown = traffic[(traffic["end_s"] >= start) & (traffic["start_s"] <= end)]
     if not 1 <= len(shown) <= _MOST_PACKETS:
         raise ArgumentError(
@@ -182,7 +182,7 @@ def plot_time_chart(
 
 
 def plot_margins(table: pd.DataFrame, ax: Axes | None, limit: float) -> Axes:
-    """Draw the time that a healthy slave's counters run, over the bit rate."""
+    """Draw the time for which a healthy slave's counters run, over the bit rate."""
     ax = style.axes(ax)
     rate = table["bit_rate"].to_numpy(dtype=float)
     for column, label in (
@@ -216,7 +216,7 @@ def plot_counters(
 ) -> Axes:
     """Draw the counters of Fig 5 of chung1998 after the last 0xDD of a partner.
 
-    The count is a line, each miss a mark with its number, the last one in red.
+    The count is a line, and each miss is a mark with its number; the last mark is red.
     """
     ax = style.axes(ax)
     place = len(ax.get_legend_handles_labels()[1])
@@ -237,7 +237,7 @@ def plot_counters(
 
 
 def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
-    """Draw the share of wrong packets that each check accepts at the first bit error rate."""
+    """Draw the fraction of packets accepted with errors, by check, at the first bit error rate."""
     shown = table[table["bit_error_rate"] == table["bit_error_rate"].iloc[0]]
     ax, bounds = style.axes(ax), list[float]()
     for place, (check, rows) in enumerate(shown.groupby("check", sort=False)):
@@ -245,11 +245,11 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
         items = rows["n_items"].to_numpy(dtype=float)
         count = rows["undetected"].to_numpy(dtype=float)
         share = count / rows["sent"].to_numpy(dtype=float)
-        # Beside each other, so that none hides another.
+        # The marks are side by side, so that none hides another.
         beside = items + 0.4 * place
         low, high = (rows[name].to_numpy(dtype=float) for name in ("low", "high"))
         bounds += high[count == 0].tolist()
-        # The share of the byte-stuffed packet is an upper estimate, see `CobsFormat`.
+        # The fraction of the byte-stuffed packet is an upper estimate, see `CobsFormat`.
         label = f"{check}" + ", upper estimate" * (check == "CRC")
         ax.plot(items, rows["expected"].to_numpy(dtype=float), color=colour, label=label)
         some = count > 0

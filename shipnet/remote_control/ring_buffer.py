@@ -30,7 +30,7 @@ Case = Literal["a", "b", "c", "d"]
 Action = Literal["take", "wait", "stop", "repair"]
 Rule = Literal["printed", "intended", "corrected"]
 
-_LAPS = 3  #: Laps by which the writer may lead in the searches below.
+_LAPS = 3  #: Most laps by which the writer may lead in the searches below.
 
 
 class State(NamedTuple):
@@ -43,7 +43,7 @@ class State(NamedTuple):
 
     @property
     def case(self) -> Case:
-        """The case that they show, in the order of the printed list."""
+        """The case that the variables show, in the order of the printed list."""
         if self.ring_f == self.ring_get_f:
             return "b" if self.no >= self.get_no else "a"
         return "c" if self.no >= self.get_no else "d"
@@ -52,8 +52,8 @@ class State(NamedTuple):
 class Step(NamedTuple):
     """One step of the reader, and the case in which it took place.
 
-    It took a `byte`, waited, stopped receiving, or repaired the ring. `lost` counts the unread
-    bytes that it skipped; a `stale` byte was read before, or never received.
+    The reader read a `byte`, waited, stopped receiving, or repaired the ring. `lost` counts the
+    unread bytes that it skipped; a `stale` byte was read before, or never received.
     """
 
     case: Case
@@ -64,7 +64,7 @@ class Step(NamedTuple):
 
 
 def bytes_of(steps: Iterable[Step]) -> bytes:
-    """Return the bytes that these steps took."""
+    """Return the bytes that the reader read in these steps."""
     return bytes(step.byte for step in steps if step.byte is not None)
 
 
@@ -80,28 +80,28 @@ class Ring:
     Parameters
     ----------
     size : int, default 128
-        Number of bytes that it holds, 2..65536.
+        Capacity of the ring, 2..65536 bytes.
     rule : {"printed", "intended", "corrected"}, default "printed"
-        How the reader decides. "printed": by the printed tests, in which ``no == get_no`` with
-        equal flags counts as data. "intended": the same, but such a ring is empty. "corrected":
-        writer and reader count their bytes without starting again.
+        Rule by which the reader decides. "printed": the printed tests, in which ``no == get_no``
+        with equal flags counts as data. "intended": the same, but such a ring is empty.
+        "corrected": writer and reader count their bytes without returning to 0.
 
     Attributes
     ----------
     written : int
-        Bytes stored so far; the printed program does not have this number.
+        Bytes stored so far; the printed program does not keep this count.
     lost : int
         Bytes that were never read and can no longer be read.
     stale : int
-        Bytes taken that were read before or never received.
+        Bytes read that had been read before or were never received.
 
     Notes
     -----
     In case a the printed reader [1]_ switches the receive interrupt off and sends; here it stops,
-    and continues when the case has changed. In case c it gives up a part of the ring: it moves to
-    the middle if ``no`` is in the lower half, else to the start, and seeks 0xCC from there. If
-    there is none, it ends at the writer, with an empty ring; the paper does not say. ``no == size /
-    2`` counts as the upper half, also our choice.
+    and continues when the case has changed. In case c it skips a part of the ring: it moves to the
+    middle if ``no`` is in the lower half, otherwise to the start, and searches for 0xCC from there.
+    If it finds none, it stops at the writer, with an empty ring; the paper does not specify this
+    case. ``no == size / 2`` counts as the upper half, which is also our choice.
 
     The counters of a corrected program may have 16 bits: their difference is right as long as fewer
     than 65536 bytes are unread.
@@ -137,7 +137,7 @@ class Ring:
         self._cells = bytearray(self.size)
         # Place and flag of the reader as one number, 0..2 * size - 1.
         self._reader = 0
-        # The next byte that was never read, counted from the first one stored.
+        # The next byte that was never read, counted from the first byte stored.
         self._due = 0
 
     @classmethod
@@ -174,7 +174,7 @@ class Ring:
 
     @property
     def unread(self) -> int:
-        """Number of bytes that were stored and neither read nor given up."""
+        """Number of bytes that were stored and neither read nor skipped."""
         return self.written - self._due
 
     @property
@@ -194,7 +194,7 @@ class Ring:
         self.written += 1
 
     def store_all(self, data: bytes) -> None:
-        """Store bytes one after another; of more than `size` of them the last ones remain."""
+        """Store bytes one after another; only the last `size` bytes remain."""
         for byte in check_bytes("data", data):
             self.store(byte)
 
@@ -223,12 +223,12 @@ class Ring:
         return steps
 
     def explore(self, max_unread: int | None = None) -> pd.DataFrame:
-        """Return every state that some order of storing and extracting reaches, and its step.
+        """Return every state that some order of storing and extracting reaches, with its step.
 
         The search begins with an empty ring of this size, 2..16, and this rule; the writer pauses
         at `max_unread` bytes unread, by default three laps. One row per state: the four variables,
         ``unread``, ``first_lap`` (whether some cells are still empty), the ``case``, and the
-        ``action`` of the reader with the bytes ``lost`` and whether it took a ``stale`` one. Every
+        ``action`` of the reader with the bytes ``lost`` and whether it read a ``stale`` byte. Every
         byte stored is 0xCC, so that a repair finds the start of a packet at once.
         """
         check_whole("size", self.size, 2, 16)
@@ -256,7 +256,7 @@ class Ring:
         return pd.DataFrame(rows, columns=columns)
 
     def cases(self) -> RingCases:
-        """Return the cases while the writer leads by less than three laps."""
+        """Return the cases for all leads of the writer below three laps."""
         check_whole("size", self.size, 2, 512)
         return RingCases(self.size)
 
@@ -293,7 +293,7 @@ class Ring:
         return Step(case, "take", self._cells[place], lost)
 
     def _move(self, count: int) -> int:
-        """Move the reader forward to a byte; return how many bytes it gives up."""
+        """Move the reader forward to a byte; return how many bytes it skips."""
         self._reader = count % (2 * self.size)
         lost = max(0, count - self._due)
         self._due += lost
@@ -304,7 +304,7 @@ class Ring:
         """Return the byte that the repair of Fig 9 finds."""
         no = self.state.no
         half = self.size >> 1
-        # From its middle, the ring holds bytes of the previous lap, then those of this lap.
+        # From its middle, the ring holds bytes of the previous lap, then bytes of this lap.
         oldest = self.written - no + (half - self.size if no < half else 0)
         for count in range(oldest, self.written):
             if self._cells[count % self.size] == PACKET_START:
@@ -313,7 +313,7 @@ class Ring:
 
 
 def _key(ring: Ring) -> tuple[int, ...]:
-    # Only these determine the future: places, flags, unread bytes, and the number of cells used.
+    # Only these values determine the future: places, flags, unread bytes, and number of used cells.
     return (*ring.state, ring.unread, min(ring.written, ring.size))
 
 
@@ -343,7 +343,8 @@ class RingCases:
     def plot(self, ax: Axes | None = None, *, get_no: int | None = None) -> Axes:
         """Draw a map of the cases over the unread bytes and the reader's place.
 
-        With the reader at one place `get_no`: how many bytes seem unread over how many are.
+        With `get_no`, the place of the reader, draw the bytes that seem unread over the true
+        number.
         """
         from shipnet.remote_control.plot import plot_cases, plot_lead
 

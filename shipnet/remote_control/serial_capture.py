@@ -1,7 +1,7 @@
-"""Recorded serial lines: rate, form and characters of a UART, from levels or voltages.
+"""Recorded serial lines: bit rate, character format and characters, from levels or voltages.
 
 Only the edges are used. The clock is the slope of a straight line through all edges over their bit
-numbers; a form fits if neither its parity nor its stop bit ever fails.
+numbers. A character format fits if neither its parity nor its stop bit ever fails.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from shipnet.modbus.uart import SerialLine, Waveform
 #: Data bits and parity that are tried.
 _FORMS = tuple((data, parity) for data in (8, 7) for parity in "NEO")
 
-#: Number of edges by which guesses are compared, and the longest glitch [bit].
+#: Number of edges used to compare guesses, and the longest glitch [bit].
 _HEAD, _GLITCH = 600, 1 / 3
 
 #: Fewest samples per bit, and most edges in a record.
@@ -37,7 +37,7 @@ class _Reading(NamedTuple):
 
     starts: Floats
     bits: Integers  # (characters, bits): start, data, parity if any, first stop bit
-    false: int  # starts that ended before the middle of the start bit
+    false: int  # false starts, which ended before the middle of the start bit
 
 
 def _read(places: Floats, first: int, bit: float, size: int) -> _Reading:
@@ -61,7 +61,7 @@ def _read(places: Floats, first: int, bit: float, size: int) -> _Reading:
 
 
 def _fit(places: Floats, reading: _Reading, bit: float) -> tuple[float, float]:
-    """Return the bit time that fits the edges within characters, and their deviation from it."""
+    """Return the bit time that fits the edges within characters, and the deviation of the edges."""
     if not len(reading.starts):
         return bit, 0.5
     own = np.searchsorted(reading.starts, places, side="right") - 1
@@ -111,7 +111,7 @@ def _faults(reading: _Reading, parity: str) -> tuple[Bools, Bools]:
 def _found(
     edges: Edges, first: int, bit: float | None, form: tuple[int, str] | None
 ) -> tuple[float, tuple[int, str]]:
-    """Return the bit time and the form with the fewest faults; among equals, the longest bit."""
+    """Return the bit time and format with the fewest faults; in a tie, the longest bit."""
     head = np.asarray(edges.places[:_HEAD], dtype=float)
     runs = np.diff(head)
     guesses = {bit} if bit else {
@@ -142,12 +142,12 @@ def _found(
 class SerialCapture:
     """Characters of a recorded serial line; `read_capture` makes it.
 
-    `bit_rate` is that with which the line was read, given or found, and `measured_rate` that of the
-    sender by all edges [bit/s]. `character` has data bits, parity and stop bits, as ``"8N1"``.
-    `waveform` is the line with glitches, for `modbus.Waveform.decode` with other settings; None for
-    characters that do not have 8 bits. `duration` is the length of the record [s], and `channel`
-    that of the file. `glitches` counts removed pulses shorter than a third of a bit, and false
-    starts.
+    `bit_rate` is the rate with which the line was read, given or found, and `measured_rate` the
+    sender's rate, computed from all edges [bit/s]. `character` has data bits, parity and stop bits,
+    such as ``"8N1"``. `waveform` is the line with glitches, for `modbus.Waveform.decode` with other
+    settings; None for characters that do not have 8 bits. `duration` is the length of the record
+    [s], and `channel` the channel of the file. `glitches` counts removed pulses shorter than a
+    third of a bit, and false starts.
 
     Examples
     --------
@@ -168,7 +168,7 @@ class SerialCapture:
 
     @property
     def data(self) -> bytes:
-        """All characters, including wrong ones; of 9 bits, the lowest 8."""
+        """All characters, including wrong ones; only the low 8 bits of 9-bit characters."""
         return (self._table["value"].to_numpy(dtype=np.int64) & 255).astype(np.uint8).tobytes()
 
     def table(self) -> pd.DataFrame:
@@ -206,14 +206,14 @@ def read_capture(
     path : path
         A file as for `shipnet.can.read_capture`. The level of the idle line is 1.
     bit_rate : float, optional
-        Bit rate of the receiver, 50..10e6 [bit/s]; that of the sender, as found, if omitted.
+        Bit rate of the receiver, 50..10e6 [bit/s]; the sender's rate, as found, if omitted.
     character : str, optional
-        Data bits (5..9), parity (N, E, O) and stop bits (1, 2), as ``"8N1"``; found if omitted,
-        with 7 or 8 data bits.
+        Data bits (5..9), parity (N, E, O) and stop bits (1, 2), such as ``"8N1"``; found if
+        omitted, with 7 or 8 data bits.
     channel : str, optional
         Title or number of the channel; the one with the most changes if omitted.
     sample_interval : float, optional
-        Time between two samples [s], in place of that of the file.
+        Time between two samples [s], which replaces that in the file.
 
     Returns
     -------
@@ -232,8 +232,8 @@ def read_capture(
     All bits are sampled in their middle, and the next character begins at the first fall after the
     middle of the first stop bit. Pulses shorter than a third of a bit are removed first.
 
-    Rate and form are those with the fewest faults. With fewer than about ten characters several
-    forms have none, and the result is a guess, so state them.
+    The bit rate and character format with the fewest faults are chosen. With fewer than about ten
+    characters, several formats have no faults and the result is a guess, so pass both arguments.
 
     Examples
     --------
@@ -270,7 +270,7 @@ def read_capture(
     data, parity = form or _FORMS[0]
     if bit is None or bit < _FEWEST:
         raise InputError(str(file), "fewer than 2 samples per bit")
-    # The sender's clock does not depend on that of the receiver.
+    # The sender's clock is independent of the receiver's clock.
     own = _found(edges, first, None, (data, parity))[0] if len(places) >= 4 else bit
     size = data + (parity != "N")
     own = _tuned(_without_glitches(places, own), first, own, size)

@@ -68,7 +68,7 @@ class Update(NamedTuple):
 
 @dataclass(slots=True)
 class Packet:
-    """A packet on the line, from its first bit to its last [s], and the items received from it."""
+    """A packet on the line, from its first bit to its last [s], with the items received from it."""
 
     start: float
     end: float
@@ -92,9 +92,9 @@ class Run:
     """A finished simulation of the link.
 
     `system`, `until` [s] and `faults` are as given, and `changes` are in order of time. `packets`
-    are all that were begun, `updates` the values that stations received from each other, and
-    `heartbeats` the signs of life: time [s], receiver, sender and the ticks counted before.
-    `max_unread` is the most bytes that waited in a ring when its task read it.
+    are all packets that were begun, `updates` the values that stations received from each other,
+    and `heartbeats` the received heartbeats: time [s], receiver, sender and the ticks counted
+    before. `max_unread` is the largest number of bytes in a ring when its task read it.
 
     Examples
     --------
@@ -131,7 +131,7 @@ class Run:
         return pd.DataFrame(self._events, columns=columns)
 
     def alarms(self) -> pd.DataFrame:
-        """Return the events in which a station takes a partner as failed."""
+        """Return the events in which a station declares a partner failed."""
         events = self.events()
         return events[events["event"] == "failed"].reset_index(drop=True)
 
@@ -145,7 +145,7 @@ class Run:
         return pd.DataFrame(rows, columns=columns)
 
     def states(self) -> pd.DataFrame:
-        """Return when each station began to send, to receive or to process, or was dead."""
+        """Return the times at which each station began to send, receive or process, or died."""
         rows = [(time, name, state.value, state.comm_f) for time, name, state in self._states]
         table = pd.DataFrame(rows, columns=["time_s", "station", "state", "comm_f"])
         return table.astype({"comm_f": "Int64"})
@@ -153,7 +153,8 @@ class Run:
     def history(self, number: int, station: str) -> pd.DataFrame:
         """Return the values of a number at a station, each valid from its ``time_s``.
 
-        They are those that it set itself, or if it set none, those that it received.
+        These are the values that the station set itself, or if it set none, the values that it
+        received.
         """
         number = check_whole("number", number, 0, self.system.n_items - 1)
         if station not in STATIONS:
@@ -169,8 +170,8 @@ class Run:
     def delays(self, station: str) -> pd.DataFrame:
         """Return when a station received each change of the others, as ``delay_s``.
 
-        It is 0 if the station still had that value, and NaN if the value changed again, or the
-        simulation ended, before the station had it.
+        The delay is 0 if the station still had that value, and NaN if the value changed again, or
+        the simulation ended, before the station had it.
         """
         rows = []
         for change in self.changes:
@@ -197,7 +198,7 @@ class Run:
     def plot(
         self, ax: Axes | None = None, *, start: float = 0.0, stop: float | None = None
     ) -> Axes:
-        """Draw the packets of each station from `start` to `stop` [s], as Fig. 2 of chung1998.
+        """Draw the packets of each station from `start` to `stop` [s], as in Fig. 2 of chung1998.
 
         A packet is a block in the row of its sender, coloured by its receiver, with an arrow to the
         receiver that read it; a lost one is hatched. A red triangle marks a partner declared
@@ -221,7 +222,7 @@ def simulate(
     faults: Fault | Iterable[Fault] = (),
     rng: np.random.Generator | int | None = None,
 ) -> Run:
-    """Simulate the link byte by byte from the moment it is switched on.
+    """Simulate the link byte by byte from power-on.
 
     Parameters
     ----------
@@ -244,9 +245,9 @@ def simulate(
 
     Notes
     -----
-    A station takes bytes only while it receives (``comm_f`` is 1). Its task reads the ring after
-    every byte, and answers when a packet is complete; a broken packet is not answered. The part of
-    it that arrived stays in the ring and can spoil the next packet. The timers stop only when their
+    A station accepts bytes only while it receives (``comm_f`` is 1). Its task reads the ring after
+    every byte, and answers when a packet is complete; a broken packet is not answered. The part
+    that arrived stays in the ring and can spoil the next packet. The timers stop only when their
     station is dead. One byte 0xDD of the partner, marker or value, clears the counters; in a format
     without markers a complete packet does.
 
@@ -267,7 +268,7 @@ def simulate(
 
 
 class _Simulation:
-    """The stations, and the events to come."""
+    """The stations and the pending events."""
 
     def __init__(
         self,
@@ -292,7 +293,7 @@ class _Simulation:
         self.run_ = Run(system, self.end, faults)
         self.marked = isinstance(system.packet_format, MarkerFormat)
         self.losses: list[LostPacket] = []
-        # The packets of each station whose last byte is in its ring and not yet read.
+        # Packets per station whose last byte is in the station's ring but not yet read.
         self.waiting: dict[str, list[Packet]] = {name: [] for name in STATIONS}
         for fault in faults:
             if isinstance(fault, LostPacket):
@@ -384,7 +385,7 @@ class _Simulation:
         last: bool,
         packet: Packet,
     ) -> None:
-        """Store a byte at its receiver if the receiver takes it."""
+        """Store a byte at its receiver if the receiver accepts it."""
         if source.turn != turn or target.state.comm_f != 1:
             return
         target.ring.store(byte)
@@ -460,7 +461,7 @@ class _Simulation:
             if waits and counter.step():
                 self._note(station, "failed", partner)
                 if station.master:
-                    # We assume that it goes on to its next partner.
+                    # We assume that the station continues with its next partner.
                     self._leave(station, station.turn)
 
     def _time_out(self, station: Station, turn: int) -> None:
@@ -516,7 +517,7 @@ def switch_delays(
     Parameters
     ----------
     system : System, optional
-        The link; its bit rate does not matter. That of the paper if omitted.
+        The link, by default the paper's; its bit rate is not used.
     changes : int, default 20
         Number of moves of the switch, 1..10000.
     rng : numpy.random.Generator or int, optional
@@ -541,7 +542,8 @@ def switch_delays(
     for rate in BIT_RATES:
         link = replace(base, bit_rate=rate)
         bound = link.response_time()
-        # At least twice the longest delay between two moves, and up to a cycle more.
+        # The interval between two moves is at least twice the longest delay, and up to a cycle
+        # longer.
         gap = 2 * bound + link.cycle_time * chance.random(n)
         times = np.cumsum(gap)
         moves = [Change(float(t), "BCS", 1, (k + 1) % 2) for k, t in enumerate(times)]

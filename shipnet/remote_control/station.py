@@ -1,4 +1,4 @@
-"""One station of the link: whose turn it is, what it sends, its counters and its ring."""
+"""One station of the link: its turns, the values that it sends, its counters and its ring."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from shipnet.remote_control.system import Counter, System
 
 @checked
 def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, int]:
-    """Return the values that differ from those sent last, by number.
+    """Return the values that have changed since they were last sent, by number.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, in
     Returns
     -------
     dict of int to int
-        The values that differ, by number, ``NEW_SEND`` there; empty if none does.
+        The changed values by number, ``NEW_SEND`` there; empty if there are none.
 
     Examples
     --------
@@ -59,8 +59,8 @@ class Sender:
     """Chooses the values to send, and assumes that they arrive: there is no acknowledgement.
 
     Each packet also carries `repeat` unchanged values in turn. With 0, the paper's rule, a lost
-    packet leaves the other side with old values until they change again; with k, they are corrected
-    within ``ceil(n_items / k)`` packets.
+    packet leaves the receiver with old values until they change again; with k, the values are
+    corrected within ``ceil(n_items / k)`` packets.
     """
 
     def __init__(self, n_items: int, repeat: int = 0) -> None:
@@ -97,8 +97,8 @@ class State(Enum):
 class Reading(NamedTuple):
     """The content of the ring when the task emptied it.
 
-    `repaired` says whether the reader skipped a part of the ring (case c), `stopped` whether it
-    stopped before the ring was empty (case a), `lost` how many bytes are never read.
+    `repaired` is True if the reader skipped a part of the ring (case c), `stopped` if it stopped
+    before the ring was empty (case a); `lost` is the number of bytes that are never read.
     """
 
     packets: list[Items]
@@ -130,11 +130,11 @@ class Station:
 
     @property
     def master(self) -> bool:
-        """Whether it begins every exchange."""
+        """True if the station begins every exchange."""
         return self.name == "RCS"
 
     def read(self) -> Reading:
-        """Empty the ring, as the task does, and return what was in it."""
+        """Empty the ring, as the task does, and return its content."""
         unread, lost_before = self.ring.unread, self.ring.lost
         steps = self.ring.drain()
         repaired = any(step.action == "repair" for step in steps)

@@ -1,8 +1,8 @@
-"""The link as it is built: its stations and values, its supervision, and its times.
+"""The design of the link: its stations and values, its supervision, and its times.
 
-The names of stations and values are those of chung1998, sections 2 and 5. The numbers, and that
-these are all values, are our assumption: the drawing of its Fig. 1 is not in the text that we have.
-Times are for a link without bit errors in which every packet has all its items.
+The names of stations and values are those of chung1998, sections 2 and 5. The numbers are our
+assumption, and so is the completeness of the list: the drawing of Fig. 1 is not in the text that we
+have. Times are for a link without bit errors in which every packet has all its items.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ BIT_RATES = (9600, 4800, 2400, 1200, 600)
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A value of 16 bits that crosses the link, the stations that set it and those that read it.
+    """A 16-bit value that crosses the link, with the stations that set it and that read it.
 
-    `where` is the section of chung1998 that names it; the number is ours.
+    `where` is the section of chung1998 that names the value; the number is our assumption.
     """
 
     number: int
@@ -45,12 +45,12 @@ class Value:
 
     @property
     def mirrored(self) -> bool:
-        """Whether two stations have the same switch."""
+        """True if two stations have the same switch."""
         return len(self.sources) > 1
 
     @property
     def routes(self) -> tuple[tuple[str, ...], ...]:
-        """The stations that it passes, one tuple per source and other station that uses it."""
+        """The stations on the value's way, one tuple per source and other station that uses it."""
         # BCS and SS have no line between them: values from one to the other go through RCS.
         users = (*self.sources, *self.readers)
         pairs = [(a, b) for a in self.sources for b in users if a != b]
@@ -63,7 +63,7 @@ class Value:
         return tuple(hop for hop in HOPS if hop in crossed)
 
 
-#: Switches come first, so that a link of few items has them.
+#: Switches come first, so that even a link with few items includes them.
 VALUES = (
     Value(0, "control_position", "switch", ("BCS", "RCS"), (), "2; 5"),
     Value(1, "shutdown_cancel", "switch", ("BCS", "SS"), ("RCS",), "5"),
@@ -74,7 +74,7 @@ VALUES = (
     Value(6, "alarm", "state", ("RCS",), ("BCS", "SS"), "2"),
     Value(7, "safety_speed", "measurement", ("SS",), ("RCS", "BCS"), "2"),
     Value(8, "overspeed", "state", ("SS",), ("RCS", "BCS"), "2"),
-    # Shutdown and slowdown fit into one value of 16 bits: the paper sends ten values.
+    # Shutdown and slowdown share one 16-bit value, because the paper sends ten values.
     Value(9, "shutdown_slowdown", "state", ("SS",), ("RCS", "BCS"), "2"),
 )
 
@@ -122,7 +122,7 @@ class Supervision:
     tick: float = number(1e-3, 10, "s", "Period of the timer", default=0.1)
     count_limit: int = whole(1, 1000, "ticks", "Limit of `count`", default=10)
     miss_limit: int = whole(
-        0, 1000, "", "Limit of `miss`, at least 1 if it need only be reached", default=3
+        0, 1000, "", "Limit of `miss`, at least 1 if reaching it suffices", default=3
     )
     strict: bool = switch("Whether a limit must be exceeded, not only reached", default=True)
 
@@ -148,7 +148,8 @@ class Supervision:
     def detection_time(self) -> tuple[float, float]:
         """Shortest (excluded) and longest time from the last 0xDD to the failure [s].
 
-        It depends on how soon the first tick follows, and applies to a station that does not send.
+        The time depends on the delay of the first tick, and applies to a station that does not
+        send.
         """
         return (self.n_ticks - 1) * self.tick, self.n_ticks * self.tick
 
@@ -210,12 +211,11 @@ class Cascade(NamedTuple):
     """The silence that BCS observes while RCS waits for a dead SS; times in seconds.
 
     The pairs are the shortest and the longest time, depending on the timers, in the first turn of
-    an SS that died while it was silent: how long RCS waits for an answer, how long BCS hears
-    nothing from its last byte to the next 0xDD, and how long its counters run meanwhile.
-
-    `longest` is a bound of the time that BCS hears nothing, over every moment of death and all
-    later turns. `alarm` says whether BCS also takes RCS, which is alive, as failed: "certain" (in
-    the first turn), "possible" or "never".
+    an SS that died while it was silent: the time that RCS waits for an answer, the time that BCS
+    receives nothing, from its last byte to the next 0xDD, and the time that the counters of BCS run
+    meanwhile. `longest` is a bound on the time that BCS receives nothing, over every moment of
+    death and all later turns. `alarm` says whether BCS also declares RCS failed, which is alive:
+    "certain" (in the first turn), "possible" or "never".
     """
 
     wait: tuple[float, float]
@@ -228,11 +228,11 @@ class Cascade(NamedTuple):
 @checked
 @record
 class System:
-    r"""The link of three stations: RCS asks BCS and SS in turn, over a line to each.
+    r"""The link of three stations: RCS polls BCS and SS in turn, over a separate line to each.
 
     Notes
     -----
-    With packets of the length P, and a time t to process each, a cycle takes
+    With packets of duration P and a processing time t per packet, the duration of a cycle is
 
     .. math:: T = 4 (P + t)
 
@@ -290,12 +290,12 @@ class System:
 
     @property
     def character_time(self) -> float:
-        """Time of a byte on the line [s]."""
+        """Transmission time of a byte [s]."""
         return self.character_bits / self.bit_rate
 
     @property
     def packet_time(self) -> float:
-        """Time of a packet with all items on the line [s]."""
+        """Transmission time of a packet with all items [s]."""
         return self.packet_format.size(self.n_items) * self.character_time
 
     @property
@@ -305,7 +305,7 @@ class System:
 
     @property
     def idle_time(self) -> float:
-        r"""Time in which a healthy slave hears nothing, from its last byte to the next 0xDD [s].
+        r"""Time that a healthy slave receives nothing, from its last byte to the next 0xDD [s].
 
         .. math:: T_i = 2 P + 3 t + b \, t_c
 
@@ -316,14 +316,14 @@ class System:
 
     @property
     def counted_time(self) -> float:
-        r"""The longest time that the counters of a healthy slave run without a 0xDD [s].
+        r"""Longest time for which the counters of a healthy slave run without a 0xDD [s].
 
         They also run while the rest of a packet arrives and is processed, but not while the slave
         sends:
 
         .. math:: T_c = \left( P - b_l \, t_c \right) + t + T_i
 
-        with b_l bytes up to the last 0xDD of a packet. The time on the clock is longer by P.
+        with b_l bytes up to the last 0xDD of a packet. The elapsed time is longer by P.
         """
         return self._rest_time + self.idle_time
 
@@ -336,7 +336,8 @@ class System:
         rest, tick = self._rest_time, self.slave.tick
         end = rest + self.packet_time + self.idle_time
         edges = np.array([(0.0, rest), (rest + self.packet_time, end)]) / tick
-        # The count is highest for a tick just before an end or just after a beginning.
+        # The count is highest for a tick just before the end or just after the beginning of an
+        # interval.
         phases = np.concatenate([edges.reshape(-1) - 1e-9, edges.reshape(-1) + 1e-9])
         inside = np.floor(edges[:, 1] - phases[:, None]) - np.floor(edges[:, 0] - phases[:, None])
         return int(inside.sum(axis=1).max())
@@ -347,11 +348,11 @@ class System:
         return self.ring_size * self.character_time
 
     def response_time(self) -> float:
-        r"""Return the longest time of a change from one slave to the other in a healthy link [s].
+        r"""Return the longest delay of a change from one slave to the other in a healthy link [s].
 
         .. math:: T_r = T + 2 (P + t)
 
-        At worst the change just misses a packet and waits a cycle T. It then takes two packets,
+        At worst the change just misses a packet and waits a cycle T. It then needs two packets,
         because RCS forwards it.
         """
         return 6 * (self.packet_time + self.processing)
@@ -378,10 +379,11 @@ class System:
 
         .. math:: T_i' = t + P + W + b \, t_c
 
-        with a wait W of RCS that ends when its counters run out, or with its turn. An SS that dies
-        within its answer leaves half a packet in the ring of RCS. That can spoil the answer of BCS,
-        and RCS then waits for both; `Cascade.longest` assumes that it always does. RCS can even
-        take BCS as failed, unless its turn ends before the counters run out.
+        where the wait W of RCS ends when its counters reach the limit or its turn ends. An SS that
+        dies within its answer leaves part of a packet in the ring of RCS. This part can spoil the
+        answer of BCS, and RCS then waits for both slaves; `Cascade.longest` assumes that this
+        always happens. RCS can even declare BCS failed, unless the turn ends before the counters
+        reach the limit.
         """
         packet, process, rule = self.packet_time, self.processing, self.master
         # RCS has already counted for SS since its last 0xDD.
@@ -409,16 +411,16 @@ class System:
         return Cascade(wait, silent, counted, longest, alarm)
 
     def overrun_stall(self) -> tuple[float, float]:
-        r"""Return the stall of a slave's task that overruns its ring, shortest and longest [s].
+        r"""Return the shortest and longest stall of a slave's task that overruns its ring [s].
 
         The stall begins at the worst moment, with a packet. RCS waits for W without an answer, and
-        returns after an exchange with the other slave, until the k-th packet after the first fills
-        the ring:
+        then sends again after an exchange with the other slave, until the k-th packet after the
+        first fills the ring:
 
         .. math:: S = k (W + 3 P + 2 t) + (R - k L - 1) \, t_c, \quad k = \lceil R / L \rceil - 1
 
-        with packets of L bytes, all items in them, and a ring of R. The two times depend on the
-        timer of RCS, and are equal with a ``turn_timeout``.
+        with packets of L bytes that contain all items, and a ring of R bytes. The two times depend
+        on the timer of RCS, and are equal with a ``turn_timeout``.
         """
         size, ring = self.packet_format.size(self.n_items), self.ring_size
         packet, rule = self.packet_time, self.master
@@ -428,7 +430,7 @@ class System:
                 f"ring_size is {ring}; it must be more than a packet of {size} bytes"
             )
         if self.turn_timeout is None:
-            # Ticks counted for this slave before the first wait make that wait shorter.
+            # Ticks counted for this slave before the first wait shorten that wait.
             before = np.ceil((packet + self.processing) / rule.tick) * rule.tick
             longest = rounds * rule.n_ticks * rule.tick
             waits = (longest - rounds * rule.tick - before, longest)
@@ -439,13 +441,13 @@ class System:
         return float(waits[0] + rest), float(waits[1] + rest)
 
     def rule(self, station: str) -> Supervision:
-        """Return the supervision of a station."""
+        """Return the supervision rule of a station."""
         return self.master if station == "RCS" else self.slave
 
     def heartbeats(self) -> tuple[int, ...]:
         """Return which bytes of a packet show its receiver that the sender is alive.
 
-        They are the markers 0xDD; in a format without markers, the last byte.
+        These bytes are the markers 0xDD or, in a format without markers, the last byte.
         """
         if not isinstance(self.packet_format, MarkerFormat):
             return (self.packet_format.size(self.n_items) - 1,)
@@ -470,7 +472,7 @@ class Timing:
         """Return one row per bit rate.
 
         ``ticks`` are the most that a healthy slave counts, ``printed_margin`` and
-        ``intended_margin`` those left before the alarm by either rule.
+        ``intended_margin`` the ticks left before the alarm under each rule.
         """
         limits = Supervision().n_ticks, Supervision.intended().n_ticks
         rows = []
