@@ -18,9 +18,9 @@ from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import CABLES
 
-#: Half the range of a figure as a share of its nominal, by status. The file's model of geometry is
-#: good to a quarter. The only published span of work, 5 to 15 minutes per conductor
-#: (industrialmonitordirect.com), is half of its middle to either side.
+#: Half the range of a figure as a fraction of its nominal value, by status. The file's geometric
+#: model is accurate to a quarter. The only published range of work, 5 to 15 minutes per conductor
+#: (industrialmonitordirect.com), extends by half of its midpoint to either side.
 SPREAD = {"confirmed": 0.0, "estimate": 0.25, "derived": 0.5, "assumption": 0.5}
 
 #: The names of the three values of a range.
@@ -31,7 +31,7 @@ Level = Literal["low", "nominal", "high"] | Floats
 
 
 class Range(NamedTuple):
-    """A figure that is known only within bounds."""
+    """A figure known only within bounds."""
 
     low: float
     nominal: float
@@ -49,9 +49,9 @@ class Cable:
 
     id: str
     description: str
-    #: "hardwired", or one or more buses.
+    #: The uses of the cable: "hardwired", or one or more buses.
     buses: tuple[str, ...]
-    #: Its key in `shipnet.line.CABLES`, or "" if it carries no bus.
+    #: Key of the cable in `shipnet.line.CABLES`, or "" if it carries no bus.
     line: str
     conductors: int
     #: Overall cross-section: a circle, or the rectangle around a flat cable.
@@ -61,10 +61,10 @@ class Cable:
     lay: Range
     termination: Range
     longest_m: float
-    #: Cross-section of a conductor [mm2], and resistance of two [ohm/m]; NaN where unknown.
+    #: Cross-section of a conductor [mm2], and loop resistance [ohm/m]; NaN where unknown.
     section: float
     resistance: float
-    #: Largest current of a conductor [A]; inf where none was found.
+    #: Current rating of a conductor [A]; inf where no rating was found.
     current: float
     status: str
     source: str
@@ -101,7 +101,7 @@ def _cable(row: dict[str, str]) -> Cable:
 
 
 def with_spare(used: int, spare: float) -> int:
-    """Return a number of conductors, channels or ports with a share of spares."""
+    """Return a number of conductors, channels or ports increased by a percentage of spares."""
     # 25 with 12 % spares are exactly 28, though 0.12 is not exact in binary.
     return ceil(round(used * (1 + spare), 9))
 
@@ -175,19 +175,19 @@ def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
     low, nominal, high = rows.T
     u = np.asarray(level, dtype=float)[:, None]
     width, rise, fall = high - low, nominal - low, high - nominal
-    # The density is a triangle from low to high with its peak at nominal.
+    # The density is triangular from low to high, with its peak at nominal.
     left = low + np.sqrt(u * width * rise)
     right = high - np.sqrt((1 - u) * width * fall)
     drawn: Floats = np.clip(np.where(u * width < rise, left, right), low, high)
     return drawn
 
 
-#: How parts of names are spelt in a text.
+#: Spelling of parts of names in a text.
 _SPELT = {"asi": "AS-i", "can": "CAN", "modbus": "Modbus", "plc": "PLC"}
 
 
 def words(name: str) -> str:
-    """Return the name of an assumption as words of a sentence."""
+    """Return the name of an assumption as words for use in a sentence."""
     return " ".join(_SPELT.get(part, part) for part in name.split("_"))
 
 

@@ -25,7 +25,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
 
 
 def _setting(text: str) -> tuple[str, object]:
-    """Return name and value; a value that is not TOML is a string."""
+    """Return the name and the value of a setting; a value that is not TOML is a string."""
     name, equals, value = text.partition("=")
     if not equals:
         raise ArgumentError(f"--set is {text!r}; it must be NAME=VALUE, such as detour=1.3")
@@ -56,7 +56,7 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
     return iolist.compare(arguments.cabinet, options, settings=settings, mix=mix, rules=rules)
 
 
-#: Row, column and text of a fault.
+#: Row, column and message of a fault.
 _PLACED = re.compile(r"row (\d+)(?:, column (.*?))?(?::|(?= has)) ?(.*)", re.DOTALL)
 
 

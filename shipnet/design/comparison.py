@@ -1,4 +1,4 @@
-"""Designs of the same points side by side: what each takes, loses and meets."""
+"""Designs of the same points side by side: quantities, points lost, and rules met."""
 
 from __future__ import annotations
 
@@ -46,20 +46,20 @@ from shipnet.fields import check_choice, check_rng
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv
 
-#: Columns that are about the segments of a bus, of which the most used one counts.
+#: Columns on the segments of a bus; the value of the most heavily used segment counts.
 _BUS = ("bus_time", "capacity_used")
 
-#: Share by which given and computed lengths may differ without a remark; assumed.
+#: Fraction by which given and computed lengths may differ without a remark; assumed.
 _ALIKE = 0.1
 
-#: Columns whose lowest value is named, with words and unit.
+#: Columns whose lowest value the text names, with their words and unit.
 _TOLD = (
     ("conductors_at_cabinet", "Fewest conductors at the cabinet", ""),
     ("worst_response_ms", "Shortest response at worst", "ms"),
     ("lost_by_failure", "Fewest points lost by one cable or device", ""),
 )
 
-#: Rows of a comparison that a text shows; those of buses only where there are some.
+#: Rows of a comparison shown as text; rows on buses appear only if a design has a bus.
 _SHORT = (
     "points_left_out", "conductors_at_cabinet", "cable_length_km", "cable_mass_kg", "labour_h",
     "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", *_BUS, "worst_response_ms",
@@ -69,7 +69,7 @@ _SHORT = (
 
 
 def pareto_optimal(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Return which rows are Pareto-optimal, where less is better; NaN is the worst."""
+    """Return which rows are Pareto-optimal if lower values are better; NaN is the worst."""
     rows = np.asarray(values, float)
     if rows.ndim != 2:
         raise ArgumentError(f"values have shape {rows.shape}; it must be (n, k)")
@@ -141,7 +141,7 @@ class Comparison:
         return {name: design.quantities() for name, design in self.designs.items()}
 
     def table(self) -> pd.DataFrame:
-        """Return one row per design: what it leaves out, takes, loses and meets."""
+        """Return one row per design: points left out, quantities, points lost, and rules met."""
         return self._table.copy()
 
     @cached_property
@@ -173,7 +173,7 @@ class Comparison:
 
     @staticmethod
     def _optimal(table: pd.DataFrame, columns: Sequence[str]) -> npt.NDArray[np.bool_]:
-        """Return which designs with all points are Pareto-optimal in some columns."""
+        """Return which designs with all points are Pareto-optimal in the given columns."""
         whole = table["points_left_out"].to_numpy() == 0
         best = np.zeros(len(table), bool)
         best[whole] = pareto_optimal(table[list(columns)].to_numpy(float)[whole])
@@ -229,15 +229,15 @@ class Comparison:
         return Findings(_by_design({name: found.table() for name, found in self._checked.items()}))
 
     def failures(self) -> pd.DataFrame:
-        """Return what each single failure costs in each design, the worst of a design first."""
+        """Return the points lost by each single failure, per design and the worst first."""
         return _by_design({name: design.failures() for name, design in self.designs.items()})
 
     def reasons(self) -> pd.DataFrame:
-        """Return why something does not fit, in each design."""
+        """Return the reasons why points or cables do not fit, for each design."""
         return _by_design({name: design.reasons for name, design in self.designs.items()})
 
     def changes(self) -> pd.DataFrame:
-        """Return the settings that are not the defaults, and in which designs."""
+        """Return the settings that differ from the defaults, and the designs that use them."""
         default, rows = Settings(), []
         for name in names():
             having: dict[str, list[str]] = {}
@@ -253,7 +253,7 @@ class Comparison:
         return pd.DataFrame(rows, columns=columns)
 
     def likely(self) -> pd.DataFrame:
-        """Return the interval of 9 in 10 draws: design, figure, low, median, high, unit."""
+        """Return the interval that contains 9 of 10 draws, for each design and figure."""
         return self._likely.copy()
 
     @cached_property
@@ -264,7 +264,7 @@ class Comparison:
     def tornado(
         self, a: str | None = None, b: str | None = None, *, figure: str = "total_cost_eur"
     ) -> Tornado:
-        """Return which assumption matters for a figure of `a` less that of `b`.
+        """Return the effect of each assumption on a figure of `a` minus the same figure of `b`.
 
         Without names, the cheapest design with all points is set against the first one.
         """
@@ -299,14 +299,14 @@ class Comparison:
         mix: Mapping[str, str] | None = None,
         name: str | None = None,
     ) -> Design:
-        """Plan the same points at the same place in one more way, as `IoList.plan` does."""
+        """Plan the same points with the same cabinet in one more way, as `IoList.plan` does."""
         values = self.settings.replace(settings or {})
         return plan(
             self.iolist, self.site, option, settings=values, mix=mix, name=name, rules=self.rules
         )
 
     def add(self, *designs: Design) -> Comparison:
-        """Return a comparison with further designs of the same points."""
+        """Return a comparison that also contains further designs of the same points."""
         return compared([*self.designs.values(), *designs], self.rules, self.rng, self.remarks)
 
     def conclusions(self) -> list[str]:
@@ -337,7 +337,7 @@ class Comparison:
 
     @cached_property
     def _safe_points(self) -> list[str]:
-        """How intrinsically safe points are connected, and the price of the alternative."""
+        """State how intrinsically safe points are connected, and the price of the alternative."""
         safe = (self.iolist.points["ex"] != "").to_numpy()
         buses = [name for name in OPTIONS[2:] if name in self.designs]
         said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
@@ -389,7 +389,7 @@ class Comparison:
         Path(path).write_text(page, encoding="utf-8", newline="\n")
 
     def files(self) -> Iterator[tuple[str, bytes]]:
-        """Yield name and content of each file that `save` writes."""
+        """Yield the name and the content of each file that `save` writes."""
         for name, table in (
             ("comparison", self.table().reset_index()),
             ("findings", self.findings().table()),
@@ -420,7 +420,7 @@ def compare(
     rules: RuleSet | str | PathLike[str] = "DNV",
     rng: Rng = 2024,
 ) -> Comparison:
-    """Compare designs of the same points at the same place.
+    """Compare designs of the same points with the same cabinet.
 
     Parameters
     ----------
@@ -457,7 +457,7 @@ def compared(
     rng: np.random.Generator,
     remarks: tuple[str, ...] = (),
 ) -> Comparison:
-    """Compare designs, with remarks from planning them."""
+    """Compare designs, and include the remarks from planning."""
     named = {design.name: design for design in given}
     if not given or len(named) < len(given):
         said = ", ".join(repr(design.name) for design in given) or "none"
@@ -476,7 +476,7 @@ def compared(
 
 
 def _differing(a: Design, b: Design) -> str:
-    """Return the first thing that two designs must share but do not, or ""."""
+    """Return the first item that two designs must share but do not, or ""."""
     if a.site.cabinet != b.site.cabinet:
         return "cabinet"
     for name in ("detour", "tails", "assumptions"):
@@ -486,7 +486,7 @@ def _differing(a: Design, b: Design) -> str:
 
 
 def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
-    """Say where the given lengths of home runs differ from computed ones."""
+    """State where the given lengths of home runs differ from the computed lengths."""
     first = next(iter(designs.values()))
     iolist, site = first.iolist, first.site
     kept = set[str]()
@@ -515,7 +515,7 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
 
 
 def _prices(quantities: Mapping[str, Quantities], designs: Mapping[str, Design]) -> Iterator[str]:
-    """Say what the rules' limits on responses cost."""
+    """State what the rules' response limits cost."""
     for name, design in designs.items():
         if (loose := design.without_limits) is not None:
             more = quantities[name]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
@@ -523,7 +523,7 @@ def _prices(quantities: Mapping[str, Quantities], designs: Mapping[str, Design])
 
 
 def _costs(more: float) -> str:
-    """Return how a cost compares with another, as a verb."""
+    """Return the verb phrase that compares one cost with another."""
     if not round(more):
         return "costs as much as"
     return f"costs {number(abs(more))} EUR {'less' if more < 0 else 'more'} than"

@@ -24,7 +24,7 @@ from shipnet.lazy import Axes, pd
 
 
 def number(value: float) -> str:
-    """Return a whole number as it is, and any other with three significant digits."""
+    """Return a whole number unchanged, and any other number with three significant digits."""
     if isnan(value):
         return "-"
     if isinf(value):
@@ -35,12 +35,12 @@ def number(value: float) -> str:
     return f"{round(float(value), places):,.{max(places, 0)}f}"
 
 
-# Parts of a design, counted: devices and channels ------------------------------------------------
+# Counts of the parts of a design: devices and channels -------------------------------------------
 
-#: What `numpy.random.default_rng` takes.
+#: The seeds that `numpy.random.default_rng` accepts.
 Rng: TypeAlias = np.random.Generator | int | None
 
-#: The price and the time of a device by kind; with the bus before it where the price depends on it.
+#: Price and time of a device by kind, preceded by the bus if the price depends on the bus.
 _DEVICES: dict[str, tuple[str, ...]] = {
     "cabinet": (),
     "box": ("box", "box_time"),
@@ -66,7 +66,7 @@ def conductors_at_cabinet(design: Layout) -> int:
 
 
 def items_of(design: Layout) -> dict[str, int]:
-    """Count a design's parts and pieces of work by the names of their prices and times."""
+    """Count a design's parts and tasks by the names of their prices and times."""
     analogue = design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
     items = {**_devices(design, analogue), **_channels(design, analogue)}
@@ -90,7 +90,7 @@ def _devices(design: Layout, analogue: Bools) -> dict[str, int]:
 
 
 def _second_interfaces(design: Layout) -> int:
-    """Count the stations at which both lines of a redundant pair end."""
+    """Count the stations connected to both lines of a redundant pair."""
     trunk = design.cables[design.cables["kind"] == "trunk"]
     a, b = (trunk.loc[trunk["line"] == line, ["a", "b"]].to_numpy().ravel() for line in "AB")
     stations = design.devices["device"][design.devices["kind"] == "station"]
@@ -110,7 +110,7 @@ def _channels(design: Layout, analogue: Bools) -> dict[str, int]:
     return {name: with_spare(int(own.sum()), spare) for name, own in used.items()}
 
 
-# The figures of a design, each low, nominal and high ---------------------------------------------
+# The figures of a design, each with a low, nominal and high value --------------------------------
 
 #: The figures of a design: words and unit.
 FIGURES: Mapping[str, tuple[str, str]] = MappingProxyType(
@@ -149,7 +149,7 @@ _LABELS: Mapping[str, tuple[str, str]] = {
     "pareto": ("Pareto-optimal", ""),
 }
 
-#: Columns that decide which designs are Pareto-optimal, where less is better, and their words.
+#: Columns that decide which designs are Pareto-optimal (lower is better), and their words.
 CRITERIA = ("total_cost_eur", "worst_response_ms", "lost_by_failure")
 WEIGHED = ", ".join(_LABELS[name][0] for name in CRITERIA)
 
@@ -167,7 +167,7 @@ def counted(table: pd.DataFrame) -> dict[str, str]:
 
 
 #: The assumptions that have a range per cable of the catalogue: field and unit. All cables
-#: have the same level: all are dear, or all are cheap.
+#: have the same level: all are expensive, or all are cheap.
 CABLE_RANGES: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "cable_mass": ("mass", "kg/m"),
@@ -225,7 +225,7 @@ class Quantities:
     unconnected: int
 
     def __getitem__(self, figure: str) -> float:
-        """Return a figure at nominal."""
+        """Return the nominal value of a figure."""
         return float(self.figures["nominal"][check_choice("figure", figure, FIGURES)])
 
     def table(self) -> pd.DataFrame:
@@ -233,7 +233,7 @@ class Quantities:
         return self.figures.copy()
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the costs of cable, hardware and labour, from all low to all high."""
+        """Draw the costs of cable, hardware and labour as bars, from all low to all high."""
         names = ["cable_cost_eur", "hardware_cost_eur", "labour_cost_eur", "total_cost_eur"]
         ends = self.figures.loc[names]
         ends = ends.set_axis([label(name).partition(" [")[0] for name in names])
@@ -250,7 +250,7 @@ class Quantities:
 
 
 def ranges_of(quantities: Mapping[str, Quantities], figure: str) -> pd.DataFrame:
-    """Return a figure of each of several designs: low, nominal, high."""
+    """Return the low, nominal and high value of a figure for each of several designs."""
     ends = {name: one.figures.loc[figure, list(LEVELS)] for name, one in quantities.items()}
     return pd.DataFrame(ends).T.astype(float)
 
@@ -278,7 +278,7 @@ class Model:
 
     @property
     def names(self) -> list[str]:
-        """Names of the assumptions that the figures depend on, first those of the cables."""
+        """Names of the assumptions that the figures depend on; cable assumptions come first."""
         factors = ["laid_length", "cable_diameter"] if self.cables else []
         own = [*factors, "labour_rate", *self.items]
         return [*(CABLE_RANGES if self.cables else ()), *(n for n in self.assumptions if n in own)]
@@ -353,7 +353,7 @@ def quantities(design: Layout) -> Quantities:
 
 
 def bill_table(design: Layout) -> pd.DataFrame:
-    """Return cables, parts and work of a design at nominal; the costs add up to the total."""
+    """Return cables, parts and work of a design at nominal values; the costs sum to the total."""
     model = Model(design)
     cables, assumed = _by_cable(model), model.assumptions
     rows = [
@@ -403,7 +403,7 @@ def likely(sample: pd.DataFrame) -> pd.DataFrame:
     return table.assign(unit=units)
 
 
-# The effect of each assumption at its low and at its high, with all others nominal ---------------
+# The effect of each assumption at its low and high value, with all others nominal ----------------
 
 
 @checked
@@ -440,7 +440,7 @@ class Tornado:
     every: pd.DataFrame
 
     def table(self) -> pd.DataFrame:
-        """Return one row per assumption: the figures at low and at high, and the swing."""
+        """Return one row per assumption: the figure at its low and high value, and the swing."""
         return self.every.copy()
 
     def plot(self, ax: Axes | None = None, *, rows: int = 8) -> Axes:
@@ -481,7 +481,7 @@ class Tornado:
 
     @property
     def ends(self) -> pd.DataFrame:
-        """The figure, or the difference, at the low and the high of each assumption."""
+        """The figure, or the difference, at the low and high value of each assumption."""
         of = "difference" if len(self.between) == 2 else self.between[0]
         table = self.every[[f"{of} at low", f"{of} at high"]]
         return table.set_axis(["low", "high"], axis=1)
@@ -500,7 +500,7 @@ class Tornado:
 
 
 def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> Tornado:
-    """Vary every assumption, for the lowest of the other designs minus the first."""
+    """Vary each assumption, and compute the lowest of the other designs minus the first."""
     check_choice("figure", figure, FIGURES)
     models = {name: Model(design) for name, design in designs.items()}
     nominal = {name: float(model.figures()[figure]) for name, model in models.items()}

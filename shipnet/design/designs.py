@@ -1,4 +1,4 @@
-"""One way to connect the points of an I/O list, and what follows from it."""
+"""One way to connect the points of an I/O list, with its costs, failures and drawings."""
 
 from __future__ import annotations
 
@@ -76,21 +76,21 @@ class Design(Layout):
     without_limits: Design | None = None
 
     def priced(self, settings: Settings) -> Design:
-        """Return the same design under other prices."""
-        made = copy(self)  # keeps the failures, if they are known
+        """Return the same design with other prices."""
+        made = copy(self)  # keeps the failures if they have been computed
         object.__setattr__(made, "settings", settings)
         if self.without_limits is not None:
             object.__setattr__(made, "without_limits", self.without_limits.priced(settings))
         return made
 
     def quantities(self) -> Quantities:
-        """Return conductors, cable, hours and money, each low, nominal and high."""
+        """Return conductors, cable, hours and cost, each with a low, nominal and high value."""
         return costs.quantities(self)
 
     def check(
         self, rules: RuleSet | str | PathLike[str] = "DNV", *, host_time: float | None = None
     ) -> Findings:
-        """Check the design against class rules, with a host time [s] other than the settings'."""
+        """Check the design against class rules; a given host time [s] overrides the settings."""
         return check(self, self._failures, rules, host_time=host_time)
 
     def failures(self) -> pd.DataFrame:
@@ -106,7 +106,7 @@ class Design(Layout):
     def lost(
         self, *, cables: Collection[str] = (), devices: Collection[str] = ()
     ) -> tuple[str, ...]:
-        """Return the tags of the points that several simultaneous failures cost."""
+        """Return the tags of the points lost by several simultaneous failures."""
         return failures.lost(self, cables=cables, devices=devices)
 
     def tables(self) -> dict[str, pd.DataFrame]:
@@ -122,7 +122,7 @@ class Design(Layout):
         return drawing.single_line(self)
 
     def files(self) -> Iterator[tuple[str, bytes]]:
-        """Yield name and content of each file that `save` writes."""
+        """Yield the name and the content of each file that `save` writes."""
         found = self.tables()
         for name, table in found.items():
             yield f"{name}.csv", as_csv(table)

@@ -28,13 +28,13 @@ from shipnet.signals import SIGNALS
 
 # Clusters of places: within reach, of equal size, or within limits -----------------------------
 
-#: More places than this are halved first: the tree of all distances takes too much memory.
+#: Larger sets of places are halved first: the tree of all distances takes too much memory.
 _MOST = 3000
 
-#: More items than this are halved: groups of equal size take too long to find.
+#: Larger sets of items are halved: groups of equal size take too long to find.
 _MANY = 1000
 
-#: Rounds of moving the centres; assignments settle in a few.
+#: Iterations that move the centres; assignments converge within a few.
 _ROUNDS = 20
 
 Item = TypeVar("Item")
@@ -46,7 +46,7 @@ def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
     return _zones(np.asarray(xyz, float).tobytes(), reach, most).copy()
 
 
-@lru_cache(maxsize=32)  # every option with boxes asks for the same zones
+@lru_cache(maxsize=32)  # every option with boxes needs the same zones
 def _zones(places: bytes, reach: float, most: int) -> Indices:
     xyz = np.frombuffer(places).reshape(-1, 3)
     if len(xyz) > _MOST:
@@ -58,7 +58,7 @@ def _zones(places: bytes, reach: float, most: int) -> Indices:
     if len(xyz) < 2:
         return np.zeros(len(xyz), dtype=np.intp)
     tree = linkage(xyz, "complete", "cityblock")
-    # Both excesses grow from the leaves to the root, so each tree is cut where one begins.
+    # Both excesses grow from the leaves to the root, so each tree is cut where an excess begins.
     excess = np.maximum(tree[:, 2] - reach, (tree[:, 3] > most).astype(float))
     return _renumbered(fcluster(tree, 1e-9, "monocrit", monocrit=excess).astype(np.intp))
 
@@ -91,7 +91,7 @@ def balanced(
 
 
 def medians(xyz: Floats, labels: Indices) -> tuple[Indices, Floats]:
-    """Return the labels in use, and the median of the places of each, (n, 3)."""
+    """Return the labels in use, and the median position for each label, (n, 3)."""
     used, count = np.unique(labels, return_counts=True)
     end = np.cumsum(count)
     low, high = end - count + (count - 1) // 2, end - count + count // 2
@@ -135,7 +135,7 @@ def _apart(xyz: Floats, parts: float) -> Indices:
     if parts < inf:
         return balanced(xyz, min(ceil(parts), len(xyz)))
     labels = fcluster(linkage(xyz, "complete", "cityblock"), 2, "maxclust").astype(np.intp)
-    # All may be in one place.
+    # All items may be in one place.
     return labels if len(np.unique(labels)) > 1 else np.arange(len(xyz)) % 2
 
 
@@ -162,14 +162,14 @@ def _renumbered(labels: Indices) -> Indices:
     return np.asarray(np.argsort(np.argsort(first))[inverse], dtype=np.intp)
 
 
-# The route of a trunk past its devices: branching, or from each to the next ---------------------
+# The route of a trunk past its devices: a tree, or a chain --------------------------------------
 
 #: Added to distances, because scipy treats a distance below 1e-8 as no edge [m].
 _APART = 1e-6
 
 
 def tree(away: Floats) -> list[tuple[int, int]]:
-    """Return the branching trunk of least length: the minimum spanning tree."""
+    """Return the shortest branching trunk: the minimum spanning tree."""
     if len(away) < 2:
         return []
     spanning = minimum_spanning_tree(away + _APART)
@@ -178,11 +178,11 @@ def tree(away: Floats) -> list[tuple[int, int]]:
 
 
 def chain(away: Floats) -> list[int]:
-    """Return an order of the devices in which the trunk from each to the next is short."""
+    """Return an order of the devices that keeps the trunk from each to the next short."""
     n = len(away)
     if n < 3:
         return list(range(n))
-    # An extra place at no distance from all others lets the chain end anywhere.
+    # An extra place at zero distance from all others lets the chain end anywhere.
     order = np.append(_walk(tree(away), n), n)
     padded = np.zeros((n + 1, n + 1))
     padded[:n, :n] = away
@@ -208,7 +208,7 @@ def _walk(edges: list[tuple[int, int]], n: int) -> list[int]:
     while waiting:
         place = waiting.pop()
         order.append(place)
-        # The largest branch comes last, so that the walk need not return from it.
+        # The largest branch comes last, because the route does not return from the last branch.
         waiting += sorted(onward[place], key=lambda other: -below[other])
     return order
 
@@ -219,7 +219,7 @@ Place = tuple[float, float, float]
 
 
 class Laid(NamedTuple):
-    """The ends of a cable, and its given length or its share of the route."""
+    """The ends of a cable, and its given length or its fraction of the route."""
 
     start: Place
     end: Place
@@ -234,7 +234,7 @@ class Draft:
     iolist: PointTable
     site: Site
     settings: Settings
-    #: Longest response of each point that rules allow [s].
+    #: Longest response that rules allow each point [s].
     longest: Floats | float = inf
 
     def __post_init__(self) -> None:
@@ -307,7 +307,7 @@ class Draft:
         )  # fmt: skip
 
     def given_lengths(self, column: str) -> Floats:
-        """Return the lengths that the list gives in a column [m]; NaN where they are computed."""
+        """Return the lengths given in a column of the list [m]; NaN where they must be computed."""
         lengths = self.iolist.points[column].to_numpy(np.float64, copy=True)
         if not self.settings.list_lengths:
             lengths[self.iolist.located] = np.nan
@@ -331,7 +331,7 @@ class Draft:
         self._response[row] = response
 
     def segment(self, rows: Indices, **columns: Any) -> None:
-        """Add a segment of connected points, with the times of the most urgent one."""
+        """Add a segment of connected points, with the times of the most urgent point."""
         nearest = rows[(self._response[rows] / self.need[rows]).argmax()]
         self._rows["segments"].append(
             {"points": len(rows), "response_ms": 1e3 * self._response[nearest],
@@ -341,7 +341,7 @@ class Draft:
     def reason(
         self, subject: str, limit: str, value: float, bound: float, unit: str, text: str
     ) -> None:
-        """Record why something does not fit."""
+        """Record why a point or a cable does not fit."""
         self._rows["reasons"].append(
             {"subject": subject, "limit": limit, "value": value, "bound": bound, "unit": unit,
              "text": text}
@@ -376,7 +376,7 @@ class Draft:
         return replace(laid, points=points, devices=devices, cables=runs, reasons=reasons)
 
     def _feed(self, runs: pd.DataFrame, wanted: Feeders) -> pd.DataFrame:
-        """Return the cables with sized feeders, and add the supplies that are wanted."""
+        """Return the cables with sized feeders, and add the required supplies."""
         rows, known = self._rows["cables"], cables()
         idle, old = set(wanted.idle), len(rows)
         for number, cable in wanted.cable.items():
@@ -420,7 +420,7 @@ class Draft:
         return frame("cables", runs[list(COLUMNS["cables"])])
 
 
-# Junction boxes: those that the list names, and clusters of all other points --------------------
+# Junction boxes: boxes named in the list, and clusters of all other points ----------------------
 
 
 class Box(NamedTuple):
@@ -432,11 +432,11 @@ class Box(NamedTuple):
     lengths: Floats
 
     def part(self, chosen: Indices) -> Box:
-        """Return the same box with some of its points, by their places in `rows`."""
+        """Return the same box with some of its points, by their positions in `rows`."""
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
     def halved(self, need: Floats) -> list[Box]:
-        """Return two boxes at this place, urgent points apart; none for a single point."""
+        """Return two boxes at this place, separating urgent points; none for a single point."""
         if len(self.rows) < 2:
             return []
         order = np.argsort(need[self.rows], kind="stable")
@@ -444,7 +444,7 @@ class Box(NamedTuple):
 
 
 def boxes(draft: Draft, rows: Indices) -> list[Box]:
-    """Return the boxes of some points, and give a reason for those without one."""
+    """Return the boxes of some points, and record a reason for each point without a box."""
     table = draft.iolist.points
     names = table["box"].to_numpy(object)
     at_box = draft.iolist.box_places
@@ -487,7 +487,7 @@ def _box(name: str, places: Floats, rows: Indices, lengths: Floats) -> Box:
 
 # The trunk of a segment: the order of its stations, its second line, and its ends ---------------
 
-#: Conductors of a bus or a feeder, without the screen.
+#: Number of conductors of a bus or a feeder, without the screen.
 PAIR = 2
 
 
@@ -499,7 +499,7 @@ class Backbone(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Length of its cable [m]."""
+        """Length of the trunk cable [m]."""
         return float(self.hops.sum())
 
 

@@ -13,21 +13,21 @@ from shipnet.lazy import pd
 #: Colours of segments, after Okabe and Ito: distinct with any common colour vision.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#56B4E9", "#444444")
 
-#: A sheet prints well on A4: two columns of rows [px].
+#: Size of a sheet of two columns of rows, which prints well on A4 [px].
 _WIDTH, _COLUMNS, _ROWS, _ROW, _TOP = 760, 2, 74, 13, 40
 
-#: Distance between lanes, and offsets of length, name and words after the lanes of a row [px].
+#: Distance between lanes, and offsets of length, name and text after the lanes of a row [px].
 _LANE, _LENGTH, _NAME, _WORDS = 10, 42, 52, 150
 
 _LEGEND = "■ cabinet, □ box, station or module, ◇ repeater; metres of the cable that leads there"
 
-#: Most characters of a name and of the words after it.
+#: Maximum number of characters of a name, and of the text after it.
 _LONG_NAME, _LONG_WORDS = 19, 36
 
 
 @dataclass
 class _Row:
-    """A row of the drawing: its text, and the lanes that run past it."""
+    """A row of the drawing: the text of the row, and the lanes that run past it."""
 
     name: str
     words: str = ""
@@ -35,7 +35,7 @@ class _Row:
     kind: str = "device"
     lane: int = 0
     colour: str = _COLOURS[-1]
-    #: Lanes that run through, come from above, and go on below; the lane that it branches from.
+    #: Lanes that pass through, enter from above, and continue below; the lane it branches from.
     through: set[int] = field(default_factory=set)
     above: set[int] = field(default_factory=set)
     below: set[int] = field(default_factory=set)
@@ -59,7 +59,7 @@ class _Node:
 
 
 def single_line(design: Layout) -> str:
-    """Return the drawing of a design as one SVG, its sheets below each other."""
+    """Return the drawing of a design as one SVG, with the sheets one below another."""
     y, parts = 0, []
     for sheet, height in sheets(design):
         parts.append(sheet.replace("<svg ", f'<svg y="{y}" ', 1))
@@ -72,7 +72,7 @@ def single_line(design: Layout) -> str:
 
 
 def sheets(design: Layout) -> list[tuple[str, int]]:
-    """Return the sheets of the drawing of a design, each as SVG, with its height."""
+    """Return the sheets of the drawing of a design, each as an SVG with its height."""
     rows = list(_rows(design))
     most = _COLUMNS * _ROWS
     pages = [rows[start : start + most] for start in range(0, len(rows), most)] or [[]]
@@ -99,7 +99,7 @@ def sheets(design: Layout) -> list[tuple[str, int]]:
 
 
 def _drawn(row: _Row, left: float, top: float) -> Iterator[str]:
-    """Yield the lanes, the symbol and the text of a row as SVG."""
+    """Yield the lanes, symbol and text of a row as SVG."""
     middle, bottom = top + _ROW / 2, top + _ROW
     stroke = f'stroke="{row.colour}" stroke-width="2" fill="none"'
 
@@ -171,7 +171,7 @@ def _rows(design: Layout) -> Iterator[_Row]:
 
 
 def _counts(design: Layout) -> dict[str, str]:
-    """Return the points by type and the systems of each device, in words."""
+    """Return the number of points by type and the systems of each device, in words."""
     said = {}
     for device, own in design.iolist.points.groupby(design.points["device"]):
         kinds = " ".join(f"{n} {kind}" for kind, n in sorted(Counter(own["type"]).items()))
@@ -237,7 +237,7 @@ def _laid(root: _Node, *, star: bool) -> Sequence[_Row]:
     """Return the rows of a tree, with the largest branch of each device in the same lane."""
     rows: list[_Row] = []
     last: dict[int, tuple[int, int]] = {}
-    # The devices still to draw, each with the row and the lane of its parent, and its own lane.
+    # The devices still to draw, each with its parent's row and lane, and its own lane.
     waiting: list[tuple[_Node, int, int, int]] = [(root, -1, -1, 0)]
     while waiting:
         node, parent, lane, own = waiting.pop()

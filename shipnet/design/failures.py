@@ -16,15 +16,15 @@ from shipnet.design.layout import Layout
 from shipnet.errors import ArgumentError
 from shipnet.lazy import pd
 
-# The parts of a design that are still reached when some cables are cut and some devices dead -----
+# The parts of a design still reached when some cables are cut and some devices are dead ----------
 
 #: Numbers of the runs that are cut, and of the devices that are dead.
 Failure = tuple[Collection[int], Collection[int]]
 _NONE: Integers = np.empty(0, np.int64)
-#: Nodes at both ends of each edge, and its run; -1 if it is not a run.
+#: Nodes at both ends of each edge, and the run of the edge; -1 if it is not a run.
 Edges = tuple[Integers, Integers, Integers]
 
-#: Devices that join the two lines of a pair, and those that block all lines once dead.
+#: Devices that join the two lines of a pair, and devices that block all lines when dead.
 _JOINS = ("cabinet", "master", "gateway")
 _BLOCKS = (*_JOINS, "repeater", "box")
 
@@ -34,7 +34,7 @@ _PAIR_ENDS = {"trunk": ("repeater", "gateway"), "feeder": ("cabinet", "gateway")
 #: Housings that are lost with everything inside.
 _SHELLS = ("box", "cabinet")
 
-#: Most truth values in memory at once.
+#: Maximum number of truth values in memory at once.
 _CHUNK = 2**21
 
 
@@ -56,7 +56,7 @@ class Reach:
 
     @cached_property
     def shorts(self) -> list[tuple[list[int], list[int]]]:
-        """Runs that are one pair of a bus or a supply, and the masters that a short of it kills."""
+        """Runs that form one pair of a bus or supply, and the masters that a short there kills."""
         runs, segments = self.design.cables, self.design.segments
         buses = segments.loc[segments["bus"] != "hardwired", "segment"]
         trunk = (runs["segment"].isin(buses) & (runs["kind"] == "trunk")).to_numpy()
@@ -94,7 +94,7 @@ class Reach:
         return dict(zip(run[mine].tolist(), point[mine].tolist(), strict=True))
 
     def lost(self, failures: Sequence[Failure]) -> list[Integers]:
-        """Return the numbers of the points that each failure costs.
+        """Return the numbers of the points lost by each failure.
 
         A failure has no effect outside its area, so one failure of each area is examined at once,
         and the area of a lost point shows which failure it was.
@@ -109,7 +109,7 @@ class Reach:
         area, failure = np.divmod(key, max(1, len(failing)))
         turn = np.where(area < 0, -1, np.arange(len(key)) - np.searchsorted(area, area))
         scenario = turn[each]
-        # A failure of the cabinet, which is in no area, costs all points.
+        # A failure of the cabinet, which is in no area, disables all points.
         dead, all_points = number[item == self._cabinet], np.flatnonzero(connected)
         gone = [(dead[:, None] * n_points + all_points).ravel()]
         step = max(1, _CHUNK // (4 * size + 2 * len(self.design.cables) + n_points))
@@ -154,7 +154,7 @@ class Reach:
 
     @cached_property
     def _at(self) -> Integers:
-        """Device in whose housing each one is; -1 if it has its own."""
+        """Device whose housing contains each device; -1 if the device has its own housing."""
         return np.array([self._index.get(at, -1) for at in self.design.devices["at"]], np.int64)
 
     @cached_property
@@ -182,7 +182,7 @@ class Reach:
 
     @cached_property
     def _data(self) -> Edges:
-        """Edges that carry data; masters and the like are one node for both lines."""
+        """Edges that carry data; a master or similar device is one node for both lines."""
         count, trunk = len(self.kinds), (self.design.cables["kind"] == "trunk").to_numpy()
         link = self._feeders & (self.kinds == "gateway")[self._ends].any(axis=1)
         u, v, run = self._by_line(np.flatnonzero(trunk | link), self._joints)
@@ -202,7 +202,7 @@ class Reach:
 
     @cached_property
     def _current_at(self) -> Integers:
-        """Device that each edge of data needs powered; -1 for none."""
+        """Device that must be powered for each data edge to work; -1 for none."""
         u, v, run = self._data
         a, b = self._ends.T
         end = np.where((self.kinds == "repeater")[b], a, b)
@@ -216,7 +216,7 @@ class Reach:
 
     @cached_property
     def _mains(self) -> tuple[Integers, Integers]:
-        """Supplies with a feeder from the cabinet, and that run."""
+        """Supplies with a feeder from the cabinet, and the run of that feeder."""
         from_cabinet = self._feeders & (self._ends == self._cabinet).any(axis=1)
         number = np.flatnonzero(from_cabinet)
         far = self._ends[number].sum(axis=1) - self._cabinet
@@ -245,13 +245,13 @@ class Reach:
 
     @cached_property
     def _housings(self) -> Integers:
-        """Devices in the housing of another, and that housing, shape (n, 2)."""
+        """Devices in the housing of another device, and that device, shape (n, 2)."""
         inside = np.flatnonzero(self._at >= 0)
         return np.stack([inside, self._at[inside]], axis=1)
 
     @cached_property
     def _joints(self) -> Integers:
-        """Devices in a housing, and the device that each is connected to there, shape (n, 2)."""
+        """Devices in a housing, and the device in it to which each is connected, shape (n, 2)."""
         segment = self.design.devices["segment"].to_numpy(str)
         master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
         joints = self._housings.copy()
@@ -270,12 +270,12 @@ class Reach:
 
     @cached_property
     def _needs_supply(self) -> Bools:
-        """Devices that a supply reaches without a failure."""
+        """Devices that a supply reaches when nothing has failed."""
         return np.asarray(self._supplied(*self._masks())[0])
 
     @cached_property
     def _connected(self) -> Bools:
-        """Points that work without a failure."""
+        """Points that work when nothing has failed."""
         return np.asarray(self._works(*self._masks(), self._needs_supply)[0])
 
     def _masks(
@@ -295,7 +295,7 @@ class Reach:
         return cut, dead
 
     def _open(self, edges: Edges, cut: Bools, dead: Bools) -> Bools:
-        """Return which edges still carry, shape (n_failures, n_edges)."""
+        """Return which edges still carry data or power, shape (n_failures, n_edges)."""
         (u, v, run), count = edges, len(self.kinds)
         blocked = dead & np.isin(self.kinds, _BLOCKS)
         return ~(cut[:, run] | blocked[:, u % count] | blocked[:, v % count])
@@ -350,7 +350,7 @@ class Reach:
         return np.asarray(reached[:, :count] | reached[:, count:])
 
     def _feeding(self, cut: Bools, dead: Bools) -> Bools:
-        """Return which devices are not dead and have their mains, if they need a cable for it."""
+        """Return which devices are not dead and have mains, if they need a cable for mains."""
         fed, mains = self._mains
         feeding = ~dead
         row, place = np.nonzero(cut[:, mains])
@@ -369,12 +369,12 @@ def _labels(keep: Bools, count: int, u: Integers, v: Integers) -> Integers:
     adjacency = coo_array((np.ones(len(edge), bool), ends), (size, size))
     labels = connected_components(adjacency, directed=False)[1]
     labels = labels.reshape(len(keep), count).astype(np.int64)
-    # scipy numbers the components through all graphs, in the order of their first nodes.
+    # scipy numbers components across all graphs, in the order of their first nodes.
     return np.asarray(labels - labels.min(axis=1, initial=size, keepdims=True))
 
 
 def _nth(values: Integers) -> Iterator[Integers]:
-    """Yield where each value occurs for the first time, for the second, and so on."""
+    """Yield the positions of first occurrences of values, then of second occurrences, and so on."""
     order = np.argsort(values, kind="stable")
     _, start, count = np.unique(values[order], return_index=True, return_counts=True)
     nth = np.arange(len(values)) - np.repeat(start, count)
@@ -402,7 +402,7 @@ def single_failures(design: Layout) -> pd.DataFrame:
     failures += [((), (number,)) for number in range(len(devices))]
     table = pd.DataFrame(rows, columns=["failure", "failed", "kind", "segment", "line"])
 
-    # A cut of a point's only cable costs just that point.
+    # A cut of a point's only cable disables only that point.
     gone = [np.array([], int)] * len(rows)
     for run_number, point in reach.alone.items():
         gone[run_number] = np.array([point])
@@ -421,7 +421,7 @@ def single_failures(design: Layout) -> pd.DataFrame:
 def lost(
     design: Layout, *, cables: Collection[str] = (), devices: Collection[str] = ()
 ) -> tuple[str, ...]:
-    """Return the points that several simultaneous failures cost."""
+    """Return the points lost by several simultaneous failures."""
     failed: list[list[int]] = []
     unknown: list[str] = []
     for what, names, known in (
@@ -438,7 +438,7 @@ def lost(
 
 
 def worst(failures: pd.DataFrame) -> pd.DataFrame:
-    """Return the worst row of each kind of failure, except of the cabinet."""
+    """Return the worst row of each kind of failure, except a failure of the cabinet."""
     rest = failures[failures["kind"] != "cabinet"]
     ranked = rest.sort_values("points_lost", ascending=False, kind="stable")
     return ranked.drop_duplicates("failure").reset_index(drop=True)

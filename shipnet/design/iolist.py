@@ -67,7 +67,7 @@ class IoList(PointTable):
     """
 
     def saving(self, *, lines: int = 1) -> Saving:
-        """Return the conductors of all points, wired one by one and on AS-i lines."""
+        """Return the numbers of conductors with all points wired individually and on AS-i lines."""
         count = check_whole("lines", lines, 1, 10**9)
         return Saving(hardwired_conductors(self.counts), ASI_PAIR * count)
 
@@ -160,7 +160,7 @@ class IoList(PointTable):
         found = compute(case, points, client=client, folder=folder, progress=progress)
         tables = []
         for point, table in zip(points, map(pd.DataFrame, found), strict=True):
-            # A value may be a range or several bit rates: every row holds it whole.
+            # A value may be a range or several bit rates: each row holds the whole value.
             given = {name: [value] * len(table) for name, value in point.items()}
             tables.append(table.assign(**given)[[*point, *table.columns]])
         joined: pd.DataFrame = pd.concat(tables, ignore_index=True)

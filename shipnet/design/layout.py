@@ -36,7 +36,7 @@ class Site:
         object.__setattr__(self, "cabinet", tuple(cabinet.tolist()))
 
     def length(self, route: ArrayLike) -> Floats:
-        """Return the length of cable to lay for a route [m]."""
+        """Return the length of cable needed for a route [m]."""
         return self.detour * np.asarray(route, dtype=float) + self.tails
 
     def route(self, a: ArrayLike, b: ArrayLike) -> Floats:
@@ -59,13 +59,13 @@ def _places(name: str, given: ArrayLike) -> Floats:
 
 # The position of the cabinet, inferred from the lengths of home runs -----------------------------
 
-#: Fewest points with position and length: three coordinates and one to check them.
+#: Minimum number of points with position and length: three for the coordinates, one as a check.
 _FEWEST = 4
 
-#: Positions per axis in the first search and in finer ones, and how many each search keeps.
+#: Positions per axis in the first search and in finer ones, and the number each search keeps.
 _FIRST, _NEXT, _KEPT = 15, 5, 25
 
-#: Reach of the last search, and how far a length may be rounded [m].
+#: Reach of the last search, and the largest rounding of a length [m].
 _CLOSE, _ROUNDED = 0.02, 0.2
 
 
@@ -106,7 +106,7 @@ def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0
     def off(cabinets: Floats) -> Floats:
         return np.asarray(np.abs(detour * cdist(cabinets, places, "cityblock") + tails - wanted))
 
-    # There are many local minima: search the whole ship, then ever closer around the best.
+    # There are many local minima: search the whole ship, then refine around the best positions.
     centres = places.mean(axis=0, keepdims=True)
     reach, count = float(np.ptp(places, axis=0).max()) / 2 + 1.0, _FIRST
     while reach > _CLOSE:
@@ -151,7 +151,7 @@ def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Sit
 
 
 def _typed(cabinet: str) -> Place:
-    """Return a position that is given as text."""
+    """Return a position given as text."""
     try:
         x, y, z = map(float, cabinet.replace(";", ",").split(","))
         return Site((x, y, z)).cabinet
@@ -196,7 +196,7 @@ _DTYPES: Mapping[str, Any] = {"float": float, "int": np.int64, "bool": bool}
 
 
 def frame(table: str, rows: Any = ()) -> pd.DataFrame:
-    """Return a table of a design with its columns in order and of their types."""
+    """Return a table of a design with its columns in order and converted to their types."""
     types = {column: _DTYPES.get(kind, object) for column, kind in COLUMNS[table].items()}
     if not isinstance(rows, pd.DataFrame | Mapping):
         rows = list(rows)

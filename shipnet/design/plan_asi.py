@@ -57,33 +57,33 @@ _DIGITAL = {
     (True, True): "S-7.A.7",
 }
 
-#: Most points that are divided among modules at once; the time grows with their cube.
+#: Maximum number of points divided among modules at once; the time grows with its cube.
 _MOST = 400
 
 
 class Module(NamedTuple):
-    """A module with its points."""
+    """An AS-i module with its points."""
 
     profile: str
     place: Place
     rows: Indices
     ports: list[str]
-    #: Current that it draws from the line [A].
+    #: Current that the module draws from the line [A].
     current: float
 
     @property
     def shares(self) -> bool:
-        """Whether its profile lets it share an address."""
+        """Whether the module's profile allows a shared address."""
         return _extended(self.profile)
 
     @property
     def channels(self) -> int:
-        """Number of values that it transfers; 1 for single bits."""
+        """Number of values that the module transfers; 1 for single bits."""
         return len(self.ports) if self.ports[0].startswith("A") else 1
 
     @property
     def outputs(self) -> bool:
-        """Whether it has outputs, which the auxiliary supply feeds."""
+        """Whether the module has outputs, which the auxiliary supply feeds."""
         return any("Q" in port for port in self.ports)
 
 
@@ -92,7 +92,7 @@ def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
     limits, spare = draft.settings.asi, draft.settings.spare
     kinds = np.array([draft.types[row] for row in rows], dtype=object)
     channels = _channels(draft, rows, kinds)
-    # Which points share modules, their kinds, how many of each kind a module may have, and its
+    # Which points share modules, their kinds, the number of each kind per module, and its
     # ports: a module with fewer values than ports is faster.
     digital = limits.inputs, limits.outputs
     sharing: list[tuple[Bools, tuple[str, ...], tuple[int, ...], tuple[int, ...]]] = [
@@ -123,7 +123,7 @@ def response(
     profile: str, cycle: Cycle, limits: AsiLimits, *, channels: int = 1, output: bool = False,
     paired: bool = False,
 ) -> float:  # fmt: skip
-    """Return the worst response time of a point [s]."""
+    """Return the worst-case response time of a point [s]."""
     return float(
         cycle.response_time(
             profile, channels=channels, conversion=limits.conversion, paired=paired,
@@ -190,7 +190,7 @@ def _module(
 
 # One line: the route of its cable, its segments between repeaters, and their supplies -----------
 
-#: Shortest cable of a plan, and shortest piece of cable before a repeater [m].
+#: Minimum length of cable in a plan, and of a piece of cable before a repeater [m].
 _SHORTEST, _WORTH = 0.01, 1.0
 
 
@@ -205,7 +205,7 @@ class Piece(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """The cable and the repeaters of a line."""
+    """The cable and repeaters of a line."""
 
     pieces: list[Piece]
     repeaters: list[tuple[str, str]]
@@ -214,13 +214,13 @@ class Drawn(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Length of all its cable [m]."""
+        """Total length of cable [m]."""
         return sum(piece.length for piece in self.pieces)
 
 
 @dataclass
 class _Segment:
-    """A segment while it is drawn: the repeaters before it, and the cable in it [m]."""
+    """A segment while it is drawn: the repeaters before the segment, and the cable in it [m]."""
 
     depth: int
     used: float = 0.0
@@ -313,7 +313,7 @@ def plan_of(drawn: Drawn, slaves: Sequence[Slave], limits: AsiLimits) -> Plan:
     return Plan(runs, [master], supplies, slaves, repeaters)
 
 
-# One line as planned: addresses, responses, and the limit that it exceeds -----------------------
+# One line as planned: addresses, responses, and the limit that the line exceeds -----------------
 
 
 class Exceeded(NamedTuple):
@@ -326,7 +326,7 @@ class Exceeded(NamedTuple):
 
 
 class Line(NamedTuple):
-    """A line as planned."""
+    """A planned line."""
 
     modules: list[Module]
     drawn: Drawn

@@ -58,13 +58,13 @@ def _served(
 #: Bits of an analogue value, and data bits of a frame.
 ANALOGUE_BITS, FRAME_BITS = 16, 64
 
-#: Most messages of a segment: the identifiers of 11 bits except the last 16, which early CAN
+#: Maximum messages per segment: the 11-bit identifiers except the last 16, which early CAN
 #: controllers cannot send.
 _MESSAGES = 2**11 - 16
 
 
 class Packed(NamedTuple):
-    """A message with its points."""
+    """A CAN message with its points."""
 
     output: bool
     need: float
@@ -82,7 +82,7 @@ def pack(types: Sequence[str], times: Floats) -> list[Packed]:
     for way in (False, True):
         for time in np.unique(times[output == way]):
             rows = np.flatnonzero((output == way) & (times == time))
-            # Values fill whole frames, so that none is split; states follow in the last frame.
+            # Values fill whole frames, so that no value is split; states follow in the last frame.
             first, size = packed(analogue[rows], ANALOGUE_BITS)
             frame, bit = np.divmod(first, FRAME_BITS)
             for number in range(-(-8 * size // FRAME_BITS)):
@@ -143,7 +143,7 @@ def plan_can(draft: Draft, rows: Indices) -> None:
             length_m=segment.trunk.length, bus_time=segment.bus_time,
             capacity_used=max(segment.bus_time, (len(group) + 1) / limits.nodes),
             bit_rate=segment.bit_rate, messages=len(segment.messages),
-            # Every message is sent on both lines, so that neither has to take over.
+            # Every message is sent on both lines, so that no changeover is needed.
             switch_over_ms=0.0 if draft.settings.redundant else np.nan,
         )  # fmt: skip
 
@@ -162,7 +162,7 @@ def _segment(draft: Draft, group: Sequence[Box], longest: float) -> tuple[_Segme
         for place, box in enumerate(group)
         for message in pack([draft.types[row] for row in box.rows], draft.need[box.rows])
     ]
-    # Priorities are deadline monotonic: the deadline is the same share of every need.
+    # Priorities are deadline monotonic: each deadline is the same fraction of the required time.
     packed.sort(key=lambda item: item[0].need)
     period = np.array([message.need for message, _ in packed]) * share
     bus_time = float((frame_length([message.dlc for message, _ in packed]) / period).sum()) / rate
@@ -186,8 +186,8 @@ def _segment(draft: Draft, group: Sequence[Box], longest: float) -> tuple[_Segme
 
 # Modbus RTU: registers, loops that are scanned in time, unit ids, repeaters -----------------------
 
-#: States in a register, and most registers of a read and of a write ("MODBUS application protocol"
-#: V1.1b3, sections 6.4 and 6.12).
+#: States per register, and maximum number of registers per read and per write ("MODBUS application
+#: protocol" V1.1b3, sections 6.4 and 6.12).
 _STATES, _READ, _WRITE = 16, 125, 123
 
 
@@ -230,7 +230,7 @@ def plan_modbus(draft: Draft, rows: Indices) -> None:
     longest = _longest_section(limits, min(limits.bit_rates))
     most_m = f"a Modbus section has at most {longest:.0f} m"
     stations = _served(draft, rows, longest, most_m, alone)
-    # The master is one unit load, and a repeater one on either side.
+    # The master is one unit load, and a repeater is one unit load on each side.
     most = min(limits.units, (1 + limits.repeaters) * (limits.unit_loads - 2) + 1)
 
     def judge(group: Sequence[Box]) -> tuple[_Loop | None, float]:
@@ -286,7 +286,7 @@ def registers_of(types: Sequence[str]) -> Registers:
 
 
 def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[int] | None:
-    """Return the stations after which a trunk needs a repeater, or None if none would do."""
+    """Return the stations after which a trunk needs a repeater, or None if none suffices."""
     found: list[int] = []
     loads, laid = 1, 0.0
     for place, hop in enumerate(hops):
@@ -314,7 +314,7 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
         in_time = bool((scan + np.array(longest) <= needs).all())
         if in_time:
             break
-    # A still higher bit rate would not help, because its sections are not longer.
+    # A higher bit rate would not help, because its sections are not longer.
     length = _longest_section(limits, rate)
     repeaters = sections(trunk.hops.tolist(), length=length, unit_loads=limits.unit_loads)
     fits = in_time and repeaters is not None and len(repeaters) <= limits.repeaters
@@ -325,7 +325,7 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
 
 
 def _longest_section(limits: ModbusLimits, bit_rate: int) -> float:
-    """Return the longest cable between ends or repeaters [m], less at a high bit rate."""
+    """Return the longest cable between ends or repeaters [m]; high bit rates shorten it."""
     return min(limits.length, INTERFACES["RS-485"].product / bit_rate)
 
 

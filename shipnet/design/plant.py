@@ -1,4 +1,4 @@
-"""A small plant from counts: its conductors and its cost, hardwired and on AS-i."""
+"""A small plant defined by counts: conductors and cost, hardwired and on AS-i."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ _PAIR, _ASI = "MI1P075", "ASI_MARINE"
 #: Cable of a line without a repeater [m]; a repeater adds as much (kim2023, section 3.3).
 _SEGMENT = 100.0
 
-#: The cabinet, from which distances count.
+#: The cabinet, from which distances are measured.
 _SITE = Site((0.0, 0.0, 0.0))
 
-#: What "wiring cost" may mean, and the figures that it then includes.
+#: Possible meanings of "wiring cost", and the figures that each includes.
 COUNTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "cable": ("cable_cost_eur",),
@@ -42,7 +42,7 @@ COUNTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 @checked
 def lines_needed(slaves: int, *, slaves_per_line: int = 62) -> int:
-    """Count the AS-i lines, and so the masters, that a number of slaves needs.
+    """Return the number of AS-i lines, and thus of masters, that a number of slaves needs.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class Plant:
         return Saving(conductors_at_cabinet(self.hardwired), conductors_at_cabinet(self.on_asi))
 
     def cost_saving(self, *, rng: Rng = None, draws: int = 10_000) -> pd.DataFrame:
-        """Return the share of the wiring cost that AS-i saves, for each meaning of wiring cost."""
+        """Return the fraction of the wiring cost that AS-i saves, for each meaning of that cost."""
         options = {"hardwired": self.hardwired, "AS-i": self.on_asi}
         sample = draw(options, rng=rng, draws=draws)
         nominal = {name: quantities(one).table()["nominal"] for name, one in options.items()}
@@ -126,7 +126,7 @@ class Plant:
 
     @cached_property
     def _rows(self) -> pd.DataFrame:
-        """One row per module: line, place on it, name, and the segment's name."""
+        """One row per module: line, position on the line, module name and segment name."""
         number = np.arange(self.modules)
         line, place = number % self.lines, number // self.lines
         return pd.DataFrame(
@@ -141,7 +141,7 @@ class Plant:
 
     @cached_property
     def iolist(self) -> IoList:
-        """The contacts, as a list of points."""
+        """The contacts as an I/O list."""
         rows = self._rows.loc[self._rows.index.repeat(self.contacts)].reset_index(drop=True)
         nothing = np.full(len(rows), np.nan)
         port = np.tile(np.arange(1, self.contacts + 1), self.modules)

@@ -20,7 +20,7 @@ from shipnet.signals import ASI_PAIR, SIGNALS, hardwired_conductors
 _PANEL, _DEVICE, _MODULE = "#8cc4e8", "#f5c56b", "#7fcfb4"
 _CABLE = "#d4a800"  # the flat AS-i cable is yellow
 
-#: Sizes of a dot and of a label, as parts of what all dots span along x and along y.
+#: Sizes of a dot and of a label, as fractions of the span of all dots along x and y.
 _DOT, _WORD = np.array([0.02, 0.03]), np.array([0.3, 0.07])
 
 
@@ -115,7 +115,7 @@ def _plot_asi(
 def plot_ranges(
     ends: pd.DataFrame, words: str, *, likely: pd.DataFrame | None = None, ax: Axes | None = None
 ) -> Axes:
-    """Draw a bar per row of `ends`: nominal, from low to high, and where 9 of 10 draws lie."""
+    """Draw a bar per row of `ends`: nominal value, range, and the interval of 9 in 10 draws."""
     ax, rows = style.axes(ax), np.arange(len(ends))
     ax.barh(rows, ends["nominal"], height=0.6, color="C5", label="nominal")
     ax.hlines(
@@ -133,7 +133,7 @@ def plot_ranges(
 
 
 def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None = None) -> Axes:
-    """Draw the two columns of a table, a dot per row; those in `pareto` are filled."""
+    """Draw two columns of a table with one dot per row; the dots of rows in `pareto` are filled."""
     ax, (x, y) = style.axes(ax), table.columns
     at, best = table.to_numpy(float), table.index.isin(list(pareto))
     front = at[best][np.lexsort(at[best].T[::-1])]
@@ -144,7 +144,7 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
             markerfacecolor="C0" if filled else "white", zorder=3 if filled else 2,
         )  # fmt: skip
     for names, place, left, below in _labels(table.dropna().astype(float)):
-        # A label is on the side where there is room, below its dot if another is above.
+        # A label is on the side that has room, and below its dot if another label is above.
         ax.annotate(
             names, place, (-6 if left else 6, -5 if below else 5), textcoords="offset points",
             ha="right" if left else "left", va="top" if below else "bottom",
@@ -155,7 +155,7 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
 
 
 def _labels(table: pd.DataFrame) -> Iterator[tuple[str, tuple[float, float], bool, bool]]:
-    """Yield the names of dots that cover each other, their place, and whether left and below."""
+    """Yield the names of overlapping dots, their position, and whether it is left and below."""
     at = table.to_numpy()
     spread = np.ptp(at, axis=0) if len(at) else np.ones(2)
     shown = (at - at.min(axis=0, initial=np.inf)) / np.where(spread > 0, spread, 1.0)
@@ -175,7 +175,7 @@ def _labels(table: pd.DataFrame) -> Iterator[tuple[str, tuple[float, float], boo
 
 
 def draw_cables(ax: Axes, ends: npt.ArrayLike, colour: str, label: str) -> None:
-    """Draw straight lines between pairs of places, shape (n, 2, 2)."""
+    """Draw straight lines between pairs of positions, shape (n, 2, 2)."""
     from matplotlib.collections import LineCollection
 
     lines = list(np.asarray(ends, dtype=float))
@@ -183,7 +183,7 @@ def draw_cables(ax: Axes, ends: npt.ArrayLike, colour: str, label: str) -> None:
 
 
 def svg(draw: Callable[[Axes], object], *, width: float = 6.4, height: float = 3.2) -> str:
-    """Return a drawing as a picture of lines, the same bytes for the same drawing."""
+    """Return a drawing as SVG; the same drawing gives the same bytes."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 

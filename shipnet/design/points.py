@@ -50,7 +50,7 @@ _MARK = r"\W*(?:deleted?|cancell?ed|void|not used|spare|삭제|예비)"
 _MARKED = re.compile(rf"{_MARK}\W*", re.IGNORECASE)
 _MARKED_TAG = re.compile(rf"{_MARK}\b.*", re.IGNORECASE)
 
-#: The start of a text that a spreadsheet would take for a formula without the apostrophe.
+#: The start of a text that a spreadsheet would read as a formula without the apostrophe.
 _FORMULA = re.compile(r"'+[=+\-@]")
 
 
@@ -66,7 +66,7 @@ def score(reading: Reading) -> Callable[[Sequence[str]], float]:
 
 
 class Cells:
-    """The points of a sheet: their cells by the columns of an I/O list."""
+    """The points of a sheet: the cells of each column of an I/O list."""
 
     def __init__(self, sheet: Sheet, reading: Reading) -> None:
         self.sheet, self.reading = sheet, reading
@@ -150,10 +150,10 @@ class Cells:
             self.remarks.append(Remark(f"not used: {used}"))
 
     def _points_of(self, rows: Iterable[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
-        """Return the rows that are points, and remark on the others."""
+        """Return the rows that are points, and add remarks on the other rows."""
         points, left = [], dict[str, list[int]]()
         heads = [{cell for cell in titles if cell} for titles in self._repeated]
-        # Few rows have a cell that is a title, or that marks a point that will not be built.
+        # Few rows contain a title, or a mark of a point that will not be built.
         words = set(chain.from_iterable(cells for _, cells in rows))
         marked = set(filter(_MARKED.fullmatch, words))
         suspect = marked.union(*heads)
@@ -235,7 +235,7 @@ class Cells:
         return self.column(places[0]) if places else [""] * len(self.rows)
 
     def column(self, place: int) -> list[str]:
-        """Return the cells of a column by its place."""
+        """Return the cells of a column by its position."""
         return self._columns[place] if place < len(self._columns) else [""] * len(self.rows)
 
     def given(self, name: str) -> Bools:
@@ -243,7 +243,7 @@ class Cells:
         return np.fromiter(map(bool, self[name]), bool, len(self.rows))
 
     def title(self, name: str) -> str:
-        """Return the list's own title of a column, with its letter in a spreadsheet."""
+        """Return the title of a column in the list, with the column's letter in a spreadsheet."""
         places = self.places.get(name)
         if not places:
             return name
@@ -256,7 +256,7 @@ class Cells:
         self._faults.append((row, place, f"row {self.rows[row]}{text}"))
 
     def wrong(self, rows: Iterable[int], name: str, expected: str) -> None:
-        """Record the same fault for the cells of a column in these rows."""
+        """Record the same fault for the cells of a column in the given rows."""
         cells = self[name]
         for row in rows:
             what = self.odd(row, name)
@@ -270,7 +270,7 @@ class Cells:
             self.remarks.append(Remark(what, numbers, doubt=True))
 
     def odd(self, row: int, name: str) -> str:
-        """Return what a cell is if it is neither text nor a number, or ""."""
+        """Return a description of a cell that is neither text nor a number, else ""."""
         places = self.places.get(name, [-1])
         return self.sheet.odd.get((self.rows[row], places[0]), "")
 
@@ -289,7 +289,7 @@ _REPEATED, _TEXT = "titles again", "no point: a subtitle, a page header or foote
 
 
 def _letter(place: int) -> str:
-    """Return the letter of a column in a spreadsheet, from its number from 0."""
+    """Return the letter of a column in a spreadsheet, given the number of the column from 0."""
     more, own = divmod(place, 26)
     return (_letter(more - 1) if more else "") + chr(65 + own)
 
@@ -300,15 +300,15 @@ def _holds_number(cell: str) -> bool:
 
 
 def clean(cell: str) -> str:
-    """Return text on one line, without an apostrophe before a formula."""
-    # The space is the only printable blank.
+    """Return text as one line, without an apostrophe before a formula."""
+    # The space is the only printable whitespace.
     text = cell if cell.isprintable() and "  " not in cell else " ".join(cell.split())
     return text[1:] if text[:1] == "'" and _FORMULA.match(text) else text
 
 
 def _cleaned(cells: Sequence[str]) -> list[str]:
     """Return the clean cells of a column."""
-    # One test of all cells is enough if nothing is wrong; the cells themselves end without blanks.
+    # If no cell has a fault, one test of all suffices; cells are already stripped of whitespace.
     text = "|".join(cells)
     if text.isprintable() and "  " not in text and "'" not in text:
         return list(cells)
@@ -318,7 +318,7 @@ def _cleaned(cells: Sequence[str]) -> list[str]:
 
 # The numbers of an I/O list: positions of points and boxes, lengths of cables, update times ------
 
-#: How far a cable may fall short of the straight distance, as both are rounded [m].
+#: Tolerance by which a cable may be shorter than the straight distance; both are rounded [m].
 ROUNDED = 0.2
 
 
@@ -375,7 +375,7 @@ def _place_by_frames(cells: Cells, numbers: dict[str, Floats]) -> None:
 
 
 def _check_partly(cells: Cells, names: Sequence[str]) -> Bools:
-    """Check that each point has all coordinates or none, and return which it has."""
+    """Check that each point has all coordinates or none, and return which points have them."""
     have = np.column_stack([cells.given(name) for name in names])
     for row in np.flatnonzero(have.any(axis=1) & ~have.all(axis=1)).tolist():
         missing = [name for name, one in zip(names, have[row], strict=True) if not one]
@@ -386,7 +386,7 @@ def _check_partly(cells: Cells, names: Sequence[str]) -> Bools:
 
 
 def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, Floats]) -> None:
-    """Check the boxes, and give all points of a box the position that one of them names."""
+    """Check the boxes, and give all points of a box the position given for any of its points."""
     have = _check_partly(cells, _BOX)
     named = np.array([box != "" for box in boxes], dtype=bool)
     alone = (have.any(axis=1) | cells.given("to_box_m")) & ~named
@@ -458,7 +458,7 @@ def points_of(
 
 def _text(cells: Cells, name: str) -> list[str]:
     texts = _cleaned(cells[name])
-    # One test of all texts is enough if nothing is wrong.
+    # If no text has a fault, one test of all texts suffices.
     if cells.sheet.odd or not "".join(texts).isprintable():
         bad = [n for n, text in enumerate(texts) if not text.isprintable() or cells.odd(n, name)]
         cells.wrong(bad, name, "printable text")
@@ -538,7 +538,7 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
     if count and not conductors:
         faults.append(("conductors", f"{count!r}; expected a whole number 1..9999"))
     if not word and not kind:
-        # An unknown type is a fault already.
+        # An unknown type is already recorded as a fault.
         none = [("signal", f"is empty; expected one of {', '.join(SIGNALS)}, or a type")]
         return "contact", faults + none * (not given)
     try:
@@ -559,10 +559,10 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
 
 # The table of points ---------------------------------------------------------------------------
 
-#: How a list without words of its own is read.
+#: The words used to read a list that has none of its own.
 _PLAIN = Reading()
 
-#: What a file must have to be an I/O list.
+#: Requirements for a file to be an I/O list.
 _WHAT = "titles of an I/O list, which are at least tag, and signal or type"
 
 
@@ -588,14 +588,14 @@ class PointTable:
     def parse(
         cls, text: str, source: str = "text", *, reading: Reading = _PLAIN, strict: bool = False
     ) -> Self:
-        """Read an I/O list from text, as an editor holds it."""
+        """Read an I/O list from text, such as the content of an editor."""
         return cls._of(
             parse_sheet(text, source, is_titles=score(reading), what=_WHAT), reading, strict
         )
 
     @classmethod
     def from_table(cls, table: pd.DataFrame, source: str = "table") -> Self:
-        """Make an I/O list from a table, checked as a file would be."""
+        """Make an I/O list from a table, with the same checks as for a file."""
         return cls._of(frame_sheet(table, source), _PLAIN, False)
 
     @classmethod
@@ -622,11 +622,11 @@ class PointTable:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences on what was not used, left out, filled in or assumed."""
+        """Remarks on data that were not used, left out, filled in or assumed."""
         return tuple(str(note) for note in self.notes if not note.detail)
 
     def reading(self) -> pd.DataFrame:
-        """Return how the list was read: what, how many rows, which, and whether in doubt."""
+        """Return how the list was read: subject, number of rows, which rows, and any doubt."""
         rows = []
         for note in self.notes:
             which = listed(note.rows, None)[1:].lstrip() if note.rows else ""
@@ -676,7 +676,7 @@ class PointTable:
 
     @property
     def box_places(self) -> Floats:
-        """Positions of their junction boxes [m], shape (n, 3); NaN where unknown."""
+        """Positions of the points' junction boxes [m], shape (n, 3); NaN where unknown."""
         return self.points[["box_x_m", "box_y_m", "box_z_m"]].to_numpy(float)
 
     @property

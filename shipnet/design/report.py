@@ -21,7 +21,7 @@ from shipnet.design.plot import plot_pareto, plot_ranges, svg
 from shipnet.design.settings import shown
 from shipnet.errors import listed
 
-#: The first page of a report and the end of a printed comparison say this.
+#: Note on the first page of a report and at the end of a printed comparison.
 BANNER = "A design aid, not class approval."
 
 
@@ -46,7 +46,7 @@ def section(title: str, *parts: str) -> str:
 
 
 def text(words: str, kind: str = "", tag: str = "p") -> str:
-    """Return a paragraph, or another element that holds only text."""
+    """Return a paragraph, or another element that contains only text."""
     named = f' class="{kind}"' if kind else ""
     return f"<{tag}{named}>{escape(words)}</{tag}>"
 
@@ -70,7 +70,7 @@ def table(
     def cell(tag: str, place: int, value: str) -> str:
         kinds = ["n"] * (place in right)
         if tag == "td":
-            # A short word is not broken, however narrow its column.
+            # A short word is not broken, even in a narrow column.
             kinds += ["k"] * (0 < len(value) <= _SHORT)
             if place in judged:
                 kinds += [kind for word, kind in _VERDICTS.items() if value.startswith(word)]
@@ -86,7 +86,7 @@ def table(
     )
 
 
-#: Longest cell that stays on one line.
+#: Maximum length of a cell that stays on one line.
 _SHORT = 9
 
 _VERDICTS = {"met": "pass", "violated": "fail", "not verified": "open"}
@@ -107,7 +107,7 @@ def picture(svg: str, words: str) -> str:
 #: Rows of a long table that the report shows; the saved files have all of them.
 _FAILURES_SHOWN, _POINTS_SHOWN, _REASONS_SHOWN = 4, 100, 50
 
-#: Where the rest is.
+#: Note on where the omitted rows are.
 _FILES = "The tables that `--tables FOLDER` writes have"
 
 _FAILURE_WORDS = {
@@ -348,7 +348,7 @@ def _what(found: Any) -> str:
 
 
 def _assumed(changes: pd.DataFrame, *names: str) -> str:
-    """Return a note on values that are the defaults, or ""."""
+    """Return a note on the values that are defaults, or ""."""
     if not {*names}.isdisjoint(changes["name"]):
         return ""
     return ", both assumed" if len(names) > 1 else ", assumed"
@@ -394,7 +394,7 @@ def _pictures(found: Any, likely: pd.DataFrame) -> str:
         ),
     ]
     if best:
-        # A difference in cost says nothing if every option leaves points out.
+        # A difference in cost is meaningless if every option leaves points out.
         figures.append(
             picture(svg(tornado.plot), f"What each assumption does to the {tornado.subject}.")
         )

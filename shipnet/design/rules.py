@@ -48,7 +48,7 @@ STANDARDS: Mapping[str, tuple[str, Crc | None]] = {**DATA_LINKS, "AS-i": ("IEC 6
 #: DNV-OS-D202 Ch.2 Sec.3 Table A1.
 FAST_MS = 100.0
 
-#: The only measure that counts the points left out.
+#: The only measure that includes the points left out.
 LEFT_OUT = "unconnected points"
 
 
@@ -84,7 +84,7 @@ class Facts:
 
     @cached_property
     def fed(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Its supplies, and the devices that they feed."""
+        """The supplies of the design, and the devices that they feed."""
         return supply_tables(self.design)
 
     @cached_property
@@ -95,11 +95,11 @@ class Facts:
 
     @property
     def left_out(self) -> Bools:
-        """Which points fit nowhere."""
+        """Points that no device can accommodate."""
         return ~self.design.points["fits"].to_numpy(bool)
 
 
-#: Computes a measure for some points, with or without the time in the host.
+#: Function that computes a measure for some points, with or without the host time.
 _Compute: TypeAlias = Callable[[Facts, Bools, bool], Outcome]
 
 
@@ -113,7 +113,7 @@ class Measure(NamedTuple):
 
 _NAN = float("nan")
 
-#: A load equivalence number of NMEA 2000 counts this current [A].
+#: Current of one load equivalence number of NMEA 2000 [A].
 LOAD_UNIT = 0.05
 
 
@@ -261,7 +261,7 @@ def _repeats(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 
 def _most(values: pd.Series[float], subjects: pd.Series[str], none: str) -> Outcome:
-    """Return the largest of some values, and its subject."""
+    """Return the largest of some values, and the subject of that value."""
     if not values.notna().any():
         return Outcome(_NAN, why=none)
     worst: Any = values.idxmax()
@@ -305,7 +305,7 @@ def _spur_current(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 
 def _runs(kind: str, total: bool, ohms: bool = False) -> _Compute:
-    """Return a measure of cables of a kind: the longest, or the sum per segment and line."""
+    """Return a measure of one kind of cable: maximum length, or total per segment and line."""
 
     def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         runs, known = facts.design.cables, cables()
@@ -345,7 +345,7 @@ def _nodes(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 def _units(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     devices = facts.fed[1]
-    # The excess over a whole unit that rounding leaves does not count.
+    # An excess over a whole unit that is only a rounding error is ignored.
     units = np.ceil(devices["load_a"] / LOAD_UNIT - 1e-9).groupby(devices["supply"]).sum()
     return _most(units, units.index.to_series(), "no supply feeds a device")
 
@@ -558,7 +558,7 @@ class RuleSet:
 
     @classmethod
     def of(cls, rules: RuleSet | str | PathLike[str]) -> RuleSet:
-        """Return rules from themselves, from the name of a published set, or from a file."""
+        """Return a rule set, given the set itself, the name of a published set, or a file."""
         if isinstance(rules, RuleSet):
             return rules
         if isinstance(rules, PathLike) or str(rules).lower().endswith((".csv", ".xlsx")):
@@ -640,7 +640,7 @@ def longest_responses(rules: Iterable[Rule], points: pd.DataFrame, host_time: fl
     longest = np.full(len(points), np.inf)
     for rule in rules:
         if rule.measure == "response" and rule.bound != "at least":
-            # A little less, so that rounding does not decide.
+            # Slightly less, so that rounding errors do not decide.
             limit = (rule.limit - rule.host * host_time) * (1 - 1e-9)
             mine = APPLIES[rule.applies](points).to_numpy(bool)
             longest[mine] = np.minimum(longest[mine], limit)
@@ -684,14 +684,14 @@ def _outcome(rule: Rule, facts: Facts) -> Outcome:
     out = int((concerned & facts.left_out).sum())
     if not out or outcome.partial or rule.measure == LEFT_OUT:
         return outcome
-    # A point that is not connected is neither late nor lost, so a pass would not cover it.
+    # An unconnected point is neither late nor lost, so a pass would not cover it.
     said = f"{out} point{'s' if out > 1 else ''} left out"
     why = f"{outcome.why}; {said}" if outcome.why else said
     return outcome._replace(why=why, partial=True)
 
 
 def _judge(rule: Rule, outcome: Outcome) -> tuple[str, str]:
-    """Return the verdict, and why."""
+    """Return the verdict and the reason for it."""
     if outcome.computed != outcome.computed:
         return "not verified", outcome.why
     verdict = "met" if rule.meets(outcome.computed) else "violated"

@@ -1,4 +1,4 @@
-"""Every limit, price and allowance of a design, by one dotted name, declared once."""
+"""Every limit, price and allowance of a design, each declared once under a dotted name."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from shipnet.tables import read_bytes, text_of
 
 @dataclass(frozen=True, kw_only=True)
 class _CableFor(Kind):
-    """A key of the cable catalogue, of a cable that fits a bus."""
+    """A key of the cable catalogue for a cable that suits a bus."""
 
     bus: str
 
@@ -76,7 +76,7 @@ class _BitRates(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class _Ends(Kind):
-    """A price, an hour or a factor with its range."""
+    """A price, a number of hours or a factor, with its range."""
 
     legal = "[low, nominal, high] in this order, or one number; 0 or more and finite"
 
@@ -166,7 +166,7 @@ class CanLimits:
     cable: str = _cable("CAN", "The trunk, a key of the catalogue", "CAN_5_0p75")
 
 
-#: The limits of RS-485 as makers print them; the 1200 m of some is 4000 ft rounded.
+#: The limits of RS-485 as manufacturers state them; some state 1200 m, which is 4000 ft rounded.
 _RS485 = INTERFACES["RS-485"]
 
 
@@ -234,7 +234,7 @@ class SupplyLimits:
     )
 
 
-# All of it -----------------------------------------------------------------------------------
+# All settings --------------------------------------------------------------------------------
 
 
 @record
@@ -285,7 +285,7 @@ _HEAD = """\
 # The settings of a comparison. Change the values that you know better, and delete the other lines.
 """
 
-#: Comments in a file of settings in place of an empty table for a list's own words.
+#: Comments that a settings file has in place of an empty table for a list's own words.
 _EXAMPLES: Mapping[str, str] = {
     "columns": '# Titles of the list and their columns:\n# [columns]\n# "KKS code" = "tag"',
     "signals": '# Words for signals and their meanings:\n# [signals]\n# "TIT" = "rtd_3wire"',
@@ -308,7 +308,7 @@ _LONG_KEY = re.compile(rf"(?<![\w\"-])(?:[\w\"-]+[ \t]*\.[ \t]*){{{_DEEPEST}}}")
 
 
 def _check_size(text: str, source: str) -> None:
-    """Raise InputError for a text that is too long or nested too deep to be read in good time."""
+    """Raise InputError for a text that is too long or too deeply nested to be read quickly."""
     if len(text) > _LARGEST:
         raise InputError(
             source, f"has {len(text)} characters; a file of settings may have {_LARGEST}"
@@ -370,11 +370,11 @@ class Settings(_Plain):
 
     @classmethod
     def of(cls, settings: Given) -> Settings:
-        """Return settings, made from values by name if they are not settings already."""
+        """Return the settings themselves, or make them from values by name."""
         return settings if isinstance(settings, Settings) else cls(settings)
 
     def _take(self, values: Mapping[str, object]) -> list[str]:
-        """Replace the legal values, and return the faults of the others."""
+        """Replace the settings whose new values are legal, and return the faults of the others."""
         faults: list[str] = []
         reading = self.reading
         words = {n: v for n, v in values.items() if n in Reading._fields and isinstance(v, Mapping)}
@@ -411,7 +411,7 @@ class Settings(_Plain):
         return made
 
     def tried(self, values: Mapping[str, object]) -> tuple[Settings, list[str]]:
-        """Return a copy with the legal values replaced, and the faults of the others."""
+        """Return a copy with all legal new values, and the faults of the other values."""
         made = copy(self)
         return made, made._take(values)
 
@@ -503,7 +503,7 @@ def _default() -> Settings:
 
 @cache
 def _kinds() -> Mapping[str, Kind]:
-    """Return the declaration of each name."""
+    """Return the declaration of each setting by name."""
     found = {
         f"{part}.{own}" if part else own: kind
         for part, record in _PARTS.items()
@@ -548,7 +548,7 @@ def legal(name: str) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value as TOML."""
+    """Return a value as TOML text."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(shown, value))}]"
     if isinstance(value, bool):
@@ -578,7 +578,7 @@ def _plain(value: object) -> object:
 
 
 def _is_number(value: object) -> bool:
-    # A file may hold a whole number of any size, but a float cannot exceed 1e308.
+    # A file may contain an integer of any size, but a float cannot exceed 1e308.
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return isinstance(value, float) or abs(value) < 2**63
@@ -587,6 +587,6 @@ def _is_number(value: object) -> bool:
 def _brief(value: object) -> str:
     try:
         said = shown(value) if isinstance(value, bool) else repr(value)
-    except ValueError:  # a whole number of more digits than Python prints
+    except ValueError:  # an integer with more digits than Python prints
         said = "a very large number"
     return said if len(said) <= 60 else f"{said[:57]}..."

@@ -54,10 +54,10 @@ class Forest:
     #: Current that each node draws, and the additional current of a shorted point [A].
     load: Floats
     short: Floats
-    #: Voltage drop in the cable of its worst point, and the largest drop up to there [V].
+    #: Voltage drop in the cable of a node's worst point, and the largest drop up to the node [V].
     spur: Floats
     allowed: Floats
-    #: Node of the supply that feeds each node, and the device at it.
+    #: Node of the supply that feeds each node, and the device at the supply's node.
     root: Indices
     supply: Mapping[int, int]
     #: Nodes except the roots, level by level from the supplies.
@@ -65,7 +65,7 @@ class Forest:
 
     @property
     def fed(self) -> Indices:
-        """Nodes except the roots, those near the supplies first."""
+        """Nodes except the roots, nearest the supplies first."""
         return np.concatenate([np.zeros(0, np.intp), *self.levels])
 
     def solve(self, *, short: bool = False) -> tuple[Floats, Floats]:
@@ -174,7 +174,7 @@ def forest(design: Layout) -> Forest:
 
 @cache
 def slave_voltage() -> float:
-    """Return the least voltage that an AS-i slave needs [V]."""
+    """Return the minimum supply voltage of an AS-i slave [V]."""
     return float(rule_limits()["low"]["slave_voltage"])
 
 
@@ -195,7 +195,7 @@ def _roots(
         else:
             supply[housing] = number
     if between:
-        # In the housing of a repeater, a supply feeds the side that has none yet.
+        # In the housing of a repeater, a supply feeds the side that has no supply yet.
         shape = (_LAYERS * count,) * 2
         labels = connected_components(coo_array((np.ones(len(u)), (u, v)), shape=shape), False)[1]
         done = {int(labels[node]) for node in supply}
@@ -216,7 +216,7 @@ def _loads(
     design: Layout, kinds: npt.NDArray[np.object_], beside: Sequence[int], on_asi: Bools,
     index: Mapping[str, int], ends: set[int],
 ) -> tuple[Floats, Floats, Bools]:  # fmt: skip
-    """Return load [A] and drop to its worst point [V] of each node, and whether it has 24 V."""
+    """Return each node's load [A], voltage drop to its worst point [V], and whether it has 24 V."""
     settings, limits, count = design.settings, design.settings.supply, len(kinds)
     points, listed = design.points, design.iolist.points
     load, spur = np.zeros((2, _LAYERS * count))
@@ -250,19 +250,19 @@ def _loads(
     return load, spur, fed_24
 
 
-# The cable that each feeder needs, and where a supply must be nearer -----------------------------
+# The cable that each feeder needs, and the places where a supply must be nearer ------------------
 
 
 class Feeders(NamedTuple):
-    """Sizes of the feeders of a design, and its further supplies."""
+    """Sizes of the feeders of a design, and the additional supplies."""
 
     #: Cable of each feeder, by the number of its run.
     cable: Mapping[int, str]
     #: Runs replaced by a supply beside the device at their far end, with its former supply.
     own: Mapping[int, int]
-    #: Supplies that then feed no device.
+    #: Supplies that no longer feed a device.
     idle: Collection[int]
-    #: Devices that are too weakly fed even by a supply beside them: value, limit and unit.
+    #: Devices underpowered even with a supply beside them: value, limit and unit.
     weak: Sequence[tuple[str, float, float, str]]
 
 
@@ -344,7 +344,7 @@ def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: I
 
 
 def feeders_of(thinnest: str) -> list[Cable]:
-    """Return a cable and the thicker ones of one pair, by cross-section."""
+    """Return a cable and all thicker single-pair cables, by cross-section."""
     first = cables()[thinnest]
     more = [
         cable for cable in cables().values()
@@ -356,7 +356,7 @@ def feeders_of(thinnest: str) -> list[Cable]:
 def _cuts(
     trees: Forest, feeders: Sequence[int], cable: Cable, rating: float, tails: float
 ) -> list[int]:
-    """Return the fewest nodes that need a supply of their own with a cable.
+    """Return the smallest set of nodes that need a supply of their own with a given cable.
 
     From the leaves, a branch stays with its parent while a supply there could serve both.
     """

@@ -41,7 +41,7 @@ def save_files(folder: str | PathLike[str], named: Iterable[tuple[str, bytes]]) 
 
 
 def zipped(named: Iterable[tuple[str, bytes]]) -> bytes:
-    """Return files as one archive."""
+    """Return files as one ZIP archive."""
     stream = BytesIO()
     with ZipFile(stream, "w") as archive:
         for name, content in named:
@@ -89,7 +89,7 @@ _SCHEDULE = [
 def devices(design: Layout) -> pd.DataFrame:
     """Return all devices with position, housing, bus address and number of points."""
     connected = design.points[design.points["bus"] != ""]
-    # An address begins with that of the device: a slave, a unit, or one of several messages.
+    # An address begins with the device's address: a slave, a unit, or one of several messages.
     own = connected.assign(address=connected["address"].str.split().str[0])
     own = own.dropna(subset="address").drop_duplicates(["device", "address"])
     of_device = own.groupby("device")["address"].agg(", ".join)
@@ -104,7 +104,7 @@ def points(design: Layout) -> pd.DataFrame:
     """Return all points of the list with their channels, including those that do not fit."""
     columns = ["tag", "system", "type", "signal", "x_m", "y_m", "z_m", "update_ms"]
     listed, own = design.iolist.points[columns], design.points.drop(columns="tag")
-    # A hardwired point ends on a card in the cabinet, even if it passes a box.
+    # A hardwired point ends on a card in the cabinet, even if its cable passes through a box.
     reader = own["device"].where(own["bus"] != "hardwired", design.cabinet)
     number = listed.groupby([reader, listed["type"]]).cumcount() + 1
     channel = (listed["type"] + " " + number.astype(str)).where(own["bus"] != "", "")
@@ -162,7 +162,7 @@ def terminals(design: Layout) -> pd.DataFrame:
 
 
 def _wires(design: Layout) -> Iterator[str]:
-    """Yield the name of each core of each cable: its signal on a bus, else its number."""
+    """Yield the name of each core of each cable: the signal on a bus, otherwise the number."""
     bus = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     runs = design.cables
     for kind, segment, cores in zip(runs["kind"], runs["segment"], runs["conductors"], strict=True):

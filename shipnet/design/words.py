@@ -38,7 +38,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 
 
 class Reading(NamedTuple):
-    """A list's own words: columns and signals by spelling, x by frame and z by deck [m]."""
+    """The words of one list: columns and signals by spelling, x by frame and z by deck [m]."""
 
     columns: tuple[tuple[str, str], ...] = ()
     signals: tuple[tuple[str, str], ...] = ()
@@ -172,7 +172,7 @@ def _is_signal(word: str, value: object) -> str:
     return str(value)
 
 
-#: The check of the values of each table, and the legal values in words.
+#: The check for the values of each table, and the legal values in words.
 _OWN = {"columns": _is_column, "signals": _is_signal, "frames": _is_metres, "decks": _is_metres}
 _LEGAL = {
     "columns": f"one of {', '.join((*COLUMNS, *PLACED))}",
@@ -186,7 +186,7 @@ _LEGAL = {
 
 
 class Column(NamedTuple):
-    """The meaning of a title: the name of the column, and the multiple of its unit."""
+    """The meaning of a title: the name of the column, and the factor to the column's unit."""
 
     name: str
     scale: float = 1.0
@@ -201,7 +201,7 @@ def _titles() -> Mapping[str, str]:
 
 @lru_cache(4096)
 def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | None:
-    """Return the column that a title means, also if the title is in two languages."""
+    """Return the column that a title means; the title may be in two languages."""
     mine = {plain(word): name for word, name in own}
     if plain(title) in mine:
         return Column(mine[plain(title)])
@@ -239,7 +239,7 @@ def _column(title: str) -> Column | None:
 
 # Numbers --------------------------------------------------------------------------------------
 
-#: Wide characters of East Asia, the minus sign and non-breaking spaces, as plain ones.
+#: Replacements for East Asian wide characters, the minus sign and non-breaking spaces.
 _WIDE = {0xFF01 + k: 0x21 + k for k in range(94)} | {0x3000: 32, 0x2212: 45, 0xA0: 32, 0x202F: 32}
 
 _CELL = re.compile(
@@ -308,7 +308,7 @@ _SAFE = re.compile(
 
 
 def without_safety(word: str) -> tuple[str, str]:
-    """Return a signal without its mark of intrinsic safety, and that mark."""
+    """Return a signal without its mark of intrinsic safety, and the mark."""
     found = None if meanings(word) else _SAFE.search(word)
     if found is None:
         return word, ""

@@ -1,4 +1,4 @@
-"""Interactive tools: records whose fields are the controls of a page, with an answer."""
+"""Interactive tools: records whose fields are the controls of a page that shows an answer."""
 
 import lazy_loader
 

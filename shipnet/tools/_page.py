@@ -40,16 +40,16 @@ from shipnet.tools._view import (
     write_state,
 )
 
-#: Most faults of a file that are listed.
+#: Maximum number of faults of a file that are listed.
 _FAULTS = 50
 
-#: Shown if a file or a button changed nothing.
+#: Message shown if a file or a button changed nothing.
 _BEFORE = "The results above are still the previous ones."
 
-#: Most frames of a stepper.
+#: Maximum number of frames of a stepper.
 _MOST = 1000
 
-#: Draws frame k, counted from 0, on axes.
+#: Function that draws frame k, counted from 0, on axes.
 Draw = Callable[[int, Axes], object]
 
 
@@ -136,7 +136,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         return self._controls.inputs
 
     def refresh(self) -> None:
-        """Compute and show the view of the present inputs."""
+        """Compute and show the view of the current inputs."""
         with self._busy():
             save = '<a class="shipnet-button" aria-disabled="true">save state</a>'
             link = ""
@@ -147,10 +147,10 @@ class Page(widgets.VBox):  # type: ignore[misc]
                 link = write_link(inputs)
                 view = self._see(inputs)
                 figure = view.figure(self._sheet, narrow=bool(self.narrow.value))
-            except Exception as problem:  # it becomes a sentence, whatever it is
+            except Exception as problem:  # any error is shown as a message
                 view, figure = View(verdict=_lines(problem), ok=False), ""
             self.text, self.ok = str(view), view.ok
-            # Before the verdict: who sees it and saves the state must get that state.
+            # Set before the verdict, so that a user who sees the verdict and saves gets its state.
             links = (download_link(f"download {name}", name, f) for name, f in view.files.items())
             self.links.value = " ".join([save, link, *links])
             self._shown.value, self._details.value = view.answer, view.details
@@ -158,7 +158,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
             self.figure.value = figure or self.figure.value
 
     def _moved(self) -> None:
-        # Compute at once: a browser sends the next value only when this one is done.
+        # Compute immediately: a browser sends the next value only after this computation.
         self._say("")
         self.refresh()
 
@@ -184,7 +184,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         return inputs
 
     def _change(self, new: Callable[[], Any], file: str = "") -> None:
-        """Show new inputs, or the present ones if None, or else their faults."""
+        """Show new inputs (the current ones if None), or the faults if the inputs are not legal."""
         try:
             with self._busy():
                 inputs = new()
@@ -270,7 +270,7 @@ class Controls:
         rows = {}
         for name, control in self.widgets.items():
             kind = self._asked[name]
-            # The first observer, so that a control beyond its new end is moved before it is read.
+            # Registered first, so that a control beyond its new limit is moved before it is read.
             if isinstance(kind, Whole) and kind.at_most:
                 self._bound(control, kind, self.widgets[kind.at_most])
             control.tooltip = kind.help
@@ -325,7 +325,7 @@ class Controls:
         self._observers.append(call)
 
     def _changed(self, _: object) -> None:
-        # A browser echoes the values of `put`, which is no change.
+        # A browser echoes the values of `put`; an echo is not a change.
         if not self._quiet and self._seen != self._values():
             self._seen = self._values()
             for call in self._observers:
@@ -390,7 +390,7 @@ def _control(kind: Kind, value: Any) -> widgets.Widget | None:
 
 @checked
 def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
-    """Draw some frames side by side: the static picture before a stepper.
+    """Draw some frames side by side, as the static picture before a stepper.
 
     Parameters
     ----------
@@ -424,7 +424,7 @@ def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
 def stepper(
     draw: Draw, captions: Sequence[str], *, width: float = 7.5, height: float = 3.2
 ) -> widgets.VBox:
-    """Return a slider with a button back and a button on, over prepared frames.
+    """Return a slider with a back button and a forward button, for prepared frames.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The base of all tools: inputs as declared fields, what follows from them, and a page."""
+"""The base of all tools: inputs as declared fields, results, and a page."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 @checked
 class Tool:
-    """Base of the tools: a record whose fields are its controls, and what follows from them."""
+    """Base of the tools: a record whose fields are the controls, with the results."""
 
-    #: What the tool computes from its inputs.
+    #: The result that the tool computes from its inputs.
     result: Any
 
     @property
@@ -31,7 +31,7 @@ class Tool:
 
     @property
     def numbers(self) -> dict[str, str]:
-        """The numbers behind the answer, as text with units."""
+        """The numbers that support the answer, as text with units."""
         return dict(self._view().numbers)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -50,9 +50,9 @@ class Tool:
         return Page(self, story=story, **self._options())
 
     def _view(self) -> View:
-        """Return what the page shows."""
+        """Return the view that the page shows."""
         raise NotImplementedError
 
     def _options(self) -> dict[str, Any]:
-        """Return the arguments of `Page`: what it has besides controls and figure."""
+        """Return the arguments of `Page` for parts other than controls and figure."""
         return {}

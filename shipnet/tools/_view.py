@@ -1,4 +1,4 @@
-"""What a page shows: verdict, numbers, figure, buttons and files; and its saved states."""
+"""The contents of a page: verdict, numbers, figure, buttons and files; and saved states."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from shipnet.lazy import pd
 #: Width of a picture [inch], and its resolution [1/inch]; a page shows 100 px per inch.
 _WIDTH, _DPI = 7.5, 150
 
-#: Width of a picture on a phone, and its height as a part of the usual one.
+#: Width of a picture on a phone, and its height as a fraction of the usual height.
 _NARROW, _FLAT = 4.6, 0.8
 
 #: Version of saved states; it increases when a field changes its meaning.
@@ -31,10 +31,10 @@ VERSION = 1
 
 _FORMAT = "shipnet tool"
 
-#: Largest state [bytes]; most have a few hundred, but an editor's text makes one longer.
+#: Largest state [bytes]; most have a few hundred, but the text of an editor adds to this.
 _LARGEST = 2_000_000
 
-#: Most characters of a link that programs do not cut.
+#: Maximum number of characters of a link that programs do not truncate.
 _LONGEST_LINK = 2_000
 
 
@@ -103,7 +103,7 @@ class View:
             width, height = _NARROW, _FLAT * height
         png = b64encode((sheet or Sheet()).png(self.plot, width, height)).decode()
         alt = f"{self.about}: {self.verdict}" if self.about else self.verdict
-        # Decoded at once, else the page would blink at every step of a slider.
+        # Decoded synchronously; otherwise the page would flicker at every step of a slider.
         return (
             f'<img class="shipnet-picture" decoding="sync" width="{100 * width:g}" '
             f'height="{100 * height:g}" alt="{escape(alt)}" src="data:image/png;base64,{png}">'
@@ -122,7 +122,7 @@ class Sheet:
     _words: tuple[str, ...] = ()
 
     def png(self, plot: Callable[[Axes], object], width: float, height: float) -> bytes:
-        """Return what `plot` draws on axes as a PNG of a size in inches."""
+        """Return the drawing of `plot` as a PNG of the given size in inches."""
         axes, self.axes = self.axes, None  # dropped if the plot fails
         if axes is None or self._size != (width, height):
             figure = Figure(figsize=(width, height), dpi=_DPI)
@@ -133,7 +133,7 @@ class Sheet:
         plot(axes)
         whole, place = cast("Any", axes.figure), cast("Any", axes.get_subplotspec())
         if _words(axes) != self._words:
-            # Make room for the words, starting from the place of new axes.
+            # Make room for the text, starting from the position of new axes.
             axes.set_subplotspec(place)
             whole.set_layout_engine("constrained")
         png = self._drawn(axes)
@@ -143,14 +143,14 @@ class Sheet:
 
     def _drawn(self, axes: Axes) -> bytes:
         file, canvas = BytesIO(), cast("Any", axes.figure.canvas)
-        # `savefig` draws twice, and compresses more than a picture needs that is shown once.
+        # `savefig` draws twice, and compresses more than is worthwhile for a picture shown once.
         canvas.print_png(file, pil_kwargs={"compress_level": 1})
         self.axes = axes
         return file.getvalue()
 
 
 def _clear(axes: Axes) -> None:
-    """Remove what a plot has drawn and set, except the ticks."""
+    """Remove everything that a plot has drawn or set, except the ticks."""
     legend = axes.get_legend()
     drawn = [*axes.lines, *axes.patches, *axes.collections, *axes.texts, *axes.artists]
     for artist in [*drawn, *([legend] if legend else [])]:
@@ -163,7 +163,7 @@ def _clear(axes: Axes) -> None:
 
 
 def _words(axes: Axes) -> tuple[str, ...]:
-    """Return the words around axes, which determine the layout."""
+    """Return the text around the axes, which determines the layout."""
     legend = axes.get_legend()
     texts = [*axes.get_xticklabels(), *axes.get_yticklabels(), axes.title, axes.xaxis.label,
              axes.yaxis.label, *(legend.get_texts() if legend else ())]  # fmt: skip
@@ -228,7 +228,7 @@ def write_link(inputs: Any) -> str:
 
 
 def read_link(query: str, kind: type) -> Any:
-    """Return the inputs of a link as the record `kind`; others have their defaults."""
+    """Return the inputs of a link as the record `kind`; missing inputs have their defaults."""
     values = asdict(kind())
     for name, text in parse_qsl(query, keep_blank_values=True):
         values[name] = _value(text, values.get(name))
@@ -268,7 +268,7 @@ def _record(given: Mapping[str, Any], kind: type, file: str) -> Any:
         except ArgumentError as fault:
             faults.append(str(fault))
         except TypeError:
-            # The value that limits it is not a number, which is a fault already.
+            # The limiting value is not a number, which is already recorded as a fault.
             continue
     if faults:
         raise InputError(file, *faults)

@@ -1,4 +1,4 @@
-"""The line explorer: a slave answers over a cable, and the master decodes the answer."""
+"""The line explorer: a slave responds over a cable, and the master decodes the response."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class AsiLine(Tool):
 
     @cached_property
     def result(self) -> Reception:
-        """What the master receives."""
+        """The reception at the master."""
         return self.wave.receive(self.receiver)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -134,7 +134,7 @@ class AsiLine(Tool):
         return self.result.pulses.decode()
 
     def _numbers(self) -> dict[str, str]:
-        """Return the size of the signal, the evenness of its pulses, and its ringing."""
+        """Return the signal amplitude, the uniformity of the pulses, and the ringing."""
         heard, swing = self.result, {"signal": f"{np.ptp(self.wave.u):.1f} Vpp"}
         if np.isnan(heard.amplitude):
             return swing

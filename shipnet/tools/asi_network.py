@@ -1,4 +1,4 @@
-"""The network explorer: a cable with slaves, their polling times, and the rules it violates."""
+"""The network explorer: a cable with slaves, their polling times, and the rules violated."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class AsiNetwork(Tool):
         )
 
     def _numbers(self) -> dict[str, str]:
-        """Return times and rates."""
+        """Return the polling times and rates."""
         cycle = self.plan.cycle
         # A slave is polled at most twice in a cycle; the second poll counts in the worst case.
         response = cycle.response_time(repetitions=int(self.error_rate > 0))

@@ -65,7 +65,7 @@ class CanLoad(Tool):
 
     @cached_property
     def messages(self) -> MessageSet:
-        """The messages of the text, with spread offsets if that is chosen."""
+        """The messages of the text, with spread offsets if chosen."""
         messages = MessageSet.parse(self.text)
         return spread_offsets(messages) if self.offsets == "spread" else messages
 
@@ -90,7 +90,7 @@ class CanLoad(Tool):
 
     @property
     def load(self) -> dict[str, float]:
-        """Load of the bus, by the way of counting stuff bits."""
+        """Bus load for each way of counting stuff bits."""
         counted: dict[str, Stuffing] = {
             "no stuff bits": "none", "random data": "mean", "most stuff bits": "worst",
         }  # fmt: skip

@@ -10,7 +10,7 @@ from shipnet.modbus.polling import BIT_RATES, Scan, scan
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
-#: Characters to choose from: those of the standard, and a common setting of devices.
+#: Character formats to choose from: the formats of the standard, and a common device setting.
 CHARACTERS = ("8E1", "8O1", "8N2", "8N1")
 
 

@@ -29,7 +29,7 @@ RULES: MappingProxyType[Rule, str] = MappingProxyType(
     }
 )
 
-#: The actions: the text of each button, and what it does.
+#: The actions: the label and the effect of each button.
 ACTIONS = MappingProxyType(
     {
         "byte": ("store a byte", "The interrupt stores the next byte of a packet."),
@@ -82,7 +82,7 @@ class ReceiveRing(Tool):
     )  # fmt: skip
 
     def then(self, action: str) -> ReceiveRing:
-        """Return the same ring after one more action, such as ``"byte"`` or ``"repair"``."""
+        """Return the ring after one more action, such as ``"byte"`` or ``"repair"``."""
         return replace(self, actions=(*self.actions, check_choice("action", action, ACTIONS)))
 
     @cached_property
@@ -153,7 +153,7 @@ class Game:
 
     @property
     def wrong(self) -> int:
-        """Number of packets that are older than an earlier one, or were never sent."""
+        """Number of packets that are older than a previously read packet, or were never sent."""
         sent = {_value(number) for number in range(self.ring.written // _FORM.size(_ITEMS))}
         due = accumulate((value + 1 for value in self.found), max, initial=0)
         pairs = zip(self.found, due, strict=False)
@@ -186,7 +186,7 @@ class Game:
         return step
 
     def _empty(self) -> None:
-        # A ring that is read on while empty may never end: two rounds show that.
+        # Reading a ring while it is empty may never end; two laps reveal this.
         for taken in range(2 * self.ring.size):
             if self._extract().action in ("wait", "stop"):
                 self.said = f"{taken} steps, then: {self.said}"
@@ -202,7 +202,7 @@ class Game:
 
 
 def _value(number: int) -> int:
-    # Values increase, and neither byte is a marker or 0.
+    # Values increase, and neither byte of a value is a marker or 0.
     return (number // 200 + 1) << 8 | number % 200 + 1
 
 

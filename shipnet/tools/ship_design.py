@@ -33,7 +33,7 @@ from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, Upload, View
 
-#: What the figure can show; a figure against cost is named by its column of the comparison.
+#: Choices of figure; a figure against cost is named after its column of the comparison.
 PICTURES = {
     "cost": "cost of each option, with its range",
     "conductors_at_cabinet": "conductors against cost",
@@ -45,7 +45,7 @@ PICTURES = {
 #: The cabinet of the example ship.
 _CABINET = "26, 6, 14"
 
-#: Controls that are folded away: a page opens on the answer.
+#: Controls that are folded away, so that a page opens with the answer.
 _FOLDS = {
     "I/O list and cabinet": ("points", "name", "cabinet"),
     "limits and prices": (
@@ -53,7 +53,7 @@ _FOLDS = {
     ),
 }  # fmt: skip
 
-#: Most characters of a list, because a state with it must not exceed 2 MB.
+#: Maximum number of characters of a list; a state that contains it must not exceed 2 MB.
 _LONGEST = 1_000_000
 _STATE = 1_900_000
 
@@ -76,7 +76,7 @@ MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
 #: Seed of the draws of the assumptions, the same as in `shipnet design`.
 _SEED = 2024
 
-#: Assumptions that make up the price of a bus, beside its cable.
+#: Assumptions that make up the price of a bus, apart from the cable.
 _BUS_PARTS = (
     "asi_", "can_", "modbus_", "station_", "second_interface", "supply", "repeater", "terminator",
     "gateway",
@@ -90,7 +90,7 @@ def _examples() -> Mapping[str, str]:
     return MappingProxyType({"main engine": titles + "".join(engine), "ship": ship})
 
 
-#: Lists to begin with, both synthetic: the 99 points of an engine, and the 353 of a ship.
+#: Example lists, both synthetic: the 99 points of an engine, and the 353 points of a ship.
 EXAMPLES = _examples()
 
 
@@ -221,7 +221,7 @@ class ShipDesign(Tool):
         return _compared(iolist, self.cabinet, settings, self.options, self.rules)
 
     def _settings(self) -> Settings:
-        """Return the values of the controls, overridden by the lines of one's own."""
+        """Return the values of the controls, overridden by the user's own settings."""
         values: dict[str, object] = {
             "spare": self.spare, "redundant": self.redundant, "list_lengths": self.list_lengths,
             "detour": self.detour, **_prices(self.labour, self.parts),
@@ -239,7 +239,7 @@ class ShipDesign(Tool):
         return self.result.plot("total_cost_eur", self.picture, ax=ax)
 
     def _view(self, report: bool = False) -> View:
-        """Return what the page shows; with `report`, a file to download."""
+        """Return the view that the page shows; with `report`, the view has a file to download."""
         found = self.result
         heights = {"cost": 1.2 + 0.4 * len(found.designs), "assumptions": 3.4}
         files: dict[str, str | bytes] = {"settings.toml": found.settings.text()}
@@ -377,14 +377,14 @@ def _compared(
     return replace(found, remarks=(said,) if said else ())
 
 
-#: Most violated rules that are shown per design.
+#: Maximum number of violated rules shown per design.
 _SHOWN = 3
 
 _FAILED = {"cut": "is cut", "short": "is shorted", "device": "is dead"}
 
 
 def _numbers(comparison: Comparison) -> dict[str, str]:
-    """Return what the table of a comparison omits, in words."""
+    """Return, in words, the results that the table of a comparison omits."""
     x, y, z = comparison.site.cabinet
     said = {
         "list": "; ".join([str(comparison.iolist), *comparison.iolist.remarks]),

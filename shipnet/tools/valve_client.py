@@ -28,7 +28,7 @@ _OWN = 16
 @checked
 @record
 class ValveClient(Tool):
-    """Ballast valves over Modbus/TCP: open, close and set them, and see their answers.
+    """Ballast valves over Modbus/TCP: open, close and set them, and see their responses.
 
     `result` has the answers of model valves in model time; the page talks to a server.
 
@@ -65,7 +65,7 @@ class ValveClient(Tool):
         return Client.over(ModelValves(self.valves), self.valves).read()
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the openings of all valves, the chosen one framed."""
+        """Draw the openings of all valves, with a frame around the chosen valve."""
         return self.result.screen.plot(self.valve, ax)
 
     def explore(self, story: bool = False) -> Explorer:
@@ -77,7 +77,7 @@ class ValveClient(Tool):
         return self.view(self.result)
 
     def view(self, readout: Readout, answer: str = "", *, refused: bool = False) -> View:
-        """Return the view of valves that were read, with the answer to the last command."""
+        """Return the view of the valves that were read, with the response to the last command."""
         row = readout.screen[self.valve]
         silent = row["state"] == "silent"
         place = f"{row['state']}, {said(row['position_percent'], 0, '%')}"
@@ -108,7 +108,7 @@ class Explorer(Page):
         self._link: Link | None = None
         self._place: tuple[str, int] | None = None
         self._answer, self._refused = "", 0
-        # The browser counts, and each count reads the valves, so no thread is needed.
+        # The browser's counter triggers each reading of the valves, so no thread is needed.
         clock = widgets.Play(min=0, max=10**6, interval=500, repeat=True, show_repeat=False)
         clock.tooltip = "Reads all valves twice per second."
         clock.observe(lambda _: self.refresh(), "value")
@@ -127,7 +127,7 @@ class Explorer(Page):
         )
 
     def close(self) -> None:
-        """Close connection and server, and the page."""
+        """Close the connection, the server and the page."""
         self._hang_up()
         self._end()
         super().close()

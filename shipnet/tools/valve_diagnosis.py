@@ -22,7 +22,7 @@ from shipnet.fuzzy.terms import NORMAL
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Preset, View
 
-#: States of a valve: opening at the start, 0..1, command, and time of the reading [s].
+#: States of a valve: initial opening (0..1), command, and time of the reading [s].
 STATES: dict[str, tuple[float, str | None, float]] = {
     "opening": (0.5, "open", 4.0),
     "closing": (0.5, "close", 4.0),
@@ -90,13 +90,13 @@ class ValveDiagnosis(Tool):
 
     @property
     def strength(self) -> dict[str, float]:
-        """Firing strength by code, the highest priority first."""
+        """Firing strength by code, highest priority first."""
         firing = self.result.firing
         return {code: float(firing[code][0]) for code in _BASE.ranking}
 
     @cached_property
     def printed(self) -> tuple[str, ...]:
-        """Codes that fire at the printed limits, without ramps."""
+        """Codes that fire at the limits printed in the paper, without ramps."""
         return _BASE.decide(self.readings, "crisp").codes(0)
 
     def plot(self, ax: Axes | None = None) -> Axes:
