@@ -1,4 +1,4 @@
-"""AS-Interface: telegrams, their signals and timing, captures, plans, and a line simulated."""
+"""AS-Interface: telegrams, signals, timing, decoded captures, plans and a simulated line."""
 
 import lazy_loader
 

@@ -1,6 +1,6 @@
-"""Many telegrams at once, as arrays of words; a telegram's first bit is the highest of its word.
+"""Parse arrays of telegrams; the most significant bit of each word is the first bit sent.
 
-A bad telegram raises no error: an array of error codes of `shipnet.errors` names its fault.
+A bad telegram raises no exception; it has an error code of `shipnet.errors` in an array.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from shipnet.errors import (
 )
 from shipnet.lazy import pd
 
-#: A field without a value: a standard slave has no half, and a bad telegram no data.
+#: Value of an absent field, such as the half of a standard slave or the data of a bad telegram.
 NONE = -1
 
 Codes = npt.NDArray[np.uint8]
@@ -37,15 +37,15 @@ class Requests(NamedTuple):
     Attributes
     ----------
     error : ndarray of uint8
-        0, or a code of `shipnet.errors`, where the other fields are -1.
+        0 for a correct request; otherwise a code of `shipnet.errors`, and the other fields are -1.
     call : ndarray of int8
         Value of `Call`.
     address : ndarray of int8
-        Address, 0..31.
+        Address of the slave, 0..31.
     data : ndarray of int8
         Data as in `Request.data`.
     half : ndarray of int8
-        0 for A, 1 for B, -1 for a standard slave.
+        0 for an A slave, 1 for a B slave, -1 for a standard slave.
 
     Examples
     --------
@@ -62,9 +62,9 @@ class Requests(NamedTuple):
 
     @classmethod
     def parse(cls, words: npt.ArrayLike, *, extended: npt.ArrayLike = False) -> Requests:
-        """Parse words of 14 bits; a bad one has an `error` and raises nothing.
+        """Parse 14-bit words; a bad word sets its `error` code and raises no exception.
 
-        `extended` says, for all or for each word, whether the slave uses extended addressing.
+        `extended` is True for slaves with extended addressing: one value, or one value per word.
         """
         words = _integers("words", words)
         mode = np.asarray(extended)
@@ -84,7 +84,7 @@ class Requests(NamedTuple):
         return cls(error, *np.moveaxis(meaning, -1, 0))
 
     def table(self) -> pd.DataFrame:
-        """Return one row per telegram; errors and calls have names."""
+        """Return a table with one row per request; errors and calls are given by name."""
         title = np.array([call.rule.title for call in Call] + [""], dtype=object)
         codes, which = np.unique(self.error.ravel(), return_inverse=True)
         errors = np.array([name_of(code) for code in codes.tolist()], dtype=object)
@@ -101,7 +101,7 @@ class Requests(NamedTuple):
 
 @cache
 def _meanings() -> npt.NDArray[np.int8]:
-    """Return call, address, data and half of all 2 x 2**11 information words, `NONE` if unknown."""
+    """Return call, address, data and half for both addressing modes and all information words."""
     meaning = np.full((2, 2**11, 4), NONE, dtype=np.int8)
     information = np.arange(2**11)[:, np.newaxis]
     bits, address = information >> np.arange(10, -1, -1) & 1, information[:, 0] >> 5 & 31
@@ -129,7 +129,7 @@ def _integers(name: str, values: npt.ArrayLike) -> Integers:
 
 
 def _frame_errors(words: Integers, length: int) -> Codes:
-    """Return the error codes of frames; the checks further down take precedence."""
+    """Return the error code of each frame; if several checks fail, the last one sets the code."""
     error = np.zeros(words.shape, dtype=np.uint8)
     error[np.bitwise_count(words >> 1) & 1 == 1] = ParityError.code
     error[words & 1 == 0] = EndBitError.code
@@ -139,7 +139,7 @@ def _frame_errors(words: Integers, length: int) -> Codes:
 
 
 def parse_responses(words: npt.ArrayLike) -> tuple[npt.NDArray[np.int8], Codes]:
-    """Parse many responses: return their data, -1 if unreadable, and their error codes."""
+    """Parse an array of responses; return their data, -1 for bad ones, and their error codes."""
     words = _integers("words", words)
     error = _frame_errors(words, RESPONSE_BITS)
     data = np.where(error == 0, words >> 2 & 15, NONE).astype(np.int8)

@@ -1,7 +1,7 @@
-"""Find the telegrams in a recorded voltage: resample it, remove its baseline, group its pulses.
+"""Find telegrams in a recorded voltage: resample it, subtract its baseline and group its pulses.
 
-A burst is a row of pulses between silences. From the first to the last peak, a request takes
-78 us and a response 36 us.
+A burst is a sequence of pulses with silence before and after it. The first and the last peak are
+78 us apart in a request and 36 us in a response.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ from shipnet.errors import ArgumentError
 
 Singles = npt.NDArray[np.float32]
 
-#: Silence that ends a telegram [s]. Its pulses are at most 6 us apart, or 9 us if one is lost; two
-#: telegrams are at least 12 us apart, 6 us more than the shortest pause.
+#: Shortest silence that ends a telegram [s]. Pulses of one telegram are at most 6 us apart (9 or
+#: 12 us if one is lost; see `_rejoin`); pulses of different telegrams are at least 12 us apart.
 SILENCE = 3.5 * HALF_BIT
 
-#: Lowest sampling rate after resampling [Hz]; the spectrum of pulses ends at 0.7 MHz.
+#: Lowest sampling rate after resampling [Hz]; the spectrum of the pulses extends to 0.7 MHz.
 _RATE = 4e6
 
-#: Length of the pieces of a record [samples], their overlap [s], and the stretches whose mean is
-#: the baseline [s], since the pulses of a telegram add up to 0.
+#: Length of a piece of a record [samples], overlap of two pieces [s], and length of the intervals
+#: whose mean is the baseline [s]. The pulses of a telegram do not affect it: they add up to 0.
 _PIECE, _OVERLAP, _STRETCH = 2**20, 240e-6, 250e-6
 
-#: Zeros around a piece, for telegrams that it cuts off [s].
+#: Length of the zeros added at both ends of a piece, where telegrams are cut off [s].
 _MARGIN = 110e-6
 
-#: Pulses smaller than this share of their neighbours are ringing. The largest legal signal is 2.7
-#: times the smallest, so no telegram is that small beside another one.
+#: Smallest height of a pulse, relative to the largest one nearby; lower peaks are ringing. The
+#: largest legal signal is 2.7 times the smallest, so all pulses of a telegram exceed this limit.
 _RINGING = 0.2
 
-#: Time from the first peak to the last one [s].
+#: Time from the first to the last peak of a telegram [s], by its number of bits.
 _SPANS = {bits: (2 * bits - 2) * HALF_BIT for bits in (RESPONSE_BITS, REQUEST_BITS)}
 
 
 class Sampling(NamedTuple):
-    """Steps of resampling: the mean of some samples, then a rational change of the rate."""
+    """Two steps of resampling: average `mean` samples, then multiply the rate by `up` / `down`."""
 
     dt: float
     mean: int
@@ -54,22 +54,22 @@ class Sampling(NamedTuple):
 
     @classmethod
     def of(cls, dt: float) -> Sampling:
-        """Return a resampling to 4 to 8 million samples per second."""
-        # The mean of neighbours is 0 at frequencies that fold to 0: a cheap first step.
+        """Return the steps that resample a record with sampling interval `dt` to 4..8 MS/s."""
+        # Averaging is a cheap first step: it rejects the frequencies that would alias to 0 Hz.
         mean = max(1, int(1 / (dt * 5 * _RATE) + 1e-9))
         rate = 1 / (dt * mean)
         return cls(dt, mean, max(1, int(np.ceil(_RATE / rate - 1e-9))), max(1, int(rate / _RATE)))
 
     @property
     def step(self) -> float:
-        """Time between two samples after resampling [s]."""
+        """Sampling interval after resampling [s]."""
         return self.dt * self.mean * self.down / self.up
 
 
 class Piece(NamedTuple):
-    """A stretch of the record, resampled and without its baseline."""
+    """A piece of a record, resampled and with its baseline subtracted."""
 
-    #: The voltage with `margin` zeros on both sides, and the filtered voltage.
+    #: Voltage [V] with `margin` zeros at both ends, and voltage after the matched filter [V].
     around: Singles
     y: Singles
     margin: int
@@ -80,7 +80,7 @@ class Piece(NamedTuple):
 
 
 class Bursts(NamedTuple):
-    """The bursts of a piece."""
+    """The bursts in one piece of a record."""
 
     first: Indices
     last: Indices
@@ -90,14 +90,14 @@ class Bursts(NamedTuple):
     pulses: Integers
 
     def where(self, chosen: Bools) -> Bursts:
-        """Return the chosen bursts."""
+        """Return the bursts for which `chosen` is True."""
         return Bursts._make(part[chosen] for part in self)
 
 
 def pieces(
     u: Floats, dt: float, *, length: int = _PIECE, only: Indices | None = None
 ) -> Iterator[Piece]:
-    """Yield overlapping pieces of a record, so that memory stays bounded."""
+    """Yield a record in overlapping pieces, which limit the memory needed."""
     sampling = Sampling.of(dt)
     group = sampling.mean * sampling.down
     length = -(-length // group) * group
@@ -106,7 +106,7 @@ def pieces(
     numbers = range(-(-len(u) // length)) if only is None else only
     most = min(len(u), length + 2 * overlap)
     for place, number in enumerate(numbers):
-        # The pieces of a whole record share their memory; chosen pieces own theirs.
+        # All pieces of a whole record share one buffer; each selected piece has its own.
         if place == 0 or only is not None:
             v = np.empty(most + _spare(sampling), np.float32)
             whole = np.zeros((2, most * sampling.up // group + 2 * margin), np.float32)
@@ -124,7 +124,7 @@ def pieces(
 
 
 def _spare(sampling: Sampling) -> int:
-    """Return how many samples `resample` needs besides those of a record."""
+    """Return the number of additional samples that the buffer of `resample` needs."""
     _, mean, up, down = sampling
     return 5 * max(len(_lowpass(mean, up, down)), 16 * mean * down)
 
@@ -132,8 +132,8 @@ def _spare(sampling: Sampling) -> int:
 def resample(
     u: Floats, sampling: Sampling, room: Singles | None = None, out: Singles | None = None
 ) -> Singles:
-    """Return the resampled voltage less a constant; `room` and `out` are memory to reuse."""
-    # Single precision resolves 2 uV on 30 V, but filters lose that unless the 30 V are removed.
+    """Return a resampled voltage minus its median; `room` and `out` are optional buffers."""
+    # Single precision resolves 2 uV at 30 V; filters lose this unless the 30 V are subtracted.
     offset = _middle(u, 512)
     _, mean, up, down = sampling
     taps = _lowpass(mean, up, down)
@@ -143,10 +143,10 @@ def resample(
     v = np.empty(whole, np.float32) if room is None else room[:whole]
     own = v[front : front + used]
     np.subtract(u[:used], offset, out=own, casting="same_kind")
-    # A sum of squares is the fastest test for NaN in any sample.
+    # The fastest test for NaN: the sum of squares is NaN if any sample is.
     if np.isnan(own @ own):
         np.nan_to_num(own, copy=False, nan=_middle(u, 4096) - offset)
-    # The record continues with the median near its ends, since a step would look like a pulse.
+    # Pad each end with the median of the samples near it, because a step would look like a pulse.
     around = max(1, round(30e-6 / (sampling.dt * mean))) * mean
     for end, beyond in ((own[:around], v[:front]), (own[-around:], v[front + used :])):
         beyond[:] = np.median(end.reshape(-1, mean).mean(axis=1)) if used else 0.0
@@ -154,7 +154,7 @@ def resample(
 
 
 def _middle(u: npt.NDArray[Any], looks: int) -> float:
-    """Return the median of some samples; 0 if there are none."""
+    """Return the median of about `looks` samples of `u`, without NaN; 0 if there are none."""
     some = u[:: max(1, len(u) // looks)]
     some = some[~np.isnan(some)]
     return float(np.median(some)) if some.size else 0.0
@@ -162,8 +162,8 @@ def _middle(u: npt.NDArray[Any], looks: int) -> float:
 
 @cache
 def _lowpass(mean: int, up: int, down: int) -> Singles:
-    """Return an anti-alias filter: 60 dB where noise could fold into the pulses' 0.7 MHz."""
-    # From 4 MS/s up, all above rate - 0.7 MHz could fold; below, the recorder has folded it.
+    """Return a filter that attenuates noise by 60 dB where it would alias to below 0.7 MHz."""
+    # In a record sampled below 4 MS/s, noise is already aliased; the filter only interpolates.
     half = 8 * up if up > 1 else 3 * down if down > 1 else 0
     k = np.arange(-half, half + 1)
     taps = np.sinc(k / max(up, down)) * np.kaiser(len(k), 5.65)
@@ -171,14 +171,14 @@ def _lowpass(mean: int, up: int, down: int) -> Singles:
 
 
 def _flatten(x: Singles, step: float) -> None:
-    """Remove the baseline: the mean of each stretch, or of the record if it is short."""
+    """Subtract the baseline: interpolated means of intervals, or one mean if `x` is short."""
     stretch = round(_STRETCH / step)
     count = len(x) // stretch
     if count < 3:
         x -= x.mean(dtype=np.float64) if len(x) else 0
         return
     means = x[: count * stretch].reshape(count, stretch).mean(axis=1)
-    # Linear from the middle of a stretch to that of the next one, and extended to both ends.
+    # Interpolate linearly between the centres of the intervals, and extrapolate to both ends.
     means = np.concatenate([2 * means[:1] - means[1:2], means, 2 * means[-1:] - means[-2:-1]])
     ramp = (np.arange(stretch, dtype=np.float32) + 0.5) / stretch
     lines = np.stack([means[:-1], np.diff(means)], axis=1)
@@ -189,26 +189,26 @@ def _flatten(x: Singles, step: float) -> None:
 
 @cache
 def _pulse(step: float) -> Singles:
-    """Return the shape of a pulse, as in `shipnet.asi.receiver.matched_filter`."""
+    """Return the matched filter's taps: a pulse, as in `shipnet.asi.receiver.matched_filter`."""
     half = int(HALF_BIT / step / 2)
     shape = np.cos(np.pi * np.arange(-half, half + 1) * step / HALF_BIT) ** 2
     return np.asarray(shape / (shape**2).sum(), np.float32)
 
 
 def smallest_pulses(sample: list[Piece]) -> Iterator[float]:
-    """Yield estimates of the smallest pulse from a few pieces, the most likely one first."""
+    """Yield candidates for the height of the smallest pulse [V], the most likely one first."""
     blocks = [piece.y[: len(piece.y) // 100 * 100].reshape(-1, 100) for piece in sample]
     if not any(block.size for block in blocks):
         return
     largest = np.sort(np.concatenate([np.abs(block).max(axis=1) for block in blocks]))
-    # The largest of all may be an impulse.
+    # Skip up to three of the largest values, which may be impulses.
     few = largest[-min(4, 1 + largest.size // 2)]
     for size in [float(few), *np.quantile(largest, [0.9, 0.75, 0.5]).tolist()]:
         yield max(0.1 * size, min(5 * _noise(sample, size), 0.4 * size))
 
 
 def _noise(sample: list[Piece], typical: float) -> float:
-    """Return the standard deviation of the filtered voltage where no pulse is near."""
+    """Return the standard deviation of the filtered voltage outside pulses [V]."""
     from scipy.ndimage import binary_dilation
 
     idle = []
@@ -246,7 +246,7 @@ def _fits(span: npt.NDArray[np.floating]) -> Bools:
 
 
 def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
-    """Return the places and heights of the peaks beyond the minimum, one peak per pulse."""
+    """Return indices and heights [V] of peaks larger than `minimum`, one peak per pulse."""
     rises, falls = np.ones((2, len(y) + 1), dtype=bool)
     np.greater(y[1:], y[:-1], out=rises[1:-1])
     np.less(y[1:], y[:-1], out=falls[1:-1])
@@ -254,7 +254,7 @@ def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
     high, low = y > minimum, y < -minimum
     at = np.flatnonzero((high & rises[:-1] & ~rises[1:]) | (low & falls[:-1] & ~falls[1:]))
     height = y[at].astype(np.float64)
-    # Of two peaks of one sign without quiet between them, only the larger is a pulse.
+    # If the voltage stays beyond the minimum between two peaks of one sign, keep the larger peak.
     again = np.flatnonzero((height[1:] > 0) == (height[:-1] > 0))
     if again.size:
         new = np.ones(at.size, dtype=bool)
@@ -270,7 +270,7 @@ def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
 def _rejoin(
     start: Indices, first: Indices, last: Indices, step: float
 ) -> tuple[Indices, Indices, Indices]:
-    """Join two bursts that are halves of one telegram, up to four half-bits apart."""
+    """Join adjacent bursts, up to four half-bits apart, that are two parts of one telegram."""
     if len(first) < 2:
         return start, first, last
     whole = _fits((last - first) * step)
@@ -281,37 +281,37 @@ def _rejoin(
     return start[keep], first[keep], last[np.append(~join, True)]
 
 
-# Bursts received ------------------------------------------------------------------------------
+# Reception of bursts --------------------------------------------------------------------------
 
-#: Length [s] and number of the pieces from which limit and polarity are found.
+#: Length [s] and number of the pieces that determine the smallest pulse and the polarity.
 _SAMPLE, _SAMPLES = 2e-3, 8
 
-#: Most pieces from which these are chosen, and telegrams that are received together.
+#: Largest number of pieces to choose these from, and of telegrams to receive together.
 _LOOKS, _TOGETHER = 512, 2000
 
-#: Batches of telegrams that are joined to one.
+#: Number of batches of telegrams that are merged into one.
 _PARTS = 40
 
-#: Largest legal voltage [V].
+#: Largest voltage that a record may contain [V].
 LARGEST = 1e9
 
-#: Times before the first peak and after the last slot that the receiver sees [s].
+#: Time before the first peak, and time after the last slot, that the receiver processes [s].
 _BEFORE, _BEHIND = 5e-6, 1e-6
 
-#: Threshold for the first pulse, relative to its height; ringing is smaller.
+#: Detection threshold for the first pulse, relative to its height; ringing is smaller.
 _FIRST_PULSE = 0.4
 
-#: Within this time of an edge of the record, a telegram may lack a pulse [s].
+#: Largest distance from an edge of the record at which a telegram may be cut off [s].
 _NEAR = 2.5 * HALF_BIT
 
-#: Fewest pulses of a broken telegram; a burst of fewer is a disturbance.
+#: Smallest number of pulses in a faulty telegram; a burst with fewer is a disturbance.
 _FEWEST_PULSES = 5
 
 
-#: A telegram: its start, first and last pulse [s], its length [bit], its word and a mask of the
-#: known bits, its error code, its first pulse [V], its weakest pulse and ringing as in
-#: `Reception`, whether the burst fits a telegram, and the edge of the record that it touches: 1 the
-#: front, 2 the back, 0 none.
+#: Fields of a telegram: its start, first and last peak [s]; its length [bit]; its word and a mask
+#: of the known bits; its error code; the height of its first pulse [V]; `weakest` and `ringing` as
+#: in `Reception`; True if the burst is as long as a telegram; and the edge of the recording near
+#: it: 1 for the start, 2 for the end, 0 for none.
 _TELEGRAM = np.dtype(
     [
         *((name, np.float64) for name in ("start", "first", "last")),
@@ -325,7 +325,7 @@ Telegrams: TypeAlias = "np.recarray[Any, Any]"
 
 
 def _joined(parts: list[Telegrams]) -> Telegrams:
-    """Join batches, in the order of time."""
+    """Merge batches of telegrams and sort them by time."""
     whole = np.concatenate(parts).view(np.recarray)
     if (np.diff(whole.first) < 0).any():
         whole = whole[np.argsort(whole.first, kind="stable")].view(np.recarray)
@@ -333,13 +333,13 @@ def _joined(parts: list[Telegrams]) -> Telegrams:
 
 
 class Found(NamedTuple):
-    """The telegrams of a record."""
+    """The telegrams found in a record, with its polarity and disturbances."""
 
     telegrams: Telegrams
-    #: Times at which recording stops, at gaps and at the end [s].
+    #: Times at which the recording stops: the start of each gap and the end of the record [s].
     ends: Floats
     inverted: bool
-    #: Smallest pulse [V].
+    #: Smallest voltage that counts as a pulse [V].
     minimum: float
     #: Number of bursts with too few pulses for a telegram.
     disturbances: int
@@ -368,19 +368,19 @@ def find_telegrams(u: Floats, dt: float, threshold: float) -> Found:
             parts.append(_received(waiting, threshold))
             waiting = []
             if len(parts) == _PARTS:
-                # Large blocks of memory can be returned to the system.
+                # The operating system can reclaim large blocks of memory, but not small ones.
                 parts = [_joined(parts)]
     parts.append(_received(waiting, threshold))
     return Found(_joined(parts), ends, sign < 0, minimum, disturbances)
 
 
 def _liveliest(u: Floats, dt: float) -> Indices:
-    """Choose up to 8 short pieces with large changes of voltage."""
+    """Return the numbers of up to 8 short pieces in which the voltage varies most."""
     length = round(_SAMPLE / dt)
     count = -(-len(u) // length)
     if count <= _SAMPLES:
         return np.arange(count)
-    # A sample every 2 us or so finds the pieces with telegrams without reading the record twice.
+    # One sample per 2 us or so is enough to find telegrams; reading all samples would be slow.
     stride = max(1, round(2e-6 / dt))
     some = np.unique(np.linspace(0, len(u) // length - 1, _LOOKS).astype(np.intp))
     swing = np.zeros(len(some))
@@ -393,12 +393,12 @@ def _liveliest(u: Floats, dt: float) -> Indices:
 
 
 def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
-    """Return when recording starts and stops, at the ends of a record and at its gaps [s]."""
+    """Return the start times and the end times [s] of the parts of a record between its gaps."""
     changes: list[Indices] = []
     missing = False
     for low, part in parts_of(u):
         nothing = np.zeros(1, dtype=bool)
-        # A sum of squares is the fastest test of all samples.
+        # The sum of squares is the fastest check that no sample is NaN or too large.
         with np.errstate(over="ignore", invalid="ignore"):
             fine = part.dtype.kind == "f" and part @ part <= LARGEST**2
         if not fine:
@@ -412,7 +412,7 @@ def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
         missing = bool(nothing[-1])
     change = np.concatenate([*changes, [len(u)] * missing]).astype(np.intp)
     since, until = change[::2], change[1::2]
-    # A few missing samples do no harm.
+    # Gaps of up to a half-bit do not interrupt the recording.
     long = (until - since) * dt > HALF_BIT
     return np.append(0, until[long]) * dt, np.append(since[long], len(u)) * dt
 
@@ -420,13 +420,13 @@ def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
 def _distance(
     times: npt.NDArray[np.floating], edges: Floats, side: Literal["left", "right"]
 ) -> npt.NDArray[np.floating]:
-    """Return the time since the last edge ("right"), or the negative time to the next ("left")."""
+    """Return the time since the previous edge ("right"), or minus the time to the next ("left")."""
     place = np.searchsorted(edges, times, side) - (side == "right")
     return times - edges[np.clip(place, 0, len(edges) - 1)]
 
 
 def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> tuple[float, int]:
-    """Return the limit and the polarity with which most telegrams of a sample are correct."""
+    """Return the smallest pulse [V] and the polarity that yield the most correct telegrams."""
     best, most = (0.0, 1), -1
     for minimum in limits:
         found = [find_bursts(piece, minimum) for piece in sample]
@@ -438,7 +438,7 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
             sign: sum(int((Pulses(sign * some).check()[1] == 0).sum()) for some in slots)
             for sign in (1, -1)
         }
-        # If no telegram is correct, the sign of the first pulses decides: it is negative.
+        # On a tie, the sign of the first pulses decides: it is negative if not inverted.
         heights = sum(int(np.sign(bursts.height).sum()) for bursts in found)
         sign = -1 if (right[-1], heights) > (right[1], 0) else 1
         if right[sign] > most:
@@ -449,7 +449,7 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
 
 
 class _Cut(NamedTuple):
-    """Telegrams of one length from a piece: the samples of each, and when they begin [s]."""
+    """Telegrams of one length, cut out of a piece: their samples, times [s] and heights."""
 
     bits: int
     step: float
@@ -457,14 +457,14 @@ class _Cut(NamedTuple):
     begin: Floats
     first: Floats
     last: Floats
-    #: Height of the first pulse, by which the samples are divided [V].
+    #: Height of each telegram's first pulse, by which its samples are divided [V].
     unit: Floats
     fits: Bools
     edge: Integers
 
 
 def _cut(piece: Piece, bursts: Bursts, edge: Integers, sign: int = 1) -> list[_Cut]:
-    """Cut the requests and the responses out of a piece; a sign of -1 inverts them."""
+    """Cut requests and responses out of a piece; a `sign` of -1 inverts their voltage."""
     parts = []
     before, behind = round(_BEFORE / piece.step), round(_BEHIND / piece.step)
     around = piece.around[piece.margin - before :]
@@ -481,7 +481,7 @@ def _cut(piece: Piece, bursts: Bursts, edge: Integers, sign: int = 1) -> list[_C
 
 
 def _by_length(parts: list[_Cut]) -> Iterator[tuple[int, _Cut]]:
-    """Join all requests, and all responses."""
+    """Yield all requests merged, then all responses, each with the number of bits."""
     for n_bits in _SPANS:
         same = [some for some in parts if some.bits == n_bits]
         if same:
@@ -491,13 +491,13 @@ def _by_length(parts: list[_Cut]) -> Iterator[tuple[int, _Cut]]:
 
 
 def _heard(cut: _Cut, threshold: float) -> Reception:
-    """Receive the telegrams that were cut out."""
+    """Receive telegrams of one length."""
     minimum = min(_FIRST_PULSE, threshold)
     return receive(cut.rows, cut.step, cut.bits, threshold=threshold, minimum=minimum)
 
 
 def _received(parts: list[_Cut], threshold: float) -> Telegrams:
-    """Receive telegrams: all requests together, then all responses."""
+    """Receive all requests together, then all responses; return their fields sorted by time."""
     telegrams = [np.recarray(0, dtype=_TELEGRAM)]
     for n_bits, cut in _by_length(parts):
         received = _heard(cut, threshold)

@@ -1,4 +1,4 @@
-"""Decode recorded line voltages into telegrams and transactions, and judge the line by them."""
+"""Decode recorded line voltages into telegrams and transactions, and assess the line."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ if TYPE_CHECKING:
 #: Values of the error columns besides "ok" and the names of error classes.
 CUT_OFF, NO_ANSWER = "cut off", "no answer"
 
-#: Longest pause after a request in which its response begins [bit], with room for its pulses'
-#: delay, and the longest one after a response: a master may stretch it to 500 us.
+#: Longest pause between a request and its response [bit], with 0.5 bit times for the delay of the
+#: pulses, and longest pause after a response [bit]: a master may extend it to 500 us.
 _MASTER_PAUSE = MASTER_PAUSE_BITS[1] + 0.5
 _SLAVE_PAUSE = 500e-6 / BIT_TIME
 
-#: Values of the error columns by number: the error codes of telegrams, then the other values.
+#: Values of the error columns by index: the names of the error codes, then the other values.
 _STATES = [*map(name_of, range(SilenceError.code + 1)), CUT_OFF, NO_ANSWER, ""]
 
 
 def transactions_of(
     telegrams: Telegrams, ends: Floats, extended: Collection[int] = ()
 ) -> pd.DataFrame:
-    """Pair requests with responses, and return one row per transaction with its meaning."""
+    """Pair requests with responses, and return a table with one decoded transaction per row."""
     cut, asks, answers = _roles(telegrams)
     request, response = _pairs(asks, answers)
     states = np.where(cut, _STATES.index(CUT_OFF), telegrams.error)
@@ -61,7 +61,7 @@ def transactions_of(
     replies = np.where(response_error == 0, _pick(telegrams.word, response, 0), -1)
     data, _ = parse_responses(replies)
 
-    # A request at the end of the record has no answer yet.
+    # The response to a request near the end of the recording is cut off, not missing.
     start = _pick(telegrams.start, request, np.nan)
     rest = np.append(ends, np.inf)[np.searchsorted(ends, start)] - start
     room = (REQUEST_BITS + MASTER_PAUSE_BITS[1] + RESPONSE_BITS) * BIT_TIME
@@ -71,11 +71,11 @@ def transactions_of(
         rest[alone] < room, _STATES.index(CUT_OFF), _STATES.index(NO_ANSWER)
     )
 
-    # There are few different texts, so a column picks from them by number.
+    # There are few distinct texts, so each column selects them by index.
     titles, errors = pd.Index([*(call.rule.title for call in Call), ""]), pd.Index(_STATES)
     texts, which = _texts(telegrams)
     asked, answered = (_pick(which, rows, len(texts) - 1) for rows in (request, response))
-    # Column by column, so that only one column of a long record is in memory twice.
+    # Add the columns one by one, so that only one column of a long record is in memory twice.
     table = pd.DataFrame(
         {"start_s": np.where(request >= 0, start, _pick(telegrams.start, response, np.nan))}
     )
@@ -92,7 +92,7 @@ def transactions_of(
             column = f"{kind}_{name}" + "_V" * (name == "amplitude")
             table[column] = _pick(telegrams[name], rows, np.nan)
     table["request_error"], table["response_error"] = errors[request_error], errors[response_error]
-    # The bits of a request determine its call.
+    # The key does not contain the call, because the bits of a request determine it.
     sizes = len(texts), len(errors), len(texts), len(errors)
     key = np.ravel_multi_index((asked, request_error, answered, response_error), sizes)
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
@@ -106,18 +106,18 @@ def transactions_of(
 
 
 def _pick(field: npt.NDArray[Any], index: Indices, missing: float) -> npt.NDArray[Any]:
-    """Return elements of a field, and `missing` where the index is -1."""
+    """Return the elements of `field` at `index`, or `missing` where the index is -1."""
     return np.where(index < 0, missing, field[index])
 
 
 def _roles(telegrams: Telegrams) -> tuple[Bools, Bools, Bools]:
-    """Return which telegrams are cut off, which are requests, and which answer one."""
-    # The time from the last pulse to the next first one is a bit time more than the pause.
+    """Return three masks: telegrams that are cut off, requests, and responses to a request."""
+    # The last pulse and the next telegram's first pulse are the pause plus one bit time apart.
     pause = np.diff(telegrams.first, prepend=np.nan)
     pause[1:] = (telegrams.first[1:] - telegrams.last[:-1]) / BIT_TIME - 1
     broken = (telegrams.error > 0) | ~telegrams.fits
     short = telegrams.length == RESPONSE_BITS
-    # The last half of a request, and the first one, may look like a response.
+    # Either half of a request that is cut off may look like a response.
     front = (telegrams.edge == 1) & (broken | short)
     asks = ~short | front
     in_time = np.append(False, asks[:-1]) & (pause <= _MASTER_PAUSE)
@@ -127,7 +127,7 @@ def _roles(telegrams: Telegrams) -> tuple[Bools, Bools, Bools]:
 
 
 def _pairs(asks: Bools, answers: Bools) -> tuple[Indices, Indices]:
-    """Return, for each transaction, which telegram is its request and its response, or -1."""
+    """Return the indices of each transaction's request and response, -1 if it has none."""
     row = np.cumsum(~answers) - 1
     rows = int((~answers).sum())
     request, response = np.full(rows, -1), np.full(rows, -1)
@@ -139,8 +139,8 @@ def _pairs(asks: Bools, answers: Bools) -> tuple[Indices, Indices]:
 def _pauses(
     telegrams: Telegrams, request: Indices, response: Indices, cut: Bools
 ) -> tuple[Floats, Floats]:
-    """Return the pauses after requests and after responses [bit], NaN where there is none."""
-    # A telegram that is cut off at its front has lost its start.
+    """Return the pauses after requests and after responses [bit], NaN if unknown."""
+    # The start of a telegram that is cut off at its front is unknown.
     begins = np.where(cut & (telegrams.edge == 1), np.nan, telegrams.start)
     asked, answered = _pick(begins, request, np.nan), _pick(begins, response, np.nan)
     master = (answered - asked) / BIT_TIME - REQUEST_BITS
@@ -151,9 +151,9 @@ def _pauses(
 
 
 def _texts(telegrams: Telegrams) -> tuple[pd.Index[str], Indices]:
-    """Return the different texts, "" as the last one, and the number of each telegram's text.
+    """Return the distinct bit strings, "" as the last one, and the index of each telegram's string.
 
-    A text has 0 and 1, and ? where no pulse gave a bit.
+    A string contains 0 and 1, and ? for each bit that could not be received.
     """
     mask = (1 << REQUEST_BITS) - 1
     key = telegrams.length.astype(np.int64) << REQUEST_BITS | telegrams.known
@@ -174,7 +174,7 @@ def _nullable(values: npt.NDArray[np.int8]) -> pd.api.extensions.ExtensionArray:
 def _in_words(
     request: str, request_error: str, extended: bool, response: str, response_error: str, call: int
 ) -> str:
-    """Return one line about request and answer, or about what went wrong."""
+    """Return a one-line description of a request and its response, or of their errors."""
     parts = []
     if request_error == "ok":
         parts.append(str(Request.parse(request, extended=extended)))
@@ -192,36 +192,36 @@ def _in_words(
     return "; ".join(parts)
 
 
-#: Lowest supply voltage that is not a power fail [V] (Bihl+Wiedemann's tuner), and the voltage
-#: below which the record is AC coupled.
+#: Supply voltage below which a power fail is counted [V] (Bihl+Wiedemann's tuner), and median
+#: voltage up to which a record counts as AC coupled [V].
 POWER_FAIL, _COUPLED = 18.5, 5.0
 
 
 @cache
 def _limits() -> tuple[float, float, float, float]:
-    """Return the limits of a first pulse, half of those peak to peak, and of the supply [V]."""
+    """Return the limits of the first pulse (half the peak-to-peak limits) and of the supply [V]."""
     limits = rule_limits()
     low, high = limits["low"], limits["high"]
     level = low["signal_level_least"] / 2, high["signal_level_most"] / 2
     return *level, low["slave_voltage"], high["supply_voltage"]
 
 
-#: A master repeats a request within this time [s]; a later one belongs to the next cycle.
+#: Longest time from a request to its repetition [s]; a later request belongs to the next cycle.
 _AT_ONCE = 1e-3
 
-#: A request and a restored one are the same if they begin within this time of each other [s].
+#: Largest difference between the start times of a request before and after restoration [s].
 _SAME = 4e-6
 
-#: Calls by which a master looks for new slaves; they need no answer.
+#: Calls with which a master searches for new slaves; no response is expected at a vacant address.
 _IDENTIFICATION = [
     call.rule.title
     for call in (Call.READ_IO_CONFIGURATION, Call.READ_ID, Call.READ_ID1, Call.READ_ID2)
 ]
 
-#: Share of repetitions up to which a line is green, and yellow (P+F, AS-i 3.0 command interface).
+#: Largest fraction of repeated requests for green and for yellow (P+F, AS-i 3.0 command interface).
 _LIGHTS = 0.01, 0.05
 
-#: Name of the slave if a telegram's address cannot be read.
+#: Name used for the slave if the address in a request cannot be read.
 UNKNOWN = "unknown"
 
 _FINE = ["ok", "", CUT_OFF]
@@ -229,7 +229,7 @@ _FINE = ["ok", "", CUT_OFF]
 
 @dataclass(frozen=True)
 class Summary:
-    """Main results of a capture."""
+    """The main results of a capture."""
 
     transactions: int
     cycle_time: float
@@ -237,7 +237,7 @@ class Summary:
     unanswered: int
     seen: list[str]
     missing: list[str]
-    #: Addresses at which the master looked for new slaves and found none.
+    #: Labels at which the master searched for new slaves and found none.
     vacant: list[str]
     errors: dict[str, int]
     cut_off: int
@@ -261,7 +261,7 @@ class Summary:
 
 
 def _repeated(transactions: pd.DataFrame) -> Bools:
-    """Return which rows repeat a request that failed in the row before."""
+    """Return a mask of the rows that repeat a request which failed in the previous row."""
     request = transactions["request"].to_numpy()
     start = transactions["start_s"].to_numpy()
     failed = (
@@ -278,14 +278,14 @@ def _repeated(transactions: pd.DataFrame) -> Bools:
 
 
 def _cycle_time(transactions: pd.DataFrame, asked: pd.DataFrame) -> float:
-    """Return the median time after which a slave is asked for data again [s]."""
+    """Return the median time between two data exchanges with the same slave [s]."""
     data = (asked["call"] == "data exchange").to_numpy()
     times = transactions["start_s"][data].groupby(asked["slave"][data]).diff().dropna()
     return float(times.median()) if len(times) else float("nan")
 
 
 def _who(capture: Capture) -> pd.DataFrame:
-    """Return slave and call of each transaction; bad requests are read from the restored record."""
+    """Return the slave and call of each transaction; read bad requests from the restored record."""
     rows = capture.transactions
     address = rows["address"].astype(object).fillna(NONE).to_numpy(np.int64)
     half, calls = rows["half"].tolist(), rows["call"].tolist()
@@ -300,7 +300,7 @@ def _who(capture: Capture) -> pd.DataFrame:
     start = rows["start_s"].to_numpy()
     near = np.minimum(np.searchsorted(there, start - _SAME), len(there) - 1)
     near[~(np.abs(start - there[near]) < _SAME) | (read.error[near] > 0) | ~bad] = -1
-    # A request with the same bits elsewhere means the same.
+    # All bad requests with the same bits have the same meaning.
     texts = rows["request"].tolist()
     meant = {texts[row]: int(near[row]) for row in np.flatnonzero(near >= 0)}
     for row in np.flatnonzero(bad & rows["request"].isin(meant).to_numpy()):
@@ -311,7 +311,7 @@ def _who(capture: Capture) -> pd.DataFrame:
 
 
 def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
-    """Return one row per address that was asked, and one for telegrams without an address."""
+    """Return a table with one row per addressed slave and one for unreadable addresses."""
     rows = transactions.assign(slave=asked["slave"])[asked["slave"] != ""]
     by = rows["slave"]
     response, request = rows["response_error"], rows["request_error"]
@@ -335,42 +335,42 @@ def _slaves(transactions: pd.DataFrame, asked: pd.DataFrame) -> pd.DataFrame:
     return table.loc[order].rename_axis("slave")
 
 
-#: Longest time between two samples [s]: three samples a half-bit.
+#: Longest sampling interval [s]: three samples per half-bit.
 _LONGEST_STEP = 1e-6
 
 
 @checked
 @dataclass(frozen=True)
 class Capture:
-    """A decoded record.
+    """The telegrams and transactions decoded from a recorded line voltage.
 
     Attributes
     ----------
     transactions : pandas.DataFrame
-        One row per transaction, in the order of time:
+        Table with one row per transaction, sorted by time:
 
-        - ``start_s``: start of the request, or of a response without one [s];
-        - ``request``, ``response``: bits as sent, ``?`` without a pulse, "" without a telegram;
+        - ``start_s``: start of the request, or of the response if there is no request [s];
+        - ``request``, ``response``: bits, ``?`` if unreadable; "" if there is no telegram;
         - ``call``, ``address``, ``half`` ("A", "B" or ""), ``request_data``, ``response_data``:
-          their meaning; empty for a bad telegram;
+          decoded fields; empty for a bad telegram;
         - ``master_pause_bit``, ``slave_pause_bit``: pauses after request and response [bit];
-        - ``request_amplitude_V`` and so on: size of the first pulse;
-        - ``request_weakest``, ``request_ringing`` and so on: as in `Reception`;
+        - ``request_amplitude_V``, ``response_amplitude_V``: height of the first pulse [V];
+        - ``request_weakest``, ``request_ringing`` (and ``response_...``): as in `Reception`;
         - ``request_error``, ``response_error``: "ok", a class of `shipnet.errors`, "cut off" at an
-          end of the record, "no answer", or "" where no telegram is expected;
-        - ``text``: the transaction in words; like the bits, a categorical column.
+          end of the record or a gap, "no answer", or "" where no telegram is expected;
+        - ``text``: description of the transaction, a categorical column.
     duration : float
-        Length of the record [s].
+        Duration of the record [s].
     inverted : bool
-        Whether the probe was the wrong way round.
+        True if the probe was connected with reversed polarity.
     minimum : float
-        Voltage below which nothing counted as a pulse [V].
+        Smallest voltage that counted as a pulse [V].
     disturbances : int
         Number of bursts with too few pulses for a telegram.
     wave : shipnet.line.Waveform
-        The record.
+        The recorded line voltage.
     extended : tuple of int
-        Addresses of A/B slaves.
+        Addresses of the A/B slaves, 1..31.
 
     Examples
     --------
@@ -397,19 +397,19 @@ class Capture:
 
     @property
     def telegrams(self) -> int:
-        """Number of telegrams that were received without an error."""
+        """Number of telegrams received without errors."""
         columns = self.transactions[["request_error", "response_error"]]
         return int((columns == "ok").to_numpy().sum())
 
     def table(self) -> pd.DataFrame:
-        """Return one row per transaction; see `transactions`."""
+        """Return a copy of `transactions`, the table with one row per transaction."""
         return self.transactions.copy()
 
     @property
     def slaves(self) -> pd.DataFrame:
-        """One row per slave that was asked: answers, errors, level, evenness and ringing.
+        """Table of responses, errors, level, evenness and ringing, with one row per polled slave.
 
-        Requests that cannot be attributed to one slave are in the row ``"unknown"``.
+        Requests that cannot be attributed to a slave are counted in the row ``"unknown"``.
         """
         return self.summary().slaves
 
@@ -423,29 +423,30 @@ class Capture:
 
     @property
     def supply_voltage(self) -> float:
-        """Voltage of the supply [V]; NaN if the record is AC coupled."""
+        """Supply voltage [V]; NaN if the record is AC coupled."""
         return abs(self._middle) if abs(self._middle) > _COUPLED else float("nan")
 
     def check(self, plan: Plan | None = None) -> Findings:
-        """Judge level, evenness, ringing and errors of requests and responses.
+        """Check level, evenness, ringing and errors of requests and responses against limits.
 
-        The level is the size of the first pulse: half of 3 to 8 V peak to peak. The supply is
-        judged if the record is DC coupled. With a `plan` every slave in it must have answered.
+        The level is the height of the first pulse: 1.5..4 V (half of 3..8 V peak to peak). The
+        supply is checked if the record is DC coupled. Each slave of a `plan` must have responded.
         """
         return Findings(_judged(self, plan))
 
     def causes(self) -> pd.DataFrame:
-        """Return the probable causes of a faulty line, the likeliest first.
+        """Return the probable causes of a line's faults, the most likely one first.
 
-        The table is indexed by cause and empty for a good line: `slave`, if it concerns one;
-        `share` of the violated findings of `check` that it explains, 0..1; and the `evidence`. The
-        causes are a cable too long or a stub, a second supply, a supply inductance missing or
-        wrong, interference, a duplicate address, a weak slave and a reversed probe.
+        The table has one row per cause, and none for a healthy line: `slave` is the slave
+        concerned, if any; `share` is the fraction of the violated findings of `check` that the
+        cause explains, 0..1; `evidence` is the reason. Possible causes are a long cable or a stub,
+        a second supply, a missing or wrong supply inductance, interference, a duplicate address, a
+        weak slave and a reversed probe.
 
-        The rules look at the impedance that the requests meet: two supplies halve its resistance
-        and inductance; a long cable or a stub adds capacitance and echoes. A scope at a slave
-        shows it less exactly. The rules were found on simulated lines and tested on others; a real
-        line may differ.
+        The rules use the impedance of the line: a second supply halves its resistance and
+        inductance; a long cable or a stub adds capacitance and echoes. A scope at a slave measures
+        the impedance less accurately. The rules were derived from simulated lines and tested on
+        other simulated lines; a real line may differ.
 
         Examples
         --------
@@ -465,10 +466,10 @@ class Capture:
         return ranked(found, broken, self.inverted)
 
     def counters(self) -> pd.DataFrame:
-        """Return the counters of masters and analysers: `value`, `light` and `meaning`.
+        """Return the counters that masters and analysers show: `value`, `light` and `meaning`.
 
-        The percentage of repetitions is green up to 1 %, yellow up to 5 % and red above; the
-        other counters are green at 0. A value that the record cannot show is NaN and has no light.
+        The light of the repetitions is green up to 1 % of the requests, yellow up to 5 % and red
+        above; each other light is green at 0. Unknown values are NaN and have no light.
 
         Examples
         --------
@@ -482,15 +483,15 @@ class Capture:
     def plot(
         self, ax: Axes | None = None, *, start: float = 0.0, stop: float | None = None
     ) -> Axes:
-        """Draw the record from `start` to `stop` [s] with its telegrams shaded and their bits.
+        """Draw the record from `start` to `stop` [s], its telegrams (shaded) and their bits.
 
-        An error's name is above the bits. Two lines show the least size of a first pulse.
+        Errors are named above the bits. Two lines show the smallest legal height of a first pulse.
         """
         ax = style.axes(ax, figsize=(10, 3.2))
         u, dt = self.wave.u, self.wave.dt
         stop = len(u) * dt if stop is None else stop
         low, high = max(0, int(start / dt)), min(len(u), int(stop / dt) + 1)
-        # A figure has fewer dots than samples, so the extremes of each group are drawn in order.
+        # A figure has fewer pixels than samples: draw only the extremes of each group of samples.
         group = max(1, (high - low) // 10_000)
         whole = u[low : high - (high - low) % group].reshape(-1, group)
         index = np.stack([whole.argmin(axis=1), whole.argmax(axis=1)], axis=1)
@@ -534,7 +535,7 @@ class Capture:
         return "\n".join(lines)
 
     def summary(self) -> Summary:
-        """Return cycle time, repetitions, missing slaves and errors."""
+        """Return the main results, such as cycle time, repetitions, missing slaves and errors."""
         return self._summary
 
     @cached_property
@@ -561,7 +562,7 @@ class Capture:
 
     @cached_property
     def _restored(self) -> Restored:
-        """The first 40 ms with the cable's distortion removed, so that bad requests can be read."""
+        """Requests in the first 40 ms of traffic, read with the cable's distortion removed."""
         rows = self.transactions
         asked = rows[(rows["request"].str.len() == REQUEST_BITS) & rows["start_s"].notna()]
         good = rows[rows["request_error"] == "ok"]
@@ -571,12 +572,12 @@ class Capture:
 
     @cached_property
     def _asked(self) -> pd.DataFrame:
-        """Slave and call of each transaction, if possible also of bad requests."""
+        """Slave and call of each transaction, including each bad request that can be restored."""
         return _who(self)
 
 
 def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
-    """Return the findings on a capture as the table that `Findings` accepts."""
+    """Return the findings of `Capture.check` as a table for `Findings`."""
     nan, table, slaves = float("nan"), capture.transactions, capture.slaves
     volts, read = capture.supply_voltage, float(capture.telegrams)
     rows = [("telegrams", "line", read, 1.0, nan, "", "telegrams read")]
@@ -590,7 +591,7 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
         if name != UNKNOWN:
             heard.append(("response", f"slave {name}", *values))
     for kind, who, level, weakest, ringing, bad in heard:
-        # At the master's own end a request may be larger than anywhere else.
+        # The level of requests has no upper limit: it may be higher at the master than elsewhere.
         least, most, *_ = _limits()
         most = most if kind == "response" else nan
         for what, value, low, high, unit in (
@@ -615,7 +616,7 @@ def _judged(capture: Capture, plan: Plan | None) -> pd.DataFrame:
 
 
 def _counted(capture: Capture) -> pd.DataFrame:
-    """Return the counters of a capture."""
+    """Return the table of `Capture.counters`."""
     table, summary = capture.transactions, capture.summary()
     slave, call = capture._asked["slave"], capture._asked["call"]
     request, response = table["request_error"], table["response_error"]
@@ -649,7 +650,7 @@ def _counted(capture: Capture) -> pd.DataFrame:
 
 
 def _power_fails(capture: Capture) -> float:
-    """Return how often the supply is too low for 250 us; NaN if AC coupled."""
+    """Count how often the supply's mean over 250 us falls below `POWER_FAIL`; NaN if AC coupled."""
     if np.isnan(capture.supply_voltage):
         return float("nan")
     length = max(1, min(len(capture.wave.u), round(250e-6 / capture.wave.dt)))
@@ -670,40 +671,40 @@ def decode(
     threshold: float = 0.5,
     extended: Collection[int] = (),
 ) -> Capture:
-    """Decode a recorded line voltage, from a scope's file or samples.
+    """Decode the line voltage in an oscilloscope file, a waveform or an array of samples.
 
     Parameters
     ----------
     record : path, Waveform or array_like of float, shape (n_t,)
-        A scope's file, which `shipnet.line.Waveform.read` reads, or the voltage between the wires
-        in either polarity, with or without the supply's 30 V [V]; NaN where nothing was recorded.
+        Path of a file for `shipnet.line.Waveform.read`, a waveform, or samples of the voltage
+        between the wires [V] in either polarity, with or without the supply's 30 V; NaN for gaps.
     dt : float, optional
-        Sampling interval, 0.1e-9..1e-6 [s]; for samples only, which need it.
+        Sampling interval, 0.1e-9..1e-6 [s]; required for an array and ignored otherwise.
     channel : str, optional
-        Title or number of the channel of a file; the first with a voltage if omitted.
+        Title or number of the file's channel; by default the first voltage channel.
     sample_interval : float, optional
-        Time between two samples [s]; it overrides what a file says.
+        Sampling interval that replaces the one in the file [s].
     threshold : float, default 0.5
-        Smallest pulse, relative to the telegram's first one, between 0 and 1.
+        Smallest pulse, relative to the first pulse of the telegram; above 0 and below 1.
     extended : collection of int, optional
-        Addresses of A/B slaves, which the line does not show (see `Request.parse`).
+        Addresses of A/B slaves, which cannot be inferred from telegrams (see `Request.parse`).
 
     Returns
     -------
     Capture
-        Table and summary; for a record that is not AS-i, the table is empty or has only errors.
+        Decoded record; without AS-i traffic, its table is empty or contains only errors.
 
     Raises
     ------
     InputError
-        If a file cannot be read, or has no such channel.
+        If the file cannot be read or does not contain the channel.
 
     Notes
     -----
-    The record is resampled to 4..8 MS/s and its baseline subtracted. A telegram ends where no pulse
-    follows for 10.5 us; its length distinguishes requests from responses. The polarity with more
-    telegrams free of errors is chosen. A response belongs to a request if it begins within 10 bit
-    times after its end.
+    The record is resampled to 4..8 MS/s, and its baseline is subtracted. A telegram ends if no
+    pulse follows for 10.5 us; its length shows whether it is a request or a response. Of the two
+    polarities, the one with more error-free telegrams is chosen. A response belongs to a request
+    if it begins at most 10 bit times after the end of the request.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""Find the causes of a faulty line from its impedance and its slaves' responses.
+"""Find the causes of a line's faults from its impedance and its slaves' responses.
 
-The spectrum of the voltage over that of an undistorted telegram is the magnitude of the line's
-impedance. A passive impedance has the minimum phase for its magnitude, so one filter restores the
-pulses. The requests that can then be read and the recorded voltage give the impedance at
-the master: supply and cable as one resistance, inductance and capacitance in parallel.
+The spectrum of the voltage, divided by the spectrum of an undistorted telegram, is the magnitude of
+the line's impedance. A passive impedance has minimum phase, so this magnitude determines a filter
+that restores the pulses. The requests that can then be read and the recorded voltage yield the
+impedance at the master, modelled as one resistance, inductance and capacitance in parallel.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ from shipnet.asi.slave import DEVICE
 from shipnet.asi.telegram import REQUEST_BITS, frame
 from shipnet.lazy import pd
 
-#: Longest part of a record that is used, and length of the shortest usable record [s].
+#: Longest part of a record that is analysed, and shortest record that can be analysed [s].
 _LONGEST, _SHORTEST = 40e-3, 0.5e-3
 
-#: Length of the stretches for spectra, and of the line's echoes that are removed [s].
+#: Length of the intervals for spectra, and longest delay of an echo that is removed [s].
 _STRETCH, _MEMORY = 128e-6, 40e-6
 
 #: Frequency band of telegrams [Hz].
 _BAND = 25e3, 550e3
 
-#: Start before a request, and length of the window around it [s]; damping [nepers].
+#: Time from the start of a window to its request [s], window length [s], and damping [nepers].
 _BEFORE, _WINDOW, _DAMPING = 5e-6, 100e-6, 3.0
 
-#: Fewest and most requests for an impedance.
+#: Smallest and largest number of requests from which the impedance is measured.
 _FEWEST, _MOST = 3, 64
 
-#: Possible delays of restored telegrams, because nothing is restored outside the band [s].
+#: Possible delays of restored telegrams [s]; only frequencies in `_BAND` are restored.
 _LATE = np.arange(0.5e-6, 1.5e-6, 50e-9)
 
 
 class Impedance(NamedTuple):
-    """Impedance at the master: resistance, inductance and capacitance in parallel.
+    """Impedance at the master: resistance [ohm], inductance [H] and capacitance [F] in parallel.
 
-    `misfit` is the share of the voltage that these three do not explain, such as echoes. `stray` is
-    the share of the power in the requests' band that is noise or interference.
+    `misfit` is the fraction of the voltage that this model does not explain, such as echoes.
+    `stray` is the fraction of the power during requests that is noise or interference.
     """
 
     resistance: float
@@ -57,14 +57,14 @@ class Impedance(NamedTuple):
 
 @cache
 def _requests() -> Modulation:
-    """Return every seventh of all possible requests."""
+    """Return the signals of every seventh possible request, as a sample of all requests."""
     return Modulation([frame(f"{k:011b}") for k in range(0, 2**11, 7)])
 
 
 def without_cable(x: Floats, step: float, asked: Floats) -> Floats:
-    """Return a record with its pulses restored, from the spectrum of the requests at `asked` [s].
+    """Restore the pulses of a record from the spectrum of its requests, which begin at `asked` [s].
 
-    Without such times, use the spectrum of the whole record.
+    If `asked` is empty, use the spectrum of the whole record.
     """
     n = 2 * round(_STRETCH / step / 2)
     if len(asked):
@@ -82,7 +82,7 @@ def without_cable(x: Floats, step: float, asked: Floats) -> Floats:
     gain[inside] = np.log(meant / found) / 2
     low, high = np.flatnonzero(inside)[[0, -1]]
     gain[:low], gain[high + 1 :] = gain[low], gain[high] - 2.5
-    # The minimum-phase filter: fold the cepstrum, and fade out longer echoes.
+    # Minimum-phase filter: fold the cepstrum, with a weight that falls to 0 at `_MEMORY`.
     lag = np.arange(n)
     fold = np.where(lag == 0, 1.0, np.where(lag < n // 2, 2.0, 0.0))
     fold *= 0.5 + 0.5 * np.cos(np.pi * np.minimum(lag * step / _MEMORY, 1))
@@ -92,41 +92,40 @@ def without_cable(x: Floats, step: float, asked: Floats) -> Floats:
 
 
 class Restored(NamedTuple):
-    """The beginning of a record, and the requests that can be read once its pulses are restored."""
+    """The first part of a record, and the requests that can be read after restoring its pulses."""
 
-    #: The voltage at a lower rate, less its median [V], when it begins, and its step [s].
+    #: Resampled voltage minus its median [V], its start time [s] and its sampling interval [s].
     x: Floats
     since: float
     step: float
-    #: When each request begins, and its bits.
+    #: Start time [s] and word of each request.
     start: Floats
     words: Integers
     inverted: bool
 
     @property
     def short(self) -> bool:
-        """Whether the record is too short to show the line's impedance."""
+        """True if the record is too short to measure the line's impedance."""
         return len(self.x) * self.step < _SHORTEST
 
 
 def restored(
     u: Floats, dt: float, asked: Floats, start: Floats, words: Integers, inverted: bool
 ) -> Restored:
-    """Read requests in the part of a record from shortly before the first one at `asked` [s].
+    """Restore up to 40 ms of a record, from 1 ms before the first request at `asked` [s].
 
-    Keep the requests read without restoring, with `start` and `words`, if those are more.
+    Keep the requests that could be read before, `start` and `words`, if restoring yields fewer.
     """
     low = max(0, int((asked[0] - 1e-3) / dt)) if len(asked) else 0
     sampling = Sampling.of(dt)
     x = resample(u[low : low + round(_LONGEST / dt)], sampling).astype(float)
-    # Each sample is the mean of several, so the first one lies in the middle of these.
+    # Each resampled value is the mean of several samples, so its time is the middle of their times.
     since, step = (low + (sampling.mean - 1) / 2) * dt, sampling.step
     middle = np.median(x) if len(x) else 0.0
     best = Restored(x - middle, since, step, start, words, inverted)
     asked = asked - since
     asked = asked[(asked > _BEFORE) & (asked < len(x) * step - _STRETCH)]
-    # Distant responses have another spectrum than requests, so the whole record is only used if
-    # the requests are not found.
+    # Responses of distant slaves have a different spectrum: use the whole record as a fallback.
     for times in (asked, asked[:0]):
         if best.short:
             break
@@ -142,7 +141,7 @@ def restored(
 
 
 def measured(part: Restored) -> Impedance | None:
-    """Return the impedance at the master, if enough requests can be read."""
+    """Return the impedance at the master, or None if fewer than 3 requests can be read."""
     begin = part.start - part.since - _BEFORE
     inside = np.flatnonzero((begin > 0) & (begin < len(part.x) * part.step - _WINDOW))
     if len(inside) < _FEWEST:
@@ -159,7 +158,7 @@ def measured(part: Restored) -> Impedance | None:
 
 
 def _fitted(s: npt.NDArray[Any], sent: Complexes, heard: Complexes) -> Impedance:
-    r"""Fit :math:`1/Z = 1/R + 1/sL + sC` to spectra of slopes of current and of voltages."""
+    r"""Fit :math:`1/Z = 1/R + 1/sL + sC` to the spectra of the voltage and the current's slope."""
     from scipy.optimize import nnls
 
     power = (np.abs(sent) ** 2).sum(0)
@@ -192,26 +191,26 @@ DUPLICATE = "duplicate address"
 WEAK = "weak slave"
 REVERSED = "reversed probe"
 
-#: Largest capacitance of a line that meets the rules [F]: 100 m at 80 nF/km (Lapp), 62 slaves and
-#: a master at 50 pF.
+#: Largest capacitance of a line that meets the rules [F]: 100 m at 80 nF/km (Lapp), and 62 slaves
+#: and a master with 50 pF each.
 _MOST_CAPACITANCE = 100 * 80e-12 + 63 * 50e-12
 
-#: Largest shares of echoes and of interference on a healthy line.
+#: Largest `misfit` (echoes) and `stray` (interference) of a healthy line; see `Impedance`.
 _ECHOES, _STRAY = 0.12, 0.1
 
-#: Lowest and highest level of a healthy slave, relative to the others.
+#: Lowest and highest level of a healthy slave, relative to the median of all slaves.
 _WEAKER, _LOUDER = 0.65, 1.5
 
-#: Smallest legal first pulse [V].
+#: Smallest legal height of a telegram's first pulse [V].
 _LEAST = 1.5
 
-#: Largest voltage of a silent line [V]: 40 % of the smallest legal pulse, which noise of 0.2 V
-#: exceeds less than 1 % of the time.
+#: Largest voltage of a silent line [V]: 40 % of the smallest legal pulse. Noise with a standard
+#: deviation of 0.2 V exceeds this voltage less than 1 % of the time.
 _NOTHING = 0.6
 
 
 class Found(NamedTuple):
-    """A cause with its evidence, and the slave that it concerns, if it is not the whole line."""
+    """A cause, its evidence, and the label of the slave concerned, or "" for the whole line."""
 
     cause: str
     evidence: str
@@ -219,7 +218,7 @@ class Found(NamedTuple):
 
 
 def ranked(found: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.DataFrame:
-    """Return the causes as a table, sorted by the share of violated findings that each explains."""
+    """Return the causes as a table, sorted by the fraction of violated findings each explains."""
     rows = []
     for one in found:
         own = broken["object"] == f"slave {one.slave}"
@@ -237,10 +236,10 @@ def ranked(found: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.DataF
 def line_causes(
     part: Restored, rows: pd.DataFrame, answering: int, bursts: int, supply: float
 ) -> list[Found]:
-    """Return the causes in cable or supply, which affect every sender.
+    """Return causes that affect every sender: the cable, the supply or interference.
 
-    `rows` are all transactions, `answering` is the number of slaves, `bursts` that of bursts that
-    are not telegrams, and `supply` the supply voltage [V], NaN if unknown.
+    `rows` is the table of transactions, `answering` the number of slaves that respond, `bursts` the
+    number of bursts that are not telegrams, and `supply` the supply voltage [V], NaN if unknown.
     """
     found = measured(part)
     if found is None:
@@ -260,7 +259,7 @@ def line_causes(
     r, inductance, c, misfit, stray = found
     nominal = [float(part) for part in POWER_SUPPLY.shunt[:2]]
     own = [(answering + 1) * float(part) for part in DEVICE.shunt[:2]]
-    # Resistance and inductance as numbers of supplies in parallel.
+    # Numbers of parallel supplies with the measured resistance and with the measured inductance.
     damped, fed = (1 / r - own[0]) / nominal[0], (1 / inductance - own[1]) / nominal[1]
     seen = f"requests meet {r:.0f} ohm beside {inductance * 1e6:.0f} uH"
     usual = f"one supply has {1 / nominal[0]:.0f} ohm beside {1e6 / nominal[1]:.0f} uH"
@@ -269,7 +268,7 @@ def line_causes(
     if stray > _STRAY:
         said = f"{stray:.0%} of the power during requests is foreign to them"
         return [Found(INTERFERENCE, said)]
-    # A distant second supply counts less, but lowers the levels.
+    # A distant second supply changes the impedance less, but it lowers the signal levels.
     low = rows["response_amplitude_V"].median() < _LEAST
     if fed > (1.15 if low else 1.4) and 0.6 < damped / fed < 1.6:
         return [Found(SECOND, f"{seen}; {usual}, and half of a decoupling looks like two")]
@@ -293,7 +292,7 @@ def line_causes(
 
 
 def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
-    """Return the causes at single slaves, and interference."""
+    """Return causes that affect individual slaves, and intermittent interference."""
     level = slaves["amplitude_V"]
     usual = float(level.median())
     found = []

@@ -1,4 +1,4 @@
-"""The line between a master and its slaves, its disturbances, and the record of its traffic."""
+"""The simulated line between a master and its slaves, its disturbances and its traffic record."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from shipnet.errors import ArgumentError, SilenceError, name_of
 from shipnet.fields import check_whole
 from shipnet.lazy import pd
 
-# The record has one row per transaction: its start, how long the master waited for the response,
-# and everything else in the bits of one integer, which is quick to write in a simulation.
+# The record has one row per transaction: its start, the pause before the response, and all other
+# fields packed into one integer, which is quick to write during a simulation.
 
-#: Where each field begins above the 16 bits of `PreparedRequest.code`.
+#: Number of the lowest bit of each field; bits 0..15 are `PreparedRequest.code`.
 ATTEMPT, PHASE, OUTCOME, RESPONSE, EXECUTED, STANDBY = 16, 19, 22, 26, 31, 32
 
-#: Response where there is none.
+#: Value of the response field if there is no readable response.
 NO_RESPONSE = 16
 
-#: Labels of slaves by five bits of address and two of half.
+#: Slave labels by number: bits 0..4 are the address, bits 5 and 6 the half (0 none, 1 A, 2 B).
 LABELS = np.array([f"{code & 31}{('', 'A', 'B', '')[code >> 5]}" for code in range(1 << 7)])
 
 _OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]
 
 
 class Record:
-    """Columns that grow with the simulation."""
+    """Record of a simulation's transactions, with one growing array per column."""
 
     def __init__(self, transaction: Transaction) -> None:
         self.transaction = transaction
@@ -47,22 +47,22 @@ class Record:
         self.cycles: list[tuple[int, int]] = []
 
     def field(self, shift: int, bits: int) -> Integers:
-        """Return one packed field of all rows."""
+        """Return a packed field of every row: `bits` bits, the lowest of which is bit `shift`."""
         return np.frombuffer(self.code, dtype=np.int64) >> shift & (1 << bits) - 1
 
     @cached_property
     def starts(self) -> Floats:
-        """When each request began [bit]."""
+        """Start time of each request [bit]."""
         return np.frombuffer(self.start, dtype=np.float64)
 
     @cached_property
     def pauses(self) -> Floats:
-        """Pause before each response [bit]; NaN where there was none."""
+        """Pause before each response [bit]; NaN if there was no response."""
         return np.frombuffer(self.pause, dtype=np.float64)
 
     @cached_property
     def cycle(self) -> Integers:
-        """Number of the cycle of each row; -1 before the first."""
+        """Cycle number of each row; -1 before the first cycle."""
         cycle = np.full(self.starts.size, -1, dtype=np.int64)
         if self.cycles:
             rows, numbers = np.array(self.cycles).T
@@ -71,7 +71,7 @@ class Record:
         return cycle
 
     def table(self) -> pd.DataFrame:
-        """Return all rows as a table with names instead of codes."""
+        """Return the record as a table with names instead of codes."""
         call, address, half = self.field(0, 4), self.field(4, 5), self.field(9, 2)
         data, outcome, response = self.field(11, 5), self.field(OUTCOME, 4), self.field(RESPONSE, 5)
         executed = self.field(EXECUTED, 1).astype(bool)
@@ -108,18 +108,18 @@ class Record:
 
 
 def _bits(code: int) -> str:
-    """Return the bits of the request with a `PreparedRequest.code`."""
+    """Return the bits of the request that has a given `PreparedRequest.code`."""
     return Request(Call(code & 15), code >> 4 & 31, code >> 11, KINDS[code >> 9 & 3]).bits
 
 
-#: Bits of a disturbance: the slave does not understand the request, or did not understand the one
-#: before it, which went to another slave. Bits 2..7 are 0 or the number of the variant below.
+#: Bits 0 and 1 of a disturbance: the slave misses the request, or it missed the previous request,
+#: which went to another slave. Bits 2..7 are the variant of a disturbed response, or 0.
 REQUEST_LOST, MISSED = 1, 2
 
-#: Disturbances of one pulse of a response, counted from 1.
+#: Number of ways to disturb one pulse of a response; the variants are numbered from 1.
 VARIANTS = len(ONE_PULSE_CODES[0])
 
-#: The requests of a cycle: data exchange, management, inclusion.
+#: Number of phases per cycle: data exchange, management and inclusion.
 PLANES = 3
 
 Bytes = npt.NDArray[np.uint8]
@@ -128,9 +128,9 @@ Bytes = npt.NDArray[np.uint8]
 def draw_disturbances(
     rng: np.random.Generator, n_cycles: int, rates: Sequence[tuple[float, float]], attempts: int
 ) -> Bytes:
-    """Return independent disturbances as bytes of shape (n_cycles, 3, n_slaves, attempts).
+    """Draw independent disturbances as bytes, of shape (n_cycles, 3, n_slaves, attempts).
 
-    `rates` are the probabilities, per slave, that a request and that a response is lost.
+    `rates` contains each slave's probabilities of a missed request and of a disturbed response.
     """
     drawn = np.zeros((n_cycles, PLANES, len(rates), attempts), dtype=np.uint8)
     plane = (n_cycles, PLANES, attempts)
@@ -145,7 +145,7 @@ def draw_disturbances(
 
 
 class Station:
-    """A slave at its place on the line."""
+    """A simulated slave, its position on the line and its disturbances."""
 
     __slots__ = (
         "cuts", "heard", "lost_replies", "name", "offset", "pause", "position", "quiet", "rates",
@@ -154,23 +154,23 @@ class Station:
 
     def __init__(self, slave: RunningSlave, position: float = 0.0, pause: float = 3.0) -> None:
         self.slave, self.position, self.pause = slave, position, pause
-        #: Its label at the start.
+        #: Label at the start of the simulation.
         self.name = slave.label
-        #: Probabilities that a request, and a response, is lost.
+        #: Probabilities of a missed request and of a disturbed response.
         self.rates = (0.0, 0.0)
-        #: Whether drawn disturbances are ignored now.
+        #: True while drawn disturbances are ignored.
         self.quiet = False
-        #: Replies that will be lost, by the call that they answer.
+        #: Number of replies that are still to be lost, by call.
         self.lost_replies: dict[Call, int] = {}
-        #: Number of reasons for which it has no supply.
+        #: Number of active faults that disconnect the slave from the supply.
         self.cuts = 0
-        #: Numbers of the last request to it and of the first since it was switched on.
+        #: Number of the last request to the slave, and of the first after it was switched on.
         self.heard, self.since = -1, 1
-        #: Where its disturbances begin in those of a request.
+        #: Index of the slave's first disturbance among the disturbances of one phase.
         self.offset = 0
 
     def check_pause(self, transaction: Transaction, late: float = 0.0) -> None:
-        """Raise if an answer could begin after the end of the next request."""
+        """Raise ArgumentError if a response could begin after the end of the next request."""
         pause = self.pause + transaction.unsynchronised + late
         most = transaction.timeout + REQUEST_BITS
         if not (late >= 0 and pause < most):
@@ -181,12 +181,12 @@ class Station:
 
 
 class Stations(dict[str, list[Station]]):
-    """The slaves of a line by their labels at the start; two slaves may share a label."""
+    """The slaves of a line by label at the start of the simulation; slaves may share a label."""
 
     def __init__(
         self, placed: Sequence[tuple[Slave, float, float]], transaction: Transaction
     ) -> None:
-        """Place slaves, each at a distance from the master [m] and with a one-way delay [s]."""
+        """Place each slave at a distance from the master [m], with a propagation delay [s]."""
         super().__init__()
         check_whole("number of slaves", len(placed), 0, 1000)
         self.all = []
@@ -209,14 +209,14 @@ _NAN = float("nan")
 _EXECUTED = 1 << EXECUTED
 _ANSWERS = [Response(data).bits for data in range(16)]
 
-#: Cycles for which disturbances are drawn at a time.
+#: Number of cycles for which disturbances are drawn at a time.
 _CHUNK = 256
 
 _Route: TypeAlias = tuple[Station, RunningSlave, Callable[[RunningSlave, int, float], int], int]
 
 
 class MasterStops(Exception):
-    """The master falls silent until a time [s]; infinity means for good."""
+    """Exception that stops the master until a time [s]; infinity means permanently."""
 
     def __init__(self, until: float) -> None:
         super().__init__(until)
@@ -224,10 +224,10 @@ class MasterStops(Exception):
 
 
 class Channel:
-    """The line between a master and its slaves: it carries requests and replies and keeps the time.
+    """Simulated line that transmits requests and replies, and counts the simulated time.
 
-    Only the slaves at the address of a request are simulated. A slave that missed the previous
-    request is out of step; a test in which every slave hears everything gives the same results.
+    For each request, only the slaves at its address are simulated. A slave that missed the previous
+    request is unsynchronised. A test shows that simulating all slaves leads to equal results.
     """
 
     def __init__(
@@ -255,43 +255,43 @@ class Channel:
         self._scheduled = 0
         self._next = _NEVER
         self._number = 0
-        #: Number of the last request that a late answer garbled, and the answer on its way.
+        #: Number of the last request corrupted by a late response; bits and start of the latter.
         self._spoilt = -1
         self._ghost: tuple[str, float] | None = None
         self.locate()
 
     @property
     def seconds(self) -> float:
-        """Now [s]."""
+        """Simulated time [s]."""
         return self.time * self.transaction.bit_time
 
     def schedule(self, seconds: float, action: Callable[[], None]) -> None:
-        """Schedule an action for a time [s]; of two at one time, the first scheduled goes first."""
+        """Schedule an action for a time [s]; actions for one time run in the order scheduled."""
         self._scheduled += 1
         entry = (seconds / self.transaction.bit_time, self._scheduled, action)
         heapq.heappush(self._events, entry)
         self._next = self._events[0][0]
 
     def happen(self, until: float) -> None:
-        """Carry out the actions due up to a time [bit]."""
+        """Run the scheduled actions up to and including a time [bit]."""
         while self._events and self._events[0][0] <= until:
             action = heapq.heappop(self._events)[2]
             self._next = self._events[0][0] if self._events else _NEVER
             action()
 
     def stop_master(self, until: float) -> None:
-        """Stop the master; see `MasterStops`."""
+        """Stop the master until a time [s]; see `MasterStops`."""
         raise MasterStops(until)
 
     def locate(self) -> None:
-        """List the slaves of each address anew; the entry after the last address has all slaves."""
+        """Update the list of powered slaves per address; the entry after address 31 lists all."""
         there = [s for s in self.stations if s.slave.powered]
         self._at = [[s for s in there if s.slave.address == address] for address in range(32)]
         self._at.append(there)
         self._routes: dict[PreparedRequest, list[_Route]] = {}
 
     def _route(self, order: PreparedRequest) -> list[_Route]:
-        """Return the slaves that a request addresses, and what each of them does."""
+        """Return the slaves that a request addresses, each with its action and the data."""
         route = []
         for station in self._at[order.station]:
             said = order.reads[station.slave.kind]
@@ -301,7 +301,7 @@ class Channel:
         return route
 
     def switch(self, station: Station, on: bool, time: float) -> None:
-        """Switch a slave's supply off or on at a time [s]; it is on when no cause is left."""
+        """Switch a slave's supply off or on at a time [s]; it stays off while any fault cuts it."""
         station.cuts += -1 if on else 1
         if station.cuts == 0:
             station.slave.switch_on()
@@ -325,7 +325,7 @@ class Channel:
             self._base += self._plane
 
     def _in_chunk(self, cycle: int) -> int:
-        """Return the number of a cycle in its chunk; draw disturbances when a chunk begins."""
+        """Return the index of a cycle in its chunk; draw disturbances if a chunk begins."""
         if cycle % _CHUNK == 0 or not self._bytes:
             rates = [station.rates for station in self.stations]
             drawn = draw_disturbances(self._rng, _CHUNK, rates, self._attempts)
@@ -333,13 +333,13 @@ class Channel:
         return cycle % _CHUNK
 
     def _draw_one(self, station: Station) -> int:
-        """Draw the disturbance of a request outside the cycles."""
+        """Draw the disturbance of a request in a phase before data exchange."""
         if station.rates == (0.0, 0.0):
             return 0
         return int(draw_disturbances(self._rng, 1, [station.rates], 1)[0, 0, 0, 0])
 
     def transact(self, order: PreparedRequest, attempt: int) -> int:
-        """Send a request and return the reply."""
+        """Send a request and return the reply that the master receives."""
         start, transaction = self.time, self.transaction
         end = start + REQUEST_BITS
         if end >= self._next:
@@ -404,7 +404,7 @@ class Channel:
         return reply
 
     def _readable(self, order: PreparedRequest, start: float) -> bool:
-        """Whether a request can be read that collides with a late answer."""
+        """Return True if a request can be read despite its collision with a late response."""
         assert self._ghost is not None
         bits, begin = self._ghost
         self._ghost = None
@@ -416,7 +416,7 @@ class Channel:
     def _resolve(
         self, order: PreparedRequest, end: float, replies: list[tuple[int, float, int, Station]]
     ) -> tuple[int, float, float, int]:
-        """Return the reply that the master reads, the first and last pause, and the error."""
+        """Return the reply as received, the shortest and the longest pause, and the error code."""
         heard = []
         for data, pause, what, station in replies:
             left = station.lost_replies.get(order.request.call, 0)
@@ -431,7 +431,7 @@ class Channel:
         first, last = min(h[1] for h in heard), max(h[1] for h in heard)
         data, error = heard[0][0], 0
         if len(heard) > 1:
-            # Half-bits count from the first answer.
+            # Start times are in half-bits, relative to the first response.
             telegrams = sorted((_ANSWERS[d], round(2 * (pause - first))) for d, pause, _ in heard)
             bits, error = collide(tuple(telegrams), RESPONSE_BITS)
             data = int(bits[1:5], 2) if bits else data

@@ -1,6 +1,6 @@
-"""Commands of the host to a master, which sends one request per cycle in its management phase.
+"""Host commands, which a master carries out with one request per cycle, in its management phase.
 
-`simulate` accepts each command with its time; `Run.commands` reports the outcome.
+`simulate` accepts pairs of a time and a command; `Run.commands` reports the outcomes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ __all__ = ["ChangeAddress", "ReadCodes", "ResetSlave", "WriteParameter"]
 
 
 def _detected(lists: Lists, slave: str) -> int:
-    """Return the key of a slave that must be in the LDS."""
+    """Return the key of a slave; the command fails if the slave is not in the LDS."""
     if slave not in lists.lds:
         raise CommandFailed(f"slave {slave} is not in the LDS")
     return slave_key(slave)[0]
@@ -32,12 +32,12 @@ def _detected(lists: Lists, slave: str) -> int:
 
 @record
 class ChangeAddress:
-    """Give a slave another label: delete its address, then assign the new one.
+    """Change the label of a slave: delete its address, then assign the new one.
 
     Notes
     -----
-    The command fails while the new label or slave 0 is in the LDS: two slaves at address 0 would
-    both get the new address.
+    The command fails if the LDS contains the new label, or another slave at address 0: both slaves
+    at address 0 would receive the new address.
 
     References
     ----------
@@ -59,7 +59,7 @@ class ChangeAddress:
             raise ArgumentError(f"new is {self.new!r}; it must be another label than {self.old!r}")
 
     def run(self, lists: Lists) -> Task[str]:
-        """Yield the requests."""
+        """Yield the requests, and return the outcome in words."""
         old, (new, half) = _detected(lists, self.old), slave_key(self.new)
         identity = lists.detected[old]
         if identity.profile.extended != (half is not None):
@@ -76,7 +76,7 @@ class ChangeAddress:
             # If the slave keeps its address, the inclusion phase finds it again.
             lists.forget(old)
             yield prepared(Call.DELETE_ADDRESS, old >> 1, half=half_of(old, identity.profile))
-            # The reply may be lost although the address is deleted: ask at address 0.
+            # The reply may be lost although the address is deleted: check address 0.
             found = yield from identify(0)
             if found is None or found.profile != identity.profile:
                 raise CommandFailed(f"slave {self.old} did not delete its address")
@@ -89,7 +89,7 @@ class ChangeAddress:
 
 @record
 class _OfSlave:
-    """A command to a slave."""
+    """Base class of the commands to one slave."""
 
     slave: str = text("Label of the slave")
 
@@ -99,7 +99,7 @@ class _OfSlave:
 
 @record
 class ReadCodes(_OfSlave):
-    """Read the codes of a slave, which need not be in a list.
+    """Read the profile and the ID code 1 of a slave, which need not be in any list.
 
     Examples
     --------
@@ -108,7 +108,7 @@ class ReadCodes(_OfSlave):
     """
 
     def run(self, lists: Lists) -> Task[str]:
-        """Yield the requests."""
+        """Yield the requests, and return the outcome in words."""
         found = yield from identify(slave_key(self.slave)[0])
         if found is None:
             raise CommandFailed(f"slave {self.slave} does not answer with its codes")
@@ -118,7 +118,7 @@ class ReadCodes(_OfSlave):
 
 @record
 class WriteParameter(_OfSlave):
-    """Set the parameter of a slave in the LDS, now and at each later activation.
+    """Set the parameter bits of a slave in the LDS, now and at each later activation.
 
     Examples
     --------
@@ -132,7 +132,7 @@ class WriteParameter(_OfSlave):
         check_bits("parameter", self.slave, self.value)
 
     def run(self, lists: Lists) -> Task[str]:
-        """Yield the request."""
+        """Yield the request, and return the outcome in words."""
         key = _detected(lists, self.slave)
         lists.parameters[self.slave] = self.value
         echo = yield prepared(Call.WRITE_PARAMETER, key >> 1, self.value, slave_key(self.slave)[1])
@@ -152,7 +152,7 @@ class ResetSlave(_OfSlave):
     """
 
     def run(self, lists: Lists) -> Task[str]:
-        """Yield the requests."""
+        """Yield the requests, and return the outcome in words."""
         key = _detected(lists, self.slave)
         reply = yield prepared(Call.RESET, key >> 1, half=half_of(key, lists.detected[key].profile))
         if reply < 0:

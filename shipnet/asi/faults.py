@@ -1,7 +1,7 @@
-"""Faults of a line, from `start` to `stop` in simulated seconds.
+"""Faults of a simulated line, each active from `start` to `stop` [s].
 
-Slaves are named by their label at time 0, such as ``"5A"``. Two slaves at one address need no
-fault: simulate both.
+Slaves are identified by their label at time 0, such as ``"5A"``. There is no fault class for a
+duplicate address: simulate two slaves with the same label.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ __all__ = [
 
 @record
 class LineFault(Fault):
-    """A fault of a line."""
+    """Base class of the faults of a line."""
 
     def apply(self, channel: Channel, stations: Stations) -> None:
         """Schedule the start and the end of the fault."""
@@ -40,7 +40,7 @@ class LineFault(Fault):
 
 @record
 class _OfSlave(LineFault):
-    """A fault of one slave."""
+    """Base class of the faults of one slave."""
 
     slave: str = text("Label of the slave")
 
@@ -51,10 +51,10 @@ class _OfSlave(LineFault):
 
 @record
 class TelegramErrors(_OfSlave):
-    """Telegrams to and from a slave are disturbed at random.
+    """Random disturbances of the telegrams to and from a slave.
 
-    The slave misses requests, to itself or to another slave. In a response, one random pulse is
-    disturbed, which decides the error class.
+    The slave misses requests, whether they are addressed to it or to another slave. In a disturbed
+    response, one randomly chosen pulse is changed; the choice determines the error class.
 
     Examples
     --------
@@ -72,7 +72,7 @@ class TelegramErrors(_OfSlave):
     )
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Set the probabilities, from which the channel draws the disturbances."""
+        """Set the probabilities with which the channel draws disturbances."""
         for station in stations[self.slave]:
             if station.rates != (0.0, 0.0):
                 raise ArgumentError(
@@ -95,13 +95,13 @@ class DeadSlave(_OfSlave):
     """
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Switch the slave off and on again."""
+        """Schedule the times at which the slave is switched off and on again."""
         _switch(channel, stations[self.slave], self.start, self.stop)
 
 
 @record
 class BrokenCable(LineFault):
-    """All slaves downstream of a break lose supply and signal.
+    """A cable break: all slaves downstream of it lose supply and signal.
 
     Examples
     --------
@@ -112,14 +112,14 @@ class BrokenCable(LineFault):
     place: float = number(0, 1e6, "m", "Distance of the break from the master")
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Switch everything downstream of the break off and on again."""
+        """Schedule the times at which all slaves downstream are switched off and on again."""
         downstream = [station for station in stations.all if station.position > self.place]
         _switch(channel, downstream, self.start, self.stop)
 
 
 @record
 class SupplyDip(LineFault):
-    """The supply of all segments fails until `stop`, which must be given; all slaves reset.
+    """A supply failure in all segments until `stop`, which is required; all slaves are reset.
 
     Examples
     --------
@@ -135,18 +135,18 @@ class SupplyDip(LineFault):
             )
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Switch all slaves off and on again, and notify the master."""
+        """Schedule the times at which all slaves are switched off and on, and stop the master."""
         _switch(channel, stations.all, self.start, self.stop)
         channel.schedule(self.start, partial(channel.stop_master, self.stop))
 
 
 @record
 class LateAnswer(_OfSlave):
-    """A slave answers later than it should.
+    """A slave that responds too late.
 
-    An answer that starts after the master's time-out overlaps the next request, and no slave then
-    understands that request, except in one case in 360, where all pulses of the answer coincide
-    with those of the request.
+    A response that begins after the master's time-out overlaps the next request. No slave then
+    understands this request, except in one case in 360, in which all pulses of the response
+    coincide with pulses of the request.
 
     Examples
     --------
@@ -157,7 +157,7 @@ class LateAnswer(_OfSlave):
     bits: float = number(0, 100, "bit", "Additional delay")
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Delay the answers."""
+        """Schedule the start and the end of the additional delay."""
         for station in stations[self.slave]:
             station.check_pause(channel.transaction, self.bits)
             pauses = (station.pause + self.bits, station.pause)
@@ -166,7 +166,7 @@ class LateAnswer(_OfSlave):
 
 @record
 class LostReply(_OfSlave):
-    """A slave carries out requests of one kind, but its replies are lost.
+    """A slave that carries out requests of one kind, but whose replies are lost.
 
     Examples
     --------
@@ -180,7 +180,7 @@ class LostReply(_OfSlave):
     )
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Lose replies, beginning with the first after `start`."""
+        """Schedule the loss of the first `count` replies after `start`, until `stop`."""
         for station in stations[self.slave]:
             for time, count in ((self.start, self.count), (self.stop, 0)):
                 if time < inf:
@@ -190,7 +190,7 @@ class LostReply(_OfSlave):
 
 @record
 class PeripheryFault(_OfSlave):
-    """A slave reports a fault of a connected device: status bit S1.
+    """A slave that reports a fault of a connected device in its status bit S1.
 
     Examples
     --------
@@ -199,7 +199,7 @@ class PeripheryFault(_OfSlave):
     """
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Set the flag and clear it."""
+        """Schedule the times at which the slave's fault flag is set and cleared."""
         for station in stations[self.slave]:
             flags = (True, False)
             _set(channel, station.slave, "periphery_fault", flags, self.start, self.stop)
@@ -207,7 +207,7 @@ class PeripheryFault(_OfSlave):
 
 @record
 class MasterFailure(LineFault):
-    """The master falls silent for good; it has no `stop`.
+    """A permanent failure of the master, which sends no more requests; `stop` must be omitted.
 
     Examples
     --------
@@ -221,7 +221,7 @@ class MasterFailure(LineFault):
             raise ArgumentError(f"stop is {self.stop:g} s; a master that failed stays silent")
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Stop the master for good."""
+        """Schedule the time at which the master stops permanently."""
         channel.schedule(self.start, partial(channel.stop_master, inf))
 
 

@@ -1,7 +1,7 @@
-"""A master: its settings, lists, tasks and phases.
+"""AS-Interface master: settings, lists, tasks and phases.
 
-Internally a slave has a key, twice its address plus 1 for a B slave; the host sees labels. A task
-yields requests and receives each reply: four bits, `SILENT` or `FAULTY`.
+Internally, each slave has a key: twice its address, plus 1 for a B slave. The host uses labels. A
+task yields requests and receives a reply to each: four data bits, `SILENT` or `FAULTY`.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from shipnet.line.network import check_node
 
 @record
 class Master:
-    """A master, its place and its settings.
+    """An AS-Interface master, its settings and its node.
 
     Notes
     -----
-    By default a slave is dropped after two tries in each of three cycles: the six tries after
-    which an analyser counts it as lost [1]_. *Read I/O configuration* is repeated after a faulty
-    answer, but not after silence. The operating phases are those of [2]_. The management phase
-    reads the slaves' status in turn while the host has no commands. If the supply fails, the
-    master stops, and starts again afterwards.
+    By default, a slave is dropped after two failed tries in each of three consecutive cycles; an
+    analyser also counts a slave as lost after six failed tries [1]_. *Read I/O configuration* is
+    repeated after a faulty response but not after a missing one. The operating phases follow [2]_.
+    If the host has no commands, the management phase reads the status of one slave after another.
+    If the supply fails, the master stops; it restarts when the supply returns.
 
     References
     ----------
@@ -43,7 +43,7 @@ class Master:
     """
 
     projected: Mapping[str, Profile | str] | None = part(
-        Mapping, "Profiles of the projected slaves by label: the master activates these only "
+        Mapping, "Profiles of the projected slaves by label: the master activates only these "
         "(protected mode); if omitted, it activates all slaves (configuration mode)",
         default=None, optional=True,
     )  # fmt: skip
@@ -52,19 +52,19 @@ class Master:
         "bits are set", default_factory=dict, kw_only=True,
     )  # fmt: skip
     repetitions: int = whole(
-        0, 7, help="How often a failed request is sent again at once", default=1, kw_only=True
+        0, 7, help="Number of immediate repetitions of a failed request", default=1, kw_only=True
     )
     drop_after: int = whole(
-        1, 1000, help="Failed data exchanges in a row, one per cycle, that drop a slave",
+        1, 1000, help="Number of consecutive cycles with failed data exchange that drop a slave",
         default=3, kw_only=True,
     )  # fmt: skip
     automatic_addressing: bool = switch(
-        "Whether a new slave at address 0 replaces the only missing slave, if its profile is the "
-        "same; in protected mode only", default=False, kw_only=True,
+        "True if a new slave at address 0 replaces the only missing slave if their profiles are "
+        "equal; in protected mode only", default=False, kw_only=True,
     )  # fmt: skip
-    node: str = text("Where it is; needed in a plan", default="", kw_only=True)
+    node: str = text("Node of the master; required in a plan", default="", kw_only=True)
     current: float = number(
-        0, 10, "A", "Current from the line, assumed to be that of a slave", default=CURRENT,
+        0, 10, "A", "Current from the line; the default is that of a slave", default=CURRENT,
         kw_only=True,
     )  # fmt: skip
 
@@ -92,7 +92,7 @@ class Master:
 
     @property
     def protected(self) -> bool:
-        """Whether the master activates the projected slaves only."""
+        """True if the master activates only the projected slaves."""
         return self.projected is not None
 
     def __str__(self) -> str:
@@ -100,7 +100,7 @@ class Master:
 
 
 def check_bits(what: str, label: str, value: int) -> int:
-    """Return four output or parameter bits, three for an A/B slave, or raise."""
+    """Check and return the output or parameter bits of a slave: four, or three for an A/B slave."""
     return check_whole(f"{what} of slave {label}", value, 0, 7 if slave_key(label)[1] else 15)
 
 
@@ -108,7 +108,7 @@ def check_bits(what: str, label: str, value: int) -> int:
 
 
 class Identity(NamedTuple):
-    """A slave's profile and its extended ID code 1, -1 if it has none."""
+    """The profile of a slave and its extended ID code 1, -1 if the slave has none."""
 
     profile: Profile
     id1: int
@@ -122,13 +122,13 @@ def half_of(key: int, profile: Profile) -> Half | None:
 
 
 class Lists:
-    """The lists LPS, LDS, LAS and LPF, and the host's data."""
+    """Lists of slaves: projected (LPS), detected (LDS), active (LAS), periphery faults (LPF)."""
 
     def __init__(self, settings: Master) -> None:
         self.protected = settings.protected
         self.projected = cast("dict[str, Profile]", dict(settings.projected or {}))
         self.clock: Callable[[], float] = lambda: 0.0
-        #: When [s] a slave entered a list (True) or left it: LDS, LAS or LPF.
+        #: Time [s], list (LDS, LAS or LPF), label, and True if the slave was added, else False.
         self.changes: list[tuple[float, str, str, bool]] = []
         #: Outputs and parameters by label; by default all bits are set.
         self.outputs = dict(settings.outputs)
@@ -138,7 +138,7 @@ class Lists:
     def clear(self) -> None:
         """Empty all lists except the LPS."""
         self.detected: dict[int, Identity] = {}
-        #: The request that carries the outputs of each active slave.
+        #: Data exchange request for each active slave, with its outputs.
         self.polls: dict[int, PreparedRequest] = {}
         self.inputs: dict[int, int] = {}
         self._periphery: set[int] = set()
@@ -155,22 +155,22 @@ class Lists:
         return [self.label(key) for key in sorted(self.polls)]
 
     def label(self, key: int) -> str:
-        """Return a slave's label by its key."""
+        """Return the label of the slave with a given key."""
         known = self.detected.get(key)
         return label_of(key, extended=known is not None and known.profile.extended)
 
     def parameter(self, key: int) -> int:
-        """Return the parameter of a detected slave."""
+        """Return the parameter bits of a detected slave."""
         all_set = (1 << self.detected[key].profile.output_bits) - 1
         return self.parameters.get(self.label(key), all_set) & all_set
 
     def wanted(self, key: int) -> bool:
-        """Whether a detected slave should be active."""
+        """Return True if a detected slave should be active."""
         profile = self.detected[key].profile
         return key > 1 and (not self.protected or self.projected.get(self.label(key)) == profile)
 
     def note(self, key: int, identity: Identity) -> None:
-        """Enter a slave into the LDS."""
+        """Add a slave to the LDS."""
         if self.detected.get(key) != identity:
             if key in self.detected:
                 self._change("LDS", key, False)
@@ -178,7 +178,7 @@ class Lists:
             self._change("LDS", key, True)
 
     def join(self, key: int, inputs: int) -> None:
-        """Enter a detected slave into the LAS."""
+        """Add a detected slave to the LAS, with its inputs."""
         if key not in self.polls:
             self._change("LAS", key, True)
         profile = self.detected[key].profile
@@ -188,7 +188,7 @@ class Lists:
         self._plan()
 
     def periphery(self, key: int, faulty: bool) -> None:
-        """Enter a slave into the LPF, or remove it."""
+        """Add a slave to the LPF if `faulty`; otherwise remove it."""
         if faulty != (key in self._periphery):
             (self._periphery.add if faulty else self._periphery.discard)(key)
             self._change("LPF", key, faulty)
@@ -205,7 +205,7 @@ class Lists:
             del self.detected[key]
 
     def _plan(self) -> None:
-        # Where both halves of an address are active, they take turns.
+        # If both halves of an address are active, they are polled in alternate cycles.
         both = {key >> 1 for key in self.polls if key & 1 and key - 1 in self.polls}
         keys = sorted(self.polls)
         self.schedule = (
@@ -219,19 +219,19 @@ class Lists:
 
 # Tasks -----------------------------------------------------------------------------------------
 
-#: Replies without data: no answer in time, and an invalid answer.
+#: Replies without data: no response in time, and an invalid response.
 SILENT, FAULTY = -1, -2
 
 T = TypeVar("T")
 Task: TypeAlias = Generator[PreparedRequest, int, T]
 
-#: How often a master asks whether a slave has stored its address: enough for 15 ms in the shortest
-#: cycle, which has a management request of 26 bit times and an inclusion request of 24.
+#: Largest number of status requests while a slave stores its address: enough for 15 ms in the
+#: shortest cycle, which has a management request of 26 bit times and an inclusion request of 24.
 _PATIENCE = 100
 
 
 def identify(key: int) -> Task[Identity | None]:
-    """Read a slave's four codes."""
+    """Read the profile and ID code 1 of a slave; return None if the slave does not respond."""
     half: Half | None = "B" if key & 1 else None
     io = yield prepared(Call.READ_IO_CONFIGURATION, key >> 1, half=half)
     if io < 0:
@@ -245,7 +245,7 @@ def identify(key: int) -> Task[Identity | None]:
 
 
 def activate(lists: Lists, key: int) -> Task[bool]:
-    """Send a detected slave its parameters and first outputs if it should be active."""
+    """Activate a detected slave, if it should be active: send its parameters and first outputs."""
     if not lists.wanted(key):
         return False
     profile = lists.detected[key].profile
@@ -253,7 +253,7 @@ def activate(lists: Lists, key: int) -> Task[bool]:
     reply = yield prepared(Call.WRITE_PARAMETER, key >> 1, lists.parameter(key), half)
     if reply < 0:
         return False
-    # The first outputs are all set: the ports stay off.
+    # All bits of the first outputs are set, so that the output ports stay off.
     inputs = yield prepared(Call.DATA_EXCHANGE, key >> 1, (1 << profile.output_bits) - 1, half)
     if inputs < 0:
         return False
@@ -262,7 +262,7 @@ def activate(lists: Lists, key: int) -> Task[bool]:
 
 
 def move(lists: Lists, label: str) -> Task[bool]:
-    """Assign a label to the slave at address 0: first its half, if any, then its address."""
+    """Assign a label to the slave at address 0: first the half, if any, then the address."""
     identity = lists.detected[0]
     key, half = slave_key(label)
     wanted = identity.id1 & 7 | (8 if half == "B" else 0)
@@ -280,7 +280,7 @@ def move(lists: Lists, label: str) -> Task[bool]:
 
 
 def wait_for_storing(address: int, half: Half | None) -> Task[None]:
-    """Read a slave's status until it has stored its address or ID code 1."""
+    """Read the status of a slave until the slave has stored its address or ID code 1."""
     for _ in range(_PATIENCE):
         status = yield prepared(Call.READ_STATUS, address, half=half)
         if status >= 0 and not status & 1:
@@ -291,7 +291,7 @@ def wait_for_storing(address: int, half: Half | None) -> Task[None]:
 
 
 class Phase(IntEnum):
-    """The phases of a master, in their order."""
+    """The phases of a master, in the order in which they run."""
 
     OFFLINE = 0
     DETECTION = 1
@@ -302,18 +302,18 @@ class Phase(IntEnum):
 
 
 class Observer(Protocol):
-    """An object that knows the time and is notified of a master's phases."""
+    """An object that provides the simulated time and is notified when a master's phase begins."""
 
     @property
     def seconds(self) -> float:
         """The simulated time [s]."""
 
     def begin(self, phase: Phase, cycle: int) -> None:
-        """Note that a phase begins."""
+        """Handle the beginning of a phase in a cycle."""
 
 
 class Command(Protocol):
-    """A command of the host: one request per cycle, in the management phase."""
+    """A command of the host, carried out with one request per cycle in the management phase."""
 
     def run(self, lists: Lists) -> Task[str]:
         """Yield requests, receive replies, and return the outcome in words."""
@@ -324,7 +324,7 @@ class CommandFailed(Exception):
 
 
 class RunningMaster:
-    """A running master, which yields requests to a simulation and receives the replies."""
+    """A simulated master, which yields requests and receives the replies."""
 
     def __init__(self, settings: Master) -> None:
         self.settings, self.lists = settings, Lists(settings)
@@ -342,7 +342,7 @@ class RunningMaster:
         self._queue.append(command)
 
     def run(self, observer: Observer, active: Mapping[str, int] | None = None) -> Task[None]:
-        """Yield requests and receive replies; begin with the `active` slaves, if there are any."""
+        """Yield requests and receive replies; the `active` slaves, if given, need no activation."""
         lists = self.lists
         self._observer = observer
         lists.clock = lambda: observer.seconds
@@ -393,7 +393,7 @@ class RunningMaster:
             self.lists.join(key, 0)
 
     def _again(self, what: PreparedRequest, reply: int) -> Task[int]:
-        """Repeat a request after a failed reply."""
+        """Repeat a failed request until a valid reply or the last repetition."""
         for attempt in range(1, self.repetitions + 1):
             self.attempt = attempt
             reply = yield what
@@ -403,7 +403,7 @@ class RunningMaster:
         return reply
 
     def _send(self, what: PreparedRequest) -> Task[int]:
-        """Send a request, and repeat it if necessary."""
+        """Send a request, and repeat it if it fails."""
         reply = yield what
         probing = what.request.call is Call.READ_IO_CONFIGURATION and reply == SILENT
         if reply < 0 and what.expects and not probing:
@@ -411,7 +411,7 @@ class RunningMaster:
         return reply
 
     def _through(self, task: Task[T]) -> Task[T]:
-        """Carry out a whole task within one cycle."""
+        """Run a task to its end, without waiting for the next cycle between requests."""
         reply: int | None = None
         while True:
             try:
@@ -422,7 +422,7 @@ class RunningMaster:
             reply = yield from self._send(what)
 
     def _insist(self, key: int) -> Task[None]:
-        """Repeat a failed data exchange; drop the slave if too many cycles failed."""
+        """Repeat a failed data exchange; drop the slave after too many failed cycles in a row."""
         reply = yield from self._again(self.lists.polls[key], FAULTY)
         if reply >= 0:
             self.lists.inputs[key] = reply
@@ -435,7 +435,7 @@ class RunningMaster:
             self.lists.forget(key)
 
     def _detect(self) -> Task[None]:
-        """Look for a slave at every address."""
+        """Search all addresses for slaves."""
         self._begin(Phase.DETECTION)
         for key in range(64):
             if self._can_be(key):
@@ -444,12 +444,12 @@ class RunningMaster:
                     self.lists.note(key, identity)
 
     def _can_be(self, key: int) -> bool:
-        """Whether a slave can have a key: not a B slave at address 0 or beside a standard slave."""
+        """Return False for a B slave at address 0 or at the address of a standard slave."""
         first = self.lists.detected.get(key & ~1)
         return key != 1 and (not key & 1 or first is None or first.profile.extended)
 
     def _manage(self) -> Task[None]:
-        """Send at most one request: for the host's command, or for a slave's status."""
+        """Send at most one request: for the host's command, or to read a slave's status."""
         if self._command is None and self._queue:
             command = self._queue.popleft()
             self._advance(command, command.run(self.lists), None)
@@ -479,7 +479,7 @@ class RunningMaster:
         self.finished.append((self._observer.seconds, command, done, outcome))
 
     def _include(self) -> Task[None]:
-        """Send one request: to the next vacant address, or to a slave that was found there."""
+        """Send one request: to the next vacant address, or to a slave found at such an address."""
         if self._admission is None:
             task = self._admit(self._vacant())
             self._admission = task, next(task)
@@ -497,7 +497,7 @@ class RunningMaster:
                 return self._probe
 
     def _admit(self, key: int) -> Task[bool]:
-        """Identify and activate the slave at an address, with one request per cycle."""
+        """Identify and activate a newly found slave, with one request per cycle."""
         lists = self.lists
         identity = yield from identify(key)
         if identity is None:

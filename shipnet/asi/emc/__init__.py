@@ -1,4 +1,4 @@
-"""Electromagnetic disturbances, the telegrams that they destroy, and immunity test levels."""
+"""Electromagnetic disturbances, the telegram error rates they cause, and immunity test levels."""
 
 import lazy_loader
 
