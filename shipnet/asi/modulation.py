@@ -1,10 +1,10 @@
 """Alternating pulse modulation: bits -> Manchester levels -> send current -> pulses, and back.
 
-A bit is two half-bits of 3 us. In Manchester code, a 0 falls and a 1 rises in its middle. The
-sender draws more current at the low level, and the supply's inductors turn each rise of current
-into a negative voltage pulse, each fall into a positive one. A telegram of n bits has 2 n *slots*,
-one per half-bit: a pulse of alternating sign in each odd slot (the middle of a bit) and in the even
-slots between two equal bits. Two empty slots must follow.
+A bit lasts two half-bits of 3 us. In Manchester code, the level falls in the middle of a 0 and
+rises in the middle of a 1. The sender draws more current at the low level. The supply's inductors
+turn each rise of the current into a negative voltage pulse and each fall into a positive one. A
+telegram of n bits has 2 n *slots*, one per half-bit. Pulses of alternating sign fill each odd slot
+(the middle of a bit) and each even slot between two equal bits. Two empty slots must follow.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ from shipnet.lazy import Axes
 if TYPE_CHECKING:
     from shipnet.line.waveform import Waveform
 
-#: Length of a half-bit [s].
+#: Duration of a half-bit [s].
 HALF_BIT = BIT_TIME / 2
 
-#: Swing of the send current [A]; 55 to 68 mA in ASI4U data sheets, 60 mA assumed.
+#: Assumed peak-to-peak send current [A]; ASI4U data sheets state 55 to 68 mA.
 SEND_CURRENT = 60e-3
 
 Codes = npt.NDArray[np.uint8]
@@ -52,7 +52,7 @@ Signs = npt.NDArray[np.int8]
 
 
 def ramp(x: npt.ArrayLike) -> Floats:
-    r"""Return the shape of one change of current: the integral of a sin^2 pulse.
+    r"""Return a current step from 0 to 1 at times `x` in half-bits: the integral of a sin^2 pulse.
 
     .. math:: \rho(x) = x - \frac{\sin 2 \pi x}{2 \pi}
     """
@@ -61,7 +61,7 @@ def ramp(x: npt.ArrayLike) -> Floats:
 
 
 def ramp_spectrum(s: npt.ArrayLike, *, half_bit: float = HALF_BIT) -> Complexes:
-    r"""Return the Laplace transform of the slope of one change of current, area 1.
+    r"""Return the Laplace transform, at `s` [rad/s], of the slope of a current step from 0 to 1.
 
     .. math:: P(s) = e^{-x} \, \frac{\sinh x}{x} \, \frac{1}{1 + (x / \pi)^2},
               \qquad x = \frac{s T_h}{2}
@@ -75,7 +75,7 @@ def ramp_spectrum(s: npt.ArrayLike, *, half_bit: float = HALF_BIT) -> Complexes:
     return np.where(small, np.exp(-x), np.where(pole, 0.5 * np.exp(-x), value))
 
 
-#: The error classes of kim2023, section 3.4, by name in the order of their checks.
+#: Error classes of kim2023, section 3.4, by name of the rule, in the order of the checks.
 CLASSES: dict[str, type[FrameError]] = {
     "start": StartBitError,
     "alternation": AlternationError,
@@ -88,12 +88,12 @@ CLASSES: dict[str, type[FrameError]] = {
 
 
 def _violations(columns: Signs) -> Bools:
-    """Return which checks fail, checks first; `columns` has slots first."""
+    """Return True for each failed check, shape (n_checks, ...), of `columns` (n_slots, ...)."""
     telegram, after = columns[1:-2], columns[-2:]
     middles = telegram[::2]
     empty = telegram == 0
-    # The sum of the pulses is the inverted send current, which has two levels; two pulses of one
-    # sign in a row make it span two steps.
+    # The running sum of the pulses is the inverted send current, which has two levels. If two
+    # successive pulses have the same sign, the sum spans more than these two levels.
     level = np.cumsum(telegram, axis=0, dtype=np.int8)
     span = np.maximum(level.max(axis=0), 0) - np.minimum(level.min(axis=0), 0)
     return np.stack(
@@ -110,10 +110,10 @@ def _violations(columns: Signs) -> Bools:
 
 
 def check_columns(columns: Signs) -> tuple[Signs, Codes]:
-    """Return the bits, slots first, and the error codes."""
+    """Return the bits, shape (n_bits, ...), and the error codes of pulses (n_slots, ...)."""
     error = np.zeros(columns.shape[1:], dtype=np.uint8)
     failed = _violations(columns)
-    # The check that comes first has its code written last.
+    # In reverse order, so that the code of the first failed check remains.
     for kind, fails in reversed(list(zip(CLASSES.values(), failed, strict=True))):
         error[fails] = kind.code
     middles = columns[1:-2:2]
@@ -131,7 +131,7 @@ class Modulation:
     Parameters
     ----------
     bits : str, sequence of str, or array_like of int, shape (..., n)
-        Bits 0 or 1 of a telegram, or of several telegrams of one length.
+        Bits, 0 or 1, of one telegram or of several telegrams of equal length.
 
     References
     ----------
@@ -175,33 +175,33 @@ class Modulation:
 
     @property
     def text(self) -> str:
-        """The bits of one telegram as characters."""
+        """Bits of one telegram as a string of ``0`` and ``1``."""
         return "".join(map(str, self.bits.ravel().tolist()))
 
     @property
     def levels(self) -> Signs:
-        """Manchester level of each half-bit, 1 for high: a 0 is high, then low."""
+        """Manchester level of each half-bit, 1 for high; a 0 bit is high, then low."""
         return np.stack([1 - self.bits, self.bits], axis=-1).reshape(*self.bits.shape[:-1], -1)
 
     @property
     def steps(self) -> Signs:
-        """Change of the send current at each half-bit: +1 where it rises, -1 where it falls."""
+        """Change of the send current in each half-bit: +1 if it rises, -1 if it falls, else 0."""
         drawn = 1 - self.levels
         return np.diff(drawn, axis=-1, prepend=np.zeros_like(drawn[..., :1]))
 
     @property
     def pulses(self) -> Pulses:
-        """Sign of the voltage pulse in each half-bit."""
+        """Sign of the voltage pulse in each half-bit; 0 if there is no pulse."""
         return Pulses(-self.steps)
 
     def current(self, t: npt.ArrayLike, *, start: float = 0.0) -> Floats:
-        """Return the send current at times t [s] of a telegram that begins at `start` [s], in A."""
+        """Return the send current [A] at times `t` [s] of a telegram that begins at `start` [s]."""
         begin = check_scalar("start", start, "s", -1e9, 1e9)
         since, steps = (np.asarray(t, dtype=float) - begin) / HALF_BIT, self.steps
         return SEND_CURRENT * (steps @ ramp(since - np.arange(steps.shape[-1])[:, np.newaxis]))
 
     def transform(self, s: npt.ArrayLike, *, start: float = 0.0) -> Complexes:
-        r"""Return the Laplace transform of the current at s [rad/s], which must not be 0 [A s].
+        r"""Return the Laplace transform of the send current [A s] at nonzero `s` [rad/s].
 
         .. math:: I(s) = \frac{I_0}{s} P(s) \sum_j d_j \, e^{-s (t_0 + j T_h)}
         """
@@ -212,23 +212,23 @@ class Modulation:
         return np.asarray(SEND_CURRENT * ramp_spectrum(s) / s * (steps @ np.exp(-np.outer(at, s))))
 
     def spectrum(self, f: npt.ArrayLike) -> Floats:
-        """Return the spectrum of the current's slope at frequencies f above 0 [Hz], in A.
+        """Return the magnitude spectrum [A] of the current's slope at frequencies `f` above 0 [Hz].
 
-        The voltage of a telegram is proportional to this slope.
+        The telegram's voltage is proportional to this slope.
         """
         s = 2j * np.pi * np.asarray(f, dtype=float)
         return np.abs(s * self.transform(s))
 
     @staticmethod
     def pulse_spectrum(f: npt.ArrayLike) -> Floats:
-        """Return the spectrum of one pulse at frequencies f [Hz], relative to that at 0."""
+        """Return the magnitude spectrum of a pulse at frequencies `f` [Hz], relative to 0 Hz."""
         return np.abs(ramp_spectrum(2j * np.pi * np.asarray(f, dtype=float)))
 
     def plot(self, wave: Waveform, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw one telegram and its voltage on the line, and return the axes.
+        """Draw one telegram and `wave`, its voltage on the line, and return the axes.
 
-        Three axes show levels, current and voltage, as icn2007's Figs 7a and 7b. Six axes, the
-        default, show all steps from bits to pulses and back, as kim2023's Table 3.
+        Three axes show levels, current and voltage, as in icn2007's Figs 7a and 7b. Six axes, the
+        default, show every stage from bits to pulses and back to bits, as in kim2023's Table 3.
         """
         if axes is None:
             six = style.axes(nrows=6, figsize=(7, 9), sharex=True)
@@ -268,12 +268,12 @@ class Modulation:
         return axes
 
 
-#: Pulses in error texts.
+#: Descriptions of pulse signs in error messages.
 _SIGN = {-1: "-", 0: "no pulse", 1: "+"}
 
 
 def _write_bits(ax: Axes, bits: str, height: float, va: str = "center") -> None:
-    """Write bits in the middle of their times."""
+    """Write each bit at the middle of its bit time."""
     for place, bit in enumerate(bits):
         middle = (2 * place + 1) * HALF_BIT * 1e6
         ax.text(middle, height, bit, ha="center", va=va, family="monospace")
@@ -282,13 +282,13 @@ def _write_bits(ax: Axes, bits: str, height: float, va: str = "center") -> None:
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Pulses:
-    """The signs of pulses, one per half-bit from the start of a telegram.
+    """Signs of the pulses in telegrams, one per half-bit from the start of each telegram.
 
     Parameters
     ----------
     signs : str or array_like of int, shape (..., n)
-        -1, 0 or +1, or ``-``, ``0`` and ``+`` in a text. A telegram of n bits has 2 n signs, and
-        two zeros for the silence after it may follow.
+        Signs -1, 0 (no pulse) and +1, or a text of ``-``, ``0`` and ``+``. A telegram of n bits
+        has 2 n signs; two more may follow for the half-bits of silence after the telegram.
 
     References
     ----------
@@ -303,7 +303,7 @@ class Pulses:
     >>> Pulses("0-+-0+-00-+-0+00").broken
     ('alternation', 'pause', 'information', 'parity')
 
-    Two answers at once, 6 and 5; pulses of opposite sign cancel:
+    Two slaves respond at once, with 6 and 5; pulses of opposite sign cancel:
 
     >>> Modulation("0011001").pulses + Modulation("0010101").pulses
     0-+-0+-000+-0+
@@ -330,7 +330,7 @@ class Pulses:
     def __array__(
         self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
     ) -> npt.NDArray[Any]:
-        """Return the signs, so that numpy can use pulses as an array."""
+        """Return the signs, so that NumPy functions accept `Pulses` objects."""
         return np.array(self.signs, dtype=dtype, copy=bool(copy) or None)
 
     @property
@@ -340,7 +340,7 @@ class Pulses:
 
     @property
     def _columns(self) -> Signs:
-        """The signs with the silence after the telegrams; half-bits come first, for speed."""
+        """Signs including two half-bits of silence, shape (n_slots, ...), the faster order."""
         signs, lengths = self.signs, (2 * RESPONSE_BITS, 2 * REQUEST_BITS)
         if signs.shape[-1] in lengths:
             signs = np.pad(signs, [(0, 0)] * (signs.ndim - 1) + [(0, 2)])
@@ -358,7 +358,7 @@ class Pulses:
 
     @property
     def violations(self) -> Bools:
-        """Which checks each telegram fails, in the order of `CLASSES` along the last axis."""
+        """True for each check that a telegram fails; the last axis has the order of `CLASSES`."""
         return np.ascontiguousarray(np.moveaxis(_violations(self._columns), 0, -1))
 
     def decode(self) -> str:
@@ -408,18 +408,18 @@ class Pulses:
 
     @property
     def error(self) -> str:
-        """Class of the first error of one telegram, such as ``"ParityError"``, or ``"ok"``."""
+        """Class name of one telegram's first error, such as ``"ParityError"``; ``"ok"`` if none."""
         broken = self.broken
         return CLASSES[broken[0]].__name__ if broken else "ok"
 
     def __add__(self, other: Pulses) -> Pulses:
-        """Return the pulses of two overlapping telegrams; opposite signs cancel."""
+        """Return the pulses of two simultaneous telegrams; pulses of opposite sign cancel."""
         if not isinstance(other, Pulses) or other.signs.shape != self.signs.shape:
             return NotImplemented
         return Pulses(np.sign(self.signs + other.signs))
 
     def plot(self, ax: Axes | None = None, *, faults: Sequence[int] = ()) -> Axes:
-        """Draw the pulses of one telegram; those in the slots `faults` are red."""
+        """Draw the pulses of one telegram, with the slots listed in `faults` in red."""
         ax = style.axes(ax)
         for slot, pulse in enumerate(self.signs):
             colour = style.LIMIT["color"] if slot in faults else "C0"
@@ -437,7 +437,7 @@ class Pulses:
 
 @lru_cache(maxsize=4096)
 def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, int]:
-    """Return bits and error code of overlapping telegrams, each with the slot of its start."""
+    """Return the bits and error code received when telegrams, each (bits, first slot), overlap."""
     total = np.zeros(2 * n_bits + 2, dtype=np.int64)
     for telegram, start in telegrams:
         pulses = Modulation(telegram).pulses.signs
@@ -458,6 +458,6 @@ def _one_pulse_codes() -> list[list[int]]:
     return table
 
 
-#: The error codes of each answer 0..15 with one slot disturbed: a pulse is lost, inverted or
-#: added in one of the 16 half-bits. None of the 32 codes is 0.
+#: Error codes of each response 0..15 with one disturbed slot: a pulse is lost, inverted or added
+#: in one of the 16 slots (14 and two of silence). None of a response's 32 codes is 0.
 ONE_PULSE_CODES = _one_pulse_codes()

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 _E = TypeVar("_E", bound=Element)
 
 
-#: Kinds of elements by the plan's attributes.
+#: Classes of elements, by the attribute of `Plan` that contains them.
 _KINDS: dict[str, type[Element]] = {
     "cables": CableRun,
     "masters": Master,
@@ -64,7 +64,7 @@ _KINDS: dict[str, type[Element]] = {
     "terminators": Terminator,
 }
 
-#: Marker, colour and size by name in the legend; the last ones are drawn on top.
+#: Marker, colour and size of each legend entry; later entries are drawn on top.
 _MARKS: dict[str, tuple[Any, str, int]] = {
     "supply": (6, "C4", 12),  # a caret whose tip is at the node
     "master": ("s", "0.2", 7),
@@ -75,7 +75,7 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
     "slave, failed": ("X", LIMIT["color"], 7),
 }
 
-#: Most slaves that a drawing labels.
+#: Largest number of slaves that a drawing labels.
 _NAMED = 12
 
 
@@ -87,24 +87,24 @@ class Plan:
     Parameters
     ----------
     cables : iterable of CableRun
-        At least one.
+        Cables; at least one.
     masters : iterable of Master, optional
-        One per line; any other number violates a rule.
+        Masters, one per line; any other number violates a rule.
     supplies : iterable of Supply, optional
-        One per segment; any other number violates a rule.
+        Supplies, one per segment; any other number violates a rule.
     slaves : iterable of Slave, optional
-        Slaves.
+        Slaves, each at a node of a cable.
     repeaters : iterable of Repeater, optional
-        Repeaters.
+        Repeaters, each between two segments.
     terminators : iterable of Terminator, optional
         Terminators or extension plugs.
 
     Raises
     ------
     ArgumentError
-        If the elements do not form a network: two cables connect the same nodes, a segment has
-        two rings, a device has no node or one without a cable, a repeater has both ends in one
-        segment, or telegrams have two paths. All such faults are named.
+        If the elements do not form a network: two cables connect the same two nodes, a segment
+        has two rings, a device has no node, no cable reaches its node, a repeater has both ends in
+        one segment, or telegrams have two paths. The error names all such faults.
 
     Examples
     --------
@@ -157,7 +157,7 @@ class Plan:
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
-        """Segments in the order of their first cable."""
+        """Segments of the plan, in the order in which their first cables are listed."""
         groups, lines = Groups(), Groups()
         for cable in self.cables:
             groups.join(cable.a, cable.b)
@@ -170,7 +170,7 @@ class Plan:
         def within(elements: Iterable[_E], leader: str) -> tuple[_E, ...]:
             return tuple(e for e in elements if groups.leader(nodes_of(e)[0]) == leader)
 
-        # From each line's first master outward, repeater by repeater.
+        # Follow each line from its first master outward, repeater by repeater.
         reached: dict[str, tuple[str, tuple[Repeater, ...], float]] = {}
         for master in self.masters:
             if groups.leader(master.node) in reached:
@@ -201,12 +201,12 @@ class Plan:
 
     @property
     def lines(self) -> tuple[tuple[Segment, ...], ...]:
-        """The segments of each line."""
+        """Segments of each line."""
         numbers = dict.fromkeys(segment.line for segment in self.segments)
         return tuple(tuple(one for one in self.segments if one.line == n) for n in numbers)
 
     def only(self, what: str) -> Segment:
-        """Return the only segment, or raise an error about `what` if there are several."""
+        """Return the only segment, or raise an error that names `what` if there are several."""
         if len(self.segments) != 1:
             raise ArgumentError(
                 f"{what} needs a plan of one segment; this one has {len(self.segments)}"
@@ -214,7 +214,7 @@ class Plan:
         return self.segments[0]
 
     def only_line(self, what: str) -> tuple[Segment, ...]:
-        """Return the segments of the only line, or raise an error about `what`."""
+        """Return the segments of the only line, or raise an error that names `what`."""
         if len(self.lines) != 1:
             raise ArgumentError(f"{what} needs a plan of one line; this one has {len(self.lines)}")
         return self.lines[0]
@@ -224,10 +224,10 @@ class Plan:
     def with_repeater(
         self, node: str, other: Plan, *, delay: float = 6e-6, prefix: str = "2/"
     ) -> Plan:
-        """Return this plan with another one downstream of a repeater at one of its nodes.
+        """Return this plan extended by another plan downstream of a repeater at `node`.
 
-        The repeater replaces the other plan's only master. The names of the other plan's nodes
-        get the `prefix`; its slaves get the addresses after those in use here.
+        The repeater replaces the other plan's only master. The other plan's node names get the
+        `prefix`; its addresses increase by the highest address of this plan.
         """
         if len(other.masters) != 1:
             raise ArgumentError(
@@ -250,7 +250,7 @@ class Plan:
         return plan_of([*self, *moved, link])
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the plan as a CSV file, which `read_plan` reads."""
+        """Write the plan to a CSV file that `read_plan` can read."""
         write_elements(list(self), path)
 
     # Evaluation --------------------------------------------------------------------------------
@@ -264,21 +264,21 @@ class Plan:
     ) -> PlanFindings:
         """Check the plan against every rule of AS-i.
 
-        Each slave must be polled within `wanted_cycle` [s]; if omitted, the rule ``update_time``
-        is left out. `limits` has the form of `rule_limits`. A segment without exactly one supply
-        or without a master on its line has a row ``voltages_and_signals``, ``not verified``, that
-        says why.
+        The rule ``update_time`` requires that each slave is polled at least every `wanted_cycle`
+        [s]; without `wanted_cycle` it is omitted. `limits` is a table like that of `rule_limits`.
+        A segment without exactly one supply, or without a master on its line, has a row
+        ``voltages_and_signals`` with the verdict ``not verified`` and the reason.
 
-        Signals are the worst of all responses and of three requests (`quality` judges responses
-        only). They depend on nominal cables and on assumed decoupling, send current and repeaters,
-        so they show the critical slave better than its margin in millivolts. The limit of 500 m
-        between two slaves follows from two repeaters on either side of a master in the middle.
+        Signal values are the worst of all responses and three requests; `quality` uses responses
+        only. They are computed for nominal cables and assumed decoupling, send current and
+        repeaters: they identify the critical slave, but its margin in millivolts is uncertain. The
+        limit of 500 m between two slaves follows from two repeaters on each side of the master.
         """
         return PlanFindings(check_lines(self.lines, wanted_cycle, transaction, limits), self)
 
     @property
     def network(self) -> Network:
-        """The cables and their loads at signal frequencies, of a plan of one segment."""
+        """Cables and loads at signal frequencies, for a one-segment plan."""
         return self.only("network").network
 
     def waveform(
@@ -290,12 +290,12 @@ class Plan:
         before: float = 6.5e-6,
         after: float = 18.5e-6,
     ) -> Waveform:
-        """Return the voltages of telegrams between the master and each slave, or a node.
+        """Return the signal voltages of telegrams between the master and each slave, or one `node`.
 
-        `telegrams` is one telegram or the bits of several of one length; by default all 16
-        responses. The voltages are the same in both directions, without the supply's 30 V. They are
-        sampled every `dt` [s], a whole fraction of 3 us, from `before` the telegram to `after` its
-        end [s]. The plan must have one segment with a master.
+        `telegrams` is one telegram, or the bits of several telegrams of equal length; the default
+        is all 16 responses. The voltages exclude the supply's 30 V and are the same in both
+        directions. They are sampled every `dt` [s], a whole fraction of 3 us, from `before` [s]
+        before to `after` [s] after the telegram. The plan must have one segment with a master.
         """
         segment = self.only("waveform")
         nodes = [node for _, node in segment.listeners] if node is None else [node]
@@ -314,15 +314,15 @@ class Plan:
         amplitude: float = 0.0,
         rng: RNGLike | None = None,
     ) -> LineWaveform:
-        """Simulate a scope's record while the master polls the slaves of a plan of one segment.
+        """Simulate an oscilloscope record of a master polling the slaves of a one-segment plan.
 
-        Each slave answers the requests that it receives; the master repeats requests, drops slaves
-        and looks for new ones. At first all slaves are active; their inputs change at random.
+        Each slave responds to the requests that it receives; the master repeats requests, drops
+        slaves and searches for new ones. All slaves are active at first; their inputs are random.
 
-        The record has a `duration` of 1e-3..0.2 [s], sampled every `dt`, 50e-9..500e-9 and a whole
-        fraction of 3e-6 [s], at `node`, by default the master's. `weak` has the send currents of
-        slaves by label, relative to 60 mA, 0..10. A `disturbance` of `shipnet.asi.emc` with an
-        `amplitude` [V] is the same at all nodes.
+        The record shows the voltage at `node`, by default the master's, for a `duration` of
+        1e-3..0.2 s. The sampling interval `dt`, 50e-9..500e-9 s, must be a whole fraction of 3 us.
+        `weak` maps slave labels to send currents relative to 60 mA, 0..10. A `disturbance` from
+        `shipnet.asi.emc` with an `amplitude` [V] is added equally at all nodes.
 
         Examples
         --------
@@ -337,18 +337,18 @@ class Plan:
         )  # fmt: skip
 
     def quality(self) -> Quality:
-        """Return the quality of the 16 responses of each slave, for a plan of one segment."""
+        """Return the signal quality of each slave's 16 responses, for a one-segment plan."""
         segment = self.only("quality")
         found = segment.quality([slave.node for slave in segment.slaves], RESPONSES)
         return found._replace(slaves=tuple(slave.label for slave in segment.slaves))
 
     def error_rates(self, noise_density: float) -> pd.DataFrame:
-        """Return the rates of telegrams that white noise destroys, for a plan of one segment.
+        """Return the error rates of telegrams in white noise, for a one-segment plan.
 
-        The noise has a one-sided `noise_density` at every receiver [V per root hertz]. The table
-        has one row per slave and receiver of `RECEIVERS`: its `minimum_V`, and the probabilities
-        that a `request`, a `response`, or either (`exchange`) is not received correctly. They are
-        NaN where `emc.error_rate` cannot compute them; `why` has the reason.
+        The noise at every receiver has the one-sided `noise_density` [V per root hertz]. The table
+        has one row per slave and receiver of `RECEIVERS`: the receiver's `minimum_V`, and the
+        probability that a `request`, a `response`, or either of them (`exchange`) is not received
+        correctly. It is NaN if `emc.error_rate` cannot compute it; `why` contains the reason.
         """
         from shipnet.asi.emc.error_rates import error_rate
 
@@ -372,12 +372,12 @@ class Plan:
 
     @property
     def voltages(self) -> dict[str, float]:
-        """Supply voltage at each node [V]; each segment needs one supply."""
+        """Supply voltage at each node [V]; each segment must have one supply."""
         return dict(pair for segment in self.segments for pair in segment.voltages.items())
 
     @property
     def cycle(self) -> Cycle:
-        """Polling cycle of a plan of one line."""
+        """Polling cycle of a plan that has one line."""
         used = self._addresses()
         pairs = sum(number > 1 for number in used.values())
         return Cycle(len(used) + pairs, pairs=pairs)
@@ -387,11 +387,11 @@ class Plan:
         return Counter(slave.address for slave in self.slaves if slave.address)
 
     def response_times(self, *, direction: Direction = "in") -> pd.DataFrame:
-        """Return the response times of each slave of a plan of one line.
+        """Return the response times of each slave, for a one-line plan.
 
-        `best_s`, `typical_s` and `worst_s` are those of `Cycle.response_time`, `update_s` is that
-        of `Cycle.update_time`. They are NaN, with a reason in `why`, if it is not known how a
-        profile transfers its values.
+        The columns `best_s`, `typical_s` and `worst_s` are computed by `Cycle.response_time`, and
+        `update_s` by `Cycle.update_time`. All four are NaN, with the reason in `why`, if the number
+        of exchanges that a profile needs for its values is unknown.
         """
         used, cycle = self._addresses(), self.cycle
         rows = {}
@@ -412,7 +412,7 @@ class Plan:
         return table.rename_axis("slave")
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return the utilisation of a plan of one line whose points need an `update` time [s]."""
+        """Return the utilisation of a one-line plan if each point needs an `update` period [s]."""
         check_scalar("update", update, "s", 1e-6, 1e6)
         times = self.response_times()
         shares = [len(self._addresses()) / ADDRESSES, *(times["update_s"] / update)]
@@ -420,10 +420,10 @@ class Plan:
         return Utilisation(self.cycle.bus_time, float(np.max(shares)), float(worst))
 
     def plot(self, findings: PlanFindings | None = None, *, ax: Axes | None = None) -> Axes:
-        """Draw the plan to scale along the cable; slaves that violate a rule are red crosses.
+        """Draw the plan with cable lengths to scale; slaves that violate a rule are red crosses.
 
-        A segment that violates a rule has red cable. A cable that closes a ring is dashed. Up to
-        12 slaves are labelled.
+        The cables of a segment that violates a rule are red. A cable that closes a ring is dashed.
+        Slaves are labelled if there are at most 12.
         """
         ax = style.axes(ax)
         table = None if findings is None else findings.table()
@@ -448,7 +448,7 @@ class Plan:
         for repeater in self.repeaters:
             ends = np.array([places[repeater.a], places[repeater.b]])
             ax.plot(*ends.T, ":", color="C1", zorder=1)
-            # Clear of the branches at the upper node.
+            # Keep the marker clear of the branches at the upper node.
             points["repeater"].append(ends[ends[:, 1].argmin()] + [0, 0.75])
         for slave in self.slaves:
             verdict = ", failed" if str(slave) in failed else ", passed"
@@ -472,7 +472,7 @@ class Plan:
 
 
 class PlanFindings(Findings):
-    """The findings of a plan, which its drawing can show."""
+    """Findings of a plan, which can also be shown in a drawing of the plan."""
 
     def __init__(self, table: pd.DataFrame, plan: Plan) -> None:
         super().__init__(table)
@@ -484,7 +484,7 @@ class PlanFindings(Findings):
 
 
 def plan_of(elements: Iterable[Element]) -> Plan:
-    """Return the plan of elements in any order."""
+    """Return a plan with the given elements, which may be in any order."""
     given = list(elements)
     kinds: list[Any] = [[one for one in given if isinstance(one, kind)] for kind in _KINDS.values()]
     return Plan(*kinds)
@@ -498,19 +498,19 @@ def read_plan(path: str | PathLike[str]) -> Plan:
     ----------
     path : path
         Table with column titles and one row per element: an Excel workbook, or text separated by
-        commas, semicolons or tabs in UTF-8, UTF-16 with a mark, or Windows-1252. With semicolons
-        or tabs, numbers may have decimal commas.
+        commas, semicolons or tabs in UTF-8, UTF-16 with a byte order mark, or Windows-1252. With
+        semicolons or tabs as separators, numbers may have decimal commas.
 
     Returns
     -------
     Plan
-        The elements in the order of their rows.
+        Plan with the elements in the order of their rows.
 
     Raises
     ------
     InputError
-        If the file cannot be read or does not describe a network; all faults are named with row,
-        column, value and what was expected.
+        If the file cannot be read or does not describe a network. The error lists all faults, each
+        with its row, column, value and the legal values.
 
     Examples
     --------
@@ -526,7 +526,7 @@ def read_plan(path: str | PathLike[str]) -> Plan:
 
 
 class Comparison:
-    """Qualities of several plans by name."""
+    """Signal quality of several plans, by name of the plan."""
 
     def __init__(self, qualities: Mapping[Any, Quality]) -> None:
         self.qualities = dict(qualities)
@@ -536,7 +536,7 @@ class Comparison:
         return f"<Comparison: {len(self.qualities)} plans, {good} within tolerance>"
 
     def table(self) -> pd.DataFrame:
-        """Return the worst value of all slaves, one row per plan."""
+        """Return the worst values of all slaves, one row per plan."""
         rows = {
             name: (
                 len(q.received), q.received.min(), q.level_least.min(), q.evenness.min(),
@@ -550,11 +550,11 @@ class Comparison:
 
     @property
     def within_tolerance(self) -> Bools:
-        """Which plans have all slaves within both tolerances."""
+        """True for each plan in which all slaves meet both tolerances."""
         return np.array([bool(one.within_tolerance.all()) for one in self.qualities.values()])
 
     def plot(self, ax: Axes | None = None, *, label: str = "", **line: Any) -> Axes:
-        """Draw weakest pulse and ringing over the names, if these are numbers, or the order."""
+        """Plot weakest pulse and ringing against plan names if these are numbers, else in order."""
         names = list(self.qualities)
         numbers = all(isinstance(name, int | float | np.number) for name in names)
         x = names if numbers else range(1, len(names) + 1)
@@ -577,12 +577,12 @@ def compare(plans: Mapping[Any, Plan]) -> Comparison:
     Parameters
     ----------
     plans : mapping of str or float to Plan
-        At least one plan, each of one segment, by name or by a number such as the length [m].
+        One-segment plans, at least one, by name or by a number such as the length [m].
 
     Returns
     -------
     Comparison
-        It has ``table()``, ``within_tolerance`` and ``plot(ax)``.
+        Signal quality per plan: ``table()``, ``within_tolerance`` and ``plot(ax)``.
 
     Examples
     --------

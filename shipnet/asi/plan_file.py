@@ -7,8 +7,8 @@
     slave,deck,,,,12A,S-0.A,20,,,
     slave,deck,,,,13,S-7.3,20,4,,
 
-A cell that does not apply to its kind of row must be empty; an empty optional cell means the
-element's default. Columns may be in any order; `note` and columns that no row needs are optional.
+Cells that do not apply to the row's kind of element must be empty; an empty optional cell means
+the element's default. Columns may be in any order; `note` and unused columns may be omitted.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from shipnet.line.cable import CABLES
 from shipnet.line.network import CableRun
 from shipnet.tables import NUMBER, in_order, read_sheet, titled
 
-#: Columns of numbers: their declarations, and the powers of ten of their units.
+#: Numeric columns: the declaration of each, and the power of ten of its unit.
 _NUMBERS: dict[str, tuple[Any, int]] = {
     "length_m": (Number(low=0.01, high=10e3, unit="m", shown=(0.01, 10e3)), 0),
     "current_ma": (declared(Slave)["current"], -3),
@@ -44,7 +44,7 @@ _NUMBERS: dict[str, tuple[Any, int]] = {
 
 _PREFIX = {0: "", -3: "m", -6: "u"}
 
-#: Kinds of row: the element, and the columns of its required and of its optional arguments.
+#: Kinds of rows: class of the element, columns of its required and of its optional arguments.
 _KINDS: dict[str, tuple[Callable[..., Element], dict[str, str], dict[str, str]]] = {
     "master": (Master, {"node": "node"}, {"current": "current_ma"}),
     "supply": (Supply, {"node": "node"}, {"voltage": "voltage_v", "rating": "rating_a"}),
@@ -67,7 +67,7 @@ COLUMNS = ("kind", "node", "to", "length_m", "cable", "address", "profile", "cur
 
 
 def write_elements(elements: Sequence[Element], path: str | PathLike[str]) -> None:
-    """Write the elements of a plan as a CSV file, with all digits of their numbers."""
+    """Write the elements of a plan to a CSV file, with their numbers in full precision."""
     for one in elements:
         if isinstance(one, CableRun) and not isinstance(one.cable, str):
             raise ArgumentError(f"{one} has a cable of its own; a file names cables by type only")
@@ -89,7 +89,7 @@ def _row(element: Element) -> dict[str, str]:
                 continue
         value = getattr(element, argument)
         if column in _NUMBERS:
-            # Shifting the point of the shortest decimal keeps every bit of the number.
+            # Shifting the decimal point of the shortest exact notation loses no precision.
             shifted = Decimal(repr(value)).scaleb(-_NUMBERS[column][1])
             row[column] = f"{shifted.normalize():f}"
         else:
@@ -103,7 +103,7 @@ def read_elements(path: str | PathLike[str]) -> list[Element]:
     needed = ("kind", "node")
     known = {column: None if column in needed else "" for column in (*COLUMNS, "note")}
     rows, faults = titled(sheet, known)
-    # The structure is only checked if every cable was read, or devices would seem unconnected.
+    # Check the structure only if every cable was read; else devices would seem unconnected.
     whole = not faults
     point = "."
     if sheet.separator != "," and any("," in row[column] for _, row in rows for column in _NUMBERS):
@@ -117,7 +117,7 @@ def read_elements(path: str | PathLike[str]) -> list[Element]:
             numbers[id(element)] = number
             elements.append(element)
         else:
-            # A row of unknown kind may be a cable.
+            # A row of unknown kind may be meant as a cable.
             whole &= row["kind"].lower() in _KINDS.keys() - {"cable"}
     said = in_order(faults)
     if whole and not any(isinstance(element, CableRun) for element in elements):
@@ -131,7 +131,7 @@ def read_elements(path: str | PathLike[str]) -> list[Element]:
 
 
 def _element(row: dict[str, str], point: str) -> tuple[Element | None, list[str]]:
-    """Return the element of a row, or all faults that prevent it."""
+    """Return the element that a row describes, or None, and all faults of the row."""
     name = row["kind"].lower()
     if name not in _KINDS:
         return None, [f"column kind: {row['kind']!r}; expected one of {', '.join(_KINDS)}"]
@@ -158,7 +158,7 @@ def _element(row: dict[str, str], point: str) -> tuple[Element | None, list[str]
 
 
 def _value(column: str, cell: str, point: str) -> Any:
-    """Return the value of a cell; the error says what was expected."""
+    """Return the value of a cell, or raise an error that states the legal values."""
     if column in _NUMBERS:
         return _number(column, cell, point)
     read, expected = _READ.get(column, (str, ""))
@@ -173,7 +173,7 @@ def _label(cell: str) -> str:
     return f"{key >> 1}{half or ''}"
 
 
-#: Functions that read other cells, and what these may contain.
+#: Functions that read the cells of other columns, and descriptions of the legal cells.
 _READ: dict[str, tuple[Callable[[str], Any], str]] = {
     "address": (_label, "0 to 31, followed by A or B for a slave that shares it"),
     "profile": (Profile.parse, "a profile such as S-7.A.E or S-0.F"),

@@ -1,4 +1,4 @@
-"""A slave's profile, its ports and its status bits."""
+"""Profiles of slaves, their ports and their status bits."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ _PORTS: dict[str, Port] = {"I": "IN", "O": "OUT", "B": "I/O", "T": "TRI"}
 # SAP5S/SAP51 data sheet (2012), p. 39: I input, O output, B both, T no function.
 _CODES = "IIII IIIO IIIB IIOO IIBB IOOO IBBB BBBB OOOO OOOI OOOB OOII OOBB OIII OBBB TTTT"
 
-#: The ports D0..D3 for every I/O configuration code 0..15.
+#: Functions of the ports D0..D3 for each I/O configuration code 0..15.
 IO_CONFIGURATIONS: tuple[tuple[Port, ...], ...] = tuple(
     tuple(_PORTS[letter] for letter in code) for code in _CODES.split()
 )
 
-#: The status bits S0..S3 of a slave of specification 2.1.
+#: Meanings of the status bits S0..S3 of a slave to specification 2.1.
 _STATUS = ("address or ID code still volatile", "periphery fault", "reserved", "memory read error")
 
 
 def describe_io_configuration(code: int) -> str:
-    """Return the functions of the ports for an I/O configuration code."""
+    """Return a description of the port functions for an I/O configuration code."""
     ports = IO_CONFIGURATIONS[check_whole("code", code, 0, 15)]
     return "no port has a function" if "TRI" in ports else f"ports D0..D3 {' '.join(ports)}"
 
 
 def describe_status(status: int) -> str:
-    """Return the meaning of the status bits S3..S0 that are set."""
+    """Return the meanings of the status bits S3..S0 that are set."""
     bits = check_whole("status", status, 0, 15)
     flags = [f"S{bit} {meaning}" for bit, meaning in enumerate(_STATUS) if bits >> bit & 1]
     return ", ".join(flags) or "no flag set"
@@ -43,7 +43,7 @@ def describe_status(status: int) -> str:
 
 @record(slots=True)
 class Profile:
-    """A slave's profile, printed on its nameplate as ``S-7.A.E``.
+    """Profile of a slave, as printed on its nameplate: for example, ``S-7.A.E``.
 
     Examples
     --------
@@ -63,12 +63,12 @@ class Profile:
 
     @property
     def extended(self) -> bool:
-        """Whether it is an A/B slave: its ID code is A (hexadecimal)."""
+        """True for an A/B slave, whose ID code is A (hexadecimal)."""
         return self.id == 0xA
 
     @property
     def output_bits(self) -> int:
-        """Output bits in one request; for an A/B slave, one of the four is the select bit."""
+        """Number of output bits per request: 4, or 3 for an A/B slave (one is the select bit)."""
         return 3 if self.extended else 4
 
     def __str__(self) -> str:
@@ -78,7 +78,7 @@ class Profile:
     @classmethod
     @lru_cache(maxsize=256)
     def parse(cls, text: str | Profile) -> Profile:
-        """Return the profile of a nameplate; a profile is returned unchanged."""
+        """Return the profile for a text such as ``S-7.A.E``; a `Profile` is returned unchanged."""
         if isinstance(text, Profile):
             return text
         found = re.fullmatch(r"[Ss]-([0-9A-Fa-f])\.([0-9A-Fa-f])(?:\.([0-9A-Fa-f]))?", text)
@@ -95,7 +95,7 @@ class Profile:
 
     @classmethod
     def table(cls) -> pd.DataFrame:
-        """Return the ports D0..D3 of every I/O configuration code: kim2023's Table 7."""
+        """Return the functions of D0..D3 for each I/O configuration code: kim2023's Table 7."""
         codes = pd.Index([f"{code:X}" for code in range(len(IO_CONFIGURATIONS))], name="code")
         return pd.DataFrame(IO_CONFIGURATIONS, index=codes, columns=["D0", "D1", "D2", "D3"])
 

@@ -1,4 +1,4 @@
-"""CAN: frames, messages and their response times, a simulated bus, logs and the cable.
+"""CAN: frames, messages and their response times, a simulated bus, logs and cables.
 
 Times are in seconds and bit rates in bit/s; columns of tables name their units. python-can is also
 called ``can``: import one of the two under another name.

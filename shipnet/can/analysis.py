@@ -1,4 +1,4 @@
-"""Message sets from any file: the bit rate they need, and whether a log follows the plan."""
+"""Analysis of message sets: the bit rate they require, and how a log deviates from its plan."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes, pd
 
-#: Largest error of a clock on a CAN bus: Bosch, CAN specification 2.0, part B, section 9.
+#: Largest relative error of a clock on a CAN bus: Bosch, CAN specification 2.0, part B, section 9.
 CLOCK_TOLERANCE = 0.0158
 
-_STAMP = 1e-6  #: Resolution of time stamps [s].
+_STAMP = 1e-6  #: Resolution of the time stamps in a log [s].
 
 
 @checked
@@ -43,43 +43,44 @@ def read_messages(
     Parameters
     ----------
     path : path
-        A CSV file or Excel workbook with a row of titles and one row per message (separated by
-        commas, semicolons or tabs; UTF-8, UTF-16 with a mark, or Windows-1252), a ``.dbc`` file,
-        which needs cantools, or a log, as `read_log` takes it.
+        A CSV file or Excel workbook with a title row and one row per message; a ``.dbc`` file,
+        which requires cantools; or a log that `read_log` accepts. A CSV file has commas, semicolons
+        or tabs, in UTF-8, UTF-16 with a byte-order mark, or Windows-1252.
     columns : mapping of str to str, optional
-        Columns of titles that are not understood: ``{"Every": "period_ms"}``. Columns are ``name``,
-        ``arbitration_id``, ``dlc``, ``period_ms``; optionally ``deadline_ms``, ``jitter_ms``,
-        ``offset_ms``, ``extended``, ``sender``, ``bits``; and ``note`` for any to ignore. Common
-        titles are understood, such as ``Cycle time [s]`` and ``CAN-ID (hex)``.
+        Columns for titles that are not recognised: ``{"Every": "period_ms"}``. Columns are
+        ``name``, ``arbitration_id``, ``dlc``, ``period_ms``; optionally ``deadline_ms``,
+        ``jitter_ms``, ``offset_ms``, ``extended``, ``sender``, ``bits``; and ``note`` for any
+        column to ignore. Common titles such as ``Cycle time [s]`` and ``CAN-ID (hex)`` are
+        recognised.
     period : float, optional
-        Period of messages for which the file has none [s].
+        Period of messages that have none in the file, 1e-6..1e5 [s].
     strict : bool, default True
-        Whether faults of a DBC file are errors. If not, messages with overlapping or oversized
-        signals are kept, others are left out (CAN FD, no cycle time, a duplicate name or
-        identifier), and `MessageSet.overlooked` lists these faults.
+        True if faults of a DBC file raise an error. If False, messages with overlapping or
+        oversized signals are kept, other faulty messages are omitted (CAN FD, no cycle time, a
+        duplicate name or identifier), and `MessageSet.overlooked` lists these faults.
 
     Returns
     -------
     MessageSet
-        The messages, the highest priority first.
+        The messages, highest priority first.
 
     Raises
     ------
     InputError
         If the file cannot be read or is not a message set. The error lists every fault with its
-        row, column, value and what was expected.
+        row, column, value and the legal values.
     ImportError
-        If the file needs a package that is not installed.
+        If the file requires a package that is not installed.
 
     Notes
     -----
-    Without ``extended``, an identifier above 0xFFFF or of eight hexadecimal digits has 29 bits. In
-    a DBC file the period is ``GenMsgCycleTime`` [ms]; 0 means none. Signals are checked but not
-    kept.
+    If there is no column ``extended``, an identifier above 0xFFFF or with eight hexadecimal digits
+    has 29 bits. In a DBC file the period is ``GenMsgCycleTime`` [ms]; 0 means none. Signals are
+    checked but not stored.
 
-    Messages of a log are named by their identifiers. The period is the mean time between two
-    frames, the jitter their deviation from even times, including waits for the bus, and the data
-    bytes the most seen. A message with one frame has the `period`, or is left out.
+    A message found in a log is named after its identifier. Its period is the mean time between two
+    frames, its jitter the range of deviations from this period, waits for the bus included, and its
+    ``dlc`` the largest one. A message with one frame has the given `period`, or is omitted.
 
     Examples
     --------
@@ -102,12 +103,12 @@ def read_messages(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Analysis:
-    """The bit rate and priority order that a message set needs; `analyse` returns it.
+    """The bit rate and priority order that a message set requires, as returned by `analyse`.
 
-    `responses` has the response times by bit rate, the lowest rate first. `lowest` and
-    `lowest_in_best_order` are the lowest bit rates at which the given order, or some priority
-    order, meets all deadlines [bit/s]; infinite if there is none. `best` has the messages in the
-    best priority order at `lowest_in_best_order`, or at the highest bit rate if that is infinite.
+    `responses` has the response times by bit rate, lowest first. `lowest` is the lowest bit rate at
+    which the given order meets all deadlines, and `lowest_in_best_order` the lowest at which any
+    order does; infinite if there is none. `best` is the best order at that rate, or at the highest
+    one examined.
 
     Examples
     --------
@@ -124,12 +125,12 @@ class Analysis:
     lowest_in_best_order: float
 
     def table(self) -> pd.DataFrame:
-        """Return one row per bit rate, the lowest first, indexed by ``bit_rate_kbit_per_s``.
+        """Return one row per bit rate, lowest rate first, indexed by ``bit_rate_kbit_per_s``.
 
-        ``load_percent`` is that of the longest frames; ``late`` counts messages that may be late,
-        and ``first_late`` is the most urgent of them; the response of ``critical`` takes
-        ``critical_percent`` of its deadline, more than any other; ``some_order`` says whether any
-        priority order meets all deadlines.
+        ``load_percent`` is the bus load with the longest frames. ``late`` counts the messages that
+        may be late; ``first_late`` has the highest priority of these. ``critical`` is the message
+        whose response is the largest percentage of its deadline, ``critical_percent``.
+        ``some_order`` is True if some priority order meets all deadlines.
         """
         rows = []
         for rate, found in self.responses.items():
@@ -145,17 +146,17 @@ class Analysis:
 
     @property
     def at_lowest(self) -> ResponseTimes:
-        """Response times at `lowest`, or at the highest bit rate if that is infinite."""
+        """Response times at `lowest`, or at the highest bit rate if `lowest` is infinite."""
         return self.responses.get(self.lowest) or self.responses[max(self.responses)]
 
     @property
     def ok(self) -> bool:
-        """Whether at least one bit rate meets all deadlines."""
+        """True if all deadlines are met at one or more of the bit rates."""
         return self.lowest < math.inf
 
     @property
     def verdict(self) -> str:
-        """The answer in one line."""
+        """The number of messages and the two lowest bit rates, in one line."""
         given, best = (
             "none" if rate == math.inf else f"{rate / 1e3:g} kbit/s"
             for rate in (self.lowest, self.lowest_in_best_order)
@@ -163,7 +164,7 @@ class Analysis:
         return f"{len(self.messages)} messages, lowest bit rate: {given}, in the best order: {best}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the longest response of each message and its deadline at `at_lowest`."""
+        """Draw each message's longest response time and deadline at the bit rate of `at_lowest`."""
         ax = self.at_lowest.plot(ax)
         ax.set_xlabel(f"time at {self.at_lowest.bit_rate / 1e3:g} kbit/s [ms]")
         return ax
@@ -181,25 +182,25 @@ def analyse(
     assumptions: Assumptions | None = None,
     faults: ErrorBound | None = None,
 ) -> Analysis:
-    """Return load, response times, lowest bit rate and best priority order of a message set.
+    """Return the load, response times, lowest bit rate and best priority order of a message set.
 
     Parameters
     ----------
     messages : MessageSet, Log or path
-        The messages, a log, or a file, as `read_messages` takes it.
+        The messages, a log, or a file that `read_messages` accepts.
     bit_rates : float or iterable of float, default `BIT_RATES`
-        Bit rates, whole numbers 1000..1000000 [bit/s].
+        Bit rates to examine, whole numbers 1000..1000000 [bit/s].
     period : float, optional
-        Period of messages for which a file or a log has none [s].
+        Period of messages that have none in the file or log, 1e-6..1e5 [s].
     assumptions : Assumptions, optional
-        How long frames are, and what counts as the response.
+        Assumptions about the lengths of frames and the definition of the response time.
     faults : ErrorBound, optional
-        Number of errors on the bus; none by default.
+        Bound on the number of errors on the bus; no errors by default.
 
     Returns
     -------
     Analysis
-        Late messages per bit rate, and what another priority order gains.
+        The response times at each bit rate, and the best priority order.
 
     Raises
     ------
@@ -247,7 +248,7 @@ def _messages(source: MessageSet | Log | str | PathLike[str], period: float | No
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LogComparison:
-    """How a log differs from a plan; `compare` returns it.
+    """Deviations of a log from a plan, as returned by `compare`.
 
     Examples
     --------
@@ -262,20 +263,20 @@ class LogComparison:
     def table(self) -> pd.DataFrame:
         """Return one row per message, then one per unplanned identifier, indexed by ``name``.
 
-        ``period_ms`` is planned; ``shortest_ms`` and ``mean_ms`` are times between two frames, and
-        ``longest_ms`` is the longest time without one, including both ends of the log.
+        ``period_ms`` is the planned period; ``shortest_ms`` and ``mean_ms`` are times between two
+        frames; ``longest_ms`` is the longest time without a frame, including both ends of the log.
         """
         return self._table.copy()
 
     @property
     def ok(self) -> bool | None:
-        """Whether all messages are as planned; None if the log is too short to tell."""
+        """True if all messages are as planned; None if the log is too short to decide."""
         odd = set(self._table["verdict"]) - {"as planned"}
         return None if odd == {"not seen"} else not odd
 
     @property
     def verdict(self) -> str:
-        """The number of messages, and how many deviate from the plan."""
+        """The number of planned messages, and the number with each kind of deviation."""
         said = self._table["verdict"]
         counts = Counter(word for words in said for word in words.split(", "))
         planned = len(said) - counts["unknown"]
@@ -286,7 +287,7 @@ class LogComparison:
         return f"LogComparison({self.verdict})"
 
 
-#: What may be wrong with a message; `compare` says when.
+#: Verdicts on messages that deviate from the plan; `compare` defines them.
 _WORDS = ("missing", "late", "faster", "other length", "unknown", "not seen")
 
 
@@ -297,34 +298,34 @@ def compare(
     *,
     period: float | None = None,
 ) -> LogComparison:
-    r"""Compare a log with planned messages: which are missing, late, faster or unknown.
+    r"""Compare a log with planned messages; find those missing, late, too frequent or unknown.
 
-    Frame :math:`k` of a message comes between :math:`k T` and :math:`k T + D` after the first
-    event, with period :math:`T` and deadline :math:`D`. So :math:`n + 1` frames are
+    Frame :math:`k` of a message is due between :math:`k T` and :math:`k T + D` after the first
+    event, with period :math:`T` and deadline :math:`D`. Any :math:`n + 1` frames in succession are
 
-    .. math:: \text{late after } n T (1 + \epsilon) + D, \qquad
-              \text{faster within } n T (1 - \epsilon) - D
+    .. math:: \text{late if they last longer than } n T (1 + \epsilon) + D, \qquad
+              \text{faster if shorter than } n T (1 - \epsilon) - D
 
-    where :math:`\epsilon` = 1.58 % is the largest error of a clock on the bus (Bosch, "CAN
-    Specification" 2.0, 1991, part B, section 9). A jitter above the deadline replaces it.
+    where :math:`\epsilon` = 1.58 % is the largest relative error of a clock on the bus (Bosch, "CAN
+    Specification" 2.0, 1991, part B, section 9). A jitter above the deadline replaces :math:`D`.
 
     Parameters
     ----------
     messages : MessageSet, Log or path
-        The planned messages, or a file or another log that has them.
+        The planned messages, or a file or another log that contains them.
     log : Log or path
-        The log or its file; all its buses count. Without time stamps it shows only messages that
-        are missing, unknown or of another length.
+        The log or its file, with all its buses. If it has no time stamps, only missing messages,
+        unknown messages and other lengths are found.
     period : float, optional
-        Period of planned messages for which the file has none [s].
+        Period of planned messages that have none in the file, 1e-6..1e5 [s].
 
     Returns
     -------
     LogComparison
-        One row per message, with a verdict: ``as planned``; one or more of ``late`` (also if silent
-        for longer than :math:`T (1 + \epsilon) + D` at either end of the log), ``faster`` and
-        ``other length``; ``missing``, or ``not seen`` if the log is too short to tell; ``unknown``
-        for identifiers that are not planned.
+        One row per message, with a verdict: ``as planned``; one or more of ``late`` (also if no
+        frame was sent for more than :math:`T (1 + \epsilon) + D` at either end of the log),
+        ``faster`` and ``other length``; ``missing``, or ``not seen`` if the log is too short to
+        decide; ``unknown`` if the identifier is not planned.
 
     Raises
     ------
@@ -366,7 +367,7 @@ def compare(
 
 
 def _differences(message: Message, times: Floats, codes: Octets, silence: float) -> list[str]:
-    """Return how the frames of a message differ from the plan."""
+    """Return the verdicts on the frames of a message; none if they are as planned."""
     slack = max(message.deadline, message.jitter) + _STAMP
     slow, fast = (message.period * (1 + sign * CLOCK_TOLERANCE) for sign in (1, -1))
     if not len(times):
@@ -379,5 +380,5 @@ def _differences(message: Message, times: Floats, codes: Octets, silence: float)
 
 
 def _rise(values: Floats) -> float:
-    """Return the largest rise of a value above an earlier one."""
+    """Return the largest increase of a value over any earlier value."""
     return float((values - np.minimum.accumulate(values)).max())

@@ -1,7 +1,7 @@
 """Bit timing: the settings of a controller, and the bus length and clock error they allow.
 
-A bit has a synchronisation segment of one quantum, a propagation segment and two phase segments;
-the bus is sampled between the phase segments.
+A bit consists of a synchronisation segment of one quantum, a propagation segment and two phase
+segments; the bus is sampled between the phase segments.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from shipnet.can.frame import check_bit_rate
 from shipnet.fields import check_scalar
 from shipnet.lazy import pd
 
-#: Ranges of the AT90CAN128 [quanta], and the prescaler; Atmel 4250E, 2004, p. 236.
+#: AT90CAN128: largest prescaler, segment and jump, quanta per bit; Atmel 4250E, 2004, p. 236.
 _PRESCALER, _SEGMENT, _JUMP, _QUANTA = 64, 8, 4, (8, 25)
 
 
@@ -30,7 +30,7 @@ def bit_timings(
     loop_delay: float = 150e-9,
     delay_per_metre: float = 5e-9,
 ) -> pd.DataFrame:
-    r"""Return all legal settings of an AT90CAN128 for a bit rate, the best sample point first.
+    r"""Return all legal settings of an AT90CAN128 for a bit rate, best sample point first.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def bit_timings(
     sample_point : float, default 0.75
         Wanted sample point as a fraction of the bit, 0.001..0.999.
     tolerance : float, default 0
-        Largest relative error of the bit rate, 0..0.05.
+        Largest accepted relative error of the bit rate, 0..0.05.
     loop_delay : float, default 150e-9
         Delay of a node from its output through the transceiver to its input, including
         optocouplers, 0..1 [s].
@@ -54,18 +54,18 @@ def bit_timings(
         One row per setting: ``prescaler``, ``tq_ns``, ``quanta`` per bit, ``prs``, ``phs1``,
         ``phs2`` and ``sjw`` in quanta, ``sample_point_percent``, ``bit_rate_bit_per_s``,
         ``error_percent``, registers ``canbt1`` to ``canbt3``, ``oscillator_tolerance_percent``
-        (largest error of each clock) and ``longest_bus_m`` (for the propagation segment). Sorted by
-        distance from the wanted sample point, error, most quanta and widest jump.
+        (largest error of each clock) and ``longest_bus_m`` (limited by the propagation segment).
+        Sorted by distance from the wanted sample point, smallest error, most quanta, widest jump.
 
     Notes
     -----
-    Phase segment 2 has at least two quanta and at most those of phase segment 1; the jump width
-    exceeds neither [1]_. With prescaler 1 the controller samples one quantum early and only once,
-    as in the table of [2]_; otherwise bit SMP is set.
+    Phase segment 2 has at least two quanta and no more than phase segment 1; the jump width exceeds
+    neither [1]_. With prescaler 1 the controller samples one quantum early and only once, as in the
+    table of [2]_; otherwise it samples three times (bit SMP).
 
-    With N quanta per bit, each clock may be off by the smaller of what an error frame and
-    resynchronisation within ten bits allow [3]_. The propagation segment covers the delay of the
-    line in both directions and that of both nodes:
+    With N quanta per bit, the relative error of each clock is limited by an error frame and by
+    resynchronisation within ten bits [3]_. The propagation segment covers the propagation delay of
+    the line in both directions and the loop delays of two nodes:
 
     .. math:: \Delta f \le \frac{\min(PS_1, PS_2)}{2 (13 N - PS_2)}, \quad
               \Delta f \le \frac{SJW}{20 N}, \quad
@@ -103,7 +103,7 @@ def bit_timings(
     )
     brp, before, one, two, jump = (axis.ravel() for axis in grid)
     total = 1 + before + one + two
-    # The margin allows for rounding.
+    # The margin allows for rounding errors.
     legal = (
         (total >= _QUANTA[0])
         & (total <= _QUANTA[1])
@@ -142,7 +142,7 @@ def bit_timings(
 
 
 def longest_bus(bit_rate: float) -> float:
-    """Return the longest bus at a bit rate, as a maker of controllers publishes it.
+    """Return the longest bus at a bit rate, as published by a manufacturer of controllers.
 
     Parameters
     ----------
@@ -156,8 +156,8 @@ def longest_bus(bit_rate: float) -> float:
 
     Notes
     -----
-    From 20 m at 1 Mbit/s (with optocouplers) to 5000 m at 10 kbit/s: documentation of the Beckhoff
-    BX5100. `bit_timings` gives the length for your own controller.
+    The lengths are from the documentation of the Beckhoff BX5100: 20 m at 1 Mbit/s (with
+    optocouplers) to 5000 m at 10 kbit/s. `bit_timings` returns the length for your own settings.
 
     Examples
     --------
@@ -177,7 +177,7 @@ def _longest_bus(rate: float) -> float:
 def oscillator_tolerance(
     quanta: npt.ArrayLike, phs1: npt.ArrayLike, phs2: npt.ArrayLike, sjw: npt.ArrayLike
 ) -> Floats:
-    """Return the largest relative error of each clock for legal settings."""
+    """Return the largest relative clock error that legal settings tolerate."""
     n, one, two, jump = (np.asarray(value, dtype=float) for value in (quanta, phs1, phs2, sjw))
     return np.asarray(np.minimum(np.minimum(one, two) / (2 * (13 * n - two)), jump / (20 * n)))
 

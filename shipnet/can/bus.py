@@ -22,33 +22,33 @@ WAITING = -1  #: Start time that marks a frame that was never sent.
 #: Length of an error frame with intermission, if a second flag of 6 bits follows the first [bit].
 ERROR_FRAME = 23
 
-#: Error counts from which a node is error passive, and bus off; the recessive sequences that a
-#: node waits for when bus off, and their length [bit]; and the bits that an error passive node lets
-#: pass after its own frame: Bosch, CAN specification 2.0, part B, sections 8 and 3.2.5.
+#: Error counts at which a node becomes error passive and bus off; number of recessive sequences
+#: after which a bus-off node recovers, and their length [bit]; suspend time of an error-passive
+#: node after its own frame [bit]: Bosch, CAN specification 2.0, part B, sections 8 and 3.2.5.
 PASSIVE, BUS_OFF, RECOVERY_SEQUENCES, SEQUENCE_BITS, SUSPEND_BITS = 128, 256, 128, 11, 8
 
 
 class Releases(NamedTuple):
-    """Frames that request the bus, in order of release, and the frame length of each message."""
+    """Frames in order of release, and the frame length of each message, with times in ns."""
 
     time: Integers
     message: Integers
     length: Integers
 
 
-_FEW = 30  #: Fewest busy periods of one size that are solved side by side.
+_FEW = 30  #: Smallest group of similar busy periods that is solved in one array.
 
 
 class _Traffic:
-    """Frames in order of release, and the progress of the bus through them."""
+    """Frames in order of release, and the state of the bus that sends them."""
 
     def __init__(self, releases: Releases) -> None:
         number = len(releases.time)
         self.shift = number.bit_length()
         self.mask = (1 << self.shift) - 1
-        # A loop reads lists faster than arrays.
+        # Python loops read lists faster than arrays.
         self.due = [*releases.time.tolist(), NEVER]
-        #: Priority and index in one number; the smallest is sent next.
+        #: Priority and index of each frame in one number; the smallest is sent next.
         self.item = (releases.message << self.shift | np.arange(number)).tolist()
         self.length = releases.length.tolist()
         self.start = [WAITING] * number
@@ -56,7 +56,7 @@ class _Traffic:
         self.at = self.now = 0
 
     def send(self, most: int, until: int) -> list[int]:
-        """Queue releases, send up to `most` frames that begin before `until`, and return them."""
+        """Send up to `most` frames that begin before `until`; return the priority of each."""
         due, items, length, waiting = self.due, self.item, self.length, self.waiting
         start, shift, mask = self.start, self.shift, self.mask
         at, now, sent = self.at, self.now, []
@@ -82,7 +82,7 @@ class _Traffic:
 
 
 def send_undisturbed(releases: Releases, horizon: int) -> Integers:
-    """Return when each frame begins without errors; similar busy periods are solved together."""
+    """Return the start time of each frame on a bus without errors [ns]; `WAITING` if never sent."""
     time, message, length = releases
     duration = length[message]
     done = np.cumsum(duration)
@@ -95,11 +95,11 @@ def send_undisturbed(releases: Releases, horizon: int) -> Integers:
         if len(periods) < _FEW:
             continue
         left[periods] = False
-        # The longest first, so that those still going on are the first columns.
+        # Longest first, so that the unfinished busy periods are the first columns.
         periods = periods[np.argsort(-size[periods], kind="stable")]
         begin, number, row = first[periods], size[periods], np.arange(most)[:, np.newaxis]
         frame = np.minimum(begin + row, len(time) - 1)
-        # Time, priority and index in one number; the smallest is sent.
+        # Time, priority and index of a frame in one number; the smallest is sent first.
         rank = message[frame] * most + row
         shift = int(rank.max()).bit_length()
         gone = most * int(length.max()) + 1 << shift
@@ -124,22 +124,22 @@ def send_undisturbed(releases: Releases, horizon: int) -> Integers:
 
 
 class Nodes:
-    """Error counters of the nodes, and when each may send again."""
+    """Error counters of the nodes, and the time from which each may send again."""
 
     def __init__(self, number: int) -> None:
         self.tec, self.rec = [0] * number, [0] * number
-        #: Recessive sequences that each node in bus off still waits for.
+        #: Number of recessive sequences that each bus-off node still needs to recover.
         self.missing: dict[int, int] = {}
         self.rest_until = [0] * number
-        #: Number of times that each node went bus off.
+        #: Number of times each node went bus off.
         self.bus_off = [0] * number
-        #: Good frames of each node that its counters do not include yet.
+        #: Correct frames of each node that the counters do not include yet.
         self.good = [0] * number
-        #: Whether no node is error passive, bus off or resting, so that counters do not matter.
+        #: True if no node is error passive, bus off or suspended: counters have no effect.
         self.calm = True
 
     def failed(self, sender: int) -> None:
-        """Count an error in a node's frame; it may put the node in bus off."""
+        """Count an error in a node's frame; the node may go bus off."""
         self.settle()
         for node in range(len(self.tec)):
             if node != sender and node not in self.missing:
@@ -151,7 +151,7 @@ class Nodes:
             self.rest_until[sender] = NEVER
 
     def settle(self) -> None:
-        """Add the good frames to the counters."""
+        """Decrease the error counters for the correct frames sent since the last call."""
         total = sum(self.good)
         if not total:
             return
@@ -163,7 +163,7 @@ class Nodes:
         self.good = [0] * len(self.good)
 
     def sent(self, sender: int, now: int, suspended: int) -> None:
-        """Update the nodes after a frame; an error passive sender rests until `suspended`."""
+        """Update the nodes after a frame; an error-passive sender waits until `suspended`."""
         self.settle()
         if self.state(sender) == "error passive":
             self.rest_until[sender] = suspended
@@ -171,7 +171,7 @@ class Nodes:
         self.calm = not (self.missing or passive or max(self.rest_until) > now)
 
     def come_back(self, sequences: int, now: int) -> None:
-        """Count recessive sequences, and let nodes return that have waited for enough of them."""
+        """Count recessive sequences; bus-off nodes that have received enough recover."""
         for node in list(self.missing):
             self.missing[node] -= sequences
             if self.missing[node] <= 0:
@@ -188,7 +188,7 @@ class Nodes:
 
 
 class Failure(NamedTuple):
-    """A destroyed frame: its times [ns], the disturbed bit, and its sender's state afterwards."""
+    """A destroyed frame: its times [ns], the disturbed bit, and the sender's state afterwards."""
 
     release: int
     start: int
@@ -202,7 +202,7 @@ def send(
     releases: Releases, horizon: int, sender: Integers, faults: tuple[Simulated, ...], bit: int,
     rng: np.random.Generator,
 ) -> tuple[Integers, list[Failure], Nodes]:  # fmt: skip
-    """Return when each frame begins, which failed, and the nodes at the end."""
+    """Return the start time of each frame, the destroyed frames, and the nodes at the end."""
     owner = sender.tolist()
     nodes = Nodes(max(owner) + 1)
     failures: list[Failure] = []
@@ -218,7 +218,7 @@ def send(
     chances = _chances([f.rate for f in random], longest // bit - INTERMISSION, rng)
     clear = 0
     gaps: list[int] = []
-    #: Waiting frames of nodes that rest.
+    #: Waiting frames of nodes that may not send yet.
     held: dict[int, list[int]] = {}
     rest_until = nodes.rest_until
     counted = 0
@@ -267,14 +267,14 @@ def send(
         else:
             for fault, gap in zip(random, gaps, strict=True):
                 begin, end = fault.span
-                # Bits of the frame that pass before the first disturbed one.
+                # Number of bits of the frame before the first disturbed bit.
                 hit = gap - 1 + max(-((now - begin) // bit), 0)
                 if hit < broken and now + hit * bit < end:
                     broken = hit
             clear, gaps = next(chances)
         good = broken == open_bits
         traffic.now = now + (traffic.length[rank] if good else (broken + 1 + ERROR_FRAME) * bit)
-        # Delimiter, end of frame and intermission make one sequence of 11 recessive bits.
+        # Every frame ends with one sequence of 11 recessive bits, intermission included.
         counted = traffic.now
         if nodes.missing:
             nodes.come_back(1, counted)
@@ -292,15 +292,15 @@ def send(
     return np.array(start, dtype=np.int64), failures, nodes
 
 
-_BLOCK = 4096  #: Random numbers drawn at a time.
+_BLOCK = 4096  #: Number of random numbers drawn at once.
 
 
 def _chances(
     rates: list[float], bits: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, list[int]]]:
-    """Yield how many attempts succeed, and the bit at which each fault hits the next attempt.
+    """Yield a number of undisturbed attempts, and the bit at which each fault hits the next one.
 
-    Only frames of `bits` bits are examined; at the end of a block no fault is yielded.
+    Faults after the first `bits` bits of an attempt are ignored. The list may be empty.
     """
     if not rates:
         yield NEVER, []
@@ -313,14 +313,14 @@ def _chances(
         yield _BLOCK - tried, []
 
 
-_CELLS = 40_000  #: Messages times sets solved at a time; they fit into a core's own cache.
+_CELLS = 40_000  #: Messages times sets solved at once; they fit into a core's cache.
 
 
 def send_batch(
     first: Integers, period: Integers, length: Integers, horizon: int
 ) -> tuple[Integers, Integers, Integers]:
-    """Return largest response, sum of responses and frames sent, by message and set."""
-    # In ticks of the greatest common divisor, times often fit 32 bits.
+    """Return the longest response, the sum of responses and the frames sent, by message and set."""
+    # In ticks of their greatest common divisor, times often fit into 32 bits.
     tick = int(np.gcd.reduce(np.r_[first.ravel(), period, length, horizon]))
     parts = np.array_split(first // tick, max(1, round(first.size / _CELLS)), axis=1)
     solved = [_send_part(part, period // tick, length // tick, horizon // tick) for part in parts]
@@ -334,9 +334,9 @@ def _send_part(
     number, shift = len(period), (len(period) - 1).bit_length()
     latest = max(int(first.max(initial=0)), horizon) + 2 * int(period.max()) + int(length.max())
     kind = np.int32 if latest << shift < 2**31 else np.int64
-    # Time and priority in one number; the smallest of all next frames is sent.
+    # Time and priority of each next frame in one number; the smallest is sent first.
     rank = np.arange(number)
-    # In C order, flattening copies nothing.
+    # An array in C order is flattened without a copy.
     head = np.ascontiguousarray(first << shift, dtype=kind)
     step = (period << shift).astype(kind)
     busy = ((length << shift) - rank).astype(kind)

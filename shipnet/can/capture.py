@@ -1,7 +1,7 @@
-"""CAN frames from the recorded levels or voltages of a line, each correct or with its fault.
+"""CAN frames decoded from recorded levels or voltages of a line, including faulty frames.
 
-Only edges are examined. A receiver as in ISO 11898, with one sample as time quantum, takes one step
-per edge of a frame, for all frames at once.
+Only edges are processed: a receiver as in ISO 11898, with one sample as time quantum, advances by
+one edge per step, in all frames at once.
 """
 
 from __future__ import annotations
@@ -36,36 +36,36 @@ from shipnet.errors import (
 from shipnet.lazy import Axes, pd
 from shipnet.line.scope_file import Edges, bit_time, read_edges
 
-#: Bit rates tried by default: those of CANopen, NMEA 2000 and vehicles.
+#: Bit rates tried if none is given: the rates of CANopen, NMEA 2000 and vehicles.
 _RATES = (*BIT_RATES, 100e3 / 3, 250e3 / 3, 2e6 / 21, 100e3, 200e3, 400e3, 800e3)
-_TRIED = 40_000  #: Number of edges on which the bit rates are compared.
-_FEWEST = 1.9  #: Fewest samples per bit, with a margin for inaccurate clocks.
-_IDLE = 9.5  #: Recessive bits before a start of frame; one may begin in the third of intermission.
-_EDGES, _BITS = 160, 176  #: Most edges and bits of a frame; the longest frame has 157 bits.
-_JUMP = 0.2  #: Most bits by which one edge shifts the sampling.
-_PLACES = (0.0, 0.42, -0.42)  #: Places of the start of frame in its sample that are tried in turn.
+_TRIED = 40_000  #: Number of edges with which bit rates are compared.
+_FEWEST = 1.9  #: Fewest samples per bit: 2, less a margin for inaccurate clocks.
+_IDLE = 9.5  #: Fewest recessive bits before a start of frame: 10, less a margin of half a bit.
+_EDGES, _BITS = 160, 176  #: Limits of edges and bits per frame; the longest frame has 157 bits.
+_JUMP = 0.2  #: Largest resynchronisation at one edge [bit].
+_PLACES = (0.0, 0.42, -0.42)  #: Positions of the start of frame that are tried within its sample.
 
-#: Clocks tried for ambiguous edges, and the samples per bit above which none is ambiguous.
+#: Relative bit times tried for ambiguous edges; samples per bit from which no edge is ambiguous.
 _CLOCKS, _CLEAR = (1 - 0.0015, 1.0, 1 + 0.0015), 4
-_FRAMES, _FAULTS = 2**18, 1000  #: Most frames that are read, and most faults that are described.
+_FRAMES, _FAULTS = 2**18, 1000  #: Largest numbers of frames read and of faults described.
 
 
 class _Rows(NamedTuple):
-    """Contents of rows of bits, one entry per frame; places and lengths are in bits on the line."""
+    """Decoded frames as columns, one entry per frame; places and lengths count bits on the line."""
 
     error: Bytes
-    place: Integers  # bit that breaks the rule, -1 without an error
+    place: Integers  # first wrong bit, -1 without an error
     number: Integers
     extended: Bools
     remote: Bools
     dlc: Bytes
     data: Bytes
-    tail: Integers  # place of the CRC delimiter
+    tail: Integers  # index of the CRC delimiter
     stuffed: Integers
 
 
 def read_rows(line: Bytes, known: Integers) -> _Rows:
-    """Read frames, one per column of bits, `known` bits each; the errors are those of `decode`."""
+    """Decode a frame per column of bits, of which `known` were recorded; errors as in `decode`."""
     width, n = line.shape
     every = np.arange(n)
     bits = np.zeros((width + 1, n), dtype=np.uint8)
@@ -75,7 +75,7 @@ def read_rows(line: Bytes, known: Integers) -> _Rows:
     for place, bit in enumerate(line):
         due, same = run == RUN, bit == last
         sixth[due & same & (sixth == width)] = place
-        # The bit after a stuff bit overwrites it.
+        # A stuff bit is overwritten by the next bit.
         bits[kept, every], at[kept, every] = bit, place
         kept += ~due
         run = np.where(same, run + 1, 1).astype(np.uint8)
@@ -110,7 +110,7 @@ def read_rows(line: Bytes, known: Integers) -> _Rows:
     note(FormError, extended & (bits[12] == 0), at[13])
     note(FormError, extended & (bits[33] == 1), at[33])
     note(FormError, np.where(extended, bits[34], bits[14]) == 1, np.where(extended, at[34], at[14]))
-    # Leading zeros do not count in the CRC, so that rows of all lengths end at one place.
+    # Leading zeros do not change the CRC, so rows of all lengths are padded with them.
     covered = np.packbits(field(check - 104, 104), axis=0)
     received = value(field(check, CRC_BITS))
     note(CrcError, CRC.of(np.ascontiguousarray(covered.T)) != received, tail - 1)
@@ -125,19 +125,19 @@ def read_rows(line: Bytes, known: Integers) -> _Rows:
 
 
 class _Line:
-    """The edges of a bus, and where frames begin at a given bit time."""
+    """The edges recorded on a bus, and the edges at which frames begin for a given bit time."""
 
     def __init__(self, edges: Edges, bit: float) -> None:
         self.edges, self.bit = edges, bit
         places = edges.places
         runs = np.diff(places, prepend=0.0, append=edges.samples)
         level = (np.arange(len(runs)) + edges.first) % 2
-        # Only a recessive line is quiet for long; the first and the last run may be cut off.
+        # Most long runs are recessive; the first and the last run may be incomplete.
         long = level[runs >= _IDLE * bit]
         recessive = int(2 * np.count_nonzero(long) >= len(long))
         falling = level[:-1] == recessive
         self.first = np.flatnonzero(falling & (runs[:-1] >= _IDLE * bit))
-        #: Whether the capture may begin inside the first frame.
+        #: True if the capture may begin inside a frame.
         self.cut = len(falling) > 0 and bool(falling[0]) and runs[0] < _IDLE * bit
         if self.cut:
             self.first = np.concatenate([[0], self.first[self.first > 0]])
@@ -154,11 +154,11 @@ class _Line:
         self.late = (means[1] - means[0]) / 2
 
     def receive(self, chosen: Indices, clock: float) -> tuple[Integers, Floats, Bools]:
-        """Return bits before each edge, (edges, ways, frames), misfits, and the frames in doubt.
+        """Return the bits before each edge, the misfits, and a mask of the ambiguous frames.
 
-        A way assumes a place of the start of frame within its sample. The misfit of an edge is its
-        distance from the sample with the bit boundary; an edge is in doubt if the next bit is as
-        near.
+        The bits have the axes edge, way and frame; each way assumes another position of the start
+        of frame within its sample. A misfit adds up the distances of all edges from the samples
+        with their bit boundaries. A frame is ambiguous if an edge is over 0.2 bit off.
         """
         places, count = self.edges.places, self.count[chosen]
         most, bit, half = int(count.max(initial=1)), self.bit * clock, self.edges.width / 2
@@ -171,7 +171,7 @@ class _Line:
         doubt = np.zeros(len(chosen), dtype=bool)
         begins = np.searchsorted(count, np.arange(most), side="right")
         for edge in range(1, most):
-            on = slice(begins[edge], None)  # frames come by their number of edges
+            on = slice(begins[edge], None)  # frames are sorted by their number of edges
             size = np.maximum(np.ceil((since[edge, on] - at[:, on]) / bit - 0.5), 1)
             boundary = at[:, on] + size * bit
             off = since[edge, on] - boundary
@@ -184,7 +184,7 @@ class _Line:
         return bits, misfit, doubt
 
     def rows(self, chosen: Indices, bits: Integers) -> _Rows:
-        """Read the frames from the number of bits before each edge, (edges, frames)."""
+        """Decode frames from the number of bits before each edge; `bits` is (edges, frames)."""
         n = len(chosen)
         ends = np.minimum(np.cumsum(bits, axis=0), _BITS)
         flips = np.zeros((_BITS + 1, n), dtype=np.uint8)
@@ -195,7 +195,7 @@ class _Line:
         return read_rows(line, known + np.rint(self.quiet[chosen] / self.bit).astype(np.int64))
 
     def read(self) -> tuple[_Rows, Bools]:
-        """Return all frames, and which of them needed a second attempt."""
+        """Return all frames, and a mask of those that needed a second attempt."""
         order = np.argsort(self.count, kind="stable")
         parts = [
             self._read(order[begin : begin + CHUNK]) for begin in range(0, len(order) or 1, CHUNK)
@@ -209,7 +209,7 @@ class _Line:
         return rows, again
 
     def _read(self, chosen: Indices) -> tuple[_Rows, Bools]:
-        """Read the given frames, sorted by their number of edges."""
+        """Decode the chosen frames, which are sorted by their number of edges."""
         bits, misfit, doubt = self.receive(chosen, 1.0)
         rows = self.rows(chosen, bits[:, misfit.argmin(axis=0), np.arange(len(chosen))])
         again = np.zeros(len(chosen), dtype=bool)
@@ -232,7 +232,7 @@ class _Line:
 
 
 def _found_rate(file: str, edges: Edges) -> float:
-    """Return the bit rate at which most frames are correct: a common one, or the best fit."""
+    """Return the bit rate at which most frames are correct: a common rate, or the best fit."""
     if len(edges.places) < 4:
         raise InputError(file, "too few changes of level to find the bit rate; state it")
     part = edges._replace(places=edges.places[:_TRIED])
@@ -272,11 +272,11 @@ def _too_few(file: str, rate: float, dt: float) -> InputError:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Capture:
-    """Frames of a recorded line; `read_capture` returns it.
+    """Frames decoded from a recorded line, as returned by `read_capture`.
 
-    `log` has the correct frames, each with the time of its end from the first sample; its
-    `Log.faults` describe the first 1000 others. `bit_rate` is given or found [bit/s], `duration`
-    the length of the record [s], and `channel` that of the file.
+    `log` contains the correct frames, each with the time from the first sample to its end; its
+    `Log.faults` describe the first 1000 others. `bit_rate` is the given or detected bit rate
+    [bit/s], `duration` the length of the record [s], and `channel` the name of the decoded channel.
 
     Examples
     --------
@@ -293,20 +293,20 @@ class Capture:
     _table: pd.DataFrame
 
     def table(self) -> pd.DataFrame:
-        """Return one row per frame, wrong ones included.
+        """Return one row per frame, including faulty frames.
 
-        What follows a fault before the end of the CRC is empty. ``bits`` counts from start to end
-        of frame, including ``stuff_bits``; ``error`` is ok or a class of `shipnet.errors`, and
-        ``place`` the bit where it was found, -1 without an error. ``second_reading`` marks frames
-        that are correct only if an ambiguous edge belongs to the other bit; they may hide a wrong
-        bit.
+        If a frame has a fault before the end of the CRC, its contents are empty. ``bits`` counts
+        from start to end of frame, including ``stuff_bits``; ``error`` is ok or the name of a class
+        of `shipnet.errors`, and ``place`` is the first wrong bit, -1 without an error.
+        ``second_reading`` marks frames that are correct only if an ambiguous edge is assigned to
+        the other bit; they may hide a wrong bit.
         """
         return self._table.copy()
 
     def loads(self) -> pd.DataFrame:
-        """Return the bits and the load of the correct frames, measured and by formula.
+        """Return the bits and the bus load of the correct frames, as measured and by formula.
 
-        Rows: ``measured`` from start to end of frame; ``with intermission``; and `frame_length`
+        The rows are ``measured`` (start to end of frame), ``with intermission``, and `frame_length`
         with stuffing ``none``, ``mean`` and ``worst``.
         """
         right = self._table[self._table["error"] == "ok"]
@@ -321,7 +321,7 @@ class Capture:
         return table
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw when each message was on the bus, one row per identifier and one for faults."""
+        """Draw the frames over time, with one row per identifier and one row for faulty frames."""
         ax, table = style.axes(ax), self._table
         keys = self.log.keys
         for row, key in enumerate(np.unique(keys).tolist()):
@@ -355,43 +355,43 @@ def read_capture(
     channel: str | None = None,
     sample_interval: float | None = None,
 ) -> Capture:
-    """Read the frames of a recorded line from logic levels or sampled voltages.
+    """Decode the frames of a recorded line from logic levels or sampled voltages.
 
     Parameters
     ----------
     path : path
-        A sigrok session (``.sr``), text from a logic analyser or scope with levels or edges, or a
-        ``.npy`` or ``.npz`` file as in `shipnet.line.Waveform.read`. The signal is CAN_H, CAN_L,
-        their difference or the output of a receiver. The idle level is recessive.
+        A sigrok session (``.sr``), a text file of levels or edges from a logic analyser or
+        oscilloscope, or a ``.npy`` or ``.npz`` file as in `shipnet.line.Waveform.read`. The signal
+        is CAN_H, CAN_L, their difference or the output of a receiver. The idle level is recessive.
     bit_rate : float, optional
-        Bit rate, 1000..1e6 [bit/s]; by default found from the edges.
+        Bit rate, 1000..1e6 [bit/s]; by default detected from the edges.
     channel : str, optional
-        Title or number of the channel; by default the one that changes most often.
+        Title or number of the channel; by default the channel with the most edges.
     sample_interval : float, optional
-        Time between two samples [s]; it overrides that of the file.
+        Time between two samples [s]; it overrides the value in the file.
 
     Returns
     -------
     Capture
-        Every frame that begins in the record, correct or with its fault.
+        All frames that begin in the record, including faulty frames.
 
     Raises
     ------
     InputError
-        If the file cannot be read or gives no times, if it has fewer than 1.9 samples per bit or
-        more than 2**18 frames, or if there are too few edges to find the bit rate.
+        If the file cannot be read or has no time information, if it has fewer than 1.9 samples per
+        bit or more than 2**18 frames, or if there are too few edges to find the bit rate.
 
     Notes
     -----
     A receiver as in ISO 11898-1, with one sample as time quantum, synchronises at the start of a
-    frame and at every edge to dominant. The place of an edge within its sample is unknown: the
-    receiver tries three places of the start of frame and keeps the best fit. With fewer than 4
-    samples per bit, an edge may be as near to one bit as to the next. A wrong frame with such an
-    edge is read again with clocks 0.15 % fast and slow; if it is then correct, it is marked. This
-    can hide a damaged bit: of 18 419 frames with one flipped bit, 9 passed at 2 samples per bit (7
-    of them marked), and none at 8.
+    frame and at every edge to dominant. The position of an edge within its sample is unknown: the
+    receiver tries three positions of the start of frame and keeps the best fit. With fewer than 4
+    samples per bit, an edge may be equally close to two bit boundaries. A faulty frame with such an
+    edge is decoded again with clocks 0.15 % fast and slow; if it is then correct, it is marked.
+    This can hide a damaged bit: of 18 419 frames with one flipped bit, 9 passed at 2 samples per
+    bit (7 of them marked), and none at 8.
 
-    CAN FD frames and error flags count as faults: a recessive reserved bit, and six equal bits.
+    CAN FD frames are faults because a reserved bit is recessive, and error flags as stuff errors.
 
     Examples
     --------

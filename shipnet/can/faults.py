@@ -14,9 +14,9 @@ from shipnet.fields import number, record, whole
 
 __all__ = ["ERROR_BITS", "BitErrors", "ErrorAt", "ErrorBound"]
 
-#: Cost of an error in addition to the retransmission [bit], by analysis, for `ErrorBound.bits`.
-#: Frames here include their intermission; Broster et al. count frames without it, and 29 bits per
-#: error. The least on any bus is two error flags of 6 bits and a delimiter of 8.
+#: Cost of an error in addition to the retransmission [bit], in published analyses, for
+#: `ErrorBound.bits`. Here a frame includes its intermission; Broster et al. exclude it and count 29
+#: bits per error. ``least`` is two error flags of 6 bits and a delimiter of 8 bits.
 ERROR_BITS: Mapping[str, int] = MappingProxyType(
     {"Tindell 1995": 31, "Davis 2007": 31, "Broster 2002": 26, "least": 20}
 )
@@ -26,7 +26,7 @@ ERROR_BITS: Mapping[str, int] = MappingProxyType(
 class BitErrors(Fault):
     """Random, independent bit errors while the fault lasts, for simulations.
 
-    All nodes see the error; the frame is destroyed at its first wrong bit and sent again.
+    All nodes detect the error; the frame is destroyed at its first wrong bit and sent again.
 
     Examples
     --------
@@ -39,7 +39,7 @@ class BitErrors(Fault):
 
 @record
 class ErrorAt:
-    """One bit error at a given time, for simulations; between frames it does no harm.
+    """One bit error at a given time, for simulations; between frames it has no effect.
 
     Examples
     --------
@@ -53,15 +53,15 @@ class ErrorAt:
 @checked
 @record
 class ErrorBound:
-    r"""The most errors on the bus in any time :math:`t`, for analyses.
+    r"""Bound on the errors in any interval of length :math:`t`, and on the bus time that they cost.
 
     .. math:: F(t) = n_{burst} + \left\lceil \frac{t}{T_{interval}} \right\rceil - 1, \qquad
               E(t) = F(t) \left( n_{err} \tau + \max_{k \in hep(m)} C_k \right)
 
     Notes
     -----
-    The 31 bits are from [1]_. For the tables of [2]_ use ``bits=ERROR_BITS["Broster 2002"]`` and
-    ``Assumptions(intermission="between")``.
+    The default cost of 31 bits is from [1]_. To reproduce the tables of [2]_, use
+    ``bits=ERROR_BITS["Broster 2002"]`` and ``Assumptions(intermission="between")``.
 
     References
     ----------
@@ -93,7 +93,7 @@ class ErrorBound:
             )
 
     def count(self, time: float) -> int:
-        """Return the most errors within a time above 0 [s]."""
+        """Return the largest number of errors in an interval of length `time` above 0 [s]."""
         if self.interval == math.inf:
             return self.burst
         return self.burst - 1 - -nanoseconds(time) // nanoseconds(self.interval)

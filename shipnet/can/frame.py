@@ -30,9 +30,9 @@ from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import Axes
 
 CRC_BITS = CRC.width  #: Bits of the CRC sequence.
-INTERMISSION = 3  #: Recessive bits between the end of a frame and the start of the next, at least.
+INTERMISSION = 3  #: Fewest recessive bits between two frames.
 
-#: Fields after the CRC sequence, and their bits on a bus where a receiver acknowledges.
+#: Fields after the CRC sequence, and their bits if a receiver acknowledges the frame.
 TAIL = (("CRC delimiter", "1"), ("ACK slot", "0"), ("ACK delimiter", "1"), ("EOF", "1111111"))
 
 # "x" marks bits that a transmitter chooses; reserved bits are dominant.
@@ -51,17 +51,17 @@ def highest_id(extended: bool) -> int:
 
 
 def payload(dlc: int, remote: bool = False) -> int:
-    """Return how many data bytes a frame with this data length code carries."""
+    """Return the number of data bytes in a frame with this data length code."""
     return 0 if remote else min(dlc, 8)
 
 
 def stuffed_region(n_bytes: int, extended: bool) -> int:
-    """Return how many bits of a frame are subject to stuffing, not counting the stuff bits."""
+    """Return the number of bits of a frame that are subject to stuffing, without stuff bits."""
     return sum(map(len, HEADS[extended].values())) + 8 * n_bytes + CRC_BITS
 
 
 def check_bit_rate(bit_rate: float, low: float = 1000.0) -> float:
-    """Return a bit rate as a float, or raise unless it is `low`..1e6 bit/s."""
+    """Return a bit rate as a float; raise an error unless it is `low`..1e6 bit/s."""
     return check_scalar("bit_rate", bit_rate, "bit/s", low, 1e6)
 
 
@@ -69,7 +69,7 @@ RUN = 5  #: Number of equal bits after which a stuff bit is sent.
 
 
 def stuff_places(bits: str) -> list[int]:
-    """Return how many bits come before each stuff bit."""
+    """Return the number of bits before each stuff bit, not counting other stuff bits."""
     places, last, run = [], "", 0
     for place, bit in enumerate(bits, start=1):
         run = run + 1 if bit == last else 1
@@ -90,7 +90,7 @@ def stuff(bits: str) -> str:
 
 
 class Field(NamedTuple):
-    """A field of a frame: its value, and its place without and with (`line_`) stuff bits."""
+    """A field of a frame: its value, and its place excluding and (`line_`) including stuff bits."""
 
     name: str
     value: int
@@ -109,11 +109,11 @@ class Frame:
     arbitration_id : int
         Arbitration id, 0..2047, or 0..2**29 - 1 if `extended`; the lowest has the highest priority.
     data : bytes, default b""
-        0..8 bytes; a remote frame has none.
+        Data, 0..8 bytes; a remote frame carries none.
     extended : bool, default False
-        Whether the arbitration id has 29 bits instead of 11.
+        True if the arbitration id has 29 bits instead of 11.
     remote : bool, default False
-        Whether the frame requests data instead of carrying them.
+        True if the frame requests data instead of carrying data.
     dlc : int, optional
         Data length code, 0..15; by default the number of data bytes. 9..15 mean 8 bytes. In a
         remote frame it is the number of bytes requested.
@@ -125,7 +125,7 @@ class Frame:
 
     Examples
     --------
-    The longest frame with 8 bytes and an 11-bit id; `frame_length` gives a bound of 135 bits:
+    The longest frame with 8 bytes and an 11-bit id; `frame_length` returns a bound of 135 bits:
 
     >>> frame = Frame(0x078, bytes.fromhex("01E1E1E1E1E1E00F"))
     >>> frame
@@ -165,7 +165,7 @@ class Frame:
         object.__setattr__(self, "dlc", dlc)
 
     def _checked_parts(self) -> dict[str, str]:
-        """Return the fields that the CRC covers, and their bits."""
+        """Return the bits of each field that the CRC covers, by the field's name."""
         number = f"{self.arbitration_id:0{29 if self.extended else 11}b}"
         chosen = {
             "base identifier": number[:11],
@@ -180,7 +180,7 @@ class Frame:
 
     @property
     def crc(self) -> int:
-        """The check value of 15 bits over all bits before it."""
+        """The 15-bit CRC over all preceding bits, without stuff bits."""
         return int(self.unstuffed[-CRC_BITS:], 2)
 
     @property
@@ -215,7 +215,7 @@ class Frame:
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """The fields with at least one bit, in the order sent."""
+        """The fields with at least one bit, in order of transmission."""
         sequence = {"CRC sequence": self.unstuffed[-CRC_BITS:]}
         places = stuff_places(self.unstuffed)
         fields, start = [], 0
@@ -227,7 +227,7 @@ class Frame:
         return tuple(fields)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the bits in rows, coloured by field, with the level on the line above."""
+        """Draw the bits in rows, coloured by field, with the line level above each row."""
         from shipnet.can.plot import plot_fields
 
         fields = [(field.name, field.line_start, field.line_length) for field in self.fields]
@@ -244,14 +244,14 @@ class Frame:
 
 
 class _Line:
-    """A receiver's place in the bits of a frame, and what it has read without stuff bits."""
+    """A receiver's position in the bits of a frame, and the bits read, without stuff bits."""
 
     def __init__(self, bits: str) -> None:
         self.bits, self.position = bits, 0
         self.last, self.run, self.read = "", 0, ""
 
     def raw(self, field: str) -> str:
-        """Return the next bit, stuff bit or not."""
+        """Return the next bit, which may be a stuff bit."""
         if self.position >= len(self.bits):
             raise LengthError(f"the bits end before bit {self.position}, in the {field}")
         bit = self.bits[self.position]
@@ -271,7 +271,7 @@ class _Line:
                 raise self.fault(StuffError, field, what)
 
     def take(self, field: str, length: int) -> str:
-        """Return the bits of a field without stuff bits."""
+        """Read and return the bits of a field, without stuff bits."""
         taken = ""
         for _ in range(length):
             self.skip_stuff_bit(field)
@@ -284,7 +284,7 @@ class _Line:
         return kind(f"bit {self.position - 1}, {field}: {what}")
 
     def reserved(self, field: str) -> None:
-        """Read a reserved bit, which is dominant."""
+        """Read a reserved bit; raise an error if it is recessive."""
         if self.take(field, 1) == "1":
             raise self.fault(
                 FormError, field, "recessive, as in no frame of classic CAN; is it CAN FD?"
@@ -293,23 +293,23 @@ class _Line:
 
 @checked
 def decode(bits: str) -> Frame:
-    """Read the frame at the beginning of a string of bits.
+    """Decode the frame at the beginning of a string of bits.
 
     Parameters
     ----------
     bits : str
-        Characters 0 (dominant) and 1, from the start of frame, with stuff bits. Anything after the
-        end of frame is ignored.
+        Characters 0 (dominant) and 1 (recessive), from the start of frame, including stuff bits.
+        Characters after the end of frame are ignored.
 
     Returns
     -------
     Frame
-        The frame. Its `bits` equal those given, except perhaps the last bit of the end of frame.
+        The frame. Its `bits` equal the given bits, except perhaps the last bit of the end of frame.
 
     Raises
     ------
     StartBitError, StuffError, FormError, CrcError, AcknowledgeError
-        If the frame breaks a rule of CAN; the message names the first wrong bit, counted from 0,
+        If the frame violates a rule of CAN; the message names the first wrong bit, counted from 0,
         and its field. A wrong CRC is reported after its last bit.
     LengthError, SymbolError
         If the bits end before the frame does, or a character is neither 0 nor 1.
@@ -365,11 +365,11 @@ def decode(bits: str) -> Frame:
 
 @checked
 class Arbitration(NamedTuple):
-    """The outcome of an arbitration; `arbitrate` returns it.
+    """The outcome of an arbitration, as returned by `arbitrate`.
 
-    `bus` has the bits on the bus up to the last that can decide (IDE, or RTR of an extended frame),
-    including stuff bits. `stopped` has for each of the `frames` the bit at which its sender
-    stopped, counted from 0, or None for the winner.
+    `bus` contains the bits on the bus, including stuff bits, up to the last that can decide the
+    outcome (IDE, or RTR of an extended frame). `stopped` contains the bit at which the sender of
+    each of the `frames` stopped, counted from 0, or None for the winner.
 
     Examples
     --------
@@ -389,9 +389,9 @@ class Arbitration(NamedTuple):
     def plot(
         self, names: Sequence[str] = (), ax: Axes | None = None, *, upto: int | None = None
     ) -> Axes:
-        """Draw the bits of each sender, one row each, above the bits on the bus.
+        """Draw one row of bits per sender above the bits on the bus.
 
-        `names` labels the rows, by default with the frames; `upto` is the last bit shown.
+        `names` are the labels of the rows, by default the frames; `upto` is the last bit shown.
         """
         from shipnet.can.plot import plot_contest
 
@@ -405,21 +405,21 @@ class Arbitration(NamedTuple):
 
 @checked
 def arbitrate(frames: Sequence[Frame]) -> Arbitration:
-    """Send frames that begin together, bit by bit, until one remains.
+    """Return the arbitration, bit by bit, between frames that begin at the same time.
 
     Parameters
     ----------
     frames : sequence of Frame
-        One or more; no two with the same id, id length and kind.
+        One or more frames; no two may have the same id, id length and kind.
 
     Returns
     -------
     Arbitration
-        The bits on the bus, and where each sender stopped.
+        The bits on the bus, and the bit at which each sender stopped.
 
     Notes
     -----
-    Every node reads the same level within the bit time, as on a short bus; Bosch, "CAN
+    Every node is assumed to read the same level within the bit time, as on a short bus; Bosch, "CAN
     Specification" 2.0, 1991, section 1.
 
     Examples
@@ -454,6 +454,6 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
 
 
 def _end(frame: Frame) -> int:
-    """Return how many bits of a frame, including stuff bits, can decide an arbitration."""
+    """Return the number of bits, with stuff bits, up to the last that can decide an arbitration."""
     last = "RTR" if frame.extended else "IDE"
     return 1 + next(field.line_start for field in frame.fields if field.name == last)

@@ -1,6 +1,6 @@
-"""Lengths of CAN frames: by formula, on average, at worst, and to the bit for millions of them.
+"""Lengths of CAN frames: bounds, mean lengths, and the exact lengths of millions of frames.
 
-Frames are measured byte by byte: a table of states times bytes counts the stuff bits.
+Frames are measured byte by byte: a table by state and byte contains the number of stuff bits.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ Stuffing = Literal["none", "mean", "attainable", "worst"]
 
 Octets = npt.NDArray[np.uint8]
 
-#: Bits after the CRC sequence, intermission included.
+#: Number of bits after the CRC sequence, including intermission.
 _TAIL_BITS = sum(len(bits) for _, bits in TAIL) + INTERMISSION
 
-#: Mean stuff bits by data bytes, 11-bit and 29-bit identifiers, if identifier and data are
-#: uniformly random: the expectation over all of them, CRC included, by dynamic programming over
-#: CRC register, last bit and run. The tests do it again (`tests/can/test_lengths.py`).
+#: Mean number of stuff bits by identifier (11 or 29 bits) and data bytes, for uniformly random
+#: identifiers and data, including the CRC; calculated by dynamic programming over CRC register,
+#: last bit and run. The tests repeat the calculation (`tests/can/test_lengths.py`).
 _MEAN_STUFF = (
     (1.968750, 2.018089, 2.248796, 2.648793, 2.348793, 2.548793, 2.815460, 3.352960, 3.283168),
     (2.738010, 2.791322, 3.022456, 3.422457, 3.122450, 3.322451, 3.589117, 4.126897, 4.055775),
 )
 
-#: Most stuff bits that any identifier and data of this format and length get, by the same route.
+#: Largest number of stuff bits for any identifier and data, calculated in the same way.
 _MOST_STUFF = ((6, 7, 9, 12, 14, 15, 18, 21, 22), (11, 13, 15, 17, 19, 21, 23, 25, 27))
 
 
@@ -57,7 +57,7 @@ _TABLE: dict[Stuffing, tuple[tuple[float, ...], tuple[float, ...]]] = {
 
 
 def length_table(stuffing: Stuffing) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return frame lengths by identifier (11 or 29 bits) and data bytes [bit]."""
+    """Return frame lengths [bit] by identifier (11 or 29 bits) and number of data bytes."""
     check_choice("stuffing", stuffing, _TABLE)
     return _TABLE[stuffing]
 
@@ -73,7 +73,7 @@ def frame_length(
 ) -> float | Floats:
     r"""Return the length of data frames, including intermission.
 
-    With :math:`g` = 34 stuffed bits without data (54 for a 29-bit identifier) and :math:`s` bytes:
+    With :math:`s` data bytes and :math:`g` = 34 other stuffed bits (54 for a 29-bit identifier):
 
     .. math:: n = g + 8 s + 13 + \left\lfloor \frac{g + 8 s - 1}{4} \right\rfloor
 
@@ -82,21 +82,21 @@ def frame_length(
     dlc : int or array_like of int
         Data bytes, 0..8.
     stuffing : {"none", "mean", "attainable", "worst"}, default "worst"
-        Which stuff bits count: none, the mean over random identifiers and data, the most in any
-        frame, or the bound above.
+        Stuff bits counted: none, their mean number over random identifiers and data, their largest
+        number in any frame, or the bound above.
     extended : bool or array_like of bool, default False
-        Whether the identifier has 29 bits.
+        True if the identifier has 29 bits.
 
     Returns
     -------
     int or float or ndarray of float
-        Length [bit], in the broadcast shape of the arguments; whole except for ``"mean"``.
+        Length [bit], in the broadcast shape of the arguments; a whole number except for ``"mean"``.
 
     Notes
     -----
-    In the bound of Davis et al. (2007), a stuff bit begins the next run. Tindell and Burns (1994)
-    overlooked this, and divide by 5; `response_times` has the references. No frame reaches the
-    bound, because identifier, reserved bits and CRC are not free: the longest standard frame has
+    The bound of Davis et al. (2007) includes stuff bits in the runs of equal bits. Tindell and
+    Burns (1994) overlooked this and divide by 5; `response_times` has the references. No frame
+    reaches the bound, because reserved bits and CRC are not free: the longest standard frame has
     133 bits. Real data are not random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
 
     Examples
@@ -120,10 +120,10 @@ def frame_length(
     return np.asarray(columns[long.astype(np.intp), size.astype(np.intp)], dtype=np.float64)
 
 
-#: Frames worked on at a time: they and what is made of them stay in a core's own cache.
+#: Frames processed at once; with all intermediate results they fit into a core's cache.
 CHUNK = 2**13
 
-#: States of the stuffing table: before the mark, then the bit 0 sent 1 to 4 times, the bit 1.
+#: States of the stuffing table: 0 before the mark, 1 to 4 in a run of zeros, 5 to 8 of ones.
 _IDLE, _MARK = 0, 1 + (RUN - 1)
 
 
@@ -135,7 +135,7 @@ def measure_frames(
     extended: npt.ArrayLike = False,
     remote: npt.ArrayLike = False,
 ) -> Integers:
-    """Return the lengths of frames with (n, 8) bytes of data, including intermission [bit]."""
+    """Return the lengths of frames, including intermission [bit]; `data` has the shape (n, 8)."""
     number, code, long, asks = (
         np.broadcast_to(np.asarray(values, dtype=kind), len(data))
         for values, kind in (
@@ -155,7 +155,7 @@ def measure_frames(
 def _measure(
     data: Octets, number: Integers, dlc: Integers, extended: Bools, remote: Bools
 ) -> Integers:
-    """Return the lengths of frames with equally many data bytes."""
+    """Return the lengths of frames that have the same number of data bytes."""
     # In an extended frame, SRR and IDE are bits 26 and 25 of the head.
     long = number >> 18 << 27 | 3 << 25 | (number & 2**18 - 1) << 7
     head = np.where(extended, long, number << 7) | remote * 64 | dlc
@@ -164,9 +164,9 @@ def _measure(
     octets[:5] = head.astype(">u8").view(np.uint8).reshape(-1, 8)[:, 3:].T
     octets[5:-2] = data.T
     check = CRC.of(octets[:-2].T).astype(np.uint16)
-    # After the check value, a bit that ends its last run completes the last byte.
+    # The inverse of the last CRC bit fills the last byte without causing a stuff bit.
     octets[-2:] = (check << 1 | ~check & 1).astype(">u2").view(np.uint8).reshape(-1, 2).T
-    # A mark before the start of frame, in bit 39 or 19 of the head, ends the leading zeros.
+    # A 1 before the start of frame, in bit 39 or 19 of the head, marks where the frame begins.
     octets[0] |= extended * np.uint8(1 << 7)
     octets[2] |= ~extended * np.uint8(1 << 3)
     table = stuffing_table()
@@ -182,7 +182,7 @@ def _measure(
 
 
 class StuffingTable(NamedTuple):
-    """Next state (times 256) and stuff bits of eight bits, by state * 256 + byte."""
+    """Next state (times 256) and number of stuff bits after a byte, by state * 256 + byte."""
 
     state: npt.NDArray[np.uint16]
     stuffed: npt.NDArray[np.uint8]
@@ -190,7 +190,7 @@ class StuffingTable(NamedTuple):
 
 @cache
 def stuffing_table() -> StuffingTable:
-    """Return the table that counts stuff bits."""
+    """Return the table with which `measure_frames` counts stuff bits."""
     size = (1 + 2 * (RUN - 1)) * 256
     table = StuffingTable(np.zeros(size, np.uint16), np.zeros(size, np.uint8))
     for index in range(size):

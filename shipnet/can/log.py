@@ -21,7 +21,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import pd
 
-#: Kinds of numpy arrays that each column of a log may be.
+#: Legal kinds of numpy dtype for each column of a log.
 _KINDS = {
     "time": "fiu", "channel": "U", "arbitration_id": "iu", "extended": "b", "remote": "b",
     "dlc": "iu", "data": "iu",
@@ -31,7 +31,7 @@ _KINDS = {
 def impossible(
     time: float, number: int, extended: bool, dlc: int, remote: bool = False, size: int = -1
 ) -> str:
-    """Return what classic CAN does not allow, or nothing; `size` is that of unpadded data."""
+    """Return why classic CAN does not allow a frame, or ""; `size` counts its data bytes."""
     highest = highest_id(extended)
     if not 0 <= number <= highest:
         return f"the identifier is {number:#x}; it must be 0..{highest:#x}"
@@ -45,7 +45,7 @@ def impossible(
 
 
 def hexadecimal(key: int) -> str:
-    """Return the identifier of a key of `Log.keys`, with 3 or 8 digits."""
+    """Return the identifier of a key of `Log.keys` in hexadecimal, with 3 or 8 digits."""
     return f"0x{key >> 1:0{8 if key & 1 else 3}X}"
 
 
@@ -54,11 +54,11 @@ def hexadecimal(key: int) -> str:
 class Log:
     """Recorded frames as columns, in the order of the file.
 
-    `time` has the time stamps [s], all NaN if there are none, and `channel` the bus of each frame.
-    `arbitration_id` has 29 bits if `extended`; `remote` marks remote frames. `dlc` has the data
-    length codes, and `data`, shape (n, 8), the bytes, padded with 0. `faults` describes records
-    left out, and `skipped` valid ones that are not frames of classic CAN: time [s], channel and
-    kind, ``"CAN FD frame"`` or ``"error frame"``.
+    `time` contains the time stamps [s], all NaN if there are none, and `channel` the bus of each
+    frame. `arbitration_id` has 29 bits where `extended` is True; `remote` marks remote frames.
+    `dlc` contains the data length codes, and `data`, shape (n, 8), the bytes, padded with 0.
+    `faults` describes records left out. `skipped` lists valid records other than frames of classic
+    CAN: time [s], channel and kind, ``"CAN FD frame"`` or ``"error frame"``.
 
     Examples
     --------
@@ -104,7 +104,7 @@ class Log:
 
     @property
     def keys(self) -> Integers:
-        """Number of each frame's message: twice the identifier, plus 1 if extended."""
+        """Key of each frame's message: twice the identifier, plus 1 if extended."""
         return np.asarray(self.arbitration_id << 1 | self.extended)
 
     def __len__(self) -> int:
@@ -119,7 +119,7 @@ class Log:
         return f"Log({', '.join(parts)})"
 
     def _check_times(self, what: str) -> None:
-        """Raise unless the log has time stamps."""
+        """Raise an error if the log has no time stamps."""
         if np.isnan(self.time).any() and np.isnan(self.time).all():
             raise ArgumentError(f"the log has no time stamps; {what} needs them")
 
@@ -132,7 +132,7 @@ class Log:
         return table.rename(columns={"time": "time_s"})
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a ``.log`` file as ``candump -l`` does."""
+        """Write a ``.log`` file in the format of ``candump -l``."""
         if Path(path).suffix.lower() != ".log":
             raise ArgumentError(f"path is {str(path)!r}; its suffix must be .log")
         self._check_times("a file of candump")
@@ -149,11 +149,11 @@ class Log:
                 file.write(f"({time:017.6f}) {channel} {name}#{rest}{raw}\n")
 
     def load(self, bit_rate: float, *, window: float = 1.0) -> LogLoad:
-        """Return how busy the buses were in a sliding window, and by identifier.
+        """Return the load of the buses in a sliding window, and the load per identifier.
 
-        `bit_rate` is 5e3..1e6 [bit/s], `window` the length of the window [s]. A time stamp is the
-        end of its frame. A window that begins before the record counts in full, so the first loads
-        are low. Faults and skipped records do not count; `LogLoad.left_out` is their number.
+        `bit_rate` is 5e3..1e6 [bit/s], and `window` is the length of the window [s]. A time stamp
+        marks the end of its frame. A window that begins before the record counts in full, so the
+        first loads are low. Faults and skipped records are left out.
         """
         rate = check_bit_rate(bit_rate, 5e3)
         window = check_scalar("window", window, "s", 1e-6, 1e9)
@@ -186,7 +186,7 @@ class Log:
         )
 
     def messages(self, *, period: float | None = None) -> MessageSet:
-        """Return the messages found in the log, as `read_messages` does for its file."""
+        """Return the messages found in the log, as described in the notes of `read_messages`."""
         self._check_times("a message set")
         if period is not None:
             check_scalar("period", period, "s", 1e-6, 1e5)
@@ -212,7 +212,7 @@ class Log:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LogLoad:
-    """How busy recorded buses were; `Log.load` returns it.
+    """Load of recorded buses, as returned by `Log.load`.
 
     `left_out` counts faults, CAN FD frames and error frames; if there are any, the load is too low.
 
@@ -232,15 +232,15 @@ class LogLoad:
     left_out: int = 0
 
     def total(self) -> pd.DataFrame:
-        """Return one row per bus: ``frames``, ``duration_s``, ``load`` and ``peak_load``."""
+        """Return one row per bus, with ``frames``, ``duration_s``, ``load`` and ``peak_load``."""
         return self._total.copy()
 
     def table(self) -> pd.DataFrame:
-        """Return one row per identifier: its frames, bits, load and peak load."""
+        """Return one row per identifier, with its frames, bits, load and peak load."""
         return self._messages.copy()
 
     def windows(self) -> pd.DataFrame:
-        """Return one row per frame: the load of the window that ends with it."""
+        """Return one row per frame, with the load in the window that ends with the frame."""
         return self._windows.copy()
 
     def __repr__(self) -> str:
@@ -254,9 +254,9 @@ class LogLoad:
 
 
 def _sliding(time: Floats, bits: Floats, window: float) -> Floats:
-    """Return the bits of the frames in the window that ends with each frame."""
+    """Return, for each frame, the number of bits in the window that ends with it."""
     summed = np.concatenate([[0.0], np.cumsum(bits)])
-    # Stamps have microseconds; a frame exactly one window ago is excluded in spite of rounding.
+    # Time stamps are in microseconds; the margin excludes a frame exactly one window earlier.
     first = np.searchsorted(time, time - window + 1e-7, side="left")
     last = np.searchsorted(time, time, side="right")
     return np.asarray(summed[last] - summed[first])

@@ -1,7 +1,7 @@
 """Readers of CAN logs: candump, CSV, ASC, BLF and TRC, recognised by content.
 
-All readers return rows, which are checked in one place. python-can reads ASC and TRC; its BLF
-reader may never finish on a damaged file.
+All readers return rows, which `_Found.add` checks. ASC and TRC files are read by python-can, but
+BLF files are not, because its BLF reader may never finish on a damaged file.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from shipnet.can.log import Log, impossible
 from shipnet.can.messages import said
 from shipnet.errors import InputError, load_extra
 
-_BLOCK, _ROWS = 1 << 22, 1 << 16  #: Bytes and rows of a file that are processed at once.
-_FAULTS = 1000  #: Most faults of a file that are kept.
+_BLOCK, _ROWS = 1 << 22, 1 << 16  #: Numbers of bytes and of rows processed at once.
+_FAULTS = 1000  #: Largest number of faults recorded per file.
 
-#: Valid records that are not frames of classic CAN, and data lengths that only CAN FD has.
+#: Kinds of valid records other than classic CAN frames, and data lengths used only by CAN FD.
 _FD, _ERROR, _FD_SIZES = "CAN FD frame", "error frame", (12, 16, 20, 24, 32, 48, 64)
 
 
 class _Row(NamedTuple):
-    """A record of a file; `kind` says what it is if not a frame of classic CAN."""
+    """A record of a file; `kind` is empty for a frame of classic CAN."""
 
     time: float | None
     channel: str
@@ -50,17 +50,17 @@ class _Row(NamedTuple):
     kind: str = ""
 
 
-#: Types of the columns of a log, and of the place of each frame.
+#: Types of the columns of a log, and of the column with each frame's place in the file.
 _DTYPES: tuple[Any, ...] = (float, str, np.int64, bool, bool, np.uint8, np.uint8, np.int64)
 
 
 class _Found:
-    """The records of a file so far; `unit` names what is counted, such as lines."""
+    """The records read from a file so far; `unit` is the unit of their places, such as line."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
         self.rows: list[tuple[Any, ...]] = []
-        #: Columns of a log and the places of its frames, in parts; the first part is empty.
+        #: Columns of a log, and the places of its frames, in parts; the first part is empty.
         self.parts = [[np.zeros((0, 8) if k == 6 else 0, kind) for k, kind in enumerate(_DTYPES)]]
         self.skipped: list[tuple[float, str, str]] = []
         self.faults: list[tuple[int, str]] = []
@@ -74,7 +74,7 @@ class _Found:
             self.more += 1
 
     def add(self, place: int, row: _Row) -> None:
-        """Add a row, or set it aside."""
+        """Add a row to the frames, to the skipped records or, if it is illegal, to the faults."""
         time = nan if row.time is None else row.time
         if row.kind:
             self.skipped.append((time, row.channel, row.kind))
@@ -102,7 +102,7 @@ class _Found:
             )
 
     def log(self) -> tuple[Log, int]:
-        """Return the log, and the number of faults that it does not name."""
+        """Return the log, and the number of faults that it does not list."""
         self.pack()
         every: list[Any] = [np.concatenate(column) for column in zip(*self.parts, strict=True)]
         time, channel, places = every[0], every[1], every[-1]
@@ -120,14 +120,14 @@ class _Found:
 
 
 def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
-    """Return the smallest set of places to remove so that times never decrease."""
+    """Return the smallest set of indices to remove so that times never decrease."""
     if not np.any(np.diff(time) < 0):
         return np.zeros(0, dtype=np.intp)
-    # The longest non-decreasing sequence: the last place of the best one of each length.
+    # Longest non-decreasing subsequence: the best last value for each length, and its index.
     lasts: list[float] = []
     ends: list[int] = []
     before = np.full(len(time), -1)
-    # Backwards, so that of two equally good sequences the earlier frames stay.
+    # Backwards, so that of two sequences of equal length the earlier frames are kept.
     for place, now in enumerate((-time[::-1]).tolist()):
         length = bisect_right(lasts, now)
         before[place] = ends[length - 1] if length else -1
@@ -148,27 +148,27 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     ----------
     path : str or path-like
         A candump file (``-l``, or its printed output), a CSV file of python-can or SavvyCAN, a BLF
-        file, or an ASC or TRC file, which needs python-can. The format is recognised by content.
+        file, or an ASC or TRC file, which requires python-can. The format is recognised by content.
     keep : bool, default False
-        Whether to keep what can be read of a damaged file; `Log.faults` lists what is missing.
+        True if the readable frames of a damaged file are kept; `Log.faults` lists what is missing.
 
     Returns
     -------
     Log
-        The frames. CAN FD frames and error frames are not faults; they are in `Log.skipped`.
+        The frames. CAN FD frames and error frames are not faults; `Log.skipped` lists them.
 
     Raises
     ------
     InputError
-        If the file is missing or of another kind, or, unless `keep`, has an unreadable line, an
-        impossible identifier, data length or time, data that do not match their length, or times
-        that decrease on a channel. The message names the lines, or the frames of BLF.
+        If the file is missing or has another format; or, unless `keep` is True, if it has an
+        unreadable line, an illegal identifier, data length or time, data that do not match their
+        length, or times that decrease on a channel. The message names the lines or BLF frames.
     ImportError
-        If python-can is needed and missing.
+        If python-can is required but not installed.
 
     Notes
     -----
-    Line numbers, empty lines and comments after ``#``, ``;`` or ``//`` are ignored. Where times
+    Line numbers, empty lines and comments after ``#``, ``;`` or ``//`` are ignored. If times
     decrease, as few frames as possible are left out to restore the order. MDF (MF4) is not read.
 
     Examples
@@ -202,7 +202,7 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     return log
 
 
-#: Beginnings of lines that identify a text format.
+#: Patterns at the beginning of a line that identify a text format.
 _SIGNS = {
     "asc": re.compile(
         r"(date\s+\w+\s|base\s+(hex|dec)\b|begin\s+triggerblock|"
@@ -230,16 +230,16 @@ def log_kind(file: Path) -> str:
     return kind if kind in ("asc", "blf", "trc") else ""
 
 
-#: A line of ``candump -l`` or python-can, which adds the direction. A remote frame has R, perhaps
-#: with its DLC, in place of data.
+#: A line of ``candump -l``, or of python-can, which appends the direction. A remote frame has R,
+#: optionally followed by its DLC, in place of data.
 _PLAIN = re.compile(
     rb"^\((\d{1,10}\.\d{1,9})\) +(\S+) +([0-9A-Fa-f]{8}|[0-9A-Fa-f]{3})#"
     rb"(?:([Rr][0-8]?)|((?:[0-9A-Fa-f]{2}){0,8}))(?: [RT])?[ \t]*\r?$",
     re.M,
 )
 
-#: Any line of candump: numbered, with or without a time or date, with the length in brackets (two
-#: digits in CAN FD), with a comment.
+#: Any line of candump. A line number, a time or date, and a comment are optional; so is the length
+#: in brackets, which has two digits in CAN FD.
 _LINE = re.compile(
     r"\s*(?:\d+[:.)|]?\s*(?=[(A-Za-z]))?(?:\((?P<time>[^()]{1,40})\)\s+)?(?P<channel>\S{1,64})\s+"
     r"(?:[RT]X\s+[B-]\s+[E-]\s+)?(?P<id>[0-9A-Fa-f]{8}|[0-9A-Fa-f]{3})(?:"
@@ -253,7 +253,7 @@ _LINE = re.compile(
 #: A line without a frame: a comment, or the explanation of an error by ``candump -e``.
 _COMMENT = re.compile(r"\s*(?:\#|;|//|$)|\t[a-z-]+\{")
 
-#: Forms of a number; Python's own conversions also accept underscores.
+#: Legal forms of a number; Python's own conversions also accept underscores.
 _DECIMAL = re.compile(r"\d{1,18}(\.\d{0,12})?")
 _DIGITS = re.compile(r"(?:0[xX])?[0-9A-Fa-f]{1,16}")
 
@@ -283,7 +283,7 @@ def _read_text(file: Path) -> _Found:
 
 
 def _take_plain(found: _Found, groups: list[tuple[bytes, ...]], first: int) -> None:
-    """Add lines that are all in the plain form of candump; only identifiers need a check."""
+    """Add lines that all have the form of ``candump -l``; only their identifiers need a check."""
     found.pack()
     times, names, numbers, asks, data = zip(*groups, strict=True)
     time = np.array(times).astype(float)
@@ -319,7 +319,7 @@ def _take_plain(found: _Found, groups: list[tuple[bytes, ...]], first: int) -> N
 
 
 def _candump(line: str) -> _Row:
-    """Return the frame in any line of candump."""
+    """Return the record in a line of any format of candump."""
     match = _LINE.fullmatch(line)
     if match is None:
         raise ValueError(
@@ -358,7 +358,7 @@ def _seconds(text: str) -> float:
 
 
 def _table(line: str) -> Callable[[str], _Row] | None:
-    """Return a reader for the rows below a row of titles, None for any other line."""
+    """Return a parser for the rows below a title row, or None if the line is not a title row."""
     for separator in ",;\t":
         titles = [re.sub(r"[\W_]", "", title).lower() for title in line.split(separator)]
         if {"timestamp", "arbitrationid", "extended", "remote", "dlc", "data"} <= set(titles):
@@ -376,7 +376,7 @@ def _cells(
 
 
 def _cell(cells: dict[str, str], title: str, pattern: re.Pattern[str] = _DECIMAL) -> str:
-    """Return a cell that must be a number."""
+    """Return the text of a cell; raise an error unless it is a number."""
     cell = cells.get(title, "")
     if not pattern.fullmatch(cell):
         if cell.lower().strip("+-") in ("nan", "inf", "infinity"):
@@ -428,15 +428,15 @@ def _shown(text: str) -> str:
 #: A line of an ASC file with a time, a channel and an identifier.
 _ASC_FRAME = re.compile(r"\d+\.\d+\s+\d+\s+[0-9a-fA-F]+x?\s")
 
-#: Ends the header of an ASC file; python-can drops the line where it finds the end itself.
+#: Marks the end of an ASC header; without it, python-can would drop the first frame.
 _ASC_BODY = "no internal events logged\n"
 
-#: Types of lines in a TRC file that are errors, and that are not frames.
+#: Types of lines in a TRC file: error frames, and other lines that are not frames.
 _TRC_ERRORS, _TRC_OTHERS = {"ER", "Error"}, {"ST", "EC", "EV", "Warng", "FFFFFFFF"}
 
 
 class _Lines(io.TextIOWrapper):
-    """A text file that counts its lines, and reports those without a frame."""
+    """A text file that counts its lines, and reports lines in which no frame was found."""
 
     def __init__(self, binary: Any, asc: bool, unused: Callable[[int, str], None]) -> None:
         super().__init__(binary, "utf-8-sig", errors="replace")
@@ -471,7 +471,7 @@ class _Lines(io.TextIOWrapper):
 
 
 def _read_foreign(kind: str, file: Path) -> _Found:
-    """Read an ASC or TRC file."""
+    """Read an ASC or TRC file with python-can."""
     can = load_extra("can", "python-can")
     found, asc = _Found("line"), kind == "asc"
 
@@ -495,7 +495,7 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 message = next(messages)
             except StopIteration:
                 break
-            # The readers raise any error of their parsers, and then end.
+            # The readers may raise any exception of their parsers, and then end.
             except Exception as problem:
                 found.fault(stream.line, said(problem))
                 if stream.ended:
@@ -503,7 +503,7 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 stream.text, stream.in_body = "", False
                 messages = iter(reader)
                 continue
-            # python-can takes the code as a number of bytes in CAN FD, but here it is 9..15.
+            # For ASC, python-can converts length codes 9..15 to numbers of bytes in CAN FD.
             dlc = can.util.len2dlc(message.dlc) if asc else message.dlc
             found.add(stream.line, _row(message, dlc))
             stream.text = ""
@@ -511,7 +511,7 @@ def _read_foreign(kind: str, file: Path) -> _Found:
 
 
 def _row(message: Any, dlc: int) -> _Row:
-    """Convert a message of python-can."""
+    """Convert a message of python-can to a row."""
     kind = _ERROR if message.is_error_frame else _FD if message.is_fd else ""
     channel = "bus" if message.channel is None else str(message.channel)
     return _Row(
@@ -520,11 +520,11 @@ def _row(message: Any, dlc: int) -> _Row:
     )  # fmt: skip
 
 
-#: Objects of a BLF file: containers, frames and errors, and two forms of CAN FD among them.
+#: Types of BLF objects: containers and frames; among the frames, errors and two forms of CAN FD.
 _CONTAINER, _FRAMES, _ERRORS, _FD_FORM, _FD_LONG = 10, (1, 86, 73, 100, 101), 73, 100, 101
 
-#: Most bytes in a container and an object, and in all containers relative to the file. The best
-#: packed frames, all alike, come to half of that.
+#: Largest container and object [byte], and largest ratio of the unpacked size to the file size.
+#: Identical frames, which compress best, reach half that ratio.
 _LARGEST, _LARGEST_OBJECT, _RATIO = 1 << 24, 1 << 20, 20
 
 
@@ -541,7 +541,7 @@ def _read_blf(file: Path) -> _Found:
     try:
         at = datetime(year, month, day, hour, minute, second, 1000 * ms, tzinfo=UTC)
         begin = at.timestamp()
-    except ValueError:  # all zeros, without a date
+    except ValueError:  # all zeros: there is no date
         begin = 0.0
     left = _RATIO * len(data) + _LARGEST_OBJECT
 
@@ -573,7 +573,7 @@ def _read_blf(file: Path) -> _Found:
 
 
 def _object_row(kind: int, part: bytes, begin: float) -> _Row:
-    """Return a frame or an error of a BLF file, with times relative to `begin`."""
+    """Return a frame or an error frame of a BLF file whose time stamps count from `begin` [s]."""
     version, unit, stamp = unpack_from("<6xH8xI4xQ", part)
     if version not in (1, 2):
         raise StructError
@@ -596,7 +596,7 @@ def _object_row(kind: int, part: bytes, begin: float) -> _Row:
 
 
 class _Objects:
-    """The objects in bytes, with their kinds; afterwards `place` is where the rest begins."""
+    """Iterator over the types and bytes of BLF objects; `place` is the end of the last object."""
 
     def __init__(self, data: bytes, place: int, most: int, fault: Callable[[str], None]) -> None:
         self.data, self.place, self.most, self.fault = data, place, most, fault
@@ -630,7 +630,7 @@ class _Objects:
 
 
 def _unpacked(container: bytes, most: int, fault: Callable[[str], None]) -> bytes:
-    """Return the content of a container, at most `most` bytes."""
+    """Return the unpacked content of a container, limited to `most` bytes."""
     method = int.from_bytes(container[16:18], "little")
     if method == 0:
         return container[32:]

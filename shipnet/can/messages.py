@@ -1,7 +1,7 @@
 """Messages of a bus: their priorities, load and files.
 
-A file has the columns of `COLUMNS`, in any order; `note` is ignored. Identifiers are decimal, or
-hexadecimal after 0x. Common other titles are understood, such as ``CAN-ID (hex)``.
+A file has the columns `COLUMNS` in any order; columns titled `note` are ignored. Identifiers are
+decimal, or hexadecimal after 0x. Other common titles such as ``CAN-ID (hex)`` are recognised.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ from shipnet.tables import NUMBER, Sheet, parse_sheet, read_bytes, read_sheet, t
 
 T = TypeVar("T")
 
-#: Bit rates in use [bit/s]: Beckhoff, BX5100 documentation.
+#: Common bit rates [bit/s]: Beckhoff, BX5100 documentation.
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 1_000_000)
 
-TIMES = ("period", "deadline", "jitter", "offset")  #: The times of a message.
+TIMES = ("period", "deadline", "jitter", "offset")  #: Fields of a message that are times.
 
 
 @record(slots=True)
@@ -106,7 +106,7 @@ class Message:
         """Sort key of the arbitration; the smallest wins.
 
         The first 11 bits of the identifier decide first. If they are equal, a standard frame wins:
-        its RTR bit is dominant where an extended frame sends SRR.
+        its RTR bit is dominant, but the SRR bit of an extended frame is recessive.
         """
         if not self.extended:
             return self.arbitration_id, False, 0
@@ -121,12 +121,12 @@ class Message:
         return self.frame_length(stuffing) / check_bit_rate(bit_rate)
 
 
-#: Declared kind of each field of a message, and the columns of a table; the first four must exist.
+#: Kind of each field of a message, and the columns of a table; the first four are required.
 _KINDS = declared(Message)
 COLUMNS = tuple(f"{field}_ms" if field in TIMES else field for field in _KINDS)
 _NEEDED = COLUMNS[:4]
 
-#: Other titles of columns, without unit and punctuation.
+#: Alternative titles of columns, without unit and punctuation.
 _TITLES = {
     "name": "message messagename msg msgname framename",
     "arbitration_id": "id canid canidentifier identifier messageid msgid frameid cobid",
@@ -144,8 +144,8 @@ _TITLES = {
 }  # fmt: skip
 _SYNONYMS = {other: column for column, others in _TITLES.items() for other in others.split()}
 
-#: A title and its unit, and the power of ten that converts each unit to ms. The pattern is slow for
-#: some titles longer than `_LONGEST`.
+#: Pattern of a title with its unit, and the power of ten that converts each unit to ms. The pattern
+#: is slow for some titles longer than `_LONGEST`.
 _UNIT = re.compile(
     r"(.*?)[\s_]*(?:[\[(]|[\s_]|,|/|\bin\b)\s*(ms|s|us|\xb5s|hex|dec)\s*[\])]?", re.I
 )
@@ -174,14 +174,14 @@ def set_faults(messages: Iterable[Message]) -> list[tuple[int, str]]:
 
 
 class Named(Sequence[T]):
-    """A sequence whose items can also be found by name."""
+    """A sequence whose items can also be accessed by name."""
 
     __slots__ = ()
     _items: tuple[T, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the items, in order."""
+        """Names of the items, in the order of the sequence."""
         raise NotImplementedError
 
     def _place(self, name: str) -> int:
@@ -207,14 +207,14 @@ class Named(Sequence[T]):
 
 @checked
 class MessageSet(Named[Message]):
-    """The messages of one bus, the highest priority first.
+    """The messages of one bus, highest priority first.
 
     Parameters
     ----------
     messages : iterable of Message
-        In any order; names and identifiers must differ.
+        The messages in any order; names and identifiers must be unique.
     overlooked : iterable of str, optional
-        Faults of the file that were ignored while reading it.
+        Faults of the file that were ignored when it was read.
 
     Examples
     --------
@@ -261,7 +261,7 @@ class MessageSet(Named[Message]):
     def replace(self, name: str, **new: Any) -> MessageSet:
         """Return a copy with some fields of one message replaced.
 
-        If the deadline equals the period, it follows a new period.
+        If the deadline equals the period, a new period also becomes the deadline.
         """
         place = self._place(name)
         known = Message.__dataclass_fields__
@@ -274,10 +274,10 @@ class MessageSet(Named[Message]):
         return MessageSet([*self[:place], changed, *self[place + 1 :]])
 
     def ordered(self, names: Iterable[str]) -> MessageSet:
-        """Return the same messages in a new order of priority, given as all their names.
+        """Return the messages in a new priority order, given as a sequence of all names.
 
-        The identifiers of the set are assigned in this order. If both 11-bit and 29-bit identifiers
-        occur, the first 11 bits count up from 0 instead.
+        The identifiers of the set are reassigned in this order. If the set has both 11-bit and
+        29-bit identifiers, it gets new ones, whose first 11 bits count up from 0.
         """
         order = list(names)
         if sorted(order) != sorted(self.names):
@@ -292,7 +292,7 @@ class MessageSet(Named[Message]):
         )
 
     def deadline_monotonic(self) -> MessageSet:
-        """Return the same messages in the order of their deadlines, the shortest first."""
+        """Return the messages in deadline-monotonic priority order: shortest deadline first."""
         return self.ordered(m.name for m in sorted(self, key=lambda message: message.deadline))
 
     def table(self) -> pd.DataFrame:
@@ -301,14 +301,14 @@ class MessageSet(Named[Message]):
         for column in COLUMNS[1:]:
             field = column.removesuffix("_ms")
             values = [getattr(message, field) for message in self]
-            # Whole nanoseconds keep 2.5 ms exact.
+            # Conversion from whole nanoseconds keeps 2.5 ms exact.
             columns[column] = [nanoseconds(t) / 1e6 for t in values] if field in TIMES else values
         index = pd.Index(self.names, name="name", dtype=object)
         return pd.DataFrame(columns, index=index).astype({"bits": "Int64", "sender": object})
 
     @classmethod
     def parse(cls, text: str) -> MessageSet:
-        """Return the set described by text in the CSV form that `read_messages` takes."""
+        """Return the messages in a CSV text of the form that `read_messages` accepts."""
         return _from_sheet(parse_sheet(text, "text", is_titles=_is_titles), {}, None)
 
     @property
@@ -326,7 +326,7 @@ class MessageSet(Named[Message]):
         return stream.getvalue()
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write a CSV file that `read_messages` reads; a suffix of DBC or Excel is refused."""
+        """Write a CSV file that `read_messages` can read; DBC and Excel suffixes are rejected."""
         if (suffix := Path(path).suffix.lower()) in (".dbc", ".xls", ".xlsm", ".xlsx"):
             raise ArgumentError(
                 f"path is {str(path)!r}; a CSV file cannot have the suffix {suffix}; to write a "
@@ -336,7 +336,7 @@ class MessageSet(Named[Message]):
 
 
 def counted(names: Sequence[str]) -> str:
-    """Return the number of messages, and the first three names."""
+    """Return a text with the number of messages and the first three names."""
     some = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
     return f"{len(names)} message{'s' if len(names) != 1 else ''}{': ' if some else ''}{some}"
 
@@ -351,7 +351,7 @@ def bus_load(
 def bus_load(
     messages: MessageSet, bit_rate: npt.ArrayLike, stuffing: Stuffing = "worst"
 ) -> float | Floats:
-    r"""Return the fraction of time that messages occupy the bus.
+    r"""Return the bus load: the fraction of time during which messages occupy the bus.
 
     .. math:: U = \sum_m \frac{L_m}{T_m f_{bit}}
 
@@ -362,13 +362,13 @@ def bus_load(
     bit_rate : float or array_like of float
         Bit rate, 1000..1000000 [bit/s].
     stuffing : {"none", "mean", "attainable", "worst"}, default "worst"
-        Which stuff bits count, as in `frame_length`; a message with its own ``bits`` has those.
+        Stuff bits counted, as in `frame_length`; a message with ``bits`` has that length.
 
     Returns
     -------
     float or ndarray of float
-        Load, 1 if the bus is always busy; an array if `bit_rate` is one. The load per message is in
-        ``response_times(...).table()``.
+        Load, 1 if the bus is always busy; an array if `bit_rate` is an array. The load per message
+        is in ``response_times(...).table()``.
 
     Examples
     --------
@@ -402,7 +402,7 @@ def packed(analogue: npt.ArrayLike, bits: int = 16) -> tuple[Indices, int]:
     return np.asarray(first, dtype=np.intp), start + -(-int((~analogue).sum()) // 8)
 
 
-#: Synthetic messages of an engine's junction boxes and controls.
+#: CSV text with synthetic messages of an engine's junction boxes and controls.
 EXAMPLE = """name,arbitration_id,dlc,period_ms,deadline_ms,sender
 shutdown,0x010,1,50,5,safety
 speed,0x020,4,10,5,governor
@@ -425,8 +425,8 @@ def example(name: Literal["engine", "lee2012"] = "engine") -> MessageSet:
     ----------
     name : {"engine", "lee2012"}, default "engine"
         ``"engine"``: ten synthetic messages of an engine's controls and junction boxes.
-        ``"lee2012"``: the points of lee2012's engine, 16 bits each once per second, with our own
-        identifiers.
+        ``"lee2012"``: the points of lee2012's engine, sent once per second with 16 bits each; the
+        identifiers are ours.
 
     Returns
     -------
@@ -446,20 +446,20 @@ def example(name: Literal["engine", "lee2012"] = "engine") -> MessageSet:
 def read_list(
     path: Path, columns: Mapping[str, str] | None, period: float | None, strict: bool
 ) -> MessageSet:
-    """Return the set in a CSV, Excel or DBC file."""
+    """Return the messages in a CSV, Excel or DBC file."""
     if path.suffix.lower() == ".dbc":
         return parse_dbc(text_of(read_bytes(path)), str(path), period, strict)
     sheet = read_sheet(path, is_titles=_is_titles)
     return _from_sheet(sheet, {k.strip().lower(): v for k, v in (columns or {}).items()}, period)
 
 
-#: Limits of a DBC file, beyond which cantools takes seconds and gigabytes: bytes of a message (1785
+#: Limits of a DBC file, beyond which cantools needs seconds and gigabytes: bytes of a message (1785
 #: in J1939) and of all messages, and multiplexer values of all signals.
 _LARGEST, _LARGEST_SUM, _MOST_VALUES = 1785, 500_000, 65_536
 
 
 def _refuse_large(text: str, source: str) -> None:
-    """Raise if the text of a DBC file has numbers that take cantools too much time."""
+    """Raise an error if the text of a DBC file has numbers that cantools cannot process quickly."""
     plain = re.sub(r'"(?:\\"|[^"])*"|//[^\n]*', " ", text)
     lengths = [float(n) for n in re.findall(r"\bBO_\s+\d+\s+\w+\s*:\s*(\d+)", plain)]
     bits = [float(n) for pair in re.findall(r":\s*(\d+)\s*\|\s*(\d+)", plain) for n in pair]
@@ -478,12 +478,12 @@ def _refuse_large(text: str, source: str) -> None:
 def parse_dbc(
     text: str, source: str, period: float | None = None, strict: bool = True
 ) -> MessageSet:
-    """Read the messages in the text of a DBC file, through cantools."""
+    """Read the messages in the text of a DBC file with cantools."""
     cantools = load_extra("cantools", "cantools")
     _refuse_large(text, source)
     try:
         database = cantools.database.load_string(text, database_format="dbc", strict=False)
-    # cantools raises any error that its parser meets.
+    # cantools may raise any exception.
     except Exception as problem:
         raise InputError(source, f"is not a DBC file: {said(problem)}") from None
     messages, faults, overlooked = [], [], []
@@ -496,7 +496,7 @@ def parse_dbc(
         try:
             message = Message(
                 found.name, found.frame_id, found.length, _cycle_time(found.cycle_time, period),
-                # cantools uses Vector__XXX for the sender of messages without one.
+                # cantools omits Vector__XXX, which marks a message without a sender.
                 extended=found.is_extended_frame, sender=found.senders[0] if found.senders else "",
             )  # fmt: skip
         except ArgumentError as fault:
@@ -534,14 +534,14 @@ def said(problem: Exception) -> str:
 
 
 def _is_titles(cells: Sequence[str]) -> int:
-    """Return how well cells serve as titles; a heading or comments may come before them."""
+    """Return a score of a row as the title row: 0 for an empty row or a comment."""
     if not any(cells) or cells[0].startswith("#"):
         return 0
     return 1 + sum(_Title.of(cell.lower()).column in (*COLUMNS, *TIMES) for cell in cells)
 
 
 def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) -> MessageSet:
-    """Return the set in a sheet, or raise an error with all its faults."""
+    """Return the messages in a sheet, or raise an error that lists all faults."""
     titles = [title.lower() for title in sheet.titles]
     if missing := sorted(set(renamed) - set(titles)):
         known = ", ".join(titles)
@@ -581,7 +581,7 @@ def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) 
 
 
 class _Title(NamedTuple):
-    """The column that a title stands for, and how to read its cells."""
+    """The column that a title denotes, the power of ten of its unit, and its number base."""
 
     column: str
     power: int = 0
@@ -589,7 +589,7 @@ class _Title(NamedTuple):
 
     @classmethod
     def of(cls, title: str) -> _Title:
-        """Return the meaning of a lower-case title; an unknown title stands for itself."""
+        """Return the column of a lower-case title; an unknown title is used as its own column."""
         if title in COLUMNS:
             return cls(title)
         match = _UNIT.fullmatch(title) if len(title) < _LONGEST else None
@@ -601,7 +601,7 @@ class _Title(NamedTuple):
         return cls(plain if plain in (*COLUMNS, "note") else title, 0, unit == "hex")
 
     def plain(self, cell: str) -> str:
-        """Return a cell in the unit and form of the column's standard title."""
+        """Return a cell converted to the unit and form of the standard column."""
         if self.power and NUMBER.fullmatch(cell):
             return f"{Decimal(cell).scaleb(self.power):f}"
         if self.column == "arbitration_id":
@@ -614,7 +614,7 @@ class _Title(NamedTuple):
 def _checked(
     source: str, found: list[tuple[str, Message]], faults: list[str], empty: str
 ) -> MessageSet:
-    """Return the set of messages found at places in a file, or raise an error with all faults."""
+    """Return the messages found in a file as a set, or raise an error that lists all faults."""
     messages = [message for _, message in found]
     faults += [f"{found[number][0]}: {why}" for number, why in set_faults(messages)]
     if not messages and not faults:
@@ -645,7 +645,7 @@ def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
 
 
 def _read_cell(field: str, kind: Kind, cell: str) -> tuple[Any, str]:
-    """Return the value of a cell, None if it is not legal, and a description of what is legal."""
+    """Return the value of a cell, None if it is illegal, and a description of the legal values."""
     if isinstance(kind, Number):
         time = float(Decimal(cell).scaleb(-3)) if NUMBER.fullmatch(cell) else -1
         legal = f"a number {kind.low * 1e3:g}..{kind.high * 1e3:g} ms"
@@ -661,7 +661,7 @@ def _read_cell(field: str, kind: Kind, cell: str) -> tuple[Any, str]:
 
 
 def _whole(cell: str) -> int:
-    """Return a whole number from decimal digits, leading zeros allowed, or hexadecimal after 0x."""
+    """Convert decimal digits, or 0x and hexadecimal digits, to a whole number."""
     return int(cell.removesuffix(".0"), 16 if cell[:2] in ("0x", "0X") else 10)
 
 

@@ -1,7 +1,7 @@
-"""Response times if messages of one sender share a clock, and offsets that shorten them.
+"""Response times if the messages of a sender share a clock, and offsets that shorten them.
 
-Times are whole ticks. Different clocks have free phases, so each other clock has its worst window,
-and only the message's own clock is followed instance by instance.
+Times are whole ticks. The phases between clocks are unknown, so every other clock is assumed at its
+worst phase; only the message's own clock is examined instance by instance.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from shipnet.clock import nanoseconds
 from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 
-#: Most releases of a sender in a hyperperiod; messages beyond get a clock of their own, which is
-#: safe because it leaves them more freedom.
+#: Largest number of releases of a sender in a hyperperiod; further messages get clocks of their
+#: own, which is safe because it allows more phases.
 MOST_RELEASES = 20_000
-_MOST_EVENTS = 1_000_000  #: Most releases in a hyperperiod and the windows around it.
-_HIGHEST_LOAD = 0.99  #: Load from which the windows are too long.
+_MOST_EVENTS = 1_000_000  #: Largest number of releases in a hyperperiod and the windows around it.
+_HIGHEST_LOAD = 0.99  #: Load from which busy periods are too long to examine.
 
 
 class Streams(NamedTuple):
-    """Messages in order of priority as columns, times in ticks; `clock` numbers their clocks."""
+    """Messages as columns, in priority order, times in ticks; `clock` is the number of a clock."""
 
     period: Integers
     frame: Integers
     jitter: Integers
     offset: Integers
     clock: Integers
-    #: Longest delay after which a more urgent message still wins if it is queued.
+    #: Longest time after the bus is free at which a higher-priority message can still win.
     tau: int
 
 
 def clocks(senders: list[str], periods: list[int]) -> Integers:
-    """Return the clock of each message: its sender's, or its own if it has no sender."""
+    """Return the clock number of each message: its sender's clock, or its own without a sender."""
     found: list[int] = []
     newest: dict[str, tuple[int, list[int]]] = {}
     for place, (sender, period) in enumerate(zip(senders, periods, strict=True)):
@@ -53,12 +53,12 @@ def clocks(senders: list[str], periods: list[int]) -> Integers:
 
 
 def longest_responses(streams: Streams) -> list[int] | None:
-    """Return the longest response of each message, None if offsets do not help."""
+    """Return the longest response time of each message in ticks; None if the load is too high."""
     load = float((streams.frame / streams.period).sum())
     if load >= _HIGHEST_LOAD:
         return None
     jitter = streams.frame * (1 + streams.jitter / streams.period)
-    # No busy period is longer; most are much shorter, so the window starts small and doubles.
+    # `most` exceeds every busy period. Most are much shorter, so the span starts small and doubles.
     most = 2 * (int((streams.frame.max(initial=0) + jitter.sum()) / (1 - load)) + 2) + streams.tau
     span = int(4 * streams.frame.sum()) + 1
     while (found := _within(streams, min(span, most))) is None:
@@ -85,7 +85,7 @@ class _Clock:
             np.argsort(event, kind="stable"),
             np.argsort(event + jitter[which], kind="stable"),
         )
-        #: Events in order, their messages, and the work before each; then the latest releases.
+        #: Sorted events, their messages, and the work before each; then the sorted latest releases.
         self.event = event[early]
         self.message = np.asarray(members)[which[early]]
         self.work = np.r_[0, np.cumsum(frame[which[early]])]
@@ -93,12 +93,12 @@ class _Clock:
         self._gone = np.r_[0, np.cumsum(frame[which[late]])]
 
     def before(self, time: Integers) -> Integers:
-        """Return the work released before a time, whatever the jitter."""
+        """Return the work that is released before a time even with the largest jitter."""
         gone: Integers = self._gone[np.searchsorted(self.latest, time)]
         return gone
 
     def curve(self, span: int) -> tuple[Integers, Integers]:
-        """Return the lengths at which the largest work of closed windows grows, and by how much."""
+        """Return the lengths at which the largest work of a closed window grows, and the growth."""
         begin = np.unique(self.latest[(self.latest >= 0) & (self.latest < self.hyperperiod)])
         first = np.searchsorted(self.event, begin, side="right") - 1
         count = np.searchsorted(self.event, begin + span, side="right") - first
@@ -113,7 +113,7 @@ class _Clock:
 
 
 def _staircase(curves: list[tuple[Integers, Integers]]) -> tuple[Integers, Integers]:
-    """Return the lengths at which a sum of curves grows, and the work before each."""
+    """Return the window lengths at which a sum of curves grows, and the work below each length."""
     if not curves:
         return np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
     length, step = (np.concatenate(column) for column in zip(*curves, strict=True))
@@ -122,7 +122,7 @@ def _staircase(curves: list[tuple[Integers, Integers]]) -> tuple[Integers, Integ
 
 
 def _within(streams: Streams, span: int) -> list[int] | None:
-    """Return the longest responses, None if a busy period is longer than the span."""
+    """Return the longest response times, or None if a busy period is longer than the span."""
     curves: dict[int, tuple[Integers, Integers]] = {}
     members: dict[int, list[int]] = {}
     found = []
@@ -131,19 +131,19 @@ def _within(streams: Streams, span: int) -> list[int] | None:
         higher = members.get(clock, [])
         blocking = int(streams.frame[m + 1 :].max(initial=0))
         own = _Clock(streams, [*higher, m], span)
-        # Higher releases of this clock must cover the hyperperiod that includes the message.
+        # Higher-priority releases of this clock must cover the hyperperiod with the message.
         above = _Clock(streams, higher, span + jitter, own.hyperperiod) if higher else None
         others = [curve for number, curve in curves.items() if number != clock]
         curves[clock] = own.curve(span)
 
-        # The longest busy period: all clocks at their worst, including the message.
+        # The longest busy period, with all clocks at their worst phase, including the message's.
         length, work = _staircase([curves[clock], *others])
         ends = np.flatnonzero(blocking + work <= np.r_[np.where(length > 0, length, -1), span + 1])
         if not ends.size:
             return None
         busy = int(blocking + work[ends[0]])
 
-        # Pairs of an instance and the start of its busy period, at the latest release of a frame.
+        # Pairs of an instance and a possible start of its busy period, a latest release.
         mine = own.event[own.message == m]
         instance = mine[(mine >= 0) & (mine < own.hyperperiod)]
         begins = np.unique(own.latest)
@@ -156,7 +156,7 @@ def _within(streams: Streams, span: int) -> list[int] | None:
         if above is not None:
             constant = constant - above.before(begin)
 
-        # The delay of each pair: the least fixed point, from below.
+        # The delay of each pair: the least fixed point, approached from below.
         length, work = _staircase(others)
         delay, later = np.full(len(instance), -1), np.zeros(len(instance), dtype=np.int64)
         while (later > delay).any():
@@ -167,7 +167,7 @@ def _within(streams: Streams, span: int) -> list[int] | None:
                 later = later + above.work[np.searchsorted(above.event, begin + until)]
             if later.max() + streams.tau > span:
                 return None
-        # Otherwise the bus is idle before the instance.
+        # In the other pairs the bus is idle before the instance.
         pending = delay >= instance - begin
         found.append(int((delay + frame - (instance - begin))[pending].max()))
         members[clock] = [*higher, m]
@@ -176,15 +176,15 @@ def _within(streams: Streams, span: int) -> list[int] | None:
 
 @checked
 def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
-    """Return the messages with offsets that separate those of one sender.
+    """Return the messages with offsets that spread the messages of each sender over time.
 
     Parameters
     ----------
     messages : MessageSet
-        The messages. One without a sender keeps its offset.
+        The messages. A message without a sender keeps its offset.
     step : float, default 1e-3
-        Grid of the offsets, 1e-6..1 [s], such as the cycle of the senders' task. Periods of
-        messages with a sender must be multiples of it.
+        Resolution of the offsets, 1e-6..1 [s], such as the cycle time of the senders' task. The
+        period of each message with a sender must be a multiple of it.
 
     Returns
     -------
@@ -194,14 +194,14 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
     Raises
     ------
     ArgumentError
-        If a period is not a multiple of `step`, or the periods of a sender repeat together only
-        after a million steps.
+        If a period is not a multiple of `step`, or the hyperperiod of a sender exceeds a million
+        steps.
 
     Notes
     -----
-    A heuristic: sender by sender, from the shortest period, each message gets the offset around
-    which its sender sends least. `response_times` with ``offsets=True`` shows the gain, which is
-    largest for senders with many messages.
+    The method is a heuristic: for each sender, starting with the shortest period, each message gets
+    the offset around which the sender is least busy. `response_times` with ``offsets=True`` shows
+    the gain, which is largest for senders with many messages.
 
     Examples
     --------
@@ -232,7 +232,7 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
         slots = math.lcm(*(int(periods[place]) // grain for place in mine))
         if slots > 10**6:
             raise ArgumentError(f"step is {step:g} s, but {sender!r} repeats after {slots} of them")
-        # How crowded each slot is: the frames in it and, with decreasing weight, those around it.
+        # Load around each slot: the frames in it and, with decreasing weight, in the slots near it.
         far = np.minimum(np.arange(slots), slots - np.arange(slots))
         near, load = np.fft.rfft(1 / (1 + far)), np.zeros(slots)
         for place in sorted(mine, key=lambda k: (periods[k], -length[k])):

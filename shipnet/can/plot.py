@@ -10,7 +10,7 @@ from matplotlib.patches import Rectangle
 from shipnet import style
 from shipnet.fields import check_whole
 
-#: Key of `style.FIELD` of each field; others are part of the frame.
+#: Key of each field in `style.FIELD`; all other fields have the key ``frame``.
 _COLOURS = {
     "base identifier": "address",
     "identifier extension": "address",
@@ -24,15 +24,15 @@ _COLOURS = {
     "CRC sequence": "parity",
 }
 
-#: Short names, written below narrow fields.
+#: Short names for the labels below narrow fields.
 _SHORT = {"CRC delimiter": "CRC del.", "ACK slot": "ACK", "ACK delimiter": "ACK del."}
 
-#: Height of a row, with its labels below the blocks and its level line above.
+#: Height of a row, including the labels below its cells and the level line above them.
 _PITCH = 3.6
 
 _BITS_PER_ROW = 30
 
-#: Narrower pieces of a field have their name written upwards [bit].
+#: Width below which the name of a field is written vertically [bit].
 _NARROW = 3
 
 
@@ -42,7 +42,7 @@ def plot_fields(
     fields: Sequence[tuple[str, int, int]],
     ax: Axes | None,
 ) -> Axes:
-    """Draw bits as rows of cells with the level above; fields have a name, a place and a length."""
+    """Draw bits as rows of cells, with the line level above; a field is (name, start, length)."""
     width, ax = _BITS_PER_ROW, style.axes(ax)
     colours = [_COLOURS.get(name, "frame") for name, _, length in fields for _ in range(length)]
     for place, (bit, colour) in enumerate(zip(bits, colours, strict=True)):
@@ -79,7 +79,7 @@ def plot_fields(
 
 
 def _outline(ax: Axes, name: str, start: int, length: int, width: int) -> None:
-    """Frame the pieces of a field and name the longest."""
+    """Draw a frame around each piece of a field, and label the longest piece."""
     pieces = []
     place = start
     while place < start + length:
@@ -105,9 +105,9 @@ def plot_contest(
     ax: Axes | None,
     upto: int | None,
 ) -> Axes:
-    """Draw the bits of each sender, one row each, and the bus below.
+    """Draw one row of bits per sender, and the bits on the bus below.
 
-    A sender is its name, its bits, the places of stuff bits, and the bit where it stopped or None.
+    Each sender has a name, bits, indices of stuff bits, and the bit at which it stopped, or None.
     """
     rows, total = len(senders), len(bus)
     last = total - 1 if upto is None else check_whole("upto", upto, 0, total - 1)
@@ -141,7 +141,7 @@ def plot_contest(
 
 
 def _bits(ax: Axes, bits: str, stuffed: set[int], row: float) -> None:
-    """Draw bits as cells of a row."""
+    """Draw bits as a row of cells."""
     for place, bit in enumerate(bits):
         dominant, own = bit == "0", place in stuffed
         ax.add_patch(

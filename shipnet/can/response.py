@@ -1,7 +1,7 @@
 """Worst-case response times of CAN messages, and a priority order that meets all deadlines.
 
-Times are whole ticks that divide the nanosecond and the bit time: a rounding error could add a
-whole frame to a ceiling.
+Times are whole ticks, which divide the nanosecond and the bit time, because a rounding error in a
+ceiling could add a whole frame.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from shipnet.lazy import Axes, pd
 
 @record
 class Assumptions:
-    """Assumptions behind a response time; published tables differ in them by a few bit times.
+    """Assumptions of a response-time analysis, which change its results by a few bit times.
 
-    The defaults are those of Davis et al., Real-Time Systems 35, 2007.
+    The defaults are from Davis et al., Real-Time Systems 35, 2007.
 
     Examples
     --------
@@ -57,12 +57,12 @@ class Assumptions:
     )
 
 
-#: Steps of a recursion, or instances of a message, after which a busy period counts as endless.
-#: Only loads within about 1e-4 of 1 need as many.
+#: Iterations, or instances of a message, after which a busy period counts as endless. Only loads
+#: within about 1e-4 of 1 need this many.
 _MOST_STEPS = 200_000
 
 
-#: Periodic frames: period, length, and how much earlier than its period the first may come.
+#: Periodic frames in ticks: period, duration, and the most by which the first may be early.
 _Stream = tuple[int, int, int]
 
 
@@ -84,7 +84,7 @@ class Bus(NamedTuple):
 
 
 def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions | None) -> Bus:
-    """Return a message set in ticks of the bus."""
+    """Return a message set at a bit rate, with its times converted to ticks."""
     assumptions = assumptions or Assumptions()
     rate = check_bit_rate(bit_rate)
     if rate % 1:
@@ -104,7 +104,7 @@ def on_bus(messages: MessageSet, bit_rate: float, assumptions: Assumptions | Non
 
 
 class Level:
-    """A message, and the messages that can delay it."""
+    """A message at a priority level, and the messages that can delay it."""
 
     def __init__(
         self, bus: Bus, message: int, higher: Sequence[int], lower: Sequence[int],
@@ -114,28 +114,28 @@ class Level:
         self.period, self.frame, self.jitter = streams[message]
         self.blocking = max((streams[k][1] for k in lower), default=0)
         self._reported = bus.reported(message)
-        # A more urgent message wins if it is queued up to a bit after the bus became free.
+        # A higher-priority message wins if it is queued up to one bit time after the bus is free.
         self._tau = bus.bit
         self._higher = [streams[k] for k in higher]
         self._equal = [*self._higher, streams[message]]
         self._constant = self.blocking
         if errors.burst:
-            # Errors act as one more stream, of retransmissions.
+            # Errors are modelled as one more stream, of error frames with retransmissions.
             cost = errors.bits * bus.bit + max(frame for _, frame, _ in self._equal)
             self._constant += (errors.burst - 1) * cost
             interval = nanoseconds(errors.interval) * bus.nanosecond
             self._equal.append((interval, cost, 0))
-            # The search adds tau to a delay, but errors count up to the end of the frame.
+            # `_settle` adds tau to the delay, but errors can occur until the end of the frame.
             self._higher.append((interval, cost, self.frame - self._tau))
-        # Messages queued at the same time go first, at least once.
+        # Higher-priority messages queued at the same time are sent first, at least once.
         self._least = self._constant + sum(frame for _, frame, _ in self._higher)
 
     @cached_property
     def busy_period(self) -> float:
-        """Longest time that the bus is busy with this or higher priority; infinite if endless."""
+        """Longest time for which this or higher priorities keep the bus busy; may be infinite."""
         if not _ends(self._constant, self._equal):
             return math.inf
-        # It lasts at least until all messages queued at its start are sent.
+        # A busy period lasts at least until all messages queued at its start are sent.
         busy = _settle(self._constant, self._equal, self._least + self.frame, 0)
         return busy if busy <= _MOST_STEPS * self.period - self.jitter else math.inf
 
@@ -153,13 +153,13 @@ class Level:
 
 
 def _ends(constant: int, streams: Sequence[_Stream]) -> bool:
-    """Return whether some t is constant + sum of ceil((t + ahead) / period) * frame."""
+    """Return True if t = constant + sum of ceil((t + ahead) / period) * frame has a solution."""
     load = sum([frame / period for period, frame, _ in streams])
     if abs(load - 1) > 1e-9:
         return load < 1
     hyperperiod = math.lcm(*(period for period, _, _ in streams))
     used = sum(hyperperiod // period * frame for period, frame, _ in streams)
-    # At a load of 1 the bus never makes up a delay.
+    # At a load of 1 the bus never catches up after a delay.
     return used < hyperperiod or (
         used == hyperperiod and constant == 0 and not any(ahead for _, _, ahead in streams)
     )
@@ -170,7 +170,7 @@ def _settle(constant: int, streams: Sequence[_Stream], start: float, tau: int) -
     t = start
     for _ in range(_MOST_STEPS):
         later: float = constant
-        # A ceiling is the negative floor of the negative.
+        # ceil(x) is -floor(-x).
         early = -(t + tau)
         for period, frame, ahead in streams:
             later -= (early - ahead) // period * frame
@@ -180,7 +180,7 @@ def _settle(constant: int, streams: Sequence[_Stream], start: float, tau: int) -
     return math.inf
 
 
-#: Largest matrix of releases times messages, and the fewest messages, solved side by side.
+#: Largest matrix of releases times messages, and fewest messages, that are solved in one array.
 _MOST_CELLS, _FEW = 2_000_000, 20
 
 #: Blocking, busy period, and response of each instance of a message.
@@ -188,14 +188,14 @@ _Solved = tuple[int, float, Sequence[float]]
 
 
 def _solve_together(bus: Bus) -> list[_Solved] | None:
-    """Return what `Level` finds for all messages without errors, None if there are too many."""
+    """Return the results of `Level` for all messages; None for a small, huge or overloaded set."""
     number, load = len(bus.streams), sum(frame / period for period, frame, _ in bus.streams)
     if number < _FEW or load > 0.999 or max(map(max, bus.streams)) > 2**60:
         return None
     period, frame, jitter = streams = np.array(bus.streams).T
     place, tau = np.arange(number), bus.bit
     blocking = np.r_[np.maximum.accumulate(frame[:0:-1])[::-1], 0]
-    # A guess, doubled until no busy period is longer.
+    # A first guess, doubled until no busy period is longer.
     span = int((frame.sum() + blocking[0]) * max(1.2, 0.7 / (1 - load)))
     while (events := int(-(-(span + jitter + tau) // period).sum())) * number < _MOST_CELLS:
         busy = _first_gaps(streams, jitter, span, blocking, place + 1)
@@ -219,14 +219,13 @@ def _solve_together(bus: Bus) -> list[_Solved] | None:
 def _first_gaps(
     streams: Integers, ahead: Integers, span: int, constant: Integers, below: Integers
 ) -> Integers | None:
-    """Return each least t = constant + sum of ceil((t + ahead) / period) * frame.
+    """Return, per constant, the least t = constant + sum of ceil((t + ahead) / period) * frame.
 
-    The sum is over the first `below` streams; None if a t exceeds the span. Each release raises it
-    by a frame, so t is the work released before the first release that is no earlier than this
-    work.
+    The sum is over the first `below` streams; the result is None if a t exceeds the span. Each
+    release adds a frame, so t is the total work before the first release at or after the time t.
     """
     period, frame, _ = streams
-    # Releases at the start count.
+    # Number of releases up to time 0, included.
     once = ahead // period + 1
     count = -(-(span + ahead) // period) - once
     which = np.repeat(np.arange(len(period)), count)
@@ -248,10 +247,10 @@ def _first_gaps(
 class ResponseTime(NamedTuple):
     """The longest response time of a `message`, and its parts [s].
 
-    `blocking` is the longest frame that may already be on the bus, and `busy_period` the longest
-    time that the bus is busy with this or higher priority, including blocking: infinite if endless,
-    NaN with offsets. `instances` has the longest response of each instance in the busy period, and
-    `response` is the longest of them. `met` says whether it meets the deadline, in whole ticks.
+    `blocking` is the time of the longest frame that may already be on the bus. `busy_period` is the
+    longest time for which this or higher priorities keep the bus busy, including blocking; infinite
+    if endless, NaN with offsets. `instances` has the longest response of each instance in the busy
+    period. `met` is True if `response`, the longest of them, meets the deadline.
 
     Examples
     --------
@@ -276,9 +275,9 @@ class ResponseTime(NamedTuple):
 
 
 class ResponseTimes(Named[ResponseTime]):
-    """The longest response time of every message, the highest priority first.
+    """The longest response time of every message, highest priority first.
 
-    `response_times` returns it; `bit_rate` is as given [bit/s].
+    `response_times` returns this object; `bit_rate` is the given bit rate [bit/s].
 
     Examples
     --------
@@ -296,18 +295,18 @@ class ResponseTimes(Named[ResponseTime]):
 
     @property
     def met(self) -> bool:
-        """Whether every message meets its deadline."""
+        """True if every message meets its deadline."""
         return all(one.met for one in self._items)
 
     def utilisation(self) -> Utilisation:
-        """Return the load of the bus, and the longest wait for a period and a frame."""
+        """Return the bus load, and the longest sum of a message's period and response time."""
         load = sum(one.frame_time / one.message.period for one in self)
         waits = (one.message.period + one.response for one in self)
         return Utilisation(load, load, max(waits, default=math.nan))
 
     @property
     def late(self) -> list[str]:
-        """Names of the messages that may miss their deadlines, the highest priority first."""
+        """Names of the messages that may miss their deadlines, highest priority first."""
         return [one.message.name for one in self._items if not one.met]
 
     @property
@@ -318,7 +317,7 @@ class ResponseTimes(Named[ResponseTime]):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the messages, the highest priority first."""
+        """Names of the messages, highest priority first."""
         return tuple(one.message.name for one in self)
 
     def __repr__(self) -> str:
@@ -326,7 +325,7 @@ class ResponseTimes(Named[ResponseTime]):
         return f"ResponseTimes({len(self)} messages, {late}, critical: {self.critical})"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per message, indexed by name, including its share of the load."""
+        """Return one row per message, indexed by name, including its part of the bus load."""
         messages = [one.message for one in self._items]
         table = pd.DataFrame(
             {
@@ -343,11 +342,11 @@ class ResponseTimes(Named[ResponseTime]):
             }
         )
         table.index = pd.Index(self.names, name="name", dtype=object)
-        # Times are whole nanoseconds and bits; rounding removes what the factor 1e3 adds.
+        # Rounding removes the errors of the factor 1e3.
         return table.round(9)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the longest response of each message as a dot, joined to its deadline."""
+        """Draw the longest response of each message as a dot, connected to its deadline."""
         table, ax = self.table(), style.axes(ax)
         y, red = np.arange(len(table)), style.LIMIT["color"]
         response, deadline = (table[name].to_numpy() for name in ("response_ms", "deadline_ms"))
@@ -383,7 +382,7 @@ def response_times(
     faults: ErrorBound | None = None,
     offsets: bool = False,
 ) -> ResponseTimes:
-    r"""Return the longest response time of every message, the highest priority first.
+    r"""Return the longest response time of every message, highest priority first.
 
     .. math:: w_m(q) = B_m + E(w_m + C_m) + q C_m
               + \sum_{k \in hp(m)} \left\lceil \frac{w_m + J_k + \tau}{T_k} \right\rceil C_k,
@@ -396,31 +395,32 @@ def response_times(
     bit_rate : float
         Bit rate, a whole number 1000..1000000 [bit/s].
     assumptions : Assumptions, optional
-        How long frames are, and what counts as the response.
+        Assumptions about the lengths of frames and the definition of the response time.
     faults : ErrorBound, optional
-        Number of errors on the bus; none by default.
+        Bound on the number of errors on the bus; no errors by default.
     offsets : bool, default False
-        Whether messages of one sender share a clock, so that their offsets count. Each must then be
-        strictly periodic apart from its jitter, and the sender must never restart its clock. Needs
-        no faults, and `Assumptions.own_jitter`.
+        True if messages of one sender share a clock, so that their offsets count. Each message must
+        then be strictly periodic apart from its jitter, and the sender must never restart its
+        clock. Requires `Assumptions.own_jitter`, and no `faults`.
 
     Returns
     -------
     ResponseTimes
-        One `ResponseTime` per message; without a bound, its response is infinite.
+        One `ResponseTime` per message; the response is infinite if it has no bound.
 
     Notes
     -----
-    The method is that of [1]_, with a tau of one bit. Older analyses [2]_ examine only the first
-    instance in a busy period, so their bounds may be too low. Times are whole ticks, rounded once.
-    A load within about 1e-4 of 1 counts as an overload if a busy period takes more than 200000
-    steps or instances. Every node must send its most urgent message first and keep the instances
-    of a message in order.
+    The method is from [1]_, with a tau of one bit time. Older analyses [2]_ examine only the first
+    instance in a busy period, so their bounds may be too low. Times are rounded once, to whole
+    ticks. A load within about 1e-4 of 1 counts as an overload if a busy period has more than 200000
+    iterations or instances. Every node must send its highest priority first, and the instances of a
+    message in order.
 
-    With `offsets`, only the sender's own clock is followed; every other sender has its worst phase.
-    The bound is safe. It equals that without offsets if each message has its own sender, at loads
-    of 0.99 and more, or if more than a million frames of a sender would have to be examined. Then
-    `ResponseTime.instances` holds only the longest response, and the busy period is NaN.
+    With `offsets`, instances are examined on the sender's own clock only; every other sender is
+    assumed at its worst phase. The bound is safe. It equals the bound without offsets if each
+    message has its own sender, at loads of 0.99 and more, or if more than a million frames of a
+    sender would have to be examined. If offsets count, `ResponseTime.instances` contains only the
+    longest response, and the busy period is NaN.
 
     References
     ----------
@@ -471,7 +471,7 @@ def response_times(
 
 
 def _with_offsets(bus: Bus, messages: MessageSet, found: list[ResponseTime]) -> list[ResponseTime]:
-    """Return the response times with the offsets between messages of one sender."""
+    """Return the response times, shortened by the offsets between messages of each sender."""
     offsets = [nanoseconds(message.offset) * bus.nanosecond for message in messages]
     rows = [(*one, offset % one[0]) for one, offset in zip(bus.streams, offsets, strict=True)]
     tick = math.gcd(bus.bit, *chain.from_iterable(rows))
@@ -504,9 +504,9 @@ def _solve(bus: Bus, place: int, errors: ErrorBound) -> _Solved:
 
 
 class Assignment(NamedTuple):
-    """Messages in a priority order, and whether that meets all deadlines.
+    """Messages in a priority order, which is `feasible` if it meets all deadlines.
 
-    `unplaced` names messages of which none can have the lowest priority; it is empty if feasible.
+    `unplaced` names messages that all miss their deadlines at the lowest priority still free.
     """
 
     messages: MessageSet
@@ -527,25 +527,25 @@ def audsley(
     Parameters
     ----------
     messages : MessageSet
-        The messages; their own order does not matter.
+        The messages; their present priorities do not matter.
     bit_rate : float
         Bit rate, a whole number 1000..1000000 [bit/s].
     assumptions : Assumptions, optional
-        How long frames are, and what counts as the response.
+        Assumptions about the lengths of frames and the definition of the response time.
     faults : ErrorBound, optional
-        Number of errors on the bus; none by default.
+        Bound on the number of errors on the bus; no errors by default.
 
     Returns
     -------
     Assignment
-        The order found. If none is feasible, those `unplaced` come first, by their deadlines.
+        The order found. If it is not feasible, the `unplaced` messages come first, by deadline.
 
     Notes
     -----
-    From the lowest priority up, each level goes to a message that meets its deadline there, with
-    the longest deadline tried first. This is optimal: a response depends on which messages are
-    above and below, but not on their order [1]_. 20 messages take at most 210 tests, not 20!
-    orders.
+    From the lowest priority up, each level is assigned to a message that meets its deadline there;
+    long deadlines are tried first. This method is optimal because a response time depends on which
+    messages have higher and lower priority, but not on their order [1]_. For 20 messages it needs
+    at most 210 tests instead of 20! orders.
 
     References
     ----------
@@ -555,7 +555,7 @@ def audsley(
 
     Examples
     --------
-    In order of deadlines (Z, X, Y), Y misses its deadline of 3 ms; the order Z, Y, X is feasible:
+    In deadline-monotonic order (Z, X, Y), Y misses its deadline of 3 ms; Z, Y, X is feasible:
 
     >>> messages = MessageSet(
     ...     [

@@ -1,7 +1,7 @@
-"""CAN on its cable: the voltage at every node, and the bits read at the sample point.
+"""CAN signals on a cable: the voltage at every node, and the bits read at the sample point.
 
-A dominant driver is a voltage behind a resistance, and a recessive one is off: several drivers make
-a wired AND, and only the terminators discharge the line.
+A dominant driver is a voltage source with a source resistance; a recessive driver is off. Several
+drivers therefore form a wired AND, and only the terminators discharge the line.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from shipnet.line.network import CableRun, Load, Network
 
 Bits = npt.NDArray[np.int8]
 
-#: Differential voltages [V] from which a receiver sees dominant, and up to which it sees
-#: recessive: ISO 11898-2; between them either may be read.
+#: Differential voltage [V] from which a receiver reads dominant, and up to which it reads recessive
+#: (ISO 11898-2); between the two, it may read either level.
 DOMINANT, RECESSIVE = 0.9, 0.5
 
 _INPUT = Load(r=20e3, c=100e-12)  #: Load of a node on the line, within ISO 11898-2.
 
-#: Differential voltage of a dominant driver [V], its source resistance [ohm], and its switching
-#: time [s], which is divided into this many steps.
+#: Differential voltage of a dominant driver [V], its source resistance [ohm], its switching time
+#: [s], and the number of time steps during switching.
 _VOLTAGE, _SOURCE, _EDGE, _STEPS = 3.2, 40.0, 30e-9, 5
 
 
@@ -40,13 +40,13 @@ _VOLTAGE, _SOURCE, _EDGE, _STEPS = 3.2, 40.0, 30e-9, 5
 class Segment:
     """A straight trunk with equally spaced nodes, counted from 1.
 
-    A node with a stub is at its far end, and the tap loads the trunk like another node. `stubs`
-    maps nodes to lengths [m]; `cable` is that of trunk and stubs, by default 120 ohm and 5 ns/m
-    without loss. A node loads the line with 20 kohm and 100 pF.
+    `stubs` maps nodes to the lengths of their stubs [m]. A node with a stub is at the far end of
+    the stub; the tap loads the trunk like another node. `cable` is used for trunk and stubs; it is
+    lossless by default, with 120 ohm and 5 ns/m. A node loads the line with 20 kohm and 100 pF.
 
     Examples
     --------
-    Bits at 1 Mbit/s on 40 m; without terminators the line stays dominant.
+    Bits at 1 Mbit/s on a 40 m line; without terminators the line stays dominant.
 
     >>> from shipnet import can
     >>> can.Segment(40).send({1: "01001101"}, 1e6).table().loc[9, "read"]
@@ -77,7 +77,7 @@ class Segment:
         return f"{'s' if number in self.stubs else 'b'}{number}"
 
     def network(self) -> Network:
-        """Return the cable with all its loads."""
+        """Return the network of trunk and stubs, with the loads of nodes and terminators."""
         step = self.length / (self.nodes - 1)
         runs = [
             CableRun(f"b{node}", f"b{node + 1}", step, self.cable) for node in range(1, self.nodes)
@@ -93,15 +93,15 @@ class Segment:
     def send(
         self, patterns: Mapping[int, str], bit_rate: float, *, sample_point: float = 0.75
     ) -> Signals:
-        """Return the voltages at all nodes, and the bits they read, while some nodes send.
+        """Return the voltages at all nodes, and the bits that they read, while some nodes send.
 
-        The first bit begins half a bit after time 0. A dominant driver has 3.2 V behind 40 ohm, and
-        switches within 30 ns.
+        The first bit begins half a bit time after time 0. A dominant driver is a source of 3.2 V
+        with 40 ohm in series, and switches within 30 ns.
 
         Parameters
         ----------
         patterns : mapping of int to str
-            Bits by sending node, 0 dominant; all other nodes and later bits are 1.
+            Bits sent, by node; 0 is dominant. All other nodes, and all later bits, are recessive.
         bit_rate : float
             Bit rate, 1e3..1e6 [bit/s].
         sample_point : float, default 0.75
@@ -130,7 +130,7 @@ class Segment:
             for k in np.flatnonzero(steps):
                 x = np.clip((t - begin - k * bit) / _EDGE, 0, 1)
                 on += steps[k] * (x - np.sin(2 * np.pi * x) / (2 * np.pi))
-            # Rounding may make the sum of steps slightly negative.
+            # Rounding errors may make the sum of steps slightly negative.
             conductance = np.maximum(on, 0) / _SOURCE
             sources[name] = _VOLTAGE * conductance, conductance
         v = simulate(network, sources, step)
@@ -147,12 +147,12 @@ class Segment:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Signals:
-    """Voltages on a line and the bits read from them; `Segment.send` returns it.
+    """Voltages on a line and the bits read from them, as returned by `Segment.send`.
 
-    `t` has the times [s], `sample_times` the sample points [s], and `sent` the wired AND of the
-    bits sent. `v`, the differential voltages [V], `samples`, those at the sample points, and `bits`
-    have one row per point of the network. A bit is 0 (dominant), 1 (recessive) or -1 where a
-    receiver may read either. `points` names the rows: b1, b2, ... on the trunk and s1, s2, ... at
+    `t` are the times [s], `sample_times` the sampling instants [s], and `sent` the wired AND of the
+    bits sent. `v` (differential voltages [V]), `samples` (voltages at the sampling instants [V])
+    and `bits` have one row per point of the network. A bit is 0 (dominant), 1 (recessive) or -1 if
+    a receiver may read either. `points` names the rows: b1, b2, ... on the trunk and s1, s2, ... at
     the ends of stubs.
 
     Examples
@@ -179,15 +179,15 @@ class Signals:
 
     @property
     def wrong(self) -> list[int]:
-        """Nodes that do not read every bit as it was sent."""
+        """Nodes that may read at least one bit incorrectly."""
         nodes = range(1, self.segment.nodes + 1)
         return [node for node in nodes if (self.bits[self.row(node)] != self.sent).any()]
 
     def table(self) -> pd.DataFrame:
-        """Return one row per node: the bits it reads, how many are wrong, and its worst samples.
+        """Return one row per node: stub, bits read, number of wrong bits, and worst samples.
 
-        ``read`` has ? where a receiver may read either value; ``least_dominant_V`` must be at least
-        0.9 V, and ``most_recessive_V`` at most 0.5 V.
+        ``read`` contains ? where a receiver may read either value; ``least_dominant_V`` must be at
+        least 0.9 V, and ``most_recessive_V`` at most 0.5 V.
         """
         nodes = range(1, self.segment.nodes + 1)
         rows = [self.row(node) for node in nodes]

@@ -23,17 +23,17 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar
 from shipnet.lazy import Axes, pd
 
-#: Most frames that one run may release; they take some gigabytes of memory.
+#: Largest number of frames that a run may release; they occupy some gigabytes of memory.
 MOST_FRAMES = 20_000_000
 
 
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
-    """The events on a simulated bus; `simulate` returns it.
+    """The events on a simulated bus, as returned by `simulate`.
 
-    `system`, `bit_rate` [bit/s], `until` [s] and `faults` are as given. `load` is the fraction of
-    the time that the bus was busy, including error frames and intermission.
+    `system`, `bit_rate` [bit/s], `until` [s] and `faults` are the arguments of `simulate`. `load`
+    is the fraction of the time that the bus was busy, including error frames and intermission.
 
     Examples
     --------
@@ -56,23 +56,23 @@ class Run:
     _nodes: pd.DataFrame
 
     def events(self) -> pd.DataFrame:
-        """Return one row per frame, in the order of release; times are NaN for frames not sent.
+        """Return one row per frame, in order of release; times are NaN for frames not sent.
 
-        ``arrival_ms`` is the time of the event, ``release_ms`` that plus jitter, and
-        ``response_ms`` the time from the event to the end. ``outcome`` is sent or waiting.
+        ``arrival_ms`` is the time of the event, ``release_ms`` includes the jitter, and
+        ``response_ms`` is the time from event to end of frame. ``outcome`` is sent or waiting.
         """
         return self._events.copy()
 
     def table(self) -> pd.DataFrame:
-        """Return one row per message, the highest priority first, indexed by name.
+        """Return one row per message, highest priority first, indexed by name.
 
         ``released``, ``sent`` and ``waiting`` count frames; ``min_ms``, ``mean_ms`` and ``max_ms``
-        refer to the response; ``missed`` counts frames that missed the deadline.
+        are response times; ``missed`` counts frames that missed the deadline.
         """
         return self._table.copy()
 
     def utilisation(self) -> Utilisation:
-        """Return the load of the bus, and the longest wait for a change just after an event."""
+        """Return the bus load, and the longest time from an event to the end of the next frame."""
         sent = self._events[self._events["outcome"] == "sent"].sort_values("arrival_ms")
         before = sent.groupby("message", observed=True)["arrival_ms"].shift()
         return Utilisation(self.load, self.load, float((sent["end_ms"] - before).max()) / 1e3)
@@ -80,17 +80,17 @@ class Run:
     def errors(self) -> pd.DataFrame:
         """Return one row per destroyed frame.
 
-        ``free_ms`` is when the bus was free again, ``bit`` the disturbed bit; ``tec`` and ``state``
-        are those of the sender afterwards.
+        ``free_ms`` is the time at which the bus was free again, and ``bit`` the disturbed bit;
+        ``tec`` and ``state`` are the sender's error counter and state afterwards.
         """
         return self._errors.copy()
 
     def nodes(self) -> pd.DataFrame:
-        """Return each sender's final error counters and state, and how often it went bus off."""
+        """Return each sender's final error counters, final state and number of times bus off."""
         return self._nodes.copy()
 
     def plot(self, start: float = 0.0, stop: float | None = None, ax: Axes | None = None) -> Axes:
-        """Draw which frame was on the bus from `start` to `stop` [s], one lane per message."""
+        """Draw the frames on the bus from `start` to `stop` [s], with one lane per message."""
         frames, errors = self._events, self._errors
         last = np.nanmax([0.0, *frames["end_ms"], *errors["free_ms"]])
         low, high = 1e3 * start, last if stop is None else 1e3 * stop
@@ -123,7 +123,7 @@ class Run:
         return ax
 
     def log(self) -> Log:
-        """Return the frames sent, as a recording of the bus with zeros as data."""
+        """Return the frames sent as a log of the bus, with zeros as data."""
         sent = self._events[self._events["outcome"] == "sent"].sort_values("end_ms")
         rank = sent["message"].cat.codes.to_numpy()
         ids, extended, dlc = (
@@ -160,33 +160,33 @@ def simulate(
     bit_rate : float
         Bit rate, 5e3..1e6 [bit/s]; a bit must be a whole number of nanoseconds.
     until : float
-        Time to simulate, 1e-9..1e6 [s], at most 20 million frames; the last frame is finished.
+        Simulated time, 1e-9..1e6 [s], with at most 20 million frames; the last frame is completed.
     faults : BitErrors, ErrorAt or iterable of them, optional
-        Faults that disturb the bus, from `faults`.
+        Bit errors on the bus; none by default.
     rng : int, numpy.random.Generator or None, optional
-        Random generator for jitter and `BitErrors`, as `numpy.random.default_rng` takes it.
+        Random generator for jitter and `BitErrors`, as `numpy.random.default_rng` accepts it.
 
     Returns
     -------
     Run
-        Frames, messages, errors and nodes as tables, and the load.
+        Tables of frames, messages, errors and nodes, and the bus load.
 
     Notes
     -----
     A frame ends with its 3 bits of intermission, as in response-time analysis. Jitter delays each
-    release by a uniformly random time, and frames of one message stay in order. All nodes see an
-    error at once; it destroys the frame, and the sender tries again. An error passive node lets 8
-    more bits pass after its own frames. A node whose counter reaches 256 is bus off until it has
-    seen 128 sequences of 11 recessive bits (Bosch, "CAN specification 2.0", 1991, part B, sections
-    3.2.5 and 8). Errors in error frames, overload frames and missing acknowledgement are not
-    modelled.
+    release by a uniformly random time, and frames of one message stay in order. All nodes detect an
+    error at the same time; it destroys the frame, and the sender sends it again. An error-passive
+    node waits for 8 more bits after its own frames. A node whose counter reaches 256 is bus off
+    until it has received 128 sequences of 11 recessive bits (Bosch, "CAN specification 2.0", 1991,
+    part B, sections 3.2.5 and 8). Errors in error frames, overload frames and missing
+    acknowledgements are not modelled.
 
-    A simulation does not find the worst case; `response_times` bounds it.
+    A simulation need not contain the worst case; `response_times` returns a bound on it.
 
     Examples
     --------
-    Three messages of 7 bytes at 125 kbit/s, at most 1 ms each, are released together. The lowest
-    takes 3.5 ms at worst and misses its deadline of 3.25 ms.
+    Three messages of 7 bytes, each at most 1 ms long at 125 kbit/s, are released together. The
+    longest response of the lowest priority is 3.5 ms, and exceeds its deadline of 3.25 ms.
 
     >>> from shipnet.can import Message
     >>> messages = MessageSet(
@@ -240,10 +240,10 @@ def simulate(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BatchRun:
-    """Response times for many sets of offsets; `simulate_batch` returns it.
+    """Response times for many sets of offsets, as returned by `simulate_batch`.
 
     `max_response` and `mean_response` [s] and `sent`, the number of frames, have one row per set
-    and one column per message in order of priority. Responses are NaN if nothing was sent.
+    and one column per message, in order of priority. A message that was not sent has NaN.
 
     Examples
     --------
@@ -296,12 +296,12 @@ def simulate_batch(
     offsets : array_like of float, shape (n_sets, n_messages)
         Time of the first event of each message, in order of priority, 0..1e5 [s].
     until : float
-        Time to simulate, 1e-9..1e6 [s].
+        Simulated time, 1e-9..1e6 [s].
 
     Returns
     -------
     BatchRun
-        Longest and mean responses per set, equal to those of `simulate`.
+        Longest and mean response times per set, equal to the results of `simulate`.
 
     Examples
     --------
@@ -380,7 +380,7 @@ def bit_time_ns(bit_rate: float) -> int:
 def _releases(
     columns: _Columns, horizon: int, bit: int, rng: np.random.Generator
 ) -> tuple[Integers, Releases]:
-    """Return the times of the events, and the frames they release, in order of time."""
+    """Return the times of the events, and the frames that they release, in order of release."""
     counts = np.maximum(-(-(horizon - columns.offset) // columns.period), 0)
     if counts.sum() > MOST_FRAMES:
         raise ArgumentError(

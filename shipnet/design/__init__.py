@@ -1,4 +1,4 @@
-"""From the points on board to a design: an I/O list planned in several ways, compared.
+"""Design of a ship's cabling: an I/O list is planned in several ways, and the plans compared.
 
 review = design.read_iolist("list.xlsx").compare(cabinet=(26, 6, 14))
 print(review)

@@ -1,4 +1,4 @@
-"""Cables, prices, hours and factors of designs, as ranges."""
+"""The cable catalogue, and the prices, hours and factors of designs, each with its range."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import CABLES
 
-#: Half the range of a figure as a fraction of its nominal value, by status. The file's geometric
-#: model is accurate to a quarter. The only published range of work, 5 to 15 minutes per conductor
-#: (industrialmonitordirect.com), extends by half of its midpoint to either side.
+#: Half the range of a figure as a fraction of its nominal value, by status. The geometric model of
+#: estimated diameters and masses is accurate to 25 %. The only published range of labour, 5 to 15
+#: minutes per conductor (industrialmonitordirect.com), is 10 minutes plus or minus 50 %.
 SPREAD = {"confirmed": 0.0, "estimate": 0.25, "derived": 0.5, "assumption": 0.5}
 
 #: The names of the three values of a range.
 LEVELS: tuple[Literal["low", "nominal", "high"], ...] = ("low", "nominal", "high")
 
-#: A value of a range by name, or quantiles of the triangular distribution over it, (n_draws,).
+#: A value of a range: its name, or quantiles of the range's triangular distribution, (n_draws,).
 Level = Literal["low", "nominal", "high"] | Floats
 
 
 class Range(NamedTuple):
-    """A figure known only within bounds."""
+    """The low, nominal and high value of a figure that is not known exactly."""
 
     low: float
     nominal: float
@@ -39,7 +39,7 @@ class Range(NamedTuple):
 
     @classmethod
     def around(cls, nominal: float, status: str) -> Range:
-        """Return the range of a figure with a status of `SPREAD`."""
+        """Return the range around a nominal value; `SPREAD` has its width for each status."""
         return cls(nominal * (1 - SPREAD[status]), nominal, nominal * (1 + SPREAD[status]))
 
 
@@ -49,12 +49,12 @@ class Cable:
 
     id: str
     description: str
-    #: The uses of the cable: "hardwired", or one or more buses.
+    #: Uses of the cable: "hardwired", or the names of one or more buses.
     buses: tuple[str, ...]
     #: Key of the cable in `shipnet.line.CABLES`, or "" if it carries no bus.
     line: str
     conductors: int
-    #: Overall cross-section: a circle, or the rectangle around a flat cable.
+    #: Overall cross-sectional area: a circle, or the rectangle around a flat cable.
     area_mm2: float
     mass: Range
     price: Range
@@ -101,8 +101,8 @@ def _cable(row: dict[str, str]) -> Cable:
 
 
 def with_spare(used: int, spare: float) -> int:
-    """Return a number of conductors, channels or ports increased by a percentage of spares."""
-    # 25 with 12 % spares are exactly 28, though 0.12 is not exact in binary.
+    """Return a number of conductors, channels or ports plus a fraction of spares, rounded up."""
+    # Round twice: 25 with 12 % spares must be 28, although 0.12 is not exact in binary.
     return ceil(round(used * (1 + spare), 9))
 
 
@@ -136,7 +136,7 @@ class Assumption:
 
 
 class Assumptions(Mapping[str, Range]):
-    """All assumptions by name: a mapping to their ranges, read from the data file by default."""
+    """Mapping of the name of each assumption to its range, by default from the data file."""
 
     def __init__(self, entries: Mapping[str, Assumption] | None = None) -> None:
         self._entries = read_assumptions() if entries is None else entries
@@ -158,7 +158,7 @@ class Assumptions(Mapping[str, Range]):
         return self._entries[name]
 
     def with_(self, **ranges: Range) -> Assumptions:
-        """Return assumptions with some ranges replaced by the user's."""
+        """Return a copy with some ranges replaced by the user's."""
         changed = {
             name: replace(self.entry(name), range=given, status="given", source="the user")
             for name, given in ranges.items()
@@ -167,7 +167,7 @@ class Assumptions(Mapping[str, Range]):
 
 
 def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
-    """Return ranges (n, 3) at a level, shape (n,) or (n_draws, n)."""
+    """Return the values of ranges (n, 3) at a level: (n,) by name, or (n_draws, n) by quantile."""
     rows = np.asarray(ranges, dtype=float).reshape(-1, 3)
     if isinstance(level, str):
         chosen: Floats = rows[:, LEVELS.index(level)]
@@ -182,7 +182,7 @@ def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
     return drawn
 
 
-#: Spelling of parts of names in a text.
+#: Spelling of parts of assumption names in sentences.
 _SPELT = {"asi": "AS-i", "can": "CAN", "modbus": "Modbus", "plc": "PLC"}
 
 
@@ -192,7 +192,7 @@ def words(name: str) -> str:
 
 
 def ordered(name: str, given: Range) -> Range:
-    """Return a range if its values are finite and in order, or raise."""
+    """Return a range if its values are finite and ascending, or raise ArgumentError."""
     finite = len(given) == 3 and all(map(isfinite, given))
     if not finite or not 0 <= given[0] <= given[1] <= given[2]:
         raise ArgumentError(
@@ -203,7 +203,7 @@ def ordered(name: str, given: Range) -> Range:
 
 @cache
 def read_assumptions() -> Mapping[str, Assumption]:
-    """Return the assumptions of the data file."""
+    """Return the assumptions of the data file by name."""
     return MappingProxyType(
         {
             row["name"]: Assumption(

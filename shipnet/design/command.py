@@ -1,4 +1,4 @@
-"""The command `shipnet design`: from a command line to settings and a comparison."""
+"""The command `shipnet design`, which turns a command line into settings and a comparison."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from shipnet.errors import ArgumentError, InputError
 
 
 def settings_of(arguments: argparse.Namespace) -> Settings:
-    """Return the settings that a command line asks for."""
+    """Return the settings given on a command line."""
     settings = Settings() if arguments.settings is None else Settings.read(arguments.settings)
     redundant = {"redundant": True} if arguments.redundant else {}
     return settings.replace({**dict(map(_setting, arguments.set)), **redundant})
 
 
 def _setting(text: str) -> tuple[str, object]:
-    """Return the name and the value of a setting; a value that is not TOML is a string."""
+    """Return the name and the value of a setting; a value that is not valid TOML is a string."""
     name, equals, value = text.partition("=")
     if not equals:
         raise ArgumentError(f"--set is {text!r}; it must be NAME=VALUE, such as detour=1.3")
@@ -36,7 +36,7 @@ def _setting(text: str) -> tuple[str, object]:
 
 
 def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
-    """Compare the options that a command line asks for."""
+    """Compare the options given on a command line."""
     if arguments.list is None:
         raise ArgumentError("no LIST is given; see shipnet design --help")
     rules, options = RuleSet.of(arguments.rules), OPTIONS
@@ -56,7 +56,7 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
     return iolist.compare(arguments.cabinet, options, settings=settings, mix=mix, rules=rules)
 
 
-#: Row, column and message of a fault.
+#: Pattern for the row, the column and the message of a fault.
 _PLACED = re.compile(r"row (\d+)(?:, column (.*?))?(?::|(?= has)) ?(.*)", re.DOTALL)
 
 
@@ -80,12 +80,12 @@ def _choices(texts: Sequence[str]) -> dict[str, str]:
             raise ArgumentError(f"--mix is {text!r}; it must be WHAT=OPTION, such as DI=AS-i")
         option = _option(option, "--mix")
         if choose.setdefault(what, option) != option:
-            raise ArgumentError(f"--mix has {what!r} by {choose[what]} and by {option}")
+            raise ArgumentError(f"--mix assigns {what!r} to both {choose[what]} and {option}")
     return choose
 
 
 def _option(text: str, what: str) -> str:
-    """Return the name of an option, whose case does not matter."""
+    """Return the name of an option that is given in upper or lower case."""
     for name in OPTIONS:
         if name.casefold() == text.strip().casefold():
             return name

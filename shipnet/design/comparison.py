@@ -1,4 +1,4 @@
-"""Designs of the same points side by side: quantities, points lost, and rules met."""
+"""Comparison of designs of the same points: quantities, points lost, and rules met."""
 
 from __future__ import annotations
 
@@ -46,20 +46,20 @@ from shipnet.fields import check_choice, check_rng
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv
 
-#: Columns on the segments of a bus; the value of the most heavily used segment counts.
+#: Columns about the segments of buses; each shows the highest value of any segment.
 _BUS = ("bus_time", "capacity_used")
 
 #: Fraction by which given and computed lengths may differ without a remark; assumed.
 _ALIKE = 0.1
 
-#: Columns whose lowest value the text names, with their words and unit.
+#: Columns whose lowest value the conclusions state, with a label and a unit for each.
 _TOLD = (
     ("conductors_at_cabinet", "Fewest conductors at the cabinet", ""),
     ("worst_response_ms", "Shortest response at worst", "ms"),
     ("lost_by_failure", "Fewest points lost by one cable or device", ""),
 )
 
-#: Rows of a comparison shown as text; rows on buses appear only if a design has a bus.
+#: Rows of a comparison printed as text; rows about buses appear only if a design has a bus.
 _SHORT = (
     "points_left_out", "conductors_at_cabinet", "cable_length_km", "cable_mass_kg", "labour_h",
     "total_cost_low_eur", "total_cost_eur", "total_cost_high_eur", *_BUS, "worst_response_ms",
@@ -69,7 +69,7 @@ _SHORT = (
 
 
 def pareto_optimal(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Return which rows are Pareto-optimal if lower values are better; NaN is the worst."""
+    """Return True for each Pareto-optimal row; lower values are better, and NaN is the worst."""
     rows = np.asarray(values, float)
     if rows.ndim != 2:
         raise ArgumentError(f"values have shape {rows.shape}; it must be (n, k)")
@@ -81,19 +81,19 @@ def pareto_optimal(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
 @checked
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    r"""Several ways to connect the points of one list, side by side.
+    r"""Comparison of several ways to connect the points of one list.
 
-    `IoList.compare` plans and compares; `compare` compares existing designs. All share the
-    cabinet, the prices, and the detour and tails of cables.
+    `IoList.compare` plans designs and compares them; `compare` compares existing designs. All
+    designs have the same cabinet, prices, and settings `detour` and `tails`.
 
     Parameters
     ----------
     designs : dict of str to Design
         The designs by name.
     rules : RuleSet
-        The rules against which they are checked.
+        The rules against which the designs are checked.
     rng : numpy.random.Generator
-        Draws the assumptions from their ranges.
+        Generator with which the assumptions are drawn from their ranges.
     remarks : tuple of str, optional
         Remarks from planning, such as the inferred position of the cabinet.
 
@@ -123,12 +123,12 @@ class Comparison:
 
     @property
     def site(self) -> Site:
-        """The cabinet, which all designs share."""
+        """The position of the cabinet and the cable allowances, which all designs share."""
         return self._first.site
 
     @property
     def settings(self) -> Settings:
-        """Settings of the first design; `changes` says where others differ."""
+        """Settings of the first design; `changes` lists settings that are not the defaults."""
         return self._first.settings
 
     @property
@@ -137,7 +137,7 @@ class Comparison:
 
     @cached_property
     def quantities(self) -> dict[str, Quantities]:
-        """Conductors, cable, hours and money of each design."""
+        """Quantities of each design: conductors, cable, hours and cost."""
         return {name: design.quantities() for name, design in self.designs.items()}
 
     def table(self) -> pd.DataFrame:
@@ -173,21 +173,21 @@ class Comparison:
 
     @staticmethod
     def _optimal(table: pd.DataFrame, columns: Sequence[str]) -> npt.NDArray[np.bool_]:
-        """Return which designs with all points are Pareto-optimal in the given columns."""
+        """Return True for each design that has all points and is Pareto-optimal in `columns`."""
         whole = table["points_left_out"].to_numpy() == 0
         best = np.zeros(len(table), bool)
         best[whole] = pareto_optimal(table[list(columns)].to_numpy(float)[whole])
         return best
 
     def pareto(self, *columns: str) -> list[str]:
-        """Return the Pareto-optimal designs, by default in cost, response and points lost."""
+        """Return the designs Pareto-optimal in some columns, by default those of `CRITERIA`."""
         known = [check_choice("one of columns", column, self._table.columns) for column in columns]
         best = self._optimal(self._table, known or CRITERIA)
         return [str(name) for name in self._table.index[best]]
 
     @property
     def meeting(self) -> list[str]:
-        """Designs that connect every point and violate no rule, the cheapest first."""
+        """Names of the designs that connect every point and violate no rule, cheapest first."""
         table = self._table
         table = table[(table["points_left_out"] == 0) & (table["rules_violated"] == 0)]
         return [str(name) for name in table.sort_values("total_cost_eur", kind="stable").index]
@@ -199,7 +199,7 @@ class Comparison:
 
     @property
     def ok(self) -> bool:
-        """Whether a design connects every point and violates no rule."""
+        """True if at least one design connects every point and violates no rule."""
         return bool(self.meeting)
 
     @property
@@ -225,11 +225,11 @@ class Comparison:
         return {name: design.check(self.rules) for name, design in self.designs.items()}
 
     def findings(self) -> Findings:
-        """Return every rule checked against every design, named in the column ``design``."""
+        """Return the findings of every rule for every design, named in the column ``design``."""
         return Findings(_by_design({name: found.table() for name, found in self._checked.items()}))
 
     def failures(self) -> pd.DataFrame:
-        """Return the points lost by each single failure, per design and the worst first."""
+        """Return the points lost by each single failure of each design, worst first."""
         return _by_design({name: design.failures() for name, design in self.designs.items()})
 
     def reasons(self) -> pd.DataFrame:
@@ -253,20 +253,20 @@ class Comparison:
         return pd.DataFrame(rows, columns=columns)
 
     def likely(self) -> pd.DataFrame:
-        """Return the interval that contains 9 of 10 draws, for each design and figure."""
+        """Return the median and the central 90 % interval of each design's figures over draws."""
         return self._likely.copy()
 
     @cached_property
     def _likely(self) -> pd.DataFrame:
-        # A copy of rng makes every comparison that starts from it draw the same.
+        # Draw from a copy of rng, so that every comparison with this rng has the same draws.
         return likely(draw(self.designs, rng=deepcopy(self.rng)))
 
     def tornado(
         self, a: str | None = None, b: str | None = None, *, figure: str = "total_cost_eur"
     ) -> Tornado:
-        """Return the effect of each assumption on a figure of `a` minus the same figure of `b`.
+        """Return the effect of each assumption on a figure of design `a` minus that of `b`.
 
-        Without names, the cheapest design with all points is set against the first one.
+        By default, `b` is the first design that has all points, and `a` the lowest of the others.
         """
         if a is None and b is None:
             whole = {name: design for name, design in self.designs.items() if design.fits}
@@ -278,7 +278,7 @@ class Comparison:
         return tornado({name: self.designs[name] for name in known}, figure)
 
     def plot(self, x: str = "total_cost_eur", y: str | None = None, ax: Axes | None = None) -> Axes:
-        """Draw a figure of each design with its range, or two columns against each other."""
+        """Draw the figure `x` of each design with its range, or column `y` over column `x`."""
         if y is None:
             drawn: Any = self._likely.xs(check_choice("x", x, FIGURES), level="figure")
             named = counted(self._table)
@@ -299,7 +299,7 @@ class Comparison:
         mix: Mapping[str, str] | None = None,
         name: str | None = None,
     ) -> Design:
-        """Plan the same points with the same cabinet in one more way, as `IoList.plan` does."""
+        """Plan the same points with the same cabinet by any option, as `IoList.plan` does."""
         values = self.settings.replace(settings or {})
         return plan(
             self.iolist, self.site, option, settings=values, mix=mix, name=name, rules=self.rules
@@ -337,7 +337,7 @@ class Comparison:
 
     @cached_property
     def _safe_points(self) -> list[str]:
-        """State how intrinsically safe points are connected, and the price of the alternative."""
+        """Sentences on the connection of intrinsically safe points, and the alternative's cost."""
         safe = (self.iolist.points["ex"] != "").to_numpy()
         buses = [name for name in OPTIONS[2:] if name in self.designs]
         said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
@@ -355,7 +355,7 @@ class Comparison:
         return [f"{said}{where}; {name} {_costs(more)} with {other_way}."]
 
     def short(self) -> pd.DataFrame:
-        """Return the most important rows as text, one column per design."""
+        """Return the most important results as text, with one column per design."""
         table = self._table
         rows = [row for row in _SHORT if row not in _BUS or table[row].notna().any()]
         shown = table[rows].astype(object)
@@ -384,7 +384,7 @@ class Comparison:
     def report(
         self, path: str | PathLike[str], *, title: str | None = None, date: str | None = None
     ) -> None:
-        """Write the report as one HTML file that opens offline and prints."""
+        """Write the report as one HTML file that can be read offline and printed."""
         page = self.html(title=title, date=date)
         Path(path).write_text(page, encoding="utf-8", newline="\n")
 
@@ -406,9 +406,9 @@ class Comparison:
             yield from ((f"{folder}/{file}", content) for file, content in design.files())
 
     def save(self, folder: str | PathLike[str]) -> None:
-        """Write the comparison, its findings and failures, and every design into a folder.
+        """Write the comparison, its findings and failures, and every design to a folder.
 
-        Each design has a folder of its own, with what `Design.save` writes.
+        Each design has a subfolder with the files that `Design.save` writes.
         """
         save_files(folder, self.files())
 
@@ -425,21 +425,21 @@ def compare(
     Parameters
     ----------
     designs : iterable of Design
-        One or more, each with a name of its own; the same cabinet, prices, detour and tails.
+        One or more designs with different names but the same cabinet, prices, detour and tails.
     rules : RuleSet, str or path, default "DNV"
-        A rule set, the name of a published one, or a file.
+        Rule set, name of a published rule set, or path of a file with rules.
     rng : numpy.random.Generator or int, default 2024
-        Draws the assumptions from their ranges; what `numpy.random.default_rng` takes.
+        Generator, or its seed, with which the assumptions are drawn from their ranges.
 
     Returns
     -------
     Comparison
-        The designs side by side.
+        The comparison of the designs.
 
     Raises
     ------
     ArgumentError
-        If there is no design, or they have other points or another place.
+        If there is no design, a name occurs twice, or the designs differ in what they must share.
 
     Examples
     --------
@@ -457,7 +457,7 @@ def compared(
     rng: np.random.Generator,
     remarks: tuple[str, ...] = (),
 ) -> Comparison:
-    """Compare designs, and include the remarks from planning."""
+    """Return a comparison of designs that includes the remarks from planning."""
     named = {design.name: design for design in given}
     if not given or len(named) < len(given):
         said = ", ".join(repr(design.name) for design in given) or "none"
@@ -466,7 +466,7 @@ def compared(
     tags = first.points["tag"].tolist()
     for design in given[1:]:
         if design.points["tag"].tolist() != tags:
-            raise ArgumentError(f"design {design.name!r} has other points than {first.name!r}")
+            raise ArgumentError(f"designs {design.name!r} and {first.name!r} have different points")
         if other := _differing(design, first):
             raise ArgumentError(
                 f"designs {design.name!r} and {first.name!r} differ in {other}, so their costs "
@@ -476,7 +476,7 @@ def compared(
 
 
 def _differing(a: Design, b: Design) -> str:
-    """Return the first item that two designs must share but do not, or ""."""
+    """Return the name of the first item in which two designs may not differ but do, or ""."""
     if a.site.cabinet != b.site.cabinet:
         return "cabinet"
     for name in ("detour", "tails", "assumptions"):
@@ -486,7 +486,7 @@ def _differing(a: Design, b: Design) -> str:
 
 
 def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
-    """State where the given lengths of home runs differ from the computed lengths."""
+    """Yield sentences on home runs whose listed lengths differ from the computed lengths."""
     first = next(iter(designs.values()))
     iolist, site = first.iolist, first.site
     kept = set[str]()
@@ -515,7 +515,7 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
 
 
 def _prices(quantities: Mapping[str, Quantities], designs: Mapping[str, Design]) -> Iterator[str]:
-    """State what the rules' response limits cost."""
+    """Yield a sentence on the cost of the rules' response limits for each design they change."""
     for name, design in designs.items():
         if (loose := design.without_limits) is not None:
             more = quantities[name]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
@@ -530,7 +530,7 @@ def _costs(more: float) -> str:
 
 
 def _why(design: Design) -> str:
-    """Return the first reason for each limit that a design exceeds."""
+    """Return, as text, the first reason for each limit that a design exceeds."""
     counts = design.reasons["limit"].value_counts()
     first = design.reasons.drop_duplicates("limit")
     said = [

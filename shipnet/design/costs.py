@@ -1,4 +1,4 @@
-"""Conductors, cable, hours and money of designs, and their sensitivity to the assumptions."""
+"""Conductors, cable, hours and costs of designs, and their sensitivity to the assumptions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from shipnet.lazy import Axes, pd
 
 
 def number(value: float) -> str:
-    """Return a whole number unchanged, and any other number with three significant digits."""
+    """Return a number as text; one that is not whole has three significant digits."""
     if isnan(value):
         return "-"
     if isinf(value):
@@ -40,7 +40,7 @@ def number(value: float) -> str:
 #: The seeds that `numpy.random.default_rng` accepts.
 Rng: TypeAlias = np.random.Generator | int | None
 
-#: Price and time of a device by kind, preceded by the bus if the price depends on the bus.
+#: Names of the price and the time of each kind of device; some kinds begin with the bus.
 _DEVICES: dict[str, tuple[str, ...]] = {
     "cabinet": (),
     "box": ("box", "box_time"),
@@ -66,7 +66,7 @@ def conductors_at_cabinet(design: Layout) -> int:
 
 
 def items_of(design: Layout) -> dict[str, int]:
-    """Count a design's parts and tasks by the names of their prices and times."""
+    """Count the parts and tasks of a design, by the names of their prices and times."""
     analogue = design.iolist.points["type"].isin(["AI", "AO"]).to_numpy()
     safe = design.points["fits"].to_numpy() & (design.iolist.points["ex"] != "").to_numpy()
     items = {**_devices(design, analogue), **_channels(design, analogue)}
@@ -112,7 +112,7 @@ def _channels(design: Layout, analogue: Bools) -> dict[str, int]:
 
 # The figures of a design, each with a low, nominal and high value --------------------------------
 
-#: The figures of a design: words and unit.
+#: Figures of a design, with a label and a unit for each.
 FIGURES: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "conductors_at_cabinet": ("conductors at the cabinet", ""),
@@ -131,7 +131,7 @@ FIGURES: Mapping[str, tuple[str, str]] = MappingProxyType(
     }
 )
 
-#: The columns of a comparison: words and unit.
+#: Columns of a comparison, with a label and a unit for each.
 _LABELS: Mapping[str, tuple[str, str]] = {
     **FIGURES,
     "points_left_out": ("points left out", ""),
@@ -149,7 +149,7 @@ _LABELS: Mapping[str, tuple[str, str]] = {
     "pareto": ("Pareto-optimal", ""),
 }
 
-#: Columns that decide which designs are Pareto-optimal (lower is better), and their words.
+#: Columns that decide which designs are Pareto-optimal (lower is better), and their labels.
 CRITERIA = ("total_cost_eur", "worst_response_ms", "lost_by_failure")
 WEIGHED = ", ".join(_LABELS[name][0] for name in CRITERIA)
 
@@ -161,13 +161,13 @@ def label(column: str) -> str:
 
 
 def counted(table: pd.DataFrame) -> dict[str, str]:
-    """Return the label of each design, with the number of points left out, which cost nothing."""
+    """Return the label of each design: its name, and the number of points left out if any."""
     left = table["points_left_out"].items()
     return {str(name): f"{name} ({n:.0f} left out)" if n else str(name) for name, n in left}
 
 
-#: The assumptions that have a range per cable of the catalogue: field and unit. All cables
-#: have the same level: all are expensive, or all are cheap.
+#: Assumptions that have a range for each cable of the catalogue: field and unit. One level
+#: applies to all cables, so that all are expensive or all are cheap.
 CABLE_RANGES: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "cable_mass": ("mass", "kg/m"),
@@ -185,15 +185,15 @@ EXCLUDED = (
     "class approval and type approval",
     "spare parts",
     "cable trays, penetrations and the cabinet itself",
-    "cable cut to waste, and the termination of spare conductors and screens",
-    "operation, maintenance and what a failure costs",
+    "cable offcuts, and the termination of spare conductors and screens",
+    "operation, maintenance and the cost of a failure",
 )
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Quantities:
-    """The figures of a design, low, nominal and high; `Design.quantities` returns them.
+    """The low, nominal and high figures of a design; `Design.quantities` returns them.
 
     Parameters
     ----------
@@ -202,11 +202,11 @@ class Quantities:
     figures : pandas.DataFrame
         One row per figure: low, nominal, high and unit.
     assumptions : pandas.DataFrame
-        The assumptions used: name, low, nominal, high, unit, status, source.
+        One row per assumption used: name, low, nominal, high, unit, status and source.
     by_cable : pandas.DataFrame
-        One row per type of cable: runs, length_m, mass_kg, cost_eur, at nominal.
+        One row per type of cable: runs, length_m, mass_kg and cost_eur, all nominal.
     unconnected : int
-        Points left out, which cost nothing.
+        Number of points left out, which no figure includes.
 
     Examples
     --------
@@ -233,7 +233,7 @@ class Quantities:
         return self.figures.copy()
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the costs of cable, hardware and labour as bars, from all low to all high."""
+        """Draw the costs of cable, hardware and labour, and their total, each with its range."""
         names = ["cable_cost_eur", "hardware_cost_eur", "labour_cost_eur", "total_cost_eur"]
         ends = self.figures.loc[names]
         ends = ends.set_axis([label(name).partition(" [")[0] for name in names])
@@ -325,7 +325,7 @@ class Model:
 
     @property
     def used(self) -> pd.DataFrame:
-        """The assumptions in use: name, low, nominal, high, unit, status, source."""
+        """Table of the assumptions in use: name, low, nominal, high, unit, status and source."""
         rows = [
             (f"{words(name)} of {cable.id}", *getattr(cable, field), unit, cable.status,
              cable.source)
@@ -353,7 +353,7 @@ def quantities(design: Layout) -> Quantities:
 
 
 def bill_table(design: Layout) -> pd.DataFrame:
-    """Return cables, parts and work of a design at nominal values; the costs sum to the total."""
+    """Return the nominal costs of a design's cables, parts and work, which add up to the total."""
     model = Model(design)
     cables, assumed = _by_cable(model), model.assumptions
     rows = [
@@ -397,7 +397,7 @@ def draw(designs: Mapping[str, Layout], *, rng: Rng, draws: int = 10_000) -> pd.
 
 
 def likely(sample: pd.DataFrame) -> pd.DataFrame:
-    """Return the interval that contains 9 of 10 draws, with as many above it as below."""
+    """Return the median and the central 90 % interval of each column of a sample."""
     table = sample.quantile([0.05, 0.5, 0.95]).T.set_axis(["low", "median", "high"], axis=1)
     units = [FIGURES[figure][1] for figure in table.index.get_level_values("figure")]
     return table.assign(unit=units)
@@ -409,21 +409,21 @@ def likely(sample: pd.DataFrame) -> pd.DataFrame:
 @checked
 @dataclass(frozen=True, eq=False)
 class Tornado:
-    """The effect of each assumption at its low and its high value, with all others nominal.
+    """Effect of each assumption on a figure: the figure with only this one low, and only it high.
 
-    `Comparison.tornado` returns one.
+    `Comparison.tornado` returns a tornado.
 
     Parameters
     ----------
     figure : str
         The figure, such as ``"total_cost_eur"``.
     between : tuple of str
-        One design, or two whose difference is shown.
+        One design, or two designs whose difference is shown.
     nominal : dict of str to float
         The figure of each design with every assumption nominal.
     every : pandas.DataFrame
-        One row per assumption, the largest swing first: the figure of each design at low and at
-        high, their difference, whether their order changes, and the swing.
+        One row per assumption, the largest swing first: the figure of each design with the
+        assumption low and high, the differences, whether the order changes, and the swing.
 
     Examples
     --------
@@ -487,7 +487,7 @@ class Tornado:
         return table.set_axis(["low", "high"], axis=1)
 
     def top(self, n: int = 3) -> list[str]:
-        """Return the names of the assumptions with the largest swing."""
+        """Return the names of the `n` assumptions with the largest swing, in descending order."""
         most = check_whole("n", n, 0, 1000)
         return [str(name) for name in self.every.index[self.every["swing"] > 0][:most]]
 
@@ -500,7 +500,7 @@ class Tornado:
 
 
 def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> Tornado:
-    """Vary each assumption, and compute the lowest of the other designs minus the first."""
+    """Vary one assumption at a time, and compare the first design with the lowest of the others."""
     check_choice("figure", figure, FIGURES)
     models = {name: Model(design) for name, design in designs.items()}
     nominal = {name: float(model.figures()[figure]) for name, model in models.items()}

@@ -23,7 +23,7 @@ from shipnet.design.settings import Settings
 from shipnet.lazy import Axes, pd
 from shipnet.tables import as_csv, as_workbook
 
-#: Colours of cables by kind, in a design from above.
+#: Colours of the kinds of cables in the top view of a design.
 _COLOURS = {"home run": "0.7", "drop": "0.8", "feeder": "C1", "trunk": "C0"}
 
 
@@ -35,30 +35,30 @@ class Design(Layout):
     Parameters
     ----------
     name : str
-        Its name in tables and figures.
+        Name of the design in tables and figures.
     iolist : IoList
         The points.
     site : Site
         The cabinet, and the detour and tails of cables.
     points : pandas.DataFrame
         One row per point, in the order of the list: tag, bus, segment, device, address,
-        response_ms, fits. A point that fits nowhere has no bus, and a row in `reasons`.
+        response_ms, fits. A point that is left out has no bus, and a row in `reasons`.
     devices : pandas.DataFrame
-        Cabinet, boxes, modules, stations, masters, repeaters, supplies: device, kind, segment,
-        x_m, y_m, z_m, and at, the device in whose housing it is.
+        One row per cabinet, box, module, station, master, repeater or supply: device, kind,
+        segment, x_m, y_m, z_m, and at, the device whose housing contains it.
     cables : pandas.DataFrame
-        Every cable: run, its name; cable, its type in the catalogue; a and b, its ends; segment,
-        kind, route_m, length_m, used, conductors, at_cabinet and line.
+        One row per cable: run (its name), cable (its type in the catalogue), a and b (its ends),
+        segment, kind, route_m, length_m, used, conductors, at_cabinet and line.
     segments : pandas.DataFrame
-        Lines and loops: segment, bus, points, devices, length_m, bus_time and capacity_used as
-        in `Utilisation`, response_ms and slowest_update_ms of the point nearest to its limit, and
-        columns of one bus.
+        One row per line or loop: segment, bus, points, devices, length_m, bus_time and
+        capacity_used as in `Utilisation`, response_ms and slowest_update_ms of the point nearest
+        to its limit, and columns that only one bus has.
     reasons : pandas.DataFrame
-        Why something does not fit: subject, limit, value, bound, unit, text.
+        One row per item that does not fit: subject, limit, value, bound, unit, text.
     settings : Settings, optional
         The limits, prices and allowances of the plan.
     without_limits : Design, optional
-        The same option without the rules' limits on responses, if they made a difference.
+        Design of the same option without the rules' response limits, if these change the plan.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class Design(Layout):
     without_limits: Design | None = None
 
     def priced(self, settings: Settings) -> Design:
-        """Return the same design with other prices."""
+        """Return a copy of the design with the prices of other settings."""
         made = copy(self)  # keeps the failures if they have been computed
         object.__setattr__(made, "settings", settings)
         if self.without_limits is not None:
@@ -100,7 +100,7 @@ class Design(Layout):
 
     @cached_property
     def _failures(self) -> pd.DataFrame:
-        """Every single failure: cut and shorted cables, dead devices."""
+        """Table of every single failure: cut cables, shorted pairs and dead devices."""
         return failures.single_failures(self)
 
     def lost(
@@ -110,10 +110,10 @@ class Design(Layout):
         return failures.lost(self, cables=cables, devices=devices)
 
     def tables(self) -> dict[str, pd.DataFrame]:
-        """Return the tables that a yard builds from.
+        """Return the tables that a yard needs to build the design.
 
-        cables is the cable schedule, terminals the terminal plan with one row per core; then come
-        devices, points with their channels, supplies, voltages, segments, bill and reasons.
+        They are cables (the cable schedule), terminals (one row per core), devices, points with
+        their channels, supplies, voltages, segments, bill (of parts and work) and reasons.
         """
         return tables.tables(self)
 

@@ -28,13 +28,13 @@ from shipnet.signals import SIGNALS
 
 # Clusters of places: within reach, of equal size, or within limits -----------------------------
 
-#: Larger sets of places are halved first: the tree of all distances takes too much memory.
+#: Maximum places clustered at once: the tree of all distances between more needs too much memory.
 _MOST = 3000
 
-#: Larger sets of items are halved: groups of equal size take too long to find.
+#: Maximum items divided into equal groups at once; for more this takes too long.
 _MANY = 1000
 
-#: Iterations that move the centres; assignments converge within a few.
+#: Maximum iterations that move the centres; the assignments converge within a few.
 _ROUNDS = 20
 
 Item = TypeVar("Item")
@@ -42,7 +42,7 @@ Result = TypeVar("Result")
 
 
 def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
-    """Return the cluster of each place, (n, 3): no more than `most`, all within `reach`."""
+    """Return the cluster of each place (n, 3): at most `most` places, no two over `reach` apart."""
     return _zones(np.asarray(xyz, float).tobytes(), reach, most).copy()
 
 
@@ -58,7 +58,7 @@ def _zones(places: bytes, reach: float, most: int) -> Indices:
     if len(xyz) < 2:
         return np.zeros(len(xyz), dtype=np.intp)
     tree = linkage(xyz, "complete", "cityblock")
-    # Both excesses grow from the leaves to the root, so each tree is cut where an excess begins.
+    # Both excesses grow from the leaves to the root, so the tree is cut where an excess begins.
     excess = np.maximum(tree[:, 2] - reach, (tree[:, 3] > most).astype(float))
     return _renumbered(fcluster(tree, 1e-9, "monocrit", monocrit=excess).astype(np.intp))
 
@@ -66,7 +66,7 @@ def _zones(places: bytes, reach: float, most: int) -> Indices:
 def balanced(
     xyz: Floats, groups: int, *, kinds: npt.ArrayLike = 0, most: Sequence[int] = ()
 ) -> Indices:
-    """Return compact groups of nearly equal size, with at most `most` places of each kind."""
+    """Divide places into compact, nearly equal groups, with at most `most` places of each kind."""
     from scipy.optimize import linear_sum_assignment  # slow to load, and few plans need it
 
     if groups == 1 or len(xyz) < 2:
@@ -108,7 +108,7 @@ def divided(
     judge: Callable[[Sequence[Item]], tuple[Result, float]],
     halve: Callable[[Item], Sequence[Item]] | None = None,
 ) -> list[tuple[list[Item], Result]]:
-    """Divide items into groups until each meets its limits."""
+    """Divide items into groups until each group meets its limits or cannot be divided."""
     waiting = [list(items)] if len(items) else []
     done = []
     while waiting:
@@ -135,7 +135,7 @@ def _apart(xyz: Floats, parts: float) -> Indices:
     if parts < inf:
         return balanced(xyz, min(ceil(parts), len(xyz)))
     labels = fcluster(linkage(xyz, "complete", "cityblock"), 2, "maxclust").astype(np.intp)
-    # All items may be in one place.
+    # If all items are in one place, they are put into two groups in turn.
     return labels if len(np.unique(labels)) > 1 else np.arange(len(xyz)) % 2
 
 
@@ -169,7 +169,7 @@ _APART = 1e-6
 
 
 def tree(away: Floats) -> list[tuple[int, int]]:
-    """Return the shortest branching trunk: the minimum spanning tree."""
+    """Return the edges of the shortest branching trunk, the minimum spanning tree."""
     if len(away) < 2:
         return []
     spanning = minimum_spanning_tree(away + _APART)
@@ -178,7 +178,7 @@ def tree(away: Floats) -> list[tuple[int, int]]:
 
 
 def chain(away: Floats) -> list[int]:
-    """Return an order of the devices that keeps the trunk from each to the next short."""
+    """Return the devices in an order that makes a trunk from each device to the next short."""
     n = len(away)
     if n < 3:
         return list(range(n))
@@ -219,7 +219,7 @@ Place = tuple[float, float, float]
 
 
 class Laid(NamedTuple):
-    """The ends of a cable, and its given length or its fraction of the route."""
+    """The ends of a cable, and its given length or its fraction of the route between them."""
 
     start: Place
     end: Place
@@ -234,14 +234,14 @@ class Draft:
     iolist: PointTable
     site: Site
     settings: Settings
-    #: Longest response that rules allow each point [s].
+    #: Longest response that the rules allow for each point [s].
     longest: Floats | float = inf
 
     def __post_init__(self) -> None:
         points = self.iolist.points
         n = len(points)
         self.places: Floats = self.iolist.places
-        #: The same as tuples.
+        #: Positions of the points as tuples.
         self.spots: list[Place] = list(map(tuple, self.places.tolist()))
         need = points["update_ms"].fillna(1e3 * self.settings.update).to_numpy(float) / 1e3
         self.need: Floats = np.minimum(need, self.longest)
@@ -331,7 +331,7 @@ class Draft:
         self._response[row] = response
 
     def segment(self, rows: Indices, **columns: Any) -> None:
-        """Add a segment of connected points, with the times of the most urgent point."""
+        """Add a segment, with the response and update time of the point nearest to its limit."""
         nearest = rows[(self._response[rows] / self.need[rows]).argmax()]
         self._rows["segments"].append(
             {"points": len(rows), "response_ms": 1e3 * self._response[nearest],
@@ -348,7 +348,7 @@ class Draft:
         )  # fmt: skip
 
     def too_slow(self, row: int, least: float, words: str) -> None:
-        """Record that a point needs faster updates than are possible; `least` is in s."""
+        """Record that a point needs faster updates than the shortest time possible, `least` [s]."""
         tag, wanted = self.tags[row], 1e3 * float(self.need[row])
         text = f"{tag} needs an update every {wanted:g} ms; {words} {1e3 * least:.3g} ms"
         self.reason(tag, "update", 1e3 * least, wanted, "ms", text)
@@ -384,7 +384,7 @@ class Draft:
         for number, supply in wanted.own.items():
             row, given = rows[number], self._rows["devices"][supply]
             name, (x, y, z) = given["device"], row["end"]
-            if supply in idle:  # it moves there itself
+            if supply in idle:  # the old supply moves to the device
                 idle.remove(supply)
                 given |= {"x_m": x, "y_m": y, "z_m": z, "at": ""}
                 self._in_cabinet.discard(name)
@@ -424,7 +424,7 @@ class Draft:
 
 
 class Box(NamedTuple):
-    """A place where the cables of some points end."""
+    """A junction box or station, where the cables of some points end."""
 
     name: str
     place: Place
@@ -436,7 +436,7 @@ class Box(NamedTuple):
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
     def halved(self, need: Floats) -> list[Box]:
-        """Return two boxes at this place, separating urgent points; none for a single point."""
+        """Return two boxes here, one with the more urgent points; none for a single point."""
         if len(self.rows) < 2:
             return []
         order = np.argsort(need[self.rows], kind="stable")
@@ -492,7 +492,7 @@ PAIR = 2
 
 
 class Backbone(NamedTuple):
-    """The route of a trunk past its stations."""
+    """The route of a trunk past its stations: their order, and the length of each hop [m]."""
 
     order: list[int]
     hops: Floats

@@ -10,16 +10,16 @@ from html import escape
 from shipnet.design.layout import Layout
 from shipnet.lazy import pd
 
-#: Colours of segments, after Okabe and Ito: distinct with any common colour vision.
+#: Colours of segments, after Okabe and Ito: distinguishable with any common colour vision.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#56B4E9", "#444444")
 
-#: Size of a sheet of two columns of rows, which prints well on A4 [px].
+#: Sheet, which prints well on A4: width, columns, rows per column, row height, top margin [px].
 _WIDTH, _COLUMNS, _ROWS, _ROW, _TOP = 760, 2, 74, 13, 40
 
-#: Distance between lanes, and offsets of length, name and text after the lanes of a row [px].
+#: Distance between lanes, and offsets of length, name and text from the symbol of a row [px].
 _LANE, _LENGTH, _NAME, _WORDS = 10, 42, 52, 150
 
-_LEGEND = "■ cabinet, □ box, station or module, ◇ repeater; metres of the cable that leads there"
+_LEGEND = "■ cabinet, □ box, station or module, ◇ repeater; length of the cable to each device"
 
 #: Maximum number of characters of a name, and of the text after it.
 _LONG_NAME, _LONG_WORDS = 19, 36
@@ -35,7 +35,7 @@ class _Row:
     kind: str = "device"
     lane: int = 0
     colour: str = _COLOURS[-1]
-    #: Lanes that pass through, enter from above, and continue below; the lane it branches from.
+    #: Lanes that pass the row, end at it, and begin at it; lane from which it branches, or -1.
     through: set[int] = field(default_factory=set)
     above: set[int] = field(default_factory=set)
     below: set[int] = field(default_factory=set)
@@ -137,7 +137,7 @@ def _text(x: float, y: float, words: str, style: str = "", most: int = 200) -> s
 
 
 def _rows(design: Layout) -> Iterator[_Row]:
-    """Yield the rows of the drawing: hardwired points, then segment by segment."""
+    """Yield the rows of the drawing: the hardwired points, then each segment."""
     counts = _counts(design)
     hardwired = _hardwired(design, counts)
     blocks = [("hardwired", _COLOURS[-1], hardwired)] if hardwired.children else []
@@ -223,7 +223,7 @@ def _tree(
         nodes[b].row.length = f"{run.length_m:.0f} m"
         if children.setdefault(b, a) == a:
             nodes.get(a, root).children.append(nodes[b])
-    # A repeater in a housing is drawn under the device there, or under the master in the cabinet.
+    # A repeater in a housing is drawn below the device there; in the cabinet, below the master.
     for own in devices[devices["kind"] == "repeater"].itertuples():
         if str(own.device) not in children and not str(own.device).endswith(" B"):
             nodes.get(str(own.at), root).children.append(nodes[str(own.device)])
@@ -234,7 +234,7 @@ def _tree(
 
 
 def _laid(root: _Node, *, star: bool) -> Sequence[_Row]:
-    """Return the rows of a tree, with the largest branch of each device in the same lane."""
+    """Return the rows of a tree; the largest branch of each device continues in its lane."""
     rows: list[_Row] = []
     last: dict[int, tuple[int, int]] = {}
     # The devices still to draw, each with its parent's row and lane, and its own lane.

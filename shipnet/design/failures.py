@@ -1,4 +1,4 @@
-"""The points lost by single failures of a design: every cable and device, one at a time."""
+"""The points lost by each single failure of a design: every cable and device, one at a time."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ Edges = tuple[Integers, Integers, Integers]
 _JOINS = ("cabinet", "master", "gateway")
 _BLOCKS = (*_JOINS, "repeater", "box")
 
-#: Devices at which a shorted pair ends, by the kind of its cables.
+#: Kinds of devices at which a pair of conductors ends, by the kind of its cables.
 _PAIR_ENDS = {"trunk": ("repeater", "gateway"), "feeder": ("cabinet", "gateway")}
 
-#: Housings that are lost with everything inside.
+#: Kinds of devices whose failure disables everything in their housing.
 _SHELLS = ("box", "cabinet")
 
 #: Maximum number of truth values in memory at once.
@@ -40,7 +40,7 @@ _CHUNK = 2**21
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """A planned design as arrays: runs and devices are the rows of its tables."""
+    """A planned design as arrays; runs and devices are numbered by the rows of its tables."""
 
     design: Layout
 
@@ -51,12 +51,12 @@ class Reach:
 
     @cached_property
     def at_point(self) -> Bools:
-        """Which runs end at a point."""
+        """True for each run that ends at a point."""
         return self.design.cables["kind"].isin(["drop", "home run"]).to_numpy()
 
     @cached_property
     def shorts(self) -> list[tuple[list[int], list[int]]]:
-        """Runs that form one pair of a bus or supply, and the masters that a short there kills."""
+        """Runs that form one pair of a bus or supply, and the masters that its short disables."""
         runs, segments = self.design.cables, self.design.segments
         buses = segments.loc[segments["bus"] != "hardwired", "segment"]
         trunk = (runs["segment"].isin(buses) & (runs["kind"] == "trunk")).to_numpy()
@@ -69,11 +69,11 @@ class Reach:
         return found
 
     def _together(self, number: Integers, pair_ends: Sequence[str]) -> list[Integers]:
-        """Return runs of a segment and line that are connected without devices of some kinds."""
+        """Group the runs of a segment and line that devices outside `pair_ends` connect."""
         lines = self.design.cables.iloc[number].groupby(["segment", "line"], sort=False).ngroup()
         order = np.argsort(lines.to_numpy(), kind="stable")
         number, line = number[order], lines.to_numpy()[order]
-        # Runs and the devices that connect them are the nodes, a device one per line.
+        # The nodes are the runs and the devices that connect them; a device is one node per line.
         ends = self._ends[number]
         run, side = np.nonzero(~np.isin(self.kinds, pair_ends)[ends])
         _, device = np.unique(line[run] * len(self.kinds) + ends[run, side], return_inverse=True)
@@ -86,7 +86,7 @@ class Reach:
 
     @cached_property
     def alone(self) -> dict[int, int]:
-        """Points that work over a single cable, by its run."""
+        """Points that work over one cable only, by the number of its run."""
         point, _, run = self._wires
         good = self._good(*self._masks(), self._needs_supply)[0]
         only = np.bincount(point[good], minlength=len(self._connected)) == 1
@@ -96,15 +96,15 @@ class Reach:
     def lost(self, failures: Sequence[Failure]) -> list[Integers]:
         """Return the numbers of the points lost by each failure.
 
-        A failure has no effect outside its area, so one failure of each area is examined at once,
-        and the area of a lost point shows which failure it was.
+        A failure has no effect outside its area. Therefore one failure of each area is examined
+        at the same time, and the area of a lost point shows which failure caused the loss.
         """
         of_item, of_point = self._areas
         size, n_points, connected = len(self.kinds), len(of_point), self._connected
         failing = [[*devices, *(size + run for run in runs)] for runs, devices in failures]
         number = np.repeat(np.arange(len(failing)), [len(items) for items in failing])
         item = np.fromiter(chain.from_iterable(failing), np.int64)
-        # A failure in several areas counts as one in each.
+        # A failure in several areas is examined as one failure in each of them.
         key, each = np.unique(of_item[item] * len(failing) + number, return_inverse=True)
         area, failure = np.divmod(key, max(1, len(failing)))
         turn = np.where(area < 0, -1, np.arange(len(key)) - np.searchsorted(area, area))
@@ -126,10 +126,10 @@ class Reach:
 
     @cached_property
     def _areas(self) -> tuple[Integers, Integers]:
-        """Area of each device and then each run, and of each point: the parts that are connected.
+        """Areas of the devices and runs, and of the points; connected parts are in one area.
 
-        The cabinet, which is in none, joins areas only for data. If it passes on power, or is in a
-        housing that may fail, everything is one area.
+        The cabinet is in no area, because it connects areas for data only. If it passes on power,
+        or is in a housing that may fail, everything is one area.
         """
         count, (point, device, run) = len(self.kinds), self._wires
         wires = np.stack([count + point, device], axis=1)
@@ -159,7 +159,7 @@ class Reach:
 
     @cached_property
     def _ends(self) -> Integers:
-        """Devices at the ends of every run, shape (n_runs, 2); -1 where a point is."""
+        """Devices at the ends of every run, shape (n_runs, 2); -1 stands for a point."""
         runs = self.design.cables
         b = runs["b"].where(~self.at_point, "")
         ends = [[self._index.get(name, -1) for name in end] for end in (runs["a"], b)]
@@ -167,7 +167,7 @@ class Reach:
 
     @cached_property
     def _wires(self) -> tuple[Integers, Integers, Integers]:
-        """Point, device and run of each cable that a point has; run -1 is a terminal."""
+        """Point, device and run of each connection of a point; run -1 means without a cable."""
         points, runs = self.design.points, self.design.cables
         row = {tag: n for n, tag in enumerate(points["tag"])}
         own = np.flatnonzero(self.at_point)
@@ -182,7 +182,7 @@ class Reach:
 
     @cached_property
     def _data(self) -> Edges:
-        """Edges that carry data; a master or similar device is one node for both lines."""
+        """Edges that carry data; a cabinet, master or gateway is one node for both lines."""
         count, trunk = len(self.kinds), (self.design.cables["kind"] == "trunk").to_numpy()
         link = self._feeders & (self.kinds == "gateway")[self._ends].any(axis=1)
         u, v, run = self._by_line(np.flatnonzero(trunk | link), self._joints)
@@ -236,7 +236,7 @@ class Reach:
 
     @cached_property
     def _asi(self) -> Bools:
-        """Which runs belong to an AS-i segment."""
+        """True for each run that belongs to an AS-i segment."""
         return self._of_asi(self.design.cables["segment"])
 
     def _of_asi(self, names: pd.Series[str]) -> Bools:
@@ -245,13 +245,13 @@ class Reach:
 
     @cached_property
     def _housings(self) -> Integers:
-        """Devices in the housing of another device, and that device, shape (n, 2)."""
+        """Pairs of a device and the device whose housing contains it, shape (n, 2)."""
         inside = np.flatnonzero(self._at >= 0)
         return np.stack([inside, self._at[inside]], axis=1)
 
     @cached_property
     def _joints(self) -> Integers:
-        """Devices in a housing, and the device in it to which each is connected, shape (n, 2)."""
+        """Pairs of a device in a housing and the device there that it is connected to, (n, 2)."""
         segment = self.design.devices["segment"].to_numpy(str)
         master = {segment[n]: n for n in np.flatnonzero(self.kinds == "master")}
         joints = self._housings.copy()
@@ -261,7 +261,7 @@ class Reach:
         return joints
 
     def _by_line(self, number: Integers, joints: Integers) -> Edges:
-        """Return runs and joints as edges; node n + D is device n on line B."""
+        """Return runs and joints as edges; of D devices, device n on line B is node n + D."""
         line, count = self.design.cables["line"].to_numpy(str)[number], len(self.kinds)
         first, second = number[line != "B"], number[line != "A"]
         ends = [self._ends[first], joints, self._ends[second] + count, joints + count]
@@ -270,20 +270,20 @@ class Reach:
 
     @cached_property
     def _needs_supply(self) -> Bools:
-        """Devices that a supply reaches when nothing has failed."""
+        """True for each device that a supply reaches when nothing has failed."""
         return np.asarray(self._supplied(*self._masks())[0])
 
     @cached_property
     def _connected(self) -> Bools:
-        """Points that work when nothing has failed."""
+        """True for each point that works when nothing has failed."""
         return np.asarray(self._works(*self._masks(), self._needs_supply)[0])
 
     def _masks(
         self, size: int = 1, row: Integers = _NONE, item: Integers = _NONE
     ) -> tuple[Bools, Bools]:
-        """Return which runs are cut, with a last column for no run, and which devices are dead.
+        """Return masks of the cut runs, with a last column for no run, and of the dead devices.
 
-        An item is the number of a device, or that of a run after all devices.
+        An item is the number of a device, or the number of a run plus the number of devices.
         """
         gone = np.zeros((size, len(self.kinds) + len(self.design.cables) + 1), bool)
         gone[row, item] = True
@@ -295,13 +295,13 @@ class Reach:
         return cut, dead
 
     def _open(self, edges: Edges, cut: Bools, dead: Bools) -> Bools:
-        """Return which edges still carry data or power, shape (n_failures, n_edges)."""
+        """Return True for edges that still carry data or power, shape (n_failures, n_edges)."""
         (u, v, run), count = edges, len(self.kinds)
         blocked = dead & np.isin(self.kinds, _BLOCKS)
         return ~(cut[:, run] | blocked[:, u % count] | blocked[:, v % count])
 
     def _works(self, cut: Bools, dead: Bools, needs_supply: Bools) -> Bools:
-        """Return which points work."""
+        """Return True for points that work, shape (n_failures, n_points)."""
         point, good = self._wires[0], self._good(cut, dead, needs_supply)
         works = np.zeros((len(cut), len(self.design.points)), bool)
         for cables in _nth(point):
@@ -309,7 +309,7 @@ class Reach:
         return works
 
     def _good(self, cut: Bools, dead: Bools, needs_supply: Bools) -> Bools:
-        """Return which cables of points still work, shape (n_failures, n_wires)."""
+        """Return True for points' connections that still work, shape (n_failures, n_wires)."""
         u, v, _ = self._data
         count = len(self.kinds)
         dark = needs_supply & ~self._supplied(cut, dead)
@@ -330,7 +330,7 @@ class Reach:
         return np.asarray(self._has_auxiliary(*self._masks())[0])
 
     def _has_auxiliary(self, cut: Bools, dead: Bools) -> Bools:
-        """Return which devices a live auxiliary supply reaches."""
+        """Return True for devices that a working auxiliary supply reaches."""
         u, v, _ = self._auxiliary
         labels = _labels(self._open(self._auxiliary, cut, dead), len(self.kinds), u, v)
         live = np.zeros_like(labels, dtype=bool)
@@ -339,7 +339,7 @@ class Reach:
         return np.take_along_axis(live, labels, axis=1)
 
     def _supplied(self, cut: Bools, dead: Bools) -> Bools:
-        """Return which devices a live supply reaches."""
+        """Return True for devices that a working supply reaches."""
         u, v, _ = self._power
         count = len(self.kinds)
         labels = _labels(self._open(self._power, cut, dead), 2 * count, u, v)
@@ -350,7 +350,7 @@ class Reach:
         return np.asarray(reached[:, :count] | reached[:, count:])
 
     def _feeding(self, cut: Bools, dead: Bools) -> Bools:
-        """Return which devices are not dead and have mains, if they need a cable for mains."""
+        """Return True for devices that work and, if a feeder brings their mains, have mains."""
         fed, mains = self._mains
         feeding = ~dead
         row, place = np.nonzero(cut[:, mains])
@@ -384,8 +384,8 @@ def _nth(values: Integers) -> Iterator[Integers]:
 
 # Single failures: every cable and device of a planned design, one at a time ----------------------
 
-#: Failures: a cut cable, a short of the cables that are one pair of a bus or a supply, and a dead
-#: device.
+#: Kinds of failures: a cut cable, a short of all cables that form one pair of a bus or a supply,
+#: and a dead device.
 FAILURES = ("cut", "short", "device")
 
 
@@ -438,7 +438,7 @@ def lost(
 
 
 def worst(failures: pd.DataFrame) -> pd.DataFrame:
-    """Return the worst row of each kind of failure, except a failure of the cabinet."""
+    """Return the failure of each kind that loses the most points, the cabinet's excepted."""
     rest = failures[failures["kind"] != "cabinet"]
     ranked = rest.sort_values("points_lost", ascending=False, kind="stable")
     return ranked.drop_duplicates("failure").reset_index(drop=True)

@@ -259,7 +259,10 @@ def test_a_list_without_places_has_no_position_of_the_cabinet(tmp_path, capsys):
         (["LIST", "--cabinet", "1,2"], "cabinet is '1,2'; it must be three numbers"),
         (["LIST", "--cabinet", "1,2,nan"], "cabinet is"),
         (["LIST", "--mix", "DI"], "--mix is 'DI'; it must be WHAT=OPTION, such as DI=AS-i"),
-        (["LIST", "--mix", "DI=CAN", "--mix", "DI=AS-i"], "--mix has 'DI' by CAN and by AS-i"),
+        (
+            ["LIST", "--mix", "DI=CAN", "--mix", "DI=AS-i"],
+            "--mix assigns 'DI' to both CAN and AS-i",
+        ),
         (
             ["LIST", "--mix", "XX=CAN"],
             "mix names 'XX'; it is not a tag, signal, system, category or",
