@@ -439,7 +439,7 @@ class Capture:
 
         The table has one row per cause, and none for a healthy line: `slave` is the slave
         concerned, if any; `share` is the fraction of the violated findings of `check` that the
-        cause explains, 0..1; `evidence` is the reason. Possible causes are a long cable or a stub,
+        cause explains, 0..1; `evidence` says why. Possible causes are a long cable or a stub,
         a second supply, a missing or wrong supply inductance, interference, a duplicate address, a
         weak slave and a reversed probe.
 

@@ -64,11 +64,9 @@ class TelegramErrors(_OfSlave):
     shipnet.errors.ArgumentError: request is 1.5; it must be 0..1
     """
 
-    request: float = number(
-        0, 1, "", "Probability that the slave does not understand a request", default=0.0
-    )
+    request: float = number(0, 1, "", "Probability that the slave misses a request", default=0.0)
     response: float = number(
-        0, 1, "", "Probability that the master does not understand its response", default=0.0
+        0, 1, "", "Probability that a response of the slave is disturbed", default=0.0
     )
 
     def apply(self, channel: Channel, stations: Stations) -> None:
@@ -174,7 +172,7 @@ class LostReply(_OfSlave):
     1
     """
 
-    call: Call = part(Call, "The kind of request", default=Call.DATA_EXCHANGE)
+    call: Call = part(Call, "Kind of request whose replies are lost", default=Call.DATA_EXCHANGE)
     count: int = whole(
         1, 10**9, "", "Number of replies that are lost, beginning at `start`", default=1
     )

@@ -64,7 +64,7 @@ class Master:
     )  # fmt: skip
     node: str = text("Node of the master; required in a plan", default="", kw_only=True)
     current: float = number(
-        0, 10, "A", "Current from the line; the default is that of a slave", default=CURRENT,
+        0, 10, "A", "Current from the line; the default assumes that of a slave", default=CURRENT,
         kw_only=True,
     )  # fmt: skip
 
