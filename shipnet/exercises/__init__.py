@@ -1,4 +1,4 @@
-"""Exercises that check themselves: numbers for each student, checks with hints, the glossary."""
+"""Self-checking exercises: numbers for each student, checks with hints, and the glossary."""
 
 import lazy_loader
 

@@ -1,7 +1,7 @@
-"""Kinds of answers: each reads a student's answer and reports how it differs from the right one.
+"""Types of answers; each reads a student's answer and reports how it differs from the right one.
 
-A report is a fact about the answer, never a guess at the cause, and does not help to find the right
-answer by trying.
+A report states a fact about the answer and does not guess the cause. It does not help to find the
+right answer by trial and error.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ LIMIT = 10.0
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
 
-#: Report on an answer about which nothing else is certain.
+#: Report for an answer about which nothing more specific is certain.
 NOT_YET = "not right yet"
 
-#: Powers of ten between units with SI prefixes, from pico to tera.
+#: Powers of ten by which the SI prefixes from pico to tera differ.
 _PREFIXES = tuple(power for power in range(-24, 25, 3) if power)
 
 
@@ -41,21 +41,21 @@ class NotSolved(Exception):
 
 
 class Misread(Exception):
-    """An answer is of the wrong kind; the text says how."""
+    """An answer has the wrong type or form; the message says why."""
 
 
 class Answer(Protocol):
-    """A right answer, with which others are compared."""
+    """A right answer, with which students' answers are compared."""
 
     @property
     def value(self) -> object:
         """The right answer."""
 
     def read(self, given: object) -> Any:
-        """Return an answer in a standard form; raise Misread if it is of another kind."""
+        """Return an answer in a standard form, or raise Misread if this is impossible."""
 
     def fault(self, answer: Any) -> str | None:
-        """Return how an answer that was read differs; None if it is right."""
+        """Return how an answer from `read` differs, or None if it is right."""
 
 
 def shown(value: object) -> str:
@@ -64,12 +64,12 @@ def shown(value: object) -> str:
         value = value.item()
     try:
         return f"{value:.6g}" if isinstance(value, float) else _SHORT.repr(value)
-    except Exception:  # a representation is the student's own code
+    except Exception:  # the student's own code may compute it
         return type(value).__name__
 
 
 def blank(given: object) -> bool:
-    """Return whether there is no answer."""
+    """Return whether the answer is missing."""
     return given is ... or given is None
 
 
@@ -78,7 +78,7 @@ def _other(asked: str, given: object) -> Misread:
 
 
 def _number(given: object, unit: str) -> float:
-    """Return an answer as a number, which may be the only one of an array."""
+    """Return an answer as a number; an array must have one element."""
     asked = f"a number is expected{f', in {unit}' if unit else ''}"
     if isinstance(given, np.ndarray) and given.size == 1:
         given = given.item()
@@ -92,7 +92,7 @@ def _number(given: object, unit: str) -> float:
 
 
 def _prefix(number: float, right: float, unit: str, tolerance: float) -> str | None:
-    """Return how a number differs from another one with the same digits."""
+    """Return how a number with the right digits differs from the right one."""
 
     def near(factor: float) -> bool:
         return math.isclose(number, factor * right, rel_tol=tolerance)
@@ -102,9 +102,9 @@ def _prefix(number: float, right: float, unit: str, tolerance: float) -> str | N
     if near(-1):
         return "the sign is wrong"
     if unit == "%" and near(0.01):
-        return "that is the share; how many percent is it?"
+        return "that is a fraction; what is the percentage?"
     if not unit and near(100):
-        return "that is the percentage; what share is it, from 0 to 1?"
+        return "that is the percentage; what is the fraction, from 0 to 1?"
     for power in _PREFIXES:
         if near(10.0**power):
             where = f"{10 ** abs(power)} times too {'large' if power > 0 else 'small'}"
@@ -113,13 +113,13 @@ def _prefix(number: float, right: float, unit: str, tolerance: float) -> str | N
 
 
 def _rounded(number: float, right: float) -> bool:
-    """Return whether a number is another one rounded to two or three digits."""
+    """Return whether a number is the right one rounded to two or three digits."""
     if not right:
         return False
     for digits in (2, 3):
         step = 10.0 ** (math.floor(math.log10(abs(right))) + 1 - digits)
         on_grid = math.isclose(number, round(number / step) * step, rel_tol=1e-9)
-        # Half a step itself is rounded up by some, to even by others.
+        # Some programs round half a step up, others to even.
         if on_grid and abs(number - right) <= step / 2 * (1 + 1e-9):
             return True
     return False
@@ -127,7 +127,7 @@ def _rounded(number: float, right: float) -> bool:
 
 @dataclass(frozen=True)
 class Number:
-    """A quantity."""
+    """A quantity with a unit and a relative tolerance."""
 
     value: float
     unit: str = ""
@@ -138,7 +138,7 @@ class Number:
         return _number(given, self.unit)
 
     def fault(self, answer: float) -> str | None:
-        """Return how a number differs; None if it is right."""
+        """Return how a number differs, or None if it is right."""
         scale = abs(self.value) or 1.0
         # The last bits of a product may differ.
         if abs(answer - self.value) <= self.tolerance * scale * (1 + 1e-9):
@@ -146,7 +146,7 @@ class Number:
         if fact := _prefix(answer, self.value, self.unit, self.tolerance):
             return fact
         if _rounded(answer, self.value):
-            return f"not within {100 * self.tolerance:g} %: round only at the end, keep more digits"
+            return f"not within {100 * self.tolerance:g} %: round only at the end; keep more digits"
         if self.value and not 1 / 3 <= abs(answer / self.value) <= 3:
             return f"far too {'large' if abs(answer) > abs(self.value) else 'small'}"
         return NOT_YET
@@ -157,7 +157,7 @@ class Whole(Number):
     """A count."""
 
     def fault(self, answer: float) -> str | None:
-        """Return how a count differs; None if it is right."""
+        """Return how a count differs, or None if it is right."""
         if math.isclose(answer, self.value, rel_tol=1e-9):
             return None
         if answer != round(answer):
@@ -167,14 +167,14 @@ class Whole(Number):
 
 @dataclass(frozen=True)
 class Bits:
-    """A sequence of bits in the order of time."""
+    """A sequence of bits in the order in which they are sent."""
 
     value: str
 
     def read(self, given: object) -> str:
-        """Return an answer as text without gaps."""
+        """Return an answer as text without separators."""
         if isinstance(given, Integral):
-            raise Misread("bits are written in quotes, '0110', so that zeros in front stay")
+            raise Misread("write bits in quotes, such as '0110', to keep leading zeros")
         if not isinstance(given, Iterable):
             raise _other("bits in quotes are expected, such as '0110'", given)
         bits = "".join(map(str, given)).replace(" ", "").replace("_", "")
@@ -183,7 +183,7 @@ class Bits:
         return bits
 
     def fault(self, answer: str) -> str | None:
-        """Return how bits differ; None if they are right."""
+        """Return how bits differ, or None if they are right."""
         if answer == self.value:
             return None
         return f"these {len(answer)} bits are {NOT_YET}"
@@ -201,7 +201,7 @@ class Bytes:
             try:
                 return bytes.fromhex(given.replace("0x", " ").replace(",", " "))
             except ValueError:
-                asked = "two digits per byte, such as '01 0A'"
+                asked = "write two digits per byte, such as '01 0A'"
                 raise Misread(f"{shown(given)} is not hexadecimal: {asked}") from None
         if isinstance(given, Sequence) and all(type(byte) is int for byte in given):
             try:
@@ -211,7 +211,7 @@ class Bytes:
         raise _other("bytes are expected, such as '01 0A'", given)
 
     def fault(self, answer: bytes) -> str | None:
-        """Return how bytes differ; None if they are right."""
+        """Return how bytes differ, or None if they are right."""
         if answer == self.value:
             return None
         if len(answer) != len(self.value):
@@ -223,13 +223,13 @@ class Bytes:
 
 @dataclass(frozen=True)
 class Words:
-    """Words of a list: one, several in order (a tuple), or some in any order (a set)."""
+    """Words from a list: one, several in order (a tuple), or several in any order (a set)."""
 
     value: str | tuple[str, ...] | frozenset[str]
     options: tuple[str, ...]
 
     def read(self, given: object) -> object:
-        """Return an answer with the words as spelt in the list; capitals make no difference."""
+        """Return an answer with its words spelt as in the list; case is ignored."""
         if isinstance(self.value, str):
             return self._word(given)
         if isinstance(given, str):
@@ -242,17 +242,17 @@ class Words:
         known = {option.casefold(): option for option in self.options}
         word = known.get(given.strip().casefold()) if isinstance(given, str) else None
         if word is None:
-            raise Misread(f"{shown(given)} is none of {', '.join(self.options)}")
+            raise Misread(f"{shown(given)} is not one of {', '.join(self.options)}")
         return word
 
     def fault(self, answer: object) -> str | None:
-        """Return that words differ; None if they are right."""
+        """Return that words differ, or None if they are right."""
         return None if answer == self.value else NOT_YET
 
 
 @dataclass(frozen=True)
 class Function:
-    """A student's function, tried on several inputs."""
+    """A student's function, tested on several inputs."""
 
     value: Callable[..., Any]
     cases: Sequence[tuple[Any, ...]]
@@ -286,7 +286,7 @@ class Function:
             raise Misread(f"{_call(name, case)} returned {shown(result)}: {kind}") from None
 
     def fault(self, answer: tuple[str, list[Any]]) -> str | None:
-        """Return the first wrong result; None if all are right."""
+        """Return the first wrong result, or None if all are right."""
         name, results = answer
         for case, result in zip(self.cases, results, strict=True):
             if fact := self.answer(self.value(*case)).fault(result):
@@ -305,7 +305,7 @@ def _limited(name: str, work: Callable[[], T]) -> T:
         except BaseException as error:
             failed.append(error)
 
-    # A thread works on every system and in any thread; a signal only in the main one.
+    # A thread works on every system and from any thread; a signal, only in the main thread.
     thread = Thread(target=run, name=name, daemon=True)
     thread.start()
     thread.join(LIMIT)
@@ -313,9 +313,7 @@ def _limited(name: str, work: Callable[[], T]) -> T:
         # This ends the loop, which would otherwise use a core until the kernel stops.
         ident = ctypes.c_ulong(thread.ident or 0)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ident, ctypes.py_object(SystemExit))
-        raise Misread(
-            f"{name} did not end within {LIMIT:g} s: does every loop in it come to an end?"
-        )
+        raise Misread(f"{name} did not end within {LIMIT:g} s: does every loop in it end?")
     if failed:
         raise failed[0]
     return done[0]
@@ -326,7 +324,7 @@ def _call(name: str, case: tuple[Any, ...]) -> str:
 
 
 def _place(function: Callable[..., Any], trace: TracebackType | None) -> str:
-    """Return the last line of the function that was being executed."""
+    """Return the last executed line of the function."""
     code = getattr(function, "__code__", None)
     lines = [
         (line, linecache.getline(code.co_filename, line).strip())
@@ -336,13 +334,13 @@ def _place(function: Callable[..., Any], trace: TracebackType | None) -> str:
     if not (code and lines):
         return ""
     line, text = lines[-1]
-    return f" in its line {line - code.co_firstlineno + 1}{f', `{text}`' if text else ''}"
+    return f" in line {line - code.co_firstlineno + 1}{f', `{text}`' if text else ''}"
 
 
 def _not_rows(rows: object) -> str | None:
-    """Return the end of a sentence on how an object differs from a list of dicts."""
+    """Return a clause that says how an object differs from a list of dicts."""
     if isinstance(rows, dict):
-        return "; that is a single one"
+        return "; that is a single row"
     if not isinstance(rows, Sequence) or isinstance(rows, str | bytes):
         return f"; yours is of type {type(rows).__name__}"
     for number, row in enumerate(rows, start=1):
@@ -353,13 +351,13 @@ def _not_rows(rows: object) -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A table of numbers with rows in any order; the first column identifies them."""
+    """A table of numbers with rows in any order; the first column identifies a row."""
 
     value: Sequence[Mapping[str, float]]
     units: dict[str, str] = field(default_factory=dict)
 
     def read(self, given: object) -> list[dict[str, float]]:
-        """Return a table, a DataFrame or a list of dicts, as rows of numbers, sorted."""
+        """Return a DataFrame or a list of dicts as sorted rows of numbers."""
         to_rows = getattr(given, "to_dict", None)
         rows: Any = to_rows("records") if to_rows and hasattr(given, "columns") else given
         columns = list(self.value[0])
@@ -367,7 +365,7 @@ class Table:
             row = ", ".join(f"{name!r}: ..." for name in columns)
             raise Misread(f"a table is expected, a list of rows such as {{{row}}}{form}")
         if missing := [name for name in columns if any(name not in row for row in rows)]:
-            raise Misread(f"column {missing[0]!r} is missing; expected are {', '.join(columns)}")
+            raise Misread(f"column {missing[0]!r} is missing; expected: {', '.join(columns)}")
         if len(rows) != len(self.value):
             raise Misread(f"{len(rows)} rows, but {len(self.value)} are expected")
         if any(blank(row[name]) for row in rows for name in columns):
@@ -378,7 +376,7 @@ class Table:
         return sorted(found, key=lambda row: row[columns[0]])
 
     def fault(self, answer: list[dict[str, float]]) -> str | None:
-        """Return the first wrong cell; None if all are right."""
+        """Return the first wrong cell, or None if all are right."""
         first = next(iter(self.value[0]))
         for row, right in zip(answer, self.value, strict=True):
             for name, value in right.items():

@@ -1,4 +1,4 @@
-"""Exercises: a student's own numbers, the check of an answer with its hints, the glossary."""
+"""Exercises: each student's own numbers, answer checks with hints, and the glossary."""
 
 from __future__ import annotations
 
@@ -21,34 +21,34 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Student:
-    """A student, whose own numbers follow from the name."""
+    """A student, whose own numbers are derived from the name."""
 
     name: str
 
     def pick(self, what: str, options: Sequence[T]) -> T:
-        """Return this student's option for a purpose."""
-        # A hash is the same on every computer and with every version of Python.
+        """Choose this student's option for a purpose."""
+        # This hash is the same on every computer and in every version of Python.
         digest = sha256(f"{self.name}\0{what}".encode()).digest()
         return options[int.from_bytes(digest) % len(options)]
 
 
-#: Solves exercises that have the same numbers for everybody.
+#: Student for exercises with the same numbers for everybody.
 _NOBODY = Student("nobody")
 
 
 @checked
 def student(name: str) -> Student:
-    """Return the student of this name.
+    """Return the student with this name.
 
     Parameters
     ----------
     name : str
-        Name, not empty.
+        Name; must not be empty.
 
     Returns
     -------
     Student
-        For `given` and `check`. Capitals, and spaces around the name, make no difference.
+        Student for `given` and `check`. Case and surrounding spaces are ignored.
 
     Raises
     ------
@@ -66,31 +66,31 @@ def student(name: str) -> Student:
     return Student(plain)
 
 
-#: Marks the hint for a wrong answer that no other hint explains: how to begin.
+#: Marks the general hint, for a wrong answer that no other hint explains.
 ANY = object()
 
-#: The right answer for a student's numbers, and the wrong answer that each hint is for.
+#: The right answer for a student's numbers, and the wrong answer that each hint explains.
 Solution: TypeAlias = tuple[Answer, dict[str, object]]
 
 
 @dataclass(frozen=True)
 class Exercise:
-    """One exercise of a lesson: the options for its numbers, and its solution for one choice."""
+    """An exercise of a lesson: the options for its numbers, and a function that solves it."""
 
     key: str
     draws: Mapping[str, Sequence[Any]]
     solve: Callable[..., Solution]
 
     def given(self, me: Student) -> dict[str, Any]:
-        """Return a student's numbers by name."""
+        """Return a student's numbers, keyed by name."""
         return {
             name: me.pick(f"{self.key} {name}", options) for name, options in self.draws.items()
         }
 
     def fault(self, answered: object, me: Student) -> str | None:
-        """Return what is wrong with an answer, None if it is right.
+        """Return what is wrong with an answer, or None if it is right.
 
-        A mistake is named only if it alone leads to this answer.
+        A mistake is named only if no other mistake leads to the same answer.
         """
         right, hints = self.solve(**self.given(me))
         try:
@@ -113,12 +113,12 @@ class Exercise:
         return f"{fact}. {begin}"
 
 
-#: The exercises by key; filled as the modules of the lessons are imported.
+#: The exercises by key, registered when the modules of the lessons are imported.
 EXERCISES: dict[str, Exercise] = {}
 
 
 def solution(key: str, **draws: Sequence[Any]) -> Callable[[T], T]:
-    """Register a function of the drawn numbers as the solution of an exercise."""
+    """Register the decorated function as the solution of an exercise."""
 
     def decorate(solve: T) -> T:
         EXERCISES[key] = Exercise(key, draws, solve)  # type: ignore[arg-type]
@@ -166,14 +166,14 @@ def given(key: str, me: Student) -> dict[str, Any]:
     Parameters
     ----------
     key : str
-        Exercise, such as ``"ex-01-2"``.
+        Key of the exercise, such as ``"ex-01-2"``.
     me : Student
-        Who solves it.
+        Student who solves the exercise.
 
     Returns
     -------
     dict
-        The numbers by name.
+        Numbers by name.
 
     Raises
     ------
@@ -191,16 +191,16 @@ def given(key: str, me: Student) -> dict[str, Any]:
 
 @checked
 def check(key: str, answer: object, me: Student | None = None) -> Verdict:
-    """Judge an answer; no answer raises an error.
+    """Check an answer; a wrong or malformed one does not raise an error.
 
     Parameters
     ----------
     key : str
-        Exercise, such as ``"ex-01-2"``.
+        Key of the exercise, such as ``"ex-01-2"``.
     answer : object
         The student's answer; ``...`` or None if there is none yet.
     me : Student, optional
-        Who solves it; required if each student has other numbers.
+        Student who solves the exercise; required if its numbers depend on the student.
 
     Returns
     -------
@@ -220,7 +220,7 @@ def check(key: str, answer: object, me: Student | None = None) -> Verdict:
     """
     one = exercise(key)
     if me is None and one.draws:
-        raise ArgumentError(f"me is missing: each student has other numbers in {key}")
+        raise ArgumentError(f"me is missing: the numbers of {key} depend on the student")
     if blank(answer):
         return Verdict(key, "not solved yet")
     try:
@@ -228,12 +228,12 @@ def check(key: str, answer: object, me: Student | None = None) -> Verdict:
     except NotSolved:
         return Verdict(key, "not solved yet")
     except Exception as error:  # an answer may be an object that cannot be compared
-        fault = f"this answer cannot be compared ({type(error).__name__}): which kind is expected?"
+        fault = f"this answer cannot be compared ({type(error).__name__}): what type is expected?"
     return Verdict(key, fault or "correct")
 
 
 def glossary(lesson: int | None = None) -> pd.DataFrame:
-    """Return the terms that a lesson introduces, or all of them.
+    """Return the terms that a lesson introduces, or all terms.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def glossary(lesson: int | None = None) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Index: the term; columns Korean and meaning.
+        Columns ``korean`` and ``meaning``, indexed by term.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""Grading of notebooks that students handed in: the command `shipnet grade`.
+"""Grading of notebooks that students handed in, for the command `shipnet grade`.
 
-A student's cells run in another process, which returns the value of a name, or the result of a
-function for some arguments. The answers are judged here, so that no notebook can reach the checks.
-The process has an empty folder, no input, and limits of time, memory and file size. It does not
-protect the computer against an attack.
+A student's cells run in a separate process, which returns values of names and results of functions.
+Answers are checked in this process, where no notebook can change the checks. The separate process
+has an empty folder, no input, and limits on time, memory and file size. It does not protect the
+computer against an attack.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ from shipnet.lazy import pd
 #: The name in a notebook before a student changes it.
 EXAMPLE = "Kim"
 
-#: Time limit of a cell, and of all questions about one exercise [s]; memory, file size and length
-#: of an answer [byte].
+#: Time limit for a cell, and for all requests about one exercise [s]; limits of memory, file size
+#: and answer length [byte].
 LIMIT, MEMORY, FILE, ANSWER = 8.0, 4 << 30, 10 << 20, 1 << 20
 
-#: Shortest solution, without comments and spaces, that is hardly equal by chance [characters].
+#: Shortest solution whose copies are flagged, without comments and spaces [characters].
 _LONG = 80
 
 
 class _Ended(Exception):
-    """A student's process has ended; the text has the reason."""
+    """A student's process has ended; the message gives the reason."""
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a process and those that it started."""
+    """End a process and the processes that it started."""
     if hasattr(os, "killpg"):
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -56,10 +56,10 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 class _Session:
-    """The process that runs a student's cells; it restarts without a cell that ended it."""
+    """The process that runs a student's cells; if a cell ends it, it restarts without that cell."""
 
     def __init__(self, cells: list[str], folder: str) -> None:
-        #: By cell, why the process ended in it, and its error.
+        #: By cell number: why the process ended in the cell, and the error that the cell raised.
         self.ended: dict[int, str] = {}
         self.raised: dict[int, str] = {}
         self.deadline = 0.0
@@ -67,7 +67,7 @@ class _Session:
         self._process: subprocess.Popen[bytes] | None = None
 
     def ask(self, *task: object) -> Any:
-        """Return the answer of the process; raise _Ended, or RuntimeError with its error."""
+        """Return the reply of the process; raise _Ended, or RuntimeError if it reports an error."""
         while self._process is None:
             self._start()
         return self._told(*task)
@@ -90,7 +90,7 @@ class _Session:
             cwd=self._folder, env=environment, start_new_session=True,
         )  # fmt: skip
         assert self._process.stdout is not None
-        self._process.stdout.readline()  # it is ready
+        self._process.stdout.readline()  # wait until it is ready
         asked = self.deadline
         for number, cell in enumerate(self._cells):
             if self._process is not None and number not in self.ended:
@@ -125,7 +125,7 @@ class _Session:
             value = _decoded(reply.get("value"), self)
         except Exception:  # the student's code can write to this pipe
             self.close()
-            raise _Ended("stopped: the answer is too large, or of an unexpected kind") from None
+            raise _Ended("stopped: the answer is too large or has an unexpected type") from None
         if "error" in reply:
             raise RuntimeError(str(reply["error"]))
         return value
@@ -153,7 +153,7 @@ class _Remote:
 
 
 def _decoded(value: Any, session: _Session) -> Any:
-    """Return the value that `_encoded` wrote; an array is a list."""
+    """Return the value that `_encoded` encoded; an array becomes a list."""
     if isinstance(value, list):
         return [_decoded(part, session) for part in value]
     if not isinstance(value, dict):
@@ -173,7 +173,7 @@ def _decoded(value: Any, session: _Session) -> Any:
 
 
 def _encoded(value: Any, expression: str = "", depth: int = 0) -> Any:
-    """Return a value for JSON; a dict with one key represents another type."""
+    """Return a value for JSON; other types than JSON's become dicts with one key."""
     if value is ...:
         return {"blank": 1}
     if isinstance(value, np.generic | np.ndarray):
@@ -201,7 +201,7 @@ def _encoded(value: Any, expression: str = "", depth: int = 0) -> Any:
 
 
 def answer() -> None:
-    """Answer the questions of a `_Session` from the pipes of this process, until they close."""
+    """Answer the requests of a `_Session` through the pipes of this process until they close."""
     questions, answers = (os.fdopen(os.dup(pipe), mode) for pipe, mode in ((0, "rb"), (1, "wb")))
     nothing = os.open(os.devnull, os.O_RDWR)
     for pipe in range(3):
@@ -229,7 +229,7 @@ def answer() -> None:
                 found = eval(text, space)
                 value = _encoded(found(*arguments[0]) if what == "call" else found, text)
             line = json.dumps({"value": value})
-        except BaseException as error:  # also an exit
+        except BaseException as error:  # including SystemExit
             line = json.dumps({"error": f"{type(error).__name__}: {error}"[:300]})
         answers.write(line.encode() + b"\n")
         answers.flush()
@@ -237,11 +237,11 @@ def answer() -> None:
 
 @dataclass
 class _HandIn:
-    """A notebook that was handed in, and its verdicts."""
+    """A notebook that a student handed in, and its verdicts."""
 
     file: str
     cells: list[str] = field(default_factory=list)
-    #: By exercise: the name that is checked, and the number of the cell with the check.
+    #: By exercise: the checked name, and the number of the cell with the check.
     checks: dict[str, tuple[str, int]] = field(default_factory=dict)
     name: str = ""
     verdicts: dict[str, str] = field(default_factory=dict)
@@ -249,13 +249,13 @@ class _HandIn:
 
     @classmethod
     def read(cls, path: Path, folder: Path) -> _HandIn:
-        """Return a notebook; one that cannot be read gets a flag."""
+        """Read a notebook; if this is impossible, flag it."""
         made = cls(path.relative_to(folder).as_posix())
         try:
             cells = json.loads(path.read_text("utf-8"))["cells"]
             texts = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
-            made.flags.append("no notebook that can be read")
+            made.flags.append("not a readable notebook")
             return made
         for text in texts:
             lines = text.splitlines()
@@ -270,7 +270,7 @@ class _HandIn:
                 module = getattr(node, "module", None) if isinstance(node, ast.ImportFrom) else ""
                 names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
                 if any(str(name).startswith("shipnet.exercises.") for name in [module, *names]):
-                    self.flags.append("imports what judges the answers")
+                    self.flags.append("imports the code that checks answers")
                 if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "check":
                     key, *rest = node.args or [ast.Constant("")]
                     if isinstance(key, ast.Constant) and rest and isinstance(rest[0], ast.Name):
@@ -290,7 +290,7 @@ class _HandIn:
         return -1
 
     def lines_of(self, key: str) -> str:
-        """Return the cell that solves an exercise, without comments; empty if it is short."""
+        """Return the code that solves an exercise, without comments; empty if it is short."""
         solving = self.solving(key)
         lines = ast.unparse(ast.parse(self.cells[solving])) if solving >= 0 else ""
         return lines if len("".join(lines.split())) >= _LONG else ""
@@ -344,10 +344,10 @@ def _nodes(cell: str) -> Iterator[ast.AST]:
 
 
 def grade(folder: str) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the grades of the notebooks in a folder and its subfolders, and their verdicts.
+    """Grade the notebooks in a folder and its subfolders; return tables of grades and verdicts.
 
-    The grades have one row per notebook, with a column of 1 or 0 per exercise, their sum, and
-    flags. The verdicts have one row per notebook and exercise.
+    The grades have one row per notebook, with 1 or 0 for each exercise, the sum, and flags. The
+    verdicts have one row per notebook and exercise.
     """
     root = Path(folder)
     if not root.is_dir():
@@ -376,7 +376,7 @@ def grade(folder: str) -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def as_html(file: str, grades: pd.DataFrame, verdicts: pd.DataFrame) -> None:
-    """Save the grades as a page, with the verdicts on answers that are not correct."""
+    """Save the grades as an HTML page, with the verdicts on incorrect answers."""
     wrong = verdicts[verdicts["verdict"] != "correct"]
     parts = [
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>Grades</title>',
@@ -384,7 +384,7 @@ def as_html(file: str, grades: pd.DataFrame, verdicts: pd.DataFrame) -> None:
         "td,th{padding:.3em .6em;border-bottom:1px solid #ccc;text-align:left}</style>",
         "<h1>Grades</h1>",
         grades.astype(object).fillna("").to_html(index=False, border=0),
-        "<h2>What is not correct</h2>",
+        "<h2>Incorrect answers</h2>",
         wrong.to_html(index=False, border=0),
         "</html>",
     ]
@@ -392,7 +392,7 @@ def as_html(file: str, grades: pd.DataFrame, verdicts: pd.DataFrame) -> None:
 
 
 def _flag_copies(handed: list[_HandIn]) -> None:
-    """Flag notebooks with the same name, or with the same long solution, as another."""
+    """Flag notebooks with the same name or the same long solution as another one."""
     same: defaultdict[tuple[str, str], list[_HandIn]] = defaultdict(list)
     for one in handed:
         if one.name and "name unchanged" not in one.flags:

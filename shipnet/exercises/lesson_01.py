@@ -10,7 +10,7 @@ from shipnet.exercises.exercise import ANY, Solution, solution
 
 _TURNED = str.maketrans("01", "10")
 
-#: Five bits, not the same backwards; of 11110 differential Manchester makes the same levels.
+#: Five bits, no palindromes; 11110 has the same levels in differential Manchester.
 _WORDS = tuple(
     word for word in (f"{k:05b}" for k in range(32)) if word != word[::-1] and word != "11110"
 )
@@ -21,7 +21,7 @@ def _levels(bits: str) -> str:
 
 
 def _differential(bits: str) -> str:
-    """Code bits as somebody does whose levels go on from the bit before."""
+    """Return the levels if each bit wrongly depends on the previous one."""
     level, out = 0, ""
     for bit in bits:
         level ^= bit == "0"
@@ -31,35 +31,35 @@ def _differential(bits: str) -> str:
 
 @solution("ex-01-1", bits=_WORDS)
 def levels(bits: str) -> Solution:
-    """Levels that bits make on the line."""
+    """Levels of some bits on the line."""
     right = _levels(bits)
     return Bits(right), {
-        "in its middle a 0 falls and a 1 rises; do yours?": right.translate(_TURNED),
+        "in the middle of the bit, a 0 falls and a 1 rises; do yours?": right.translate(_TURNED),
         "the first bit of the sequence is sent first": _levels(bits[::-1]),
         "write the half-bits from left to right, like the bits": right[::-1],
         "that is one level per bit; how many half-bits does a bit have?": bits,
-        "these are plain levels: what changes in a bit?": "".join(2 * bit for bit in bits),
+        "these are plain levels: what changes within a bit?": "".join(2 * bit for bit in bits),
         "each bit is coded on its own: the previous bit makes no difference": _differential(bits),
-        "Take one bit at a time: which level does a 0 begin with, and which one a 1?": ANY,
+        "Take one bit at a time: which level does a 0 start with, and which does a 1?": ANY,
     }
 
 
 @solution("ex-01-2", n_bits=range(7, 22), rate=(50, 125, 200, 250, 400))
 def telegram_time(n_bits: int, rate: int) -> Solution:
-    """Duration of a telegram of equal bits, which has no edge, at a rate in kbit/s."""
+    """Duration of a telegram of equal bits, which has no edges, at a rate in kbit/s."""
     right = 1e3 * n_bits / rate
     return Number(right, "us"), {
-        "the last bit takes its time too: n bits last n bit times": right - 1e3 / rate,
-        "that is one bit time; what if the next bit is equal?": 1e3 / rate,
+        "the last bit takes time too: n bits last n bit times": right - 1e3 / rate,
+        "that is one bit time; what if the next bit is the same?": 1e3 / rate,
         "`n_bits` counts bits, not bytes": 8 * right,
         "more bits take longer: what is divided by what?": rate / n_bits,
         "a higher rate makes a telegram shorter, not longer": n_bits * rate,
         "6 us is the bit time of AS-i; this bus has another rate": 6 * n_bits,
-        "Which data have no edge at all? Then begin with one bit: how long is it?": ANY,
+        "Which data have no edge at all? Then start with one bit: how long does it last?": ANY,
     }
 
 
-#: Telegrams to try a function on; the shortest, no pulse between, all between, real ones.
+#: Telegrams for tests: the shortest, without and with a pulse between the bits, real ones.
 _TRIED = [("0",), ("01",), ("00",), ("0011001",), ("00101010111011",), ("0111",)]
 
 
@@ -73,35 +73,35 @@ def pulses() -> Solution:
     return Function(
         lambda bits: Modulation(bits).pulses.count, _TRIED, lambda right: Whole(right, "pulses")
     ), {
-        "a pulse in the middle of each bit is not all: what happens between two equal bits?": len,
+        "those are the pulses in the middle of the bits; what happens between two equal bits?": len,
         "where are the extra pulses: between equal or between different bits?": (
             lambda bits: 2 * len(bits) - 1 - _equal(bits)
         ),
         "those are the pulses between bits; what happens in the middle of each bit?": _equal,
-        "`count` skips overlapping pairs: how many equal neighbours has `000`?": (
+        "`count` skips overlapping pairs: how many equal pairs does `000` have?": (
             lambda bits: len(bits) + bits.count("00") + bits.count("11")
         ),
-        "is there a pulse after each bit, too?": lambda bits: 2 * len(bits),
+        "is there really a pulse after every bit?": lambda bits: 2 * len(bits),
         "does your loop include the last two bits?": lambda bits: len(bits) + _equal(bits[:-1]),
-        "a 0 begins at the idle level: is there a pulse before it?": (
+        "a 0 starts at the idle level: is there a pulse before it?": (
             lambda bits: len(bits) + _equal(bits) + 1
         ),
         "two equal ones have a pulse between them, too": (
             lambda bits: len(bits) + sum(a == b == "0" for a, b in pairwise(bits))
         ),
-        "Draw the pulses of `00` and `01` on paper: where do the two differ?": ANY,
+        "Draw the pulses of `00` and `01` on paper: where do they differ?": ANY,
     }
 
 
 @solution("ex-01-4", limit=range(400, 1201, 40))
 def highest_rate(limit: int) -> Solution:
-    """What bit rate has its first zero at a frequency in kHz."""
+    """Bit rate at which the spectrum has its first zero at a limit in kHz."""
     return Number(limit / 4, "kbit/s"), {
-        "that is 1 over the half-bit; how many half-bits does a bit have?": limit / 2,
-        "that is the limit itself; how long is a half-bit then, and how long a bit?": limit,
+        "that is the rate of half-bits; how many half-bits does a bit have?": limit / 2,
+        "that is the limit itself; how long are a half-bit and a bit?": limit,
         "did you use a factor of 2 twice?": limit / 8,
-        "the limit is 2 over the half-bit, so the bit rate is lower than the limit": 2 * limit,
+        "the limit is 2 divided by the half-bit, so the bit rate is below the limit": 2 * limit,
         "that is the half-bit in us; what rate follows from it?": 2e3 / limit,
         "that is the bit time in us; what rate follows from it?": 4e3 / limit,
-        "Go step by step: from the limit to the half-bit, to the bit, to the rate": ANY,
+        "Go step by step: from the limit to the half-bit, then to the bit, then to the rate": ANY,
     }

@@ -1,4 +1,4 @@
-"""Exercises of lesson 2: delay, echoes, and how long a cable may be."""
+"""Exercises of lesson 2: delays, echoes and the longest cable."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from shipnet.exercises.answers import Function, Number, Whole, Words
 from shipnet.exercises.exercise import ANY, Solution, solution
 from shipnet.line.cable import CABLES, Cable
 
-#: What may be at the end of a cable of 100 ohm: name -> resistor [ohm].
+#: Possible ends of a cable of 100 ohm: name -> resistor [ohm].
 _ENDS = {
     "open end": None,
     "above 100 ohm": 300.0,
@@ -21,38 +21,38 @@ _ENDS = {
     "below 100 ohm": 42.8571,
     "short circuit": 1e-9,
 }
-# Plus 0 makes 0 of -0.
+# Adding 0 turns -0 into 0.
 _ECHOES = {
     round(CABLES["as-i 1.5"].reflection(resistor), 3) + 0: end for end, resistor in _ENDS.items()
 }
 
 
-# Four of the five: each mistake below then gives another answer.
+# With four of the five, each mistake below gives a different answer.
 @solution("ex-02-1", echoes=tuple(permutations(_ECHOES, 4)))
 def cable_ends(echoes: tuple[float, ...]) -> Solution:
-    """What ends of a cable make some echoes."""
+    """Cable ends that cause some echoes."""
     right = tuple(_ECHOES[echo] for echo in echoes)
 
     def taken(*ends: str) -> tuple[str, ...]:
-        """Return the ends with the second in place of the first, the fourth of the third."""
+        """Return the right ends with the first replaced by the second, the third by the fourth."""
         found = dict(zip(ends[::2], ends[1::2], strict=True))
         return tuple(found.get(end, end) for end in right)
 
     opened, above, matched, below, shorted = _ENDS
     return Words(right, tuple(_ENDS)), {
-        "which end adds to the voltage, and which one subtracts?": (
+        "which ends raise the voltage, and which lower it?": (
             taken(opened, shorted, shorted, opened, above, below, below, above)
         ),
-        "write them in the order of your echoes": right[::-1],
-        "what comes back from an end of the wave impedance, and what from an open one?": (
+        "write the ends in the order of your echoes": right[::-1],
+        "what returns from an end with the wave impedance, and what from an open end?": (
             taken(matched, opened, opened, matched)
         ),
-        "an echo is as high as the pulse: which sign does it have?": (
+        "this echo is as high as the pulse: what is its sign?": (
             taken(opened, shorted, shorted, opened)
         ),
         "you used the sign; what does the height mean?": taken(opened, above, shorted, below),
         "is each echo as high as the pulse?": taken(above, opened, below, shorted),
-        "For each echo: is it positive, zero or negative, and is it the whole pulse?": ANY,
+        "For each echo: is it positive, zero or negative, and is it as high as the pulse?": ANY,
     }
 
 
@@ -62,18 +62,19 @@ def echo_time(length: int, delay: float, place: int) -> Solution:
     beyond, per_metre = length - place, delay * 1e-3
     right = 2 * beyond * per_metre
     return Number(right, "us"), {
-        "the delay is the time for one metre: how long for all of them?": 2 * beyond / delay,
-        "is that from the valve to the end, or there and back?": right / 2,
-        "the path to the end and back is doubled once too often": 2 * right,
+        "the delay is the time for one metre; how long is it for all metres?": 2 * beyond / delay,
+        "is that the time from the valve to the end, or there and back?": right / 2,
+        "you doubled the path once too often": 2 * right,
         "that is from 0 m to the end and back; where is the valve?": 2 * length * per_metre,
-        "that is when the echo arrives; when does the signal?": (2 * length - place) * per_metre,
-        "that is the speed of light in air; your cable has its own delay": 2 * beyond / 299.79,
-        "Draw the paths of signal and echo: how many metres longer is the second?": ANY,
+        "that is the echo's arrival; when does the signal arrive?": (2 * length - place)
+        * per_metre,
+        "you used the speed of light in air; your cable has its own delay": 2 * beyond / 299.79,
+        "Draw the paths of signal and echo: how many metres longer is the echo's?": ANY,
     }
 
 
 def _echo(volts: float, resistor: float, z0: float) -> float:
-    """Return the height of the wave that comes back [V]."""
+    """Return the height of the echo [V]."""
     return volts * Cable.lossless(z0, 5e-9).reflection(resistor)
 
 
@@ -87,12 +88,12 @@ _Wave = Callable[[float, float, float], float]
 
 @solution("ex-02-3")
 def echo_height() -> Solution:
-    """How high the wave is that comes back."""
+    """Height of the echo."""
     mistakes: dict[str, _Wave] = {
-        "that is the voltage at the end, both waves together; only one comes back": (
+        "that is the voltage at the end, the sum of both waves; only one of them returns": (
             lambda volts, r, z0: volts * 2 * r / (r + z0)
         ),
-        "that is the factor: how high is the pulse?": lambda volts, r, z0: _echo(1, r, z0),
+        "that is the factor; how high is the pulse?": lambda volts, r, z0: _echo(1, r, z0),
         "a resistor above the wave impedance gives an echo of the same sign": (
             lambda volts, r, z0: -_echo(volts, r, z0)
         ),
@@ -108,11 +109,11 @@ def echo_height() -> Solution:
     }
     return Function(_echo, _WAVES, lambda right: Number(right, "V")), {
         **mistakes,
-        "By hand, with 1 V and 100 ohm: what comes back from 300 ohm, and from 25 ohm?": ANY,
+        "By hand, with 1 V and 100 ohm: what returns from 300 ohm, and what from 25 ohm?": ANY,
     }
 
 
-#: Length from which the design goes up, and by how much [m].
+#: First length that the design tries, and step [m].
 _START, _STEP = 50, 10
 
 
@@ -145,10 +146,10 @@ def longest_cable(delay: float) -> Solution:
     """Last length before the first one that is out of tolerance."""
     longest = _last(_in_tolerance, delay)
     return Whole(longest, "m"), {
-        "every answer is still read there, but is the ringing within its tolerance?": (
+        "every answer is still received there, but is the ringing within its tolerance?": (
             _last(_read, delay)
         ),
-        "both tolerances are also met at the next length: go on": longest - _STEP,
+        "both tolerances are also met at the next length: continue": longest - _STEP,
         "at this length a tolerance is already violated": longest + _STEP,
         "the echo travels there and back, but the cable is laid once: no factor of 2": longest // 2,
         "the cable is laid once: no factor of 2 for there and back": 2 * longest,

@@ -1,4 +1,4 @@
-"""Exercises of lesson 3: frames, and what the checks of a frame find and miss."""
+"""Exercises of lesson 3: frames, and the errors that their checks detect or miss."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from shipnet.exercises.exercise import ANY, Solution, solution
 _TURNED = str.maketrans("01", "10")
 
 
-# Four bits of data make 16 answers; those that are the same backwards hide the wrong order.
+# Four bits of data give 16 answers; palindromes would hide the wrong order.
 @solution("ex-03-1", bits=tuple(f"{data:04b}" for data in range(1, 15) if data not in (6, 9)))
 def telegram(bits: str) -> Solution:
-    """The telegram that frames some bits."""
+    """Telegram with some data bits."""
     right = frame(bits)
     parity = right[-2]
     return Bits(right), {
@@ -27,22 +27,22 @@ def telegram(bits: str) -> Solution:
         "the data are sent in the order given": frame(bits[::-1]),
         "what value does the start bit always have?": "1" + right[1:],
         "what value does the end bit always have?": right[:-1] + "0",
-        "these are six bits: what comes last?": right[:-1],
-        "these are six bits: what comes first?": right[1:],
+        "these are six bits: which one comes last?": right[:-1],
+        "these are six bits: which one comes first?": right[1:],
         "is the parity bit before or after the data?": f"0{parity}{bits}1",
-        "Write start bit, data and end bit first; then count the ones without the end bit": ANY,
+        "Write the start bit, data and end bit first; then count the ones without the end bit": ANY,
     }
 
 
-#: The generators of exercise 2, each the other one backwards.
+#: The generators of exercise 2, each the reverse of the other.
 _GENERATORS = ("10011", "11001")
 
-#: The generator of the text of the lesson.
+#: The generator in the text of the lesson.
 _SHORTER = "1011"
 
 
 def _remainder(row: str, generator: str) -> str:
-    """Return what a division without carries leaves, one bit less than the generator has."""
+    """Return the remainder of a division without carries, one bit shorter than the generator."""
     width = len(generator) - 1
     left = int(row, 2)
     for place in reversed(range(len(row) - width)):
@@ -59,17 +59,17 @@ def _mistaken(bits: str, generator: str) -> dict[str, object]:
     row = bits + "0000"
     right = _check_bits(bits, generator)
     return {
-        "make room first: four zeros after the bits, then divide": _remainder(bits, generator),
-        "four zeros make room, not three": _remainder(bits + "000", generator),
+        "first append four zeros to the bits, then divide": _remainder(bits, generator),
+        "append four zeros, not three": _remainder(bits + "000", generator),
         "is your generator written backwards?": _check_bits(bits, generator[::-1]),
         "subtract without carries, bit by bit": f"{int(row, 2) % int(generator, 2):04b}",
         "write the check bits from left to right, like the bits": right[::-1],
         "every bit is inverted; give the plain remainder": right.translate(_TURNED),
-        "you used the generator of the text; yours is longer": _check_bits(bits, _SHORTER),
+        "you used the generator in the text; yours is longer": _check_bits(bits, _SHORTER),
     }
 
 
-#: Rows of which no mistake gives the right bits, with either generator.
+#: Bits for which no mistake gives the right check bits, with either generator.
 _MESSAGES = tuple(
     bits
     for bits in (f"{k:06b}" for k in range(33, 64))
@@ -82,7 +82,7 @@ def check_bits(bits: str, generator: str) -> Solution:
     """Check bits of a CRC."""
     return Bits(_check_bits(bits, generator)), {
         **_mistaken(bits, generator),
-        "Put four zeros after the bits, the generator under the first 1, and subtract": ANY,
+        "Append four zeros to the bits, write the generator under the first 1, and subtract": ANY,
     }
 
 
@@ -95,12 +95,12 @@ def _between(pairs: Iterable[tuple[str, str]]) -> list[int]:
 
 
 def _distance(words: Sequence[str]) -> int:
-    """Return in how many places two of the words differ at least."""
+    """Return the smallest number of places in which two of the words differ."""
     return min(_between(combinations(words, 2)))
 
 
-#: Sets of words to try: two words, no neighbours the nearest, answers of a slave, opposites; then
-#: sets by chance, so that no choice of some pairs finds the nearest two each time.
+#: Sets of words for tests: two words, nearest words not adjacent, answers of a slave, opposites;
+#: then random sets, with which a function that compares only some pairs fails.
 _TRIED = [
     (["000", "111"],),
     (["0000", "1111", "0001"],),
@@ -118,38 +118,38 @@ def distance() -> Solution:
     """Hamming distance of some words."""
     return Function(_distance, _TRIED, lambda right: Whole(right, "places")), {
         "a word does not differ from itself: compare different words only": lambda words: 0,
-        "neighbours in the list are not all pairs": lambda words: min(_between(pairwise(words))),
-        "neighbours in the sorted list are not all pairs": (
+        "compare all pairs, not only neighbours": lambda words: min(_between(pairwise(words))),
+        "compare all pairs, not only neighbours after sorting": (
             lambda words: min(_between(pairwise(sorted(words))))
         ),
         "what about the pairs without the first word?": (
             lambda words: min(_between((words[0], other) for other in words[1:]))
         ),
-        "that is the pair that differs most; which one decides?": (
+        "that is for the pair that differs most; which pair counts?": (
             lambda words: max(_between(combinations(words, 2)))
         ),
-        "that is the mean of all pairs; which pair decides?": (
+        "that is the mean of all pairs; which pair counts?": (
             lambda words: sum(found := _between(combinations(words, 2))) / len(found)
         ),
-        "that is how many wrong bits are always detected; what is the distance?": (
+        "that is the number of wrong bits that are always detected; what is the distance?": (
             lambda words: _distance(words) - 1
         ),
-        "the last word has pairs, too: does your loop include it?": (
+        "the last word is part of pairs too: does your loop include it?": (
             lambda words: min(
                 _between(combinations(words[:-1], 2)) or _between(combinations(words, 2))
             )
         ),
-        "Count by hand for every pair of these words: in how many positions do they differ?": ANY,
+        "Count by hand for every pair of these words: in how many places do they differ?": ANY,
     }
 
 
 @solution("ex-03-4", hits=(5, 8, 10, 20, 30, 40), years=(5, 10, 20, 25))
 def crc_width(hits: int, years: int) -> Solution:
-    """Fewest bits of a CRC with which fewer than one of the messages hit each day passes."""
+    """Fewest bits of a CRC with which fewer than one disturbed message passes in some years."""
     messages = hits * 365 * years
     width = ceil(log2(messages))
     return Whole(width, "bits"), {
-        "compute how many messages pass with that many bits: fewer than one?": width - 1,
+        "compute how many messages pass with that many bits: is it fewer than one?": width - 1,
         "the number of bits is whole: round up or down?": log2(messages),
         "the hits are counted per day: how many days are there in all the years?": (
             ceil(log2(hits * years))

@@ -1,4 +1,4 @@
-"""Exercises of lesson 4: polling, cycle, efficiency."""
+"""Exercises of lesson 4: polling, cycles and efficiency."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ _BIT = 6
 
 @solution("ex-04-1", master_pause=(2, 2.5, 3.5, 4, 4.5, 5, 6), slave_pause=(1.5, 2, 2.5))
 def transaction(master_pause: float, slave_pause: float) -> Solution:
-    """Time from a request to the next."""
+    """Time from one request to the next."""
     right = Transaction(master_pause, slave_pause).duration * 1e6
     return Number(right, "us"), {
         "the next request waits for the pause after the response, too": right - slave_pause * _BIT,
         "there is a pause between the request and the response, too": right - master_pause * _BIT,
-        "that is request and response; where are the pauses?": 21 * _BIT,
-        "the response takes its time as well": right - 7 * _BIT,
-        "the request takes its time as well": right - 14 * _BIT,
+        "that is the request and the response; where are the pauses?": 21 * _BIT,
+        "the response takes time too": right - 7 * _BIT,
+        "the request takes time too": right - 14 * _BIT,
         "those are the pauses; where are the telegrams?": (master_pause + slave_pause) * _BIT,
         "does the response have as many bits as the request?": right + 7 * _BIT,
         "that is in bit times; how long is a bit time?": right / _BIT,
-        "stop at the start of the next request: count one request": right + 14 * _BIT,
-        "List the parts from one request to the next, each with its bit times, and add them": ANY,
+        "stop at the start of the next request: count only one request": right + 14 * _BIT,
+        "List the parts from one request to the next, with their bit times, and add them up": ANY,
     }
 
 
@@ -32,7 +32,7 @@ def cycle(slaves: int, bits: int) -> Solution:
     """Cycle time if each exchange takes `bits` bit times."""
     one = bits * _BIT / 1e3
     return Number(float(cycle_time(slaves, transaction=Transaction(bits - 23, 2))) * 1e3, "ms"), {
-        "a cycle has two requests more than slaves": slaves * one,
+        "a cycle has two more requests than slaves": slaves * one,
         "management and the search for a new slave are two exchanges, not one": (
             (slaves + 1) * one
         ),
@@ -42,13 +42,13 @@ def cycle(slaves: int, bits: int) -> Solution:
         "that is for 31 slaves; how many does your line have?": (ADDRESSES + 2) * one,
         "that is in bit times; how long is a bit time?": (slaves + 2) * bits,
         "that is one exchange; how many does a cycle have?": one,
-        "your exchanges take your `bits`, pauses included": (slaves + 2) * 21 * _BIT / 1e3,
+        "each exchange takes your `bits`, pauses included": (slaves + 2) * 21 * _BIT / 1e3,
         "How many exchanges does a cycle have in all? How long does one of them take?": ANY,
     }
 
 
 def _efficiency(user_bits: int, master_pause: float, slave_pause: float) -> float:
-    """Return what fraction of the time carries user data [%]."""
+    """Return the fraction of the time that carries user data [%]."""
     return 100 * user_bits / Transaction(master_pause, slave_pause).bits
 
 
@@ -69,7 +69,7 @@ def efficiency() -> Solution:
         "the pause before the response takes time too": (
             lambda user, master, slave: 100 * user / (21 + slave)
         ),
-        "eight is an example: where is `user_bits`?": (
+        "eight bits are only an example: where is `user_bits`?": (
             lambda user, master, slave: 800 / (21 + master + slave)
         ),
         "the user bits already count both directions": (
@@ -80,7 +80,7 @@ def efficiency() -> Solution:
 
 
 def _most(limit: float, repetitions: int) -> int:
-    """Return the most slaves with which a change is known within some milliseconds."""
+    """Return the largest number of slaves with which a change is known within a limit [ms]."""
     known = (
         Cycle(slaves).response_time(repetitions=repetitions).worst
         for slaves in range(1, ADDRESSES + 1)
@@ -89,24 +89,24 @@ def _most(limit: float, repetitions: int) -> int:
 
 
 def _fit(limit: float, exchanges: int, tail: int = 10, times: int = 1) -> int:
-    """Return how many slaves fit beside other exchanges, each repeated a number of times."""
+    """Return how many slaves fit besides other exchanges if each is repeated."""
     return int((limit / 6e-3 - tail) // (26 * times)) - exchanges
 
 
-# With each limit one slave more fits if the last pause and the response are forgotten.
+# With each limit, one more slave fits if the last pause and the response are forgotten.
 @solution("ex-04-4", limit=(2.2, 2.5, 2.7, 3.0, 3.3, 3.8, 4.1, 4.4, 4.7, 5.0), repetitions=(3, 4))
 def most_slaves(limit: float, repetitions: int) -> Solution:
-    """Most slaves with which a change is known in time."""
+    """Largest number of slaves with which a change is known in time."""
     right = _most(limit, repetitions)
     return Whole(right, "slaves"), {
         "each repetition takes the time of one exchange": _most(limit, 0),
-        # Who rounds up, forgets the end, or one of the two extra requests, all come here.
-        "add cycle, repetitions, pause and response for this number: is that in the limit?": (
+        # Rounding up, or omitting the end or one of the two extra requests, gives this answer.
+        "add cycle, repetitions, pause and response for this number: is that within the limit?": (
             right + 1
         ),
         "two requests of a cycle are not for your slaves": right + 2,
-        "count all repetitions, not one": right + repetitions - 1,
-        "a repetition asks one slave again, not the whole cycle": (
+        "count all repetitions, not just one": right + repetitions - 1,
+        "a repetition repeats one exchange, not the whole cycle": (
             _fit(limit, 2, times=1 + repetitions)
         ),
         "that is the number of addresses; is the limit met with that many slaves?": ADDRESSES,

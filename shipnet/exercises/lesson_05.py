@@ -1,4 +1,4 @@
-"""Exercises of lesson 5: who goes first on a CAN bus, and how late the others are."""
+"""Exercises of lesson 5: arbitration, stuff bits and response times on a CAN bus."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ _RATE = 125_000
 
 
 def _pair(number: int) -> tuple[str, str]:
-    """Return an id, and one that differs from it first in its second to eighth bit."""
+    """Return two ids whose first different bit is one of the second to the eighth."""
     place = 3 + number % 7
     return f"0x{number:03X}", f"0x{number ^ (1 << place) ^ (number >> 1) % (1 << place):03X}"
 
 
 def _stop(ids: Sequence[str]) -> int:
-    """Return at which bit of its id, from 1, one of two senders stops."""
+    """Return the bit of the id, counted from 1, at which one of two senders stops."""
     stopped = arbitrate([Frame(int(number, 16)) for number in ids]).stopped
     return max(bit for bit in stopped if bit is not None)
 
 
 def _plain(ids: Sequence[str]) -> bool:
-    """Return whether no stuff bit comes before the ids differ, so that either count is right."""
+    """Return whether no stuff bit precedes the first different bit, and the order matters."""
     last, winner = _stop(ids), f"{min(int(number, 16) for number in ids):011b}"
     early = [bit for number in ids for bit in Frame(int(number, 16)).stuff_positions if bit <= last]
     return not early and winner[::-1][:last] != winner[:last]
 
 
-#: Ids of two senders.
+#: Pairs of ids of two senders.
 _PAIRS = tuple(filter(_plain, map(_pair, range(0x091, 0x780, 0x02F))))
 
 
 @solution("ex-05-1", ids=_PAIRS)
 def carried(ids: tuple[str, str]) -> Solution:
-    """Bits of the ids that the bus carries until the loser stops; no stuff bit among them."""
+    """Bits of the ids that the bus carries until the loser stops, without stuff bits."""
     numbers = [int(number, 16) for number in ids]
     last = _stop(ids)
     winner, loser = (f"{number:011b}" for number in (min(numbers), max(numbers)))
@@ -50,7 +50,7 @@ def carried(ids: tuple[str, str]) -> Solution:
         "in the last of these bits a 0 meets a 1: what does the bus carry?": loser[:last],
         "that is the whole id; at which of its bits does the loser stop?": winner,
         "include the bit at which the loser stops": right[:-1],
-        "the loser has stopped before the last of these bits": winner[: last + 1],
+        "the loser stops before the last of these bits": winner[: last + 1],
         "three hexadecimal digits are 12 bits; the id has 11": "0" + winner,
         "the highest bit of the id is sent first": winner[::-1][:last],
         "Write both ids as 11 bits, one above the other: what does the bus carry, bit by bit?": ANY,
@@ -60,7 +60,7 @@ def carried(ids: tuple[str, str]) -> Solution:
 def _stuffed(
     bits: str, *, after: int = 5, only: str = "01", turned: bool = True, counted: int = 1
 ) -> str:
-    """Stuff as somebody does who has one of the rules wrong."""
+    """Return bits with stuff bits according to a wrong rule."""
     out, run, last = "", 0, ""
     for bit in bits:
         run = run + 1 if bit == last else 1
@@ -71,7 +71,7 @@ def _stuffed(
     return out
 
 
-#: The fifth row has a stuff bit after the last bit; the third, one that begins the next run.
+#: The fifth row has a stuff bit after the last bit; in the third, one starts the next run.
 _TRIED = [
     *(("0110",), ("11111",), ("000001111",), ("0000000000",), ("0111110000011111",), ("",)),
     *(("00000111110",), ("1111000011110000",), ("000000",)),
@@ -82,17 +82,17 @@ _TRIED = [
 def stuffed() -> Solution:
     """Bits with their stuff bits."""
     return Function(stuff, _TRIED, Bits), {
-        "a stuff bit is itself the first of the next run of five": (
+        "a stuff bit is itself the first bit of the next run": (
             lambda bits: _stuffed(bits, counted=0)
         ),
         "four equal bits are allowed; are five?": lambda bits: _stuffed(bits, after=4),
         "after six equal bits it is too late": lambda bits: _stuffed(bits, after=6),
-        "a stuff bit may begin a run of five, which `replace` does not detect": (
+        "a stuff bit may start a run of five, which `replace` does not detect": (
             lambda bits: bits.replace("00000", "000001").replace("11111", "111110")
         ),
         "five ones get a stuff bit too": lambda bits: _stuffed(bits, only="0"),
         "five zeros get a stuff bit too": lambda bits: _stuffed(bits, only="1"),
-        "a stuff bit has the other value": lambda bits: _stuffed(bits, turned=False),
+        "a stuff bit has the opposite value": lambda bits: _stuffed(bits, turned=False),
         "a run of five may end with the last bit": lambda bits: _stuffed(bits[:-1]) + bits[-1:],
         "nothing is inserted; when is a stuff bit needed?": lambda bits: bits,
         "Count equal bits as you go: when does the count restart, and from what number?": ANY,
@@ -101,7 +101,7 @@ def stuffed() -> Solution:
 
 @solution("ex-05-3", stop_ms=(1.75, 2.0, 2.25), n_bytes=range(1, 8))
 def response(stop_ms: float, n_bytes: int) -> Solution:
-    """Longest response of a message that waits for two others and is blocked by a third."""
+    """Longest response time of a message that waits for two others and is blocked by a third."""
     messages = MessageSet(
         [
             Message("stop", 1, 1, stop_ms / 1e3),
@@ -113,15 +113,15 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
     right = 1e3 * response_times(messages, _RATE)["yours"].response
     stop, speed, yours, log = 1e3 * frame_length([1, 4, n_bytes, 8]) / _RATE
     bare = 1e3 * frame_length([1, 4, n_bytes, 8], stuffing="none") / _RATE
-    # Every frame counted without stuff bits; stop still comes twice, or once.
+    # Every frame is counted without stuff bits; stop is still sent twice, or only once.
     once = bare[3] + bare[0] + bare[1]
     return Number(right, "ms"), {
-        "a less urgent frame may just have begun: which one blocks, and for how long?": (
+        "a less urgent frame may have just started: which one blocks, and for how long?": (
             stop + speed + yours
         ),
         "which more urgent message is sent again while yours waits?": log + stop + speed + yours,
         "that is the wait; your own frame has to be sent too": right - yours,
-        "frames without stuff bits; for the worst case count 55 + 10 n bits": (
+        "those are frames without stuff bits; in the worst case, a frame has 55 + 10 n bits": (
             once + (bare[0] if once > stop_ms else 0.0) + bare[2]
         ),
         "how often is stop sent while yours waits? Compare with its period": right + stop,
@@ -129,11 +129,11 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
         "your own frame does not block itself; which one does?": right - log + yours,
         "that is your own frame alone; which frames can come before it?": yours,
         "which message besides stop is more urgent than yours?": right - speed,
-        "Write the wait as a sum: the frame that blocks, then the more urgent ones": ANY,
+        "Write the wait as a sum: the frame that blocks, then the more urgent frames": ANY,
     }
 
 
-#: Sets that one order alone keeps in time, and not that by deadline; found by trying many. For
+#: Sets that meet all deadlines in one order only, not that of the deadlines; found by search. For
 #: each message: bytes, period and deadline [ms].
 _SETS = (
     ((5, 2.5, 2.5), (8, 2.0, 2.0), (1, 4.75, 2.75)),
@@ -152,7 +152,7 @@ def _table(names: Sequence[str], rows: Sequence[tuple[int, float, float]]) -> st
 
 
 def _slacks(messages: MessageSet) -> dict[str, float]:
-    """Return how long before its deadline each message comes at the latest [ms], by its name."""
+    """Return the slack of each message [ms], by name."""
     return {one.message.name: 1e3 * one.slack for one in response_times(messages, _RATE)}
 
 
@@ -163,19 +163,19 @@ def _slacks(messages: MessageSet) -> dict[str, float]:
     ),
 )
 def slack(messages: str) -> Solution:
-    """Smallest slack of three messages in the order in which all of them are in time."""
+    """Smallest slack of three messages in the order that meets all deadlines."""
     known = MessageSet.parse(messages)
     good = tuple(audsley(known, _RATE).messages.names)
     right = _slacks(known.ordered(good))
     mistakes: dict[str, object] = {
-        "Compute the slacks of all six orders: in which of them is none below zero?": ANY,
+        "Compute the slacks of all six orders: in which order is none below zero?": ANY,
         "that is the largest slack; which message comes closest to its deadline?": (
             max(right.values())
         ),
         "that is one of the slacks in the right order; is it the smallest?": (
             sorted(right.values())[1]
         ),
-        "that is a deadline less a frame; where is the wait?": min(
+        "that is a deadline less a frame's duration; where is the wait?": min(
             1e3 * (one.deadline - one.frame_time(_RATE)) for one in known
         ),
     }

@@ -1,4 +1,4 @@
-"""Exercises of lesson 6: Modbus, its bytes, its silences, and how long a scan takes."""
+"""Exercises of lesson 6: Modbus requests, silences and scan times."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def request(unit: int, number: int, quantity: int) -> Solution:
             asking(number - 1)[:-2] + (2 * quantity).to_bytes(2)
         ),
         "the quantity has two bytes": asking(number - 1)[:-2] + quantity.to_bytes(1),
-        "each of the two numbers is sent high byte first": (
+        "both numbers are sent high byte first": (
             bytes([unit, 3]) + (number - 1).to_bytes(2, "little") + quantity.to_bytes(2, "little")
         ),
         "the 4 in front of 40001 only says that it is a holding register: it is not sent": (
@@ -58,17 +58,17 @@ def response_time(registers: int, rate: int) -> Solution:
         return 1e3 * SerialLine(rate, character).frame_time(size)
 
     return Number(lasts(), "ms"), {
-        "a byte is more than 8 bits on the line": lasts() * 8 / 11,
-        "count a character of 8E1 again: start, data, parity, stop": lasts(character="8N1"),
+        "a byte takes more than 8 bits on the line": lasts() * 8 / 11,
+        "count the bits of 8E1 again: start, data, parity, stop": lasts(character="8N1"),
         "that is the data alone; which bytes come before and after them?": lasts(-5),
         "every frame ends with a CRC: is it counted?": lasts(-2),
         "one byte too few: list the bytes before and after the data": lasts(-1),
         "one byte too many: list the bytes before and after the data": lasts(1),
         "a register has 16 bits": lasts(-registers),
-        "from its first bit to its last: the silence comes after it": (
+        "count from the first bit to the last: the silence comes after them": (
             lasts() + 1e3 * SerialLine(rate).t35
         ),
-        "that includes the request; only the response is required": lasts(8),
+        "that includes the request; only the response counts": lasts(8),
         "Count the bytes of the response one by one, then the bits of one character": ANY,
     }
 
@@ -82,7 +82,7 @@ def _scan_with(silences: float, n_slaves: int, n_registers: int, bit_rate: int) 
     return n_slaves * (13 + 2 * n_registers + silences) * 11 / bit_rate
 
 
-#: One slave with one register; where silence begins to be fixed, and beyond; the largest of all.
+#: The smallest scan; the last rate with a variable silence, two with a fixed one; the largest.
 _TRIED = [(1, 1, 9600), (31, 10, 19200), (60, 4, 38400), (247, 4, 115200), (247, 125, 4800)]
 
 
@@ -101,7 +101,7 @@ def scan_time() -> Solution:
         "a register has 16 bits": (
             lambda *case: _scan(*case) - case[0] * case[1] * SerialLine(case[2]).character_time
         ),
-        "count a character of 8E1 again: start, data, parity, stop": (
+        "count the bits of 8E1 again: start, data, parity, stop": (
             lambda *case: _scan(*case, character="8N1")
         ),
         "that is one slave; how many are polled?": lambda n, *case: _scan(1, *case),
@@ -119,7 +119,7 @@ def scan_time() -> Solution:
     "ex-06-4", rate=(38400, 57600, 115200), think_ms=range(3, 9), timeout_ms=range(150, 451, 50)
 )
 def most_valves(rate: int, think_ms: int, timeout_ms: int) -> Solution:
-    """Most valves, one of them dead, that a master scans in time."""
+    """Largest number of valves, one of them dead, that a master scans in time."""
     serial = SerialLine(rate)
 
     def most(think_ms: int, dead: int = 1) -> int:
@@ -127,20 +127,20 @@ def most_valves(rate: int, think_ms: int, timeout_ms: int) -> Solution:
         return poll.max_slaves(_LIMIT, dead=dead)
 
     def fit(silence: float, characters: int = 21) -> int:
-        """Return how many fit if all but the silence or the bytes is right."""
+        """Return how many valves fit with another silence or number of characters."""
         left = _LIMIT - 8 * serial.character_time - timeout_ms / 1e3
         each = characters * serial.character_time + 2 * silence + think_ms / 1e3
         return 1 + int(left / each)
 
     right = most(think_ms)
     return Whole(right, "valves"), {
-        "that is with no dead valve; how much time does one dead valve take?": most(
+        "that is without a dead valve; how much time does one dead valve take?": most(
             think_ms, dead=0
         ),
         "valves need time to process a request": most(0),
-        # Who forgets to add the dead valve, and who lets it think, both come here.
+        # Omitting the dead valve, or giving it processing time, gives this answer.
         "the dead valve counts too, but it has no processing time and no silences": right - 1,
-        "the dead valve's request and time-out come first: do all the others fit into the rest?": (
+        "the dead valve's request and time-out come first: do the others fit into the rest?": (
             right + 1
         ),
         "there are two silences in each transaction": fit(0),

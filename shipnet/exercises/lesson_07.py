@@ -10,7 +10,7 @@ from shipnet.remote_control.ring_buffer import Ring, State
 
 _SIZE, _CHARACTER = 128, 10
 
-#: States whose bytes lie across the end of the ring.
+#: States in which the unread bytes lie across the end of the ring.
 _RINGS = tuple(
     {"no": 4 + 11 * k % 37, "ring_f": 1 - k % 2, "get_no": 88 + 17 * k % 40, "ring_get_f": k % 2}
     for k in range(24)
@@ -19,7 +19,7 @@ _RINGS = tuple(
 
 @solution("ex-07-1", ring=_RINGS)
 def unread(ring: dict[str, int]) -> Solution:
-    """What the variables show, by bringing a ring into that state."""
+    """Unread bytes that the variables show, counted by a ring in that state."""
     found, wanted = Ring(_SIZE, "corrected"), State(**ring)
     while found.state[2:] != wanted[2:]:
         found.store(0)
@@ -27,28 +27,28 @@ def unread(ring: dict[str, int]) -> Solution:
     while found.state != wanted:
         found.store(0)
     return Whole(found.seems_unread, "bytes"), {
-        "the distance is below zero: what do the different flags mean?": ring["no"]
+        "the difference is below zero: what do the different flags mean?": ring["no"]
         - ring["get_no"],
-        "that is the free part; the writer is ahead, across the end": ring["get_no"] - ring["no"],
+        "those are the free places; the writer is ahead, past the end": ring["get_no"] - ring["no"],
         "one lap of the ring too many": found.seems_unread + _SIZE,
         "there are 128 places from 0 to 127": found.seems_unread - 1,
-        "the byte at `no` is not written yet": found.seems_unread + 1,
+        "the byte at `no` has not been written yet": found.seems_unread + 1,
         "those lie before the end of the ring; how many lie after it?": _SIZE - ring["get_no"],
         "those lie after the end of the ring; how many lie before it?": ring["no"],
-        "Draw the places as a circle and mark `no` and `get_no`: which bytes lie between?": ANY,
+        "Draw the places as a circle, mark `no` and `get_no`: which bytes lie between them?": ANY,
     }
 
 
 @solution("ex-07-2", places=(32, 64, 128, 256), rate=(600, 1200, 2400, 4800, 9600))
 def empty_again(places: int, rate: int) -> Solution:
-    """When a ring that nobody reads looks empty again."""
+    """Time after which a ring that is not read looks empty again."""
     ring, stored = Ring(places), 0
     while ring.seems_unread or not stored:
         ring.store(0)
         stored += 1
     right = 1e3 * stored * _CHARACTER / rate
     return Number(right, "ms"), {
-        "then the ring is full; when are the flags equal again too?": right / 2,
+        "at that time the ring is full; when are the flags equal again?": right / 2,
         "a byte takes 10 bits on this line": 0.8 * right,
         "a byte takes 10 bits on this line, and full is not empty": 0.4 * right,
         "these lines have no parity bit: 10 bits per byte": 1.1 * right,
@@ -66,12 +66,12 @@ def _lost(events: str, size: int) -> int:
             ring.store(0)
         elif ring.extract().action == "repair":
             ring.extract()
-    # What is overwritten is lost, whether or not the reader has come to it.
+    # Overwritten bytes are lost, whether or not the reader has reached them.
     return ring.lost + max(0, ring.unread - size)
 
 
 def _counting(most: int, least: int = 0) -> Callable[[str, int], int]:
-    """Return a function that lets up to size + most bytes wait, and down to least."""
+    """Return a function whose count of unread bytes is between least and size + most."""
 
     def lost_bytes(events: str, size: int) -> int:
         waiting = lost = 0
@@ -88,7 +88,7 @@ def _counting(most: int, least: int = 0) -> Callable[[str, int], int]:
 
 
 def _emptied(events: str, size: int) -> int:
-    """Count as somebody does who takes a full ring for an empty one at the next write."""
+    """Count as if a write to a full ring emptied it first."""
     waiting = lost = 0
     for event in events:
         if event == "r":
@@ -100,7 +100,7 @@ def _emptied(events: str, size: int) -> int:
     return lost
 
 
-#: Nothing; just full; one too many; a read of nothing before; losses before and after a read.
+#: No events; just full; one byte too many; reads of an empty ring; losses around a read.
 _TRIED = [
     ("", 4),
     ("wwww", 4),
@@ -114,7 +114,7 @@ _TRIED = [
 
 @solution("ex-07-3")
 def lost_bytes() -> Solution:
-    """Bytes that are lost by writes and reads in some order."""
+    """Number of bytes lost in a sequence of writes and reads."""
     return Function(_lost, _TRIED, lambda right: Whole(right, "bytes")), {
         "that many are unread; how many of them are still in the ring?": (
             lambda events, size: max(0, events.count("w") - events.count("r"))
@@ -134,25 +134,25 @@ def lost_bytes() -> Solution:
 
 
 def _places(needed: int) -> int:
-    """Return the smallest ring of a power of two that loses nothing."""
+    """Return the smallest power of two that is enough for a ring to lose nothing."""
     places = 2
     while _lost("w" * needed, places):
         places *= 2
     return places
 
 
-# Without what waits already, the next smaller power of two would do.
+# Without the bytes already waiting, the next smaller power of two would be enough.
 @solution("ex-07-4", rate=(4800, 9600, 19200), pause_ms=(125, 250), waiting=(33, 36, 39, 42))
 def free_places(rate: int, pause_ms: int, waiting: int) -> Solution:
-    """Free places of the smallest ring that holds what comes in a pause and what waits already."""
+    """Free places of the smallest ring with room for the bytes of a pause and those waiting."""
     coming = rate * pause_ms // (1000 * _CHARACTER)
     needed = waiting + coming
     size = _places(needed)
     return Whole(size - needed, "places"), {
-        "that ring holds the bytes of the pause; some bytes are already waiting": (
+        "that ring has room for the bytes of the pause; some bytes are already waiting": (
             _places(coming) - coming
         ),
-        "those are the bytes that need room; how much of the ring is left?": needed,
+        "those are the bytes that need room; how many places are left?": needed,
         "that is the size of the ring; how many of its places are free?": size,
         "the next smaller power of two is enough": 2 * size - needed,
         "some bytes are already waiting and need room": size - coming,

@@ -25,13 +25,13 @@ def _lost(n: int, cuts: Sequence[int]) -> int:
 
 @solution("ex-08-1", n=range(32, 41), first=range(10, 14), second=range(16, 19))
 def between_cuts(n: int, first: int, second: int) -> Solution:
-    """Valves that two cuts of a loop cost."""
+    """Number of valves lost if a loop is cut twice."""
     return Whole(_lost(n, [first, second]), "valves"), {
         "those are the valves that still answer": n - second + first,
         "port B still reaches the valves after the second cut": n - first,
         "port A still reaches the valves before the first cut": second,
-        "port B reaches those; which ones does no port reach?": n - second,
-        "port A reaches those; which ones does no port reach?": first,
+        "port B reaches those; which valves does no port reach?": n - second,
+        "port A reaches those; which valves does no port reach?": first,
         "the first cut leaves valve `first` connected to port A": second - first + 1,
         "the valve just before the second cut is lost too": second - first - 1,
         "List the valves that port A reaches, and those that port B reaches; count the others": ANY,
@@ -46,7 +46,7 @@ def between_cuts(n: int, first: int, second: int) -> Solution:
     age=(0.3, 0.4, 0.6, 0.7),
 )
 def oldest(period: float, timeout: int, retries: int, age: float) -> Solution:
-    """Age of values on the screen before a master hears from its second channel."""
+    """Age of values on the screen when the first answer on the second cable ends."""
 
     def old(retries: int) -> float:
         poll = Poll(_STATUS, _LINE, timeout=timeout / 1e3, retries=retries)
@@ -57,19 +57,19 @@ def oldest(period: float, timeout: int, retries: int, age: float) -> Solution:
         "that is the gap; how old were the values when it began?": right - age,
         "how long is it until the next request? The cut came just after an answer": right - period,
         "each retry waits for its own time-out": old(0),
-        "each failed try is a request and a time-out: how long is the request?": (
+        "each failed try takes a request and a time-out: how long is the request?": (
             right - (1 + retries) * _REQUEST
         ),
         "count from the end of one answer to the end of the next": (right + _POLL.time),
-        "the first try fails too: how often does it ask on the first cable?": old(retries - 1),
-        "how often does it ask on the first cable? `retries` times after the first try": (
+        "the first try fails too: how many requests go to the first cable?": old(retries - 1),
+        "`retries` requests follow the first one: how many go to the first cable?": (
             old(retries + 1)
         ),
         "Draw the time from one answer to the next: first a pause, then each failed try": ANY,
     }
 
 
-#: Loops to try a function on: whole, cut once, beside the ports, out of order, and one cut twice.
+#: Loops for tests: no cut, one, two, at both ports, in any order, and two at the same place.
 _TRIED: list[tuple[int, list[int]]] = [
     (40, []),
     (40, [12]),
@@ -83,28 +83,28 @@ _TRIED: list[tuple[int, list[int]]] = [
 
 @solution("ex-08-3")
 def lost_valves() -> Solution:
-    """Valves that any cuts of a loop cost."""
+    """Number of valves lost for any cuts of a loop."""
     return Function(_lost, _TRIED, lambda right: Whole(right, "valves")), {
-        "that is a line; in a loop port B reaches the far part": (
+        "that is for a line; in a loop, port B reaches the far part": (
             lambda n, cuts: n - min(cuts, default=n)
         ),
         "the cuts may come in any order": lambda n, cuts: cuts[-1] - cuts[0] if cuts else 0,
         "there may be more than two cuts": (
             lambda n, cuts: abs(cuts[1] - cuts[0]) if len(cuts) > 1 else 0
         ),
-        "a cut after a valve leaves it connected to those before it": (
+        "a cut after a valve leaves it connected to the valves before it": (
             lambda n, cuts: max(cuts) - min(cuts) + 1 if len(cuts) > 1 else 0
         ),
         "one cut may disconnect several valves, or none": lambda n, cuts: len(cuts),
         "port A reaches the valves before the first cut": lambda n, cuts: max(cuts, default=0),
         "a loop without a cut loses no valve": lambda n, cuts: max(cuts) - min(cuts) if cuts else n,
-        "Draw ten valves in a loop, cut after 3 and 7, then after 5: which are lost?": ANY,
+        "Draw ten valves in a loop, cut it after 3 and 7, then after 5: which are lost?": ANY,
     }
 
 
 @solution("ex-08-4", n=range(20, 46))
 def timeout(n: int) -> Solution:
-    """Time-out with which a round and two waits take the 2 s of the rule."""
+    """Time-out with which a round and two failed polls take the 2 s of the rule."""
     left = RULE - _POLL.scan_time(n)
     return Number(1e3 * (left / 2 - _REQUEST), "ms"), {
         "how many failed polls can one cut cause before all valves downstream of it are moved?": 1e3

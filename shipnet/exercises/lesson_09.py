@@ -17,13 +17,13 @@ _BASE = rule_base()
 
 
 def _firing(readings: Mapping[str, Any], method: str) -> list[list[str]]:
-    """Return the rules that fire at all, for each of some readings."""
+    """Return the rules with a strength above zero, for each set of readings."""
     fired = np.atleast_2d(_BASE.fire(readings, method=method).strength) > 0
     return [[code for code, fires in zip(_BASE.codes, row, strict=True) if fires] for row in fired]
 
 
 def _cases() -> tuple[dict[str, float], ...]:
-    """Return readings for which two to four rules hold, others with ramps, others by one term."""
+    """Return readings for which two to four rules hold, and others with ramps or by one term."""
     values = ((1.8, 118, 128), (0, 1.2, 4.1), (0, 2.3, 3.4), (50, 86, 95), (-3, 40, 103), (0, 2))
     every = np.array(list(product(*values)))
     readings = dict(zip(_BASE.names, every.T, strict=True))
@@ -37,7 +37,7 @@ def _cases() -> tuple[dict[str, float], ...]:
 
 
 def _any_of(readings: dict[str, float]) -> list[str]:
-    """Return the rules of which one comparison holds."""
+    """Return the rules with at least one comparison that holds."""
     return [
         rule.code
         for rule in _BASE.rules
@@ -46,7 +46,7 @@ def _any_of(readings: dict[str, float]) -> list[str]:
 
 
 def _mean(found: list[str]) -> frozenset[str]:
-    """Return the fault at the mean of the numbers of others."""
+    """Return the fault whose number is the mean of the numbers of some faults."""
     return frozenset({_BASE.codes[round(np.mean([*map(_BASE.codes.index, found)]))]})
 
 
@@ -55,20 +55,20 @@ def codes(readings: dict[str, float]) -> Solution:
     """Rules that hold for some readings."""
     found = list(_BASE.decide(readings, method="crisp").codes())
     return Words(frozenset(found), _BASE.codes), {
-        "that is only the first in rank; list every rule that holds": frozenset(found[:1]),
-        "that is only the last in rank; list every rule that holds": frozenset(found[-1:]),
-        "that is the fault at the mean of the numbers; fault numbers are names": _mean(found),
-        "in these rules at least one comparison holds; all of them must hold": (
+        "that is only the highest-ranked rule; list every rule that holds": frozenset(found[:1]),
+        "that is only the lowest-ranked rule; list every rule that holds": frozenset(found[-1:]),
+        "that is the fault with the mean number; fault numbers are only names": _mean(found),
+        "in these rules at least one comparison holds; all comparisons must hold": (
             frozenset(_any_of(readings))
         ),
-        "with ramps these fire; which ones hold?": frozenset(_firing(readings, "fuzzy")[0]),
+        "these fire with ramps; which ones hold without?": frozenset(_firing(readings, "fuzzy")[0]),
         "these rules do not hold; which ones do?": frozenset(_BASE.codes) - frozenset(found),
         "some rules hold: compare the readings with the thresholds, row by row": frozenset(),
-        "Go through the table row by row: a rule holds only if each of its comparisons does": ANY,
+        "Go through the table row by row: a rule holds only if all its comparisons hold": ANY,
     }
 
 
-# No two memberships are equal, so that each mistake gives another number.
+# No two memberships are equal, so each mistake gives a different number.
 @solution("ex-09-2", FP=(116, 118, 119, 122, 124), OP=(2.25, 2.45, 2.65, 2.85))
 def strength(FP: float, OP: float) -> Solution:
     """Firing strength of a rule with two terms."""
@@ -79,21 +79,21 @@ def strength(FP: float, OP: float) -> Solution:
         return [{"printed": printed, "ramps": ramps}]
 
     return Table(row(min(terms))), {
-        "as printed the rule holds only if both comparisons do": row(min(terms), 1 - holds),
-        "`ramps` is the product; the weakest term decides": row(float(np.prod(terms))),
+        "as printed, the rule holds only if both comparisons hold": row(min(terms), 1 - holds),
+        "`ramps` is the product; the weaker term decides": row(float(np.prod(terms))),
         "`ramps` is the mean; a strong term does not compensate for a weak one": row(
             float(np.mean(terms))
         ),
         "`ramps` is the stronger term; both must apply": row(max(terms)),
-        "`ramps` is the sum; the weakest term decides": row(sum(terms)),
-        "`ramps` is how far the weaker term is from 1": row(1 - min(terms)),
-        "How far along its ramp is each reading? Then join the two memberships": ANY,
+        "`ramps` is the sum; the weaker term decides": row(sum(terms)),
+        "`ramps` is 1 minus the weaker term": row(1 - min(terms)),
+        "How far along its ramp is each reading? Then combine the two memberships": ANY,
     }
 
 
 @cache
 def _persistent(fires: str, k: int, n: int) -> str:
-    """Let a hot motor fire as given, and see when its code is active."""
+    """Return when the code of a hot motor is active if its rule fires as given."""
     hot = {"OT": np.where(np.array(list(fires)) == "1", 100, 20)}
     active = _BASE.decide(hot, k=k, n=n).active[:, _BASE.codes.index("O1")]
     return "".join(map(str, active.astype(int)))
@@ -104,16 +104,16 @@ def _marks(found: Iterable[bool]) -> str:
 
 
 def _windows(fires: str, n: int, last: int = 0) -> list[str]:
-    """Return the `n` readings before each place, those up to `last` places after it left out."""
+    """Return `n` readings for each place, the last of them `last` places before it."""
     return [fires[max(0, i + 1 - last - n) : max(0, i + 1 - last)] for i in range(len(fires))]
 
 
 def _slices(fires: str, n: int) -> list[str]:
-    """Return slices that begin at the end if they begin before the first reading."""
+    """Return slices whose negative start counts from the end."""
     return [fires[end - n : end] for end in range(1, len(fires) + 1)]
 
 
-#: Readings to try a function on: one, none fires, all fire, a gap, a flicker.
+#: Readings for tests: only one, none fires, all fire, with a gap, flickering.
 _TRIED = [
     ("1", 1, 1),
     ("0000", 1, 3),
@@ -127,7 +127,7 @@ _TRIED = [
 
 @solution("ex-09-3")
 def persistence() -> Solution:
-    """When a code is active that fires now and then."""
+    """Readings at which a code is active if its rule fires intermittently."""
     return Function(_persistent, _TRIED, Bits), {
         "k readings are enough: k or more, not more than k": (
             lambda fires, k, n: _marks(part.count("1") > k for part in _windows(fires, n))
@@ -135,13 +135,13 @@ def persistence() -> Solution:
         "the k readings need not be consecutive": (
             lambda fires, k, n: _marks("1" * k in part for part in _windows(fires, n))
         ),
-        "the reading itself is the last of the n": (
+        "the current reading is the last of the n": (
             lambda fires, k, n: _marks(part.count("1") >= k for part in _windows(fires, n, last=1))
         ),
         "the window ends with this reading; it does not begin with it": (
             lambda fires, k, n: _marks(fires[i : i + n].count("1") >= k for i in range(len(fires)))
         ),
-        "those are the readings; count over the last n of them": lambda fires, k, n: fires,
+        "those are the readings; count the ones among the last n": lambda fires, k, n: fires,
         "at the beginning the window is shorter: where does your slice begin?": (
             lambda fires, k, n: _marks(part.count("1") >= k for part in _slices(fires, n))
         ),
@@ -150,7 +150,7 @@ def persistence() -> Solution:
                 len(part) == n and part.count("1") >= k for part in _windows(fires, n)
             )
         ),
-        "which of k and n is the window, and which the number that must fire?": (
+        "which of k and n is the window, and which is the number that must fire?": (
             lambda fires, k, n: _marks(part.count("1") >= n for part in _windows(fires, k))
         ),
         "Write the last n readings below each reading, and count the ones": ANY,
@@ -159,26 +159,26 @@ def persistence() -> Solution:
 
 @solution("ex-09-4", burst=(2, 3), period=(6, 7, 8), step=(50, 100, 200, 250))
 def windows(burst: int, period: int, step: int) -> Solution:
-    """Least k of each window that bursts do not make active, and the delay that it costs."""
+    """Smallest k of each window with which bursts raise no alarm, and the resulting delay."""
     bursts = ("1" * burst + "0" * (period - burst)) * 20
     rows = []
     for n in (5, 10, 20):
         k = next(k for k in range(1, n + 1) if "1" not in _persistent(bursts, k, n))
         rows.append({"n": n, "k": k, "delay": _persistent("1" * n, k, n).index("1") * step})
     return Table(rows, {"delay": "ms"}), {
-        "a long window holds more than one burst: count again in the longer ones": [
+        "a long window contains more than one burst: count again in the longer ones": [
             {**row, "k": burst + 1, "delay": burst * step} for row in rows
         ],
-        "with these k the bursts themselves raise an alarm: one more is needed": [
+        "with these values of `k` the bursts raise an alarm: one more is needed": [
             {**row, "k": row["k"] - 1, "delay": row["delay"] - step} for row in rows
         ],
-        "the first reading that fires already counts: how long from it to the last of the k?": [
+        "the first reading that fires counts too: how many steps later is the k-th?": [
             {**row, "delay": row["delay"] + step} for row in rows
         ],
         "the alarm need not wait until the window is full": [
             {**row, "delay": (row["n"] - 1) * step} for row in rows
         ],
-        "`delay` counts readings; how long is a step?": [
+        "`delay` is in readings; how long is a step?": [
             {**row, "delay": row["delay"] / step} for row in rows
         ],
         "`k` = `n` is safe, but a smaller `k` may be enough": [

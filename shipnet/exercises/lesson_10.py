@@ -16,10 +16,10 @@ from shipnet.exercises.exercise import ANY, Solution, solution
 #: Total cost [EUR], points lost by one failure, and faults, by option.
 _Options = Mapping[str, tuple[int, int, int]]
 
-#: A plan that leaves points out.
+#: A plan with unconnected points.
 _POOR = "AS-i without repeaters"
 
-#: Two places of a plant at which its cost is computed [m].
+#: Two distances at which the cost of a plant is computed [m].
 _NEAR, _FAR = 10, 30
 
 
@@ -32,16 +32,16 @@ def _left(contacts: int, lines: int) -> float:
 
 @solution("ex-10-1", contacts=range(120, 401, 20), lines=range(3, 9))
 def conductors_left(contacts: int, lines: int) -> Solution:
-    """Conductors at the cabinet that AS-i leaves of those of home runs."""
+    """Conductors at the cabinet with AS-i, as a percentage of those with home runs."""
     left = _left(contacts, lines)
     return Number(left, "%"), {
         "that is the saving; enter what is left": 100 - left,
         "that is the ratio of contacts to lines; what percentage is left?": contacts / lines,
-        "that is one line; how many are there?": left / lines,
-        "each contact has two wires, and so has each line": 2 * left,
-        "each line has two wires, and so has each contact": left / 2,
-        "divide by the conductors before, not by those saved": 100 * left / (100 - left),
-        "that is the number left; what percentage of all is it?": 2 * lines,
+        "that is for one line; how many lines are there?": left / lines,
+        "each contact has two wires, and so does each line": 2 * left,
+        "each line has two wires, and so does each contact": left / 2,
+        "divide by all conductors of the contacts, not by those saved": 100 * left / (100 - left),
+        "that is the number of conductors left; what percentage is it?": 2 * lines,
         "How many conductors come from the contacts, and how many from the lines?": ANY,
     }
 
@@ -50,14 +50,14 @@ def conductors_left(contacts: int, lines: int) -> Solution:
 def _quantities(
     modules: int, distance: float, spacing: float, contacts: int = 2
 ) -> tuple[Quantities, Quantities]:
-    """Return what a plant takes with home runs, and on AS-i."""
+    """Return the quantities of a plant with home runs and on AS-i."""
     plant = Plant(modules=modules, contacts=contacts, distance=distance, spacing=spacing)
     return plant.hardwired.quantities(), plant.on_asi.quantities()
 
 
 @solution("ex-10-2", modules=(12, 14, 16, 20, 24), distance=(30, 40, 60, 80))
 def saved(modules: int, distance: float) -> Solution:
-    """Share of the cost that AS-i saves."""
+    """Percentage of the cost that AS-i saves."""
 
     def of(figure: str, spacing: float = 4, contacts: int = 2) -> float:
         wired, bus = _quantities(modules, distance, spacing, contacts)
@@ -80,7 +80,7 @@ def saved(modules: int, distance: float) -> Solution:
 
 @solution("ex-10-3", modules=range(4, 9), spacing=(1, 1.5, 2, 2.5))
 def break_even(modules: int, spacing: float) -> Solution:
-    """Distance from which AS-i costs less than home runs."""
+    """Distance beyond which AS-i costs less than home runs."""
     (wired, bus), (wired_far, bus_far) = (
         [one["total_cost_eur"] for one in _quantities(modules, place, spacing)]
         for place in (_NEAR, _FAR)
@@ -91,17 +91,17 @@ def break_even(modules: int, spacing: float) -> Solution:
         "that is the distance beyond 10 m; count from the cabinet": beyond,
         "the cost of AS-i grows with the distance too, but more slowly": _NEAR
         + (bus - wired) / wired_per_m,
-        "is your difference that at 10 m or at 30 m? Count from there": _FAR + beyond,
+        "is your difference the one at 10 m or at 30 m? Count from there": _FAR + beyond,
         "how much does the difference change per metre?": _NEAR + beyond / (_FAR - _NEAR),
         "both costs have a part that does not grow with the distance": _NEAR * bus / wired,
         "the sign is wrong: the difference falls with the distance": _NEAR - beyond,
-        "Take the difference of both costs at 10 m and at 30 m: where is it zero?": ANY,
+        "Take the difference between the costs at 10 m and at 30 m: where is it zero?": ANY,
     }
 
 
 @cache
 def _reviews() -> tuple[_Options, _Options]:
-    """Return the ballast valves three ways without faults, and three of which one has some."""
+    """Return three plans of the ballast valves without faults, and three with one faulty plan."""
     ship = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     ballast = ship.where("system == 'Ballast valve'")
     ways = ["home runs", "junction boxes", "AS-i", "CAN"]
@@ -120,7 +120,7 @@ def _reviews() -> tuple[_Options, _Options]:
 
 
 def _good(options: _Options, limit: float, faults: bool = False) -> Iterator[tuple[int, int, str]]:
-    """Yield cost, loss and name of the options within a limit, with faults too if wished."""
+    """Yield cost, loss and name of the options within a limit, without faults by default."""
     for name, (cost, lost, wrong) in options.items():
         if lost <= limit and (faults or not wrong):
             yield cost, lost, name
@@ -131,7 +131,7 @@ def _cheapest(options: _Options, limit: float, faults: bool = False) -> str:
 
 
 def _cases() -> list[tuple[_Options, int]]:
-    """Return reviews with limits: one made up, one that nothing meets, and some at their edge."""
+    """Return reviews with limits: one made up, one that nothing meets, some equal to a loss."""
     made_up = {"home runs": (50, 3, 0), "CAN": (40, 5, 0), "AS-i": (60, 4, 0), _POOR: (55, 2, 0)}
     long, short = _reviews()
     most = long["AS-i"][1]
@@ -141,10 +141,10 @@ def _cases() -> list[tuple[_Options, int]]:
 
 @solution("ex-10-4")
 def choice() -> Solution:
-    """The cheapest option that loses few points and has no faults."""
+    """Cheapest option that loses few points and has no faults."""
     options = (*dict.fromkeys((*_reviews()[0], *_reviews()[1])), "none")
     return Function(_cheapest, _cases(), lambda right: Words(right, options)), {
-        "this one is cheap, but does it lose more points than the limit?": (
+        "this option is cheap, but does it lose more points than the limit?": (
             lambda options, limit: _cheapest(options, inf)
         ),
         "an option with faults is not allowed: what it leaves out costs nothing": (
@@ -153,10 +153,10 @@ def choice() -> Solution:
         "a loss equal to the limit is allowed": (
             lambda options, limit: _cheapest(options, limit - 1)
         ),
-        "two things come before the cost: the faults, and the limit": (
+        "check two things before the cost: the faults and the limit": (
             lambda options, limit: _cheapest(options, inf, faults=True)
         ),
-        "of all that meet the limit, which one is the cheapest?": (
+        "of all options that meet the limit, which one is the cheapest?": (
             lambda options, limit: min(
                 (row[1:] for row in _good(options, limit)), default=(0, "none")
             )[-1]
@@ -167,5 +167,5 @@ def choice() -> Solution:
         "the first suitable option need not be the cheapest": (
             lambda options, limit: next(_good(options, limit), (0, 0, "none"))[-1]
         ),
-        "Remove options with faults, then those that lose too much; which are left?": ANY,
+        "Remove options with faults, then those that lose too much; which is the cheapest?": ANY,
     }

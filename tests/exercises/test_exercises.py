@@ -377,7 +377,7 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
         (Number(6.0, "us"), 19, "far too large"),
         (Number(6.0, "us"), 1, "far too small"),
         (Number(0.3), 30, "percentage"),
-        (Number(30, "%"), 0.3, "share"),
+        (Number(30, "%"), 0.3, "fraction"),
         (Number(-3.0, "V"), 3, "sign"),
         (Number(6.0, "us"), float("inf"), "inf is not one"),
         (Number(1.0, "us"), True, "of type bool"),
@@ -396,10 +396,10 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
         (Bytes(b"\x01\x03"), "01 04", "byte 2 is not right yet"),
         (Bytes(b"\x01\x03\x0a\x84"), "02 03 0a 85", "bytes 1, 4 are not right yet"),
         (Words("near", ("near", "far")), "far", "not right yet"),
-        (Words("near", ("near", "far")), 3, "none of near, far"),
+        (Words("near", ("near", "far")), 3, "not one of near, far"),
         (Words(("a", "b"), ("a", "b", "c")), ["b", "a"], "not right yet"),
         (Words(frozenset("ab"), ("a", "b", "c")), "a, c", "not right yet"),
-        (Words(frozenset("ab"), ("a", "b", "c")), "abc", "none of"),
+        (Words(frozenset("ab"), ("a", "b", "c")), "abc", "not one of"),
         (Words(frozenset("ab"), ("a", "b", "c")), 5, "a list is expected"),
     ],
 )
@@ -455,7 +455,7 @@ def test_a_function_that_stops_is_told_where():
         return n / zero
 
     assert re.fullmatch(
-        r"divide\(1\) stops in its line 3, `return n / zero`: ZeroDivisionError: .*",
+        r"divide\(1\) stops in line 3, `return n / zero`: ZeroDivisionError: .*",
         said_of(TWICE, divide),
     )
 
@@ -500,7 +500,7 @@ def test_a_function_without_an_end_is_stopped(monkeypatch):
             rounds.append(n)
 
     assert said_of(TWICE, endless) == (
-        "endless did not end within 0.2 s: does every loop in it come to an end?"
+        "endless did not end within 0.2 s: does every loop in it end?"
     )
     for thread in enumerate_threads():
         if thread.name == "endless":
@@ -549,7 +549,7 @@ def test_a_table_is_compared_row_by_row():
     ("given", "hint"),
     [
         (5, "of type int"),
-        ({"n": 1, "cycle": 0.5}, "that is a single one"),
+        ({"n": 1, "cycle": 0.5}, "that is a single row"),
         ([], "0 rows, but 2"),
         ([(1, 0.5), (31, 5.0)], "row 1 is of type tuple"),
         ([{"n": 1, "cycle": 0.5}, [31, 5.0]], "row 2 is of type list"),

@@ -132,9 +132,9 @@ def test_what_a_teacher_should_look_at_is_flagged(tmp_path):
     assert flags["b/b.ipynb"] == "same lines for ex-04-3 as a.ipynb"
     assert flags["c.ipynb"] == "name unchanged"
     assert flags["d.ipynb"] == "check of ex-01-4 edited; no name; name unchanged"
-    assert "imports what judges the answers" in flags["e.ipynb"]
+    assert "imports the code that checks answers" in flags["e.ipynb"]
     assert grades.loc["f.ipynb", "points"] == 1
-    assert flags["g.ipynb"] == "no notebook that can be read"
+    assert flags["g.ipynb"] == "not a readable notebook"
     assert flags["h.ipynb"] == "no check of an exercise"
 
 
