@@ -1,4 +1,4 @@
-"""The I/O list of a ship: read it, plan it, compare and study ways to connect its points."""
+"""I/O lists of ships: reading them, and planning and comparing ways to connect their points."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ if TYPE_CHECKING:
 
 @checked
 class IoList(PointTable):
-    r"""The points of a ship: sensors that are read, and outputs that are switched.
+    r"""The I/O points of a ship: sensors to read, and outputs to switch.
 
-    `read_iolist` reads one from a file, `IoList.parse` from text, `IoList.from_table` from a
-    table. Positions are needed only to plan.
+    `read_iolist` reads a list from a file, `IoList.parse` from text, and `IoList.from_table` from
+    a table. Only plans need positions.
 
     Parameters
     ----------
     points : pandas.DataFrame
-        One row per point, numbered from 0: tag, system, type (DI, DO, AI, AO), signal, a key of
-        `SIGNALS`, conductors, x_m, y_m, z_m, box and its position, to_box_m, home_run_m,
-        update_ms, category, note, device, and ex, a mark such as "Ex ia". Missing values are NaN
+        One row per point, numbered from 0: tag, system, type (DI, DO, AI or AO), signal (a key of
+        `SIGNALS`), conductors, x_m, y_m, z_m, box and its position, to_box_m, home_run_m,
+        update_ms, category, note, device, and ex (a mark such as "Ex ia"). Missing values are NaN
         or empty.
     source : str
         Name of the file or text.
     notes : tuple of Remark, optional
-        How the list was read; `reading` returns them as a table, `remarks` as sentences.
+        Remarks on how the list was read; `reading` returns a table, `remarks` sentences.
 
     Raises
     ------
@@ -67,7 +67,7 @@ class IoList(PointTable):
     """
 
     def saving(self, *, lines: int = 1) -> Saving:
-        """Return the numbers of conductors with all points wired individually and on AS-i lines."""
+        """Compare the number of conductors of individual wiring with that of AS-i lines."""
         count = check_whole("lines", lines, 1, 10**9)
         return Saving(hardwired_conductors(self.counts), ASI_PAIR * count)
 
@@ -84,9 +84,9 @@ class IoList(PointTable):
         """Connect all points by one of `OPTIONS`.
 
         `cabinet` is a position (x, y, z) [m], also as text, or None to infer it from the list's
-        lengths; `settings` are values by name. `mix` connects some points by another option,
-        by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. `rules`, as in
-        `compare`, limit the responses as far as a plan can meet them.
+        cable lengths; `settings` are values by name. `mix` selects other options for some points,
+        by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. The response limits
+        of `rules`, as in `compare`, are met where possible.
         """
         from shipnet.design.planning import plan
         from shipnet.design.rules import RuleSet
@@ -108,11 +108,11 @@ class IoList(PointTable):
     ) -> Comparison:
         """Plan the points by several options and compare the designs.
 
-        `options` are some of `OPTIONS`, by default all; `mix` is one more, as in `plan`. `rules`
-        is the name of a published set, a file or a `RuleSet`; a plan that exceeds its limits on
-        responses is planned again within them as far as possible. `rng` draws the assumptions from
-        their ranges. `progress` is called after each plan; by default a terminal shows a bar after
-        2 s.
+        `options` are some of `OPTIONS`, by default all; `mix`, as in `plan`, adds one design.
+        `rules` is the name of a published set, a file or a `RuleSet`; if a plan exceeds its
+        response limits, the points are planned again to meet them where possible. `rng` draws the
+        assumptions from their ranges. `progress` is called after each plan; by default, a
+        terminal shows a progress bar after 2 s.
         """
         from shipnet.design.comparison import compared
         from shipnet.design.planning import OPTIONS, plan
@@ -144,9 +144,9 @@ class IoList(PointTable):
     ) -> pd.DataFrame:
         """Compare the options at every point of a grid of settings.
 
-        The grid maps names of settings to values, or lists its points. Each point gives one row
-        per option, with the columns of `Comparison.table`. Long studies run on all cores; `client`,
-        `folder` and `progress` are those of `shipnet.compute`.
+        `grid` maps names of settings to lists of values, or lists the grid's points. The table has
+        one row per point and option, with the columns of `Comparison.table`. Long studies run on
+        all cores; `client`, `folder` and `progress` are as in `shipnet.compute`.
         """
         from shipnet.design.rules import RuleSet
         from shipnet.parallel import compute, points_of
@@ -160,20 +160,20 @@ class IoList(PointTable):
         found = compute(case, points, client=client, folder=folder, progress=progress)
         tables = []
         for point, table in zip(points, map(pd.DataFrame, found), strict=True):
-            # A value may be a range or several bit rates: each row holds the whole value.
+            # A value may be a range or several bit rates; each row contains the whole value.
             given = {name: [value] * len(table) for name, value in point.items()}
             tables.append(table.assign(**given)[[*point, *table.columns]])
         joined: pd.DataFrame = pd.concat(tables, ignore_index=True)
         return joined
 
     def plot(self, option: str = "home runs", ax: Axes | None = None) -> Axes:
-        """Draw all points wired to the panel one by one ("home runs"), or on one "AS-i" line."""
+        """Draw all points wired individually to the panel ("home runs"), or on one "AS-i" line."""
         from shipnet.design.plot import plot_points
 
         return plot_points(self.points, option, ax=ax)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the list as a CSV file that `read_iolist` reads back."""
+        """Write the list to a CSV file that `read_iolist` can read."""
         empty = [name for name in ("device", "ex") if not self.points[name].any()]
         names = [name for name in COLUMNS if name not in empty]
         table = self.points[names].copy()
@@ -185,7 +185,7 @@ class IoList(PointTable):
 
 @dataclass(frozen=True)
 class _Case:
-    """A comparison at given settings; a class, so that it can be sent to other processes."""
+    """Comparison as a function of settings; a class, because other processes must unpickle it."""
 
     iolist: IoList
     site: Site
@@ -210,24 +210,24 @@ def read_iolist(
     settings: Given = None,
     strict: bool = False,
 ) -> IoList:
-    """Read an I/O list from a CSV file or an Excel workbook, as a yard writes it.
+    """Read a yard's I/O list from a CSV file or an Excel workbook.
 
-    The titles are the best row among the first 50, or two rows: at least ``tag``, and ``signal``
-    or ``type``. A title or a cell may name a unit, such as ``x [mm]`` or ``24,8 m``. Repeated
+    The titles are one or two of the first 50 rows, and include ``tag``, and ``signal`` or
+    ``type``. A title or a cell may include a unit, such as ``x [mm]`` or ``24,8 m``. Repeated
     titles, subtitles, page headers, notes, and rows that are struck out or marked as deleted or
-    spare are left out. `IoList.reading` lists how the file was read.
+    spare are left out. `IoList.reading` reports how the file was read.
 
     Parameters
     ----------
     path : path
         The file.
     sheet : str, optional
-        Sheet of a workbook; by default the visible one with the best titles.
+        Sheet of a workbook; by default the visible sheet with the most known titles.
     settings : Settings or mapping, optional
-        Settings whose tables ``columns``, ``signals``, ``frames`` and ``decks`` explain the list's
+        Settings whose tables ``columns``, ``signals``, ``frames`` and ``decks`` define the list's
         own words.
     strict : bool, default False
-        Whether every doubt is a fault, such as a hidden row.
+        Whether doubts, such as a hidden row, are reported as faults.
 
     Returns
     -------
@@ -237,7 +237,7 @@ def read_iolist(
     Raises
     ------
     InputError
-        If the file cannot be read or is not a list; lists all faults with row and column.
+        If the file cannot be read or is not an I/O list; all faults are listed by row and column.
 
     Examples
     --------

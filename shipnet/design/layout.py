@@ -1,4 +1,4 @@
-"""The cabinet of a design, the lengths of cables on board, and the tables of a design."""
+"""The position of a design's cabinet, the lengths of its cables, and its tables."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import number, record
 from shipnet.lazy import pd
 
-#: A position on board [m]: x forward, y to port, z up, from the origin of the list.
+#: A position on board [m]: x forward, y to port, z up, relative to the list's origin.
 Place = tuple[float, float, float]
 
 
@@ -26,8 +26,8 @@ class Site:
     """The position of the cabinet, and the allowances for cables."""
 
     cabinet: Place
-    detour: float = number(1, 10, "", "Laid length per route", default=1.15)
-    tails: float = number(0, 1000, "m", "Both ends of a cable together", default=5.0)
+    detour: float = number(1, 10, "", "Laid length as a multiple of the route", default=1.15)
+    tails: float = number(0, 1000, "m", "Length for both ends of a cable", default=5.0)
 
     def __post_init__(self) -> None:
         cabinet = _places("cabinet", self.cabinet)
@@ -45,7 +45,7 @@ class Site:
 
 
 def _places(name: str, given: ArrayLike) -> Floats:
-    """Return positions as an array (..., 3), or raise."""
+    """Return positions as an array (..., 3), or raise ArgumentError."""
     try:
         places = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
@@ -53,28 +53,28 @@ def _places(name: str, given: ArrayLike) -> Floats:
     if places.shape[-1:] != (3,):
         raise ArgumentError(f"{name} is {given!r}; it must be an array of shape (..., 3)")
     if np.isinf(places).any():
-        raise ArgumentError(f"{name} holds an infinite coordinate; it must be finite, or NaN")
+        raise ArgumentError(f"{name} has an infinite coordinate; each must be finite or NaN")
     return places
 
 
 # The position of the cabinet, inferred from the lengths of home runs -----------------------------
 
-#: Minimum number of points with position and length: three for the coordinates, one as a check.
+#: Minimum number of points with a position and a length: three for the coordinates, and one check.
 _FEWEST = 4
 
-#: Positions per axis in the first search and in finer ones, and the number each search keeps.
+#: Positions per axis in the first and in later searches, and number of best positions kept.
 _FIRST, _NEXT, _KEPT = 15, 5, 25
 
-#: Reach of the last search, and the largest rounding of a length [m].
+#: Half-width below which the search stops, and maximum rounding error of a length [m].
 _CLOSE, _ROUNDED = 0.02, 0.2
 
 
-#: A position [m], also as text, or None to infer it from the list's lengths.
+#: A position [m], also as text, or None to infer it from the list's cable lengths.
 Where: TypeAlias = "tuple[float, float, float] | Sequence[float] | str | Site | None"
 
 
 class Found(NamedTuple):
-    """The position of a cabinet, inferred from the lengths of cables."""
+    """The position of a cabinet, inferred from cable lengths."""
 
     place: tuple[float, float, float]
     misfit: float
@@ -85,9 +85,9 @@ class Found(NamedTuple):
         x, y, z = self.place
         said = (
             f"the cabinet is assumed at {x:g}, {y:g}, {z:g} m, from the cable lengths of "
-            f"{self.points} points, half of which it fits within {max(self.misfit, 0.1):.1f} m"
+            f"{self.points} points, half of which agree within {max(self.misfit, 0.1):.1f} m"
         )
-        return said if self.settled else f"{said}; other positions fit as well: give the right one"
+        return said if self.settled else f"{said}; other positions fit too: give the correct one"
 
 
 def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0) -> Found:
@@ -119,7 +119,7 @@ def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0
     x, y, z = (round(float(value), 1) + 0.0 for value in centres[0])
     place = np.array([x, y, z])
     misfits = off(place[None])[0]
-    # Points on both sides of the cabinet fix its coordinate.
+    # A coordinate of the cabinet is determined if there are points on both sides of it.
     side = places[misfits <= max(float(np.median(misfits)), _ROUNDED)] - place
     held = ((side < -_ROUNDED).any(axis=0)) & ((side > _ROUNDED).any(axis=0))
     flat = np.ptp(places, axis=0) < _ROUNDED
@@ -135,9 +135,9 @@ def site_of(iolist: PointTable, cabinet: Where, settings: Settings) -> tuple[Sit
     if isinstance(cabinet, str):
         place = _typed(cabinet)
     elif cabinet is None:
-        place, said = (0.0, 0.0, 0.0), "every length to the cabinet is given by the list"
+        place, said = (0.0, 0.0, 0.0), "the list gives every cable length to the cabinet"
         if lost := int(iolist.points["home_run_m"].isna().sum()):
-            said = f"{lost} of {len(iolist)} points have neither a place nor a length"
+            said = f"{lost} of {len(iolist)} points have neither a position nor a length"
         if iolist.located.any() or np.isfinite(iolist.box_places).any():
             try:
                 found = find_cabinet(iolist)
@@ -163,7 +163,7 @@ def _typed(cabinet: str) -> Place:
 
 # The tables of a design: devices, the cables between them, segments, and reasons --------------
 
-#: The columns of each table with their types; a segment may have more.
+#: Columns of each table, with their types; the table of segments may have more columns.
 COLUMNS: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
         "points": {
@@ -207,7 +207,7 @@ def frame(table: str, rows: Any = ()) -> pd.DataFrame:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The tables of a design; `Design` adds what is computed from them."""
+    """The tables of a design; `Design` adds the values computed from them."""
 
     name: str
     iolist: PointTable
@@ -240,7 +240,7 @@ class Layout:
 
     @property
     def worst_response_ms(self) -> float:
-        """Longest response of the points that fit [ms]; NaN if none does."""
+        """Longest response of the points that fit [ms]; NaN if no point fits."""
         return float(self.points.loc[self.points["fits"], "response_ms"].max())
 
     @property

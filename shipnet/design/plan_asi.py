@@ -1,4 +1,4 @@
-"""Points on AS-i: modules, and lines that meet every rule of an installation."""
+"""Planning of AS-i: modules for points, and lines that meet every installation rule."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ from shipnet.line.network import CableRun
 #: Profile of analogue modules, which need an address of their own.
 _ANALOGUE = "S-7.3"
 
-#: Profiles of digital modules, by whether they have outputs and whether they may share their
-#: address. Four outputs of an A/B slave come in two requests, as one bit of four selects the half.
+#: Profiles of digital modules; the key states if they have outputs, and if they may share their
+#: address. An A/B slave needs two requests for four outputs: one bit of four selects A or B.
 _DIGITAL = {
     (False, False): "S-0.F",
     (True, False): "S-7.F",
@@ -57,7 +57,7 @@ _DIGITAL = {
     (True, True): "S-7.A.7",
 }
 
-#: Maximum number of points divided among modules at once; the time grows with its cube.
+#: Maximum number of points divided among modules at once; the run time grows with its cube.
 _MOST = 400
 
 
@@ -88,12 +88,12 @@ class Module(NamedTuple):
 
 
 def modules(draft: Draft, rows: Indices, places: Floats) -> list[Module]:
-    """Return the modules of some points."""
+    """Return modules for the given points."""
     limits, spare = draft.settings.asi, draft.settings.spare
     kinds = np.array([draft.types[row] for row in rows], dtype=object)
     channels = _channels(draft, rows, kinds)
-    # Which points share modules, their kinds, the number of each kind per module, and its
-    # ports: a module with fewer values than ports is faster.
+    # Masks of the points that may share modules, their kinds, and the points and ports of each
+    # kind per module. A module with fewer values than ports is faster.
     digital = limits.inputs, limits.outputs
     sharing: list[tuple[Bools, tuple[str, ...], tuple[int, ...], tuple[int, ...]]] = [
         (np.isin(kinds, ["DI", "DO"]) & (channels > 0), ("DI", "DO"), digital, digital)
@@ -138,7 +138,7 @@ def _extended(profile: str) -> bool:
 
 
 def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> Indices:
-    """Return how many points of its kind a point's module may have; 0 if even one is too slow."""
+    """Return the most points of its kind that each point's module may have; 0 if it is too slow."""
     limits, need = draft.settings.asi, draft.need[rows]
     channels, least = np.zeros(len(rows), dtype=np.intp), np.empty(len(rows))
     for output, kind, most in ((False, "DI", limits.inputs), (True, "DO", limits.outputs)):
@@ -151,7 +151,7 @@ def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> In
         least[analogue] = late
         channels[analogue & (need >= late) & (channels == 0)] = number
     for place in np.flatnonzero(channels == 0):
-        words = "with an AS-i module of its own it has a response of"
+        words = "on an AS-i module of its own, its response takes"
         draft.too_slow(rows[place], float(least[place]), words)
     return channels
 
@@ -159,9 +159,9 @@ def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> In
 def _room(
     zone: Indices, kind: Indices, room: Sequence[int], ports: Sequence[int], spare: float
 ) -> Indices:
-    """Return how many points of each kind a module of each zone may have, (zones, kinds).
+    """Return the maximum number of points per module, shape (zones, kinds).
 
-    Modules of the fullest zones get fewer until there are as many spare ports as wanted, or each
+    The number is reduced in the fullest zones until there are enough spare ports, or until each
     point has a module of its own.
     """
     used = np.zeros((zone.max(initial=-1) + 1, len(ports)), np.intp)
@@ -220,7 +220,7 @@ class Drawn(NamedTuple):
 
 @dataclass
 class _Segment:
-    """A segment while it is drawn: the repeaters before the segment, and the cable in it [m]."""
+    """A segment being drawn: number of repeaters before it, and length of cable in it [m]."""
 
     depth: int
     used: float = 0.0
@@ -272,7 +272,7 @@ def draw(ways: Floats, cable: Floats, limits: AsiLimits) -> Drawn:
 def place_supply(
     pieces: Sequence[Piece], draws: dict[str, float], first: str, voltage: float, resistance: float
 ) -> str:
-    """Return the node of a segment's supply: the first if the voltage allows, else the best."""
+    """Return the node for a segment's supply: `first` if the voltages allow it, else the best."""
     nodes = list(dict.fromkeys(node for piece in pieces for node in (piece.near, piece.far)))
     ends = [[nodes.index(piece.near), nodes.index(piece.far)] for piece in pieces]
     lengths = [piece.length for piece in pieces]
@@ -281,7 +281,7 @@ def place_supply(
     current = np.array([draws.get(node, 0.0) for node in nodes])
 
     def drops(here: list[int]) -> Floats:
-        # Axes: supply, device, device; the length that both routes from the supply share.
+        # Length shared by the routes from a supply to two devices; axes: supply, device, device.
         shared = (away[here, :, None] + away[here, None, :] - away[None]) / 2
         lost = resistance * shared @ current
         return np.asarray(lost.max(axis=1, where=current > 0, initial=0.0))
@@ -342,7 +342,7 @@ class Line(NamedTuple):
 def build(
     group: Sequence[Module], ways: Floats, cable: Floats, need: Floats, limits: AsiLimits
 ) -> Line:
-    """Plan a line; the node of each module is its number from 1."""
+    """Plan a line; the nodes of its modules are numbered from 1."""
     most = [float(min(need[module.rows])) for module in group]
     labels = assign_addresses(len(group), shares=[module.shares for module in group], need=most)
     slaves = [
@@ -411,7 +411,7 @@ def _against_rules(plan: Plan, limits: AsiLimits) -> Exceeded | None:
 
 
 def plan_asi(draft: Draft, rows: Indices) -> None:
-    """Connect points by AS-i modules near them, on as few lines as meet the limits."""
+    """Connect points to nearby AS-i modules, on as few lines as the limits allow."""
     limits = draft.settings.asi
     places = np.where(draft.iolist.located[:, None], draft.places, draft.iolist.box_places)
     known = np.isfinite(places[rows]).all(axis=1)
@@ -440,15 +440,15 @@ def plan_asi(draft: Draft, rows: Indices) -> None:
             continue
         limit, value, bound, unit = line.exceeded
         of = f" {unit}" if unit else ""
-        said = f"with a line of its own: {value:.4g}{of}, allowed {bound:.4g} {unit}"
+        said = f"even on its own line: {value:.4g}{of}, allowed {bound:.4g} {unit}"
         for row in line.modules[0].rows:
             tag = draft.tags[row]
-            text = f"{tag} exceeds the limit of AS-i {limit} {said}"
+            text = f"{tag} exceeds the AS-i limit on {limit} {said}"
             draft.reason(tag, limit, value, bound, unit, text)
 
 
 class _Laying:
-    """A line to add to a draft, with the names and places of its nodes."""
+    """A line to add to a draft, with the names and positions of its nodes."""
 
     def __init__(self, draft: Draft, segment: str, line: Line) -> None:
         assert line.plan is not None

@@ -1,4 +1,4 @@
-"""Points on CAN and Modbus RTU: stations in boxes, and trunks that meet their update times."""
+"""Planning of CAN and Modbus RTU: stations in boxes, and trunks that meet all update times."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def _served(
     most: str,
     alone: Callable[[Box, float], tuple[Floats, str]],
 ) -> list[Box]:
-    """Return boxes with the points that a separate trunk would serve; refuse the others.
+    """Return boxes of the points that a separate trunk can serve; give reasons for all others.
 
-    `alone` returns the update time or response [s] of each point of a box at the end of a separate
+    `alone` returns the update time or response [s] of each point in a box at the end of a separate
     trunk, and a phrase for the reason.
     """
     found = []
@@ -41,7 +41,7 @@ def _served(
         length = route_past(draft, [box]).length
         if length > longest:
             for row in box.rows:
-                text = f"{draft.tags[row]} is {length:.0f} m of trunk away; {most}"
+                text = f"{draft.tags[row]} needs {length:.0f} m of trunk; {most}"
                 draft.reason(draft.tags[row], "length", length, longest, "m", text)
             continue
         need = draft.need[box.rows]
@@ -55,11 +55,11 @@ def _served(
 
 # CAN: messages, and segments that carry them in time --------------------------------------------
 
-#: Bits of an analogue value, and data bits of a frame.
+#: Bits per analogue value, and data bits per frame.
 ANALOGUE_BITS, FRAME_BITS = 16, 64
 
-#: Maximum messages per segment: the 11-bit identifiers except the last 16, which early CAN
-#: controllers cannot send.
+#: Maximum number of messages per segment, one per 11-bit identifier except the last 16, which early
+#: CAN controllers cannot send.
 _MESSAGES = 2**11 - 16
 
 
@@ -74,7 +74,7 @@ class Packed(NamedTuple):
 
 
 def pack(types: Sequence[str], times: Floats) -> list[Packed]:
-    """Return the messages of a station, as few as possible."""
+    """Pack the points of a station into as few messages as possible."""
     kinds = np.asarray(types, dtype=object)
     output = np.isin(kinds, ["DO", "AO"])
     analogue = np.isin(kinds, ["AI", "AO"])
@@ -102,7 +102,7 @@ class _Segment(NamedTuple):
 
 
 def plan_can(draft: Draft, rows: Indices) -> None:
-    """Connect points by stations in their boxes, on as few CAN segments as meet the limits."""
+    """Connect points to stations in their boxes, on as few CAN segments as the limits allow."""
     limits = draft.settings.can
     slowest = min(limits.bit_rates)
     longest = min(max(map(longest_bus, limits.bit_rates)), cables()[limits.cable].longest_m)
@@ -113,7 +113,7 @@ def plan_can(draft: Draft, rows: Indices) -> None:
         size = np.array([2 if draft.types[row][0] == "A" else 1 for row in box.rows])
         # The frame must meet its deadline, and must not exceed the load limit.
         share = min(1 - limits.period_share, limits.period_share * limits.load)
-        words = f"alone on CAN at {rate / 1e3:g} kbit/s it has one every"
+        words = f"alone on CAN at {rate / 1e3:g} kbit/s, it has one every"
         return frame_length(size) / rate / share, words
 
     def judge(group: Sequence[Box]) -> tuple[_Segment | None, float]:
@@ -143,7 +143,7 @@ def plan_can(draft: Draft, rows: Indices) -> None:
             length_m=segment.trunk.length, bus_time=segment.bus_time,
             capacity_used=max(segment.bus_time, (len(group) + 1) / limits.nodes),
             bit_rate=segment.bit_rate, messages=len(segment.messages),
-            # Every message is sent on both lines, so that no changeover is needed.
+            # Every message is sent on both lines, so no change-over is needed.
             switch_over_ms=0.0 if draft.settings.redundant else np.nan,
         )  # fmt: skip
 
@@ -162,7 +162,7 @@ def _segment(draft: Draft, group: Sequence[Box], longest: float) -> tuple[_Segme
         for place, box in enumerate(group)
         for message in pack([draft.types[row] for row in box.rows], draft.need[box.rows])
     ]
-    # Priorities are deadline monotonic: each deadline is the same fraction of the required time.
+    # Deadline-monotonic priorities: each deadline is the same fraction of the required time.
     packed.sort(key=lambda item: item[0].need)
     period = np.array([message.need for message, _ in packed]) * share
     bus_time = float((frame_length([message.dlc for message, _ in packed]) / period).sum()) / rate
@@ -199,9 +199,9 @@ class Registers(NamedTuple):
 
 
 class _Loop(NamedTuple):
-    """A loop; `on_wire` is the part of the scan in which a frame is on the wire [s].
+    """A loop; `on_wire` is the time per scan in which a frame is on the wire [s].
 
-    `longest` has the longest transaction of each station [s].
+    `longest` is the longest transaction of each station [s].
     """
 
     trunk: Backbone
@@ -215,7 +215,7 @@ class _Loop(NamedTuple):
 
 
 def plan_modbus(draft: Draft, rows: Indices) -> None:
-    """Connect points by stations in their boxes, on as few Modbus loops as meet the limits."""
+    """Connect points to stations in their boxes, on as few Modbus loops as the limits allow."""
     limits = draft.settings.modbus
 
     def alone(box: Box, length: float) -> tuple[Floats, str]:
@@ -224,7 +224,7 @@ def plan_modbus(draft: Draft, rows: Indices) -> None:
         least = {
             kind: 2 * _polls(limits, registers_of([kind]), rate)[0].time for kind in set(types)
         }
-        words = f"alone on Modbus RTU at {rate} bit/s it has a response of"
+        words = f"alone on Modbus RTU at {rate} bit/s, its response takes"
         return np.array([least[kind] for kind in types]), words
 
     longest = _longest_section(limits, min(limits.bit_rates))
@@ -286,7 +286,7 @@ def registers_of(types: Sequence[str]) -> Registers:
 
 
 def sections(hops: Sequence[float], *, length: float, unit_loads: int) -> list[int] | None:
-    """Return the stations after which a trunk needs a repeater, or None if none suffices."""
+    """Return the stations after which a trunk needs a repeater, or None if a hop is too long."""
     found: list[int] = []
     loads, laid = 1, 0.0
     for place, hop in enumerate(hops):
@@ -325,7 +325,7 @@ def _loop(draft: Draft, group: Sequence[Box]) -> tuple[_Loop, float]:
 
 
 def _longest_section(limits: ModbusLimits, bit_rate: int) -> float:
-    """Return the longest cable between ends or repeaters [m]; high bit rates shorten it."""
+    """Return the longest permissible cable between ends or repeaters [m] at a bit rate."""
     return min(limits.length, INTERFACES["RS-485"].product / bit_rate)
 
 

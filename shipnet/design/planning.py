@@ -1,4 +1,4 @@
-"""From an I/O list, a site and an option to a design: home runs, boxes, and mixes of options."""
+"""Planning of a design from an I/O list, a site and an option: home runs, boxes, and mixes."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
 
 
 def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
-    """Return the conductors in use and the pairs of a trunk with one common return per signal."""
+    """Return the numbers of conductors used and of pairs in a trunk; a signal has one return."""
     signals, common = draft.iolist.points["signal"].to_numpy(object)[rows], draft.common[rows]
     own, alone = draft.wires[rows] - common, common == 0
     returns = sum(dict(zip(signals, common.tolist(), strict=True)).values())
@@ -91,7 +91,7 @@ _PLANNERS: Mapping[str, Callable[[Draft, Indices], None]] = MappingProxyType(
 #: The options: ways to connect points.
 OPTIONS = tuple(_PLANNERS)
 
-#: Columns whose values a mix may name; the first that names a point decides.
+#: Columns whose values a mix may name, in order of precedence.
 _BY = ("tag", "signal", "system", "category", "type")
 
 
@@ -105,7 +105,7 @@ def plan(
     name: str | None = None,
     rules: RuleSet | None = None,
 ) -> Design:
-    """Connect the points of a list by one option, and those that `mix` names by another.
+    """Connect the points of a list by one option, except those for which `mix` names another.
 
     If a response is longer than `rules` allow, the points are planned again within that limit,
     except those that would then fit nowhere.

@@ -1,4 +1,4 @@
-"""A small plant defined by counts: conductors and cost, hardwired and on AS-i."""
+"""Conductors and cost of a small plant that is defined by counts, hardwired and on AS-i."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from shipnet.fields import check_whole, choice, number, record, whole
 from shipnet.signals import ASI_PAIR, SIGNALS
 from shipnet.signals import Saving as Saving
 
-#: One pair of 0.75 mm2 to a contact, and a shipboard cable for AS-i.
+#: Cable to a contact, one pair of 0.75 mm2, and shipboard cable for AS-i.
 _PAIR, _ASI = "MI1P075", "ASI_MARINE"
 
-#: Cable of a line without a repeater [m]; a repeater adds as much (kim2023, section 3.3).
+#: Longest line without a repeater [m]; each repeater adds as much (kim2023, section 3.3).
 _SEGMENT = 100.0
 
 #: The cabinet, from which distances are measured.
@@ -42,24 +42,24 @@ COUNTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 @checked
 def lines_needed(slaves: int, *, slaves_per_line: int = 62) -> int:
-    """Return the number of AS-i lines, and thus of masters, that a number of slaves needs.
+    """Return the number of AS-i lines, and thus of masters, needed for a number of slaves.
 
     Parameters
     ----------
     slaves : int
-        Slaves, 0 or more.
+        Number of slaves, 0 or more.
     slaves_per_line : int, default 62
-        Slaves of a line, 1..62: 62 with A/B slaves, 31 without.
+        Maximum number of slaves per line, 1..62: 62 with A/B slaves, 31 without.
 
     Returns
     -------
     int
-        Lines.
+        Number of lines.
 
     Raises
     ------
     ArgumentError
-        If a count is out of its range.
+        If an argument is out of range.
 
     Examples
     --------
@@ -73,10 +73,10 @@ def lines_needed(slaves: int, *, slaves_per_line: int = 62) -> int:
 @checked
 @record
 class Plant:
-    """A small plant from counts: modules with contacts, in a row along each of several lines.
+    """A small plant defined by counts: modules with contacts, in a row along each line.
 
-    It is laid out twice, with a cable to every contact and on AS-i, to compute the saving that a
-    paper or an offer claims. It has no spares.
+    The plant is laid out twice, with a cable to every contact and on AS-i, to compute the saving
+    that a paper or an offer claims. There are no spares.
 
     Examples
     --------
@@ -87,17 +87,17 @@ class Plant:
     8454
     """
 
-    modules: int = whole(1, 10_000, help="Modules in all")
-    contacts: int = whole(1, 16, help="Contacts of a module")
-    lines: int = whole(1, 10_000, help="AS-i lines", default=1, at_most="modules")
+    modules: int = whole(1, 10_000, help="Number of modules")
+    contacts: int = whole(1, 16, help="Contacts per module")
+    lines: int = whole(1, 10_000, help="Number of AS-i lines", default=1, at_most="modules")
     distance: float = number(
-        0, 1e4, "m", "From the cabinet to the first module of each line", default=300.0
+        0, 1e4, "m", "Distance from the cabinet to the first module of a line", default=300.0
     )
-    spacing: float = number(0, 1e3, "m", "From a module to the next", default=1.0)
-    drop: float = number(0, 1e3, "m", "From a module to its contacts", default=1.0)
+    spacing: float = number(0, 1e3, "m", "Distance from a module to the next", default=1.0)
+    drop: float = number(0, 1e3, "m", "Distance from a module to its contacts", default=1.0)
     signal: str = choice(
         ("contact", "contact_common"),
-        "Whether each contact has two wires, or a module one common return",
+        "Contacts with two wires each, or with one common return per module",
         default="contact",
     )
 
@@ -160,7 +160,7 @@ class Plant:
 
     @cached_property
     def hardwired(self) -> Design:
-        """Every contact with a cable of its own to the cabinet."""
+        """Design with a cable from every contact to the cabinet."""
         points = self.iolist.points
         # The common return of a module runs beside the wire of its first contact.
         first = np.tile(np.arange(self.contacts) == 0, self.modules)
@@ -178,7 +178,7 @@ class Plant:
 
     @cached_property
     def on_asi(self) -> Design:
-        """The contacts on modules, and the modules on AS-i lines from masters in the cabinet."""
+        """Design with the contacts on modules of AS-i lines, and the masters in the cabinet."""
         rows, points = self._rows, self.iolist.points
         first = (rows["place"] == 0).to_numpy()
         masters = rows["segment"].str.replace("line", "master")

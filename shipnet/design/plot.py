@@ -1,4 +1,4 @@
-"""Drawings of tables: points with their wires, ranges, and two figures against each other."""
+"""Plots of tables: points with their wires, ranges of figures, and one figure over another."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _box(ax: Axes, x: float, y: float, width: float, height: float, text: str, c
 
 
 def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) -> Axes:
-    """Draw the points of a list by device, wired one by one or on an AS-i line."""
+    """Draw the points of a list by device, wired individually or on an AS-i line."""
     drawers = {"home runs": _plot_hardwired, "AS-i": _plot_asi}
     check_choice("option", option, drawers)
     missing = points["tag"][points["device"] == ""]
@@ -62,7 +62,7 @@ def plot_points(points: pd.DataFrame, option: str, *, ax: Axes | None = None) ->
 def _plot_hardwired(
     ax: Axes, devices: list[tuple[str, pd.DataFrame]], counts: Counter[str]
 ) -> tuple[float, str]:
-    """Draw every point wired to the panel on its own, as kim2023's Fig 1; return rows and title."""
+    """Draw points wired individually as in kim2023's Fig 1; return the height and the title."""
     height = len(devices)
     for row, (device, points) in enumerate(devices):
         spread = 0.62 / max(len(points) - 1, 1)
@@ -91,7 +91,7 @@ def _plot_hardwired(
 def _plot_asi(
     ax: Axes, devices: list[tuple[str, pd.DataFrame]], counts: Counter[str]
 ) -> tuple[float, str]:
-    """Draw the points on one AS-i line, as kim2023's Fig 2; return rows and title."""
+    """Draw points on one AS-i line as in kim2023's Fig 2; return the height and the title."""
     height = len(devices)
     middle = -(height - 1) / 2
     _box(ax, 2.1, middle, 1.3, 0.9, "AS-i\nmaster", _MODULE)
@@ -115,7 +115,7 @@ def _plot_asi(
 def plot_ranges(
     ends: pd.DataFrame, words: str, *, likely: pd.DataFrame | None = None, ax: Axes | None = None
 ) -> Axes:
-    """Draw a bar per row of `ends`: nominal value, range, and the interval of 9 in 10 draws."""
+    """Draw one bar per row of `ends`: nominal value, range, and central 90 % of the draws."""
     ax, rows = style.axes(ax), np.arange(len(ends))
     ax.barh(rows, ends["nominal"], height=0.6, color="C5", label="nominal")
     ax.hlines(
@@ -133,7 +133,7 @@ def plot_ranges(
 
 
 def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None = None) -> Axes:
-    """Draw two columns of a table with one dot per row; the dots of rows in `pareto` are filled."""
+    """Plot two columns of a table, one dot per row; dots of rows in `pareto` are filled."""
     ax, (x, y) = style.axes(ax), table.columns
     at, best = table.to_numpy(float), table.index.isin(list(pareto))
     front = at[best][np.lexsort(at[best].T[::-1])]
@@ -144,7 +144,7 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
             markerfacecolor="C0" if filled else "white", zorder=3 if filled else 2,
         )  # fmt: skip
     for names, place, left, below in _labels(table.dropna().astype(float)):
-        # A label is on the side that has room, and below its dot if another label is above.
+        # Each label is on the side with more room, and below its dot if another label is above.
         ax.annotate(
             names, place, (-6 if left else 6, -5 if below else 5), textcoords="offset points",
             ha="right" if left else "left", va="top" if below else "bottom",
@@ -155,7 +155,7 @@ def plot_pareto(table: pd.DataFrame, pareto: Collection[str], *, ax: Axes | None
 
 
 def _labels(table: pd.DataFrame) -> Iterator[tuple[str, tuple[float, float], bool, bool]]:
-    """Yield the names of overlapping dots, their position, and whether it is left and below."""
+    """Yield each label, the position of its dots, and whether it is left of and below them."""
     at = table.to_numpy()
     spread = np.ptp(at, axis=0) if len(at) else np.ones(2)
     shown = (at - at.min(axis=0, initial=np.inf)) / np.where(spread > 0, spread, 1.0)
@@ -183,7 +183,7 @@ def draw_cables(ax: Axes, ends: npt.ArrayLike, colour: str, label: str) -> None:
 
 
 def svg(draw: Callable[[Axes], object], *, width: float = 6.4, height: float = 3.2) -> str:
-    """Return a drawing as SVG; the same drawing gives the same bytes."""
+    """Return a drawing as SVG; the same drawing always gives the same bytes."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 

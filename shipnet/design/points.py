@@ -1,4 +1,4 @@
-"""The rows of an I/O list as points, or all their faults with row and column."""
+"""Conversion of the rows of an I/O list to points; faults are reported by row and column."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ from shipnet.tables import Remark, Sheet, frame_sheet, parse_sheet, read_sheet, 
 
 _POSITION, _BOX = ("x_m", "y_m", "z_m"), ("box_x_m", "box_y_m", "box_z_m")
 
-#: Legal values in the unit of the column, both ends included, except an update time of 0. A ship is
-#: shorter than a kilometre, and its cables are shorter than ten.
+#: Legal range of each column in its unit, with both ends except an update time of 0. A ship is
+#: shorter than 1 km, and its cables are shorter than 10 km.
 RANGES: Mapping[str, tuple[float, float]] = {
     **dict.fromkeys((*_POSITION, *_BOX), (-1e3, 1e3)),
     **dict.fromkeys(("to_box_m", "home_run_m"), (0.0, 1e4)),
@@ -50,12 +50,12 @@ _MARK = r"\W*(?:deleted?|cancell?ed|void|not used|spare|삭제|예비)"
 _MARKED = re.compile(rf"{_MARK}\W*", re.IGNORECASE)
 _MARKED_TAG = re.compile(rf"{_MARK}\b.*", re.IGNORECASE)
 
-#: The start of a text that a spreadsheet would read as a formula without the apostrophe.
+#: Start of a text that a spreadsheet would read as a formula if there were no apostrophe.
 _FORMULA = re.compile(r"'+[=+\-@]")
 
 
 def score(reading: Reading) -> Callable[[Sequence[str]], float]:
-    """Return a function that counts the titles of an I/O list among cells."""
+    """Return a function that counts how many cells are titles of an I/O list."""
 
     def worth(cells: Sequence[str]) -> float:
         found = {column.name for cell in cells if (column := column_of(cell, reading.columns))}
@@ -66,7 +66,7 @@ def score(reading: Reading) -> Callable[[Sequence[str]], float]:
 
 
 class Cells:
-    """The points of a sheet: the cells of each column of an I/O list."""
+    """The points of a sheet, as the cells of each column of an I/O list."""
 
     def __init__(self, sheet: Sheet, reading: Reading) -> None:
         self.sheet, self.reading = sheet, reading
@@ -94,7 +94,7 @@ class Cells:
         self._fill_down("system")
 
     def _second_line(self, below: Sequence[str]) -> list[str] | None:
-        """Return the titles joined with a second row of titles, if these cells are one."""
+        """Return the titles joined with those in the row `below`; None if it has no titles."""
         titles, above, understood = [], "", 0
         for title, cell in zip_longest(self.titles, below, fillvalue=""):
             above = title or above
@@ -140,7 +140,7 @@ class Cells:
         if "tag" not in self.places:
             faults.append("no column tag")
         if "signal" not in self.places and "type" not in self.places:
-            faults.append("no column signal and no column type; expected one at least")
+            faults.append("no column signal and no column type; expected at least one")
         used = "; ".join(unused)
         if faults:
             faults = [f"row {self.sheet.top}: {fault}" for fault in faults]
@@ -180,7 +180,7 @@ class Cells:
         is_marked: bool,
         meant: dict[tuple[str, str], bool],
     ) -> str:
-        """Return why a row is not a point, or "". `meant` caches which types and signals exist."""
+        """Return why a row is not a point, or "". `meant` caches known types and signals."""
         for head in heads:
             if not head.isdisjoint(cells):
                 same = sum(" ".join(cell.split()) in head for cell in cells if cell)
@@ -209,7 +209,7 @@ class Cells:
         width = len(self.titles)
         beside = [row for row, (_, cells) in enumerate(rows) if any(cells[width:])]
         if self.sheet.separator:
-            # The row is shifted, or a number has a comma in it.
+            # The row is shifted, or a number contains a comma.
             for row in beside:
                 self.fault(row, "", f" has {len(rows[row][1])} cells; expected {width}")
         elif beside:
@@ -226,7 +226,7 @@ class Cells:
         filled = tuple(row for row, cell in zip(self.rows, cells, strict=True) if not cell)
         for row in range(1, len(cells)):
             cells[row] = cells[row] or cells[row - 1]
-        said = f"{name} filled down from the row above, as it is given once per group"
+        said = f"{name} filled down from the row above, because it is given once per group"
         self.remarks.append(Remark(said, filled, doubt=True))
 
     def __getitem__(self, name: str) -> list[str]:
@@ -239,7 +239,7 @@ class Cells:
         return self._columns[place] if place < len(self._columns) else [""] * len(self.rows)
 
     def given(self, name: str) -> Bools:
-        """Return whether each cell of a column is filled."""
+        """Return a mask of the cells of a column that are filled."""
         return np.fromiter(map(bool, self[name]), bool, len(self.rows))
 
     def title(self, name: str) -> str:
@@ -251,7 +251,7 @@ class Cells:
         return f"{self.titles[places[0]]}{letter}"
 
     def fault(self, row: int, name: str, text: str) -> None:
-        """Record a fault of a row."""
+        """Record a fault in a row."""
         place = self.places[name][0] if name in self.places else -1
         self._faults.append((row, place, f"row {self.rows[row]}{text}"))
 
@@ -275,7 +275,7 @@ class Cells:
         return self.sheet.odd.get((self.rows[row], places[0]), "")
 
     def check(self, strict: bool) -> None:
-        """Raise all recorded faults, in the order of rows and columns."""
+        """Raise InputError with all recorded faults, in the order of rows and columns."""
         faults = [text for _, _, text in sorted(self._faults)]
         if strict:
             faults += [f"row {n}: {one.what}" for one in self.remarks if one.doubt
@@ -285,11 +285,11 @@ class Cells:
 
 
 #: Reasons to leave out a row that is clearly not a point.
-_REPEATED, _TEXT = "titles again", "no point: a subtitle, a page header or footer, or a note"
+_REPEATED, _TEXT = "repeated titles", "not a point: a subtitle, page header, page footer or note"
 
 
 def _letter(place: int) -> str:
-    """Return the letter of a column in a spreadsheet, given the number of the column from 0."""
+    """Return the letter of a spreadsheet column, whose number counts from 0."""
     more, own = divmod(place, 26)
     return (_letter(more - 1) if more else "") + chr(65 + own)
 
@@ -300,15 +300,15 @@ def _holds_number(cell: str) -> bool:
 
 
 def clean(cell: str) -> str:
-    """Return text as one line, without an apostrophe before a formula."""
+    """Return the text of a cell on one line, without an apostrophe before a formula."""
     # The space is the only printable whitespace.
     text = cell if cell.isprintable() and "  " not in cell else " ".join(cell.split())
     return text[1:] if text[:1] == "'" and _FORMULA.match(text) else text
 
 
 def _cleaned(cells: Sequence[str]) -> list[str]:
-    """Return the clean cells of a column."""
-    # If no cell has a fault, one test of all suffices; cells are already stripped of whitespace.
+    """Return the cleaned cells of a column."""
+    # If no cell needs cleaning, one test of all suffices; cells are already stripped.
     text = "|".join(cells)
     if text.isprintable() and "  " not in text and "'" not in text:
         return list(cells)
@@ -318,12 +318,12 @@ def _cleaned(cells: Sequence[str]) -> list[str]:
 
 # The numbers of an I/O list: positions of points and boxes, lengths of cables, update times ------
 
-#: Tolerance by which a cable may be shorter than the straight distance; both are rounded [m].
+#: Amount by which a cable may be shorter than the straight distance, as both are rounded [m].
 ROUNDED = 0.2
 
 
 def read_numbers(cells: Cells, boxes: Sequence[str]) -> dict[str, Floats]:
-    """Return the numbers of an I/O list, and record their faults."""
+    """Return the numbers of an I/O list, and record all faults in them."""
     mark = decimal_mark(set().union(*(cells[name] for name in RANGES)))
     if mark == ",":
         cells.remarks.append(Remark("numbers have a decimal comma", detail=True))
@@ -339,7 +339,7 @@ def _numbers(cells: Cells, name: str, mark: str) -> Floats:
     if name not in cells.places:
         return np.full(len(cells.rows), np.nan)
     units, scale = UNITS[COLUMNS[name]], cells.scales[name]
-    # A list has few different numbers, so each is read once.
+    # A list has few distinct numbers, so each is parsed once.
     known = {cell: read_number(cell, mark, scale, units) for cell in set(cells[name])}
     wrong = {cell for cell, value in known.items() if cell and value is None}
     bad = [row for row, cell in enumerate(cells[name]) if cell in wrong] if wrong else []
@@ -360,7 +360,7 @@ def _place_by_frames(cells: Cells, numbers: dict[str, Floats]) -> None:
     rows = list(zip(*(map(widened, cells[name]) for name in columns), strict=True))
     given = np.array([any(row) for row in rows], dtype=bool)
     if not (cells.reading.frames and cells.reading.decks):
-        said = "placed by frame and deck, but the settings give no [frames] and [decks]"
+        said = "placed by frame and deck, but the settings do not define [frames] and [decks]"
         cells.doubt(said, given)
         return
     known = {row: cells.reading.place(dict(zip(columns, row, strict=True))) for row in set(rows)}
@@ -375,7 +375,7 @@ def _place_by_frames(cells: Cells, numbers: dict[str, Floats]) -> None:
 
 
 def _check_partly(cells: Cells, names: Sequence[str]) -> Bools:
-    """Check that each point has all coordinates or none, and return which points have them."""
+    """Check that each point has all coordinates or none, and return a mask of those it has."""
     have = np.column_stack([cells.given(name) for name in names])
     for row in np.flatnonzero(have.any(axis=1) & ~have.all(axis=1)).tolist():
         missing = [name for name, one in zip(names, have[row], strict=True) if not one]
@@ -390,7 +390,7 @@ def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, Floats])
     have = _check_partly(cells, _BOX)
     named = np.array([box != "" for box in boxes], dtype=bool)
     alone = (have.any(axis=1) | cells.given("to_box_m")) & ~named
-    cells.wrong(np.flatnonzero(alone).tolist(), "box", "a name, as the list gives its position")
+    cells.wrong(np.flatnonzero(alone).tolist(), "box", "a name for the given position")
     places = np.column_stack([numbers[name] for name in _BOX])
     whole = np.isfinite(places).all(axis=1)
     first: dict[str, int] = {}
@@ -401,7 +401,7 @@ def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, Floats])
     for row in np.flatnonzero(stray).tolist():
         where = ", ".join(f"{value:g}" for value in places[same[row]])
         other = f"box {boxes[row]!r} has another position in row {cells.rows[same[row]]}"
-        said = f", column {cells.title(_BOX[0])}: {other}; expected it at {where} m"
+        said = f", column {cells.title(_BOX[0])}: {other}; expected {where} m"
         cells.fault(row, _BOX[0], said)
     fill = (same >= 0) & ~have.any(axis=1)
     for axis, name in enumerate(_BOX):
@@ -427,7 +427,7 @@ _Found = tuple[str, str, list[tuple[str, str]]]
 def points_of(
     sheet: Sheet, reading: Reading, *, strict: bool = False
 ) -> tuple[pd.DataFrame, tuple[Remark, ...]]:
-    """Make points from the rows of a sheet."""
+    """Convert the rows of a sheet to points, and return these with remarks."""
     cells = Cells(sheet, reading)
     texts = {name: _text(cells, name) for name in ("tag", "system", "box", "device", "ex")}
     _check_tags(cells, texts["tag"])
@@ -442,7 +442,7 @@ def points_of(
         cells.remarks.append(Remark("intrinsically safe, each with a barrier", safe))
     if count := int(np.isnan(numbers["update_ms"]).sum()):
         which = f"{count} points have" if count > 1 else "1 point has"
-        said = f"{which} no update time: that of the settings is used, by default 1000 ms"
+        said = f"{which} no update time; the one in the settings is used, by default 1000 ms"
         cells.remarks.append(Remark(said))
     columns: dict[str, object] = {
         **texts,
@@ -458,7 +458,7 @@ def points_of(
 
 def _text(cells: Cells, name: str) -> list[str]:
     texts = _cleaned(cells[name])
-    # If no text has a fault, one test of all texts suffices.
+    # If every text is printable, one test of all texts suffices.
     if cells.sheet.odd or not "".join(texts).isprintable():
         bad = [n for n, text in enumerate(texts) if not text.isprintable() or cells.odd(n, name)]
         cells.wrong(bad, name, "printable text")
@@ -466,7 +466,7 @@ def _text(cells: Cells, name: str) -> list[str]:
 
 
 def _notes(cells: Cells) -> list[str]:
-    """Return the printable text of each point's notes, from all columns of notes."""
+    """Return the printable text of each point's notes, from all note columns."""
     columns = [_cleaned(cells.column(place)) for place in cells.places.get("note", [])]
     if not columns:
         return [""] * len(cells.rows)
@@ -480,13 +480,13 @@ def _check_tags(cells: Cells, tags: list[str]) -> None:
     for row, tag in enumerate(tags):
         before = first.setdefault(tag.casefold(), row)
         if before != row and tag:
-            taken = f"{tag!r} is the tag of row {cells.rows[before]} already"
-            said = f", column {cells.title('tag')}: {taken}; expected another"
+            taken = f"{tag!r} is already the tag of row {cells.rows[before]}"
+            said = f", column {cells.title('tag')}: {taken}; expected a different tag"
             cells.fault(row, "tag", said)
 
 
 def _look_up(cells: Cells, name: str, known: Mapping[str, str], expected: str) -> list[str]:
-    """Return the meanings of the words of a column; an empty cell means ""."""
+    """Return the meaning of each cell of a column, "" for an empty cell."""
     found = {cell: known.get(plain(widened(cell)), "") for cell in set(cells[name])}
     rows = [row for row, cell in enumerate(cells[name]) if cell and not found[cell]]
     cells.wrong(rows, name, expected)
@@ -494,8 +494,8 @@ def _look_up(cells: Cells, name: str, known: Mapping[str, str], expected: str) -
 
 
 def _signals(cells: Cells, kinds: list[str], safety: list[str]) -> list[str]:
-    """Return the signal of each point, and put marks of intrinsic safety into `safety`."""
-    # A list has few different signals, so each is looked up once.
+    """Return the signal of each point, and add marks of intrinsic safety to `safety`."""
+    # A list has few distinct signals, so each is looked up once.
     known: dict[tuple[str, str, str, str], _Found] = {}
     signals: list[str] = []
     taken: dict[tuple[str, str], list[int]] = {}
@@ -515,23 +515,21 @@ def _signals(cells: Cells, kinds: list[str], safety: list[str]) -> list[str]:
             taken.setdefault((point[0], signal), []).append(cells.rows[row])
     untyped = (word for word, kind in zip(words, kinds, strict=True) if not kind)
     for word, count in Counter(filter(_input_of, untyped)).items():
-        said = f"signal {word!r} without a type is taken for an input, not an output"
+        said = f"signal {word!r} without a type is read as an input, not an output"
         cells.remarks.append(Remark(f"{said}: {count} times"))
     for (word, signal), rows in taken.items():
-        cells.remarks.append(
-            Remark(f"signal {word!r} taken for {signal}", tuple(rows), detail=True)
-        )
+        cells.remarks.append(Remark(f"signal {word!r} read as {signal}", tuple(rows), detail=True))
     return signals
 
 
 def _input_of(word: str) -> str:
-    """Return the type of the input that a word means if it may also mean an output, or ""."""
+    """Return the input type of a word that may mean an input or an output, otherwise ""."""
     kinds = {SIGNALS[name].kind for name in meanings(word)}
     return next((k for k in kinds if k[1] == "I"), "") if {k[1] for k in kinds} == {*"IO"} else ""
 
 
 def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tuple[str, str]]]:
-    """Return a point's signal, given or inferred from its type, and the faults by column."""
+    """Return a point's signal, given or inferred from its type, and its faults by column."""
     whole = re.fullmatch(r"([0-9]{1,4})([.,]0+)?", widened(count))
     conductors = int(whole[1]) if whole else None
     faults = []
@@ -550,19 +548,19 @@ def _signal(word: str, given: str, kind: str, count: str) -> tuple[str, list[tup
         return "contact", [*faults, ("signal", f"is empty; expected one of {alike}")]
     own = SIGNALS[signal]
     if kind and own.kind != kind:
-        faults.append(("type", f"{given!r}; expected {own.kind}, as the signal is {signal}"))
+        faults.append(("type", f"{given!r}; expected {own.kind} for the signal {signal}"))
     if conductors and own.conductors != conductors:
-        expected = f"expected {own.conductors}, as the signal is {signal}"
+        expected = f"expected {own.conductors} for the signal {signal}"
         faults.append(("conductors", f"{count!r}; {expected}"))
     return signal, faults
 
 
 # The table of points ---------------------------------------------------------------------------
 
-#: The words used to read a list that has none of its own.
+#: The default words for reading a list.
 _PLAIN = Reading()
 
-#: Requirements for a file to be an I/O list.
+#: Requirements for an I/O list, as named in errors.
 _WHAT = "titles of an I/O list, which are at least tag, and signal or type"
 
 
@@ -626,7 +624,7 @@ class PointTable:
         return tuple(str(note) for note in self.notes if not note.detail)
 
     def reading(self) -> pd.DataFrame:
-        """Return how the list was read: subject, number of rows, which rows, and any doubt."""
+        """Return the remarks on how the list was read, with their rows and whether in doubt."""
         rows = []
         for note in self.notes:
             which = listed(note.rows, None)[1:].lstrip() if note.rows else ""
@@ -650,15 +648,15 @@ class PointTable:
         return f"{len(self)} point{'' if len(self) == 1 else 's'} ({kinds})"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per point, without empty columns."""
+        """Return the points, one per row, without empty columns."""
         said = (self.points.notna() & (self.points != "")).any()
         return self.points.loc[:, said].copy()
 
     def where(self, query: str) -> Self:
-        """Return the points that a query selects, as `pandas.DataFrame.query` does."""
+        """Return a list of the points that match a query for `pandas.DataFrame.query`."""
         try:
             chosen = self.points.query(query)
-        except Exception as error:  # pandas raises many kinds for what cannot be parsed
+        except Exception as error:  # pandas raises many kinds of errors for illegal queries
             raise ArgumentError(f"query is {query!r}; {error}") from None
         if not len(chosen):
             raise ArgumentError(f"query is {query!r}; no point of the list matches it")
@@ -666,7 +664,7 @@ class PointTable:
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of points by signal, the most frequent first."""
+        """Number of points per signal, the most frequent first."""
         return {str(s): int(n) for s, n in self.points["signal"].value_counts().items()}
 
     @property
@@ -681,5 +679,5 @@ class PointTable:
 
     @property
     def located(self) -> Bools:
-        """Whether the position of each point is known, shape (n,)."""
+        """Mask of the points whose position is known, shape (n,)."""
         return np.asarray(np.isfinite(self.places).all(axis=1))

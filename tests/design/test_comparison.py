@@ -156,7 +156,7 @@ def test_the_cabinet_of_the_example_ship_is_found_from_its_home_runs():
     found = find_cabinet(SHIP)
     assert found.place == (26.0, 6.0, 14.0)
     assert found.misfit < 0.05
-    assert "half of which it fits within 0.1 m" in str(found)
+    assert "half of which agree within 0.1 m" in str(found)
 
 
 def test_an_ambiguous_position_of_the_cabinet_is_reported():
@@ -165,7 +165,7 @@ def test_an_ambiguous_position_of_the_cabinet_is_reported():
     for system in ("Ballast valve", "Main engine", "Fire damper"):
         part = find_cabinet(IoList.from_table(points[points["system"] == system]))
         assert not part.settled
-        assert "other positions fit as well" in str(part)
+        assert "other positions fit too" in str(part)
 
 
 @pytest.mark.parametrize("seed", range(4))

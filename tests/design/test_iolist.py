@@ -112,13 +112,13 @@ def test_one_list_in_many_spellings_is_one_list():
         ({"tag": ""}, r"column tag: is empty; expected a tag"),
         ({"tag": "a\x07b"}, r"column tag: 'a\x07b'; expected printable text"),
         ({"type": "XI"}, r"column type: 'XI'; expected DI, DO, AI or AO"),
-        ({"type": "AI"}, r"column type: 'AI'; expected DI, as the signal is contact"),
+        ({"type": "AI"}, r"column type: 'AI'; expected DI for the signal contact"),
         ({"signal": "limt switch"}, "column signal: signal is 'limt switch'; the nearest known is "
                                     "'limit switch'"),
         ({"signal": "", "type": ""}, "column signal: is empty; expected one of contact"),
         ({"signal": "RTD", "type": "AI", "conductors": ""},
          "signal is 'RTD'; it may be rtd_2wire or rtd_3wire or rtd_4wire"),
-        ({"conductors": "3"}, r"column conductors: '3'; expected 2, as the signal is contact"),
+        ({"conductors": "3"}, r"column conductors: '3'; expected 2 for the signal contact"),
         ({"conductors": "two"}, r"column conductors: 'two'; expected a whole number 1..9999"),
         ({"conductors": "-2"}, r"column conductors: '-2'; expected a whole number"),
         ({"conductors": "2.5"}, r"column conductors: '2.5'; expected a whole number"),
@@ -134,7 +134,7 @@ def test_one_list_in_many_spellings_is_one_list():
         ({"home run": "12,500"}, r"column home run: '12,500'; expected a number 0..10000 m"),
         ({"update": "0"}, r"column update: '0'; expected a number above 0, up to 3600000 ms"),
         ({"update": "-5"}, r"column update: '-5'; expected a number above 0"),
-            ({"jb": ""}, "column jb: is empty; expected a name, as the list gives its position"),
+            ({"jb": ""}, "column jb: is empty; expected a name for the given position"),
     ],
 )  # fmt: skip
 def test_a_faulty_cell_is_named_with_what_is_expected(changes, fault):
@@ -153,8 +153,8 @@ def test_all_faults_are_reported_at_once_in_the_order_of_the_file():
         "row 3, column tag", "row 3, column type", "row 4, column x", "row 4, column home run",
         "row 6, column tag", "row 6, column signal", "row 6, column update",
     ]  # fmt: skip
-    assert "'ls-1' is the tag of row 2 already" in found[0]
-    assert "'LS-4' is the tag of row 5 already" in found[4]
+    assert "'ls-1' is already the tag of row 2" in found[0]
+    assert "'LS-4' is already the tag of row 5" in found[4]
 
 
 def test_a_thousand_faulty_rows_are_all_kept_and_reported_briefly():
@@ -193,7 +193,7 @@ def test_unused_and_assumed_values_are_reported():
     iolist = IoList.parse("tag,type,home run,alarm limit,range\nLS,DI,4,high,\nLT,DI,4,,")
     assert iolist.remarks == (
         "not used: alarm limit; range",
-        "2 points have no update time: that of the settings is used, by default 1000 ms",
+        "2 points have no update time; the one in the settings is used, by default 1000 ms",
     )
     assert iolist.points["update_ms"].isna().all()
 
@@ -246,7 +246,7 @@ def test_a_box_has_one_place_and_needs_it_only_once():
     assert points["box_x_m"].tolist()[:2] == [1.0, 1.0] and np.isnan(points["box_x_m"][2])
     found = faults(f"{head}a,DI,9,JB1,1,2,3\nb,DI,9,JB1,1,2,4\nc,DI,9,JB1,1,,")
     assert found == (
-        "row 3, column box x: box 'JB1' has another position in row 2; expected it at 1, 2, 3 m",
+        "row 3, column box x: box 'JB1' has another position in row 2; expected 1, 2, 3 m",
         "row 4, column box y and box z: is empty; expected box x, box y, box z, or none",
     )
 
@@ -278,7 +278,7 @@ def test_a_table_is_checked_as_a_file_is():
     table = read_iolist(SHIP).points
     assert IoList.from_table(table).points.equals(table)
     assert IoList.from_table(table.iloc[::-1]).points["tag"].tolist() == table["tag"].tolist()[::-1]
-    with pytest.raises(InputError, match=r"row 1, column tag: 'a' is the tag of row 0"):
+    with pytest.raises(InputError, match=r"row 1, column tag: 'a' is already the tag of row 0"):
         IoList.from_table(pd.DataFrame({"tag": ["a", "a"], "type": "DI", "length": 3}))
     with pytest.raises(InputError, match=r"column tag: 'True', true or false; expected printable"):
         IoList.from_table(pd.DataFrame({"tag": [True], "type": "DI", "length": 3}))
@@ -360,7 +360,7 @@ def test_a_type_that_several_signals_have_asks_for_one_of_them():
 def test_a_signal_that_may_be_both_is_an_input_unless_the_type_says_output():
     engine = read_iolist(datasets.path("synthetic_iolist_engine.csv"))
     assert engine.counts == {"rtd_3wire": 62, "contact": 19, "current_loop": 18}
-    said = "signal '4-20 mA' without a type is taken for an input, not an output: 18 times"
+    said = "signal '4-20 mA' without a type is read as an input, not an output: 18 times"
     assert said in engine.remarks
     typed = IoList.parse("tag,type,signal\nA,AO,4-20 mA\nB,AI,4-20 mA")
     assert list(typed.counts) == ["analogue_output", "current_loop"]

@@ -73,7 +73,7 @@ def test_a_messy_list_without_faults_becomes_the_points_that_were_drawn(form, tm
         assert own[["x_m", "y_m", "home_run_m"]].tolist() == pytest.approx([x, y, length])
     said = notes(iolist)
     assert said["left out, marked as deleted or spare"] == 10
-    assert said["left out, titles again"] == 11 and said["titles in two rows"] == 2
+    assert said["left out, repeated titles"] == 11 and said["titles in two rows"] == 2
     if form == "workbook":
         assert said["left out, struck out"] == 1 and said["hidden, but read"] == 2
         assert "read: sheet IO list rev C; not read: Cover" in iolist.remarks
@@ -185,7 +185,7 @@ def test_at_least_70_of_76_common_spellings_are_understood_and_reported():
         except InputError:
             continue
         assert iolist.points.loc[0, "signal"] == signal, word
-        assert word == signal or f"signal {word!r} taken for {signal}" in notes(iolist)
+        assert word == signal or f"signal {word!r} read as {signal}" in notes(iolist)
         understood[signal] += 1
     assert tried >= 76 and understood.total() >= tried - 6
 
@@ -280,7 +280,7 @@ def test_frames_and_decks_may_come_from_sheets_of_the_workbook(tmp_path):
 def test_without_frames_a_place_is_a_doubt_and_no_fault():
     iolist = IoList.parse("tag,type,frame,deck\nA1,DI,34,DK3\nA2,DI,,\n")
     assert not iolist.located.any() and iolist.reading()["doubt"].sum() == 1
-    assert site_of(iolist, None, SETTINGS)[1].startswith("2 of 2 points have neither a place")
+    assert site_of(iolist, None, SETTINGS)[1].startswith("2 of 2 points have neither a position")
 
 
 # What is counted, and what becomes a fault ----------------------------------------------------
@@ -289,8 +289,8 @@ def test_without_frames_a_place_is_a_doubt_and_no_fault():
 @pytest.mark.parametrize(
     ("rows", "what", "count"),
     [
-        ("MAIN ENGINE,,,,,\nA1,DI,contact,1,2,3\n", "left out, no point: a subtitle", 1),
-        (f"A1,DI,contact,1,2,3\n{HEAD}", "left out, titles again", 1),
+        ("MAIN ENGINE,,,,,\nA1,DI,contact,1,2,3\n", "left out, not a point: a subtitle", 1),
+        (f"A1,DI,contact,1,2,3\n{HEAD}", "left out, repeated titles", 1),
         ("A1,DI,contact,1,2,3\nSPARE 1,DI,,,,\nA2,DI,DELETED,1,1,1\n", "left out, marked as", 2),
     ],
 )
@@ -327,7 +327,7 @@ def test_strict_makes_every_doubt_a_fault():
         IoList.parse(text, strict=True)
     assert error.value.faults == (
         "row 5: left out, marked as deleted or spare",
-        "row 3: system filled down from the row above, as it is given once per group",
+        "row 3: system filled down from the row above, because it is given once per group",
     )
 
 
@@ -373,7 +373,7 @@ def test_report_command_and_tables_say_how_the_list_was_read(tmp_path, capsys):
     assert main([*command, "-o", str(report), "-o", str(tmp_path / "answer.json")]) == 0
     assert "left out, marked as deleted or spare: 1 row (4)" in capsys.readouterr().out
     page = report.read_text(encoding="utf-8")
-    assert "how the list was read" in page and "taken for contact" in page
+    assert "how the list was read" in page and "read as contact" in page
     assert "marked as deleted" in (tmp_path / "answer.json").read_text(encoding="utf-8")
     assert main([*command, "--strict"]) == 2
     assert "row 4: left out, marked as deleted or spare" in capsys.readouterr().err
