@@ -144,7 +144,7 @@ class Cells:
         used = "; ".join(unused)
         if faults:
             faults = [f"row {self.sheet.top}: {fault}" for fault in faults]
-            hint = f"unknown titles: {used}; [columns] in the settings may explain them"
+            hint = f"unknown titles: {used}; [columns] in the settings may define them"
             raise InputError(self._source, *faults, *([hint] * bool(used)))
         if unused:
             self.remarks.append(Remark(f"not used: {used}"))

@@ -1,4 +1,4 @@
-"""The report of a comparison: one HTML file that opens offline and prints."""
+"""The report of a comparison: one HTML file that can be read offline and printed."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from shipnet.errors import listed
 BANNER = "A design aid, not class approval."
 
 
-# One self-contained page of HTML: tables, pictures and text; it fetches and runs nothing
+# One page of HTML: tables, pictures and text; it loads no other files and runs no scripts
 
 
 def document(title: str, *parts: str) -> str:
-    """Return a whole page."""
+    """Return a complete page."""
     style = (files("shipnet.design") / "report.css").read_text(encoding="utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -52,7 +52,7 @@ def text(words: str, kind: str = "", tag: str = "p") -> str:
 
 
 def bullets(lines: Iterable[str]) -> str:
-    """Return a list."""
+    """Return a bulleted list."""
     return "\n".join(["<ul>", *(f"<li>{escape(line)}</li>" for line in lines), "</ul>"])
 
 
@@ -70,7 +70,7 @@ def table(
     def cell(tag: str, place: int, value: str) -> str:
         kinds = ["n"] * (place in right)
         if tag == "td":
-            # A short word is not broken, even in a narrow column.
+            # A short value is not wrapped, even in a narrow column.
             kinds += ["k"] * (0 < len(value) <= _SHORT)
             if place in judged:
                 kinds += [kind for word, kind in _VERDICTS.items() if value.startswith(word)]
@@ -102,9 +102,9 @@ def picture(svg: str, words: str) -> str:
     )
 
 
-# The later pages of a report: failures, what does not fit, segments, figures, assumptions
+# The later pages of a report: failures, points left out, segments, figures, assumptions
 
-#: Rows of a long table that the report shows; the saved files have all of them.
+#: Maximum numbers of rows in the report's long tables; the saved files have all rows.
 _FAILURES_SHOWN, _POINTS_SHOWN, _REASONS_SHOWN = 4, 100, 50
 
 #: Note on where the omitted rows are.
@@ -113,7 +113,7 @@ _FILES = "The tables that `--tables FOLDER` writes have"
 _FAILURE_WORDS = {
     "cut": "one cable cut",
     "short": "one pair of a bus or a supply shorted",
-    "device": "one device dead (except the cabinet)",
+    "device": "one device failed (except the cabinet)",
 }
 
 
@@ -144,18 +144,18 @@ def _failures(designs: Mapping[str, Design]) -> str:
             for row in _each(many.head(_FAILURES_SHOWN))
         ]
     return section(
-        "What one failure costs",
+        "Points lost by single failures",
         text(
-            "Every cable, every pair of a bus or of its supply, and every device fails alone. A "
-            "point is lost if no path leads from it to the cabinet, or if its station has no "
-            "supply. Reflections at an open end, and parts in the cabinet, are not considered."
+            "Each cable, each pair of a bus or of its supply, and each device fails alone. A point "
+            "is lost if no path connects it to the cabinet, or if its station has no supply. "
+            "Reflections at an open end, and parts in the cabinet, are not considered."
         ),
         table(
-            ["option", "failure", "cases", "that cost a point", "worst", "what", "systems"], rows,
+            ["option", "failure", "cases", "with losses", "most points", "failed", "systems"], rows,
             numbers=[2, 3, 4],
         ),
-        text(f"The {_FAILURES_SHOWN} failures of each option that cost most", tag="h3"),
-        table(["option", "failure", "what", "segment", "points", "tags"], details, numbers=[4]),
+        text(f"The {_FAILURES_SHOWN} worst failures of each option", tag="h3"),
+        table(["option", "failure", "failed", "segment", "points", "tags"], details, numbers=[4]),
     )  # fmt: skip
 
 
@@ -171,12 +171,12 @@ def _reasons(reasons: pd.DataFrame) -> str:
         for row in _each(reasons.head(_REASONS_SHOWN))
     ]  # fmt: skip
     if not rows:
-        return section("What does not fit", text("Every point fits in every option."))
+        return section("Points left out", text("Every point fits in every option."))
     more = len(reasons) - len(rows)
     return section(
-        "What does not fit",
+        "Points left out",
         table(["option", "subject", "why", "limit", "value", "bound"], rows, numbers=[4, 5]),
-        *([text(f"{_FILES} {more} reasons more.")] if more else []),
+        *([text(f"{_FILES} {more} more reasons.")] if more else []),
     )
 
 
@@ -228,7 +228,7 @@ def _assumptions(quantities: Mapping[str, Quantities]) -> str:
     head = ["what", "low", "nominal", "high", "unit", "status", "source"]
     return section(
         "Assumptions",
-        table(head, rows, numbers=[1, 2, 3], caption="Every price, mass, hour and factor in use."),
+        table(head, rows, numbers=[1, 2, 3], caption="All prices, masses, hours and factors used."),
         text("Not included in any figure", tag="h3"),
         bullets(EXCLUDED),
     )
@@ -248,17 +248,17 @@ def _points(designs: Mapping[str, Design]) -> str:
     return section(title, table(["tag", "system", "signal", *designs], rows, caption=caption))
 
 
-# The report of a comparison: one file that a colleague opens offline and prints -----------------
+# The report of a comparison: one file that a colleague can read offline and print ---------------
 
 _BANNER_MORE = (
     "Computed from an I/O list under the assumptions listed below. Prices, masses and hours are "
-    "estimates until a supplier's are put in; a rule is judged only where its text, or a maker's "
-    "document with its limit, was read, and no society has seen this."
+    "estimates until replaced by a supplier's. A rule is judged only if its text, or a maker's "
+    "document with its limit, was read. No class society has reviewed this report."
 )
 
 
 def report_html(found: Any, title: str, date: str) -> str:
-    """Return the report of a `Comparison`, whose module imports this one."""
+    """Return the report of `found`, a `Comparison`, whose module imports this one."""
     designs, takes, likely = found.designs, found.quantities, found.likely()
     annexes = [
         _what(found),
@@ -310,8 +310,8 @@ def _side_by_side(compared: pd.DataFrame) -> str:
     rows.append([label("pareto"), *("yes" if one else "no" for one in compared["pareto"])])
     return table(
         ["", *map(str, shown.index)], rows, numbers=range(1, len(shown) + 1),
-        caption="The designs side by side. Pareto-optimal: connects every point, and no other is "
-        f"as good in {WEIGHED} and better in one of them.",
+        caption="The designs side by side. Pareto-optimal: the design connects every point, and no "
+        f"other is as good in {WEIGHED} and better in one of them.",
     )  # fmt: skip
 
 
@@ -326,12 +326,12 @@ def _what(found: Any) -> str:
         f"{_assumed(changes, 'detour', 'tails')}."
     )
     if not (iolist.located.any() or np.isfinite(iolist.box_places).all(axis=1).any()):
-        where = "The list gives no places, so every length is the list's own."
+        where = "The list gives no positions, so every length is taken from the list."
     lines = [
         f"I/O list: {iolist}, in {in_systems}.",
         *(f"{said[:1].upper()}{said[1:]}." for said in found.remarks),
         where,
-        f"The host adds {found.settings.host_time:g} s to a response where a rule counts it"
+        f"The host adds {found.settings.host_time:g} s to a response if the rule includes it"
         f"{_assumed(changes, 'host_time')}.",
     ]
     read = [
@@ -340,7 +340,7 @@ def _what(found: Any) -> str:
         for note in iolist.notes
     ]  # fmt: skip
     return section(
-        "What was planned",
+        "Basis of the plans",
         bullets(lines),
         *([table(["how the list was read", "count", "rows"], read, numbers=[1])] if read else []),
         _changes(changes),
@@ -348,7 +348,7 @@ def _what(found: Any) -> str:
 
 
 def _assumed(changes: pd.DataFrame, *names: str) -> str:
-    """Return a note on the values that are defaults, or ""."""
+    """Return a note that values are assumed if they are defaults, otherwise ""."""
     if not {*names}.isdisjoint(changes["name"]):
         return ""
     return ", both assumed" if len(names) > 1 else ", assumed"
@@ -362,7 +362,7 @@ def _changes(changes: pd.DataFrame) -> str:
     if not rows:
         return text("Every limit, price and allowance has its default value.")
     return table(
-        ["name", "here", "default", "what it is", "designs"], rows,
+        ["name", "value", "default", "meaning", "designs"], rows,
         caption="Values that differ from the defaults.",
     )  # fmt: skip
 
@@ -384,19 +384,19 @@ def _pictures(found: Any, likely: pd.DataFrame) -> str:
     figures = [
         picture(
             ranges(axes[0], pd.DataFrame(likely.xs(axes[0], level="figure")).rename(index=named)),
-            "Total cost of each design: nominal, with all assumptions at low and at high, and in 9 "
-            "of 10 draws of them.",
+            "Total cost of each design: nominal, with all assumptions low or all high, and in 9 of "
+            "10 random draws.",
         ),
         picture(ranges("conductors_at_cabinet"), "Conductors in use that enter the cabinet."),
         picture(
             svg(lambda ax: plot_pareto(dots, best, ax=ax)),
-            "Cost against the points that the worst failure costs; filled: Pareto-optimal.",
+            "Points lost by the worst failure over cost; filled dots: Pareto-optimal designs.",
         ),
     ]
     if best:
         # A difference in cost is meaningless if every option leaves points out.
         figures.append(
-            picture(svg(tornado.plot), f"What each assumption does to the {tornado.subject}.")
+            picture(svg(tornado.plot), f"Effect of each assumption on the {tornado.subject}.")
         )
     return section("Figures", f'<div class="pair">{"".join(figures)}</div>')
 
@@ -430,12 +430,12 @@ def _rules(rules: Any, options: Sequence[str]) -> str:
     return section(
         "Rules",
         table(
-            ["rule", "asks", "limit", *options],
+            ["rule", "requirement", "limit", *options],
             judged,
             verdicts=range(3, 3 + len(options)),
-            caption=f"Rule sets {sets}. Not verified: a plan cannot show it, or none of us has "
-            "read the clause; a value was computed all the same. From a maker: the limit is that "
-            "of a maker's document, and we read no standard for it.",
+            caption=f"Rule sets {sets}. Not verified: a plan cannot show whether the rule is met, "
+            "or none of us has read the clause; a value may still be given. From a maker: the "
+            "limit is from a maker's document, and we have read no standard for it.",
         ),
         text("Source of each rule", tag="h3"),
         table(["rule", "set", "clause", "edition", "source", "text read"], read),

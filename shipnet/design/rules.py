@@ -41,7 +41,7 @@ from shipnet.tables import NUMBER, Sheet, frame_sheet, in_order, read_sheet, tit
 
 # Measures of a planned design that a rule may limit ---------------------------------------------
 
-#: Buses with an open international standard or public specification, and their CRC.
+#: Buses with an open standard or public specification, which is named with the bus's CRC.
 STANDARDS: Mapping[str, tuple[str, Crc | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}
 
 #: Longest update time of a fast point [ms]: the shortest time in class rules, 0.1 s in
@@ -53,7 +53,7 @@ LEFT_OUT = "unconnected points"
 
 
 class Outcome(NamedTuple):
-    """The value of a measure: its subject, the reason, and whether it covers only some points."""
+    """The value of a measure, its subject and reason, and whether it covers only some points."""
 
     computed: float
     subject: str = ""
@@ -61,7 +61,7 @@ class Outcome(NamedTuple):
     partial: bool = False
 
 
-#: The points to which a rule applies, by name.
+#: Functions that return a mask of the points to which a rule applies, by name.
 APPLIES: Mapping[str, Callable[[pd.DataFrame], pd.Series[bool]]] = {
     "all": lambda points: points["type"] != "",
     "inputs": lambda points: points["type"].isin(["DI", "AI"]),
@@ -78,7 +78,7 @@ class Facts:
     """A design with the tables that several measures need."""
 
     design: Layout
-    #: Every single failure.
+    #: One row per single failure.
     cuts: pd.DataFrame
     host_time: float
 
@@ -95,7 +95,7 @@ class Facts:
 
     @property
     def left_out(self) -> Bools:
-        """Points that no device can accommodate."""
+        """Mask of the points that do not fit."""
         return ~self.design.points["fits"].to_numpy(bool)
 
 
@@ -126,7 +126,7 @@ def _response(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     known = times.dropna()
     missing = len(times) - len(known)
     if known.empty:
-        return Outcome(_NAN, why=f"none of {missing} points has a response time")
+        return Outcome(_NAN, why=f"none of the {missing} points has a response time")
     added = facts.host_time if host else 0.0
     worst: Any = known.idxmax()
     parts = [f"{known[worst]:.3g} s to the host"]
@@ -188,10 +188,10 @@ def _systems(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     found = rows["tags"].map(lambda tags: sorted({system[tag] for tag in tags if system.get(tag)}))
     unnamed = {tag for tags in rows["tags"] for tag in tags if system.get(tag) == ""}
     worst: Any = found.map(len).idxmax()
-    parts = [f"a cut costs points of {', '.join(found[worst])}"] if found[worst] else []
+    parts = [f"a cut loses points of {', '.join(found[worst])}"] if found[worst] else []
     if unnamed:
         s = "s" if len(unnamed) > 1 else ""
-        parts.append(f"the list names no system for {len(unnamed)} point{s} that a cut costs")
+        parts.append(f"the list names no system for {len(unnamed)} point{s} lost by a cut")
     why = "; ".join(parts) or "none is lost"
     return Outcome(len(found[worst]), str(rows.loc[worst, "failed"]), why, bool(unnamed))
 
@@ -216,7 +216,7 @@ def _switch_over(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         return Outcome(float("inf"), str(single.iloc[0]), "has no second line to switch to")
     gaps = links.set_index("segment").get("switch_over_ms")
     if gaps is None or gaps.isna().any():
-        return Outcome(_NAN, why="how a second line takes over is not in the plan")
+        return Outcome(_NAN, why="the plan does not show how a second line takes over")
     return Outcome(gaps.max() / 1e3, str(gaps.idxmax()), "longest silence when a line breaks")
 
 
@@ -225,8 +225,8 @@ def _change_over(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     if lost.computed != lost.computed:
         return lost
     if lost.computed:
-        return Outcome(float("inf"), lost.subject, "has no other supply beside it")
-    return Outcome(0.0, "", "two supplies feed at once, so that none has to take over")
+        return Outcome(float("inf"), lost.subject, "has no second supply in parallel")
+    return Outcome(0.0, "", "two supplies feed in parallel, so none has to take over")
 
 
 def _buses(facts: Facts) -> list[str]:
@@ -256,12 +256,12 @@ def _repeats(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         return Outcome(_NAN, why="no data link")
     asked = [bus for bus in _buses(facts) if bus != "CAN"]
     if asked:
-        return Outcome(_NAN, why=f"how often the master of {asked[0]} asks again is not in a plan")
-    return Outcome(float("inf"), "", "CAN repeats by itself")
+        return Outcome(_NAN, why=f"a plan does not show how often the {asked[0]} master repeats")
+    return Outcome(float("inf"), "", "CAN repeats automatically")
 
 
 def _most(values: pd.Series[float], subjects: pd.Series[str], none: str) -> Outcome:
-    """Return the largest of some values, and the subject of that value."""
+    """Return the largest value and its subject."""
     if not values.notna().any():
         return Outcome(_NAN, why=none)
     worst: Any = values.idxmax()
@@ -270,7 +270,7 @@ def _most(values: pd.Series[float], subjects: pd.Series[str], none: str) -> Outc
 
 
 def _fed(value: Callable[[pd.DataFrame], pd.Series[float]]) -> _Compute:
-    """Return a measure of the devices that a supply feeds."""
+    """Return the function for a measure of the devices fed by supplies."""
 
     def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         supplies, devices = facts.fed
@@ -305,7 +305,7 @@ def _spur_current(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 
 def _runs(kind: str, total: bool, ohms: bool = False) -> _Compute:
-    """Return a measure of one kind of cable: maximum length, or total per segment and line."""
+    """Return the function for a kind of cable: maximum length, or total per segment and line."""
 
     def compute(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         runs, known = facts.design.cables, cables()
@@ -345,7 +345,7 @@ def _nodes(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 
 def _units(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     devices = facts.fed[1]
-    # An excess over a whole unit that is only a rounding error is ignored.
+    # An excess over a whole unit is ignored if it is only a rounding error.
     units = np.ceil(devices["load_a"] / LOAD_UNIT - 1e-9).groupby(devices["supply"]).sum()
     return _most(units, units.index.to_series(), "no supply feeds a device")
 
@@ -366,9 +366,9 @@ def _terminators(facts: Facts, concerned: Bools, host: bool) -> Outcome:
 _PARTS = ("module", "station", "box")
 _LOST_BY_A_SUPPLY = _lost(("device",), ("supply", "auxiliary supply"), "no supply is planned")
 
-#: The measures, by the name that a rule uses.
+#: The measures, by their names in rules.
 MEASURES: Mapping[str, Measure] = {
-    "response": Measure("s", "longest time from a change to the host, and within it", _response),
+    "response": Measure("s", "longest time from a change to the host, and in the host", _response),
     "late points": Measure("points", "points slower than the list requires", _late),
     LEFT_OUT: Measure("points", "points that fit nowhere", _unconnected),
     "points lost by a cable": Measure(
@@ -379,13 +379,13 @@ MEASURES: Mapping[str, Measure] = {
         _lost(("device",), _PARTS, "no station, module or box"),
     ),
     "points lost by a supply": Measure("points", "lost by the worst supply", _LOST_BY_A_SUPPLY),
-    "supply change-over": Measure("s", "time until another supply feeds", _change_over),
+    "supply change-over": Measure("s", "time until another supply takes over", _change_over),
     "switch-over": Measure(
         "s", "longest silence of a point until its second line takes over", _switch_over
     ),
     "points lost by a device": Measure(
-        "points", "lost by the worst device but the cabinet",
-        _lost(("device",), None, "no device but the cabinet"),
+        "points", "lost by the worst device except the cabinet",
+        _lost(("device",), None, "no device except the cabinet"),
     ),
     "systems on one link": Measure(
         "systems", "systems that the worst failure of a link affects", _systems
@@ -396,41 +396,41 @@ MEASURES: Mapping[str, Measure] = {
         "patterns", "patterns of one or two wrong bits that a CRC misses", _unseen
     ),
     "voltage below nominal": Measure(
-        "%", "largest voltage drop up to a device's worst point, as a share of the voltage",
+        "%", "largest voltage drop to a device's worst point, as a percentage of the voltage",
         _fed(lambda t: 100 * (1 - t["lowest_v"] / t["source_v"])),
     ),
     "voltage with a short": Measure(
-        "%", "the same while the cable of the worst point is shorted",
+        "%", "the same with the cable of the worst point shorted",
         _fed(lambda t: 100 * (1 - t["shorted_v"] / t["source_v"])),
     ),
     "voltage drop": Measure(
-        "V", "largest voltage drop up to a device",
+        "V", "largest voltage drop to a device",
         _fed(lambda t: t["source_v"] - t["voltage_v"]),
     ),
     "voltage above nominal": Measure(
         "%", "excess over 24 V of a supply of stations or outputs", _supply_voltage
     ),
     "supply load": Measure(
-        "%", "largest current of a supply, as a share of its rating", _supply_load
+        "%", "largest current of a supply, as a percentage of its rating", _supply_load
     ),
     "cable load": Measure(
-        "%", "largest current of a feeder, as a share of what its cable may carry",
+        "%", "largest current of a feeder, as a percentage of its cable's limit",
         _fed(lambda t: 100 * t["current_a"] / t["most_a"]),
     ),
     "spur current": Measure("A", "largest current of a point on a link", _spur_current),
     "spur length": Measure("m", "longest cable of a point on a link", _runs("drop", total=False)),
     "spurs in all": Measure(
-        "m", "cable of all points on a segment", _runs("drop", total=True)
+        "m", "total cable of all points on a segment", _runs("drop", total=True)
     ),
     "trunk length": Measure("m", "longest trunk of a segment", _runs("trunk", total=True)),
     "trunk resistance": Measure(
-        "ohm", "both conductors of a trunk", _runs("trunk", total=True, ohms=True)
+        "ohm", "resistance of both conductors of a trunk", _runs("trunk", total=True, ohms=True)
     ),
     "trunk resistance by length": Measure(
-        "%", "resistance of a CAN trunk's conductor, as a share of what makers list for its length",
+        "%", "resistance of a CAN trunk's conductor, as a percentage of the value for its length",
         _resistance_by_length,
     ),
-    "devices of a segment": Measure("devices", "most devices, including the master", _nodes),
+    "devices of a segment": Measure("devices", "most devices, master included", _nodes),
     "load units": Measure("units", "units of 50 mA that one supply feeds", _units),
     "load units of a device": Measure(
         "units", "units of 50 mA that one device draws",
@@ -445,7 +445,7 @@ MEASURES: Mapping[str, Measure] = {
 
 # Class rules as data ----------------------------------------------------------------------------
 
-#: Rule sets of `data/design_rules.csv`; a class society's rules hold together with those of IMO.
+#: Rule sets of `data/design_rules.csv`; a class society's rules apply together with those of IMO.
 RULE_SETS = ("DNV", "BV", "IMO", "lee2012", "supply", "NMEA 2000")
 _WITH_IMO = ("DNV", "BV")
 
@@ -463,7 +463,7 @@ class Rule:
     Raises
     ------
     ArgumentError
-        If a word is not one of its legal values, or the limit is not a number.
+        If a value is not legal, or the limit is not a number.
 
     Examples
     --------
@@ -472,26 +472,26 @@ class Rule:
     (True, 'points')
     """
 
-    rule: str = text("Its name")
+    rule: str = text("Name of the rule")
     measure: str = choice(
-        ("", *MEASURES), "A name in `RuleSet.measures`, or empty if a plan cannot show it"
+        ("", *MEASURES), "A name in `RuleSet.measures`, or empty if no plan can show compliance"
     )
     limit: float = number(0, 1e12, help="The limit, in the unit of the measure", missing=True)
-    topic: str = text("Its topic", default="own")
+    topic: str = text("Topic of the rule", default="own")
     asks: str = text("The requirement in words", default="", most=1000)
     applies: str = choice(tuple(APPLIES), "The points concerned", default="all")
     bound: str = choice(tuple(BOUNDS), "How a value compares with the limit", default="at most")
-    unit: str = text("Unit of the limit; that of the measure", default="")
-    host: bool = switch("Whether the time in the host counts", default=False)
+    unit: str = text("Unit of the limit, which is that of the measure", default="")
+    host: bool = switch("Whether the time in the host is included", default=False)
     clause: str = text("Clause of the document", default="")
     edition: str = text("Edition of the document", default="")
     source: str = text("The document", default="", most=1000)
     confirmed: str = choice(
-        ("no", "maker", "yes"), "Whether its text was read; maker: only a maker's document with "
-        "the limit was. A rule with no is never met", default="no",
+        ("no", "maker", "yes"), "Whether the rule's text was read; maker: only a maker's document "
+        "with the limit was. If no, the rule is never met", default="no",
     )  # fmt: skip
-    note: str = text("Why a plan cannot show it", default="", most=1000)
-    rule_set: str = text("The set that it belongs to", default="own")
+    note: str = text("Why no plan can show compliance", default="", most=1000)
+    rule_set: str = text("Rule set of the rule", default="own")
 
     def __post_init__(self) -> None:
         if not self.rule:
@@ -499,25 +499,25 @@ class Rule:
         if self.measure:
             unit = MEASURES[self.measure].unit
             if self.unit not in ("", unit):
-                raise ArgumentError(f"unit is {self.unit!r}; it must be {unit!r}, as computed")
+                raise ArgumentError(f"unit is {self.unit!r}; it must be {unit!r}, the measure's")
             if math.isnan(self.limit):
                 raise ArgumentError("limit is nan; it must be a number, 0 or more")
             object.__setattr__(self, "unit", unit)
 
     def meets(self, computed: float) -> bool:
-        """Return whether a computed value meets the limit; NaN does not."""
+        """Return whether a computed value meets the limit; NaN never does."""
         return bool(BOUNDS[self.bound](computed, self.limit))
 
 
 @checked
 @dataclass(frozen=True)
 class RuleSet:
-    """Class rules: a published set, or your own from a file.
+    """A set of class rules: a published one, or your own from a file.
 
     Parameters
     ----------
     rules : tuple of Rule
-        One rule or more.
+        One or more rules.
 
     Raises
     ------
@@ -538,11 +538,11 @@ class RuleSet:
     def __post_init__(self) -> None:
         object.__setattr__(self, "rules", tuple(self.rules))
         if not self.rules:
-            raise ArgumentError("rules is empty; there must be one Rule or more")
+            raise ArgumentError("rules is empty; there must be at least one Rule")
 
     @classmethod
     def published(cls, rules: str = "DNV") -> RuleSet:
-        """Return the rules of a class society, of IMO, or as lee2012 quotes them."""
+        """Return a published rule set, such as that of a class society or of IMO, by its name."""
         if rules not in RULE_SETS:
             raise ArgumentError(
                 f"rules is {rules!r}; it must be one of {', '.join(RULE_SETS)}, or a file"
@@ -552,13 +552,13 @@ class RuleSet:
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> RuleSet:
-        """Read rules of your own from a CSV file or an Excel workbook."""
+        """Read your own rules from a CSV file or an Excel workbook."""
         what = "titles, which are at least rule, measure and limit"
         return cls(_rules(read_sheet(path, what=what)))
 
     @classmethod
     def of(cls, rules: RuleSet | str | PathLike[str]) -> RuleSet:
-        """Return a rule set, given the set itself, the name of a published set, or a file."""
+        """Return the rule set itself, the published set of a name, or the set in a file."""
         if isinstance(rules, RuleSet):
             return rules
         if isinstance(rules, PathLike) or str(rules).lower().endswith((".csv", ".xlsx")):
@@ -576,12 +576,12 @@ class RuleSet:
         return f"<RuleSet: {len(self)} rules of {sets}>"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per rule, by its name."""
+        """Return a table with one row per rule, indexed by name."""
         return pd.DataFrame([asdict(rule) for rule in self.rules]).set_index("rule")
 
     @staticmethod
     def measures() -> pd.DataFrame:
-        """Return the measures that rules may name: unit and meaning."""
+        """Return a table of the measures that rules may name, with unit and meaning."""
         rows = {name: measure[:2] for name, measure in MEASURES.items()}
         table = pd.DataFrame.from_dict(rows, orient="index", columns=["unit", "meaning"])
         return table.rename_axis("measure")
@@ -633,14 +633,14 @@ def _value(kind: Kind, cell: str) -> object:
 
 
 def longest_responses(rules: Iterable[Rule], points: pd.DataFrame, host_time: float) -> Floats:
-    """Return the longest response that rules allow each point [s]; inf where they name none.
+    """Return the longest response that rules allow for each point [s]; inf without a limit.
 
     A limit that the host alone exceeds is ignored, because no plan can meet it.
     """
     longest = np.full(len(points), np.inf)
     for rule in rules:
         if rule.measure == "response" and rule.bound != "at least":
-            # Slightly less, so that rounding errors do not decide.
+            # Reduced slightly, so that rounding errors do not decide.
             limit = (rule.limit - rule.host * host_time) * (1 - 1e-9)
             mine = APPLIES[rule.applies](points).to_numpy(bool)
             longest[mine] = np.minimum(longest[mine], limit)
@@ -657,7 +657,7 @@ def check(
     *,
     host_time: float | None = None,
 ) -> Findings:
-    """Check a design with its single failures against class rules."""
+    """Check a design and its single failures against class rules."""
     host = design.settings.host_time if host_time is None else host_time
     facts = Facts(design, failures, check_scalar("host_time", host, "s", 0.0, 60.0))
     rows = []
@@ -691,7 +691,7 @@ def _outcome(rule: Rule, facts: Facts) -> Outcome:
 
 
 def _judge(rule: Rule, outcome: Outcome) -> tuple[str, str]:
-    """Return the verdict and the reason for it."""
+    """Return the verdict and its reason."""
     if outcome.computed != outcome.computed:
         return "not verified", outcome.why
     verdict = "met" if rule.meets(outcome.computed) else "violated"

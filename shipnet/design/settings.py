@@ -41,12 +41,12 @@ from shipnet.modbus.electrical import INTERFACES
 from shipnet.modbus.uart import CHARACTERS
 from shipnet.tables import read_bytes, text_of
 
-# Kinds of values that only a design has ------------------------------------------------------
+# Kinds of values that only designs have ------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True)
 class _CableFor(Kind):
-    """A key of the cable catalogue for a cable that suits a bus."""
+    """A key of the cable catalogue whose cable suits a bus."""
 
     bus: str
 
@@ -102,9 +102,9 @@ def _bit_rates(help: str, default: tuple[int, ...]) -> Any:
 class BoxLimits:
     """Junction boxes where the list names none; distances are along the ship's axes."""
 
-    points: int = whole(1, 100_000, help="Most points of a box; assumed", default=32)
+    points: int = whole(1, 100_000, help="Maximum number of points per box; assumed", default=32)
     reach: float = number(
-        0, 1000, "m", "Largest distance between two points of a box; assumed", default=20.0
+        0, 1000, "m", "Largest distance between two points in a box; assumed", default=20.0
     )
 
 
@@ -119,21 +119,21 @@ class AsiLimits:
     shared: bool = switch(
         "Whether an A and a B slave may share an address: 62 slaves per line, else 31", default=True
     )
-    inputs: int = whole(1, 4, help="Digital inputs of a module", default=4)
-    outputs: int = whole(1, 4, help="Digital outputs of a module", default=4)
-    channels: int = whole(1, 4, help="Most analogue values of a module of profile S-7.3", default=4)
+    inputs: int = whole(1, 4, help="Digital inputs per module", default=4)
+    outputs: int = whole(1, 4, help="Digital outputs per module", default=4)
+    channels: int = whole(1, 4, help="Analogue values per module with profile S-7.3", default=4)
     reach: float = number(
-        0, 1000, "m", "Largest distance between two points of a module; assumed", default=10.0
+        0, 1000, "m", "Largest distance between two points on a module; assumed", default=10.0
     )
-    length: float = number(1, 10e3, "m", "Cable of a segment, all branches added up", default=100.0)
+    length: float = number(1, 10e3, "m", "Cable per segment, including all branches", default=100.0)
     repeaters: int = whole(0, 9, help="Repeaters between the master and a module", default=2)
-    tree: bool = switch("Whether the cable branches; else it is a chain of modules", default=True)
+    tree: bool = switch("Whether the cable branches; otherwise it is a daisy chain", default=True)
     cable: str = _cable(
-        "AS-i", "The line, a key of the catalogue; the flat cable has no type approval for ships",
+        "AS-i", "Cable, a key of the catalogue; the flat cable has no type approval for ships",
         "ASI_MARINE",
     )  # fmt: skip
     current: float = number(
-        0, 10, "A", "Current of a module with its sensors, without loops", default=0.065
+        0, 10, "A", "Current of a module and its sensors, without 4-20 mA loops", default=0.065
     )
     voltage: float = number(1, 60, "V", "Voltage of a supply", default=30.0)
     rating: float = number(0.01, 100, "A", "Largest current of a supply", default=8.0)
@@ -142,9 +142,9 @@ class AsiLimits:
         default=True,
     )  # fmt: skip
     conversion: float = number(
-        0, 10, "s", "Conversion of an analogue value; makers print 20 to 60 ms", default=0.06
+        0, 10, "s", "Conversion time of an analogue value; makers state 20 to 60 ms", default=0.06
     )
-    repetitions: int = whole(0, 1000, help="Telegrams repeated while a change waits", default=1)
+    repetitions: int = whole(0, 1000, help="Repeated telegrams that delay a response", default=1)
 
 
 @record(slots=True)
@@ -152,18 +152,18 @@ class CanLimits:
     """Limits of a CAN segment; NMEA 2000 allows 50 nodes (Maretron's guide, pp. 20-21)."""
 
     bit_rates: tuple[int, ...] = _bit_rates(
-        "Bit rates to choose from; a segment has the highest that its length allows",
+        "Bit rates to choose from; a segment uses the highest that its length allows",
         (50_000, 125_000, 250_000, 500_000),
     )
-    nodes: int = whole(2, 128, help="Nodes of a segment with the host: NMEA 2000", default=50)
+    nodes: int = whole(2, 128, help="Nodes per segment, with the host: NMEA 2000", default=50)
     load: float = number(
         0.001, 1, "", "Highest bus load; assumed, to leave room for errors", default=0.5
     )
     period_share: float = number(
-        0.01, 0.99, "", "Period of a message as a share of its points' update time; the rest is "
+        0.01, 0.99, "", "Period of a message as a fraction of its points' update time; the rest is "
         "its deadline. Assumed", default=0.5,
     )  # fmt: skip
-    cable: str = _cable("CAN", "The trunk, a key of the catalogue", "CAN_5_0p75")
+    cable: str = _cable("CAN", "Cable of the trunk, a key of the catalogue", "CAN_5_0p75")
 
 
 #: The limits of RS-485 as manufacturers state them; some state 1200 m, which is 4000 ft rounded.
@@ -179,7 +179,7 @@ class ModbusLimits:
     """
 
     bit_rates: tuple[int, ...] = _bit_rates(
-        "Bit rates to choose from; a loop has the lowest that is fast enough",
+        "Bit rates to choose from; a loop uses the lowest that is fast enough",
         (9600, 19_200, 38_400, 57_600),
     )
     length: float = number(
@@ -187,20 +187,20 @@ class ModbusLimits:
         "inverse proportion above", default=_RS485.length,
     )  # fmt: skip
     unit_loads: int = whole(
-        2, 256, help="Devices between the ends or repeaters, with the master: EIA-485",
+        2, 256, help="Devices between the ends or repeaters, including the master: EIA-485",
         default=_RS485.receivers,
     )  # fmt: skip
-    repeaters: int = whole(0, 9, help="Most repeaters of a loop", default=0)
-    units: int = whole(1, 247, help="Unit ids of a loop", default=247)
+    repeaters: int = whole(0, 9, help="Maximum number of repeaters per loop", default=0)
+    units: int = whole(1, 247, help="Unit ids per loop", default=247)
     processing: float = number(0, 60, "s", "Processing time of a station; assumed", default=0.005)
     timeout: float = number(
         0.001, 60, "s", "Time-out beyond the longest answer, after which the master uses the "
-        "second line; the guide has 1 s to several seconds", default=1.0,
+        "second line; the guide gives 1 s to several seconds", default=1.0,
     )  # fmt: skip
     character: str = choice(
         CHARACTERS, "Data bits, parity and stop bits of a character", default="8E1"
     )
-    cable: str = _cable("Modbus RTU", "The trunk, a key of the catalogue", "RS485_MARINE")
+    cable: str = _cable("Modbus RTU", "Cable of the trunk, a key of the catalogue", "RS485_MARINE")
 
 
 @record(slots=True)
@@ -214,7 +214,7 @@ class SupplyLimits:
 
     voltage: float = number(1, 60, "V", "Voltage of a supply", default=24.0)
     drop: float = number(
-        0.001, 0.999, "", "Highest voltage drop to a station, a module or a coil, as a share of "
+        0.001, 0.999, "", "Highest voltage drop to a station, module or coil, as a fraction of "
         "the voltage: WAGO's marine modules accept 25 % less", default=0.25,
     )  # fmt: skip
     rating: float = number(0.01, 1000, "A", "Largest current of a supply; assumed", default=20.0)
@@ -225,10 +225,10 @@ class SupplyLimits:
     )
     loop: float = number(
         0, 1, "A", "Current of a 4-20 mA loop or output, also added per analogue channel of an "
-        "AS-i module; its upper end, assumed", default=0.022,
+        "AS-i module; its upper limit, assumed", default=0.022,
     )  # fmt: skip
     solenoid: float = number(0, 10, "A", "Current of a coil: 6 W at 24 V, assumed", default=0.25)
-    simultaneity: float = number(0, 1, "", "Share of coils that are on at once", default=0.6)
+    simultaneity: float = number(0, 1, "", "Fraction of coils that are on at once", default=0.6)
     short: float = number(
         0, 100, "A", "Additional current into a short on one point's cable: WAGO", default=1.7
     )
@@ -239,7 +239,7 @@ class SupplyLimits:
 
 @record
 class _Plain:
-    """Values whose names have no dot."""
+    """Settings whose names have no dot."""
 
     detour: float = number(
         1, 10, "", "Laid length of a cable as a multiple of its route; assumed", default=1.15
@@ -247,11 +247,11 @@ class _Plain:
     tails: float = number(0, 1000, "m", "Length for both ends of a cable; assumed", default=5.0)
     # From the arrival of a value to its alarm or indication: scan, alarm logic and screen.
     host_time: float = number(
-        0, 60, "s", "Time in the host, added where a rule counts it; assumed", default=0.5
+        0, 60, "s", "Time in the host, added if a rule includes it; assumed", default=0.5
     )
     spare: float = number(
-        0, 10, "", "Spares per one in use: pairs of trunks, channels of the cabinet or the "
-        "stations, and ports of AS-i modules; assumed", default=0.2,
+        0, 10, "", "Spares as a fraction of those in use: pairs of trunks, channels of the cabinet "
+        "or the stations, and ports of AS-i modules; assumed", default=0.2,
     )  # fmt: skip
     redundant: bool = switch("Whether the trunks of CAN and Modbus are doubled", default=False)
     update: float = number(
@@ -259,21 +259,21 @@ class _Plain:
         "DNV-OS-D202, Ch. 2 Sec. 3 Table A1", default=1.0,
     )  # fmt: skip
     fed: bool = switch(
-        "Whether cables from the cabinet feed stations and supplies in the field; else a board "
-        "beside them does, which is not counted", default=True,
+        "Whether cables from the cabinet feed stations and supplies in the field; otherwise a "
+        "board beside them does, which is not counted", default=True,
     )  # fmt: skip
-    feeder: str = _cable("hardwired", "The thinnest feeder, a key of the catalogue", "MI1P150")
+    feeder: str = _cable("hardwired", "Thinnest feeder cable, a key of the catalogue", "MI1P150")
     field_barriers: bool = switch(
-        "Whether an intrinsically safe point goes onto a bus, through a barrier in its box; else "
-        "it has a home run to a barrier in the cabinet", default=False,
+        "Whether intrinsically safe points are on buses, through barriers in their boxes; if not, "
+        "they have home runs to barriers in the cabinet", default=False,
     )  # fmt: skip
     list_lengths: bool = switch(
-        "Whether cables keep the lengths in the list; else they are computed from positions",
+        "Whether cables have the lengths in the list; otherwise these come from positions",
         default=True,
     )  # fmt: skip
 
 
-#: Settings, or values by name that are not the defaults.
+#: Settings, or values other than the defaults, by name.
 Given: TypeAlias = "Settings | Mapping[str, object] | None"
 
 _PARTS: Mapping[str, type[Any]] = MappingProxyType(
@@ -289,16 +289,15 @@ _HEAD = """\
 _EXAMPLES: Mapping[str, str] = {
     "columns": '# Titles of the list and their columns:\n# [columns]\n# "KKS code" = "tag"',
     "signals": '# Words for signals and their meanings:\n# [signals]\n# "TIT" = "rtd_3wire"',
-    "frames": "# Frames and their x in m, interpolated between:\n# [frames]\n# 0 = 0.0\n"
-    "# 30 = 18.0",
+    "frames": "# Frames and their x in m, with interpolation:\n# [frames]\n# 0 = 0.0\n# 30 = 18.0",
     "decks": "# Decks and their z in m:\n# [decks]\n# DK3 = 8.0",
 }
 
 #: A value with a decimal comma.
 _COMMA = re.compile(r"^[\w. \t]+=[ \t]*([0-9]+,[0-9]+)[ \t]*(?:#.*)?$", re.MULTILINE)
 
-#: Most characters of a file of settings, and its deepest nesting: the time to read TOML grows with
-#: the square of either.
+#: Maximum length of a settings file in characters, and maximum nesting depth: the time to read TOML
+#: grows with the square of each.
 _LARGEST, _DEEPEST = 1_000_000, 8
 
 #: Strings and comments, brackets, and a key of many parts.
@@ -326,19 +325,19 @@ class Settings(_Plain):
 
     `table` lists all names with their legal values: some without a prefix, such as ``detour``,
     then ``boxes.``, ``asi.``, ``can.``, ``modbus.``, ``supply.``, and ``assumptions.`` with prices,
-    hours and factors. The tables ``columns``, ``signals``, ``frames`` and ``decks`` explain a
-    list's own words to `read_iolist`.
+    hours and factors. The tables ``columns``, ``signals``, ``frames`` and ``decks`` define a
+    list's own words for `read_iolist`.
 
     Parameters
     ----------
     values : mapping of str to object, optional
-        Values other than the defaults, also nested as in TOML. An assumption is low, nominal and
-        high, or one number.
+        Values other than the defaults, by dotted name or nested as in TOML. An assumption is low,
+        nominal and high, or one number.
 
     Raises
     ------
     ArgumentError
-        If there is no such name, or a value is not legal; lists all faults.
+        If a name is unknown, or a value is not legal; all faults are listed.
 
     Examples
     --------
@@ -370,7 +369,7 @@ class Settings(_Plain):
 
     @classmethod
     def of(cls, settings: Given) -> Settings:
-        """Return the settings themselves, or make them from values by name."""
+        """Return settings unchanged, or make them from values by name."""
         return settings if isinstance(settings, Settings) else cls(settings)
 
     def _take(self, values: Mapping[str, object]) -> list[str]:
@@ -404,7 +403,7 @@ class Settings(_Plain):
         return faults
 
     def replace(self, values: Mapping[str, object]) -> Settings:
-        """Return settings with some values replaced, or raise all faults at once."""
+        """Return a copy with some values replaced, or raise ArgumentError with all faults."""
         made, faults = self.tried(values)
         if faults:
             raise ArgumentError("; ".join(faults))
@@ -455,7 +454,7 @@ class Settings(_Plain):
 
     @classmethod
     def parse(cls, text: str, source: str = "text") -> Settings:
-        """Read settings from TOML text, or raise all its faults at once."""
+        """Read settings from TOML text, or raise InputError with all faults."""
         _check_size(text, source)
         try:
             tables = tomllib.loads(text)
@@ -521,7 +520,7 @@ def names() -> tuple[str, ...]:
 
 
 def kind_of(name: str) -> Kind:
-    """Return the declaration of a name, or raise and suggest the nearest name."""
+    """Return the declaration of a setting, or raise ArgumentError with the nearest name."""
     if name in _kinds():
         return _kinds()[name]
     part, _, own = name.rpartition(".")
@@ -537,7 +536,7 @@ def kind_of(name: str) -> Kind:
 
 
 def legal(name: str) -> str:
-    """Return the legal values of a name in words."""
+    """Return the legal values of a setting in words."""
     kind = kind_of(name)
     if isinstance(kind, Switch):
         return "true or false"
@@ -557,7 +556,7 @@ def shown(value: object) -> str:
 
 
 def _flat(values: Mapping[str, object]) -> Iterable[tuple[str, object]]:
-    """Yield values by dotted names; a table within a table is not flattened."""
+    """Yield values by dotted name; a table within a table is not flattened."""
     for name, value in values.items():
         if isinstance(value, Mapping) and "." not in name:
             yield from ((f"{name}.{own}", one) for own, one in value.items())
@@ -566,7 +565,7 @@ def _flat(values: Mapping[str, object]) -> Iterable[tuple[str, object]]:
 
 
 def _plain(value: object) -> object:
-    """Return a value as numbers, text and tuples, or raise if it is none of them."""
+    """Return a value as a number, text or tuple, or raise ArgumentError."""
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
     if isinstance(value, list):

@@ -1,7 +1,7 @@
 """Voltage and current on every feeder and AS-i line of a design, and the sizes of feeders.
 
-Feeders and lines are a forest that grows from the supplies. Currents are summed from the leaves,
-voltage drops from the supplies, one level of all trees at a time.
+Feeders and lines form trees whose roots are the supplies. Currents are summed from the leaves, and
+voltage drops from the roots, one level of all trees at a time.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from shipnet.design.layout import Layout
 from shipnet.lazy import pd
 from shipnet.line.cable import CABLES
 
-#: The setting that holds the current of each signal; other signals draw none.
+#: Setting with the current of each signal; other signals draw no current.
 LOADS: Mapping[str, str] = MappingProxyType(
     {
         "contact": "contact", "contact_common": "contact", "namur": "contact",
@@ -34,18 +34,18 @@ LOADS: Mapping[str, str] = MappingProxyType(
     }
 )  # fmt: skip
 
-#: Layers of nodes, one node per device in each: single lines, lines A and AS-i; lines B and the
-#: side of an AS-i repeater towards the master; feeders of the outputs of AS-i modules.
+#: Layers of nodes, each with one node per device: 0 for single lines, lines A and AS-i; 1 for lines
+#: B and the master side of AS-i repeaters; 2 for feeders of the outputs of AS-i modules.
 _LINE_B, _OUTPUTS, _LAYERS = 1, 2, 3
 
 
 @dataclass(frozen=True, eq=False)
 class Forest:
-    """Feeders and AS-i lines as trees; nodes are numbered, and -1 is none."""
+    """Feeders and AS-i lines as trees; nodes are numbered, and -1 means no node."""
 
     #: Number of the device at each node.
     device: Indices
-    #: Next node towards the supply, and the run to it.
+    #: Next node towards the supply, and the cable run to it.
     parent: Indices
     run: Indices
     #: Length [m] and resistance of both conductors [ohm/m] of that run.
@@ -54,10 +54,10 @@ class Forest:
     #: Current that each node draws, and the additional current of a shorted point [A].
     load: Floats
     short: Floats
-    #: Voltage drop in the cable of a node's worst point, and the largest drop up to the node [V].
+    #: Voltage drop in the cable of a node's worst point, and the allowed drop up to that point [V].
     spur: Floats
     allowed: Floats
-    #: Node of the supply that feeds each node, and the device at the supply's node.
+    #: Root of each node's tree, and the number of the supply at each root.
     root: Indices
     supply: Mapping[int, int]
     #: Nodes except the roots, level by level from the supplies.
@@ -71,11 +71,11 @@ class Forest:
     def solve(self, *, short: bool = False) -> tuple[Floats, Floats]:
         """Return the current into each node [A], and the voltage drop up to it [V].
 
-        With `short`, the current of a shorted point is added for each node.
+        With `short`, the drop along each run includes the current of a shorted point at its node.
         """
         flow, drop = self.load.copy(), np.zeros(len(self.load))
         for level in reversed(self.levels):
-            np.add.at(flow, self.parent[level], flow[level])  # child by child: always the same bits
+            np.add.at(flow, self.parent[level], flow[level])  # in fixed order: always the same bits
         along = flow + self.short if short else flow
         for level in self.levels:
             lost = self.metres[level] * self.ohms[level] * along[level]
@@ -83,7 +83,7 @@ class Forest:
         return flow, drop
 
     def cut(self, nodes: Sequence[int], metres: float) -> Forest:
-        """Return a forest in which some nodes have supplies of their own at a distance [m]."""
+        """Return a forest in which some nodes have their own supplies at a distance [m]."""
         if not nodes:
             return self
         new = len(self.parent) + np.arange(len(nodes))
@@ -105,7 +105,7 @@ class Forest:
 
 
 def _rooted(parent: Indices, nodes: Indices) -> tuple[Indices, tuple[Indices, ...]]:
-    """Return the root of each node, and those of `nodes` that are not roots, by level."""
+    """Return the root of each node, and the nodes of `nodes` below their root by level."""
     root, depth, up = np.arange(len(parent)), np.zeros(len(parent), np.intp), parent.copy()
     while (up >= 0).any():
         root, depth = np.where(up >= 0, up, root), depth + (up >= 0)
@@ -115,7 +115,7 @@ def _rooted(parent: Indices, nodes: Indices) -> tuple[Indices, tuple[Indices, ..
 
 
 def forest(design: Layout) -> Forest:
-    """Return the trees of a design, without the run that closes a ring."""
+    """Return the trees of a design, without any run that closes a ring."""
     devices, runs, settings = design.devices, design.cables, design.settings
     kinds, count = devices["kind"].to_numpy(object), len(devices)
     index = {name: number for number, name in enumerate(devices["device"])}
@@ -136,7 +136,7 @@ def forest(design: Layout) -> Forest:
     u, v = layer * count + a, np.where(towards, _LINE_B, layer) * count + b
     nodes = _LAYERS * count
 
-    # A device in the cabinet is beside the master of its segment, any other beside its housing.
+    # A device in the cabinet is beside its segment's master, and any other beside its housing.
     segments = devices["segment"].tolist()
     master = {segments[number]: number for number in np.flatnonzero(kinds == "master").tolist()}
     beside = [
@@ -145,7 +145,7 @@ def forest(design: Layout) -> Forest:
     ]
     supply = _roots(kinds, beside, on_asi, u, v)
 
-    # One search from an extra node to which all supplies are joined.
+    # Search once, from an extra node that is joined to all supplies.
     roots = np.fromiter(supply, np.intp, len(supply))
     ends = np.concatenate([u, np.full(len(roots), nodes)]), np.concatenate([v, roots])
     graph = coo_array((np.ones(len(ends[0])), ends), shape=(nodes + 1, nodes + 1)).tocsr()
@@ -181,7 +181,7 @@ def slave_voltage() -> float:
 def _roots(
     kinds: npt.NDArray[np.object_], beside: Sequence[int], on_asi: Bools, u: Indices, v: Indices
 ) -> dict[int, int]:
-    """Return the supply of each node that is fed directly."""
+    """Return the supply of each node that a supply feeds directly."""
     count, reached = len(kinds), {*u.tolist(), *v.tolist()}
     supply: dict[int, int] = {}
     between = []
@@ -225,7 +225,7 @@ def _loads(
     amps = point_currents(design).to_numpy()
     share = np.where(listed["signal"].map(LOADS) == "solenoid", limits.simultaneity, 1.0)
     asi, types = (points["bus"] == "AS-i").to_numpy(), listed["type"].to_numpy(object)
-    # The line itself feeds all of its modules except their digital outputs.
+    # The line itself feeds its modules, except their digital outputs.
     from_line = asi & (types != "DO") & (device >= 0)
     layer = np.where(asi, _OUTPUTS, 0)
     mine = (device >= 0) & ~from_line
@@ -244,21 +244,21 @@ def _loads(
     load[:count][on_asi & np.isin(kinds, ("module", "master", "repeater"))] += settings.asi.current
     load[count : 2 * count][on_asi] = 0.0
     for number in np.flatnonzero(on_asi & (kinds == "repeater")).tolist():
-        # A repeater draws from both sides; the one towards the master may be the device beside it.
+        # A repeater loads both sides; its master side may be at the node of the device beside it.
         node = number + count if number + count in ends else beside[number]
         load[node] += settings.asi.current if node >= 0 else 0.0
     return load, spur, fed_24
 
 
-# The cable that each feeder needs, and the places where a supply must be nearer ------------------
+# Cable sizes of feeders, and devices that need a nearer supply -----------------------------------
 
 
 class Feeders(NamedTuple):
-    """Sizes of the feeders of a design, and the additional supplies."""
+    """Cable sizes of a design's feeders, and additional supplies."""
 
     #: Cable of each feeder, by the number of its run.
     cable: Mapping[int, str]
-    #: Runs replaced by a supply beside the device at their far end, with its former supply.
+    #: Former supply of each run that is replaced by a supply beside the device at its far end.
     own: Mapping[int, int]
     #: Supplies that no longer feed a device.
     idle: Collection[int]
@@ -267,10 +267,10 @@ class Feeders(NamedTuple):
 
 
 def sized(design: Layout) -> Feeders:
-    """Return the cheapest feeders that meet voltage and current: thicker cables, or more supplies.
+    """Return the cheapest feeders that meet all limits, with thicker cables or more supplies.
 
-    Each cross-section has its least number of supplies, and the cheapest is taken. At constant
-    currents the drop is proportional to the resistance, so one solution sizes each tree.
+    Each cross-section is planned with the fewest supplies, and the cheapest is chosen. At constant
+    currents, drops are proportional to resistance, so each tree is solved only once.
     """
     settings, trees = design.settings, forest(design)
     limits, kinds = settings.supply, design.cables["kind"].to_numpy(object)
@@ -293,7 +293,7 @@ def sized(design: Layout) -> Feeders:
     trees = replace(trees, ohms=np.where(trees.metres > 0, 1.0, 0.0))
     (flow, _), (_, lost) = trees.solve(), trees.solve(short=True)
     roots = trees.root[feeders]
-    # The highest resistance per metre of each tree, and its largest current.
+    # The highest allowed resistance per metre of each tree, and its largest current.
     left = (trees.allowed[feeders] - trees.spur[feeders]) / np.maximum(lost[feeders], 1e-12)
     most, into = np.full(len(flow), np.inf), np.zeros(len(flow))
     np.minimum.at(most, roots, left)
@@ -322,8 +322,8 @@ def sized(design: Layout) -> Feeders:
 def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: Indices) -> Floats:
     """Return the cost of each tree's feeders, with one cable and supplies at some nodes [EUR].
 
-    Prices are the nominal ones of the data files, so that a plan does not depend on the settings'
-    prices. A supply that moves out of the cabinet costs as much as another: it needs a housing.
+    Prices are nominal values of the data files, so a plan does not depend on prices in settings. A
+    supply moved out of the cabinet costs as much as an additional one: it needs a housing.
     """
     settings, site, runs = design.settings, design.site, trees.metres
     price = {name: one.range.nominal for name, one in read_assumptions().items()}
@@ -344,7 +344,7 @@ def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: I
 
 
 def feeders_of(thinnest: str) -> list[Cable]:
-    """Return a cable and all thicker single-pair cables, by cross-section."""
+    """Return a cable and all thicker single-pair cables, in order of cross-section."""
     first = cables()[thinnest]
     more = [
         cable for cable in cables().values()
@@ -358,7 +358,7 @@ def _cuts(
 ) -> list[int]:
     """Return the smallest set of nodes that need a supply of their own with a given cable.
 
-    From the leaves, a branch stays with its parent while a supply there could serve both.
+    From the leaves on, a branch stays on its parent while one supply there can serve both.
     """
     parent, short = trees.parent.tolist(), trees.short.tolist()
     metres, allowed = trees.metres.tolist(), trees.allowed.tolist()
@@ -383,7 +383,7 @@ def _cuts(
 
 
 def supply_tables(design: Layout) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return one row per supply, and one row per fed device and line."""
+    """Return a table with one row per supply, and one with a row per fed device and line."""
     trees, devices, runs = forest(design), design.devices, design.cables
     (flow, drop), (_, shorted) = trees.solve(), trees.solve(short=True)
     line = devices["segment"].isin(design.segments.query("bus == 'AS-i'")["segment"])

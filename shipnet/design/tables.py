@@ -1,4 +1,4 @@
-"""Tables that a yard builds from: cable schedule, devices, terminals and points of a design."""
+"""Tables of a design for a yard: cable schedule, devices, terminals and points."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from shipnet.design.layout import Layout
 from shipnet.design.supply import supply_tables
 from shipnet.signals import SIGNALS
 
-#: Names of the two conductors of a trunk, by bus, and of every feeder.
+#: Names of the two conductors of a trunk, by bus, and of a feeder.
 _WIRES = {"AS-i": ("AS-i +", "AS-i -"), "CAN": ("CAN_H", "CAN_L"), "Modbus RTU": ("D1", "D0")}
 _FEED = ("L+", "L-")
 
@@ -28,7 +28,7 @@ _TO_POINT = ("drop", "home run")
 
 
 def file_name(name: str) -> str:
-    """Return a name for a file or folder that is legal on every system."""
+    """Return a name for a file or folder that is legal on every operating system."""
     return re.sub(r"[^\w.,+() -]", "-", name).strip(" .") or "design"
 
 
@@ -50,7 +50,7 @@ def zipped(named: Iterable[tuple[str, bytes]]) -> bytes:
 
 
 def tables(design: Layout) -> dict[str, pd.DataFrame]:
-    """Return the tables of a design by the names of their files."""
+    """Return the tables of a design by file name."""
     supplies, voltages = supply_tables(design)
     return {
         "cables": schedule(design),
@@ -66,7 +66,7 @@ def tables(design: Layout) -> dict[str, pd.DataFrame]:
 
 
 def schedule(design: Layout) -> pd.DataFrame:
-    """Return the cable schedule: one row per cable, to order, pull and connect it."""
+    """Return the cable schedule: one row per cable, for ordering and installation."""
     runs, known = design.cables, catalogue()
     at = design.devices.set_index("device")["at"]
     names = {"run": "cable", "a": "from", "b": "to", "cable": "type", "conductors": "cores",
@@ -118,7 +118,7 @@ def terminals(design: Layout) -> pd.DataFrame:
     """Return the terminal plan: one row per core with its signal and its terminal at each end.
 
     The terminals of each device are numbered from 1 in the order of the cables. Cores that meet in
-    a junction box share a terminal, as do the returns of one signal. Spare cores have none.
+    a junction box share a terminal, as do the returns of one signal. Spare cores have no terminal.
     """
     runs = design.cables
     size = runs["conductors"].to_numpy(np.intp)
@@ -162,7 +162,7 @@ def terminals(design: Layout) -> pd.DataFrame:
 
 
 def _wires(design: Layout) -> Iterator[str]:
-    """Yield the name of each core of each cable: the signal on a bus, otherwise the number."""
+    """Yield the name of each core: the signal in the cable of a bus, otherwise the number."""
     bus = dict(zip(design.segments["segment"], design.segments["bus"], strict=True))
     runs = design.cables
     for kind, segment, cores in zip(runs["kind"], runs["segment"], runs["conductors"], strict=True):
@@ -171,16 +171,16 @@ def _wires(design: Layout) -> Iterator[str]:
         yield from (known[n] if n < len(known) else str(n + 1) for n in range(cores))
 
 
-#: The wires that meet a core of a box's trunk, each as row of its cable and number, and the signal
-#: whose return the core is, or "".
+#: The wires joined to a core of a box's trunk, each as row of its cable and number, and the signal
+#: for which the core is the common return, or "".
 _Joint: TypeAlias = tuple[list[tuple[int, int]], str]
 
 
 def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
-    """Yield the row of each trunk of a box, and the wires that meet each of its cores.
+    """Yield the row of each box's trunk, and the wires joined to each of its cores.
 
     The planner divides the points of a box among its trunks in order, so the conductors in use
-    show where a trunk ends. First come the pairs of points with their own return, then one
+    show where a trunk ends. A trunk has first the pairs of points with their own return, then one
     conductor per point with a common return, then the returns.
     """
     runs = design.cables
@@ -208,7 +208,7 @@ def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
 
 
 def _joints(drops: Iterable[tuple[int, str, int]]) -> list[_Joint]:
-    """Return the wires that meet each core of a trunk, given row, signal and wires of each drop."""
+    """Return the wires joined to each core of a trunk; a drop is row, signal and wires."""
     pairs, shared, returns = list[_Joint](), list[_Joint](), dict[str, list[tuple[int, int]]]()
     for drop, kind, wires in drops:
         common = SIGNALS[kind].common

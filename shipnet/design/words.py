@@ -1,4 +1,4 @@
-"""The words of I/O lists: titles of columns, numbers with units, frames, decks and sides."""
+"""The words in I/O lists: column titles, numbers with units, frames, decks and sides."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from shipnet.errors import ArgumentError, InputError
 from shipnet.signals import find_signal, meanings, plain, spellings
 from shipnet.tables import Sheet
 
-#: Columns of a list of points in order, and their contents: text, or a quantity whose unit ends the
-#: name. `data/iolist_words.csv` has their titles.
+#: Columns of an I/O list in order, and their contents: text, or a quantity whose unit ends the
+#: column's name. `data/iolist_words.csv` has their titles.
 COLUMNS: Mapping[str, str] = {
     "tag": "text", "system": "text", "type": "text", "signal": "text", "conductors": "whole",
     "x_m": "length", "y_m": "length", "z_m": "length", "box": "text", "box_x_m": "length",
@@ -30,7 +30,7 @@ PLACED: Mapping[str, str] = {
     "location": "frame, deck and side, such as FR 34+200, DK3, P 4.2",
 }
 
-#: Units that a title or a cell may name, as multiples of the column's unit.
+#: Units that a title or a cell may include, as multiples of the column's unit.
 UNITS: Mapping[str, Mapping[str, float]] = {
     "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "meter": 1.0, "metre": 1.0},
     "time": {"ms": 1.0, "s": 1e3, "sec": 1e3, "msec": 1.0},
@@ -38,7 +38,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 
 
 class Reading(NamedTuple):
-    """The words of one list: columns and signals by spelling, x by frame and z by deck [m]."""
+    """The words of one list: columns and signals by spelling, x by frame, and z by deck [m]."""
 
     columns: tuple[tuple[str, str], ...] = ()
     signals: tuple[tuple[str, str], ...] = ()
@@ -46,7 +46,7 @@ class Reading(NamedTuple):
     decks: tuple[tuple[str, float], ...] = ()
 
     def tried(self, table: str, values: Mapping[str, object]) -> tuple[Reading, list[str]]:
-        """Return the words extended by those of a table, and the faults of the table."""
+        """Return the words extended by those in a table, and the faults in the table."""
         known, faults = dict(getattr(self, table)), []
         for word, value in values.items():
             try:
@@ -81,12 +81,12 @@ class Reading(NamedTuple):
         return found
 
     def signal(self, word: str) -> str:
-        """Return the signal that the list's own words explain, or the word itself."""
+        """Return the signal that the list defines for a word, or the word itself."""
         own = {plain(spelling): name for spelling, name in self.signals}
         return own.get(plain(word), word)
 
     def place(self, cells: Mapping[str, str]) -> tuple[float, float, float] | str:
-        """Return the position given by frame, deck and side, or the name of the unknown one."""
+        """Return the position given by frame, deck and side, or the name of an unknown part."""
         parts = {name: cell.replace(",", ".") for name, cell in cells.items() if name != "location"}
         # A comma before a digit is a decimal comma.
         several = re.split(r"[;/]|,(?![0-9])", cells.get("location", ""))
@@ -112,18 +112,18 @@ class Reading(NamedTuple):
 
 
 def is_place_titles(cells: Sequence[str]) -> bool:
-    """Return whether cells are the titles of a table of frames, or of decks."""
+    """Return whether cells are the titles of a table of frames or decks."""
     names = {column.name for cell in cells if (column := column_of(cell))}
     return "tag" not in names and (names >= {"frame", "x_m"} or names >= {"deck", "z_m"})
 
 
 def is_frame(cell: str) -> bool:
-    """Return whether a cell has the form of a frame."""
+    """Return whether a cell has the form of a frame number."""
     return _frame(_offset(cell)[0]) is not None
 
 
 def _offset(text: str) -> tuple[str, float]:
-    """Return a frame or a deck, and an offset [m], which is given in mm or m."""
+    """Return the frame or deck in a text, and the offset [m], which the text gives in mm or m."""
     text = text.strip()
     found = re.fullmatch(r"(.*[^\s+-])\s*([+-]\s*[0-9]+(?:\.[0-9]+)?)\s*(mm|m)?", text)
     if found is None or _frame(text) is not None:
@@ -132,7 +132,7 @@ def _offset(text: str) -> tuple[str, float]:
 
 
 def _frame(text: str) -> float | None:
-    """Return the number of a frame."""
+    """Return the number of a frame, or None if the text is not a frame."""
     found = re.fullmatch(
         r"(?i)(?:fr(?:ame)?\.?\s*(?:no\.?)?\s*#?)?\s*(-?[0-9]+(?:\.[0-9]+)?)", text
     )
@@ -144,7 +144,7 @@ _PORT = {"p": 1, "ps": 1, "port": 1, "c": 0, "cl": 0, "centre": 0, "center": 0, 
 
 
 def _side(text: str) -> float | None:
-    """Return the distance to port [m]."""
+    """Return the distance to port of the centre line [m], or None if the text is not a side."""
     found = re.fullmatch(
         r"([^\W\d]*)\.?\s*([0-9]+(?:\.[0-9]+)?)?\s*(?:m)?\s*([^\W\d]*)", text.strip()
     )
@@ -201,13 +201,13 @@ def _titles() -> Mapping[str, str]:
 
 @lru_cache(4096)
 def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | None:
-    """Return the column that a title means; the title may be in two languages."""
+    """Return the column of a title, which may be in two languages, or None."""
     mine = {plain(word): name for word, name in own}
     if plain(title) in mine:
         return Column(mine[plain(title)])
     if found := _column(title):
         return found
-    # A unit in brackets may be anywhere, and a second language before or after.
+    # A unit in brackets may be anywhere; a second language may come before or after the first.
     unit = re.search(r"[\[(]\s*(\w+)\s*[\])]", title)
     bare, mark = title, ""
     if unit is not None and any(unit[1].casefold() in known for known in UNITS.values()):
@@ -220,7 +220,7 @@ def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | Non
         # An unknown part must be in another script.
         foreign = all(found or not part.isascii() for part, found in zip(parts, each, strict=True))
         names = {found for found in each if found is not None}
-        if names == {Column("type"), Column("signal")}:  # a column of types may hold signals
+        if names == {Column("type"), Column("signal")}:  # a column of types may contain signals
             names = {Column("type")}
         if len(names) == 1 and foreign and (parts[1:] or mark):
             return names.pop()
@@ -251,12 +251,12 @@ _GROUPS = {
 
 
 def widened(cell: str) -> str:
-    """Return a cell with plain characters in place of wide ones."""
+    """Return a cell with wide characters replaced by plain ones."""
     return cell if cell.isascii() else cell.translate(_WIDE).strip()
 
 
 def decimal_mark(cells: Iterable[str]) -> str:
-    """Return the decimal mark of a list: a point, a comma, or "" if its numbers leave it open."""
+    """Return the decimal mark of a list: a point, a comma, or "" if its numbers show neither."""
     marks = set()
     for cell in set(cells):
         found = _CELL.fullmatch(widened(cell))
@@ -270,8 +270,8 @@ def decimal_mark(cells: Iterable[str]) -> str:
 def read_number(cell: str, mark: str, scale: float, units: Mapping[str, float]) -> float | None:
     """Return a cell's number in the unit of its column, or None if it is illegible or ambiguous.
 
-    `scale` is that of the title's unit, which a unit in the cell overrides. A comma is ambiguous
-    if it may be a decimal mark or separate thousands.
+    `scale` belongs to the title's unit; a unit in the cell overrides it. A comma is ambiguous if it
+    may mark decimals or separate thousands.
     """
     found = _CELL.fullmatch(widened(cell))
     if found is None or (found[3] and found[3].casefold() not in units):

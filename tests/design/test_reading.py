@@ -390,6 +390,6 @@ def test_a_title_of_types_and_signals_in_two_languages_is_one_column(title):
 
 def test_a_list_with_unknown_titles_points_to_the_settings():
     with pytest.raises(
-        InputError, match=r"unknown titles: wkz; \[columns\] in the settings may explain"
+        InputError, match=r"unknown titles: wkz; \[columns\] in the settings may define"
     ):
         IoList.parse("tag,system,wkz,x,y,z\nA,b,contact,1,2,3")

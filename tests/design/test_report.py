@@ -181,7 +181,7 @@ def test_of_options_that_all_leave_points_out_no_difference_is_drawn():
                                    "y": 0.0, "z": 0.0}))  # fmt: skip
     page = far.compare(small_loop().site, ["AS-i", "CAN"]).html()
     assert len(pictures(page)) == 3 + 2  # and a drawing of each design
-    assert "What each assumption does" not in page
+    assert "Effect of each assumption" not in page
 
 
 def test_only_a_verdict_is_coloured():

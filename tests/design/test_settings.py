@@ -254,7 +254,7 @@ def test_a_comparison_and_its_report_show_changed_settings():
     assert "Values that differ from the defaults." in page
     assert "<td>assumptions.can_station</td>" in page and "<td>[500, 500, 500]</td>" in page
     assert "1.4 times as long as its route, plus 5 m for both ends." in page
-    assert "The host adds 0.25 s to a response where a rule counts it." in page
+    assert "The host adds 0.25 s to a response if the rule includes it." in page
     usual = iolist.compare((0, 0, 5), ["home runs"]).html()
     assert "Every limit, price and allowance has its default value." in usual
     assert "5 m for both ends, both assumed." in usual

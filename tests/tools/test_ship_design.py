@@ -161,7 +161,7 @@ def test_the_cabinet_is_typed_or_found_or_asked_for():
         with pytest.raises(ArgumentError, match=r"cabinet is .* three numbers x, y, z in m"):
             _ = replace(SMALL, cabinet=wrong).result
     lengths = replace(SMALL, points="tag,type,home run\na,DI,20\nb,DI,30\n", cabinet="")
-    assert "given by the list" in lengths.numbers["cabinet"]
+    assert "the list gives every cable length" in lengths.numbers["cabinet"]
 
 
 @pytest.mark.parametrize(("name", "source"), [("a\n b\0c", "a b c"), (" \t", "list"), ("", "list")])
