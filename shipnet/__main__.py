@@ -265,7 +265,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     from shipnet.modbus.uart import SerialLine
     from shipnet.modbus.wire import WireFault
 
-    # Faults are reported in one line, not also in the library's log.
+    # Faults are reported in one line, so the library's log is silenced.
     logging.getLogger("pymodbus").addHandler(logging.NullHandler())
     where = f"{arguments.host}, port {{}} (TCP)"
     options: dict[str, Any] = {"host": arguments.host, "port": arguments.port}
@@ -419,8 +419,8 @@ def _run(arguments: argparse.Namespace) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
-    The code is 0 if the answer is good, 1 if it is bad, 2 after a user's mistake, which is printed
-    to standard error (one line per fault in a file), and 130 after an interrupt.
+    The code is 0 if the answer is good, 1 if it is bad, 2 after a user's mistake, and 130 after an
+    interrupt. A mistake is printed to standard error, with one line per fault in a file.
     """
     parsed = _parser().parse_args(arguments)
     try:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @checked
 class Tool:
-    """Base class of tools: a record whose fields are controls, with its results."""
+    """Base class of tools: a record whose fields are the controls, and its results."""
 
     #: The result that the tool computes from its inputs.
     result: Any
@@ -40,7 +40,7 @@ class Tool:
         return axes
 
     def explore(self, story: bool = False) -> Page:
-        """Return the page with a control for each field, to end a cell of a notebook.
+        """Return the page with a control for each field, for display in a notebook.
 
         With `story`, the page opens on its first example; otherwise, it opens on these inputs.
         """

@@ -181,7 +181,7 @@ class Button:
 
 @dataclass(frozen=True)
 class Upload:
-    """A button to load a file; `take` returns new inputs from the inputs, name and content."""
+    """A button to load a file; `take` returns new inputs from the old, the name and the content."""
 
     label: str
     help: str
@@ -191,7 +191,7 @@ class Upload:
 
 @dataclass(frozen=True)
 class Preset:
-    """Controls that set other controls; `make` returns inputs from their record and the inputs."""
+    """Controls that set other controls; `make` returns new inputs from their record and the old."""
 
     start: Any
     make: Callable[[Any, Any], Any]

@@ -40,10 +40,10 @@ FILTERED = (8 / 3 * STEP / HALF_BIT) ** 0.5
 
 @record
 class AsiLine(Tool):
-    """A slave that answers over a cable, and the reception by the master.
+    """A slave that answers over a cable, and the answer as the master reads it.
 
-    `wave` is the voltage at the master, an `asi.Waveform`, and `result` is the reception that its
-    receiver decodes, an `asi.Reception`.
+    `wave` is the voltage at the master, an `asi.Waveform`, and `result` is the decoded reception,
+    an `asi.Reception`.
 
     Examples
     --------
@@ -128,7 +128,7 @@ class AsiLine(Tool):
         )
 
     def _read(self) -> str:
-        """Return the bits that the master reads, or raise the FrameError of a failed check."""
+        """Return the bits that the master reads, or raise the FrameError of the first failure."""
         if self.result.error == SilenceError.code:
             raise SilenceError("no pulse rises above the noise")
         return self.result.pulses.decode()

@@ -93,7 +93,7 @@ class AsiNetwork(Tool):
             numbers=self._numbers(),
             plot=self.plot,
             height=3.2,
-            about="Plan of master, supply, cables and slaves; violations of rules are red",
+            about="Plan of master, supply, cables and slaves; parts that violate a rule are red",
         )
 
     def _numbers(self) -> dict[str, str]:

@@ -17,7 +17,7 @@ from shipnet.remote_control.ring_buffer import Ring, Rule, Step
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, View
 
-#: Sizes to choose from; 128 is that of chung1998.
+#: Sizes to choose from; chung1998 uses 128.
 SIZES = (8, 16, 32, 64, 128)
 
 #: Rules to choose from, and the effect of each.
@@ -50,7 +50,7 @@ CASES = MappingProxyType(
     }
 )
 
-#: Items of a packet, and its format.
+#: Number of items in a packet, and its format.
 _ITEMS = 1
 _FORM = MarkerFormat(n_numbers=_ITEMS)
 

@@ -1,4 +1,4 @@
-"""The ship design tool: ways to connect the points of an I/O list, and a report on them."""
+"""The ship design tool: a comparison of ways to connect an I/O list, with a report."""
 
 from __future__ import annotations
 
@@ -191,7 +191,7 @@ class ShipDesign(Tool):
     picture: str = choice(
         PICTURES, default="cost", label="figure",
         help="Filled dots are Pareto-optimal in both axes. The assumptions shown "
-        "are those for the comparison of the first with the cheapest option.",
+        "affect the cost difference between the first and the cheapest option.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -214,7 +214,7 @@ class ShipDesign(Tool):
     def result(self) -> Comparison:
         """The comparison of the options; unchanged options are not planned again."""
         if not self.options:
-            raise ArgumentError("no option is on; switch on one of home runs to Modbus RTU")
+            raise ArgumentError("no option is on; switch on at least one")
         printed = "".join(one if one.isprintable() else " " for one in self.name)
         name, settings = " ".join(printed.split()) or "list", self._settings()
         iolist = _points(self.points, name, self.update_ms, settings.reading)

@@ -21,7 +21,7 @@ from shipnet.tools._page import Page
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, View
 
-#: Valves of the server that the explorer starts.
+#: Number of valves on the server that the explorer starts.
 _OWN = 16
 
 
