@@ -60,7 +60,7 @@ def carried(ids: tuple[str, str]) -> Solution:
 def _stuffed(
     bits: str, *, after: int = 5, only: str = "01", turned: bool = True, counted: int = 1
 ) -> str:
-    """Return bits with stuff bits according to a wrong rule."""
+    """Insert stuff bits according to a wrong rule."""
     out, run, last = "", 0, ""
     for bit in bits:
         run = run + 1 if bit == last else 1
@@ -113,7 +113,7 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
     right = 1e3 * response_times(messages, _RATE)["yours"].response
     stop, speed, yours, log = 1e3 * frame_length([1, 4, n_bytes, 8]) / _RATE
     bare = 1e3 * frame_length([1, 4, n_bytes, 8], stuffing="none") / _RATE
-    # Every frame is counted without stuff bits; stop is still sent twice, or only once.
+    # Frames without stuff bits; stop is then sent twice or only once.
     once = bare[3] + bare[0] + bare[1]
     return Number(right, "ms"), {
         "a less urgent frame may have just started: which one blocks, and for how long?": (
