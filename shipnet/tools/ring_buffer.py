@@ -23,9 +23,9 @@ SIZES = (8, 16, 32, 64, 128)
 #: Rules to choose from, and the effect of each.
 RULES: MappingProxyType[Rule, str] = MappingProxyType(
     {
-        "printed": "as printed: an empty ring is read on",
-        "intended": "as intended: an empty ring is left alone",
-        "corrected": "corrected: bytes are counted without starting again",
+        "printed": "as printed: an empty ring is read",
+        "intended": "as intended: an empty ring is not read",
+        "corrected": "corrected: the count of bytes does not wrap",
     }
 )
 
