@@ -28,7 +28,7 @@ def _stop(ids: Sequence[str]) -> int:
 
 
 def _plain(ids: Sequence[str]) -> bool:
-    """Return whether no stuff bit precedes the first different bit, and the order matters."""
+    """Return whether no stuff bit precedes the first different bit and the bit order matters."""
     last, winner = _stop(ids), f"{min(int(number, 16) for number in ids):011b}"
     early = [bit for number in ids for bit in Frame(int(number, 16)).stuff_positions if bit <= last]
     return not early and winner[::-1][:last] != winner[:last]
@@ -133,7 +133,7 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
     }
 
 
-#: Sets that meet all deadlines in one order only, not that of the deadlines; found by search. For
+#: Sets that meet all deadlines in only one order, which is not by deadline; found by search. For
 #: each message: bytes, period and deadline [ms].
 _SETS = (
     ((5, 2.5, 2.5), (8, 2.0, 2.0), (1, 4.75, 2.75)),
