@@ -15,7 +15,7 @@ from shipnet.answers import FORMS, Answer, check_output
 from shipnet.errors import ArgumentError, InputError
 from shipnet.lazy import pd
 
-#: Columns of a transaction on the terminal: title, name, width and digits.
+#: Columns of the transactions on the terminal: title, name, width and digits.
 _TRANSACTION = (
     ("ms", "start_ms", 9, 3), ("", "master_pause_bit", 5, 1), ("pauses", "slave_pause_bit", 6, 1),
     ("req V", "request_amplitude_V", 7, 2), ("resp V", "response_amplitude_V", 7, 2),
@@ -23,7 +23,7 @@ _TRANSACTION = (
     ("ringing", "request_ringing", 9, 2), ("", "response_ringing", 5, 2),
 )  # fmt: skip
 
-#: Most rows of a table on the terminal, and length of the record in a figure [s].
+#: Maximum rows of a table on the terminal, and length of the record in a figure [s].
 _ROWS = 40
 _SHOWN = 400e-6
 
@@ -66,7 +66,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
 
 
 def _marked(transactions: pd.DataFrame) -> pd.DataFrame:
-    """Return transactions whose bits begin with 0b, so that no program reads them as a number."""
+    """Return transactions with 0b before their bits, so that no program reads these as numbers."""
     bits = transactions[["request", "response"]]
     return transactions.assign(**bits.where(bits == "", "0b" + bits))
 
@@ -131,7 +131,7 @@ def _decode(arguments: argparse.Namespace) -> Answer:
 def _answer(
     found: Any, numbers: Mapping[str, tuple[float, str]], text: str = "", **tables: pd.DataFrame
 ) -> Answer:
-    """Return an answer with its tables that are not empty; `text` replaces the findings."""
+    """Return an answer that shows its non-empty tables; `text` replaces the verdict."""
     look: dict[str, Any] = {"index": False, "na_rep": "-", "max_rows": _ROWS}
     blocks = [
         f"{name.replace('_', ' ')}:\n"
@@ -246,7 +246,7 @@ def _design(arguments: argparse.Namespace) -> Answer | None:
 def _serve(arguments: argparse.Namespace) -> None:
     from shipnet.fields import check_scalar, check_whole
 
-    # The models and the library load slowly, so we check first what needs neither.
+    # The models and the library load slowly, so arguments that need neither are checked first.
     engine = arguments.device == "engine"
     if arguments.udp and arguments.serial is not None:
         raise ArgumentError("--udp and --serial exclude each other")
@@ -265,7 +265,7 @@ def _serve(arguments: argparse.Namespace) -> None:
     from shipnet.modbus.uart import SerialLine
     from shipnet.modbus.wire import WireFault
 
-    # Faults are reported in one line, not also in the library's log.
+    # Faults are reported in one line, so the library's log is silenced.
     logging.getLogger("pymodbus").addHandler(logging.NullHandler())
     where = f"{arguments.host}, port {{}} (TCP)"
     options: dict[str, Any] = {"host": arguments.host, "port": arguments.port}
@@ -368,7 +368,7 @@ def _parser() -> argparse.ArgumentParser:
         if forms:
             said = f"also write a file {', '.join(forms)}, or a folder with all tables"
             _option(made, "-o, --output FILE", said, default=[])
-            _option(made, "--json", "print the answer as data, for a program")
+            _option(made, "--json", "print the answer as JSON, for programs")
         for option in one["options"]:
             _option(made, **option)
     return parser
@@ -399,7 +399,7 @@ def _option(
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    """Run a command, write its files and then print, because a reader of the output may stop."""
+    """Run a command and write its files before printing: a reader of the output may stop early."""
     for file in arguments.output:
         check_output(file, arguments.forms)
     answer = arguments.run(arguments)
@@ -419,14 +419,14 @@ def _run(arguments: argparse.Namespace) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
-    That is 0 if the answer is good, 1 if it is bad, 2 after a user's mistake, which standard error
-    reports (one line per fault of a file), 130 after an interrupt.
+    The code is 0 if the answer is good, 1 if it is bad, 2 after a user's mistake, and 130 after an
+    interrupt. A mistake is printed to standard error, with one line per fault in a file.
     """
     parsed = _parser().parse_args(arguments)
     try:
         return _run(parsed)
     except BrokenPipeError:
-        # The reader of the output stopped; the interpreter must not report that at its end.
+        # The reader of the output stopped; the interpreter must not report this at exit.
         sys.stdout = None
     except KeyboardInterrupt:
         return 130

@@ -1,4 +1,4 @@
-"""I/O lists of ships: reading them, and planning and comparing ways to connect their points."""
+"""Ships' I/O lists: reading a list, and planning and comparing ways to connect its points."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class IoList(PointTable):
     r"""The I/O points of a ship: sensors to read, and outputs to switch.
 
     `read_iolist` reads a list from a file, `IoList.parse` from text, and `IoList.from_table` from
-    a table. Only plans need positions.
+    a table. Positions are needed only for planning.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class IoList(PointTable):
     source : str
         Name of the file or text.
     notes : tuple of Remark, optional
-        Remarks on how the list was read; `reading` returns a table, `remarks` sentences.
+        Remarks on how the list was read; `reading` returns them as a table.
 
     Raises
     ------
@@ -67,7 +67,7 @@ class IoList(PointTable):
     """
 
     def saving(self, *, lines: int = 1) -> Saving:
-        """Compare the number of conductors of individual wiring with that of AS-i lines."""
+        """Return the numbers of conductors for individual wiring and for AS-i lines."""
         count = check_whole("lines", lines, 1, 10**9)
         return Saving(hardwired_conductors(self.counts), ASI_PAIR * count)
 
@@ -83,7 +83,7 @@ class IoList(PointTable):
     ) -> Design:
         """Connect all points by one of `OPTIONS`.
 
-        `cabinet` is a position (x, y, z) [m], also as text, or None to infer it from the list's
+        `cabinet` is a position (x, y, z) [m] or its text, or None to infer it from the list's
         cable lengths; `settings` are values by name. `mix` selects other options for some points,
         by tag, signal, system, category or type, such as ``{"DI": "AS-i"}``. The response limits
         of `rules`, as in `compare`, are met where possible.
@@ -110,8 +110,8 @@ class IoList(PointTable):
 
         `options` are some of `OPTIONS`, by default all; `mix`, as in `plan`, adds one design.
         `rules` is the name of a published set, a file or a `RuleSet`; if a plan exceeds its
-        response limits, the points are planned again to meet them where possible. `rng` draws the
-        assumptions from their ranges. `progress` is called after each plan; by default, a
+        response limits, the points are planned again to meet them where possible. `rng` is used to
+        draw the assumptions from their ranges. `progress` is called after each plan; by default, a
         terminal shows a progress bar after 2 s.
         """
         from shipnet.design.comparison import compared
@@ -144,7 +144,7 @@ class IoList(PointTable):
     ) -> pd.DataFrame:
         """Compare the options at every point of a grid of settings.
 
-        `grid` maps names of settings to lists of values, or lists the grid's points. The table has
+        `grid` maps names of settings to lists of values, or is a list of points. The table has
         one row per point and option, with the columns of `Comparison.table`. Long studies run on
         all cores; `client`, `folder` and `progress` are as in `shipnet.compute`.
         """
@@ -185,7 +185,7 @@ class IoList(PointTable):
 
 @dataclass(frozen=True)
 class _Case:
-    """Comparison as a function of settings; a class, because other processes must unpickle it."""
+    """A comparison as a function of settings; a class, so that other processes can unpickle it."""
 
     iolist: IoList
     site: Site

@@ -23,7 +23,7 @@ Place = tuple[float, float, float]
 
 @record(eq=False)
 class Site:
-    """The position of the cabinet, and the allowances for cables."""
+    """The position of the cabinet, and the allowances in cable lengths."""
 
     cabinet: Place
     detour: float = number(1, 10, "", "Laid length as a multiple of the route", default=1.15)
@@ -59,7 +59,7 @@ def _places(name: str, given: ArrayLike) -> Floats:
 
 # The position of the cabinet, inferred from the lengths of home runs -----------------------------
 
-#: Minimum number of points with a position and a length: three for the coordinates, and one check.
+#: Minimum number of points with a position and a length: three for the coordinates, one to check.
 _FEWEST = 4
 
 #: Positions per axis in the first and in later searches, and number of best positions kept.
@@ -69,7 +69,7 @@ _FIRST, _NEXT, _KEPT = 15, 5, 25
 _CLOSE, _ROUNDED = 0.02, 0.2
 
 
-#: A position [m], also as text, or None to infer it from the list's cable lengths.
+#: A position [m] or its text, or None to infer it from the list's cable lengths.
 Where: TypeAlias = "tuple[float, float, float] | Sequence[float] | str | Site | None"
 
 
@@ -92,7 +92,7 @@ class Found(NamedTuple):
 
 def find_cabinet(iolist: PointTable, *, detour: float = 1.15, tails: float = 5.0) -> Found:
     """Infer the position of the cabinet from home runs of known length."""
-    from scipy.spatial.distance import cdist  # slow to load, and only this needs it
+    from scipy.spatial.distance import cdist  # slow to import, and used only here
 
     length = iolist.points["home_run_m"].to_numpy(float)
     known = np.isfinite(length) & iolist.located

@@ -48,8 +48,8 @@ from shipnet.line.network import CableRun
 #: Profile of analogue modules, which need an address of their own.
 _ANALOGUE = "S-7.3"
 
-#: Profiles of digital modules; the key states if they have outputs, and if they may share their
-#: address. An A/B slave needs two requests for four outputs: one bit of four selects A or B.
+#: Profiles of digital modules, by whether they have outputs and whether they may share an address.
+#: An A/B slave needs two requests for four outputs, because one bit of four selects A or B.
 _DIGITAL = {
     (False, False): "S-0.F",
     (True, False): "S-7.F",
@@ -138,7 +138,7 @@ def _extended(profile: str) -> bool:
 
 
 def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> Indices:
-    """Return the most points of its kind that each point's module may have; 0 if it is too slow."""
+    """Return how many points of its kind each point's module may have; 0 if one is too slow."""
     limits, need = draft.settings.asi, draft.need[rows]
     channels, least = np.zeros(len(rows), dtype=np.intp), np.empty(len(rows))
     for output, kind, most in ((False, "DI", limits.inputs), (True, "DO", limits.outputs)):

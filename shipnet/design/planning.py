@@ -73,7 +73,7 @@ def _trunks(draft: Draft, box: Box) -> list[Indices]:
 
 
 def _wires(draft: Draft, rows: Indices) -> tuple[int, int]:
-    """Return the numbers of conductors used and of pairs in a trunk; a signal has one return."""
+    """Return the numbers of conductors used and of pairs in a trunk, with one return per signal."""
     signals, common = draft.iolist.points["signal"].to_numpy(object)[rows], draft.common[rows]
     own, alone = draft.wires[rows] - common, common == 0
     returns = sum(dict(zip(signals, common.tolist(), strict=True)).values())

@@ -178,7 +178,7 @@ class Plant:
 
     @cached_property
     def on_asi(self) -> Design:
-        """Design with the contacts on modules of AS-i lines, and the masters in the cabinet."""
+        """Design with the contacts on AS-i modules, and the lines' masters in the cabinet."""
         rows, points = self._rows, self.iolist.points
         first = (rows["place"] == 0).to_numpy()
         masters = rows["segment"].str.replace("line", "master")

@@ -37,8 +37,8 @@ from shipnet.tables import Remark, Sheet, frame_sheet, parse_sheet, read_sheet, 
 
 _POSITION, _BOX = ("x_m", "y_m", "z_m"), ("box_x_m", "box_y_m", "box_z_m")
 
-#: Legal range of each column in its unit, with both ends except an update time of 0. A ship is
-#: shorter than 1 km, and its cables are shorter than 10 km.
+#: Legal range of each column in its unit, both ends included, but an update time must exceed 0. A
+#: ship is shorter than 1 km, and its cables are shorter than 10 km.
 RANGES: Mapping[str, tuple[float, float]] = {
     **dict.fromkeys((*_POSITION, *_BOX), (-1e3, 1e3)),
     **dict.fromkeys(("to_box_m", "home_run_m"), (0.0, 1e4)),
@@ -94,7 +94,7 @@ class Cells:
         self._fill_down("system")
 
     def _second_line(self, below: Sequence[str]) -> list[str] | None:
-        """Return the titles joined with those in the row `below`; None if it has no titles."""
+        """Return the titles joined with those in the row `below`, or None if it is not titles."""
         titles, above, understood = [], "", 0
         for title, cell in zip_longest(self.titles, below, fillvalue=""):
             above = title or above
@@ -289,7 +289,7 @@ _REPEATED, _TEXT = "repeated titles", "not a point: a subtitle, page header, pag
 
 
 def _letter(place: int) -> str:
-    """Return the letter of a spreadsheet column, whose number counts from 0."""
+    """Return the letter of a spreadsheet column, given its number from 0."""
     more, own = divmod(place, 26)
     return (_letter(more - 1) if more else "") + chr(65 + own)
 
@@ -301,7 +301,7 @@ def _holds_number(cell: str) -> bool:
 
 def clean(cell: str) -> str:
     """Return the text of a cell on one line, without an apostrophe before a formula."""
-    # The space is the only printable whitespace.
+    # The space is the only printable whitespace character.
     text = cell if cell.isprintable() and "  " not in cell else " ".join(cell.split())
     return text[1:] if text[:1] == "'" and _FORMULA.match(text) else text
 
@@ -318,7 +318,7 @@ def _cleaned(cells: Sequence[str]) -> list[str]:
 
 # The numbers of an I/O list: positions of points and boxes, lengths of cables, update times ------
 
-#: Amount by which a cable may be shorter than the straight distance, as both are rounded [m].
+#: Amount by which rounding may make a cable shorter than the straight distance [m].
 ROUNDED = 0.2
 
 
@@ -427,7 +427,7 @@ _Found = tuple[str, str, list[tuple[str, str]]]
 def points_of(
     sheet: Sheet, reading: Reading, *, strict: bool = False
 ) -> tuple[pd.DataFrame, tuple[Remark, ...]]:
-    """Convert the rows of a sheet to points, and return these with remarks."""
+    """Convert the rows of a sheet to points; return the points and the remarks."""
     cells = Cells(sheet, reading)
     texts = {name: _text(cells, name) for name in ("tag", "system", "box", "device", "ex")}
     _check_tags(cells, texts["tag"])
@@ -624,7 +624,7 @@ class PointTable:
         return tuple(str(note) for note in self.notes if not note.detail)
 
     def reading(self) -> pd.DataFrame:
-        """Return the remarks on how the list was read, with their rows and whether in doubt."""
+        """Return a table of the remarks on how the list was read, with the rows and any doubt."""
         rows = []
         for note in self.notes:
             which = listed(note.rows, None)[1:].lstrip() if note.rows else ""

@@ -104,7 +104,7 @@ def picture(svg: str, words: str) -> str:
 
 # The later pages of a report: failures, points left out, segments, figures, assumptions
 
-#: Maximum numbers of rows in the report's long tables; the saved files have all rows.
+#: Maximum numbers of rows in the report's long tables; the saved files contain all rows.
 _FAILURES_SHOWN, _POINTS_SHOWN, _REASONS_SHOWN = 4, 100, 50
 
 #: Note on where the omitted rows are.

@@ -41,7 +41,7 @@ from shipnet.tables import NUMBER, Sheet, frame_sheet, in_order, read_sheet, tit
 
 # Measures of a planned design that a rule may limit ---------------------------------------------
 
-#: Buses with an open standard or public specification, which is named with the bus's CRC.
+#: Open international standard or public specification of each bus that has one, and its CRC.
 STANDARDS: Mapping[str, tuple[str, Crc | None]] = {**DATA_LINKS, "AS-i": ("IEC 62026-2", None)}
 
 #: Longest update time of a fast point [ms]: the shortest time in class rules, 0.1 s in
@@ -256,8 +256,8 @@ def _repeats(facts: Facts, concerned: Bools, host: bool) -> Outcome:
         return Outcome(_NAN, why="no data link")
     asked = [bus for bus in _buses(facts) if bus != "CAN"]
     if asked:
-        return Outcome(_NAN, why=f"a plan does not show how often the {asked[0]} master repeats")
-    return Outcome(float("inf"), "", "CAN repeats automatically")
+        return Outcome(_NAN, why=f"a plan does not show how often the {asked[0]} master retries")
+    return Outcome(float("inf"), "", "CAN repeats lost messages automatically")
 
 
 def _most(values: pd.Series[float], subjects: pd.Series[str], none: str) -> Outcome:
@@ -558,7 +558,7 @@ class RuleSet:
 
     @classmethod
     def of(cls, rules: RuleSet | str | PathLike[str]) -> RuleSet:
-        """Return the rule set itself, the published set of a name, or the set in a file."""
+        """Return a given rule set, a published one by its name, or one from a file."""
         if isinstance(rules, RuleSet):
             return rules
         if isinstance(rules, PathLike) or str(rules).lower().endswith((".csv", ".xlsx")):

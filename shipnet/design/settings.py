@@ -46,7 +46,7 @@ from shipnet.tables import read_bytes, text_of
 
 @dataclass(frozen=True, kw_only=True)
 class _CableFor(Kind):
-    """A key of the cable catalogue whose cable suits a bus."""
+    """A key of the cable catalogue, for a cable that suits a bus."""
 
     bus: str
 
@@ -100,7 +100,7 @@ def _bit_rates(help: str, default: tuple[int, ...]) -> Any:
 
 @record(slots=True)
 class BoxLimits:
-    """Junction boxes where the list names none; distances are along the ship's axes."""
+    """Limits of boxes planned where the list names none, with distances along the ship's axes."""
 
     points: int = whole(1, 100_000, help="Maximum number of points per box; assumed", default=32)
     reach: float = number(
@@ -117,7 +117,7 @@ class AsiLimits:
     """
 
     shared: bool = switch(
-        "Whether an A and a B slave may share an address: 62 slaves per line, else 31", default=True
+        "Whether an A and a B slave may share an address (62 slaves per line, not 31)", default=True
     )
     inputs: int = whole(1, 4, help="Digital inputs per module", default=4)
     outputs: int = whole(1, 4, help="Digital outputs per module", default=4)
@@ -259,8 +259,8 @@ class _Plain:
         "DNV-OS-D202, Ch. 2 Sec. 3 Table A1", default=1.0,
     )  # fmt: skip
     fed: bool = switch(
-        "Whether cables from the cabinet feed stations and supplies in the field; otherwise a "
-        "board beside them does, which is not counted", default=True,
+        "Whether cables from the cabinet feed stations and supplies in the field; otherwise "
+        "boards beside them do, and are not counted", default=True,
     )  # fmt: skip
     feeder: str = _cable("hardwired", "Thinnest feeder cable, a key of the catalogue", "MI1P150")
     field_barriers: bool = switch(
@@ -268,7 +268,7 @@ class _Plain:
         "they have home runs to barriers in the cabinet", default=False,
     )  # fmt: skip
     list_lengths: bool = switch(
-        "Whether cables have the lengths in the list; otherwise these come from positions",
+        "Whether cables have the lengths in the list; otherwise lengths come from positions",
         default=True,
     )  # fmt: skip
 

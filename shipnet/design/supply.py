@@ -105,7 +105,7 @@ class Forest:
 
 
 def _rooted(parent: Indices, nodes: Indices) -> tuple[Indices, tuple[Indices, ...]]:
-    """Return the root of each node, and the nodes of `nodes` below their root by level."""
+    """Return the root of each node, and those in `nodes` that are not roots, by level."""
     root, depth, up = np.arange(len(parent)), np.zeros(len(parent), np.intp), parent.copy()
     while (up >= 0).any():
         root, depth = np.where(up >= 0, up, root), depth + (up >= 0)
@@ -127,7 +127,7 @@ def forest(design: Layout) -> Forest:
     feeder, trunk = ((runs["kind"] == kind).to_numpy() for kind in ("feeder", "trunk"))
     own = np.flatnonzero(feeder | (trunk & run_asi))
     a, b = (runs[end].iloc[own].map(index).to_numpy(np.intp) for end in "ab")
-    # A feeder from the cabinet is mains to a supply, or a data link to a gateway.
+    # A feeder from the cabinet is either mains to a supply or a data link to a gateway.
     kept = ~(feeder[own] & np.isin(kinds, ("cabinet", "gateway"))[np.stack([a, b])].any(axis=0))
     own, a, b = own[kept], a[kept], b[kept]
     outputs = feeder[own] & run_asi[own]
@@ -181,7 +181,7 @@ def slave_voltage() -> float:
 def _roots(
     kinds: npt.NDArray[np.object_], beside: Sequence[int], on_asi: Bools, u: Indices, v: Indices
 ) -> dict[int, int]:
-    """Return the supply of each node that a supply feeds directly."""
+    """Return the supplies by the node to which each is connected."""
     count, reached = len(kinds), {*u.tolist(), *v.tolist()}
     supply: dict[int, int] = {}
     between = []
@@ -322,8 +322,8 @@ def sized(design: Layout) -> Feeders:
 def _spent(design: Layout, trees: Forest, feeders: Indices, cable: Cable, own: Indices) -> Floats:
     """Return the cost of each tree's feeders, with one cable and supplies at some nodes [EUR].
 
-    Prices are nominal values of the data files, so a plan does not depend on prices in settings. A
-    supply moved out of the cabinet costs as much as an additional one: it needs a housing.
+    Prices are nominal values of the data files, so a plan does not depend on prices in settings.
+    Moving a supply out of the cabinet costs as much as adding one, because it needs a housing.
     """
     settings, site, runs = design.settings, design.site, trees.metres
     price = {name: one.range.nominal for name, one in read_assumptions().items()}
@@ -358,7 +358,7 @@ def _cuts(
 ) -> list[int]:
     """Return the smallest set of nodes that need a supply of their own with a given cable.
 
-    From the leaves on, a branch stays on its parent while one supply there can serve both.
+    Starting at the leaves, a branch stays on its parent if one supply there can serve both.
     """
     parent, short = trees.parent.tolist(), trees.short.tolist()
     metres, allowed = trees.metres.tolist(), trees.allowed.tolist()

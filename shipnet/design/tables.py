@@ -171,7 +171,7 @@ def _wires(design: Layout) -> Iterator[str]:
         yield from (known[n] if n < len(known) else str(n + 1) for n in range(cores))
 
 
-#: The wires joined to a core of a box's trunk, each as row of its cable and number, and the signal
+#: The wires joined to a core of a box's trunk, each as (row of its cable, number), and the signal
 #: for which the core is the common return, or "".
 _Joint: TypeAlias = tuple[list[tuple[int, int]], str]
 
@@ -180,8 +180,8 @@ def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
     """Yield the row of each box's trunk, and the wires joined to each of its cores.
 
     The planner divides the points of a box among its trunks in order, so the conductors in use
-    show where a trunk ends. A trunk has first the pairs of points with their own return, then one
-    conductor per point with a common return, then the returns.
+    show where a trunk ends. In a trunk, the pairs of points with their own return come first, then
+    one conductor per point with a common return, then the returns.
     """
     runs = design.cables
     kinds = dict(zip(design.points["tag"], design.iolist.points["signal"], strict=True))
@@ -208,7 +208,7 @@ def _boxed(design: Layout) -> Iterator[tuple[int, list[_Joint]]]:
 
 
 def _joints(drops: Iterable[tuple[int, str, int]]) -> list[_Joint]:
-    """Return the wires joined to each core of a trunk; a drop is row, signal and wires."""
+    """Return the wires joined to each core of a trunk; each drop is (row, signal, wires)."""
     pairs, shared, returns = list[_Joint](), list[_Joint](), dict[str, list[tuple[int, int]]]()
     for drop, kind, wires in drops:
         common = SIGNALS[kind].common

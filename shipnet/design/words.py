@@ -201,7 +201,7 @@ def _titles() -> Mapping[str, str]:
 
 @lru_cache(4096)
 def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | None:
-    """Return the column of a title, which may be in two languages, or None."""
+    """Return the column that a title names, or None; a title may be in two languages."""
     mine = {plain(word): name for word, name in own}
     if plain(title) in mine:
         return Column(mine[plain(title)])

@@ -246,7 +246,7 @@ class Words:
         return word
 
     def fault(self, answer: object) -> str | None:
-        """Return that words differ, or None if they are right."""
+        """Report that words differ, or return None if they are right."""
         return None if answer == self.value else NOT_YET
 
 

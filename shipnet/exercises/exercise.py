@@ -43,7 +43,7 @@ def student(name: str) -> Student:
     Parameters
     ----------
     name : str
-        Name; must not be empty.
+        Name of the student; must not be empty.
 
     Returns
     -------

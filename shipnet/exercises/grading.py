@@ -173,7 +173,7 @@ def _decoded(value: Any, session: _Session) -> Any:
 
 
 def _encoded(value: Any, expression: str = "", depth: int = 0) -> Any:
-    """Return a value for JSON; other types than JSON's become dicts with one key."""
+    """Convert a value for JSON; a type that JSON lacks becomes a dict with one key."""
     if value is ...:
         return {"blank": 1}
     if isinstance(value, np.generic | np.ndarray):
@@ -249,7 +249,7 @@ class _HandIn:
 
     @classmethod
     def read(cls, path: Path, folder: Path) -> _HandIn:
-        """Read a notebook; if this is impossible, flag it."""
+        """Read a notebook; flag it if it cannot be read."""
         made = cls(path.relative_to(folder).as_posix())
         try:
             cells = json.loads(path.read_text("utf-8"))["cells"]

@@ -10,7 +10,7 @@ from shipnet.exercises.exercise import ANY, Solution, solution
 
 _TURNED = str.maketrans("01", "10")
 
-#: Five bits, no palindromes; 11110 has the same levels in differential Manchester.
+#: Five-bit words except palindromes and 11110, whose levels equal differential Manchester's.
 _WORDS = tuple(
     word for word in (f"{k:05b}" for k in range(32)) if word != word[::-1] and word != "11110"
 )
@@ -59,7 +59,7 @@ def telegram_time(n_bits: int, rate: int) -> Solution:
     }
 
 
-#: Telegrams for tests: the shortest, without and with a pulse between the bits, real ones.
+#: Telegrams for tests: the shortest, without and with a pulse between the bits, and real ones.
 _TRIED = [("0",), ("01",), ("00",), ("0011001",), ("00101010111011",), ("0111",)]
 
 

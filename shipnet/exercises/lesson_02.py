@@ -34,7 +34,7 @@ def cable_ends(echoes: tuple[float, ...]) -> Solution:
     right = tuple(_ECHOES[echo] for echo in echoes)
 
     def taken(*ends: str) -> tuple[str, ...]:
-        """Return the right ends with the first replaced by the second, the third by the fourth."""
+        """Return `right` with the first of `ends` replaced by the second, the third by the last."""
         found = dict(zip(ends[::2], ends[1::2], strict=True))
         return tuple(found.get(end, end) for end in right)
 
@@ -113,7 +113,7 @@ def echo_height() -> Solution:
     }
 
 
-#: First length that the design tries, and step [m].
+#: First length tried in the design, and step [m].
 _START, _STEP = 50, 10
 
 

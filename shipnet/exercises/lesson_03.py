@@ -145,7 +145,7 @@ def distance() -> Solution:
 
 @solution("ex-03-4", hits=(5, 8, 10, 20, 30, 40), years=(5, 10, 20, 25))
 def crc_width(hits: int, years: int) -> Solution:
-    """Fewest bits of a CRC with which fewer than one disturbed message passes in some years."""
+    """Fewest bits of a CRC with which fewer than one disturbed message passes in `years`."""
     messages = hits * 365 * years
     width = ceil(log2(messages))
     return Whole(width, "bits"), {

@@ -28,7 +28,7 @@ def _stop(ids: Sequence[str]) -> int:
 
 
 def _plain(ids: Sequence[str]) -> bool:
-    """Return whether no stuff bit precedes the first different bit, and the order matters."""
+    """Return whether no stuff bit precedes the first different bit and the bit order matters."""
     last, winner = _stop(ids), f"{min(int(number, 16) for number in ids):011b}"
     early = [bit for number in ids for bit in Frame(int(number, 16)).stuff_positions if bit <= last]
     return not early and winner[::-1][:last] != winner[:last]
@@ -60,7 +60,7 @@ def carried(ids: tuple[str, str]) -> Solution:
 def _stuffed(
     bits: str, *, after: int = 5, only: str = "01", turned: bool = True, counted: int = 1
 ) -> str:
-    """Return bits with stuff bits according to a wrong rule."""
+    """Insert stuff bits according to a wrong rule."""
     out, run, last = "", 0, ""
     for bit in bits:
         run = run + 1 if bit == last else 1
@@ -113,7 +113,7 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
     right = 1e3 * response_times(messages, _RATE)["yours"].response
     stop, speed, yours, log = 1e3 * frame_length([1, 4, n_bytes, 8]) / _RATE
     bare = 1e3 * frame_length([1, 4, n_bytes, 8], stuffing="none") / _RATE
-    # Every frame is counted without stuff bits; stop is still sent twice, or only once.
+    # Frames without stuff bits; stop is then sent twice or only once.
     once = bare[3] + bare[0] + bare[1]
     return Number(right, "ms"), {
         "a less urgent frame may have just started: which one blocks, and for how long?": (
@@ -133,7 +133,7 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
     }
 
 
-#: Sets that meet all deadlines in one order only, not that of the deadlines; found by search. For
+#: Sets that meet all deadlines in only one order, which is not by deadline; found by search. For
 #: each message: bytes, period and deadline [ms].
 _SETS = (
     ((5, 2.5, 2.5), (8, 2.0, 2.0), (1, 4.75, 2.75)),

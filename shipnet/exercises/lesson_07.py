@@ -19,7 +19,7 @@ _RINGS = tuple(
 
 @solution("ex-07-1", ring=_RINGS)
 def unread(ring: dict[str, int]) -> Solution:
-    """Unread bytes that the variables show, counted by a ring in that state."""
+    """Number of unread bytes that the variables of a ring indicate."""
     found, wanted = Ring(_SIZE, "corrected"), State(**ring)
     while found.state[2:] != wanted[2:]:
         found.store(0)

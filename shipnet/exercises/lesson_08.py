@@ -69,7 +69,7 @@ def oldest(period: float, timeout: int, retries: int, age: float) -> Solution:
     }
 
 
-#: Loops for tests: no cut, one, two, at both ports, in any order, and two at the same place.
+#: Loops for tests: no cut, one, two, cuts at both ports, in any order, two at one place.
 _TRIED: list[tuple[int, list[int]]] = [
     (40, []),
     (40, [12]),
@@ -83,7 +83,7 @@ _TRIED: list[tuple[int, list[int]]] = [
 
 @solution("ex-08-3")
 def lost_valves() -> Solution:
-    """Number of valves lost for any cuts of a loop."""
+    """Number of valves lost if a loop is cut any number of times."""
     return Function(_lost, _TRIED, lambda right: Whole(right, "valves")), {
         "that is for a line; in a loop, port B reaches the far part": (
             lambda n, cuts: n - min(cuts, default=n)

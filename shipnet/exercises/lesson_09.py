@@ -23,7 +23,7 @@ def _firing(readings: Mapping[str, Any], method: str) -> list[list[str]]:
 
 
 def _cases() -> tuple[dict[str, float], ...]:
-    """Return readings for which two to four rules hold, and others with ramps or by one term."""
+    """Return readings for which two to four rules hold, but others with ramps or by one term."""
     values = ((1.8, 118, 128), (0, 1.2, 4.1), (0, 2.3, 3.4), (50, 86, 95), (-3, 40, 103), (0, 2))
     every = np.array(list(product(*values)))
     readings = dict(zip(_BASE.names, every.T, strict=True))
@@ -109,7 +109,7 @@ def _windows(fires: str, n: int, last: int = 0) -> list[str]:
 
 
 def _slices(fires: str, n: int) -> list[str]:
-    """Return slices whose negative start counts from the end."""
+    """Return windows whose negative start wrongly counts from the end of the readings."""
     return [fires[end - n : end] for end in range(1, len(fires) + 1)]
 
 

@@ -56,9 +56,9 @@ Draw = Callable[[int, Axes], object]
 class Page(widgets.VBox):  # type: ignore[misc]
     """The page of a tool: controls, verdict, figure, and a state that can be shared.
 
-    `see` returns the view of some inputs, by default the tool's own `_view`. `folds` names the
-    controls that are folded away under a title. Each state to try, in stories.toml, is a button;
-    with `story` the page opens on the first of them.
+    `see` returns the view for given inputs, by default the tool's own `_view`. `folds` maps titles
+    to the controls that are folded under them. Each example state in stories.toml has a button;
+    with `story`, the page opens on the first example.
     """
 
     def __init__(
@@ -150,7 +150,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
             except Exception as problem:  # any error is shown as a message
                 view, figure = View(verdict=_lines(problem), ok=False), ""
             self.text, self.ok = str(view), view.ok
-            # Set before the verdict, so that a user who sees the verdict and saves gets its state.
+            # Set before the verdict, so that a user who sees the verdict can save its state.
             links = (download_link(f"download {name}", name, f) for name, f in view.files.items())
             self.links.value = " ".join([save, link, *links])
             self._shown.value, self._details.value = view.answer, view.details
@@ -173,7 +173,7 @@ class Page(widgets.VBox):  # type: ignore[misc]
         self._change(lambda: self._told(**values))
 
     def _told(self, press: Sequence[str] = (), **values: Any) -> Any:
-        """Return the inputs of a story: from its values or those of its preset, and its buttons."""
+        """Return the inputs of a story, with its values or preset set and its buttons pressed."""
         if self._preset is not None and values:
             self._setters.put(type(self._preset.start)(**values))
             inputs = self._preset.make(self._setters.inputs, self._kind())
@@ -213,8 +213,8 @@ class Page(widgets.VBox):  # type: ignore[misc]
 
         def take(_: object) -> None:
             files = upload.value
-            # Otherwise a corrected file of the same name is no change. Emptied before the page
-            # answers, because a file loaded at that moment would be lost.
+            # Empty the widget, so that a corrected file of the same name is a change. Do so before
+            # the page responds, because a file loaded at that moment would be lost.
             upload.value = ()
             for file in files:
                 name, content = file["name"], bytes(file["content"])
@@ -258,7 +258,7 @@ def _sentence(problem: Exception) -> str:
 
 
 class Controls:
-    """A control for each field of a record, with its help; some are folded away."""
+    """Controls for the fields of a record, with their help; some are folded away."""
 
     def __init__(self, start: Any, folds: Mapping[str, Sequence[str]] = {}) -> None:
         self._kind = type(start)
@@ -293,7 +293,7 @@ class Controls:
         return self._kind(**self._values())
 
     def _values(self) -> dict[str, Any]:
-        """Return all values, rounded because a browser's slider adds up its steps."""
+        """Return all values, rounded because a browser's slider accumulates rounding errors."""
         shown = {
             name: round(control.value, 9)
             if isinstance(self._asked[name], Number)
@@ -303,9 +303,9 @@ class Controls:
         return {**self._held, **shown}
 
     def put(self, inputs: Any) -> None:
-        """Set all controls, each to its nearest step, and call no observer.
+        """Set all controls, each to its nearest step, without calling observers.
 
-        Raises ArgumentError, and changes nothing, if a slider does not reach a value.
+        Raises ArgumentError, and changes nothing, if a value is outside its slider's range.
         """
         for name, kind in self._asked.items():
             kind.check_shown(name, getattr(inputs, name))
@@ -321,7 +321,7 @@ class Controls:
             self._quiet, self._seen = False, self._values()
 
     def observe(self, call: Callable[[], None]) -> None:
-        """Call a function after each change that the user makes."""
+        """Call a function after each change by the user."""
         self._observers.append(call)
 
     def _changed(self, _: object) -> None:
@@ -390,21 +390,21 @@ def _control(kind: Kind, value: Any) -> widgets.Widget | None:
 
 @checked
 def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
-    """Draw some frames side by side, as the static picture before a stepper.
+    """Draw some frames side by side, as a static figure to precede a stepper.
 
     Parameters
     ----------
     draw : callable
-        Takes the number of a frame, from 0, and axes.
+        Function of a frame's number, from 0, and axes.
     steps : sequence of int
-        Which frames.
+        Numbers of the frames.
     axes : sequence of matplotlib.axes.Axes
-        Where to draw each.
+        Axes of each frame.
 
     Raises
     ------
     ArgumentError
-        If there are not as many axes as frames.
+        If the numbers of axes and frames differ.
 
     Examples
     --------
@@ -424,27 +424,27 @@ def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
 def stepper(
     draw: Draw, captions: Sequence[str], *, width: float = 7.5, height: float = 3.2
 ) -> widgets.VBox:
-    """Return a slider with a back button and a forward button, for prepared frames.
+    """Return a slider with back and next buttons to step through frames.
 
     Parameters
     ----------
     draw : callable
-        Takes the number of a frame, from 0, and axes. A frame is drawn once, when it is first
-        looked at.
+        Function of a frame's number, from 0, and axes. Each frame is drawn once, when it is first
+        shown.
     captions : sequence of str
-        A sentence for each frame, plain text; as many as there are frames, 1 to 1000.
+        One sentence of plain text per frame, for 1 to 1000 frames.
     width, height : float
         Size of a frame [inch].
 
     Returns
     -------
     ipywidgets.VBox
-        To be shown as the last value of a notebook's cell.
+        Widget to display as the last value of a notebook's cell.
 
     Raises
     ------
     ArgumentError
-        If there is no frame, or there are more than 1000.
+        If there are no frames, or more than 1000.
 
     Examples
     --------

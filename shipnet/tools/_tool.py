@@ -1,4 +1,4 @@
-"""The base of all tools: inputs as declared fields, results, and a page."""
+"""The base class of all tools: inputs as declared fields, results, and a page."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @checked
 class Tool:
-    """Base of the tools: a record whose fields are the controls, with the results."""
+    """Base class of tools: a record whose fields are the controls, and its results."""
 
     #: The result that the tool computes from its inputs.
     result: Any
@@ -40,11 +40,11 @@ class Tool:
         return axes
 
     def explore(self, story: bool = False) -> Page:
-        """Return the page with a control for each field, for the last line of a notebook's cell.
+        """Return the page with a control for each field, for display in a notebook.
 
-        With `story` the page opens on the first of its states to try, else on these inputs.
+        With `story`, the page opens on its first example; otherwise, it opens on these inputs.
         """
-        # The widgets are an extra, which a verdict does not need.
+        # The widgets are an optional dependency, which a verdict does not need.
         from shipnet.tools._page import Page
 
         return Page(self, story=story, **self._options())

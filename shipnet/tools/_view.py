@@ -1,4 +1,4 @@
-"""The contents of a page: verdict, numbers, figure, buttons and files; and saved states."""
+"""The contents of a page (verdict, numbers, figure, buttons and files), and saved states."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ _WIDTH, _DPI = 7.5, 150
 #: Width of a picture on a phone, and its height as a fraction of the usual height.
 _NARROW, _FLAT = 4.6, 0.8
 
-#: Version of saved states; it increases when a field changes its meaning.
+#: Version of saved states; it increases when the meaning of a field changes.
 VERSION = 1
 
 _FORMAT = "shipnet tool"
 
-#: Largest state [bytes]; most have a few hundred, but the text of an editor adds to this.
+#: Maximum size of a state [bytes]; most have a few hundred, but the text of an editor adds to it.
 _LARGEST = 2_000_000
 
-#: Maximum number of characters of a link that programs do not truncate.
+#: Maximum number of characters in a link; some programs truncate longer links.
 _LONGEST_LINK = 2_000
 
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """What a page shows: verdict, table, numbers, the figure that `plot` draws, and files.
+    """The view on a page: verdict, table, numbers, the figure that `plot` draws, and files.
 
     A `dense` figure keeps its width on a phone.
     """
@@ -111,10 +111,10 @@ class View:
 
 
 class Sheet:
-    """Axes that are used again for each plot.
+    """Axes that are reused for each plot.
 
-    Ticks and layout take about half of the time of a new figure. So the ticks are kept, and the
-    layout too while the words around the axes stay the same.
+    Ticks and layout take about half the time of a new figure. So the ticks are reused, and the
+    layout as well while the text around the axes stays the same.
     """
 
     axes: Axes | None = None
@@ -172,7 +172,7 @@ def _words(axes: Axes) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Button:
-    """A button; `act` returns new inputs from the present ones, or None to compute again."""
+    """A button; `act` returns new inputs from the current ones, or None to compute again."""
 
     label: str
     help: str
@@ -181,7 +181,7 @@ class Button:
 
 @dataclass(frozen=True)
 class Upload:
-    """A button for a file; `take` returns new inputs from these, its name and its content."""
+    """A button to load a file; `take` returns new inputs from the old, the name and the content."""
 
     label: str
     help: str
@@ -191,7 +191,7 @@ class Upload:
 
 @dataclass(frozen=True)
 class Preset:
-    """Controls that set the others; `make` returns new inputs from their record and the inputs."""
+    """Controls that set other controls; `make` returns new inputs from their record and the old."""
 
     start: Any
     make: Callable[[Any, Any], Any]
@@ -236,7 +236,7 @@ def read_link(query: str, kind: type) -> Any:
 
 
 def _value(text: str, default: Any) -> Any:
-    """Return a value of the default's type, or the text itself, which the check refuses."""
+    """Return a value of the default's type, or the text itself, which the check rejects."""
     if isinstance(default, tuple):
         return tuple(text.split())
     if isinstance(default, bool):
@@ -253,7 +253,7 @@ def read_state(content: bytes, tool: str, kind: type, file: str = "state") -> An
 
 
 def _record(given: Mapping[str, Any], kind: type, file: str) -> Any:
-    """Return a record of values, or raise InputError with all their faults."""
+    """Return a record of values, or raise InputError with all faults."""
     kinds = declared(kind)
     faults = [f"unknown input {name!r}" for name in given if name not in kinds]
     faults += [f"input {name!r} is missing" for name in kinds if name not in given]
@@ -280,7 +280,7 @@ def _record(given: Mapping[str, Any], kind: type, file: str) -> Any:
 
 def _inputs(content: bytes, tool: str, file: str) -> dict[str, Any]:
     if len(content) > _LARGEST:
-        raise InputError(file, f"it has {len(content)} bytes; a saved state has {_LARGEST} at most")
+        raise InputError(file, f"it has {len(content)} bytes; a saved state has at most {_LARGEST}")
     try:
         state = json.loads(content.decode("utf-8-sig"))
     except (ValueError, RecursionError):

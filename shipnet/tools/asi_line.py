@@ -19,8 +19,8 @@ from shipnet.line.cable import Cable
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
-#: Cables to choose from. The corners combine the limits of a data sheet, 0.5 to 0.75 uH/m and at
-#: most 80 pF/m (Lapp, UNITRONIC BUS ASI); their resistance is that of the nominal cable.
+#: Cables to choose from. The extremes combine limits of a data sheet, 0.5 to 0.75 uH/m and at most
+#: 80 pF/m (Lapp, UNITRONIC BUS ASI), with the resistance of the nominal cable.
 CABLE_CHOICES = MappingProxyType[str, str | Cable](
     {
         "nominal: 100 ohm, 6.5 ns/m": "as-i 1.5",
@@ -33,17 +33,17 @@ CABLE_CHOICES = MappingProxyType[str, str | Cable](
 #: Sampling interval, and times recorded before and after the answer [s].
 STEP, BEFORE, AFTER = 250e-9, 6e-6, 28.8e-6
 
-#: Ratio of the standard deviations of white noise after and before the matched filter: the root
-#: of 8/3 of the sampling interval in half-bits.
+#: Ratio of the standard deviations of white noise after and before the matched filter: the square
+#: root of 8/3 of the sampling interval in half-bits.
 FILTERED = (8 / 3 * STEP / HALF_BIT) ** 0.5
 
 
 @record
 class AsiLine(Tool):
-    """A slave that answers over a cable, and what the master reads.
+    """A slave that answers over a cable, and the answer as the master reads it.
 
-    `wave` is the voltage at the master, an `asi.Waveform`, and `result` is what its receiver
-    decodes, an `asi.Reception`.
+    `wave` is the voltage at the master, an `asi.Waveform`, and `result` is the decoded reception,
+    an `asi.Reception`.
 
     Examples
     --------
@@ -59,7 +59,7 @@ class AsiLine(Tool):
     )  # fmt: skip
     place: float = number(
         0, 500, default=5.0, unit="m", slider=(0, 300), step=5, label="slave at",
-        help="Distance of the slave from master and supply; beyond the end means at the end.",
+        help="Distance of the slave from master and supply, at most up to the end of the cable.",
     )  # fmt: skip
     cable: str = choice(
         list(CABLE_CHOICES), default=next(iter(CABLE_CHOICES)), label="cable",
@@ -128,7 +128,7 @@ class AsiLine(Tool):
         )
 
     def _read(self) -> str:
-        """Return the bits that the master reads, or raise the FrameError of the first check."""
+        """Return the bits that the master reads, or raise the FrameError of the first failure."""
         if self.result.error == SilenceError.code:
             raise SilenceError("no pulse rises above the noise")
         return self.result.pulses.decode()

@@ -13,7 +13,7 @@ from shipnet.fields import choice, number, record, whole
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import View
 
-#: Slaves with addresses of their own; more slaves share addresses as A and B.
+#: Number of addresses; more slaves share them as A and B slaves.
 ADDRESSES = 31
 
 
@@ -21,7 +21,7 @@ ADDRESSES = 31
 class AsiNetwork(Tool):
     """An AS-i line with its slaves: cycle, response, signals and rules.
 
-    `plan` is the installation, an `asi.Plan`, and `result` the findings of its rules.
+    `plan` is the installation, an `asi.Plan`, and `result` contains the findings of its rules.
 
     Examples
     --------
@@ -39,8 +39,8 @@ class AsiNetwork(Tool):
     structure: str = choice(
         {
             "line": "line: slaves along the cable",
-            "star": "star: slaves at the end of nine tenths of the cable, on equal legs",
-            "ring": "ring: slaves along the cable, which comes back",
+            "star": "star: slaves on equal legs at the end of a trunk, 90 % of the cable",
+            "ring": "ring: slaves along the cable, which returns to the master",
         },
         default="line", label="structure",
         help="Layout of the cable; the standard allows any.",
@@ -93,7 +93,7 @@ class AsiNetwork(Tool):
             numbers=self._numbers(),
             plot=self.plot,
             height=3.2,
-            about="Plan of master, supply, cables and slaves; what violates a rule is red",
+            about="Plan of master, supply, cables and slaves; parts that violate a rule are red",
         )
 
     def _numbers(self) -> dict[str, str]:

@@ -29,7 +29,7 @@ class CanLoad(Tool):
     Raises
     ------
     ArgumentError
-        If a value is out of its range, or if offsets are counted together with errors.
+        If a value is out of its range, or if offsets are combined with errors.
     InputError
         From `messages`, if the text is not a message set.
 
@@ -45,8 +45,8 @@ class CanLoad(Tool):
 
     text: str = text(
         default=EXAMPLE, most=200_000, rows=12, label="message set",
-        help="One message per line: name, arbitration_id, dlc, period_ms; others are optional. "
-        "It is read when you leave the editor.",
+        help="One message per line: name, arbitration_id, dlc, period_ms; other columns are "
+        "optional. The text is read when you leave the editor.",
     )  # fmt: skip
     bit_rate: int = choice(
         {rate: f"{rate / 1e3:g}" for rate in BIT_RATES},
@@ -98,7 +98,7 @@ class CanLoad(Tool):
 
     @cached_property
     def lowest(self) -> float:
-        """The lowest standard bit rate at which all deadlines are met [bit/s]; inf if none is."""
+        """The lowest standard bit rate that meets all deadlines [bit/s]; inf if there is none."""
         return next((rate for rate in BIT_RATES if self._times(rate).met), inf)
 
     def _view(self) -> View:
@@ -113,7 +113,7 @@ class CanLoad(Tool):
             numbers={**load, "lowest standard bit rate that meets all deadlines": rate},
             plot=self.plot,
             height=1.2 + 0.28 * n,
-            about="Longest response time of each message, as a bar, against its deadline",
+            about="Longest response time of each message, as a bar, and its deadline",
             files={"messages.csv": self.messages.text} if self.offsets == "spread" else {},
         )
 
@@ -128,6 +128,6 @@ class CanLoad(Tool):
                 given = "".join(f"# {fault}\n" for fault in messages.overlooked) + messages.text
             return replace(inputs, text=given)
 
-        tip = "A CSV or DBC file; it replaces the text above. Faults of a DBC file come first."
+        tip = "A CSV or DBC file; it replaces the text above. Faults in a DBC file come first."
         own = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
         return {"uploads": [own], "folds": {"message set": ("text",)}}

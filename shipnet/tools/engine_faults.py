@@ -37,9 +37,9 @@ _SEED = 2024
 
 @record
 class EngineFaults(Tool):
-    """What the alarm screen of lee2012 shows after a fault.
+    """The alarm screen of lee2012 after a fault.
 
-    `result` is the screen, an `engine.Screen`, and `raised` the alarms that led to it.
+    `result` is the screen, an `engine.Screen`, and `raised` lists the alarms so far.
 
     Raises
     ------
@@ -58,7 +58,7 @@ class EngineFaults(Tool):
 
     fault: str = choice(
         list(FAULTS), default="box dead JB2", label="fault",
-        help=f"What fails, {START:g} s after the start; JB is a junction box.",
+        help=f"Fault that begins {START:g} s after the start; JB is a junction box.",
     )  # fmt: skip
     design: str = choice(
         list(DESIGNS), default=next(iter(DESIGNS)), label="design",

@@ -54,10 +54,10 @@ class ModbusScan(Tool):
     )  # fmt: skip
     timeout_ms: float = number(
         10, 5000, default=500.0, unit="ms", slider=(10, 3000), step=10, label="response timeout",
-        help="How long the master waits for a response before it asks again or gives up.",
+        help="How long the master waits for a response before it repeats the request or gives up.",
     )  # fmt: skip
     retries: int = whole(
-        0, 10, default=1, label="retries", help="How often it repeats a request to a silent slave."
+        0, 10, default=1, label="retries", help="Number of repeats of an unanswered request."
     )
     limit: float = number(
         0.1, 60, default=2.0, unit="s", slider=(0.1, 10), step=0.1, label="longest scan",
@@ -92,5 +92,5 @@ class ModbusScan(Tool):
             },
             plot=self.plot,
             height=3.0,
-            about="Scan time over bit rate, both logarithmic, with the limit",
+            about="Scan time over bit rate, on logarithmic scales, with the limit",
         )

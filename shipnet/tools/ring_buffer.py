@@ -17,15 +17,15 @@ from shipnet.remote_control.ring_buffer import Ring, Rule, Step
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, View
 
-#: Sizes to choose from; 128 is that of chung1998.
+#: Sizes to choose from; chung1998 uses 128.
 SIZES = (8, 16, 32, 64, 128)
 
 #: Rules to choose from, and the effect of each.
 RULES: MappingProxyType[Rule, str] = MappingProxyType(
     {
-        "printed": "as printed: an empty ring is read on",
-        "intended": "as intended: an empty ring is left alone",
-        "corrected": "corrected: bytes are counted without starting again",
+        "printed": "as printed: an empty ring is read",
+        "intended": "as intended: an empty ring is not read",
+        "corrected": "corrected: the count of bytes does not wrap",
     }
 )
 
@@ -50,7 +50,7 @@ CASES = MappingProxyType(
     }
 )
 
-#: Items of a packet, and its format.
+#: Number of items in a packet, and its format.
 _ITEMS = 1
 _FORM = MarkerFormat(n_numbers=_ITEMS)
 

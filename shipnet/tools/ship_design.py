@@ -1,4 +1,4 @@
-"""The ship design tool: an I/O list connected in several ways, side by side, and its report."""
+"""The ship design tool: a comparison of ways to connect an I/O list, with a report."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from shipnet.tables import text_of
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, Upload, View
 
-#: Choices of figure; a figure against cost is named after its column of the comparison.
+#: Figures to choose from; a figure against cost has the name of its column in the comparison.
 PICTURES = {
     "cost": "cost of each option, with its range",
     "conductors_at_cabinet": "conductors against cost",
@@ -53,7 +53,7 @@ _FOLDS = {
     ),
 }  # fmt: skip
 
-#: Maximum number of characters of a list; a state that contains it must not exceed 2 MB.
+#: Maximum length of a list in characters, and in bytes as JSON; a state must not exceed 2 MB.
 _LONGEST = 1_000_000
 _STATE = 1_900_000
 
@@ -62,7 +62,7 @@ _MIND = (
     "nominal, with a range from all assumptions low to all high."
 )
 
-#: Mixes of options: the option of some types or categories, and that of all other points.
+#: Mixes of options: the options of some types or categories, and the option of all other points.
 MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
     {
         "digital AS-i + analogue CAN": ({"DI": "AS-i", "DO": "AS-i"}, "CAN"),
@@ -97,7 +97,7 @@ EXAMPLES = _examples()
 @checked
 @record
 class ShipDesign(Tool):
-    """Ways to connect the points of a ship's I/O list, side by side.
+    """Comparison of ways to connect the points of a ship's I/O list.
 
     `result` is the comparison of the designs, a `design.Comparison`.
 
@@ -120,7 +120,7 @@ class ShipDesign(Tool):
     points: str = text(
         default=EXAMPLES["main engine"], most=_LONGEST, rows=6, label="I/O list",
         help="One row per point, pasted from a spreadsheet or as CSV: tag, type or signal, and x, "
-        "y, z or the length of its home run. It is read when you leave the editor.",
+        "y, z or the length of its home run. The list is read when you leave the editor.",
     )  # fmt: skip
     name: str = text(
         default="main engine (synthetic)", most=80, label="name of the list",
@@ -128,7 +128,7 @@ class ShipDesign(Tool):
     )  # fmt: skip
     cabinet: str = text(
         default=_CABINET, most=60, hint="found from the list", label="cabinet x, y, z [m]",
-        help="Where the cables end. If empty, it is computed from the lengths in the list.",
+        help="Position at which the cables end; if empty, it is inferred from the list's lengths.",
     )  # fmt: skip
     home_runs: bool = switch(
         default=True, label="home runs", help="A cable from each point to the cabinet."
@@ -145,7 +145,7 @@ class ShipDesign(Tool):
     mixed: str = choice(
         {name: name for name in ("none", *MIXES)}, default="none", label="a mix",
         help="One more option, which connects some points by one method and the others by another. "
-        "With few boxes and stations, a mix may cost more than either.",
+        "With few boxes and stations, a mix may cost more than either alone.",
     )  # fmt: skip
     redundant: bool = switch(
         default=False, label="two lines", help="The trunks of CAN and Modbus are laid twice."
@@ -176,7 +176,7 @@ class ShipDesign(Tool):
     )  # fmt: skip
     labour: float = number(
         10, 200, default=55.0, step=5, unit="EUR/h", label="labour rate",
-        help="Cost of an electrician per hour, with overhead; its range scales with it. Assumed.",
+        help="Hourly cost of an electrician, with overhead; its range scales with it. Assumed.",
     )  # fmt: skip
     parts: float = number(
         0.25, 4, default=1.0, step=0.05, label="price of bus parts",
@@ -185,21 +185,21 @@ class ShipDesign(Tool):
     own: str = text(
         default="", most=20_000, rows=4,
         hint="[asi]\nlength = 200", label="other limits and prices",
-        help="Lines of a settings file: bit rates, lengths, currents, load, prices, the time of "
-        "the host. They override the controls. settings.toml, at the foot of the page, lists all.",
+        help="Lines of a settings file: bit rates, lengths, currents, load, prices, time in "
+        "the host. They override the controls. settings.toml, at the foot of the page, has all.",
     )  # fmt: skip
     picture: str = choice(
         PICTURES, default="cost", label="figure",
         help="Filled dots are Pareto-optimal in both axes. The assumptions shown "
-        "are those for the comparison of the first with the cheapest option.",
+        "affect the cost difference between the first and the cheapest option.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        # JSON writes a non-ASCII character as six, and the end of a line as two.
+        # JSON writes a non-ASCII character as six characters, and a line break as two.
         beyond = len(self.points.encode("ascii", errors="ignore"))
         size = 6 * (len(self.points) - beyond) + beyond + self.points.count("\n")
         if size > _STATE:
-            raise ArgumentError(f"the list takes {size} bytes; a state holds {_STATE} at most")
+            raise ArgumentError(f"the list takes {size} bytes; a state has at most {_STATE}")
 
     @property
     def options(self) -> tuple[str, ...]:
@@ -212,9 +212,9 @@ class ShipDesign(Tool):
 
     @cached_property
     def result(self) -> Comparison:
-        """Plan the options and compare them; unchanged options are not planned again."""
+        """The comparison of the options; unchanged options are not planned again."""
         if not self.options:
-            raise ArgumentError("no option is on; switch on one of home runs to Modbus RTU")
+            raise ArgumentError("no option is on; switch on at least one")
         printed = "".join(one if one.isprintable() else " " for one in self.name)
         name, settings = " ".join(printed.split()) or "list", self._settings()
         iolist = _points(self.points, name, self.update_ms, settings.reading)
@@ -239,7 +239,7 @@ class ShipDesign(Tool):
         return self.result.plot("total_cost_eur", self.picture, ax=ax)
 
     def _view(self, report: bool = False) -> View:
-        """Return the view that the page shows; with `report`, the view has a file to download."""
+        """Return the view that the page shows; with `report`, it offers the report's files."""
         found = self.result
         heights = {"cost": 1.2 + 0.4 * len(found.designs), "assumptions": 3.4}
         files: dict[str, str | bytes] = {"settings.toml": found.settings.text()}
@@ -260,7 +260,7 @@ class ShipDesign(Tool):
         )
 
     def _options(self) -> dict[str, Any]:
-        # The inputs of the report; it is dropped when they change.
+        # The inputs of the report, which is dropped when they change.
         asked: list[ShipDesign] = []
 
         def see(inputs: ShipDesign) -> View:
@@ -282,9 +282,9 @@ class ShipDesign(Tool):
             )  # fmt: skip
 
         report = Button(
-            "make the report", "One file to read offline and print: tables, figures, rules and "
-            "every assumption; in tables.zip the cables, terminals, points and drawing of each "
-            "option. Buttons to download them appear at the foot of the page.", ask,
+            "make the report", "One file to read offline and print: tables, figures, rules and all "
+            "assumptions. tables.zip has the cables, terminals, points and drawing of each "
+            "option. Buttons to download both appear at the foot of the page.", ask,
         )  # fmt: skip
         uploads = [
             Upload("load a list", "CSV or Excel; it replaces the list above.",
@@ -297,7 +297,7 @@ class ShipDesign(Tool):
 
 
 def from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDesign:
-    """Return inputs with the I/O list of a file, and an empty cabinet."""
+    """Return the inputs with the I/O list from a file, and without a cabinet."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "list"
         path.write_bytes(content)
@@ -320,7 +320,7 @@ def settings_from_file(inputs: ShipDesign, name: str, content: bytes) -> ShipDes
 
 @lru_cache(maxsize=8)
 def _points(text: str, name: str, update_ms: int, reading: Reading) -> IoList:
-    """Return the points of a text, with a longest update time unless it is 0."""
+    """Return the points in a text; unless `update_ms` is 0, it limits their update times."""
     iolist = IoList.parse(text, name, reading=reading)
     if not update_ms:
         return iolist
@@ -366,7 +366,7 @@ def _prices(labour: float, parts: float) -> dict[str, Range]:
 def _compared(
     iolist: IoList, cabinet: str, settings: Settings, options: tuple[str, ...], rules: str
 ) -> Comparison:
-    """Plan and compare; plans are kept when only prices change."""
+    """Plan the options and compare them; plans are reused if only prices change."""
     default = Settings()
     unpriced = settings.replace(
         {name: default[name] for name in names() if name.startswith("assumptions.")}
@@ -380,7 +380,7 @@ def _compared(
 #: Maximum number of violated rules shown per design.
 _SHOWN = 3
 
-_FAILED = {"cut": "is cut", "short": "is shorted", "device": "is dead"}
+_FAILED = {"cut": "is cut", "short": "is shorted", "device": "fails"}
 
 
 def _numbers(comparison: Comparison) -> dict[str, str]:

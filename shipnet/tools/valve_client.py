@@ -1,7 +1,7 @@
 """The valve client: open, close and set ballast valves over Modbus/TCP, as the paper's PC does.
 
-Static pictures show valves in model time; the page talks to its own server on this machine, or to
-another.
+Static pictures show valves in model time. The page connects to its own server on this machine, or
+to another server.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from shipnet.tools._page import Page
 from shipnet.tools._tool import Tool
 from shipnet.tools._view import Button, View
 
-#: Valves of the server that the explorer starts.
+#: Number of valves on the server that the explorer starts.
 _OWN = 16
 
 
@@ -30,7 +30,7 @@ _OWN = 16
 class ValveClient(Tool):
     """Ballast valves over Modbus/TCP: open, close and set them, and see their responses.
 
-    `result` has the answers of model valves in model time; the page talks to a server.
+    `result` has the answers of model valves in model time; the page connects to a server.
 
     Examples
     --------
@@ -44,11 +44,11 @@ class ValveClient(Tool):
     )  # fmt: skip
     port: int = whole(
         1, 0xFFFF, default=5020, typed=True, label="port",
-        help="Its port; ignored without an address.",
+        help="Port of the server; ignored without an address.",
     )  # fmt: skip
     valves: int = whole(
         1, MAX_UNIT, default=_OWN, typed=True, label="valves shown",
-        help=f"Its own server has {_OWN}.",
+        help=f"The page's own server has {_OWN}.",
     )  # fmt: skip
     valve: int = whole(
         1, MAX_UNIT, default=1, at_most="valves", label="valve",
@@ -56,7 +56,7 @@ class ValveClient(Tool):
     )  # fmt: skip
     target: int = whole(
         0, 100, default=40, unit="%", label="position",
-        help="The position to which the button of this name moves the valve.",
+        help="Position to which the button 'position' moves the valve.",
     )  # fmt: skip
 
     @cached_property
@@ -99,7 +99,7 @@ class Explorer(Page):
     Attributes
     ----------
     server : Server
-        The explorer's own, of 16 valves in real time.
+        The explorer's own server, with 16 valves in real time.
     """
 
     def __init__(self, start: ValveClient, story: bool = False) -> None:
@@ -118,7 +118,7 @@ class Explorer(Page):
             buttons=[
                 Button("open", "Opens the valve.", lambda now: self._command(now, "open")),
                 Button("close", "Closes the valve.", lambda now: self._command(now, "close")),
-                Button("position", "Moves it there.", lambda now: self._command(now, now.target)),
+                Button("position", "Moves the valve.", lambda now: self._command(now, now.target)),
                 Button("read again", "Reads all valves.", lambda _: None),
             ],
             extras=[clock],
@@ -159,5 +159,5 @@ class Explorer(Page):
         except OSError as problem:
             self._hang_up()
             return View(verdict=str(problem), ok=False)
-        # The refusal remains shown, but makes only its own valve's answer bad.
+        # A refusal remains visible, but only the answer of its own valve is bad.
         return inputs.view(readout, self._answer, refused=self._refused == inputs.valve)

@@ -47,7 +47,7 @@ class ValveDiagnosis(Tool):
     """The diagnosis of a valve's readings by the rules of kim2014.
 
     `result` is the decision, a `fuzzy.Decision`; `strength` has the firing strength of each rule,
-    and `printed` the codes that fire as printed.
+    and `printed` the codes that fire at the printed limits.
 
     Examples
     --------
@@ -74,7 +74,7 @@ class ValveDiagnosis(Tool):
     )
     threshold: float = number(
         0.05, 1.0, default=0.5, step=0.05, label="alarm threshold",
-        help="Firing strength from which a rule is active.",
+        help="Minimum firing strength of an active rule.",
     )  # fmt: skip
 
     @property
