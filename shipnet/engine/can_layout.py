@@ -1,4 +1,4 @@
-"""The points of the boxes in CAN messages: which bytes of which frame contain which point.
+"""Mapping of measuring points to CAN messages: the frame and the bytes that contain each point.
 
 The paper prints no mapping; we assume this one. A box sends its analogue values first, with `bits`
 bits each, most significant bit first, padded to a whole byte; then its switches, eight per byte,
@@ -71,7 +71,7 @@ class CanLayout:
         return np.array([self.bits if point.analogue else 1 for point in self.points])
 
     def messages(self, period: float = 1.0) -> MessageSet:
-        """Return the message set, with one update per `period` [s]; the paper prints none."""
+        """Return the message set, with one update per `period` [s]; the paper prints no period."""
         return MessageSet(
             Message(
                 f"{box}-{n + 1:02}", number * _ID_STEP + n, min(_FRAME, size - _FRAME * n), period,
@@ -105,10 +105,10 @@ class CanLayout:
         return pd.DataFrame(columns, index=index)
 
     def volume(self) -> pd.DataFrame:
-        """Return the amount of data in one update, by box and for ``all``.
+        """Return the amount of data in one update, per box and in total (``all``).
 
         ``worst_bits`` and ``worst_extended_bits`` are for 11-bit and 29-bit identifiers,
-        intermission included; ``ms_125k`` and the other times are the durations of ``worst_bits``.
+        intermission included; ``ms_125k`` to ``ms_1000k`` are the durations of ``worst_bits`` [ms].
         """
         messages = self.messages()
         frames = pd.DataFrame(

@@ -1,4 +1,4 @@
-"""The class rules that lee2012 quotes in section II, each checked on a described system.
+"""The class rules that lee2012 quotes in section II, each checked against a description.
 
 A rule that needs a value missing from the description is not verified. The text of the rules was
 not available to us; `Rule.elsewhere` says what public texts require on the same matter.
@@ -42,13 +42,13 @@ _CIRCULAR = "MSC/Circ.891"
 
 @record(slots=True)
 class Redundancy:
-    """Supplies and processors per box, and the points that are lost with a dead one.
+    """Supplies and processors per box, and the points lost when one of them is dead.
 
     A box works as long as at least one of its supplies and one of its processors work; otherwise
     its points are lost.
 
-    The paper names one microcontroller and one power connector per box (section IV.1) and asks for
-    two of each (section II). Change-over is assumed to be automatic.
+    The paper names one microcontroller and one power connector per box (section IV.1) but
+    requires two of each (section II). Change-over is assumed to be automatic.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class Redundancy:
         return pd.DataFrame(rows, columns=["dead", "boxes_lost", "points_lost"])
 
     def worst(self) -> int:
-        """Return the largest number of points lost with one dead part."""
+        """Return the largest number of points lost when one part is dead."""
         return int(self.table()["points_lost"].max())
 
     @classmethod
@@ -98,10 +98,10 @@ class Redundancy:
 @checked
 @record
 class Description:
-    """Data of a monitoring system that the class rules judge; None means unknown.
+    """Data of a monitoring system, for checking the class rules; None means unknown.
 
-    `links` maps each link to the stations on it other than the master, and `routes` the same links
-    to the spaces or trays that they run through.
+    `links` maps each link to the stations on it other than the master, and `routes` maps each link
+    to the spaces or trays that it runs through.
 
     Examples
     --------
@@ -127,7 +127,7 @@ class Description:
         Poll, "Poll that requests all points from one junction box", default=None, optional=True
     )
     retries_known: bool = switch(
-        "Whether the retries of `poll` are those of the system, not a mere default", default=False
+        "Whether the retries of `poll` are those of the system, not the default", default=False
     )
 
     def __post_init__(self) -> None:
@@ -149,11 +149,11 @@ class Description:
 
     @classmethod
     def printed(cls) -> Description:
-        """Return the description of the system that lee2012 prints.
+        """Return the description of the system as printed in lee2012.
 
-        That is one microcontroller per box (section IV.1), CAN and Modbus RTU, two channels to JB1
-        and JB3 (Fig 3) and 9600 bit/s 8E1 (Table 2). That one request polls all 99 points is our
-        assumption.
+        It has one microcontroller per box (section IV.1), CAN and Modbus RTU, two channels to JB1
+        and JB3 (Fig 3) and 9600 bit/s 8E1 (Table 2). We assume that one request polls all 99
+        points.
         """
         points = read_points()
         return cls(
@@ -216,7 +216,7 @@ def _standard(system: Description, protocols: tuple[str, ...]) -> _Outcome:
 
 
 def _apart(system: Description, links: Mapping[str, tuple[str, ...]]) -> _Outcome:
-    """Return the largest number of links that share no space or tray, and what links share."""
+    """Return the largest number of links with nothing in common, and the names that links share."""
     sets = [set(touched) for touched in links.values()]
     shared: set[str] = set().union(*(a & b for a, b in combinations(sets, 2)))
     why = f"shared: {', '.join(sorted(shared))}" if shared else ""
@@ -248,7 +248,7 @@ def _crc(system: Description, protocols: tuple[str, ...]) -> _Outcome:
 
 
 def _repeats(system: Description, protocols: tuple[str, ...]) -> _Outcome:
-    # A CAN controller repeats until it succeeds; ISO 11898-1. A Modbus master may retry.
+    # A CAN controller repeats a frame until it succeeds; ISO 11898-1. A Modbus master may retry.
     asked = [name for name in protocols if name != "CAN"]
     if not asked:
         return inf, "CAN repeats by itself"

@@ -21,7 +21,7 @@ class EngineFault(Fault):
     words: ClassVar[str] = ""
     at: ClassVar[Literal["box", "cable", "channel", "sensor"]] = "box"
 
-    where: str = text("What fails")
+    where: str = text("Place that fails")
 
     def __str__(self) -> str:
         return f"{self.words} {self.where}".strip()
@@ -181,7 +181,7 @@ class LostModbusFrames(EngineFault):
     )
 
 
-#: Kinds in the order of a table of single failures.
+#: Kinds, in the order of the rows of `single_failures`.
 KINDS: tuple[type[EngineFault], ...] = (
     CanBreak, ModbusBreak, DeadPort, DeadBox, BusOff, LostCanFrames, LostModbusFrames, StuckSensor,
 )  # fmt: skip

@@ -120,9 +120,9 @@ class InputCard:
     )
     margin: float = number(
         0, 1, "",
-        "How far the amplifier's window reaches beyond both ends of the range, as part of the "
-        "span. As printed, 0: 4..20 mA fill 0..5 V. With 0.125, 2..22 mA do, and a failure can be "
-        "distinguished from a value", default=0.0, kw_only=True,
+        "Extension of the amplifier's window beyond each end of the range, as a fraction of the "
+        "span. As printed, it is 0: 4..20 mA map to 0..5 V. With 0.125, 2..22 mA do, and a failure "
+        "can be distinguished from a value", default=0.0, kw_only=True,
     )  # fmt: skip
 
     @property
@@ -139,7 +139,7 @@ class InputCard:
         return float(self.reference / 2**self.bits)
 
     def signal(self, values: npt.ArrayLike) -> Floats:
-        """Return resistances [ohm], currents [A] of 3.8..20.5 mA, or contacts (1 is closed)."""
+        """Return resistances [ohm], currents [A] within 3.8..20.5 mA, or contacts (1: closed)."""
         v = by_point(self.points, "values", values).astype(np.float64)
         signals = np.empty(v.shape)
         for k, point in enumerate(self.points):
@@ -201,7 +201,7 @@ class InputCard:
             if point.condition == "switch":
                 values[..., k] = s if _opens(point) else 1 - s
             elif point.condition == "RTD":
-                # A window may reach beyond the standard; a value stops there.
+                # A window may exceed the range of the standard, so clip to that range.
                 lowest, highest = (pt100_resistance(end) for end in PT100)
                 values[..., k] = pt100_temperature(np.clip(s, lowest, highest))
             else:
@@ -211,10 +211,10 @@ class InputCard:
 
     @property
     def limits(self) -> Integers:
-        """Codes at or below the first and at or above the second are failures, shape (n_points, 2).
+        """Highest code of a low failure and lowest code of a high failure, shape (n_points, 2).
 
         The limits are the codes of 3.6 and 21 mA, and of the same fractions of a thermometer's
-        span. A limit is outside the range of codes where its code could also be a value.
+        span. A limit whose code could also be a value is set outside the range of codes.
         """
         ends = self._ends
         signals = [ends[:, 0] + part * (ends[:, 1] - ends[:, 0]) for part in _PARTS]
@@ -228,7 +228,7 @@ class InputCard:
         )
 
     def valid(self, code: npt.ArrayLike) -> Bools:
-        """Return which codes are values and not failures, according to `limits`."""
+        """Return a mask of the codes that are values, not failures, according to `limits`."""
         low, high = self.limits.T
         c = np.asarray(code)
         return np.asarray((c > low) & (c < high))
@@ -270,10 +270,10 @@ class InputCard:
         return self.code([WIRE_FAULTS[wire][point.condition] for point in self.points])
 
     def wire_faults(self) -> pd.DataFrame:
-        """Return how a box reads a broken wire and a short circuit, two rows per kind of input.
+        """Return a box's readings of a broken wire and a short circuit: two rows per kind of input.
 
-        ``reads`` is the value of the ``code``, and ``detected`` whether the card's limits
-        distinguish it from a value.
+        ``reads`` is the value decoded from ``code``; ``detected`` is true if the card's limits show
+        that the code is a failure.
         """
         rows = []
         codes = {fault: self.broken(fault) for fault in WIRE_FAULTS}

@@ -35,7 +35,7 @@ _LABELS = {name: f"{name} interrupt" for name in ("CAN", "timer", "Modbus")}
 #: Frames on the bus, by sender.
 _SENDERS = ("0.25", "0.55", "0.8")
 
-#: Most bars in one figure, tiles per row of the screen, and size of their text [1/72 inch].
+#: Most bars in one figure, tiles per row of the screen, and size of the tiles' text [1/72 inch].
 _MOST_BARS, _TILES, _SIZE = 5000, 9, 9
 
 
@@ -166,9 +166,9 @@ def plot_system(
     *,
     ax: Axes | None,
 ) -> Axes:
-    """Draw boxes with their points, CAN cables and channels to the boxes at the AMS's two ports.
+    """Draw the boxes with their numbers of points, the CAN cables and the AMS's two channels.
 
-    `failed` maps the place of each failure (a box, cable or channel) to the text beside its cross.
+    `failed` pairs the place of each failure (box, cable or channel) with the text at its cross.
     """
     ax = style.axes(ax)
     look = {"facecolor": "white", "edgecolor": "0.2", "zorder": 2}

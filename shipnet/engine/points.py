@@ -36,7 +36,7 @@ PT100 = (-200.0, 850.0)
 class Point:
     """A measuring point.
 
-    `box` is the junction box that it is wired to, `quantity` the measured quantity, such as
+    `box` is the junction box of the point, `quantity` the measured quantity, such as
     ``"temperature"``, `unit` the unit of the range, `signal` the kind of sensor, such as ``"Pt100
     3-wire"``, and `service` the place on the engine. `tag` and `box` must not be empty.
 
@@ -219,7 +219,7 @@ class PointList(tuple[Point, ...]):
 def by_point(
     points: PointList, name: str, values: npt.ArrayLike, kinds: str = "iufb"
 ) -> npt.NDArray[Any]:
-    """Return an array of shape (..., n_points), or raise; `kinds` are those of its dtype."""
+    """Return values as an array of shape (..., n_points); `kinds` are the accepted dtype kinds."""
     array = np.asarray(values)
     if array.dtype.kind not in kinds or not array.ndim or array.shape[-1] != len(points):
         what = "numbers" if "f" in kinds else "whole numbers"
@@ -248,13 +248,13 @@ def read_points(path: str | PathLike[str] | None = None) -> PointList:
     Raises
     ------
     InputError
-        If the file cannot be read or a row is not a point: every fault with its row.
+        If the file cannot be read or a row is not a point; all faults are listed with their rows.
 
     Notes
     -----
     Box, condition, range and number of the 99 points, and the alarms of the switches, are those of
-    Table 3 of lee2012. **Assumed** are tags, services, the alarms of the analogue points, contacts
-    that open on alarm, and which of the seven pressures has which range.
+    Table 3 of lee2012. Tags, services, the alarms of the analogue points, contacts that open on
+    alarm, and the range of each of the seven pressures are **assumed**.
 
     Examples
     --------
@@ -305,4 +305,4 @@ def _point(row: dict[str, str]) -> Point:
                 raise ArgumentError(f"{end} is {fields[end]!r}; it must be a number") from None
     if fields["condition"] in CONDITIONS[:2] and len({"low", "high"} & fields.keys()) < 2:
         raise ArgumentError("low or high is empty; a point that is not a switch needs both")
-    return Point(**fields)  # type: ignore[arg-type] # what a cell may hold is checked by Point
+    return Point(**fields)  # type: ignore[arg-type] # Point checks the values

@@ -22,13 +22,13 @@ from shipnet.fields import check_scalar, part, record, whole
 from shipnet.lazy import pd
 from shipnet.modbus.pdu import Request
 
-# How a value becomes the content of a register -------------------------------------------------
+# Coding of values ------------------------------------------------------------------------------
 
 
 @checked
 @record(slots=True)
 class Coding:
-    """How a value becomes the content of a register.
+    """Coding of a value as the content of a register.
 
     `step` is the value of one count, 1e-6..1e6 in the point's unit. With ``"full scale"`` the
     range fills the bits, from 0 to all ones; with ``"decimal"`` the step is the largest power of
@@ -62,8 +62,8 @@ class Coding:
     step: float | Literal["full scale", "decimal"]
     error: int = whole(0, 0xFFFF, "", "Content that marks a missing value")
     bits: int = whole(
-        2, 16, "", "Bits in use; unless the step is the full scale, the highest one is a sign in "
-        "two's complement over the whole register", default=16,
+        2, 16, "", "Bits in use; unless the step is the full scale, the highest one is the sign in "
+        "two's complement, extended over the whole register", default=16,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -84,7 +84,7 @@ class Coding:
     def encode(
         self, points: Iterable[Point], values: npt.ArrayLike, failed: npt.ArrayLike = False
     ) -> Words:
-        """Return the registers of values; NaN and `failed` values get the error mark."""
+        """Return the values as registers; NaN and `failed` values get the error mark."""
         known = PointList(points)
         v = by_point(known, "values", values).astype(np.float64)
         bad = np.asarray(failed)
@@ -117,7 +117,7 @@ class Coding:
         return np.where(signed & (r >= 0x8000), r - 0x10000, r).astype(np.float64)
 
     def _scale(self, points: PointList) -> tuple[Floats, Floats]:
-        """Return the step and the value of content 0 for each point."""
+        """Return the step of each point, and its value at content 0."""
         full = self.step == "full scale"
         zero = np.array([point.low if full and point.analogue else 0.0 for point in points])
         return np.array([self.step_of(point) for point in points]), zero
@@ -131,7 +131,7 @@ class Coding:
         return ends[:, 0], ends[:, 1]
 
     def collisions(self, points: Iterable[Point]) -> pd.DataFrame:
-        """Return which legal readings are coded as the error mark, one row per point.
+        """Return the legal readings that are coded as the error mark, one row per point.
 
         ``reads`` is the value of the mark; readings ``from``..``to`` are mistaken for an error (NaN
         if none are); they cover ``percent`` of the range.
@@ -205,7 +205,7 @@ class RegisterMap:
 
     points: PointList = part(PointList, "One or more points", make=PointList)
     coding: Coding = part(
-        Coding, "How values become registers; tenths with the error mark 0x00FF if not given",
+        Coding, "Coding of the values; tenths with the error mark 0x00FF if not given",
         default=CODINGS["tenths, 0x00FF"],
     )  # fmt: skip
 

@@ -49,14 +49,14 @@ class Cpu:
         return np.asarray(time - taken, dtype=np.int64)
 
     def at(self, left: Integers) -> Integers:
-        """Return when this CPU time has become free, before interrupts that begin then [ns]."""
+        """Return the times at which this CPU time is used up, before interrupts that begin then."""
         begun = np.searchsorted(self._left, left, side="left")
         return np.asarray(left + self.length * begun, dtype=np.int64)
 
     def queue(self, due: Integers, work: int) -> Integers:
         """Return the start times of jobs that wait for each other, in CPU time for `at` [ns].
 
-        `due` rises; `work` is the CPU time of each job.
+        `due` must be in rising order; `work` is the CPU time per job.
         """
         number = work * np.arange(due.size, dtype=np.int64)
         return np.asarray(number + np.maximum.accumulate(self.until(due) - number), dtype=np.int64)
@@ -79,15 +79,15 @@ class Attempts(NamedTuple):
     heard: Bools
 
 
-#: The time given for a round, or a step of a round, that did not happen.
+#: Time stored for a round, or a step of a round, that did not happen.
 NEVER = -1 << 62
 
 
 class Rounds(NamedTuple):
-    """Rounds of the loop of one box, by number [ns]; `NEVER` for steps that did not happen.
+    """Rounds of one box's loop, by number [ns]; `NEVER` for steps that did not happen.
 
-    A round begins at `work`, in CPU time for `Cpu.at`; its values are `converted`, then its frames
-    `queued` for the bus.
+    A round begins at `work`, in CPU time for `Cpu.at`. Its values are ready at `converted`, and its
+    frames are queued for the bus at `queued`.
     """
 
     work: Integers
@@ -109,25 +109,25 @@ class Frames(NamedTuple):
     hearers: Integers
 
     def heard_by(self, box: int, system: System) -> Integers:
-        """Return which frames a box receives, in the order in which they arrive."""
+        """Return the indices of the frames that a box receives, in order of arrival."""
         others = (self.hearers >> box & 1).astype(bool) & (system.sender[self.message] != box)
         rows = np.flatnonzero(others)
         return rows[np.lexsort((self.message[rows], self.arrival[rows]))]
 
 
 def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
-    """Return when a timer marks a sender last `heard` too long ago, for `Cpu.at` [ns]."""
+    """Return the CPU times at which a timer marks a sender that was `heard` at some times [ns]."""
     limit = nanoseconds(system.stale_limit)
     silent = np.diff(heard, append=heard[-1:] + limit + 1) > limit
     return cpu.until(heard[silent] + limit)
 
 
 class Views(NamedTuple):
-    """The AMS's knowledge after each answer, one row per answer.
+    """The AMS's data after each answer, one row per answer.
 
     `seen` is the time at which the answer was complete [ns]. For each message, `number` is the
-    round of its values, -1 if they are missing or marked, and `known` the AMS's lower bound for
-    their sampling time [ns].
+    round of its values, -1 if they are missing or marked, and `known` is the AMS's lower bound
+    on their sampling time [ns].
     """
 
     seen: Integers
@@ -138,8 +138,8 @@ class Views(NamedTuple):
 class Shown(NamedTuple):
     """The views of a point on the AMS, one entry per view, from `seen` to `until` [ns].
 
-    The value was `sampled` at that time. It is shown as good until `good_until`, which equals
-    `seen` if the value is marked from the start.
+    `sampled` is the sampling time of the value. The value is shown as good until `good_until`,
+    which equals `seen` if it is marked from the start.
     """
 
     seen: Integers
@@ -152,15 +152,15 @@ class Shown(NamedTuple):
 # What the AMS shows --------------------------------------------------------------------------
 
 
-#: The content that marks an error; lee2012, section III.2.c. As 16 bits it is 0x00FF.
+#: Register content that marks an error; lee2012, section III.2.c. In 16 bits it is 0x00FF.
 _ERROR = 0xFF
 
 
 class SyntheticValues:
     """Synthetic values: a slow wave around a mean for every point.
 
-    `rng` draws mean (40..60 % of the range), amplitude (5..15 %), period (60..600 s) and phase of
-    each wave. Switches stay closed, at 0.
+    Mean (40..60 % of the range), amplitude (5..15 %), period (60..600 s) and phase of each wave are
+    drawn from `rng`. Switches stay closed, at 0.
     """
 
     def __init__(self, points: Iterable[Point], rng: Any) -> None:
@@ -196,7 +196,7 @@ def reading(
 
 @checked
 class Screen:
-    """The screen of the AMS at a time, with **synthetic** values; `Run.screen` creates one.
+    """The screen of the AMS at one time, with **synthetic** values; `Run.screen` creates one.
 
     Parameters
     ----------
@@ -209,8 +209,8 @@ class Screen:
 
     Notes
     -----
-    In the printed coding a register is **assumed** to contain whole units, so that 255 degC looks
-    like an error. The corrected coding has tenths, and a mark that no value equals.
+    In the printed coding a register is **assumed** to contain whole units, so 255 degC looks
+    like an error. The corrected coding has tenths and an error mark that no value equals.
 
     Examples
     --------
@@ -270,14 +270,14 @@ class Ages:
 
         ``seen_s``, ``until_s`` (the next answer), ``good_until_s`` (shown as good until then),
         ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good. Ages are NaN
-        where the point is marked at once.
+        if the point is marked at once.
         """
         return self._table.copy()
 
     def plot(
         self, ax: Axes | None = None, *, limits: Mapping[str, float] | None = None, label: str = ""
     ) -> Axes:
-        """Draw the age as a sawtooth with gaps while the point is marked, and `limits` [s]."""
+        """Draw `limits` [s], and the age as a sawtooth with gaps where the point is marked."""
         from shipnet.engine.plot import plot_ages
 
         return plot_ages(self._table, ax=ax, limits=limits, label=label)
@@ -318,8 +318,8 @@ class Timeline:
 class Run:
     """A finished simulation of a `system` with some `faults`; `simulate` creates one.
 
-    Tables have times in seconds from the start of the AMS; the attributes after `until` are arrays
-    of the simulator, in nanoseconds.
+    Tables have times in seconds from the start of the AMS; the attributes after `until` are
+    internal to the simulator, in nanoseconds.
 
     Examples
     --------
@@ -373,7 +373,7 @@ class Run:
 
     @cached_property
     def _good(self) -> tuple[Integers, Bools, Integers]:
-        """End of each view, the messages that it shows as good, and when that ends [ns]."""
+        """End of each view, mask of its good messages, and times until which they are good [ns]."""
         seen = self.views.seen
         until = np.append(seen[1:], max(self.end, int(seen.max(initial=0))))
         good = self.views.number >= 0
@@ -405,14 +405,14 @@ class Run:
 
     @property
     def mean_age(self) -> float:
-        """Mean over the points of their mean age while they are shown as good [s]."""
+        """Mean over all points of the mean age of a point while shown as good [s]."""
         return float(self._table["mean_s"].mean())
 
     def timeline(self, start: float, stop: float) -> Timeline:
         """Return the work of each CPU and each line between two times, at most 60 s apart [s].
 
         A CPU waits while no work is listed. The CAN routine runs while the loop waits for the
-        multiplexer, so that it does not prolong the conversion; a Modbus interrupt does.
+        multiplexer, so it does not prolong the conversion; a Modbus interrupt does.
         """
         check_scalar("start", start, "s", -1.0, 1e6)
         check_scalar("stop", stop, "s", -1.0, 1e6 + 60)
@@ -473,9 +473,9 @@ class Run:
     def table(self) -> pd.DataFrame:
         """Return the age of each point: one row per tag.
 
-        ``box``, ``worst_s`` and ``mean_s`` (ages while shown as good), ``marked_s`` (time for which
-        the point is marked), ``sampled_s`` (sampling time of the last good value, NaN without one)
-        and ``good_until_s`` (time at which the point was last shown as good).
+        Columns: ``box``, ``worst_s`` and ``mean_s`` (ages while shown as good), ``marked_s`` (time
+        for which the point is marked), ``sampled_s`` (sampling time of the last good value, NaN if
+        none) and ``good_until_s`` (time at which the point was last shown as good).
         """
         return self._table.copy()
 
@@ -529,8 +529,8 @@ class Run:
     def alarms(self) -> pd.DataFrame:
         """Return the alarms of the AMS: ``time_s``, ``source`` (a tag or a channel), ``kind``.
 
-        A channel has ``no answer`` and ``answers again``, a point ``0xFF`` (corrected coding: ``too
-        old``) and ``good again``, a box on two polled channels ``path lost`` and ``path back``.
+        Kinds: ``no answer``, ``answers again`` of a channel, ``0xFF`` (corrected: ``too old``),
+        ``good again`` of a point, ``path lost`` and ``path back`` of a box on two polled channels.
         """
         return self._alarms.copy()
 
@@ -600,7 +600,7 @@ class Run:
 
 
 def _changes(time: Integers, good: Bools) -> Sequence[tuple[int, bool]]:
-    """Return the times at which a state, good at first, changes, and the new states."""
+    """Return the times at which a state changes, and the new states; the state is good at first."""
     before = np.append(True, good[:-1]) if good.size else good
     places = np.flatnonzero(good != before)
     return list(zip(time[places].tolist(), good[places].tolist(), strict=True))

@@ -65,7 +65,7 @@ def serve(
     rng: Any = 2024,
     **options: Any,
 ) -> Server:
-    """Serve the two boxes that the AMS polls as real Modbus slaves, to be used in ``with``.
+    """Serve the two boxes that the AMS polls as real Modbus slaves; for use in a ``with`` block.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def serve(
 
 
 def parse_fault(system: System, words: str) -> EngineFault:
-    """Return the lasting fault that these words name, such as ``2:dead``."""
+    """Return the lasting fault named by a text such as ``2:dead``."""
     where, _, what = words.rpartition(":")
     unit = {str(unit): channel for channel, unit in enumerate(UNITS)}.get(where)
     for kind in _WORDS.get(what, ()):
@@ -166,7 +166,7 @@ def fault_registers(system: System | None = None) -> pd.DataFrame:
 
 
 class FaultRegisters:
-    """The device behind `fault_registers`; it changes the list of `faults` of the boxes."""
+    """The device behind `fault_registers`; it changes the boxes' list of `faults`."""
 
     def __init__(self, system: System, faults: list[EngineFault]) -> None:
         self.faults = faults

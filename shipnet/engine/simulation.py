@@ -34,12 +34,12 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.lazy import pd
 
-#: Most frames that are sent and read in one run: some gigabytes of memory. Each poll reads the
+#: Most frames sent and read in one run; they take some gigabytes of memory. Each poll reads the
 #: newest frame of every message.
 _MOST_FRAMES = 20_000_000
 
-#: From a fault that lasts to the end of its run [s]: the same for all designs, unless marks take
-#: longer in one.
+#: Time from the start of a lasting fault to the end of its run [s]; a design whose marks take
+#: longer gets a longer run.
 _LENGTH = 20.0
 
 
@@ -63,8 +63,8 @@ def simulate(
     until : float
         The last poll begins before this time, 0.001..1e6 [s].
     phases : mapping of str to float, optional
-        Start of a round of each box and, under ``"AMS"``, of the first poll, 0..100 [s]. Other
-        boxes begin at 0, or at a random time if there is an `rng`.
+        Start of a round of each box and, under ``"AMS"``, of the first poll, 0..100 [s]. All
+        others are 0, or random if `rng` is given.
     rng : optional
         Source of random numbers, for `numpy.random.default_rng`; required if frames are lost.
 
@@ -160,7 +160,7 @@ def _lost(
     faults: Sequence[EngineFault],
     rng: np.random.Generator | None,
 ) -> Bools | None:
-    """Return which frames each box loses, shape (n_boxes, n_messages, n_rounds)."""
+    """Return a mask of the frames that each box loses, shape (n_boxes, n_messages, n_rounds)."""
     random = [fault for fault in faults if isinstance(fault, LostCanFrames)]
     if not random or rng is None:
         return None
@@ -177,7 +177,7 @@ def _lost(
 
 
 class _Table:
-    """The values that a box knows: its own, and those that it received."""
+    """The values stored in a box: its own and those that it received."""
 
     def __init__(
         self,
@@ -236,7 +236,7 @@ class _Table:
 
 
 def _freshest(views: Views, channel: Integers) -> Views:
-    """Return the AMS's knowledge after every answer, with each message from the better channel."""
+    """Return the views after every answer, with each message from the channel with newer data."""
     order = np.argsort(views.seen, kind="stable")
     seen, channel = views.seen[order], channel[order]
     number, known = views.number[order], views.known[order]
@@ -311,7 +311,7 @@ class _Line:
             self.draws = iter(rng.random((most, 2 * len(self.losses))).tolist())
 
     def ask(self, start: int) -> tuple[int, bool, int]:
-        """Send a request; return its outcome, if the box received it, and when the AMS continues.
+        """Send a request; return outcome, receipt by the box, and time at which the AMS continues.
 
         A cable must be intact while it carries a frame; a box must work from the request onwards.
         """
@@ -393,7 +393,7 @@ def rounds(
 
 
 def islands(system: System, faults: Sequence[EngineFault], time: int) -> list[list[int]]:
-    """Return the boxes of each part of the bus at a time [ns]; a box off the bus is in none."""
+    """Return the boxes in each part of the bus at a time [ns], without boxes off the bus."""
 
     def out(where: str, *kinds: type[EngineFault]) -> bool:
         return any(a <= time < b for a, b in outages(faults, where, *kinds))
@@ -413,7 +413,7 @@ def islands(system: System, faults: Sequence[EngineFault], time: int) -> list[li
 def send(
     system: System, loops: Sequence[Rounds], span: tuple[int, int], faults: Sequence[EngineFault]
 ) -> Frames:
-    """Return all frames that another box receives within a span [ns], each with its worst stuffing.
+    """Return all frames that another box receives within a span [ns], with worst-case stuffing.
 
     When a cable, a box or a controller fails or returns, all frames queued or on the bus are lost;
     the next round replaces them.
@@ -460,7 +460,7 @@ def single_failures(
     trials: int = 5,
     rng: Any = 2024,
 ) -> pd.DataFrame:
-    """Return the effect of each fault alone: bounds for all phases, and results for random ones.
+    """Return the effect of each fault alone: bounds for all phases, and results for random phases.
 
     Parameters
     ----------
@@ -476,19 +476,19 @@ def single_failures(
     Returns
     -------
     pandas.DataFrame
-        One row per fault, after a first row ``none``: ``lost`` (points without a newer value as
-        long as the fault lasts), ``old`` (points shown as good although older than 2 s),
-        ``oldest_s`` (greatest age shown as good; infinite if it grows as long as a lasting fault
-        does), ``bound_s`` (bound on ``oldest_s`` in any phase; infinite without a bound),
+        One row per fault, after a first row ``none``: ``lost`` (points without a newer value
+        while the fault lasts), ``old`` (points shown as good although older than 2 s),
+        ``oldest_s`` (greatest age shown as good; infinite if it grows without limit during a
+        lasting fault), ``bound_s`` (bound on ``oldest_s`` in any phase; infinite without a bound),
         ``marked`` (points ever marked), ``marked_after_s`` (longest time from the fault until the
-        last of these points was first marked; NaN if none), ``noticed`` (what the AMS raises:
+        last of these points was first marked; NaN if none), ``noticed`` (alarms of the AMS:
         ``link``, ``path``, ``mark`` or ``no``), ``answer_s`` (longest answer), ``answer_ok`` and
         ``age_ok`` (whether the bounds of answer and age are at most 2 s).
 
     Notes
     -----
-    The verdicts come from the bounds of `System.failure_bounds`; all other columns are a sample.
-    The simulation knows the true age of a value, which the AMS does not.
+    The verdicts come from the bounds of `System.failure_bounds`; all other columns come from the
+    simulations, which use true ages of values; these are not available to the AMS.
 
     Examples
     --------
@@ -561,7 +561,7 @@ def _fault_row(system: System, fault: EngineFault | None, runs: Sequence[Run]) -
 
 
 def _unseen(run: Run, begin: float, end: float) -> Bools:
-    """Return the points that show no value newer than the fault while it lasts."""
+    """Return a mask of the points that show no value newer than the fault while it lasts."""
     shown = [run.shown(point.tag) for point in run.system.points]
     # The values of a stuck sensor date from exactly the nanosecond at which it became stuck.
     first, last = nanoseconds(begin), nanoseconds(end)

@@ -1,4 +1,4 @@
-"""The engine monitoring system as a whole, and bounds on its times by formula."""
+"""The engine monitoring system as a whole, and analytical bounds on its times."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from shipnet.modbus.pdu import Request
 from shipnet.modbus.polling import Poll
 from shipnet.modbus.uart import SerialLine
 
-#: Longest time of a response by the class rules that lee2012 quotes in section II [s].
+#: Longest response time permitted by the class rules that lee2012 quotes in section II [s].
 RULE = 2.0
 
 #: Longest period, time-out and limit of a system [s].
@@ -67,14 +67,14 @@ class Firmware:
 
     Notes
     -----
-    The Modbus interrupt suspends everything else; the bytes of its response go out one by one
-    beside other work. The short timer and CAN routines run while the loop waits for the
+    The Modbus interrupt suspends everything else; the bytes of its response are sent one by
+    one alongside other work. The short timer and CAN routines run while the loop waits for the
     multiplexer, so they do not prolong it (lee2012, section III.2, figures 5 and 6). A conversion
     takes 13 cycles of a clock of 50..200 kHz (Atmel, AT90CAN32/64/128 data sheet).
 
     Examples
     --------
-    The three modes, 37, 16 and 27 analogue inputs:
+    Times of the three modes, which have 37, 16 and 27 analogue inputs [ms]:
 
     >>> [round(Firmware().conversion_time(n) * 1e3, 2) for n in (37, 16, 27)]
     [40.85, 17.66, 29.81]
@@ -85,7 +85,7 @@ class Firmware:
         default=125e3,
     )  # fmt: skip
     settling: float = number(
-        0, 1, "s", "Wait after the multiplexer has chosen an input until its filter has settled",
+        0, 1, "s", "Settling time of the input filter after the multiplexer has selected an input",
         default=1e-3,
     )  # fmt: skip
     send: float = number(
@@ -93,15 +93,15 @@ class Firmware:
     )  # fmt: skip
     receive: float = number(
         1e-9, 1e-3, "s",
-        "CAN interrupt: to take over one frame and reset the timer of its sender", default=50e-6,
+        "Time of the CAN interrupt, which reads a frame and restarts a timer", default=50e-6,
     )  # fmt: skip
     mark: float = number(
-        1e-9, 1e-3, "s", "Timer interrupt: to mark the values of a silent box", default=100e-6
+        1e-9, 1e-3, "s", "Time of the timer interrupt, which marks a silent box", default=100e-6
     )
     processing: float = number(
         1e-9, 1, "s",
-        "Modbus interrupt: from the end of the silence after a request to the first bit of the "
-        "response", default=5e-3,
+        "Time of the Modbus interrupt: from the end of the silence after a request to the first "
+        "bit of the response", default=5e-3,
     )  # fmt: skip
 
     @property
@@ -155,11 +155,11 @@ class System:
 
     Notes
     -----
-    With the `coding` "printed", a box marks all values of a box that it has not received for
-    `stale_limit`, as 0xFF. With "corrected", it also sends the age of every frame, and the AMS
-    marks each value that may be older than `age_limit`. Figure 3 may show a CAN ring, which ISO
-    11898 does not allow; here a ring is assumed to work. It is also assumed that the AMS stays on
-    the channel that answered last. The time-out waits for the *first* character of a response.
+    With the `coding` "printed", a box marks all values of another box as 0xFF if it has received
+    no frame from that box for `stale_limit`. With "corrected", it also sends the age of every
+    frame, and the AMS marks each value that may be older than `age_limit`. Figure 3 may show a CAN
+    ring, which ISO 11898 does not allow; a ring is assumed to work. The AMS is assumed to
+    stay on the last channel that answered. The time-out ends at a response's *first* character.
 
     References
     ----------
@@ -182,7 +182,7 @@ class System:
 
     points: PointList = part(
         PointList,
-        "What is measured, in 2..7 boxes; the first box answers on Modbus channel 1, the last on "
+        "Measuring points, in 2..7 boxes; the first box answers on Modbus channel 1, the last on "
         "channel 2. The 99 points of lee2012 if not given",
         default_factory=read_points, make=PointList,
     )  # fmt: skip
@@ -194,25 +194,25 @@ class System:
     )
     update_period: float = number(
         0, LONGEST, "s",
-        "From one round of a box's loop to the next; not printed, assumed. A loop that takes "
-        "longer begins again at once, so 0 is a loop that never rests", default=0.5,
+        "Time from one round of a box's loop to the next; not printed, assumed. A loop that takes "
+        "longer starts again at once, so 0 means no pauses", default=0.5,
     )  # fmt: skip
-    topology: Literal["line", "ring"] = choice(("line", "ring"), "Course of CAN", default="line")
+    topology: Literal["line", "ring"] = choice(("line", "ring"), "Shape of CAN", default="line")
     serial: SerialLine = part(
         SerialLine, "Both Modbus lines; 9600 bit/s, 8E1 if not given", default=SerialLine(9600)
     )
-    poll_period: float = number(0.01, LONGEST, "s", "From poll to poll", default=1.0)
+    poll_period: float = number(0.01, LONGEST, "s", "Time between polls", default=1.0)
     timeout: float = number(
         0, LONGEST, "s", "Time-out of the AMS from the end of a request; not printed",
         default=0.1238,
     )  # fmt: skip
     retries: int = whole(
-        0, 10, "", "Times that the AMS asks again before it tries the other channel; assumed",
+        0, 10, "", "Retries of the AMS before it tries the other channel; assumed",
         default=0,
     )  # fmt: skip
     polled: Literal["one", "both"] = choice(
         ("one", "both"),
-        "Whether the AMS asks on one channel, or always on both, each at its own port",
+        "Whether the AMS polls one channel, or always both, each through its own port",
         default="one",
     )
     coding: Literal["printed", "corrected"] = choice(
@@ -263,17 +263,17 @@ class System:
 
     @cached_property
     def boxes(self) -> tuple[str, ...]:
-        """Boxes, in the order in which CAN joins them."""
+        """Boxes, in their order on the CAN bus."""
         return self.points.boxes
 
     @property
     def ports(self) -> tuple[int, int]:
-        """Number of the box that answers on channel 1, and on channel 2."""
+        """Numbers of the boxes that answer on channels 1 and 2."""
         return 0, len(self.boxes) - 1
 
     @property
     def segments(self) -> tuple[str, ...]:
-        """CAN cables, named by both ends."""
+        """Names of the CAN cables, each made of the boxes at its ends."""
         ends = list(zip(self.boxes, self.boxes[1:], strict=False))
         if self.topology == "ring" and len(self.boxes) > 2:
             ends.append((self.boxes[-1], self.boxes[0]))
@@ -281,7 +281,7 @@ class System:
 
     @cached_property
     def registers(self) -> int:
-        """Registers of a response: one per point, and one age per frame in the corrected coding."""
+        """Number of registers in a response: one per point, plus one age per frame if corrected."""
         return len(self.points) + self.sender.size * (self.coding == "corrected")
 
     @cached_property
@@ -390,7 +390,7 @@ class System:
         reserved = self.loop_ns + self.service_ns * np.isin(np.arange(len(self.boxes)), self.ports)
         return np.asarray(np.maximum(nanoseconds(self.update_period), reserved))
 
-    # Bounds by formula
+    # Analytical bounds
 
     @cached_property
     def can_response(self) -> Floats:
@@ -439,8 +439,8 @@ class System:
         registers to the end of the response), and their sum ``worst_s``.
 
         For the polled box's own values L is the conversion alone, and R, h and S are 0. If both
-        channels are polled, the better one counts. ArgumentError if two polls can meet one round
-        of a loop, or the CAN bus is overloaded.
+        channels are polled, the better one counts. ArgumentError if two polls can fall in one
+        round of a loop, or the CAN bus is overloaded.
         """
         channels = self.ports if self.polled == "both" else self.ports[:1]
         return self._ages(channels, self.suspended_ns, self.can_response)
@@ -448,7 +448,7 @@ class System:
     def _ages(
         self, channels: tuple[int, ...], suspended: Integers, can_response: Floats
     ) -> pd.DataFrame:
-        """Return the ages over the best of some channels, with given delays of boxes and frames."""
+        """Return the ages over the best of some channels, for given delays of boxes and frames."""
         spacing = self.poll_spacing()
         longest = int(self.loop_ns.max()) + self.service_ns
         if longest > nanoseconds(spacing):
@@ -500,8 +500,8 @@ class System:
 
         .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
 
-        In the printed design any frame of a box restarts its timer, so that a box that dies within
-        a round keeps values of the previous round valid. In the corrected design the AMS marks by
+        In the printed design any frame of a box restarts its timer, so a box that dies within a
+        round leaves values of the previous round valid. In the corrected design the AMS marks by
         age.
         """
         if self.coding == "corrected":
@@ -550,7 +550,7 @@ class System:
         return [n * self.poll.time + (tries - n) * silent for n in damaged]
 
     def _gaps(self, broken: int) -> tuple[float, float]:
-        """Return the longest time between two answers as channel 1 fails, and after it [s].
+        """Return the longest time between two answers when channel 1 fails, and afterwards [s].
 
         Up to `broken` tries per poll end with a broken response.
         """
@@ -581,7 +581,7 @@ class System:
         return max(found)
 
     def failure_bounds(self, fault: EngineFault | None = None) -> FailureBounds:
-        r"""Return the worst effect of one fault, or none, on answers and ages, in any phase.
+        r"""Return the worst-case effect of one fault, or none, on answers and ages, in any phase.
 
         If the channel in use fails, the AMS gets no answer for :math:`t_{lost}`: it notices a
         broken response when the response should have ended, and the failure of each of r retries
@@ -592,10 +592,10 @@ class System:
         .. math:: t_{gap} = T + t_{lost}, \qquad A' = A - T + t_{gap}
 
         where :math:`t_{silent}` is the time of a request and its time-out, with the time T from
-        poll to poll and the age A of `worst_age`. Where frames are damaged at random, each try may
+        poll to poll and the age A of `worst_age`. If frames are damaged at random, each try may
         take :math:`t_{poll}`. A failure on the CAN bus destroys the frames of one round, so A grows
         by one update period. A silent box has the bound of `staleness_flag`. In the printed design
-        random losses on CAN have no bound: one frame keeps all values of its box alive.
+        random losses on CAN have no bound: one frame keeps all values of its box valid.
         """
         answer, gap = self.poll.time, self.poll_spacing()
         healthy = oldest = float(self.worst_age()["worst_s"].max())
@@ -650,7 +650,7 @@ class System:
         }
 
     def check_faults(self, faults: Fault | Iterable[Fault]) -> tuple[EngineFault, ...]:
-        """Return one or several faults as a tuple; raise if the system lacks a place that fails."""
+        """Return one or several faults as a tuple; raise if the system has no such place."""
         found: list[EngineFault] = []
         places = self.places
         for fault in as_faults(faults, *KINDS, *WIRES.values()):
@@ -665,8 +665,8 @@ class System:
     def single_faults(self, start: float = 10.0) -> tuple[EngineFault, ...]:
         """Return all lasting single faults that begin at a time [s].
 
-        Every cable, port, box and CAN node fails, half of the frames of each box and channel are
-        lost, and the first sensor of each box sticks.
+        They are: each cable, port, box and CAN node failed, half of the frames of each box and
+        channel lost, and the first sensor of each box stuck.
         """
         first = tuple(own[0].tag for own in self.points.by_box().values())
         places = {**self.places, "sensor": first}

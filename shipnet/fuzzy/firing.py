@@ -67,7 +67,7 @@ class Ramps:
         within = np.minimum(np.maximum(x, self._low), self._high)
         signed = within[self._variable]
         signed *= self._sign
-        # fmax replaces NaN by the foot, so its strength is 0. No narrow ramp can overflow.
+        # fmax replaces NaN with the foot, so its strength is 0. Narrow ramps cannot overflow.
         part = np.fmax(signed, self._foot)
         np.minimum(part, self._shoulder, out=part)
         part -= self._foot
@@ -86,7 +86,7 @@ class Ramps:
 def compare(
     variables: Sequence[Variable], rules: Sequence[Rule], x: Floats, *, midpoint: bool
 ) -> Floats:
-    """Return firing strengths of 0 or 1: whether all comparisons of each rule hold."""
+    """Return the firing strengths: 1 if all comparisons of a rule hold, 0 otherwise."""
     used = {pair for rule in rules for pair in rule.antecedent}
     holds = {}
     for values, variable in zip(x, variables, strict=True):
@@ -101,7 +101,7 @@ def compare(
 
 
 def persistent(fires: Bools, k: int, n: int) -> Bools:
-    """Return a mask of the rows at which `k` or more of the last `n` fire; none fired earlier."""
+    """Return a mask of firing in `k` or more of the last `n` rows; none fire before the first."""
     window = check_whole("n", n, 1, 10**6)
     least = check_whole("k", k, 1, window)
     if window == 1:
@@ -153,7 +153,7 @@ def control_system(variables: Sequence[Variable], rules: Sequence[Rule]) -> Any:
                 corners = np.clip(term.corners, universe[0] - 1, universe[-1] + 1)
                 antecedents[variable.name][term.name] = trapmf(universe, corners)
     made = []
-    # Rules with one consequent would hide each other, and a fault's number must not be averaged.
+    # Rules with the same consequent would hide each other; fault numbers must not be averaged.
     for rule in rules:
         consequent = control.Consequent(np.array([0.0, 0.5, 1.0]), rule.code)
         consequent["on"] = np.array([0.0, 0.5, 1.0])

@@ -32,7 +32,7 @@ from shipnet.lazy import Axes, pd
 #: Samples processed together, so that their arrays fit in the cache.
 _BLOCK = 8192
 
-#: Most regions that are computed, and most columns of a drawing whose numbers remain legible.
+#: Most regions that are computed, and most columns of a matrix that is drawn with numbers.
 _MOST_REGIONS, _MOST_NUMBERS = 10**6, 20
 
 
@@ -46,7 +46,7 @@ class RuleBase:
     variables : sequence of Variable
         One or more, each name once.
     rules : sequence of Rule
-        One or more, with distinct codes and priorities and terms that exist; numbered from 1.
+        One or more, with distinct codes and priorities; their terms must exist. Numbered from 1.
 
     Examples
     --------
@@ -132,7 +132,7 @@ class RuleBase:
         return [(self[name], self[name][term]) for name, term in rule.antecedent]
 
     def top_codes(self, active: Bools, silent: npt.ArrayLike = False) -> npt.NDArray[np.object_]:
-        """Return each row's top active code; if none, ``unknown`` if `silent`, or ``normal``."""
+        """Return each row's top active code; otherwise ``unknown`` if `silent`, else ``normal``."""
         places = [self.codes.index(code) for code in self.ranking]
         ranked = active[..., places]
         first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), len(places))
@@ -141,7 +141,7 @@ class RuleBase:
         return np.asarray(names[first], dtype=object)
 
     def active_codes(self, active: Bools) -> list[str]:
-        """Return the active codes of each row of (n, n_rules), the highest priority first."""
+        """Return the active codes per row of an (n, n_rules) array, the highest priority first."""
         places = [self.codes.index(code) for code in self.ranking]
         names = np.array(self.ranking, dtype=object)
         return [" ".join(names[row]) for row in active[:, places]]
@@ -162,7 +162,7 @@ class RuleBase:
         """Return the firing strength of every rule for every sample.
 
         `samples` maps names of variables to numbers or arrays; it may be a DataFrame. NaN and
-        variables that are left out are missing, and a rule that needs one does not fire.
+        omitted variables count as missing; a rule that needs a missing value does not fire.
         `method` is ``fuzzy``, ``crisp`` (comparisons as written) or ``midpoint`` (comparisons in
         the middle of the ramps).
         """
@@ -238,8 +238,8 @@ class RuleBase:
         """Return every combination of terms that can hold at once, and the rules that then fire.
 
         One row per region: a value of each variable, the codes that ``fired``, and their ``count``.
-        The regions cover everything that the sensors can report; how often each occurs is another
-        question. `method` is ``crisp`` or ``midpoint``.
+        The regions cover everything that the sensors can report, regardless of how often each
+        occurs. `method` is ``crisp`` or ``midpoint``.
         """
         check_choice("method", method, ("crisp", "midpoint"))
         cells = [variable.cells(method) for variable in self.variables]
@@ -255,7 +255,7 @@ class RuleBase:
         return table.assign(fired=[" ".join(codes[row]) for row in fires], count=fires.sum(axis=1))
 
     def check(self, vectors: pd.DataFrame, method: str = "fuzzy") -> pd.DataFrame:
-        """Return what the rules report for test vectors, whose index has the expected codes.
+        """Return the decisions for test vectors; the index of `vectors` has the expected codes.
 
         One row per vector: the code ``expected``, the codes that ``fired``, the ``top`` code, and
         whether the top code is ``right``.
@@ -299,7 +299,7 @@ class RuleBase:
 @checked
 @dataclass(frozen=True, eq=False)
 class Firing:
-    """The firing strength of each rule for each sample, as `RuleBase.fire` returns it.
+    """The firing strength of each rule for each sample, as returned by `RuleBase.fire`.
 
     A strength is the lowest membership among the rule's terms. Each membership equals the result of
     `skfuzzy.trapmf` to the last bit.
@@ -354,8 +354,8 @@ class Firing:
     def decide(self, *, threshold: float = 0.5, k: int = 1, n: int = 1) -> Decision:
         """Return the decision: the rules that fired in `k` or more of the last `n` samples.
 
-        A rule fires if its strength is at least `threshold`, which is above 0 and up to 1. With `n`
-        above 1, time runs along the first axis, and the `n` samples include the present one.
+        A rule fires if its strength is at least `threshold`, from above 0 to 1. If `n` exceeds 1,
+        time runs along the first axis; the `n` samples include the present one.
         """
         if not isinstance(threshold, (int, float, np.floating)) or not 0 < threshold <= 1:
             raise ArgumentError(
@@ -389,7 +389,7 @@ class Firing:
 @checked
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """The decision for each sample, as `RuleBase.decide` returns it.
+    """The decision for each sample, as returned by `RuleBase.decide`.
 
     Parameters
     ----------
@@ -402,7 +402,7 @@ class Decision:
 
     Examples
     --------
-    The motor current drops out for one sample, then for good:
+    The motor current drops out for one sample, then permanently:
 
     >>> from shipnet import ballast
     >>> base = ballast.rule_base()

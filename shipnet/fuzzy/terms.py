@@ -67,7 +67,7 @@ class Interval:
         return f"{left}x <{'=' * self.high_closed} {high}"
 
     def contains(self, x: npt.ArrayLike) -> Bools:
-        """Return which values are inside; NaN is always outside."""
+        """Return a mask of the values inside; NaN is always outside."""
         values = np.asarray(x, dtype=float)
         above = values >= self.low if self.low_closed else values > self.low
         below = values <= self.high if self.high_closed else values < self.high
@@ -163,7 +163,7 @@ class Term:
 
     def membership(self, x: npt.ArrayLike) -> Floats:
         """Return the degree of membership of each value, 0..1, by `skfuzzy.trapmf`; 0 for NaN."""
-        # Importing scikit-fuzzy takes 0.4 s, so a rule base fires without it.
+        # Importing scikit-fuzzy takes 0.4 s, so firing a rule base does not require it.
         from skfuzzy.membership import trapmf
 
         values = np.asarray(x, dtype=float)
