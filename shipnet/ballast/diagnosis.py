@@ -33,14 +33,14 @@ _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
 #: Time after the end of a command during which codes count as its result [s]; our choice.
 _SETTLE = 5.0
 
-#: Readings whose firing strengths are held in memory at once: 25 MB for 12 rules.
+#: Number of readings whose firing strengths are in memory at once: 25 MB for 12 rules.
 _AT_ONCE = 2**18
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Readings of the sensors, one row per instant, as `simulate` returns them.
+    """Readings of the sensors, one row per instant, as returned by `simulate`.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class Run:
 
     @cached_property
     def running(self) -> Bools:
-        """Whether the motor runs, shape (n_times, n_valves)."""
+        """Mask of the running motors, shape (n_times, n_valves)."""
         return ~np.isnan(self.ran)
 
     @property
@@ -113,8 +113,8 @@ class Run:
     def strokes(self) -> pd.DataFrame:
         """Return one row per motor run that has ended.
 
-        Besides the times and the outcome: ``travel_percent``, and medians ``FP_bar``, ``MC_A`` and
-        maxima ``OP_max_bar``, ``OT_max_degC`` while the motor ran.
+        Columns besides times and outcome: ``travel_percent``, the medians ``FP_bar`` and ``MC_A``,
+        and the maxima ``OP_max_bar`` and ``OT_max_degC`` while the motor ran.
         """
         strokes = stroke_rows(self)
         rows = np.full((len(strokes), 5), np.nan)
@@ -214,7 +214,7 @@ class Recorder:
 
 
 class Tail(NamedTuple):
-    """A copy of the last instants of a run, with which the diagnosis of the next run begins."""
+    """A copy of the last instants of a run, from which the diagnosis of the next run starts."""
 
     samples: dict[str, Floats]
     active: Bools
@@ -233,7 +233,7 @@ def rule_inputs(run: Run, base: RuleBase, *, any_time: bool) -> dict[str, Floats
 @checked
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """The diagnosis of every valve at every instant, as `Run.diagnose` returns it.
+    """The diagnosis of every valve at every instant, as returned by `Run.diagnose`.
 
     The `run` was diagnosed with the rules of `base`. `samples` are the values of each variable,
     shape (n_times, n_valves), NaN where it is not evaluated; `active` are the active codes in the
@@ -244,7 +244,7 @@ class Diagnosis:
     -----
     V2 means no change of position. Except for ``crisp``, it is evaluated only while a command is
     active and after the motor has run for a second; otherwise a healthy valve at rest would appear
-    to have a leaking piston. ``midpoint`` decides as ``fuzzy`` with a threshold of 0.5.
+    to have a leaking piston. ``midpoint`` is equivalent to ``fuzzy`` with threshold 0.5.
 
     Examples
     --------
@@ -306,7 +306,7 @@ class Diagnosis:
         )
 
     def commands(self) -> pd.DataFrame:
-        """Return the diagnosis of every command until 5 s after its end, one row each."""
+        """Return the diagnosis of each command until 5 s after its end, one row per command."""
         table = stroke_rows(self.run)[["valve", "action", "start_s", "end_s", "outcome"]].copy()
         found = np.zeros((len(table), len(self.base.codes)), bool)
         delay = np.full(len(table), np.nan)
@@ -345,7 +345,7 @@ class Diagnosis:
         return Decision(firing, self.threshold, self.active[row : row + 1, k]).explain(0)
 
     def is_active(self, valve: int, code: str) -> Bools:
-        """Return the instants at which a code is active, as a mask."""
+        """Return a mask of the instants at which a code is active."""
         return np.asarray(self.active[:, self._place(valve), self._column(code)])
 
     def first_alarm(self, valve: int, code: str) -> float:
@@ -447,7 +447,7 @@ def diagnose(
     ----------
     readings : mapping of str to array_like, or DataFrame, optional
         Values of FP and OP [bar], MC [A], OT [degC], VPos [%] and DVPos [%/s] by name. NaN and
-        values that are left out are missing, and a rule that needs one does not fire.
+        omitted values count as missing; a rule that needs a missing value does not fire.
     method : {"fuzzy", "crisp", "midpoint"}, default "fuzzy"
         How the rules are evaluated: with ramps, with comparisons as printed, or with comparisons in
         the middle of the ramps.

@@ -34,8 +34,8 @@ _DAY = 86400.0
 #: Midnight before the first day.
 _EPOCH = np.datetime64("2026-01-01", "ms")
 
-#: Commands end before this time of day, at least a minute apart, so that no motor runs at midnight
-#: [s]; each command moves this fraction of the valves.
+#: Time of day before which commands end, so that no motor runs at midnight [s]; shortest time
+#: between commands [s]; and fraction of the valves that each command moves.
 _LAST, _APART, _SHARE = 82_800.0, 60.0, 0.9
 
 #: A fault appears at once or grows in steps: days of growth, number of steps, and days from full
@@ -44,7 +44,7 @@ _GROWS, _STEPS, _REPAIR = (5.0, 60.0), 5, (1.0, 10.0)
 
 
 class _Block(NamedTuple):
-    """A task: some valves for all days."""
+    """A task: one block of valves for all days."""
 
     folder: str
     number: int
@@ -246,7 +246,7 @@ def write_fleet(
     -----
     ``samples/day=2026-01-01/block-0000.parquet`` has one row per valve and reading: ``valve``,
     ``time`` in UTC, the channels with their units, whether the motor is ``running`` and a command
-    ``active``, and as truth the ``label``, the code of the present fault or empty, and its
+    ``active``, and the truth: the ``label``, the code of the present fault or empty, and its
     ``severity``, 0..1. ``strokes/`` has one row per run of a motor with the diagnosis by the rule
     table, ``faults/`` one per fault: its start, the duration of its growth, in five steps, and its
     repair. Every file states in its metadata that it is synthetic: finding these faults verifies a

@@ -36,7 +36,7 @@ from shipnet.modbus.slave import DeviceError, Slave, answer
 
 
 class _Image(ValveRegisters):
-    """A valve as the master last received it."""
+    """The status of a valve as the master last received it."""
 
     def __init__(self, station: Station, unit: int) -> None:
         self.station, self.unit = station, unit
@@ -64,7 +64,7 @@ def gateway(station: Station) -> dict[int, Slave]:
     return {unit: Slave(_Image(station, unit), functions={4, 6}) for unit in station.slaves}
 
 
-#: The slaves of Figure 15, the one with the tank and the one with the fault simulator.
+#: Number of slaves in Figure 15, the slave with the tank, and the slave with the fault simulator.
 N_SLAVES, _TANK, _SIMULATOR = 5, 3, 5
 
 #: Time in which a healthy valve opens or closes; row 0 of the rule table [s].
@@ -141,13 +141,13 @@ class TestBed:
         return self.station.time
 
     def device(self, unit: int) -> ValveDevice:
-        """Return a slave, so that its switches can be turned."""
+        """Return a slave, for access to its switches."""
         device = self.station.slaves[check_whole("unit", unit, 1, N_SLAVES)].device
         assert isinstance(device, ValveDevice)
         return device
 
     def wait(self, duration: float) -> None:
-        """Let time pass [s] while the master scans, the tank fills and the sensors are recorded."""
+        """Advance time [s] while the master scans, the tank fills and the sensors are recorded."""
         end, plant = self.time + check_scalar("duration", duration, "s", 0, 1e8), self.plant
         while self.time < end:
             self.recorder.take()
@@ -163,7 +163,7 @@ class TestBed:
         return float(self.screen()[valve].position_percent)
 
     def command(self, valve: int, action: str | float) -> str:
-        """Send a command from the master; return ``done``, or why it was not carried out.
+        """Send a command from the master; return ``done``, or the reason why it failed.
 
         `action` is ``open``, ``close``, a position [%], or the mode ``manual`` or ``auto``.
         """
@@ -203,7 +203,7 @@ def acceptance_tests(*, bit_rate: float = 9600.0, rng: Any = None) -> pd.DataFra
 
     Notes
     -----
-    The paper prints that all tests were passed, but neither steps nor criteria; we chose them. A
+    The paper says that all tests passed, but prints neither steps nor criteria; we chose them. A
     fault is found if its code is among those active after the command, because the rules are
     nested. The slave's status contains one code; the step passes if this is the fault's code, or
     the code of a rule that implies it.
@@ -288,7 +288,7 @@ def _pc(make: Callable[..., TestBed]) -> Iterator[Step]:
 
 
 def _diagnosis(make: Callable[..., TestBed]) -> Iterator[Step]:
-    """Let the simulator imitate each fault, move the valve, and check what is reported."""
+    """Imitate each fault with the simulator, move the valve, and check the reported codes."""
     for code in (None, *FAULTS):
         yield from _diagnosis_of(make, code)
 
@@ -343,12 +343,12 @@ def serve(
     watchdog: float | None = None,
     **options: Any,
 ) -> Server:
-    """Return a real Modbus server for the valves of a new plant, all closed, to use in ``with``.
+    """Return a real Modbus server for a new plant of closed valves, for use in a ``with`` block.
 
     Parameters
     ----------
     n_valves : int, default 64
-        Number of valves, 1..247; they have the unit ids from 1.
+        Number of valves, 1..247; their unit ids start at 1.
     faults : Fault or iterable of Fault, optional
         Faults of the valves, in model time.
     speed : float, default 1
@@ -384,7 +384,7 @@ def serve(
     return serve_slaves(valve_slaves(plant), clock=real_clock(factor), **options)
 
 
-#: Takes unit id and request and returns the response: a `Link`, or `ModelValves`.
+#: A callable from unit id and request to the response, such as a `Link` or `ModelValves`.
 Ask: TypeAlias = Callable[[int, Request], Response]
 
 _MBAP = 7
@@ -440,7 +440,7 @@ class ModelValves:
     faults : tuple of Fault, optional
         Faults of the valves.
     rng : numpy.random.Generator, optional
-        Draws the noise of the sensors; no noise if omitted.
+        Source of the sensors' noise; no noise if omitted.
 
     Attributes
     ----------
@@ -488,7 +488,7 @@ class Client:
     Raises
     ------
     OSError
-        If there is no answer, when the client is made or used; the message is a sentence.
+        If there is no answer when the client is created or used; the message is a sentence.
 
     Examples
     --------
@@ -546,7 +546,7 @@ class Client:
         return f"valve {unit}: {said}"
 
     def read(self) -> Readout:
-        """Read all valves; one that answers with an exception has no values."""
+        """Read all valves; a valve that answers with an exception has no values."""
         words, units = [], []
         for unit in range(1, self.n_valves + 1):
             response = self._ask(unit, READ_STATUS)
@@ -569,7 +569,7 @@ class Client:
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """The answers of valves: `rows` of `Status.table` by valve, NaN for one without an answer."""
+    """The answers of valves: `rows` of `Status.table` by valve, NaN without an answer."""
 
     rows: pd.DataFrame
 

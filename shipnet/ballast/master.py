@@ -47,10 +47,10 @@ STATE_COLOURS = {
 #: Hatches of states that an operator must notice even without colours.
 _HATCHES = {"fault": "xxxx", "silent": "...."}
 
-#: In rows of more valves, bars show neither position nor number.
+#: With more valves per row than this, bars show neither position nor number.
 _NUMBERED = 20
 
-#: A valve within this of an end counts as open or closed [%]; the paper does not say.
+#: A valve within this distance of an end counts as open or closed [%]; not printed.
 _END = 1.0
 
 #: Least current of a running motor [A]: two steps of its register, because one may be noise.
@@ -115,7 +115,7 @@ class Screen:
 
     @classmethod
     def of(cls, rows: pd.DataFrame, *, silent: Bools, age: Floats, time: float) -> Screen:
-        """Return the screen of the last statuses, rows of `Status.table`; NaN without a status."""
+        """Return the screen for the last statuses, rows of `Status.table`; NaN without a status."""
         position = rows["VPos_percent"].to_numpy()
         fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
         conditions = [
@@ -164,7 +164,7 @@ class Screen:
             hatch=[_HATCHES.get(state, "") for state in states],
         )  # fmt: skip
         part = 0.62 * np.clip(np.nan_to_num(position), 0, 100) / 100
-        # A closed valve keeps a strip of colour.
+        # A closed valve still has a strip of colour.
         ax.bar(x, np.maximum(part, 0.05), 0.84, y, color=[STATE_COLOURS[state] for state in states])
         ax.bar(x[framed], 0.62, 0.84, y[framed], fill=False, edgecolor="k", linewidth=2)
         ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[])
@@ -194,7 +194,7 @@ class Screen:
 @checked
 @dataclass(frozen=True, eq=False)
 class MasterRun:
-    """What a master received from its valves, as `simulate` returns it for a system with a poll.
+    """What a master received from its valves, as returned by `simulate` for a system with a poll.
 
     It has the statuses `shown`, the commands as `writes` and the polls as `tries`, each in order of
     time, and ends at `duration` [s]. A poll has start, valve counted from 0, port, kind, and
@@ -249,7 +249,7 @@ class MasterRun:
         shown = self.answers[["unit", "read_s", "shown_s"]]
         if shown["unit"].nunique() < self.n_valves:
             return inf
-        # A status is shown until the next one of its valve, the last one until the end.
+        # A status is shown until the valve's next one; its last status is shown until the end.
         until = shown.groupby("unit")["shown_s"].shift(-1).fillna(self.duration)
         return float((until - shown["read_s"]).max())
 
@@ -404,7 +404,7 @@ class Station(Master):
 def operate(
     plant: Plant, commands: Iterable[Command] = (), *, until: float, faults: Iterable[Fault] = ()
 ) -> MasterRun:
-    """Let a master scan its valves and send commands at their times."""
+    """Simulate a master that scans its valves and sends commands at their times."""
     end = check_scalar("until", until, "s", 0, 1e5)
     station = Station(plant, faults)
     orders = sorted(commands, key=lambda command: command.time)

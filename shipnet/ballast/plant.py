@@ -103,7 +103,7 @@ class Command:
         return self.action if isinstance(self.action, str) else "position"
 
     def mask(self, n_valves: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Return a mask of the commanded valves among this many, valve 1 first."""
+        """Return a mask of the commanded valves among `n_valves`, valve 1 first."""
         count = check_whole("n_valves", n_valves, 1, 10_000)
         meant = np.zeros(count, bool)
         meant[_places(self.valves, count)] = True
@@ -231,7 +231,7 @@ class Fault(TimedFault):
 
     @classmethod
     def parse(cls, fault: str, n_valves: int = 247) -> Fault:
-        """Return the fault that a text such as ``3:V1:0.8`` names: valve, code and severity."""
+        """Return the fault named by a text such as ``3:V1:0.8``: valve, code and severity."""
         parts, most = fault.split(":"), check_whole("n_valves", n_valves, 1, 10_000)
         try:
             if len(parts) not in (2, 3):
@@ -313,7 +313,7 @@ class Plant:
     """The valves at the present time, which only moves forward.
 
     The state is opening and motor temperature. Commands and faults take effect at the first reading
-    at or after their time. Between two readings a valve turns at its speed half-way, and it stops
+    at or after their time. Between two readings a valve turns at its mid-step speed, and it stops
     exactly at its target, not at the next reading. Limit switches act at the true ends; a commanded
     position is compared with the reading of the potentiometer.
     """

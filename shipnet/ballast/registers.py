@@ -46,7 +46,7 @@ class Code(Enum):
 
 @cache
 def command_codes(reading: str = "flag sum") -> dict[Code, int]:
-    """Return the command codes by one of the `CODE_READINGS`."""
+    """Return the command codes for one of the `CODE_READINGS`."""
     column, base = CODE_READINGS[reading]
     with path("kim2014_table2_write_register_bits.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["message"] == "query"]
@@ -56,7 +56,7 @@ def command_codes(reading: str = "flag sum") -> dict[Code, int]:
 #: Input registers of the status; Tables 1 and 3 of the paper.
 FIRST_REGISTER, N_REGISTERS = 0x4020, 4
 
-#: The largest number of steps in a byte, and the byte of a missing value. The paper names no such
+#: The largest number of steps in a byte, and the byte for a missing value. The paper names no such
 #: byte; without it, a dead sensor reads as the end of its scale.
 HIGHEST, MISSING = 0xFE, 0xFF
 
@@ -70,7 +70,7 @@ class Scale(NamedTuple):
     step: float
 
 
-#: In the order of the channels. The bytes are those of Table 3, the steps our assumption.
+#: Scales in the order of the channels. The bytes are those of Table 3; the steps are assumed.
 SCALES = (
     Scale("FP", 0x4022, 0, 1.0),
     Scale("OP", 0x4023, 0, 0.1),
@@ -188,7 +188,7 @@ class RegisterMap:
         return Packed(registers.T.astype(np.uint16), saturated.T)
 
     def decode(self, registers: npt.ArrayLike) -> Status:
-        """Return the statuses that rows of four registers contain."""
+        """Return the statuses contained in rows of four registers."""
         rows = np.asarray(registers)
         if rows.ndim != 2 or rows.shape[1] != N_REGISTERS or rows.dtype.kind not in "iu":
             raise ArgumentError("registers must be rows of four whole numbers")

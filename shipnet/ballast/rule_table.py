@@ -27,7 +27,7 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
     Parameters
     ----------
     slow_stroke : float, optional
-        Time from which a stroke is slow [s], 1..3600. This argument adds a variable ``Time``, the
+        Shortest time of a slow stroke [s], 1..3600. This argument adds a variable ``Time``, the
         running time of the motor, and a rule T1 of the lowest rank, with a ramp of 1 s. The rule is
         ours: the table has no fault for a slow valve, but prints a stroke of up to 10 s.
 
@@ -82,7 +82,7 @@ def _term(row: dict[str, str]) -> Term:
 
 
 def _rows(name: str) -> list[dict[str, str]]:
-    """Return the rows of a data file; a server does not load pandas, so it is not used here."""
+    """Return the rows of a data file; without pandas, so that a server need not load it."""
     with datasets.path(name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
@@ -134,6 +134,6 @@ def _numbers(text: pd.DataFrame) -> pd.DataFrame:
 
 
 def _holds(base: RuleBase, term: str, table: pd.DataFrame) -> Bools:
-    """Return the rows for which a term holds as printed."""
+    """Return a mask of the rows in which a term holds as printed."""
     condition = RuleBase(base.variables, (Rule("condition", term, 1),))
     return condition.fire(table, "crisp").strength[:, 0] > 0

@@ -57,7 +57,7 @@ def status_poll(
     Returns
     -------
     Poll
-        Request of 8 bytes, response of 13, for `System`.
+        Poll for `System`, with a request of 8 bytes and a response of 13 bytes.
 
     Examples
     --------
@@ -80,7 +80,7 @@ def command_poll(poll: Poll) -> Poll:
 class System:
     """Valves and, if there is a poll, the line and the master that scans them.
 
-    Without `poll`, such as `status_poll` returns, the valves are commanded and read directly. More
+    Without a `poll` (see `status_poll`), the valves are commanded and read directly. More
     than 247 valves are divided among several masters. `opening` is the initial opening of the
     valves, 0..1, one number or one per valve.
 
@@ -102,8 +102,8 @@ class System:
     step: float = number(1e-3, 1, "s", "Time between two readings while a motor runs", default=0.1)
     move: Literal["slave", "downstream"] = choice(
         ("slave", "downstream"),
-        "What the master moves to its other port when a slave does not answer: that slave only, or "
-        "also all slaves downstream of it", default="slave",
+        "Slaves that the master moves to its other port when a slave does not answer: that slave "
+        "only, or also all slaves downstream of it", default="slave",
     )  # fmt: skip
     watchdog: float | None = number(
         0.1, 3600, "s", "A motor stops after this time without a request; never if omitted",
@@ -177,7 +177,7 @@ class System:
 
 
 def as_system(system: System | int) -> System:
-    """Return a system; a number stands for that many valves without a poll."""
+    """Return a system; a number means that many valves without a poll."""
     if isinstance(system, System):
         return system
     return System(check_whole("system", system, 1, 10_000))

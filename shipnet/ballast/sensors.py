@@ -18,7 +18,7 @@ from shipnet.fields import record, whole
 
 
 class Channel(NamedTuple):
-    """A sensor."""
+    """A sensor channel of a slave."""
 
     name: str
     meaning: str
@@ -36,7 +36,7 @@ CHANNELS = (
 )
 
 
-#: Time over which the change of position is measured [s]; the paper does not say.
+#: Time over which the change of position is measured [s]; not printed in the paper.
 WINDOW = 1.0
 
 
@@ -70,7 +70,7 @@ class Sensors:
     noise : tuple of float
         Standard deviations, 0 or more; by default 0.5 bar, 0.03 bar, 0.02 A, 0.3 degC, 0.1 %.
     bits : int or None, default 12
-        Resolution of the converter, 1..24; None converts without steps.
+        Resolution of the converter, 1..24; None means no quantisation.
 
     Notes
     -----
@@ -109,7 +109,7 @@ class Sensors:
 
     @property
     def step(self) -> Floats:
-        """Step of the converter, shape (5,), in the units of the channels; 0 without bits."""
+        """Step of the converter, shape (5,), in the units of the channels; 0 if `bits` is None."""
         if self.bits is None:
             return np.zeros(5)
         return np.asarray((np.array(self.high) - self.low) / (2**self.bits - 1))

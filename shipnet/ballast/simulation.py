@@ -64,7 +64,7 @@ def simulate(
     commands : iterable of Command, optional
         Commands to the valves, in any order. A master sends them one by one, between two polls.
     faults : Fault or iterable of Fault, optional
-        Faults of the valves, and with a master of the line (`shipnet.modbus`).
+        Faults of the valves and, with a master, of the line (`shipnet.modbus`).
     until : float
         End time, 0..1e8 [s]; with a master 0..1e5 [s].
     idle_step : float, optional

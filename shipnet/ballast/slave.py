@@ -1,6 +1,6 @@
 """A valve as a Modbus slave: registers, switches, diagnosis and watchdog.
 
-Each request carries the model time, so the same slave works in a real server and in a simulation.
+Each request includes the model time, so the same slave works in a real server and in a simulation.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Monitor:
             fired[valve] = False
 
     def _look(self) -> None:
-        """Apply the rules to the present reading; it replaces an earlier one of the same time."""
+        """Apply the rules to the present reading, replacing any earlier one at the same time."""
         plant = self.plant
         if self._places and self._places[-1][0] == plant.time:
             self._places.pop()
@@ -69,7 +69,7 @@ class Monitor:
         self.found |= sum(self._fired, np.zeros(self.found.shape, int)) >= _LEAST
 
     def _fires(self) -> Bools:
-        """Return which rules fire for the present reading, shape (n_valves, n_rules)."""
+        """Return a mask of the rules that fire for this reading, shape (n_valves, n_rules)."""
         plant, speed = self.plant, np.full(self.plant.n_valves, np.nan)
         calm = not np.count_nonzero(plant.active)
         if calm and self._calm is not None and np.array_equal(plant.readings, self._calm[0]):
@@ -112,7 +112,7 @@ class ValveRegisters:
         raise NotImplementedError
 
     def command(self, value: int, time: float) -> None:
-        """Carry out the command of a register."""
+        """Carry out the command in a register."""
         raise NotImplementedError
 
 
@@ -145,7 +145,7 @@ class ValveDevice(ValveRegisters):
         return [int(word) for word in packed.registers[0]]
 
     def command(self, value: int, time: float) -> None:
-        """Carry out the command of a register, if the mode allows it."""
+        """Carry out the command in a register, if the mode allows it."""
         try:
             code, position = self.registers.decode_command(value)
         except (FieldError, ArgumentError):

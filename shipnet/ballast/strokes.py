@@ -55,15 +55,15 @@ _RULES = {
     "F2": ("flow_closing", 10.0, 0.04, "Flow", "fast for its pressure when it closes"),
 }
 
-#: Accepts the tables of known strokes and of strokes to judge; returns which of the latter to
-#: report.
+#: Accepts the tables of known strokes and of strokes to judge; returns a mask of the latter that
+#: selects those to report.
 Judge = Callable[["pd.DataFrame", "pd.DataFrame"], npt.ArrayLike]
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Strokes:
-    """Recorded strokes of hydraulic actuators, as `read_strokes` returns them.
+    """Recorded strokes of hydraulic actuators, as returned by `read_strokes`.
 
     Parameters
     ----------
@@ -201,11 +201,11 @@ class Strokes:
         *,
         judges: Mapping[str, Judge] | None = None,
     ) -> pd.DataFrame:
-        """Return how many strokes of each actuator are reported by rules fitted without it.
+        """Return the number of reported strokes of each actuator, by rules fitted without it.
 
         Limits come from the healthy actuators of `reference`, by default the shipped recording,
         except the one under test. `judges` are other methods by name: each is called once per
-        actuator and returns which strokes to report. Its arguments are the features of all other
+        actuator and returns a mask of those to report. Its arguments are the features of all other
         actuators of `reference`, healthy or not, and the features of the actuator's own strokes.
 
         Indexed by ``method``, ``report`` (a flag of the rules, or any), ``actuator`` and
@@ -268,7 +268,7 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
     Notes
     -----
     The shipped recording was made by others on rotary actuators of the kind that turns ship
-    valves, 15 000 in-lbf [1]_: three healthy ones, one with a damaged gear, one with a leaking
+    valves, 15 000 in-lbf [1]_: three healthy, one with a damaged gear and one with a leaking
     seal. Each stroke of 3000 samples was reduced to 600 points, the mean of five samples or, for
     accelerations, ten times their standard deviation. Values are raw counts; the units and the
     sampling period are not published.
@@ -279,7 +279,7 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
 
     Examples
     --------
-    The share of the strokes that is reported, by rules that never saw the actuator:
+    Percentage of strokes reported by rules that were fitted without the actuator:
 
     >>> strokes = read_strokes()
     >>> fuzzy = strokes.scores().loc["fuzzy", "any"]

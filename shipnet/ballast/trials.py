@@ -30,7 +30,7 @@ from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
 
-#: Statement of what the numbers are based on.
+#: Statement of the basis of the numbers.
 BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
 
 #: A year [s].
@@ -62,14 +62,14 @@ def spread_valves(n_valves: int, rng: np.random.Generator) -> System:
 @checked
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Trials of the diagnosis, as `fault_trials` returns them.
+    """Trials of the diagnosis, as returned by `fault_trials`.
 
     Parameters
     ----------
     rows : pandas.DataFrame
         One row per trial and method: ``method``, ``fault``, ``valve``, ``severity``; the codes
         ``active`` at any time, and their ``top_fault``; whether any code was active (``detected``),
-        its own code was (``named``), and its own code was on top (``isolated``);
+        the fault's own code was (``named``), and that code was on top (``isolated``);
         ``detection_time_s`` and ``isolation_time_s`` from the first command, 0 if before it, NaN if
         never.
 
@@ -115,9 +115,9 @@ class Trials:
     def rates(self) -> pd.DataFrame:
         """Return how often faults were found, indexed by method and fault.
 
-        The number ``n``; the fractions ``detected``, ``named`` and ``isolated`` with the ends
+        Columns: number ``n``; fractions ``detected``, ``named`` and ``isolated`` with the ends
         ``_low`` and ``_high`` of their 95 % intervals; ``isolability``, ``sensitivity``, and median
-        ``detection_time_s`` and ``isolation_time_s``. Of ``normal`` valves, ``detected`` is the
+        ``detection_time_s`` and ``isolation_time_s``. For ``normal`` valves, ``detected`` is the
         fraction with a false alarm and ``isolated`` the fraction without one.
         """
         groups = self.rows.groupby(["method", "fault"], sort=False)
@@ -169,18 +169,18 @@ def fault_trials(
     methods: Iterable[str] = METHODS,
     rng: Any,
 ) -> Trials:
-    """Let valves with each fault open and close once, and diagnose them.
+    """Open and close valves with each fault once, and diagnose them.
 
     Parameters
     ----------
     codes : iterable of str, optional
         Faults; ``normal`` means healthy valves. All of them if omitted.
     n_valves : int, default 256
-        Valves with each fault; at most 10000 in all.
+        Number of valves per fault; at most 10000 in all.
     severity : float or array_like of float, shape (n_valves,), default 1
         Severity of the faults, 0..1.
     methods : iterable of str, optional
-        Methods of diagnosis, of the same readings: ``crisp``, ``midpoint`` and ``fuzzy`` if
+        Methods of diagnosis, for the same readings: ``crisp``, ``midpoint`` and ``fuzzy`` if
         omitted.
     rng : Generator, int or None
         Source of the valves' differences and of the sensors' noise, for `numpy.random.default_rng`.
@@ -362,7 +362,7 @@ _FAULT_COLUMNS = {
 @checked
 @dataclass(frozen=True, eq=False)
 class FleetReport:
-    """The faults and alarms of a fleet, as `run_fleet` returns them.
+    """The faults and alarms of a fleet, as returned by `run_fleet`.
 
     Parameters
     ----------
@@ -517,22 +517,22 @@ def run_fleet(
     rng: Any = None,
     idle_step: float = 1.0,
 ) -> FleetReport:
-    """Simulate and diagnose a fleet block by block; alarms are kept, samples are not.
+    """Simulate and diagnose a fleet block by block; store its alarms but not its samples.
 
     Parameters
     ----------
     system : System or int
         The valves, or their number. They are read directly, without a master.
     commands : iterable of Command
-        Commands to the valves, such as `Command.random` returns.
+        Commands to the valves, such as those from `Command.random`.
     faults : Fault or iterable of Fault, optional
-        Faults of the valves, such as `Fault.random` returns.
+        Faults of the valves, such as those from `Fault.random`.
     until : float, default 86400
         End time, up to 1e8 [s].
     rng : Generator, int or None, optional
         Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
     idle_step : float, default 1
-        Time between two readings while no motor runs; the interval is 0.1 s while a motor runs [s].
+        Time between two readings while no motor runs [s]; it is 0.1 s while a motor runs.
 
     Returns
     -------
@@ -542,7 +542,7 @@ def run_fleet(
     Notes
     -----
     A motor that is not cooled (O1) reaches the 90 degC of its rule only after many strokes in a
-    row: with six a day it never does.
+    row: with six per day it never does.
 
     Examples
     --------

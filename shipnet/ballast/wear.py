@@ -35,7 +35,7 @@ _GRID = 2001
 @checked
 @dataclass(frozen=True, eq=False)
 class Wear:
-    """Valves whose pumps wear out, one row per stroke; `Wear.synthetic` makes such data.
+    """Valves whose pumps wear out, one row per stroke; `Wear.synthetic` creates such data.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Wear:
         """Return synthetic data of pumps whose leak grows by a constant factor per stroke.
 
         The growth rates, 1e-6..1 per stroke, have the median `rate` and the standard deviation
-        `spread` of their logarithm; `noise` is the standard deviations of FP [bar] and of the
+        `spread` of their logarithm; `noise` gives the standard deviations of FP [bar] and of the
         stroke time [s].
         """
         generator = check_rng(rng)
@@ -118,7 +118,7 @@ class Wear:
         return np.asarray(self.FP[:, self._place(valve)])
 
     def alarms(self) -> pd.DataFrame:
-        """Return the true life of each valve, and the strokes at which rules report it.
+        """Return the true life of each valve, and the strokes at which rules report the wear.
 
         ``P2`` is FP below 2.5 bar, and ``T1`` (ours) a stroke longer than 10 s, each in three of
         the last five strokes; NaN if the rule never fires.
@@ -134,7 +134,7 @@ class Wear:
         )
 
     def predict(self, valve: int, at: int, *, predictor: str = "leak") -> Prediction:
-        """Predict how many strokes are left, from up to 200 strokes before stroke number `at`.
+        """Predict the number of strokes left, from up to 200 strokes before stroke number `at`.
 
         `predictor` is ``leak`` (the pump leak, computed from FP by the inverted model; its
         logarithm rises linearly), ``stroke time`` or ``FP membership`` (both rise linearly).
@@ -148,7 +148,7 @@ class Wear:
         return Prediction(self, k + 1, last, predictor, trend, remaining_life(trend, limit, last))
 
     def predictions(self, at: int) -> pd.DataFrame:
-        """Return how many strokes every valve has left after `at` strokes, indexed by ``valve``.
+        """Return the strokes left for each valve after `at` strokes, indexed by ``valve``.
 
         The prediction ``remaining`` has the interval ``low`` to ``high``; ``true`` is the true
         number.
@@ -167,7 +167,7 @@ class Wear:
         return table.rename_axis("strokes")
 
     def compare_predictors(self, parts: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)) -> pd.DataFrame:
-        """Compare the remaining life that each predictor predicts with the true one.
+        """Compare the remaining life from each predictor with the true remaining life.
 
         Indexed by ``predictor`` and by the ``part`` of the true life at which it predicts: the
         number of ``valves``; the fraction with a trend, ``found``; quantiles of predicted over true
@@ -304,7 +304,7 @@ CONFIDENCE = 0.95
 
 
 class Crossing(NamedTuple):
-    """Where a trend reaches a limit."""
+    """The point at which a trend reaches a limit."""
 
     estimate: float
     low: float
@@ -376,7 +376,7 @@ def remaining_life(trend: Trend, limit: float, now: float) -> Crossing:
 
 
 def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) -> Trend:
-    """Fit a trend to the points that are not NaN, or for a logarithmic trend are above 0."""
+    """Fit a trend to the points that are not NaN; a logarithmic trend uses only those above 0."""
     from scipy.special import stdtr, stdtrit  # scipy.stats takes a second to import
 
     places, values = np.asarray(x, float), np.asarray(y, float)
@@ -407,7 +407,7 @@ def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) 
     )
 
 
-#: A fuzzy set of FP [bar] from its normal value down to the limit of rule P2; ours.
+#: A fuzzy set of FP [bar] from its normal value down to the limit of rule P2; our choice.
 WORN = Term("worn", (-inf, -inf, 2.5, 90.0), "x < 2.5", "worn")
 
 #: Indicators from which the remaining life can be predicted.
