@@ -1,6 +1,6 @@
-"""One stroke with oil that gives way and mass that has to be moved: differential equations.
+"""One stroke with compressible oil and moving mass, by differential equations.
 
-The second route to `shipnet.ballast.hydraulics`, which has neither; some thousand times slower.
+Verifies `shipnet.ballast.hydraulics`, which neglects both; about a thousand times slower.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ Floats = npt.NDArray[np.float64]
 #: of piston, rack and disc at the rack [kg], viscous friction [N s/m]; our assumptions.
 BULK_MODULUS, VOLUME, MASS, DAMPING = 1.2e9, 30e-6, 40.0, 2e4
 
-#: Speed of the rack at which dry friction has 76 % of its value [m/s]: smooth, for the solver.
+#: Speed of the rack at which dry friction has 76 % of its value [m/s]; smoothed for the solver.
 _STICTION = 2e-6
 
-#: A stuck valve, as a torque that no pump here reaches [N m].
+#: Torque of a stuck valve, which no pump here reaches [N m].
 _STUCK = 1e5
 
 

@@ -1,4 +1,4 @@
-"""A healthy valve: what the paper prints of it, and what the numbers of an actuator give."""
+"""A healthy valve: the paper's values, and those computed from an actuator's parameters."""
 
 from typing import NamedTuple
 
@@ -14,12 +14,12 @@ from shipnet.ballast.actuator import (
 )
 from shipnet.ballast.sensors import Sensors
 
-#: Sensors without noise, limits and steps.
+#: Sensors without noise, limits or steps.
 IDEAL = Sensors((-np.inf,) * 5, (np.inf,) * 5, (0.0,) * 5, None)
 
 
 def normal_values():
-    """Return the readings that row 0 of the rule table prints."""
+    """Return the readings printed in row 0 of the rule table."""
     row = datasets.read("kim2014_rule_table.csv").iloc[0]
     return {name: float(row[f"{name.lower()}_printed"]) for name in ("FP", "OP", "MC", "OT")}
 
@@ -38,7 +38,7 @@ def operating_point(actuator, direction=1):
     """Return the operating point in closed form.
 
     The paper prints FP 90, OP 2, MC 1.2, OT 50 and 0 to 10 s for a healthy valve (claims
-    kim2014-071 and -072). Ours lie near it by the choice of the actuator: that all agree at once
+    kim2014-071 and -072). Ours are close, because we chose the actuator to match. Agreement of all
     shows that the paper's values are consistent with one machine, not that it was this one.
     """
     state = hydraulics(actuator, load_pressure(actuator, 0.5, direction))

@@ -92,7 +92,7 @@ def test_the_closed_form_solves_the_balances_of_pump_and_cylinder(actuator, load
     expected = balance(actuator, load)
     assert pump == pytest.approx(expected[0], rel=1e-6, abs=10)
     assert cylinder == pytest.approx(expected[1], rel=1e-6, abs=10)
-    # A difference of two flows: compared on the scale of what the pump gives.
+    # The flow is a difference of two flows, so the tolerance is relative to the pump's flow.
     assert flow == pytest.approx(expected[2], abs=1e-6 * actuator.displacement * actuator.speed)
 
 
@@ -107,7 +107,7 @@ def test_the_relief_valve_holds_a_stuck_valve_and_a_leaking_piston_holds_nothing
     assert leaking.cylinder_pressure < load_pressure(Actuator(), 0.5)
 
 
-# Tolerances as the docstring of `integrate_stroke` states them.
+# The tolerances are those in the docstring of `integrate_stroke`.
 @pytest.mark.parametrize(
     ("code", "severity", "direction"),
     [
@@ -189,7 +189,7 @@ def test_electric_power_is_work_on_the_oil_or_heat():
 
 
 @given(st.sampled_from(list(FAULTS)), st.floats(0, 1), st.floats(0, 1), st.sampled_from([-1, 1]))
-def test_with_no_fault_is_shaft_power_above_electric_power(code, severity, opening, way):
+def test_no_fault_makes_shaft_power_exceed_electric_power(code, severity, opening, way):
     sick, _ = faulty(Actuator(), [Fault(code, severity)], 1)
     pressure = hydraulics(sick, load_pressure(sick, opening, way)).pump_pressure
     torque = sick.displacement * pressure / (2 * np.pi * sick.pump_efficiency) + sick.friction
@@ -227,7 +227,7 @@ def test_sensors_clip_step_and_keep_nan():
 def test_the_noise_has_the_requested_deviations():
     sensors = Sensors(low=(-1e3,) * 5, high=(1e3,) * 5, bits=None)
     read = sensors.read(np.zeros((5, 20_000)), np.random.default_rng(2024))
-    # The deviation of 20,000 draws is good to 0.5 %; four times that.
+    # The deviation of 20,000 draws has a standard error of 0.5 %; the tolerance is four times that.
     assert read.std(axis=1) == pytest.approx(sensors.noise, rel=0.02)
 
 

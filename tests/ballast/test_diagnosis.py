@@ -102,7 +102,7 @@ def test_each_valve_and_instant_alone_gives_the_same():
 
 
 def test_trapped_pressure_at_rest_looks_like_a_leak_only_if_dvpos_always_counts():
-    quiet = [Fault("Pos1", 0.1)]  # keeps a tenth of the pressure; the shift of VPos is 0.5 %
+    quiet = [Fault("Pos1", 0.1)]  # leaves a tenth of the pressure; the shift of VPos is 0.5 %
     run = simulate(1, [Command("open")], until=20, faults=quiet)
     meant, literal = (diagnose_run(run, method=r).active[-1, 0] for r in ("midpoint", "crisp"))
     assert not meant.any()
@@ -134,7 +134,7 @@ def test_alarms_and_explanations_name_the_same_codes():
 
 @pytest.mark.parametrize("settle", [5.0, 30.0])
 def test_a_command_shows_the_highest_ranked_active_code(settle, monkeypatch):
-    # In 30 s the next command begins, which ends what counts.
+    # The next command begins after 30 s and ends the period that counts.
     monkeypatch.setattr("shipnet.ballast.diagnosis._SETTLE", settle)
     diagnosis = diagnose_run(noisy())
     time = diagnosis.time

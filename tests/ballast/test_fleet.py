@@ -25,7 +25,7 @@ def report():
 def test_every_fault_but_o1_is_found_by_its_own_code_only(report):
     found = report.faults().set_index("code")
     assert sorted(found.index) == sorted(FAULTS)
-    # A motor gets hot by many strokes in a row only.
+    # A motor only gets hot after many strokes in a row.
     assert found.index[~found["named"]].tolist() == ["O1"]
     assert found.index[found["detection_time_s"].isna()].tolist() == ["O1"]
     assert (found["detection_time_s"].dropna() >= 0).all()
@@ -43,7 +43,7 @@ def test_a_stuck_valve_waits_for_its_next_command(report):
     starts = report.commands[report.commands["valve"] == stuck["valve"]]["start_s"]
     following = starts[starts >= stuck["start_s"]].min()
     assert stuck["command_s"] == following
-    # Three of five readings, the first of them when the motor has been started.
+    # Three of five readings, the first when the motor has just started.
     assert stuck["start_s"] + stuck["detection_time_s"] == pytest.approx(following + 0.2, abs=0.11)
     assert stuck["detection_time_s"] == pytest.approx(
         stuck["after_command_s"] + following - stuck["start_s"]
@@ -105,7 +105,7 @@ def test_a_fault_beyond_the_end_has_no_rates():
 
 
 def test_an_alarm_before_its_fault_is_a_false_alarm():
-    # Noise of 5 % makes open valves look as if they were beyond their end.
+    # With noise of 5 %, open valves appear to be beyond their end.
     faults = [Fault("V1", start=50.0, valves=2)]
     noisy = System(2, sensors=Sensors(noise=(0.5, 0.03, 0.02, 0.3, 5.0)))
     report = run_fleet(noisy, [Command("open", 5.0)], faults=faults, until=60, rng=1)
@@ -140,7 +140,7 @@ def test_faults_are_drawn_evenly_and_in_order():
     assert 0 <= starts[0] and starts[-1] <= 86400
     severities = [f.severity for f in faults]
     assert 0.2 <= min(severities) < 0.25 and 0.85 < max(severities) <= 0.9
-    # Kolmogorov-Smirnov: 1.63 / sqrt(256) is passed with 1 %.
+    # Kolmogorov-Smirnov: 1.63 / sqrt(256) is exceeded with a probability of 1 %.
     even = np.abs(np.sort(starts) / 86400 - (np.arange(256) + 0.5) / 256).max()
     assert even < 0.1
     assert Fault.random(0, rng=np.random.default_rng(1)) == []

@@ -27,7 +27,7 @@ DAY = 86400.0
 def parquet():
     parts = ("pyarrow", "distributed", "loky")
     require("cluster", all(map(find_spec, parts)), f"one of {', '.join(parts)} is missing")
-    # The strings of pyarrow, as the workers of a cluster have them.
+    # Use pyarrow strings, like the workers of a cluster.
     with pd.option_context("mode.string_storage", "auto"):
         yield
 
@@ -41,14 +41,14 @@ def fleet(tmp_path_factory):
 
 
 def sums(folder):
-    """Return a check sum of each file of data."""
+    """Return a checksum of each data file."""
     return {
         str(file.relative_to(folder)): hashlib.sha256(file.read_bytes()).hexdigest()
         for file in folder.rglob("*.parquet")
     }
 
 
-def test_there_is_a_file_per_day_and_block_which_pandas_reads(fleet):
+def test_pandas_reads_one_file_per_day_and_block(fleet):
     folder, made = fleet
     names = [f"day=2026-01-0{day}/block-000{block}.parquet" for day in (1, 2) for block in (0, 1)]
     files = {str(file.relative_to(folder)) for file in folder.rglob("*.parquet")}
@@ -84,7 +84,7 @@ def test_labels_are_those_of_the_faults(fleet):
         for valve, code, begin, grows, end in truth.itertuples(index=False):
             mine = (rows["valve"] == valve) & (seconds >= begin - 1e-3) & (seconds < end - 1e-3)
             expected[mine] = code
-            # In two days a fault that grows for five or more is in its first two steps.
+            # After two days a fault that grows for five or more is in its first two steps.
             assert set(rows["severity"][mine]) <= ({np.float32(0.2), np.float32(0.4)} if grows
                                                    else {1.0})  # fmt: skip
         assert (rows["label"].astype(str) == expected).all()
@@ -116,7 +116,7 @@ def test_faults_are_as_frequent_and_as_long_as_requested():
     rows = [row for _ in range(400) for row in _History.drawn(3650, 2.0, rng).rows]
     days = np.array([[start / DAY, grows, stop / DAY] for _, start, grows, stop in rows])
     assert ((days[:, 2] - days[:, 0] - days[:, 1]) >= 1 - 1e-6).all()
-    # Healthy for half a year on average, then grows for 16 days and waits 5.5 for its repair.
+    # Valves are healthy for half a year on average; a fault grows for 16 days and lasts 5.5 more.
     assert len(rows) / 400 == pytest.approx(3650 / (182.6 + 16.25 + 5.5), rel=0.02)
     share = pd.Series([row[0] for row in rows]).value_counts(normalize=True)
     assert set(share.index) == set(FAULTS) and share.max() < 0.11
@@ -162,7 +162,7 @@ def test_two_workers_write_the_same_bytes_even_if_one_is_killed(tmp_path):
     here = write_fleet(tmp_path / "here", 160, 1, client=1)
     assert killed and there.equals(here)
     assert sums(tmp_path / "there") == sums(tmp_path / "here")
-    # More valves leave those that are there as they are.
+    # Adding valves does not change the existing ones.
     write_fleet(tmp_path / "less", 50, 1, client=1)
     data = [pd.read_parquet(tmp_path / name / "samples") for name in ("less", "here")]
     assert data[0].equals(data[1][data[1]["valve"] <= 50].reset_index(drop=True))
@@ -196,7 +196,7 @@ def test_memory_does_not_grow_with_the_days(tmp_path):
         tracemalloc.stop()
         return most
 
-    most(1)  # loads what is loaded once
+    most(1)  # one-time imports
     assert most(8) < 1.2 * most(2)
 
 

@@ -129,6 +129,6 @@ def test_an_argument_of_a_client_is_named_before_it_connects():
 
 
 def test_a_rate_below_those_printed_is_too_slow():
-    # At the slowest that is printed all tests are passed: kim2014, part 3 shows it.
-    # Here it is so slow that the screen is older than what is left of the 10 s after a stroke.
+    # At the slowest printed rate all tests pass, as kim2014, part 3 shows. At this rate the
+    # screen is older than the time left of the 10 s after a stroke.
     assert not all(step.passed for step in _remote(partial(Bed, bit_rate=300)))

@@ -69,7 +69,7 @@ def test_the_oldest_position_shown_has_the_age_of_the_closed_form(n, commands):
     age = System(n, status_poll(LINE)).worst_age(commands=commands)
     assert run.oldest == pytest.approx(age, abs=1e-9)
     times = np.linspace(5, 9, 4001)
-    # Looked at from outside, at any time.
+    # The age as seen at any time.
     assert run.ages(times).max() <= age + 1e-9
     assert run.ages(times).min() >= status_poll(LINE).shortest_timeout - 1e-9
 
@@ -80,7 +80,7 @@ def test_shown_positions_are_those_at_the_end_of_the_request():
     sent = run.commands["sent_s"][0]
     since = mine["read_s"].to_numpy() - sent
     expected = np.clip(100 * since / 9.0, 0, 100)
-    # 0.1 s between two readings at 11.1 % a second, and half a percent of rounding.
+    # 0.1 s between two readings at 11.1 % per second, and half a percent of rounding.
     assert mine["VPos_percent"].to_numpy() == pytest.approx(expected, abs=1.7)
     assert run.answers.query("unit != 8")["VPos_percent"].max() == 0
 
@@ -124,7 +124,7 @@ def test_no_gap_is_longer_than_the_ring_allows(faults):
             assert run.screen().table().state[unit] == "silent"
 
 
-def test_a_line_that_is_shorted_is_tried_again_later_and_comes_back():
+def test_a_shorted_line_is_retried_later_and_recovers():
     run = simulated(3, until=100, faults=Short(1, start=1.0, stop=30.0))
     assert run.screen(20.0).table().state.tolist() == ["silent"] * 3
     assert run.screen().table().state.tolist() == ["closed"] * 3

@@ -8,7 +8,7 @@ from shipnet.ballast.rule_table import rule_base
 from shipnet.errors import ArgumentError, FieldError
 
 MAPS = st.builds(RegisterMap, st.sampled_from(["table 2", "table 3"]))
-#: A valve that has had no command.
+#: A valve that has received no command.
 REST = {"close": False, "open": False}
 BYTES, STEPS = st.integers(0, 255), st.integers(0, 254)
 

@@ -19,7 +19,7 @@ def test_simulation_and_recorder_have_the_same_speed_at_any_step(step):
     ours = recorder.run.DVPos[:, 0]
     theirs = simulate(System(step=step), [Command("open")], until=10).DVPos[:, 0]
     np.testing.assert_allclose(ours[: theirs.size], theirs[: ours.size])
-    # The first that counts is that of the first instant a second or longer after the start.
+    # The first valid speed is that of the first instant at least a second after the start.
     assert np.flatnonzero(np.isfinite(theirs))[0] == np.ceil(WINDOW / step - 1e-6)
     assert theirs[np.isfinite(theirs)] == pytest.approx(11.11, abs=0.1)
 

@@ -1,4 +1,4 @@
-"""Valves behind a real server, asked by clients that others wrote."""
+"""Valves behind a real server, polled by third-party clients."""
 
 import os
 import re
@@ -47,7 +47,7 @@ def test_a_server_with_a_test_clock_moves_the_valve_in_model_time(monkeypatch):
             places.append(seen.readings[4, 0])
             assert abs(seen.readings[4, 0] - 100 * plant.opening[1]) <= 0.55
             assert seen.readings[:4, 0] == pytest.approx(plant.readings[:4, 1], abs=0.55)
-        # 11.1 % a second, sent as whole percent.
+        # 11.1 % per second, sent as whole percent.
         assert places == [0, 33, 67, 100]
         assert plant.opening.tolist() == [0, 1, 0]
         assert client.write_register(0x4001, HALF, device_id=2).registers == [HALF]
@@ -149,7 +149,7 @@ def test_the_help_says_what_a_pseudo_terminal_cannot_do(capsys):
     assert "(pty) instead of a serial port has no parity: it needs --character 8N1" in said
 
 
-def test_a_fault_is_read_with_and_without_its_severity():
+def test_a_fault_is_parsed_with_and_without_its_severity():
     assert Fault.parse("7:P2:0.5") == Fault("P2", 0.5, valves=7)
     assert Fault.parse("1:O1") == Fault("O1", 1.0, valves=1)
     with pytest.raises(ArgumentError, match="valves is 3"):

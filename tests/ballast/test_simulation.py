@@ -38,7 +38,7 @@ def test_simulated_strokes_take_the_stroke_time_in_both_directions():
 def test_a_stroke_of_varying_speed_also_takes_the_stroke_time():
     leaking, _ = faulty(Actuator(), [Fault("V2", 0.8)], 1)
     run = simulate(1, [Command("open")], until=20, faults=[Fault("V2", 0.8)])
-    # Steps of the speed at their beginning would be 8 ms off, those at their middle 0.1 ms.
+    # With the speed at the start of each step the error would be 8 ms; at its middle it is 0.1 ms.
     assert run.strokes()["duration_s"][0] == pytest.approx(stroke_time(leaking)[0], abs=1e-3)
 
 
@@ -76,7 +76,7 @@ def test_a_healthy_valve_shows_the_normal_values_while_it_moves_and_nothing_at_r
     run = simulate(64, OPEN, until=20, rng=rng())
     middle = (run.time > 5) & (run.time < 7)
     for name, value in normal_values().items():
-        # 20 x 64 readings of noise leave the mean good to a hundredth of what is asked.
+        # The noise in the mean of 20 x 64 readings is a hundredth of the tolerance.
         assert run.samples[name][middle].mean() == pytest.approx(value, rel=0.08), name
     rest = run.time > 12
     assert run.samples["MC"][rest].max() < 0.15
@@ -133,7 +133,7 @@ def test_rest_equals_measure_and_advance_in_turn():
     assert np.array_equal(other.rest(12, 50), steps)
     assert one.tick == other.tick
     assert np.array_equal(one.temperature, other.temperature)
-    # The fault that is due now has begun in both.
+    # The fault that is due now has begun in both runs.
     assert np.array_equal(one.measure(), other.measure())
 
 
@@ -142,7 +142,7 @@ def test_a_valve_that_reverses_beside_a_running_one_moves_as_it_would_alone():
     alone = simulate(1, orders, until=20)
     beside = simulate(2, orders, until=20)
     assert np.array_equal(beside.readings[:, :, 0], alone.readings[:, :, 0])
-    # The torque of the flow helps it to close: it takes less pressure than on the way up.
+    # The torque of the flow helps to close the valve, so closing takes less pressure than opening.
     assert alone.samples["OP"][51, 0] < alone.samples["OP"][49, 0] - 0.1
 
 
@@ -160,7 +160,7 @@ def test_the_temperature_follows_its_exponentials():
     slow = simulate(System(sensors=IDEAL), OPEN, until=400, idle_step=60)
     assert quick.samples["OT"][-1, 0] == pytest.approx(slow.samples["OT"][-1, 0], abs=1e-9)
     start = float(steady_temperature(Actuator()))
-    # Heat of a stroke, less what 10.5 s at 5 K over the surroundings give off.
+    # Heat of a stroke, less the heat lost in 10.5 s at 5 K above the surroundings.
     a, x = Actuator(), (np.arange(2000) + 0.5) / 2000
     pressure = hydraulics(a, load_pressure(a, x)).pump_pressure
     heat = np.mean(losses(a, pressure) / velocity(a, x))
@@ -179,7 +179,7 @@ def test_severity_0_is_healthy_to_the_last_bit_and_1_is_not(code):
     assert not np.allclose(healthy.readings, sick.readings, atol=0.01)
 
 
-#: What the rule of each fault asks for, and when it is looked at: while the motor runs or at rest.
+#: Condition of each fault's rule, and when it is checked: while the motor runs or at rest.
 MEETS = {
     "G1": (False, lambda r: (r["FP"] > 120) & (r["MC"] < 0.15)),
     "P1": (True, lambda r: (r["FP"] > 120) & (r["MC"] > 2.5)),
@@ -207,7 +207,7 @@ def test_a_fault_meets_the_antecedent_of_its_own_rule_and_a_healthy_valve_does_n
         met = rule(run.samples) & (run.running == moving)
         return met.sum(axis=0)
 
-    # At least half a second of it, on every valve.
+    # The condition holds for at least half a second on every valve.
     assert seen([Fault(code)]).min() >= 5
     assert seen([]).max() == 0
 
@@ -278,7 +278,7 @@ def test_the_tables_have_a_row_for_every_instant_and_valve():
             stop=st.floats(12.5, 20),
         ),
         max_size=3,
-        # The same fault three times makes numbers that no actuator has, which are refused.
+        # The same fault three times gives illegal parameters, which are rejected.
         unique_by=lambda fault: fault.code,
     ),
 )

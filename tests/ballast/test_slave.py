@@ -118,7 +118,7 @@ def test_slaves_answer_as_the_standard_requires():
 def test_no_request_breaks_a_slave(pdu, time):
     slave = valve_slaves(Plant())[1]
     answer = slave.answer(pdu, time)
-    # Exception 4 stands for manual mode only: anything else behind it would be our own mistake.
+    # Exception 4 means manual mode only; any other cause would be a bug of ours.
     assert answer == b"" or answer[0] == pdu[0] or answer[1] in (1, 2, 3)
 
 
@@ -137,7 +137,7 @@ def test_the_four_faults_of_the_position_are_found_by_the_slave(code, row):
         Plant(System(3, opening=float(code in ("Pos1", "Pos3"))), [Fault(code, valves=2)]),
     )
     device = slaves[2].device
-    # Pos1 and Pos2 need a pressure that only a stroke traps.
+    # Pos1 and Pos2 need a pressure that is trapped only by a stroke.
     write(device, Code.CLOSE if device.plant.opening[1] else Code.OPEN, 0.0)
     status(device, 25.0)
     write(device, Code.OPEN if code in ("Pos1", "Pos3") else Code.CLOSE, 25.0)
@@ -160,7 +160,7 @@ def test_a_slave_finds_what_the_offline_diagnosis_of_the_same_readings_finds():
     recorder.take()
     active = diagnose_run(recorder.run).active.any(axis=0)
     np.testing.assert_array_equal(monitor.found, active)
-    # Without cooling the motor was too warm before; a healthy valve has nothing.
+    # Without cooling the motor was too warm before; a healthy valve reports no fault.
     assert active.any(axis=1).tolist() == [True] * 12 + [False]
 
 
@@ -175,7 +175,7 @@ def test_a_lasting_fault_is_found_again_with_unchanged_readings():
             monitor.forget(1)
     wrong = rows[2]
     assert wrong[0] == 0 < wrong[1]
-    # Three of the last five readings, counted anew after the command.
+    # Three of the last five readings; the count restarts after the command.
     assert rows == [(0, 0)] * 2 + [wrong] * 2 + [(0, 0)] * 2 + [wrong] * 2
 
 
@@ -208,7 +208,7 @@ def test_the_watchdog_is_reached_through_slaves_station_and_server():
     slaves = valve_slaves(Plant(System(2, watchdog=2.0)))
     write(slaves[1].device, Code.OPEN, 0.0)
     assert status(slaves[1].device, 12.0).readings[4, 0] == 22
-    # Cut off from both ends, the first valve hears nothing more.
+    # The first valve is cut off from both ends and receives nothing more.
     lost = [Break(0, start=3.0), Break(1, start=3.0)]
     ends = []
     for watchdog in (None, 5.0):
@@ -222,7 +222,7 @@ def test_the_watchdog_is_reached_through_slaves_station_and_server():
 
 
 def walk(serial, movement, timeout, retries):
-    """Let a clock run through one command whose answer comes at the end of the movement."""
+    """Simulate one command whose answer comes at the end of the movement."""
     frame = serial.frame_time(8)
     arrival = frame + serial.t35 + movement + frame
     clock = 0.0

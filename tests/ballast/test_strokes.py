@@ -1,4 +1,4 @@
-"""Features of recorded strokes, limits that never saw the actuator under test, and scores."""
+"""Features of recorded strokes, limits from other actuators than the one under test, and scores."""
 
 from statistics import median
 
@@ -60,7 +60,7 @@ def test_features_equal_those_of_a_loop_over_the_points(strokes):
 
 
 def test_reported_strokes_equal_those_of_an_independent_program(scores):
-    # Counted with a program that was written first and shares no code; by actuator, Act_1 to Act_5.
+    # Counts from an earlier program that shares no code; by actuator, Act_1 to Act_5.
     counted = {
         ("fuzzy", "Gear"): [0, 2, 50, 28, 5],
         ("fuzzy", "Flow"): [0, 0, 20, 48, 0],

@@ -27,7 +27,7 @@ def test_midpoint_and_fuzzy_name_all_faults(trials):
         assert (found.loc[list(FAULTS), "named"] == 1).all()
         assert found.loc["normal", "detected"] == 0
         isolated = found.loc[list(FAULTS), "isolated"]
-        # With the motor off S1 and S2 are true as well, and of higher rank.
+        # With the motor off, S1 and S2 are also true, and they rank higher.
         assert isolated[isolated < 1].index.tolist() == ["Pos3", "Pos4"]
     same = [trials.rows[trials.rows["method"] == r].drop(columns="method").reset_index(drop=True)
             for r in ("midpoint", "fuzzy")]  # fmt: skip
@@ -37,11 +37,11 @@ def test_midpoint_and_fuzzy_name_all_faults(trials):
 def test_crisp_rules_report_every_healthy_valve(trials):
     table = trials.rates().loc["crisp"]
     assert table.loc["normal", "detected"] == 1
-    # What outranks P2, which noise alone sets off at rest, is all that is right.
+    # Only P2, which noise alone triggers at rest, and the codes that outrank it are correct.
     assert table.index[table["isolated"] == 1].tolist() == ["G1", "P1", "P2", "V1"]
 
 
-def test_shares_and_confusion_count_the_same_trials(trials):
+def test_rates_and_confusion_count_the_same_trials(trials):
     table = trials.rates()
     assert (table["n"] == 12).all()
     for reading in METHODS:
@@ -68,7 +68,7 @@ def test_isolability_and_sensitivity_are_those_of_the_detected_faults():
     assert table.loc["normal", ["isolability", "sensitivity", "detection_time_s"]].isna().all()
 
 
-def test_trials_say_what_their_numbers_are_based_on(trials):
+def test_trials_state_the_basis_of_their_numbers(trials):
     assert "does not validate" in BASIS
     assert trials.basis == BASIS
 

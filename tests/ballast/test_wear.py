@@ -35,7 +35,7 @@ def line(rng, logarithmic, slope, noise, x=X):
 
 
 @SCALES
-def test_intervals_of_slope_and_crossing_cover_the_truth_as_often_as_they_say(logarithmic):
+def test_intervals_of_slope_and_crossing_have_the_stated_coverage(logarithmic):
     rng = np.random.default_rng(2024)
     rounds, inside, crossed = 400, 0, 0
     limit = 50.0 + 0.5 * 120
@@ -204,7 +204,7 @@ def test_synthetic_wear_follows_its_law():
 def test_p2_reports_a_worn_pump_more_than_a_thousand_strokes_too_late_and_t1_in_time():
     wear = Wear.synthetic(64, 4000, rng=np.random.default_rng(2024))
     table = wear.alarms()
-    # FP falls to 2.5 bar when the leak has grown by 609, the stroke takes 10 s at 3.32.
+    # FP falls to 2.5 bar at 609 times the initial leak; the stroke takes 10 s at 3.32 times.
     closed = np.log(609.4 / 3.3233) / wear.rate
     late = table["P2"] - table["life"]
     seen = late.notna()

@@ -1,6 +1,6 @@
-"""The engine system once more, event by event: slow, simple, and written apart from the package.
+"""The engine system once more, event by event: slow, simple and independent of the package.
 
-Every job of every CPU is stepped through; a Modbus interrupt stops the clocks of all other work.
+Every job of every CPU is simulated; a Modbus interrupt suspends all other work.
 """
 
 from collections import deque
@@ -22,17 +22,17 @@ def ns(seconds):
 
 
 def requests(system, duration, phase, faults):
-    """Return (start, channel, fate) of all requests, as a walk along the line.
+    """Return (start, channel, fate) of all requests, by following each along the line.
 
-    A fate is served, damaged (the AMS sees a response begin, but not a whole one), unread (the box
-    works, the AMS sees nothing) or deaf.
+    A fate is served, damaged (the AMS receives only the beginning of a response), unread (the box
+    works, but the AMS receives nothing) or deaf.
     """
     answered = ns(system.poll.time)
     bits = system.serial.frame_time
     silent = ns(bits(8) + system.timeout)
 
     def working(channel, time, kinds):
-        """Whether line and port, or the box, work at a time; nobody knows of what comes later."""
+        """Return whether line and port, or the box, work at a time."""
         box = system.boxes[0 if channel == 0 else -1]
         return not any(
             type(f) in kinds
@@ -42,7 +42,7 @@ def requests(system, duration, phase, faults):
         )
 
     def moments(begin, end):
-        """All times at which something changes within a stretch, and its two ends."""
+        """Return all times of changes within an interval, and its two ends."""
         edges = {t for f in faults for t in f.span}
         return [begin, *sorted(t for t in edges if begin < t < end), end]
 
@@ -61,17 +61,17 @@ def requests(system, duration, phase, faults):
         read = start + ns(bits(8) + system.serial.t35)
         first = start + ns(bits(8) + system.serial.t35 + system.firmware.processing)
         last = start + ns(system.poll.time - system.serial.t35)
-        # The request travels; the instants of its ends belong to it, but not the last one.
+        # The request is on the line; its first instant is included, its last one is not.
         if not all(working(channel, t, cable) for t in moments(start, request_end)[:-1]):
             return "deaf"
         if not all(working(channel, t, box) for t in moments(start, read)):
             return "deaf"
         if certain("request", channel, start):
             return "deaf"
-        # The box works on it.
+        # The box processes the request.
         if not all(working(channel, t, box) for t in moments(read, first)):
             return "unread"
-        # The response begins: from now on the AMS waits for its end.
+        # The response begins; the AMS now waits for its end.
         if not working(channel, first, cable):
             return "unread"
         if not all(working(channel, t, cable + box) for t in moments(first, last)[:-1]):
@@ -118,7 +118,7 @@ class Box:
     def clear(self):
         self.modbus_until = -inf
         self.waiting = 0  # rounds that are due
-        self.left = None  # steps of the round that runs: [work, what]
+        self.left = None  # steps of the present round: [work, step]
         self.jobs = deque()  # CAN interrupts: [work, message, samples]
         self.marking = []  # timer interrupts: [work, sender]
         self.deadline = {}
@@ -177,7 +177,7 @@ def islands(system, faults, now):
 
 
 def run_reference(system, duration, faults, phases):
-    """Return [(seen, {message: (samples, known) or None})] of every answer."""
+    """Return [(seen, {message: (samples, known) or None})] for every answer."""
     warm = 4 * int(system.period_ns.max()) + 10**9
     boxes = [Box(system, k, ns(phases[b]), warm) for k, b in enumerate(system.boxes)]
     asked, answered = requests(system, duration, ns(phases["AMS"]), faults)
@@ -202,7 +202,7 @@ def run_reference(system, duration, faults, phases):
     answers = []
     last = max((read[0] for read in reads), default=0)
     while now <= last:
-        # Next event of any kind.
+        # Find the next event of any kind.
         times = [reads[0][0]] if reads else [last + 1]
         times += [borders[0]] if borders else []
         for box in boxes:
@@ -218,7 +218,7 @@ def run_reference(system, duration, faults, phases):
             if box.modbus_until <= now:
                 box.spend(then - now)
         now = then
-        # Work that is done.
+        # Finish completed work.
         for k, box in enumerate(boxes):
             if k in dead or box.modbus_until > now:
                 continue
@@ -262,7 +262,7 @@ def run_reference(system, duration, faults, phases):
                 del box.deadline[sender]
                 if system.coding == "printed":
                     box.marking.append([mark, sender])
-            # Ticks.
+            # Count the rounds that are due.
             if box.tick == now:
                 box.tick += box.period
                 if not any(span[0] <= now < span[1] and w == system.boxes[k] for span, w in deaths):
@@ -283,7 +283,7 @@ def run_reference(system, duration, faults, phases):
                     dead.add(k)
                 if span[1] == now:
                     dead.discard(k)
-        # Modbus, then the bus.
+        # Process Modbus, then CAN.
         while reads and reads[0][0] == now:
             _, k, seen, what, channel = reads.popleft()
             boxes[k].modbus_until = now + system.service_ns

@@ -24,7 +24,7 @@ def test_no_random_phases_exceed_the_formula(name):
     bound = system.worst_age()["worst_s"].to_numpy()
     ages = [simulate(system, until=8, rng=rng).table()["worst_s"] for _ in range(12)]
     assert (np.max(ages, axis=0) <= bound + 1e-9).all()
-    # The phases of 12 runs come near enough to the worst ones to rule out a bound that is idle.
+    # The phases of 12 runs are close enough to the worst case to rule out a loose bound.
     assert np.max(ages) > 0.8 * bound.max()
 
 
@@ -45,8 +45,8 @@ def test_the_worst_phases_attain_the_bound_of_a_value_of_the_polled_box():
 
 def test_the_worst_phases_attain_the_bound_of_a_value_received_on_can():
     system = System()
-    # All boxes queue their frames at once; the last message of all is the last one through, and
-    # the registers are read a nanosecond before it is taken over.
+    # All boxes queue their frames at once; the message of lowest priority is sent last, and the
+    # registers are read a nanosecond before it is stored.
     loops = system.loop_ns / 1e9
     phases = {box: 0.3 - loop for box, loop in zip(system.boxes, loops.tolist(), strict=True)}
     taken = 0.3 + system.can_response[-1] + system.firmware.receive
@@ -54,7 +54,7 @@ def test_the_worst_phases_attain_the_bound_of_a_value_received_on_can():
     run = simulate(system, until=10, phases=phases)
     place = int(np.flatnonzero(system.message_of == 21)[0])
     bound = system.worst_age()["worst_s"].iloc[place]
-    # The bus works on its own grid of nanoseconds: 22 frames may be rounded.
+    # Frame times are rounded to nanoseconds, here for 22 frames.
     assert run.table()["worst_s"].iloc[place] == pytest.approx(bound, abs=1e-7)
 
 
@@ -65,7 +65,7 @@ def test_the_terms_add_up_and_own_values_skip_the_bus():
     own = ages["box"] == "JB1"
     assert (ages.loc[own, ["can_s", "handling_s", "interrupt_s"]] == 0).all(axis=None)
     assert (ages.loc[~own, "can_s"] > 0).all()
-    # Registers are read 13.2 ms before the poll is 250 ms old: request and silence lie in front.
+    # Registers are read 13.2 ms before the poll is 250 ms old: request and silence come first.
     assert ages["transaction_s"].iloc[0] == pytest.approx(0.25479 - 0.0131771, abs=1e-5)
 
 
@@ -86,16 +86,16 @@ def test_the_worst_phases_of_a_dead_box_attain_the_bound():
     heard = 0.1 + system.loop_ns[1] / 1e9 + 605 * 8e-6 + system.firmware.receive
     marked = heard + 5 + system.stale_limit + system.firmware.mark
     phases["AMS"] = (marked - read_time(system)) % 1.0 - 1e-4
-    # It dies behind its last frame, and the poll comes just before the mark.
+    # The box dies after its last frame, and the poll comes just before the mark.
     run = silent(system, heard + 5, phases)
     after = run.alarms()["time_s"].max() - (heard + 5)
-    # The bound reckons with an interrupt and a pile of CAN frames more, 6.1 ms.
+    # The bound includes another interrupt and a queue of CAN frames, 6.1 ms in all.
     assert after == pytest.approx(system.staleness_flag().after, abs=0.0065)
     assert after == pytest.approx(5.25, abs=0.01)
 
 
 def noticed(system, box, start, rng):
-    """Return how long after its death a box looks good, and the greatest age shown as good."""
+    """Return the time for which a dead box looks good, and the greatest age shown as good."""
     bound = system.staleness_flag()
     run = simulate(
         system, until=start + bound.after + 5, faults=[DeadBox(box, start=start)], rng=rng
@@ -107,9 +107,9 @@ def noticed(system, box, start, rng):
 @pytest.mark.parametrize(
     "system",
     [
-        # The AMS asks JB1 eleven times and waits half a second for each, 5.6 s altogether.
+        # The AMS polls JB1 eleven times and waits half a second each time, 5.6 s in total.
         System(retries=10, timeout=0.5),
-        # The first answer on the other channel comes later than the mark is made.
+        # The first answer on the other channel comes after the mark.
         System(timeout=0.72, stale_limit=0.1),
     ],
     ids=["late mark", "early mark"],
@@ -119,7 +119,7 @@ def test_the_bound_includes_time_outs_of_a_dead_polled_box(system):
     bound = system.staleness_flag()
     found = [noticed(system, "JB1", 10 + rng.uniform(0, 1), rng) for _ in range(40)]
     after, oldest = np.max(found, axis=0)
-    # With long time-outs the bound is a safe one: it lets the mark come at any time of a poll.
+    # With long time-outs the bound is conservative: it allows a mark at any time in a poll.
     assert 0.6 * bound.after < after <= bound.after
     assert oldest <= bound.oldest
 

@@ -37,7 +37,7 @@ def test_the_message_set_equals_the_data_file():
 
 
 def test_the_last_message_waits_for_all_others_at_most():
-    # All released at once; the longest frame of a lower priority is none for the last message.
+    # All are released at once; no frame of lower priority can block the last message.
     responses = response_times(CanLayout(POINTS).messages(), 125_000)
     assert responses[-1].response == pytest.approx(22.8e-3)
     assert max(r.response for r in responses) == responses[-1].response
@@ -45,7 +45,7 @@ def test_the_last_message_waits_for_all_others_at_most():
 
 @pytest.mark.parametrize("bits", [16, 12, 10, 8, 1])
 def test_the_table_says_where_each_point_is(bits):
-    # The second route: each box is one row of bits, written out bit by bit.
+    # As a check, write out each box as one row of bits.
     layout = CanLayout(POINTS, bits)
     table, messages = layout.table(), layout.messages()
     for box in POINTS.boxes:

@@ -42,7 +42,7 @@ def test_the_printed_system_fails_by_its_single_cpu_and_leaves_five_rules_open()
         "retransmission",
     ]  # fmt: skip
     computed = check(Description.printed()).table().set_index("rule").value
-    # Request, silence, 5 + 2 x 99 bytes: the poll of a whole box less the silence behind it.
+    # Request, silence and 5 + 2 x 99 bytes: the poll of a whole box without the final silence.
     assert computed["answer"] == pytest.approx((8 + 3.5 + 203) * 11 / 9600)
 
 
@@ -93,7 +93,7 @@ def test_two_separate_links_of_three_meet_the_rule():
 
 
 def test_the_answer_is_judged_at_the_limit():
-    # A response that takes two seconds to the bit still passes.
+    # A response that takes exactly two seconds still passes.
     poll = Poll(Request.read_holding_registers(0, 99), SerialLine(9600), timeout=10)
     line = poll.line.frame_time(8) + poll.shortest_timeout
     for extra, verdict in ((-1e-6, "met"), (1e-6, "violated")):
@@ -101,7 +101,7 @@ def test_the_answer_is_judged_at_the_limit():
         assert verdicts(replace(GOOD, poll=late))["answer"] == verdict
 
 
-#: Two wrong bits in it remove one stuff bit and make another.
+#: A frame in which two wrong bits remove one stuff bit and create another.
 STUFFED = Frame(0x1F3, bytes.fromhex("00F0FFFF00647B0F"))
 
 
@@ -110,7 +110,7 @@ def test_two_wrong_bits_after_bit_stuffing_can_pass_the_crc_of_can():
     for place in (39, 85):
         wrong[place] = "10"[int(wrong[place])]
     assert decode("".join(wrong)).data.hex() == "00f0bbff80323d8f"
-    # What the CRC itself is given never passes.
+    # Without bit stuffing, the CRC detects every such error.
     assert CAN.undetected(payload=8) == 0
 
 

@@ -36,7 +36,7 @@ LENGTH = 6
 
 
 def brute(begins, length, until):
-    """Return for each nanosecond whether the CPU is left to others."""
+    """Return for each nanosecond whether the CPU is free for other work."""
     free = np.ones(until, dtype=bool)
     for begin in begins:
         free[begin : begin + length] = False
@@ -71,7 +71,7 @@ def test_modbus_interrupts_prolong_the_conversion_but_can_does_not():
     run = simulate(system, until=3, phases=phases)
     loop = run.loops[0].converted
     length = np.diff(loop[loop > 0])[:4] / 1e6
-    # Rounds at 1.0 s and 2.0 s are met by a poll, those at 0.5 s and 1.5 s are not.
+    # A poll falls in the rounds at 1.0 s and 2.0 s, but not in those at 0.5 s and 1.5 s.
     assert length.tolist() == pytest.approx([494.0, 506.0, 494.0, 506.0])
     assert np.ptp(np.diff(run.loops[1].converted)) == 0
 
@@ -116,7 +116,7 @@ def test_the_timer_marks_a_silent_box_once_and_only_where_values_are_read():
     system = System()
     run = simulate(system, until=20, faults=[DeadBox("JB2", start=10)], phases={"JB2": 0.2})
     table = run.timeline(0, 20).table().query("task == 'timer'")
-    # JB1 and JB3 answer the AMS. The last frames of JB2 came with the round before its death.
+    # JB1 and JB3 answer the AMS. The last frames of JB2 came from the round before its death.
     assert table["row"].tolist() == ["JB1", "JB3"]
     for mark in table.itertuples():
         assert mark.end_ms - mark.start_ms == pytest.approx(1e3 * system.firmware.mark)

@@ -43,12 +43,12 @@ def test_temperatures_out_of_range_are_refused(bad):
         pt100_temperature(bad)
 
 
-#: A current loop alone.
+#: A single current loop.
 LOOP = InputCard([Point("P", "B", "4-20 mA", "pressure", 0, 10, "bar")])
 
 
-def test_the_current_loop_is_that_of_the_paper():
-    # 4..20 mA make 1..5 V over 250 ohm, and 1.25 (u - 1 V) is 0..5 V.
+def test_the_current_loop_equals_that_of_the_paper():
+    # 4..20 mA produce 1..5 V across 250 ohm, and 1.25 (u - 1 V) is 0..5 V.
     current = LOOP.signal([[0.0], [2.5], [10.0]])
     assert current.ravel() == pytest.approx([4e-3, 8e-3, 20e-3])
     assert LOOP.voltage(current) == pytest.approx(1.25 * (250 * current - 1))
@@ -75,7 +75,7 @@ def test_the_conversion_error_equals_that_of_a_dense_grid(margin):
     grid = np.linspace(LOW, HIGH, 100_001)[:, places]
     few = InputCard([POINTS[k] for k in places], margin=margin)
     error = np.abs(few.value(few.code(few.signal(grid))) - grid).max(axis=0)
-    # Two steps of the grid may be missed.
+    # The grid may miss the maximum by two steps.
     slack = 2 * (HIGH - LOW)[places] / 100_000
     assert (error <= table.conversion_error + 1e-9).all()
     assert (error >= table.conversion_error - slack).all()
@@ -92,7 +92,7 @@ def test_with_margin_every_fault_of_an_analogue_sensor_is_detected():
     analogue = table.condition != "switch"
     assert table.detected[analogue].all()
     assert not table.detected[~analogue].any()
-    # No value within the range is taken for a fault, nor one that a transmitter still sends.
+    # Values within the range, or within a transmitter's limits, are not mistaken for faults.
     values = np.linspace(LOW, HIGH, 2001)
     values[:, ~ANALOGUE] = values[:, ~ANALOGUE].round()
     assert card.valid(card.code(card.signal(values))).all()

@@ -28,7 +28,7 @@ def texts(ax):
 
 @pytest.fixture
 def shown(monkeypatch):
-    """Collect the texts of a screen, which are drawn as outlines, each with its outline."""
+    """Collect the texts of a screen with the outlines that draw them."""
     drawn, outline = [], plot._outline
 
     def draw(text):
@@ -65,7 +65,7 @@ def test_ages_are_drawn_as_a_sawtooth_with_the_values_of_the_table(ax, run):
     bad = ages[ages["good_until_s"] < ages["until_s"]]
     assert len(bad) > 0
     assert bars[:, :, 0].tolist() == bad[["good_until_s", "until_s"]].to_numpy().tolist()
-    # They are near the top edge, whatever the ages: at the foot they would read as fresh values.
+    # They are near the top edge at all ages; at the bottom they would look like fresh values.
     ax.set_ylim(0, 9)
     _, y = marked.get_transform().transform(bars[0]).T
     assert ax.get_window_extent().y1 - y == pytest.approx(0.03 * ax.get_window_extent().height)
@@ -93,9 +93,9 @@ def test_a_screen_can_be_read_and_has_units(run, values, shown):
     width = ax.transData.transform([1, 0])[0] - ax.transData.transform([0, 0])[0]
     sizes = [outline.get_extents().size * figure.dpi / 72 for _, outline in shown]
     assert max(wide for wide, _ in sizes) < 0.94 * width
-    # Capitals of 9 points.
+    # Capitals of a 9-point font.
     assert min(high for _, high in sizes) > 0.7 * 9 * figure.dpi / 72
-    # They are in their tiles, thus all over the axes.
+    # The texts are in their tiles, so they cover the axes.
     full = np.array(figure.canvas.buffer_rgba())
     ax.collections[-1].set_visible(False)
     figure.canvas.draw()
@@ -108,7 +108,7 @@ def test_a_screen_can_be_read_and_has_units(run, values, shown):
     plt.close(figure)
 
 
-def test_a_value_on_the_screen_is_the_one_of_its_sample(run, values):
+def test_a_value_on_the_screen_is_that_of_its_sampling_time(run, values):
     table = run.screen(13.0, values).table()
     for place in (0, 50, 98):
         sampled = 13.0 - table["age_s"].iloc[place]
@@ -117,7 +117,7 @@ def test_a_value_on_the_screen_is_the_one_of_its_sample(run, values):
 
 
 def test_a_good_reading_of_255_looks_like_an_error_in_the_printed_coding_only(values):
-    # Of the 20 exhaust gas temperatures, the one that stays at 255 for longest.
+    # Take the exhaust gas temperature that stays at 255 for longest.
     times = np.arange(0, 900, 0.5)
     at_255 = [np.abs(values.at(place, times) - 255) < 0.4 for place in range(10, 30)]
     exhaust = 10 + int(np.argmax([there.sum() for there in at_255]))

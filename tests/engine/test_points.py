@@ -74,7 +74,7 @@ def test_conductors_are_counted_sensor_by_sensor():
         ({"condition": "RTD", "low": -201}, "IEC 60751"),
     ],
 )
-def test_a_point_that_cannot_be_says_why(change, message):
+def test_an_impossible_point_is_refused_with_the_reason(change, message):
     fields = {"tag": "T", "box": "B", "condition": "4-20 mA", "quantity": "q", "low": 0, "high": 9}
     with pytest.raises(ArgumentError, match=message):
         Point(**(fields | change))

@@ -23,7 +23,7 @@ def readings(rng, rows):
     return values
 
 
-#: Codings that do not reach to the ends of all ranges: beyond, every reading is clipped.
+#: Codings that do not cover all ranges: readings beyond their ends are clipped.
 CLIPPED = {
     coding.name: coding
     for coding in (

@@ -35,13 +35,13 @@ ALL = bytes.fromhex("03 0000 0063")
 
 
 def known(faults, time, box=0):
-    """Return which points a box knows at a time, and their values."""
+    """Return a mask of the points with values in a box at a time, and the values."""
     values = JunctionBox(System(), faults, SENSORS, box).values(time)
     return ~np.isnan(values), values
 
 
 def at(time, sensors=SENSORS):
-    """Return what all sensors measure at a time."""
+    """Return the values of all sensors at a time."""
     return np.array([sensors.at(place, time) for place in range(len(POINTS))])
 
 
@@ -61,7 +61,7 @@ def test_a_real_client_reads_what_the_sensors_measure():
     for content in found.values():
         values = registers.decode(content)
         good = ~np.isnan(values)
-        # In the printed coding a reading of 25.5 is taken for the mark.
+        # In the printed coding a reading of 25.5 is mistaken for the mark.
         assert good.sum() >= len(POINTS) - 1
         error = np.abs(values - at(0.0))[good]
         assert (error <= steps[good] / 2 + 1e-9).all()
@@ -139,7 +139,7 @@ def test_the_program_serves_the_boxes_and_stops_upon_an_interrupt():
     assert found[0] == found[1] == RegisterMap(POINTS).encode(at(0.0, sensors)).tolist()
 
 
-def test_a_fault_of_a_valve_is_not_one_of_the_engine(capsys):
+def test_a_valve_fault_is_not_an_engine_fault(capsys):
     assert main(["serve", "engine", "--fault", "3:V1"]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "such as 2:dead" in error
@@ -166,7 +166,7 @@ def test_words_that_name_no_fault_are_refused():
         ("ME-JB2-044:short", ShortCircuit("ME-JB2-044")),
     ],
 )
-def test_a_fault_is_a_place_and_what_happens_to_it(words, fault):
+def test_a_fault_is_a_place_and_an_event(words, fault):
     assert parse_fault(System(), words) == fault
 
 
@@ -194,7 +194,7 @@ def write(slaves, address, value, time):
     return slaves[247].answer(Request.write_single_register(address, value), time)
 
 
-def test_a_register_makes_a_fault_and_ends_it():
+def test_a_register_starts_and_ends_a_fault():
     slaves = serve(speed=0).slaves
     assert write(slaves, 0, 1, 5.0)  # JB1 dead
     assert slaves[2].answer(ALL, 4.9) and slaves[3].answer(ALL, 5.1)

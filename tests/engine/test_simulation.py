@@ -26,7 +26,7 @@ def phases_of(rng, system):
 
 
 def assert_same(system, duration, faults, phases):
-    # Probabilities of 0 and 1 leave nothing to chance, but the call asks for a generator.
+    # Probabilities of 0 and 1 need no random numbers, but the call requires a generator.
     run = simulate(
         system, until=duration, faults=faults, phases=phases, rng=np.random.default_rng(0)
     )
@@ -121,7 +121,7 @@ def test_the_same_generator_gives_the_same_run():
 
 
 def test_a_long_run_equals_its_parts():
-    # The bus works in chunks on a long run; rounds do not depend on how long it goes on.
+    # A long run is computed in chunks; rounds do not depend on its length.
     phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.3, "AMS": 0.4}
     long = simulate(System(), until=5000, phases=phases).ages("ME-JB3-062").table()
     short = simulate(System(), until=50, phases=phases).ages("ME-JB3-062").table()
@@ -158,7 +158,7 @@ def test_arguments_out_of_range_are_named(make, message):
         make()
 
 
-def test_a_cut_destroys_the_frame_on_the_wire_and_those_behind_it():
+def test_a_break_destroys_the_frame_on_the_bus_and_those_queued():
     phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.4, "AMS": 0.0}
     system = System()
     # 1.5 frames after box 2 has queued its five.
@@ -172,7 +172,7 @@ def test_a_cut_destroys_the_frame_on_the_wire_and_those_behind_it():
 
 def test_a_box_that_comes_back_has_no_values_of_others():
     phases = {"JB1": 0.1, "JB2": 0.2, "JB3": 0.4, "AMS": 0.9}
-    # It is back 0.4 ms before the first request that it answers again, and box 2 is dead by then.
+    # The box returns 0.4 ms before the first request that it answers again; box 2 is then dead.
     faults = [DeadBox("JB1", start=5.5, stop=6.8995), DeadBox("JB2", start=5.0), ModbusBreak("2")]
     run = assert_same(System(), 9, faults, phases)
     own = System().box_of[0]

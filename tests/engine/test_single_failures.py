@@ -52,7 +52,7 @@ def test_what_the_printed_design_loses_and_notices(fault, lost, noticed):
     found = row(PRINTED, fault)
     assert (found["lost"], found["noticed"]) == (lost, noticed)
     assert found["answer_ok"]
-    # Rule a holds throughout; rule b falls with every value that nobody marks in time, and with a
+    # Rule a is always met; rule b is violated by each value that is not marked in time, and by a
     # response that breaks off just before its end.
     assert found["age_ok"] == (lost == 0 and noticed == "no")
     assert found["oldest_s"] <= found["bound_s"]
@@ -66,7 +66,7 @@ def test_the_corrected_design_shows_nothing_old_and_notices_all_but_a_stuck_sens
     stuck = table.index.str.startswith("sensor")
     healthy = table.index == "none"
     assert table.loc[~stuck, "age_ok"].all()
-    # Frames that get lost now and then are made up for by the next ones: no need to tell.
+    # Occasionally lost frames are replaced by the next ones, so no alarm is needed.
     passing = table.index.str.startswith("CAN frames lost")
     assert (table.loc[~stuck & ~healthy & ~passing, "noticed"] != "no").all()
     assert (table.loc[stuck | healthy, "noticed"] == "no").all()
@@ -94,9 +94,9 @@ def test_a_shorter_poll_period_meets_the_2_s_rule_for_all_visible_faults():
 
 
 def worst_phases(system):
-    """Return phases in which a poll misses the last value to arrive, the oldest, by 2 ns."""
+    """Return phases in which a poll misses the oldest value, the last to arrive, by 2 ns."""
     oldest = system.worst_age()["worst_s"].to_numpy().argmax()
-    # All boxes queue at once, so the frame waits for all that have a higher priority.
+    # All boxes queue at once, so the frame waits for all frames of higher priority.
     loops = system.loop_ns / 1e9
     phases = {box: 0.3 - loop for box, loop in zip(system.boxes, loops.tolist(), strict=True)}
     response = system.can_response[system.message_of[oldest]]
@@ -108,14 +108,14 @@ def worst_phases(system):
 def test_the_worst_phase_of_a_broken_response_attains_the_bound(retries):
     system = replace(PRINTED, retries=retries)
     phases = worst_phases(system)
-    # The response breaks off with its last bit.
+    # The response breaks off at its last bit.
     start = phases["AMS"] + 5 + system.poll.time - system.serial.t35 - 1e-8
     cut = ModbusBreak("1", start=start)
     run = simulate(system, until=12, faults=cut, phases=phases)
     bounds = system.failure_bounds(cut)
     assert run.answers()["answer_s"].max() == pytest.approx(bounds.answer, abs=1e-8)
     assert np.diff(run.views.seen).max() / 1e9 == pytest.approx(bounds.gap, abs=1e-8)
-    # The bound lets a lower frame block the bus.
+    # The bound allows for a frame of lower priority that blocks the bus.
     assert bounds.oldest - 0.01 < run.worst_age <= bounds.oldest
 
 
@@ -187,7 +187,7 @@ def test_only_an_age_that_grows_without_end_is_infinite(system):
     )
     stuck, passing, dead = table["oldest_s"].iloc[1:]
     assert stuck == np.inf
-    # It moves again after four seconds; then it takes the age of a healthy value to be seen.
+    # The sensor recovers after four seconds; a new value is seen one healthy age later.
     assert 4 < passing < 4 + system.worst_age()["worst_s"].max()
     assert dead <= system.staleness_flag().oldest
     both = row(PRINTED, ModbusBreak("1", start=AT))
@@ -198,7 +198,7 @@ def test_the_ams_stays_on_the_channel_that_answered_last():
     cut = ModbusBreak("1", start=4.5, stop=8.5)
     asked = simulate(PRINTED, until=12, faults=cut).requests()
     assert (asked["outcome"] == "no answer").sum() == 1
-    # It never learns that channel 1 works again.
+    # The AMS does not notice that channel 1 works again.
     assert asked["channel"].iloc[-1] == 2
 
 
@@ -235,12 +235,12 @@ def test_without_any_channel_old_values_stay():
 
 def test_requests_are_lost_with_the_given_probability():
     lost = LostModbusFrames("1", request=0.2, response=0.1)
-    # Without channel 2 the AMS always asks on channel 1 again.
+    # Without channel 2 the AMS always returns to channel 1.
     faults = [lost, ModbusBreak("2")]
     run = simulate(PRINTED, until=4000, faults=faults, rng=np.random.default_rng(11))
     first = run.requests()[run.requests()["channel"] == 1]
     share = first["outcome"].value_counts(normalize=True)
-    # Four standard errors of 4000 draws.
+    # The tolerance is four standard errors of 4000 draws.
     assert share["no answer"] == pytest.approx(0.2, abs=4 * (0.2 * 0.8 / 4000) ** 0.5)
     assert share["response damaged"] == pytest.approx(0.08, abs=4 * (0.08 * 0.92 / 4000) ** 0.5)
 

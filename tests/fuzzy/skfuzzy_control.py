@@ -1,6 +1,6 @@
-"""Firing strengths as `skfuzzy.control` computes them, sample by sample: another route to ours.
+"""Firing strengths as `skfuzzy.control` computes them, sample by sample, to verify ours.
 
-What scikit-fuzzy 0.5 does unlike us is worked around here, each with its reason.
+Workarounds for differences of scikit-fuzzy 0.5 are explained in comments.
 """
 
 import warnings
@@ -20,16 +20,16 @@ def control_strengths(base, samples):
     result = np.zeros((size, len(base.rules)))
     system = base.to_skfuzzy()
     rules = {rule.label: rule for rule in system.rules}
-    # A flush forgets what the rules fired with; so does a run without the cache.
+    # A flush deletes the firing strengths; so does a run without the cache.
     simulation = control.ControlSystemSimulation(system, flush_after_run=size + 1)
     with warnings.catch_warnings():
-        # np.maximum with a third argument in place of out: scikit-fuzzy 0.5, numpy 2.4 and later.
+        # scikit-fuzzy 0.5 gives np.maximum a third argument, deprecated from numpy 2.4 on.
         warnings.filterwarnings("ignore", category=DeprecationWarning, module="skfuzzy")
         for place in range(size):
             sample = {name: float(given[name][place]) for name in used}
             for name, x in sample.items():
-                # Any number will do for a missing sensor: its rules are left at 0 below, because
-                # scikit-fuzzy's minimum ignores NaN, which makes it true.
+                # Any number can replace a missing sensor: its rules are left at 0 below. A NaN
+                # would count as true, because scikit-fuzzy's minimum ignores NaN.
                 simulation.input[name] = base[name].low if np.isnan(x) else x
             simulation.compute()
             for column, rule in enumerate(base.rules):

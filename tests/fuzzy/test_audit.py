@@ -14,7 +14,7 @@ INF = float("inf")
 
 
 def meets(a, b):
-    """Whether two intervals have a number in common, by their ends."""
+    """Return whether two intervals overlap, judged by their ends."""
     low, high = max(a.low, b.low), min(a.high, b.high)
     closed = all(one.low_closed if one.low == low else True for one in (a, b)) and all(
         one.high_closed if one.high == high else True for one in (a, b)
@@ -23,7 +23,7 @@ def meets(a, b):
 
 
 def within(a, b):
-    """Whether the first interval lies in the second, by their ends."""
+    """Return whether the first interval lies in the second, judged by their ends."""
     left = a.low > b.low or (a.low == b.low and (b.low_closed or not a.low_closed))
     right = a.high < b.high or (a.high == b.high and (b.high_closed or not a.high_closed))
     return left and right
@@ -158,7 +158,7 @@ def test_the_centroid_is_that_of_scikit_fuzzy():
     samples = {v.name: rng.uniform(v.low, v.high, 40) for v in BASE.variables}
     samples["MC"][::2] = rng.uniform(0, 0.2, 20)
     ours = BASE.centroid(samples)
-    # Every corner of a cut triangle must lie on the grid, or nearly so.
+    # Every corner of a cut triangle must lie on the grid, or very close to it.
     grid = np.linspace(0, 13, 13 * 2000 + 1)
     for row, number in zip(BASE.fire(samples).strength, ours["centroid"], strict=True):
         shape = np.zeros_like(grid)

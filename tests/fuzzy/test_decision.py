@@ -13,7 +13,7 @@ BASE = rule_base()
 
 
 def firing_of(strength):
-    """Return a firing of given strengths; the sensors play no part."""
+    """Return a firing with given strengths; the sensor values do not matter."""
     array = np.asarray(strength, dtype=float)
     zeros = dict.fromkeys(BASE.names, np.zeros(array.shape[:-1]))
     return Firing(BASE, zeros, array)
@@ -71,7 +71,7 @@ def test_without_any_sensor_the_state_is_unknown():
     decision = firing.decide()
     assert decision.top.tolist() == ["unknown", "normal", "O1", "unknown"]
     assert decision.explain(0) == "unknown; missing FP OP MC OT VPos DVPos"
-    # What persists is reported even while the sensor is silent.
+    # A persistent fault is reported even while its sensor is silent.
     assert BASE.fire({"OT": [95, math.nan]}).decide(k=1, n=2).top.tolist() == ["O1"] * 2
 
 

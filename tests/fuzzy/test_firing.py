@@ -15,10 +15,10 @@ from tests.support import tolerance
 
 BASE = rule_base()
 NAN = math.nan
-#: Two routes to the same double arithmetic, each within some roundings.
+#: Tolerance for two computations in double precision, which differ by rounding errors.
 TOLERANCE = 1e-12
 
-# Sensor values on, beside and far from every corner and limit, missing ones and wild ones.
+# Sensor values at, near and far from every corner and limit, missing and extreme values.
 LIMITS = sorted(
     {
         value
@@ -47,7 +47,7 @@ def samples_of(table):
     ),
     x=st.lists(st.one_of(st.floats(-4, 4), st.integers(-4, 4), st.just(NAN)), min_size=1),
 )
-def test_a_rule_is_the_smallest_membership_of_its_terms_steps_and_shoulders_included(corners, x):
+def test_a_strength_is_the_smallest_membership_including_steps_and_shoulders(corners, x):
     variables = []
     for place, (*numbers, open_end) in enumerate(corners):
         a, b, c, d = sorted(map(float, numbers))
@@ -56,7 +56,7 @@ def test_a_rule_is_the_smallest_membership_of_its_terms_steps_and_shoulders_incl
         term = Term("t", (a, b, c, d), "x >= 0")
         variables.append(Variable(f"V{place}", "1", -3.5, 3.5, (term,)))
     names = [variable.name for variable in variables]
-    # Rules of all lengths, the shortest first.
+    # Rules of all lengths, shortest first.
     rules = [
         Rule(f"R{k}", tuple((name, "t") for name in names[: k + 1]), k + 1)
         for k in range(len(names))
@@ -75,7 +75,7 @@ def uniform(n, seed=2024):
 
 
 def plain_strength(rule, row):
-    """Compute one strength as a textbook would, in plain Python."""
+    """Compute one strength in plain Python, following the textbook definition."""
     degrees = []
     for variable, term in BASE.terms_of(rule):
         x = row[BASE.names.index(variable.name)]
@@ -156,13 +156,13 @@ def test_a_value_beyond_the_universe_counts_as_its_end():
         assert np.array_equal(inside.strength, beyond.strength)
         place = BASE.names.index(variable.name)
         assert beyond.clipped[:, place].all() and not inside.clipped.any()
-    # As printed there is no universe: a negative current is not zero.
+    # Comparisons as printed have no universe, so a negative current is not zero.
     sample = {"FP": 125, "MC": -0.01}
     assert BASE.fire(sample, "crisp")["G1"] == 0
     assert BASE.fire(sample)["G1"] == 1
 
 
-def test_normal_is_the_rest_and_nan_without_sensors():
+def test_normal_is_one_minus_the_greatest_strength_and_nan_without_sensors():
     firing = BASE.fire({"OT": [50, 82, 90, NAN]})
     assert np.allclose(firing.normal, [1, 0.8, 0, NAN], atol=TOLERANCE, equal_nan=True)
 
@@ -189,7 +189,7 @@ def test_samples_of_several_valves_keep_their_axes():
     assert spread.strength.shape == (30, 4, 12) and (spread["G1"] == 1).all()
 
 
-def test_the_inputs_are_left_as_they_are():
+def test_the_inputs_are_not_changed():
     samples = uniform(50)
     copies = {name: x.copy() for name, x in samples.items()}
     BASE.fire(samples)
@@ -220,7 +220,7 @@ def test_an_unknown_method_is_refused(method):
         BASE.fire({"FP": 1}, method)
 
 
-def test_values_beyond_the_universe_count_as_its_ends_but_for_comparisons_as_written():
+def test_values_beyond_the_universe_count_as_its_ends_except_in_printed_comparisons():
     wide = Term("wide", (-3, 1, 9, 13), "x < 12")
     base = RuleBase((Variable("x", "", 0, 10, (wide,)),), (Rule("on", (("x", "wide"),), 1),))
     samples = {"x": [-2.5, 12.5]}
@@ -237,12 +237,12 @@ def test_empty_samples_make_empty_results():
     assert BASE.fire({}).missing.all()
 
 
-# scikit-fuzzy as the other route.
+# Comparison with scikit-fuzzy.
 
 
 def test_scikit_fuzzy_has_the_same_strengths_for_random_samples():
     samples = uniform(120)
-    # In the narrow ramps too, and with missing sensors.
+    # Also in the narrow ramps, and with missing sensors.
     samples["MC"][:60] = np.linspace(0, 0.2, 60)
     samples["VPos"][40:90] = np.linspace(-5, 105, 50)
     samples["DVPos"][::2] = np.linspace(0, 2, 60)
@@ -277,13 +277,13 @@ def test_a_control_system_has_the_terms_on_its_points_and_a_consequent_per_rule(
     assert sorted(made) == ["cold", "hot"]
     for consequent in made.values():
         assert consequent.universe.tolist() == consequent["on"].mf.tolist() == [0, 0.5, 1]
-    # A corner that is not among the even steps is a point as well.
+    # A corner between the evenly spaced points is also a point.
     odd = Term("high", (7.55, 8.55, math.inf, math.inf), "x > 8")
     (x,) = RuleBase((Variable("x", "", 0, 10, (odd,)),), rules[1:]).to_skfuzzy().antecedents
     assert x.universe.size == 103 and {7.55, 8.55} <= set(x.universe)
 
 
-def test_corners_between_the_points_are_points_of_scikit_fuzzy_as_well():
+def test_corners_between_the_points_are_also_points_of_scikit_fuzzy():
     term = Term("high", (7.52, 7.56, math.inf, math.inf), "x > 7.54")
     base = RuleBase((Variable("x", "", 0, 10, (term,)),), (Rule("on", (("x", "high"),), 1),))
     # Without them scikit-fuzzy interpolates 0.5 between its points at 7.5 and 7.6.

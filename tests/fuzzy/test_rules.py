@@ -32,7 +32,7 @@ def test_the_table_has_a_row_per_rule(base):
     assert base.table().loc[3, "antecedent"] == "FP.high & OP.high"
 
 
-# The shipped files against the transcription of the printed table.
+# Comparison of the shipped files with the transcription of the printed table.
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def test_the_assumed_terms_compare_as_the_table_prints(base, printed):
             assert str(term.crisp) == part.replace(variable.name, "x")
 
 
-def test_the_assumed_ramps_have_a_half_on_the_printed_limit_or_a_stated_reason(base):
+def test_the_assumed_ramps_are_a_half_at_the_printed_limit_or_have_a_stated_reason(base):
     moved = {
         f"{variable.name}.{term.name}"
         for variable in base.variables
@@ -71,7 +71,7 @@ def test_the_assumed_ramps_have_a_half_on_the_printed_limit_or_a_stated_reason(b
         )
         if abs(crisp - half) > 1e-12
     }  # fmt: skip
-    # Zeros get a dead band, OT its shoulder on the limit, VPos room for noise at the end stop.
+    # Zeros get a dead band, OT a shoulder at the limit, VPos a margin for noise at the end stop.
     zeros = {"OP.low", "MC.zero", "MC.run", "DVPos.still"}
     assert moved == zeros | {"OT.hot", "VPos.above", "VPos.below"}
 
@@ -93,7 +93,7 @@ def test_the_assumed_vectors_are_the_inputs_of_the_table(printed, version):
         ours = ["" if x != x else f"{x:g}" for x in table[name]]
         assert ours == text
     speeds = table["DVPos"].dropna().to_dict()
-    # The table corrects V2; that the normal valve moves is our assumption.
+    # The table corrects V2; we assume that the normal valve moves.
     assert speeds == ({} if version == "printed" else {"normal": 10, "V2": 0})
 
 

@@ -17,7 +17,7 @@ numbers = st.floats(-1e6, 1e6)
 
 @st.composite
 def trapezoids(draw):
-    """Corners of all shapes: ramps, steps, points, shoulders."""
+    """Draw corners of all shapes: ramps, steps, points, shoulders."""
     a, b, c, d = sorted(draw(st.lists(numbers, min_size=4, max_size=4)))
     shape = draw(st.sampled_from(["full", "left", "right", "steps", "point"]))
     return {
@@ -41,7 +41,7 @@ def trapezoids(draw):
         ("-1e3 < x", [0, INF], [-1000, -INF]),
     ],
 )
-def test_a_comparison_holds_where_it_says(text, inside, outside):
+def test_a_comparison_holds_in_its_interval(text, inside, outside):
     interval = parse_comparison(text)
     assert interval.contains(inside).all()
     assert not interval.contains([*outside, math.nan]).any()
@@ -83,7 +83,7 @@ def test_the_text_of_a_comparison_parses_to_the_same_comparison(
     assert parse_comparison(str(point)) == point
 
 
-@example((0.0, 5e-324, 1.0, 1.0), [0.0])  # the narrowest ramp there is
+@example((0.0, 5e-324, 1.0, 1.0), [0.0])  # the narrowest possible ramp
 @given(trapezoids(), st.lists(numbers, min_size=1, max_size=20))
 def test_membership_equals_that_of_scikit_fuzzy_to_the_last_bit(corners, x):
     values = np.array([*x, *(corner for corner in corners if math.isfinite(corner))])
@@ -114,7 +114,7 @@ def test_corners_that_are_not_a_trapezoid_are_refused(corners):
         Term("a", corners, ANY)
 
 
-def test_a_variable_refuses_terms_that_mean_nothing_in_its_universe():
+def test_a_variable_refuses_terms_outside_its_universe():
     hot = Term("hot", (80, 90, INF, INF), "x >= 90")
     assert Variable("OT", "degC", 0, 150, (hot,))["hot"] is hot
     with pytest.raises(ArgumentError, match=r"shoulder of OT\.hot lies outside 0\.\.85"):
