@@ -58,7 +58,7 @@ class _Image(ValveRegisters):
 
 
 def gateway(station: Station) -> dict[int, Slave]:
-    """Return the valves as the master serves them to a PC, as in section 3.5 of the paper."""
+    """Return the valves that the master serves to a PC; section 3.5 of the paper."""
     # The paper does not print whether the master asks the slave. Here it answers from memory,
     # because a scan keeps the line busy.
     return {unit: Slave(_Image(station, unit), functions={4, 6}) for unit in station.slaves}
@@ -391,7 +391,7 @@ _MBAP = 7
 
 
 class Link:
-    """A connection to a server, called with unit id and request."""
+    """A connection to a server; it is called with a unit id and a request."""
 
     def __init__(self, address: str, port: int, timeout: float = 1.0) -> None:
         self.where, self._last = f"{address}, port {port}", 0

@@ -518,7 +518,7 @@ class Plant:
         return truth
 
     def _change(self) -> None:
-        """Apply the faults that have begun and not ended."""
+        """Apply the present faults."""
         for fault in self.faults:
             fault.severities(self.n_valves)  # reject an unknown valve before the fault is due
         now = self.tick * self.step + 1e-6 * self.step

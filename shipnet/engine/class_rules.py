@@ -175,9 +175,9 @@ _Outcome = tuple[float, str]
 class Rule:
     """A class rule as the paper quotes it: the requirement on an object, its measure and its limit.
 
-    `compute` is called with a system and its field `known`. The limit is the highest permitted
-    value, or the lowest with `at_least`; `elsewhere` says what public texts require on the same
-    matter.
+    `compute` is called with a system and the value of its field named `known`. The limit is the
+    highest permitted value, or the lowest with `at_least`; `elsewhere` says what public texts
+    require on the same matter.
     """
 
     name: str

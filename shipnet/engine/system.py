@@ -494,8 +494,8 @@ class System:
 
         .. math:: t_{after} = t_{stale} + t_{mark} + h + T + t_{response}
 
-        with the time T from poll to poll. If the silent box is the polled one, the AMS first polls
-        it in vain for :math:`t_{lost}`, retries included; :math:`T_{lost}` is the time from poll to
+        with the time T from poll to poll. If the silent box is the polled one, the AMS first gets
+        no answer for :math:`t_{lost}`, retries included; :math:`T_{lost}` is the time from poll to
         poll including that time:
 
         .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
