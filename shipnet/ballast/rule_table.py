@@ -82,7 +82,7 @@ def _term(row: dict[str, str]) -> Term:
 
 
 def _rows(name: str) -> list[dict[str, str]]:
-    """Return the rows of a data file; without pandas, so that a server need not load it."""
+    """Return the rows of a data file, without pandas, so that a server need not load it."""
     with datasets.path(name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 

@@ -49,7 +49,7 @@ class Cpu:
         return np.asarray(time - taken, dtype=np.int64)
 
     def at(self, left: Integers) -> Integers:
-        """Return the times at which this CPU time is used up, before interrupts that begin then."""
+        """Return when this CPU time is reached, before interrupts that begin then [ns]."""
         begun = np.searchsorted(self._left, left, side="left")
         return np.asarray(left + self.length * begun, dtype=np.int64)
 

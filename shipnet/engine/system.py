@@ -197,7 +197,7 @@ class System:
         "Time from one round of a box's loop to the next; not printed, assumed. A loop that takes "
         "longer starts again at once, so 0 means no pauses", default=0.5,
     )  # fmt: skip
-    topology: Literal["line", "ring"] = choice(("line", "ring"), "Shape of CAN", default="line")
+    topology: Literal["line", "ring"] = choice(("line", "ring"), "CAN topology", default="line")
     serial: SerialLine = part(
         SerialLine, "Both Modbus lines; 9600 bit/s, 8E1 if not given", default=SerialLine(9600)
     )

@@ -354,8 +354,8 @@ class Firing:
     def decide(self, *, threshold: float = 0.5, k: int = 1, n: int = 1) -> Decision:
         """Return the decision: the rules that fired in `k` or more of the last `n` samples.
 
-        A rule fires if its strength is at least `threshold`, from above 0 to 1. If `n` exceeds 1,
-        time runs along the first axis; the `n` samples include the present one.
+        A rule fires if its strength is at least `threshold`, above 0 and up to 1. With `n`
+        above 1, time runs along the first axis; the `n` samples include the present one.
         """
         if not isinstance(threshold, (int, float, np.floating)) or not 0 < threshold <= 1:
             raise ArgumentError(
