@@ -84,7 +84,7 @@ class Repeater:
 class Terminator:
     """A terminator or extension plug: a resistance in series with a capacitor, for the signal only.
 
-    The default resistance is assumed: the wave impedance of the cable.
+    The default resistance is assumed: the characteristic impedance of the cable.
 
     Examples
     --------

@@ -44,7 +44,7 @@ def cable_ends(echoes: tuple[float, ...]) -> Solution:
             taken(opened, shorted, shorted, opened, above, below, below, above)
         ),
         "write the ends in the order of your echoes": right[::-1],
-        "what returns from an end with the wave impedance, and what from an open end?": (
+        "what returns from an end with the characteristic impedance, and what from an open end?": (
             taken(matched, opened, opened, matched)
         ),
         "this echo is as high as the pulse: what is its sign?": (
@@ -94,16 +94,16 @@ def echo_height() -> Solution:
             lambda volts, r, z0: volts * 2 * r / (r + z0)
         ),
         "that is the factor; how high is the pulse?": lambda volts, r, z0: _echo(1, r, z0),
-        "a resistor above the wave impedance gives an echo of the same sign": (
+        "a resistor above the characteristic impedance gives an echo of the same sign": (
             lambda volts, r, z0: -_echo(volts, r, z0)
         ),
-        "a resistor below the wave impedance gives an echo of the opposite sign": (
+        "a resistor below the characteristic impedance gives an echo of the opposite sign": (
             lambda volts, r, z0: abs(_echo(volts, r, z0))
         ),
         "that is a voltage divider; the factor is a difference divided by a sum": (
             lambda volts, r, z0: volts * r / (r + z0)
         ),
-        "the difference is divided by the sum, not by the wave impedance": (
+        "the difference is divided by the sum, not by the characteristic impedance": (
             lambda volts, r, z0: volts * (r - z0) / z0
         ),
     }

@@ -26,7 +26,7 @@ from shipnet.fields import (
 from shipnet.lazy import Axes
 from shipnet.line.waveform import laplace_grid, synthesize
 
-#: Legal constants; l and c are above 0, so that every cable has a wave impedance and a delay.
+#: Legal constants; l and c are above 0, so every cable has a characteristic impedance and a delay.
 LEAST, MOST = 1e-18, 1e12
 
 
@@ -123,7 +123,7 @@ class Cable(Valued):
 
     @classmethod
     def lossless(cls, z0: npt.ArrayLike, delay: npt.ArrayLike) -> Cable:
-        """Return the lossless cable with a wave impedance [ohm] and a delay [s/m]."""
+        """Return the lossless cable with a characteristic impedance [ohm] and a delay [s/m]."""
         impedance = np.asarray(check_quantity("z0 of a cable", z0, "ohm", low=1e-3, high=1e6))
         per_metre = np.asarray(
             check_quantity("delay of a cable", delay, "s/m", low=1e-12, high=1e-3)
@@ -133,7 +133,7 @@ class Cable(Valued):
 
     @property
     def z0(self) -> Quantity:
-        """Wave impedance sqrt(l / c) for a fast signal [ohm]."""
+        """Characteristic impedance sqrt(l / c) for a fast signal [ohm]."""
         return _root(np.divide(self.l, self.c))
 
     @property
@@ -229,8 +229,8 @@ def _asi(r: float, r_dc: float) -> Cable:
 #: At direct current 1 A loses 5.2, 2.7 and 1.6 V on 100 m [2]_; the data sheets allow 27.4 [1]_ and
 #: 16.4 mohm/m [3]_ for the thicker two. The resistance at about 150 kHz is assumed, in the same
 #: ratio to that at direct current. ``as-i lossless``: the same wave without loss. ``can`` and
-#: ``rs-485``: nominal wave impedance and delay of [4]_, lossless; [5]_ gives the same 120 ohm and
-#: no delay.
+#: ``rs-485``: nominal characteristic impedance and delay of [4]_, lossless; [5]_ gives the same
+#: 120 ohm and no delay.
 #:
 #: .. [1] Lapp, UNITRONIC BUS ASI, data sheet.
 #: .. [2] Schneider Electric, AS-i help D-SA-0011271.

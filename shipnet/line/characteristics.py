@@ -96,7 +96,7 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
         if quarter >= z0:
             raise ArgumentError(
                 f"{run} has {4 * quarter:.4g} ohm; in steps of time a line must stay below four "
-                f"times its wave impedance of {z0:.4g} ohm: put nodes between its ends"
+                f"times its characteristic impedance of {z0:.4g} ohm: put nodes between its ends"
             )
         whole = int(steps)
         fraction = max(0.0, steps - whole - 2e-9)

@@ -390,7 +390,7 @@ check("icn2007-027", counter={"user_bits": 64})(
 # Further statements of sections 4 and 5 and of the data link layer ------------------------------
 
 
-@check("icn2007-055", counter={"quantity": "wave impedance"})
+@check("icn2007-055", counter={"quantity": "characteristic impedance"})
 def impedance_rises(*, quantity: str = "series impedance") -> bool:
     """Whether this quantity of the nominal cable is ten times as large at 667 kHz as at 1 kHz."""
     s = 2j * np.pi * np.array([1e3, 667e3])

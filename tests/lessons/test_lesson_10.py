@@ -82,7 +82,7 @@ def test_whoever_takes_the_cheapest_or_the_first_that_fits_is_told_so():
                 return name
         return "none"
 
-    assert "two things come before the cost" in str(check("ex-10-4", cheapest))
+    assert "check two things before the cost" in str(check("ex-10-4", cheapest))
     assert "the first suitable option" in str(check("ex-10-4", first_that_fits))
 
 
