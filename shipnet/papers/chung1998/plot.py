@@ -94,7 +94,7 @@ def _kinds(reading: str, size: int) -> list[str]:
 
 
 def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
-    """Draw the delay of a switch over the bit rate."""
+    """Draw the delay of a switch against the bit rate."""
     for place, (name, table) in enumerate(tables.items()):
         rate = table["bit_rate"].to_numpy(dtype=float)
         colour = f"C{place}"
@@ -129,7 +129,7 @@ def plot_switch(runs: Mapping[str, Run], number: int, *, ax: Axes) -> Axes:
 
 @drawing("chung1998", "Fig 9")
 def _given_up(*, ax: Axes, items: int = 10) -> Axes:
-    """Draw how many bytes the repair of Fig 9 gives up, over the writer's place."""
+    """Draw how many bytes the repair of Fig 9 gives up, against the writer's place."""
     places = np.arange(SIZE)
     alone = given_up()
     band = np.reshape(given_up(overrun_rings(items)), (SIZE, -1))

@@ -33,7 +33,7 @@ _METRIC_HORSEPOWER = 75 * 9.80665
 
 
 def _volume(cylinders: int = CYLINDERS, strokes: int = 2) -> float:
-    """Return the volume that the pistons sweep in the working strokes of one turn [m3].
+    """Return the volume that the pistons sweep in the working strokes of one revolution [m3].
 
     Bore and stroke: MAN B&W, S50MC-C project guide, Fig. 1.02.
     """
@@ -99,7 +99,7 @@ _DOUBLE_ROW = "2"
 def printed_points(*, double_row: bool = True) -> PointList:
     """Return the 99 points of Table 3, or 89 without its possible duplicate row.
 
-    The current loops stay, since section IV.1.b reads the exhaust gas through the I/V converter.
+    The current loops stay, because in section IV.1.b the I/V converter serves the exhaust gas.
     """
     rows = datasets.read("synthetic_iolist_engine.csv")["printed_row"].astype(str)
     points = zip(read_points(), rows, strict=True)
