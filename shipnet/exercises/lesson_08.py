@@ -98,7 +98,7 @@ def lost_valves() -> Solution:
         "one cut may disconnect several valves, or none": lambda n, cuts: len(cuts),
         "port A reaches the valves before the first cut": lambda n, cuts: max(cuts, default=0),
         "a loop without a cut loses no valve": lambda n, cuts: max(cuts) - min(cuts) if cuts else n,
-        "Draw ten valves in a loop, cut it after 3 and 7, then also after 5: which are lost?": ANY,
+        "Draw ten valves in a loop cut after 3 and 7, then also after 5: which are lost?": ANY,
     }
 
 

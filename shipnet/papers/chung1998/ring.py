@@ -127,7 +127,7 @@ def packet_is_found(*, before: bytes = bytes(5)) -> bool:
 
 @check("chung1998-023", counter={"wrap": True})
 def values_are_whole(*, wrap: bool = False) -> bool:
-    """Whether the printed line extracts the right values wherever a packet is in the ring."""
+    """Whether the printed line of code extracts the right values wherever the packet is."""
     table = extraction(dict.fromkeys(range(ITEMS), 1000), wrap=wrap)
     return bool((table["wrong"] == 0).all())
 

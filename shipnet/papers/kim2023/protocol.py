@@ -305,7 +305,7 @@ numeric("kim2023-071")(lambda *, valves=200, slaves=190: valves / slaves)
 
 # Figs 7 and 9, whose printed pictures were not available: the positions are ours.
 
-#: Most slaves of one line.
+#: Largest number of slaves on one line.
 _FULL = 62
 
 

@@ -217,7 +217,7 @@ numeric("lee2012-035")(
 
 @numeric("lee2012-036")
 def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
-    """Most registers of one response."""
+    """Largest number of registers in one response."""
     return (longest_pdu - len(answer(1).pdu) + 2) // 2
 
 

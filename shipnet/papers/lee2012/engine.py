@@ -67,7 +67,7 @@ def per_kilowatt_hour(per_horsepower_hour: float) -> float:
 
 @numeric("lee2012-011")
 def cylinders(*, power_class: float = 13000.0, pressure: float = PRESSURE) -> float:
-    """Cylinders that the power class needs."""
+    """Number of cylinders that the power class needs."""
     return power_class / power(pressure=pressure, cylinders=1)
 
 
@@ -142,7 +142,7 @@ def modes(*, boxes: tuple[str, ...] = ("JB1", "JB2", "JB3")) -> int:
 
 @numeric("lee2012-087")
 def converter_kinds(*, analogue_only: bool = False) -> int:
-    """Kinds of signals; a box needs a converter for each."""
+    """Kinds of signal; a box needs a converter for each."""
     return len({p.condition for p in read_points() if p.analogue or not analogue_only})
 
 

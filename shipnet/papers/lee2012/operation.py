@@ -108,7 +108,7 @@ def conversion_times_differ(*, inputs: tuple[int, ...] = ()) -> bool:
 
 @check("lee2012-085", counter={"update_period": 6.0})
 def healthy_boxes_are_not_marked(*, update_period: float = System().update_period) -> bool:
-    """Whether no healthy box with this update period is marked."""
+    """Whether healthy boxes with this update period stay unmarked."""
     return not len(simulate(System(update_period=update_period), until=60).alarms())
 
 
