@@ -1,7 +1,7 @@
 """Types of answers; each reads a student's answer and reports how it differs from the right one.
 
-A report states a fact about the answer and does not guess the cause. It does not help to find the
-right answer by trial and error.
+A report states a fact about the answer and does not guess the cause. It must not help a student to
+find the right answer by trial and error.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ class Number:
         if fact := _prefix(answer, self.value, self.unit, self.tolerance):
             return fact
         if _rounded(answer, self.value):
-            return f"not within {100 * self.tolerance:g} %: round only at the end; keep more digits"
+            return f"not within {100 * self.tolerance:g} %: keep more digits; round only at the end"
         if self.value and not 1 / 3 <= abs(answer / self.value) <= 3:
             return f"far too {'large' if abs(answer) > abs(self.value) else 'small'}"
         return NOT_YET
@@ -235,7 +235,7 @@ class Words:
         if isinstance(given, str):
             given = given.replace(",", " ").split()
         if not isinstance(given, Iterable):
-            raise Misread(f"a list is expected, with words from {', '.join(self.options)}")
+            raise Misread(f"a list of words is expected, from {', '.join(self.options)}")
         return type(self.value)(map(self._word, given))
 
     def _word(self, given: object) -> str:
@@ -305,7 +305,7 @@ def _limited(name: str, work: Callable[[], T]) -> T:
         except BaseException as error:
             failed.append(error)
 
-    # A thread works on every system and from any thread; a signal, only in the main thread.
+    # A thread works on every system and from any thread; a signal works in the main one only.
     thread = Thread(target=run, name=name, daemon=True)
     thread.start()
     thread.join(LIMIT)

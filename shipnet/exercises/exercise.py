@@ -26,7 +26,7 @@ class Student:
     name: str
 
     def pick(self, what: str, options: Sequence[T]) -> T:
-        """Choose this student's option for a purpose."""
+        """Choose one of the options for this student and purpose."""
         # This hash is the same on every computer and in every version of Python.
         digest = sha256(f"{self.name}\0{what}".encode()).digest()
         return options[int.from_bytes(digest) % len(options)]
@@ -48,7 +48,7 @@ def student(name: str) -> Student:
     Returns
     -------
     Student
-        Student for `given` and `check`. Case and surrounding spaces are ignored.
+        Student for `given` and `check`; case and surrounding spaces of the name are ignored.
 
     Raises
     ------

@@ -39,7 +39,7 @@ EXAMPLE = "Kim"
 #: and answer length [byte].
 LIMIT, MEMORY, FILE, ANSWER = 8.0, 4 << 30, 10 << 20, 1 << 20
 
-#: Shortest solution whose copies are flagged, without comments and spaces [characters].
+#: Shortest solution whose copies are flagged [characters], not counting comments and spaces.
 _LONG = 80
 
 
@@ -67,7 +67,7 @@ class _Session:
         self._process: subprocess.Popen[bytes] | None = None
 
     def ask(self, *task: object) -> Any:
-        """Return the reply of the process; raise _Ended, or RuntimeError if it reports an error."""
+        """Return the reply; raise _Ended if the process ends, RuntimeError for a reported error."""
         while self._process is None:
             self._start()
         return self._told(*task)

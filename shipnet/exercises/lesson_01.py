@@ -10,7 +10,7 @@ from shipnet.exercises.exercise import ANY, Solution, solution
 
 _TURNED = str.maketrans("01", "10")
 
-#: Five-bit words except palindromes and 11110, whose levels equal differential Manchester's.
+#: Five-bit words except palindromes and 11110, which `_differential` gives the same levels.
 _WORDS = tuple(
     word for word in (f"{k:05b}" for k in range(32)) if word != word[::-1] and word != "11110"
 )
@@ -55,7 +55,7 @@ def telegram_time(n_bits: int, rate: int) -> Solution:
         "more bits take longer: what is divided by what?": rate / n_bits,
         "a higher rate makes a telegram shorter, not longer": n_bits * rate,
         "6 us is the bit time of AS-i; this bus has another rate": 6 * n_bits,
-        "Which data have no edge at all? Then start with one bit: how long does it last?": ANY,
+        "Which data give no edge at all? Start with one bit: how long does it last?": ANY,
     }
 
 
@@ -86,7 +86,7 @@ def pulses() -> Solution:
         "a 0 starts at the idle level: is there a pulse before it?": (
             lambda bits: len(bits) + _equal(bits) + 1
         ),
-        "two equal ones have a pulse between them, too": (
+        "two consecutive ones have a pulse between them, too": (
             lambda bits: len(bits) + sum(a == b == "0" for a, b in pairwise(bits))
         ),
         "Draw the pulses of `00` and `01` on paper: where do they differ?": ANY,
@@ -100,8 +100,8 @@ def highest_rate(limit: int) -> Solution:
         "that is the rate of half-bits; how many half-bits does a bit have?": limit / 2,
         "that is the limit itself; how long are a half-bit and a bit?": limit,
         "did you use a factor of 2 twice?": limit / 8,
-        "the limit is 2 divided by the half-bit, so the bit rate is below the limit": 2 * limit,
-        "that is the half-bit in us; what rate follows from it?": 2e3 / limit,
-        "that is the bit time in us; what rate follows from it?": 4e3 / limit,
-        "Go step by step: from the limit to the half-bit, then to the bit, then to the rate": ANY,
+        "the limit is 2 divided by the half-bit time, so the bit rate is lower": 2 * limit,
+        "that is the half-bit time in us; what bit rate follows from it?": 2e3 / limit,
+        "that is the bit time in us; what bit rate follows from it?": 4e3 / limit,
+        "Go step by step: from the limit to the half-bit time, the bit time and the bit rate": ANY,
     }

@@ -30,11 +30,11 @@ _ECHOES = {
 # With four of the five, each mistake below gives a different answer.
 @solution("ex-02-1", echoes=tuple(permutations(_ECHOES, 4)))
 def cable_ends(echoes: tuple[float, ...]) -> Solution:
-    """Cable ends that cause some echoes."""
+    """Ends of the cables that return some echoes."""
     right = tuple(_ECHOES[echo] for echo in echoes)
 
     def taken(*ends: str) -> tuple[str, ...]:
-        """Return `right` with the first of `ends` replaced by the second, the third by the last."""
+        """Return `right` with `ends` replaced: the first by the second, the third by the fourth."""
         found = dict(zip(ends[::2], ends[1::2], strict=True))
         return tuple(found.get(end, end) for end in right)
 
@@ -47,10 +47,10 @@ def cable_ends(echoes: tuple[float, ...]) -> Solution:
         "what returns from an end with the characteristic impedance, and what from an open end?": (
             taken(matched, opened, opened, matched)
         ),
-        "this echo is as high as the pulse: what is its sign?": (
+        "two kinds of end return the whole pulse: which of them inverts it?": (
             taken(opened, shorted, shorted, opened)
         ),
-        "you used the sign; what does the height mean?": taken(opened, above, shorted, below),
+        "the signs are right; what does the height mean?": taken(opened, above, shorted, below),
         "is each echo as high as the pulse?": taken(above, opened, below, shorted),
         "For each echo: is it positive, zero or negative, and is it as high as the pulse?": ANY,
     }
@@ -66,7 +66,7 @@ def echo_time(length: int, delay: float, place: int) -> Solution:
         "is that the time from the valve to the end, or there and back?": right / 2,
         "you doubled the path once too often": 2 * right,
         "that is from 0 m to the end and back; where is the valve?": 2 * length * per_metre,
-        "that is the echo's arrival; when does the signal arrive?": (2 * length - place)
+        "that is when the echo arrives; when does the signal arrive?": (2 * length - place)
         * per_metre,
         "you used the speed of light in air; your cable has its own delay": 2 * beyond / 299.79,
         "Draw the paths of signal and echo: how many metres longer is the echo's?": ANY,
@@ -93,14 +93,14 @@ def echo_height() -> Solution:
         "that is the voltage at the end, the sum of both waves; only one of them returns": (
             lambda volts, r, z0: volts * 2 * r / (r + z0)
         ),
-        "that is the factor; how high is the pulse?": lambda volts, r, z0: _echo(1, r, z0),
+        "that is only the factor; how high is the pulse?": lambda volts, r, z0: _echo(1, r, z0),
         "a resistor above the characteristic impedance gives an echo of the same sign": (
             lambda volts, r, z0: -_echo(volts, r, z0)
         ),
         "a resistor below the characteristic impedance gives an echo of the opposite sign": (
             lambda volts, r, z0: abs(_echo(volts, r, z0))
         ),
-        "that is a voltage divider; the factor is a difference divided by a sum": (
+        "that is a voltage divider; the reflection factor is a difference divided by a sum": (
             lambda volts, r, z0: volts * r / (r + z0)
         ),
         "the difference is divided by the sum, not by the characteristic impedance": (
@@ -109,7 +109,7 @@ def echo_height() -> Solution:
     }
     return Function(_echo, _WAVES, lambda right: Number(right, "V")), {
         **mistakes,
-        "By hand, with 1 V and 100 ohm: what returns from 300 ohm, and what from 25 ohm?": ANY,
+        "Compute by hand, with 1 V and 100 ohm: what returns from 300 ohm, and from 25 ohm?": ANY,
     }
 
 
@@ -146,13 +146,13 @@ def longest_cable(delay: float) -> Solution:
     """Last length before the first one that is out of tolerance."""
     longest = _last(_in_tolerance, delay)
     return Whole(longest, "m"), {
-        "every answer is still received there, but is the ringing within its tolerance?": (
+        "at this length every answer is still received, but is the ringing in tolerance?": (
             _last(_read, delay)
         ),
         "both tolerances are also met at the next length: continue": longest - _STEP,
         "at this length a tolerance is already violated": longest + _STEP,
-        "the echo travels there and back, but the cable is laid once: no factor of 2": longest // 2,
-        "the cable is laid once: no factor of 2 for there and back": 2 * longest,
-        "that is the general rule; how long may your cable be?": 100,
+        "do not halve it: evenness and ringing already include the way back": longest // 2,
+        "that is the way there and back; how long is the cable itself?": 2 * longest,
+        "100 m is the general rule; how long may your cable be?": 100,
         "Print evenness and ringing for each length: where is a tolerance first violated?": ANY,
     }

@@ -14,7 +14,7 @@ from shipnet.exercises.exercise import ANY, Solution, solution
 _TURNED = str.maketrans("01", "10")
 
 
-# Four bits of data give 16 answers; palindromes would hide the wrong order.
+# Palindromes such as 0110 are left out: they would hide a wrong order.
 @solution("ex-03-1", bits=tuple(f"{data:04b}" for data in range(1, 15) if data not in (6, 9)))
 def telegram(bits: str) -> Solution:
     """Telegram with some data bits."""
@@ -100,7 +100,7 @@ def _distance(words: Sequence[str]) -> int:
 
 
 #: Sets of words for tests: two words, nearest words not adjacent, answers of a slave, opposites;
-#: then random sets, with which a function that compares only some pairs fails.
+#: then random sets, which a function that compares only some of the pairs gets wrong.
 _TRIED = [
     (["000", "111"],),
     (["0000", "1111", "0001"],),

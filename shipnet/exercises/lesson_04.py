@@ -72,7 +72,7 @@ def efficiency() -> Solution:
         "eight bits are only an example: where is `user_bits`?": (
             lambda user, master, slave: 800 / (21 + master + slave)
         ),
-        "the user bits already count both directions": (
+        "`user_bits` already counts both directions": (
             lambda user, master, slave: 200 * user / (21 + master + slave)
         ),
         "How many bit times does an exchange take with its pauses? How many are user bits?": ANY,

@@ -16,19 +16,19 @@ _RATE = 125_000
 
 
 def _pair(number: int) -> tuple[str, str]:
-    """Return two ids whose first different bit is one of the second to the eighth."""
+    """Return two ids that first differ in one of the bits 2 to 8, counted from the left."""
     place = 3 + number % 7
     return f"0x{number:03X}", f"0x{number ^ (1 << place) ^ (number >> 1) % (1 << place):03X}"
 
 
 def _stop(ids: Sequence[str]) -> int:
-    """Return the bit of the id, counted from 1, at which one of two senders stops."""
+    """Return the bit of the id, counted from 1, at which one of the two senders stops."""
     stopped = arbitrate([Frame(int(number, 16)) for number in ids]).stopped
     return max(bit for bit in stopped if bit is not None)
 
 
 def _plain(ids: Sequence[str]) -> bool:
-    """Return whether no stuff bit precedes the first different bit and the bit order matters."""
+    """Return whether there is no stuff bit before the ids differ, and the bit order matters."""
     last, winner = _stop(ids), f"{min(int(number, 16) for number in ids):011b}"
     early = [bit for number in ids for bit in Frame(int(number, 16)).stuff_positions if bit <= last]
     return not early and winner[::-1][:last] != winner[:last]
@@ -71,7 +71,7 @@ def _stuffed(
     return out
 
 
-#: The fifth row has a stuff bit after the last bit; in the third, one starts the next run.
+#: The fifth entry gets a stuff bit after its last bit; in the third, one starts the next run.
 _TRIED = [
     *(("0110",), ("11111",), ("000001111",), ("0000000000",), ("0111110000011111",), ("",)),
     *(("00000111110",), ("1111000011110000",), ("000000",)),
@@ -113,7 +113,7 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
     right = 1e3 * response_times(messages, _RATE)["yours"].response
     stop, speed, yours, log = 1e3 * frame_length([1, 4, n_bytes, 8]) / _RATE
     bare = 1e3 * frame_length([1, 4, n_bytes, 8], stuffing="none") / _RATE
-    # Frames without stuff bits; stop is then sent twice or only once.
+    # With frames without stuff bits, stop is sent once or twice.
     once = bare[3] + bare[0] + bare[1]
     return Number(right, "ms"), {
         "a less urgent frame may have just started: which one blocks, and for how long?": (
@@ -133,8 +133,8 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
     }
 
 
-#: Sets that meet all deadlines in only one order, which is not by deadline; found by search. For
-#: each message: bytes, period and deadline [ms].
+#: Sets that meet all deadlines in only one order, which is not that of the deadlines; found by
+#: search. For each message: bytes, period and deadline [ms].
 _SETS = (
     ((5, 2.5, 2.5), (8, 2.0, 2.0), (1, 4.75, 2.75)),
     ((5, 2.0, 2.0), (7, 2.5, 2.5), (1, 4.25, 2.75)),
@@ -183,7 +183,7 @@ def slack(messages: str) -> Solution:
         if order != good:
             least = min(_slacks(known.ordered(order)).values())
             hint = (
-                f"{least:.2f} ms is below zero: in this order a message would be late; try another"
+                f"{least:.2f} ms is below zero: this order makes a message late; try another order"
             )
             mistakes[hint] = least
     return Number(min(right.values()), "ms", tolerance=0.01), mistakes

@@ -82,7 +82,7 @@ def _scan_with(silences: float, n_slaves: int, n_registers: int, bit_rate: int) 
     return n_slaves * (13 + 2 * n_registers + silences) * 11 / bit_rate
 
 
-#: The smallest scan; the highest rate with a silence of 3.5 characters; higher rates; the largest.
+#: Smallest scan; highest rate with silences of 3.5 characters; higher rates; largest scan.
 _TRIED = [(1, 1, 9600), (31, 10, 19200), (60, 4, 38400), (247, 4, 115200), (247, 125, 4800)]
 
 

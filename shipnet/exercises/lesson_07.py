@@ -29,13 +29,13 @@ def unread(ring: dict[str, int]) -> Solution:
     return Whole(found.seems_unread, "bytes"), {
         "the difference is below zero: what do the different flags mean?": ring["no"]
         - ring["get_no"],
-        "those are the free places; the writer is ahead, past the end": ring["get_no"] - ring["no"],
+        "those are the free places; has the writer passed the end?": ring["get_no"] - ring["no"],
         "one lap of the ring too many": found.seems_unread + _SIZE,
-        "there are 128 places from 0 to 127": found.seems_unread - 1,
+        "the ring has 128 places, numbered from 0 to 127": found.seems_unread - 1,
         "the byte at `no` has not been written yet": found.seems_unread + 1,
-        "those lie before the end of the ring; how many lie after it?": _SIZE - ring["get_no"],
-        "those lie after the end of the ring; how many lie before it?": ring["no"],
-        "Draw the places as a circle, mark `no` and `get_no`: which bytes lie between them?": ANY,
+        "those lie before the ring's end; how many lie at its beginning?": _SIZE - ring["get_no"],
+        "those lie at the ring's beginning; how many lie before its end?": ring["no"],
+        "Draw the places as a circle and mark `no` and `get_no`: which bytes lie between?": ANY,
     }
 
 
@@ -50,7 +50,7 @@ def empty_again(places: int, rate: int) -> Solution:
     return Number(right, "ms"), {
         "at that time the ring is full; when are the flags equal again?": right / 2,
         "a byte takes 10 bits on this line": 0.8 * right,
-        "a byte takes 10 bits on this line, and full is not empty": 0.4 * right,
+        "a byte takes 10 bits on this line, and after one lap the ring is full": 0.4 * right,
         "these lines have no parity bit: 10 bits per byte": 1.1 * right,
         "the rate counts bits, not bytes": right / _CHARACTER,
         "that is one byte; how many bytes arrive?": 1e3 * _CHARACTER / rate,
@@ -71,7 +71,7 @@ def _lost(events: str, size: int) -> int:
 
 
 def _counting(most: int, least: int = 0) -> Callable[[str, int], int]:
-    """Return a function whose count of unread bytes is between least and size + most."""
+    """Return a function whose count of unread bytes stays between least and size + most."""
 
     def lost_bytes(events: str, size: int) -> int:
         waiting = lost = 0
@@ -129,12 +129,12 @@ def lost_bytes() -> Solution:
         ),
         "a write to a full ring loses only the oldest byte": _emptied,
         "a full ring loses a byte with each write": lambda events, size: 0,
-        "Count by hand how many bytes are unread after each event: from 0 to `size`": ANY,
+        "Count the unread bytes by hand, event by event: always from 0 to `size`": ANY,
     }
 
 
 def _places(needed: int) -> int:
-    """Return the smallest power of two that is enough for a ring to lose nothing."""
+    """Return the smallest power of two that is large enough for a ring to lose nothing."""
     places = 2
     while _lost("w" * needed, places):
         places *= 2

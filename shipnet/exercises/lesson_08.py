@@ -30,8 +30,8 @@ def between_cuts(n: int, first: int, second: int) -> Solution:
         "those are the valves that still answer": n - second + first,
         "port B still reaches the valves after the second cut": n - first,
         "port A still reaches the valves before the first cut": second,
-        "port B reaches those; which valves does no port reach?": n - second,
-        "port A reaches those; which valves does no port reach?": first,
+        "port B reaches those; which valves does neither port reach?": n - second,
+        "port A reaches those; which valves does neither port reach?": first,
         "the first cut leaves valve `first` connected to port A": second - first + 1,
         "the valve just before the second cut is lost too": second - first - 1,
         "List the valves that port A reaches, and those that port B reaches; count the others": ANY,
@@ -61,15 +61,15 @@ def oldest(period: float, timeout: int, retries: int, age: float) -> Solution:
             right - (1 + retries) * _REQUEST
         ),
         "count from the end of one answer to the end of the next": (right + _POLL.time),
-        "the first try fails too: how many requests go to the first cable?": old(retries - 1),
-        "`retries` requests follow the first one: how many go to the first cable?": (
+        "the first try fails too: how many requests are sent on the first cable?": old(retries - 1),
+        "`retries` requests follow the first one: how many are sent on the first cable?": (
             old(retries + 1)
         ),
         "Draw the time from one answer to the next: first a pause, then each failed try": ANY,
     }
 
 
-#: Loops for tests: no cut, one, two, cuts at both ports, in any order, two at one place.
+#: Loops for tests: no cut, one, two, at both ports, not in order, two in the same place.
 _TRIED: list[tuple[int, list[int]]] = [
     (40, []),
     (40, [12]),
@@ -98,7 +98,7 @@ def lost_valves() -> Solution:
         "one cut may disconnect several valves, or none": lambda n, cuts: len(cuts),
         "port A reaches the valves before the first cut": lambda n, cuts: max(cuts, default=0),
         "a loop without a cut loses no valve": lambda n, cuts: max(cuts) - min(cuts) if cuts else n,
-        "Draw ten valves in a loop, cut it after 3 and 7, then after 5: which are lost?": ANY,
+        "Draw ten valves in a loop cut after 3 and 7, then also after 5: which are lost?": ANY,
     }
 
 
@@ -116,5 +116,5 @@ def timeout(n: int) -> Solution:
             1e3 * ((RULE - n * _REQUEST) / 2 - _REQUEST)
         ),
         "that is the time for both failed polls, requests included": 1e3 * left,
-        "Write the 2 s as a sum: one round, and how many times a request and a time-out?": ANY,
+        "Write the 2 s as a sum: one round, plus how many times a request and a time-out?": ANY,
     }

@@ -23,7 +23,7 @@ def _firing(readings: Mapping[str, Any], method: str) -> list[list[str]]:
 
 
 def _cases() -> tuple[dict[str, float], ...]:
-    """Return readings for which two to four rules hold, but others with ramps or by one term."""
+    """Return readings where 2 to 4 rules hold, but not the same with ramps or by one term only."""
     values = ((1.8, 118, 128), (0, 1.2, 4.1), (0, 2.3, 3.4), (50, 86, 95), (-3, 40, 103), (0, 2))
     every = np.array(list(product(*values)))
     readings = dict(zip(_BASE.names, every.T, strict=True))
@@ -61,7 +61,7 @@ def codes(readings: dict[str, float]) -> Solution:
         "in these rules at least one comparison holds; all comparisons must hold": (
             frozenset(_any_of(readings))
         ),
-        "these fire with ramps; which ones hold without?": frozenset(_firing(readings, "fuzzy")[0]),
+        "these fire with ramps; which hold without them?": frozenset(_firing(readings, "fuzzy")[0]),
         "these rules do not hold; which ones do?": frozenset(_BASE.codes) - frozenset(found),
         "some rules hold: compare the readings with the thresholds, row by row": frozenset(),
         "Go through the table row by row: a rule holds only if all its comparisons hold": ANY,
@@ -80,20 +80,20 @@ def strength(FP: float, OP: float) -> Solution:
 
     return Table(row(min(terms))), {
         "as printed, the rule holds only if both comparisons hold": row(min(terms), 1 - holds),
-        "`ramps` is the product; the weaker term decides": row(float(np.prod(terms))),
-        "`ramps` is the mean; a strong term does not compensate for a weak one": row(
+        "your `ramps` is the product; the weaker term decides": row(float(np.prod(terms))),
+        "your `ramps` is the mean; a strong term does not compensate for a weak one": row(
             float(np.mean(terms))
         ),
-        "`ramps` is the stronger term; both must apply": row(max(terms)),
-        "`ramps` is the sum; the weaker term decides": row(sum(terms)),
-        "`ramps` is 1 minus the weaker term": row(1 - min(terms)),
+        "your `ramps` is the stronger term; both terms must apply": row(max(terms)),
+        "your `ramps` is the sum; the weaker term decides": row(sum(terms)),
+        "your `ramps` is 1 minus the weaker term": row(1 - min(terms)),
         "How far along its ramp is each reading? Then combine the two memberships": ANY,
     }
 
 
 @cache
 def _persistent(fires: str, k: int, n: int) -> str:
-    """Return when the code of a hot motor is active if its rule fires as given."""
+    """Return at which readings the code of a hot motor is active if its rule fires as given."""
     hot = {"OT": np.where(np.array(list(fires)) == "1", 100, 20)}
     active = _BASE.decide(hot, k=k, n=n).active[:, _BASE.codes.index("O1")]
     return "".join(map(str, active.astype(int)))
@@ -104,7 +104,7 @@ def _marks(found: Iterable[bool]) -> str:
 
 
 def _windows(fires: str, n: int, last: int = 0) -> list[str]:
-    """Return `n` readings for each place, the last of them `last` places before it."""
+    """Return, for each place, the `n` readings that end `last` places before it."""
     return [fires[max(0, i + 1 - last - n) : max(0, i + 1 - last)] for i in range(len(fires))]
 
 
@@ -159,7 +159,7 @@ def persistence() -> Solution:
 
 @solution("ex-09-4", burst=(2, 3), period=(6, 7, 8), step=(50, 100, 200, 250))
 def windows(burst: int, period: int, step: int) -> Solution:
-    """Smallest k of each window with which bursts raise no alarm, and the resulting delay."""
+    """Smallest k for each window at which bursts raise no alarm, and the resulting delay."""
     bursts = ("1" * burst + "0" * (period - burst)) * 20
     rows = []
     for n in (5, 10, 20):
@@ -178,7 +178,7 @@ def windows(burst: int, period: int, step: int) -> Solution:
         "the alarm need not wait until the window is full": [
             {**row, "delay": (row["n"] - 1) * step} for row in rows
         ],
-        "`delay` is in readings; how long is a step?": [
+        "your `delay` is in readings; how long is a step?": [
             {**row, "delay": row["delay"] / step} for row in rows
         ],
         "`k` = `n` is safe, but a smaller `k` may be enough": [

@@ -101,7 +101,7 @@ def break_even(modules: int, spacing: float) -> Solution:
 
 @cache
 def _reviews() -> tuple[_Options, _Options]:
-    """Return three plans of the ballast valves without faults, and three with one faulty plan."""
+    """Return three faultless plans of the ballast valves, and three of which one has faults."""
     ship = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
     ballast = ship.where("system == 'Ballast valve'")
     ways = ["home runs", "junction boxes", "AS-i", "CAN"]
@@ -131,7 +131,7 @@ def _cheapest(options: _Options, limit: float, faults: bool = False) -> str:
 
 
 def _cases() -> list[tuple[_Options, int]]:
-    """Return reviews with limits: one made up, one that nothing meets, others near a loss."""
+    """Return reviews with limits: one invented, one that no plan meets, others close to a loss."""
     made_up = {"home runs": (50, 3, 0), "CAN": (40, 5, 0), "AS-i": (60, 4, 0), _POOR: (55, 2, 0)}
     long, short = _reviews()
     most = long["AS-i"][1]
@@ -144,10 +144,10 @@ def choice() -> Solution:
     """Cheapest option that loses few points and has no faults."""
     options = (*dict.fromkeys((*_reviews()[0], *_reviews()[1])), "none")
     return Function(_cheapest, _cases(), lambda right: Words(right, options)), {
-        "this option is cheap, but does it lose more points than the limit?": (
+        "this option is cheap, but does it lose more points than the limit allows?": (
             lambda options, limit: _cheapest(options, inf)
         ),
-        "an option with faults is not allowed: what it leaves out costs nothing": (
+        "an option with faults is not allowed, even if it is cheap": (
             lambda options, limit: _cheapest(options, limit, faults=True)
         ),
         "a loss equal to the limit is allowed": (

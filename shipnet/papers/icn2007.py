@@ -1,7 +1,7 @@
 """What icn2007 prints, recomputed: the AS-Interface communication system.
 
 "AS-Interface communication system for field networks (2)", ICN magazine, July 2007: sections 4 and
-5 and the data link layer. `shipnet.papers.kim2023` has the claims that both papers make.
+5 and the data link layer. `shipnet.papers.kim2023` has most claims that both papers make.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def output_bits(*, profile: str) -> int:
 def same_answer(
     *, halves: tuple[Half | None, Half | None] = (None, "A"), asked: bool = False
 ) -> bool:
-    """Whether a standard slave and an A slave answer, or are `asked`, with the same bits."""
+    """Whether the answers, or if `asked` the requests, of a standard and an A slave are equal."""
     requests = [Request.data_exchange(21, 0x6, half) for half in halves]
     said = [request if asked else request.answer(0x6) for request in requests]
     return said[0].bits == said[1].bits
@@ -101,7 +101,7 @@ def gap_after_silence(run: Run, slave: str) -> float:
 @check("kim2023-089", repeats=True, counter={"wait": 11.0})
 @check("icn2007-038", repeats=False, counter={"wait": 11.0})
 def goes_on_after(*, repeats: bool, wait: float = 10.0) -> bool:
-    """Whether the next request, or a repeat, follows a missing answer after this many bit times."""
+    """Whether the master waits this many bit times for an answer before it goes on or repeats."""
     run = simulate(five_slaves(), cycles=20, faults=[DeadSlave("3", start=0.02)])
     repeated = (run.events().query("slave == '3'")["attempt"] == 1).any()
     return bool(repeated or not repeats) and round(gap_after_silence(run, "3"), 6) == wait
@@ -123,7 +123,7 @@ def silent_to_others(*, bits: str = "") -> bool:
     return all(answer_to(one) == "silence" for one in asked)
 
 
-#: Control bit 1, address 3, information 10111: reserved, and no call of the standard.
+#: Control bit 1, address 3, information 10111: reserved, so not a call of the standard.
 UNKNOWN = "01000111011111"
 
 
@@ -156,12 +156,12 @@ def standby_takes_over(*, standby: bool = True) -> bool:
 
 # Rates under every assumption ------------------------------------------------------------------
 
-#: Bits of a CAN data frame with an 11-bit identifier besides its data, with intermission and
-#: without stuff bits, ISO 11898-1: 1 + 11 + 3 + 4 + 15 + 1 + 2 + 7 + 3; and its most data bytes.
+#: Bits of a CAN data frame with an 11-bit identifier, including the intermission but not data and
+#: stuff bits, ISO 11898-1: 1 + 11 + 3 + 4 + 15 + 1 + 2 + 7 + 3; and the most data bytes in it.
 CAN_FRAME, CAN_BYTES = 47, 8
 
-#: Modbus function 23, which writes and reads registers at once: bytes besides the data of request
-#: and response, silences before both [character], bits per character, most data bytes in one
+#: Modbus function 23, which writes and reads registers at once: bytes of request and response
+#: other than data, silences before both [character], bits per character, most data bytes in one
 #: direction. Modbus Application Protocol V1.1b3, section 6.17; Modbus over Serial Line V1.02.
 MODBUS_BYTES, MODBUS_SILENCE, MODBUS_CHARACTER, MODBUS_MOST = 13 + 5, 2 * 3.5, 11, 242
 
@@ -188,7 +188,7 @@ def rate_table() -> pd.DataFrame:
 
 
 def _rates(one: Transaction, used: float = 1.0) -> tuple[float, float, float]:
-    """Return a transaction's length [bit], and its net rate and efficiency for this used share."""
+    """Return length [bit], net rate and efficiency if this share of transactions has user data."""
     return one.bits, 1e-3 * used * one.net_rate, 100 * used * float(one.efficiency())
 
 
@@ -234,7 +234,7 @@ def consumer_drop(*, closed: bool, place: float = 50.0, length: float = 100.0) -
 
 @check("icn2007-007", counter={"supply": {"r": 78.0}})
 def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
-    """Whether every response's voltage sums to less than 1 % of the sum of its absolute values.
+    """Whether the voltage of every response sums to under 1 % of the sum of its absolute values.
 
     The supply's inductor causes this; the counter-example has a resistor instead.
     """
@@ -249,7 +249,7 @@ def no_direct_component(*, supply: dict[str, float] | None = None) -> bool:
 
 @check("icn2007-032", counter={"length": 200.0})
 def dense_pulses_change_more(*, length: float = 100.0) -> bool:
-    """Whether an open end, unlike a matched one, changes pulses 3 us apart more than 6 us apart."""
+    """Whether an open end changes pulses that are 3 us apart more than those 6 us apart."""
     change = [
         abs(pulse_height(length, bits) / pulse_height(length, bits, terminator=100.0) - 1)
         for bits in ("0" * 16, "01" * 8)
@@ -262,7 +262,7 @@ def pulse_height(
 ) -> float:
     """Return the height of the pulses at the master in the middle of a long telegram [V].
 
-    The pulses of equal bits are half a bit apart, those of alternating bits one bit. The sender is
+    The pulses of equal bits are half a bit apart, others one bit apart. The sender is
     at `place` [m], master and supply are at 0, and the `terminator` [ohm] is at the far end.
     """
     plan = line(length, slaves=(place,), terminator=terminator)
@@ -292,8 +292,8 @@ def bent_by_the_end(
 ) -> float:
     """Return how unevenly an open end changes the spectrum that the master receives.
 
-    The measure is the standard deviation of the ratio to a matched end, over its mean, both
-    weighted by energy.
+    The measure is the standard deviation of the ratio of open to matched end, divided by its mean,
+    both weighted by energy.
     """
     heard = [
         np.abs(
@@ -323,7 +323,7 @@ check("icn2007-051", counter={"pulse": "rectangle"})(
 def share_above(frequency: float, *, pulse: str = "sin2") -> float:
     """Return the share of the example request's energy above a frequency [Hz].
 
-    The `pulse` is ``"sin2"``, ``"half sine"`` or ``"rectangle"``, all a half-bit long.
+    The `pulse` is ``"sin2"``, ``"half sine"`` or ``"rectangle"``, each a half-bit long.
     """
     x = FREQUENCIES * HALF_BIT
     shape = {
@@ -377,7 +377,7 @@ check("icn2007-004", counter={"length": 101.0})(
 
 @check("icn2007-048", counter={"supply": 0.0})
 def structures_are_allowed(*, supply: float = 50.0) -> bool:
-    """Whether all structures meet every rule, with the even line's supply in this place [m]."""
+    """Whether all structures meet every rule, with the even line's supply at this place [m]."""
     plans = {**allowed_plans(), "evenly": line(100, SLAVES, supply=supply)}
     return all(keeps_all_rules(plan) for plan in plans.values())
 
@@ -392,7 +392,7 @@ check("icn2007-027", counter={"user_bits": 64})(
 
 @check("icn2007-055", counter={"quantity": "characteristic impedance"})
 def impedance_rises(*, quantity: str = "series impedance") -> bool:
-    """Whether this quantity of the nominal cable is ten times as large at 667 kHz as at 1 kHz."""
+    """Whether this quantity of nominal cable is over ten times as large at 667 kHz as at 1 kHz."""
     s = 2j * np.pi * np.array([1e3, 667e3])
     cable = CABLES["as-i 1.5"]
     series = cable.series_impedance(s)
@@ -470,14 +470,14 @@ def checking_takes_hardly_any_time(*, edge: float = CHIP_EDGES[1]) -> bool:
 
 @check("icn2007-063", "kim2023-103", counter={"extra": 4})
 def check_bits_cost_rate(*, extra: int = 7 + 4) -> bool:
-    """Whether `extra` check bits per transaction would cost a quarter of the net rate."""
+    """Whether `extra` check bits per transaction would cost over a quarter of the net rate."""
     bits = Transaction(2, 2).bits
     return bits / (bits + extra) < 0.75
 
 
 @check("icn2007-064", "kim2023-104", counter={"slots": "between bits"})
 def phase_turns_with_the_bit(*, slots: str = "within bits") -> bool:
-    """Whether the code steps in these half-bits change sign exactly where the bit changes."""
+    """Whether the steps within bits, or between them, change sign exactly where the bit changes."""
     bits = "0011010001110"
     steps = Modulation(bits).steps[1 if slots == "within bits" else 0 :: 2]
     changed = np.array(list(bits[1:])) != np.array(list(bits[:-1]))

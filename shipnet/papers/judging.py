@@ -22,7 +22,7 @@ from shipnet.papers.registry import PAPERS, REGISTRY, load
 #: Verdicts of claims that are not judged; the note says what is missing.
 UNDECIDED = ("not verified", "not reproducible", "open")
 
-#: The condition of a verdict without qualification.
+#: The condition of a verdict that needs no qualification.
 AS_PRINTED = "as printed"
 
 #: Colour of each treatment of a claim: the basis of a judged one, or why it is not judged.
@@ -93,7 +93,7 @@ class Ledger:
         """Return every claim, indexed by its id.
 
         `published` is as printed; `computed` is a float, or a bool for a statement, or None;
-        `relative_difference` is computed over published, minus 1.
+        `relative_difference` is computed / published - 1.
         """
         return pd.DataFrame([_judge(claim) for claim in self._claims]).set_index("id")
 
@@ -117,7 +117,7 @@ class Ledger:
         return self.judged().query("verdict != 'agrees'")[columns]
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the number of claims of each paper by treatment, with labels from 4."""
+        """Draw the number of claims of each paper by treatment; numbers below 4 have no label."""
         ax, counts = style.axes(ax), self.counts()
         left = counts["claims"] * 0
         for treatment, colour in _COLOURS.items():
@@ -159,7 +159,7 @@ def ledger(paper: str | None = None) -> Ledger:
     Returns
     -------
     Ledger
-        Its claims, judged.
+        The claims with their verdicts.
 
     Raises
     ------
@@ -181,7 +181,7 @@ def show(*claims: str) -> pd.DataFrame:
     Parameters
     ----------
     *claims : str
-        Claim ids, such as ``"kim2023-004"``; one string may hold several with spaces between.
+        Claim ids, such as ``"kim2023-004"``; one string may contain several, separated by spaces.
 
     Returns
     -------
@@ -259,7 +259,7 @@ def _claims_by_id(ids: Collection[str]) -> list[dict[Hashable, Any]]:
 
 
 def _judge(claim: dict[Hashable, Any]) -> dict[str, object]:
-    """Put one claim beside its recomputation."""
+    """Return one claim with its recomputation, as a row of the ledger."""
     recomputation = REGISTRY.get(claim["id"])
     computed: Any = recomputation.value if recomputation else None
     difference, outcome = math.nan, ""
@@ -327,7 +327,7 @@ def _verdict(row: Mapping[str, Any]) -> str:
 
 
 def format_computed(value: object, published: str = "") -> str:
-    """Return a computed value as text, hexadecimal if it is `published` so."""
+    """Return a computed value as text, in hexadecimal if `published` is."""
     if value is None:
         return ""
     if isinstance(value, bool):

@@ -16,7 +16,7 @@ from shipnet.papers.registry import drawing
 #: Text, colour and position of each block by name.
 Blocks: TypeAlias = Mapping[str, tuple[str, str, float, float]]
 
-#: Names of two joined blocks, and the label between them.
+#: Names of two joined blocks, and the label of the arrow or line between them.
 Ways: TypeAlias = Sequence[tuple[str, str, str]]
 
 #: Colours of blocks, light enough for text.

@@ -2,8 +2,8 @@
 
 The function of a *numeric* claim returns our number, that of a *qualitative* one whether the
 statement holds. Both have named inputs, so that a test can change one and see the result change.
-Claims that differ only in their inputs share a function. A single expression is a lambda, which
-its claim explains.
+Claims that differ only in their inputs share a function. A function of a single
+expression is a lambda, explained by its claim.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
         importlib.import_module(f"shipnet.papers.{paper}.plot")
     drawn = sorted(name for key, name in FIGURES if key == paper)
     if item not in drawn:
-        legal = f"it must be one of {', '.join(drawn)}" if drawn else f"none of {paper} is drawn"
+        legal = f"it must be one of {', '.join(drawn)}" if drawn else f"{paper} has no drawn figure"
         raise ArgumentError(f"item is {item!r}; {legal}")
     made: Axes = FIGURES[paper, item](ax=style.axes(ax), **inputs)
     return made

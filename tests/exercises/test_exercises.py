@@ -400,10 +400,10 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
         (Words(("a", "b"), ("a", "b", "c")), ["b", "a"], "not right yet"),
         (Words(frozenset("ab"), ("a", "b", "c")), "a, c", "not right yet"),
         (Words(frozenset("ab"), ("a", "b", "c")), "abc", "not one of"),
-        (Words(frozenset("ab"), ("a", "b", "c")), 5, "a list is expected"),
+        (Words(frozenset("ab"), ("a", "b", "c")), 5, "a list of words is expected"),
     ],
 )
-def test_a_wrong_answer_is_told_what_is_sure(answer, wrong, hint):
+def test_a_report_on_a_wrong_answer_states_only_facts(answer, wrong, hint):
     assert hint in said_of(answer, wrong)
 
 
@@ -449,7 +449,7 @@ def test_a_right_answer_in_another_form_is_right(answer, right):
 TWICE = Function(lambda n: 2.0 * n, [(1,), (5,)])
 
 
-def test_a_function_that_stops_is_told_where():
+def test_a_function_that_stops_is_reported_with_its_line():
     def divide(n):
         zero = n - 1
         return n / zero
@@ -460,7 +460,7 @@ def test_a_function_that_stops_is_told_where():
     )
 
 
-def test_a_function_is_told_input_and_result():
+def test_a_wrong_function_is_reported_with_input_and_result():
     assert said_of(TWICE, lambda n: 2 if n == 1 else 9).startswith("<lambda>(5) returned 9: ")
 
 
@@ -477,7 +477,7 @@ def test_a_function_of_another_form_gets_a_hint(wrong, hint):
     assert hint in said_of(TWICE, wrong)
 
 
-def test_a_function_may_spoil_what_it_is_given():
+def test_a_function_may_change_what_it_is_given():
     total = Function(sum, [([1, 2, 3],)])
     assert said_of(total, lambda row: sum(row.pop() for _ in range(len(row)))) is None
 
@@ -556,7 +556,7 @@ def test_a_table_is_compared_row_by_row():
         ("1 0.5", "of type str"),
     ],
 )
-def test_a_table_of_another_form_is_told_what_a_row_looks_like(given, hint):
+def test_a_table_of_another_form_gets_an_example_of_a_row(given, hint):
     said = said_of(TABLE, given)
     assert hint in said
     assert not given or "such as {'n': ..., 'cycle': ...}" in said
@@ -579,7 +579,7 @@ def test_a_student_has_a_name(name):
 
 
 @pytest.mark.parametrize("key", ["ex-01-9", "ex-99-1", "ex-1-1", "", None])
-def test_an_unknown_exercise_is_the_writers_mistake(key):
+def test_an_unknown_exercise_is_an_error(key):
     with pytest.raises(ArgumentError, match=r"there is no such|key is None"):
         check(key, 1)
 

@@ -43,7 +43,7 @@ def test_a_solved_lesson_has_all_points(lesson, tmp_path):
     assert grades.loc[0, ["name", "points", "flags"]].tolist() == ["kim", 4, "name unchanged"]
 
 
-def test_each_is_judged_by_the_numbers_of_the_own_name(tmp_path):
+def test_each_notebook_is_judged_by_the_numbers_of_its_name(tmp_path):
     cells = [ME, "time_us = 7.0", 'check("ex-01-2", time_us, me)']
     write(tmp_path / "a.ipynb", *cells)
     numbers = given("ex-01-2", student("Ann"))

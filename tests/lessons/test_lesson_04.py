@@ -44,7 +44,7 @@ def test_the_efficiency_is_counted_on_a_simulated_line(pauses):
 
 
 @NAMED
-def test_one_slave_more_breaks_the_limit(name):
+def test_one_more_slave_exceeds_the_limit(name):
     """Counted in whole bit times."""
     numbers, most = right("ex-04-4", name)
     limit = round(numbers["limit"] * 1e-3 / BIT_TIME)

@@ -27,9 +27,9 @@ def test_the_unread_bytes_lie_across_the_end(numbers):
 
 
 @pytest.mark.parametrize("numbers", draws("ex-07-2"), ids=str)
-def test_it_looks_empty_again_after_two_rounds(numbers):
-    two_rounds = 2 * numbers["places"] * 10 / numbers["rate"]
-    assert solved("ex-07-2", **numbers).value == pytest.approx(1e3 * two_rounds)
+def test_it_looks_empty_again_after_two_laps(numbers):
+    two_laps = 2 * numbers["places"] * 10 / numbers["rate"]
+    assert solved("ex-07-2", **numbers).value == pytest.approx(1e3 * two_laps)
 
 
 @given(st.text("wr", max_size=60), st.integers(2, 9))

@@ -62,7 +62,7 @@ def test_persistence_is_a_moving_sum():
         )
 
 
-def test_the_least_k_is_one_more_than_the_worst_window_holds():
+def test_the_smallest_k_is_one_more_than_the_worst_window_contains():
     draws = exercise("ex-09-4").draws
     for burst in draws["burst"]:
         for period in draws["period"]:

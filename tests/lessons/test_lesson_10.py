@@ -62,7 +62,7 @@ def test_at_the_break_even_distance_both_designs_cost_the_same(modules, spacing)
     assert "repeater" not in set(plant.on_asi.devices["kind"])  # else the lines would jump
 
 
-def test_what_is_chosen_keeps_the_limit_and_nothing_that_does_is_cheaper():
+def test_the_choice_meets_the_limit_and_no_cheaper_plan_does():
     function = solved("ex-10-4")
     chosen = [function.value(*case) for case in function.cases]
     assert chosen == ["CAN", "home runs", "AS-i", "junction boxes", "none", "CAN"]
@@ -72,7 +72,7 @@ def test_what_is_chosen_keeps_the_limit_and_nothing_that_does_is_cheaper():
         assert name == (kept or ["none"])[0]
 
 
-def test_whoever_takes_the_cheapest_or_the_first_that_fits_is_told_so():
+def test_choosing_the_cheapest_or_the_first_that_fits_gets_its_hint():
     def cheapest(options, limit):
         return min(options, key=options.get)
 
@@ -122,7 +122,7 @@ def test_the_defended_choice_of_the_lesson_holds():
     assert table["labour_h"].round().tolist() == [442, 582]
 
 
-def test_no_assumption_turns_as_i_and_can_round_but_one_comes_close():
+def test_no_assumption_swaps_as_i_and_can_but_one_comes_close():
     designs = {
         name: plan(ballast(), Site((20, -6, 14), tails=2.0), name, settings=Settings({"spare": 0}))
         for name in ("AS-i", "CAN")

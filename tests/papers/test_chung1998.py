@@ -64,7 +64,7 @@ def test_the_delay_of_a_switch_grows_with_the_length_of_a_bit():
     assert System(bit_rate=600).response_time() == pytest.approx(16 * System().response_time())
 
 
-def test_bcs_may_take_rcs_as_failed_and_at_600_bit_per_s_must():
+def test_bcs_may_report_rcs_as_failed_and_always_does_at_600_bit_per_s():
     assert [link.as_printed(bit_rate=rate).cascade().alarm for rate in (9600, 600)] == [
         "possible",
         "certain",
@@ -91,7 +91,7 @@ def test_no_reading_lets_the_flags_show_every_single_error():
     assert passed == {"A": 30 / 33, "B": 30 / 42, "C": 30 / 60}
 
 
-def test_by_the_letter_an_empty_ring_is_repaired_again_and_again():
+def test_as_printed_an_empty_ring_is_repaired_again_and_again():
     assert ring.abnormal_states() == 0
     assert ring.abnormal_states(empty_is_empty=False) > 0
     # The reader has passed the last place, the writer stands on it: this looks like an ring.
@@ -136,7 +136,7 @@ def test_only_the_remote_control_has_two_partners():
     assert link.serial_chips() == max(partners.values())
 
 
-def test_of_overruns_by_less_than_a_round_half_show_the_case_that_means_one():
+def test_of_overruns_by_less_than_a_lap_half_show_the_case_that_means_one():
     places, leads = range(ring.SIZE), range(ring.SIZE + 1, 2 * ring.SIZE)
     shown = [case_of(place, lead, ring.SIZE) for place in places for lead in leads]
     assert (shown.count("a"), shown.count("c")) == (8128, 8128)

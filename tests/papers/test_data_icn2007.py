@@ -13,7 +13,7 @@ def test_numbers_are_numbers_with_units():
     assert (NUMBERS["unit"] != "").all()
 
 
-def test_numbers_hang_together():
+def test_numbers_are_consistent():
     value = NUMBERS["value"].map(as_number)
     assert (
         value["slaves of one master"] == 2 * value["slaves of one master before specification 2.1"]

@@ -65,7 +65,7 @@ def test_table5_address_columns():
     assert TABLE5.loc[0, names].tolist() == ["A4", "A4", "A3", "A1", "A0"]
 
 
-def test_table5_requests_are_told_apart_by_their_fixed_bits():
+def test_table5_requests_differ_in_their_fixed_bits():
     columns = ["CB", "A4", "I4", "I3", "I2", "I1", "I0"]
     assert not TABLE5.loc[1:].duplicated(columns).any()
 

@@ -46,7 +46,7 @@ def test_the_place_of_the_supply_is_a_condition_too():
     assert REGISTRY["icn2007-056"](supply=90.0)
 
 
-def test_a_quarter_wave_in_the_signal_bends_it_as_much_as_noise():
+def test_a_quarter_wave_in_the_signal_distorts_it_as_much_as_noise():
     assert icn2007.signal_suits_cable() and not icn2007.signal_suits_cable(length=200.0)
 
 

@@ -123,7 +123,7 @@ def test_the_crc_has_16_bits_and_a_frame_the_sizes_of_the_note():
 # Codes, status bits, registers.
 
 
-def test_two_readings_tell_all_commands_apart():
+def test_two_readings_distinguish_all_commands():
     unique = code_table().apply(lambda codes: codes.is_unique)
     assert unique[unique].index.tolist() == ["flag sum", "one bit"]
     codes = command_codes("flag sum")
@@ -158,14 +158,14 @@ def test_status_bits_are_two_places_apart():
     assert moved == {2}
 
 
-def test_65536_is_cut_to_thousands():
+def test_65536_is_truncated_to_thousands():
     assert REGISTRY["kim2014-044"]() // 1000 == 65 and round(REGISTRY["kim2014-044"](), -3) == 66000
 
 
 # The line and the loop.
 
 
-def test_one_break_loses_nobody_two_do_and_so_does_a_short():
+def test_one_break_loses_no_slave_but_two_or_a_short_circuit_do():
     ring = Loop(5, k_line.status_poll())
     table = ring.single_failures()["lost"]
     assert (table[[f"break {k}" for k in range(6)]] == 0).all()

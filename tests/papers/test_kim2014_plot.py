@@ -49,7 +49,7 @@ def test_a_diagram_has_its_blocks_apart_and_within_its_axes(item, count, ax):
         assert low <= box.get_y() and box.get_y() + box.get_height() <= high
 
 
-def test_central_has_two_pipes_a_valve_distributed_a_bus_and_power(ax):
+def test_central_has_two_pipes_per_valve_distributed_has_bus_and_power(ax):
     figure("kim2014", "Fig 1", ax, n_valves=3)
     labels = [line.get_label() for line in ax.lines]
     assert [labels.count(kind) for kind in ("_pipe", "_bus", "_power")] == [6, 3, 3]
@@ -121,7 +121,7 @@ def test_a_fault_without_severity_is_not_reported_and_the_worst_is():
     assert (own == (table["top_fault"] == table["fault"])).all()
 
 
-def test_more_strokes_tell_the_end_of_a_pump_more_closely():
+def test_more_strokes_predict_the_end_of_a_pump_more_closely():
     wear = Wear.synthetic(2, 300, rng=np.random.default_rng(2024))
     table = wear.life_table(2, [20, 60, 180])
     assert table.index.tolist() == [20, 60, 180]

@@ -6,7 +6,7 @@ from shipnet.asi.receiver import receive
 from shipnet.papers.kim2023.signals import supply_decides
 
 
-def test_the_supply_is_no_shield():
+def test_the_supply_does_not_act_as_a_shield():
     # The same noise, on the supply of PELV and on one far above its limit of 60 V.
     assert not supply_decides()
     assert not supply_decides(supplies=(0.0, 60.0))

@@ -64,7 +64,7 @@ def test_the_byte_count_is_one_byte():
         assert theirs.registers == list(range(n))
 
 
-def test_the_data_have_two_bytes_a_register():
+def test_the_data_have_two_bytes_per_register():
     for n in (1, 43, buses.POINTS):
         assert buses.data_width(registers=n) == 2 * n
 
@@ -114,7 +114,7 @@ def test_clients_reject_a_response_from_the_master(unit, accepted):
     assert (pdu is not None) == accepted
 
 
-def test_the_winner_of_an_arbitration_goes_on_unharmed():
+def test_the_winner_of_an_arbitration_continues_undamaged():
     run = simulate(buses.TOGETHER, 125e3, until=0.5)
     winner, loser = run.events().sort_values("start_ms").itertuples()
     assert (winner.start_ms, winner.retries, loser.retries) == (0, 0, 0)
@@ -148,13 +148,13 @@ def test_wiring_grows_by_the_same_number_with_each_cylinder():
     assert {b - a for a, b in itertools.pairwise(wiring)} == {16}
 
 
-def test_hugh_stands_where_jb1_has_high():
+def test_hugh_is_printed_where_jb1_has_high():
     switches = engine.TABLE_3[engine.TABLE_3["condition"] == "S/W"]
     assert list(switches.query("jb == 'JB1'")["type_printed"]) == ["Low", "High"]
     assert list(switches.query("jb == 'JB3'")["type_printed"]) == ["Low", "Hugh"]
 
 
-def test_the_oil_is_counted_by_the_cylinder():
+def test_the_oil_is_given_per_cylinder():
     assert not engine.unit_is_known()
     assert engine.unit_is_known(printed="kg/cyl.24h")
 
@@ -218,7 +218,7 @@ def test_a_printed_mark_is_a_reading(coding):
     assert CODINGS[coding].collisions(read_points())["collides"].sum() >= 20
 
 
-def test_a_change_shows_within_a_second_on_average_alone():
+def test_a_change_shows_within_a_second_only_on_average():
     restless, printed = System(update_period=0), System()
     worst = [system.worst_age()["worst_s"].max() for system in (restless, printed)]
     assert worst == pytest.approx([1.328, 1.789], abs=1e-3)
@@ -227,7 +227,7 @@ def test_a_change_shows_within_a_second_on_average_alone():
     assert np.mean(means) == pytest.approx(0.78, abs=0.02)
 
 
-def test_one_processor_a_box_is_less_than_two():
+def test_one_processor_per_box_is_fewer_than_two():
     designs = [Redundancy(read_points(), supplies=2, cpus=cpus) for cpus in (1, 2)]
     assert [design.worst() for design in designs] == [43, 0]
 

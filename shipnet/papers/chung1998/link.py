@@ -25,11 +25,11 @@ from shipnet.remote_control.system import BIT_RATES, VALUES, Supervision, System
 _TABLE = datasets.read("chung1998_parameters.csv")
 PRINTED = dict(zip(_TABLE["parameter"], _TABLE["value"], strict=True))
 
-#: Inputs of an 8259, and counters of an 8253: data sheets of Intel.
+#: Inputs of an 8259, and counters of an 8253, from Intel's data sheets.
 _INPUTS, _COUNTERS = 8, 3
 
-# Each line needs an interrupt for received bytes and its own clock, the supervision one more of
-# each. Sending needs none: it polls.
+# Each line needs an interrupt for received bytes and its own clock; supervision needs one more of
+# each. Sending needs no interrupt, because it polls.
 check("chung1998-001", counter={"lines": 3})(
     lambda *, lines=int(PRINTED["chips_8251"]): lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
 )
@@ -51,10 +51,10 @@ def send_loops(
 ) -> pd.DataFrame:
     """Return the bytes that the printed and the intended loop send on an idle and a busy chip.
 
-    The line runs at 9600 bit/s. Only the printed loop on a busy chip depends on the time to `poll`.
+    The line runs at 9600 bit/s. Only the printed loop on a busy chip depends on the time per poll.
     """
     if not polls:
-        raise ArgumentError("polls is empty; it must contain a time")
+        raise ArgumentError("polls is empty; it must contain at least one time [s]")
     ways = [("idle", b"", "printed", polls[0]), ("idle", b"", "intended", polls[0])]
     ways += [("busy", waiting, "printed", poll) for poll in polls]
     ways += [("busy", waiting, "intended", polls[0])]
@@ -78,7 +78,7 @@ def loop_sends_each_byte(*, printed: bool = True) -> bool:
 
 @numeric("chung1998-009")
 def ready_bit(*, written: int = 1) -> int:
-    """Highest status bit after this many bytes; one is shifted out, and one more fits."""
+    """Number of the highest status bit that is set after this many bytes are written."""
     chip = Usart(10 / 9600)
     for _ in range(written):
         chip.write(0, 0.0)
@@ -229,10 +229,10 @@ numeric("chung1998-047")(lambda *, items=ITEMS: as_printed(items).cascade().sile
 def deaths(
     changes: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
 ) -> pd.DataFrame:
-    """Return the stations reported as failed in `n` failures of SS over a cycle: one row per rule.
+    """Count in how many of `n` failures of SS, spread over a cycle, each report of a failure comes.
 
-    Only RCS's report of SS is correct. `changes` maps each rule's name to the fields of `System`
-    that it changes.
+    Only RCS's report of SS is correct. There is one row per rule: `changes` maps its name to the
+    fields of `System` that it changes.
     """
     pairs = (("RCS", "SS"), ("RCS", "BCS"), ("BCS", "RCS"))
     runs, rows = check_whole("n", n, 1, 1000), []
@@ -240,7 +240,7 @@ def deaths(
         system = as_printed(bit_rate=rate, **fields)
         rng, cycle, found = np.random.default_rng(2024), system.cycle_time, []
         for k in range(runs):
-            # After a cycle; the last failure is found within four waits.
+            # SS fails in the second cycle; the last report comes within four detection times.
             death = (1 + (k + 0.5) / runs) * cycle
             end = death + 4 * system.master.detection_time[1] + cycle
             alarms = simulate(
@@ -248,13 +248,13 @@ def deaths(
             ).alarms()
             found.append(set(zip(alarms["station"], alarms["partner"], strict=True)))
         rows.append((name, runs, *(sum(pair in seen for seen in found) for pair in pairs)))
-    columns = ["rule", "deaths", *(f"{a} fails {b}" for a, b in pairs)]
+    columns = ["rule", "deaths", *(f"{a} reports {b}" for a, b in pairs)]
     return pd.DataFrame(rows, columns=columns)
 
 
 @check("chung1998-017", counter={"all_data": True})
 def speed_has_little_effect(*, all_data: bool = False, limit: float = 1.0) -> bool:
-    """Whether SS follows a switch within a second at each bit rate."""
+    """Whether SS follows a switch within `limit` [s] at each bit rate."""
     system = System(MarkerFormat(n_numbers=ITEMS), repeat=ITEMS if all_data else 0)
     table = switch_delays(system, changes=10, rng=2024)
     return bool((table["followed"] == 10).all() and (table["longest_s"] <= limit).all())
@@ -271,7 +271,7 @@ def switches_agree(*, lost: bool = False) -> bool:
 
 # Error detection ---------------------------------------------------------------------------
 
-#: How long a partner may be silent, and by our measure a switch may be wrong [s].
+#: How long a partner may be silent, and, as we judge it, a switch may be wrong [s].
 PATIENCE = float(PRINTED["failure_time"])
 
 
@@ -329,7 +329,7 @@ def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
 
 @check("chung1998-070", counter={"per_packet": 1})
 def one_error_costs_much(*, per_packet: int = 40) -> bool:
-    """Whether a wrong bit in an end flag loses over half of 40 data, `per_packet` in each."""
+    """Whether a wrong end flag costs over half of 40 data, with `per_packet` in each packet."""
     data = dict.fromkeys(range(40), 1)
     form = MarkerFormat(n_numbers=40)
     parts = [dict(list(data.items())[k : k + per_packet]) for k in range(0, 40, per_packet)]

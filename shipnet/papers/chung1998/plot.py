@@ -94,7 +94,7 @@ def _kinds(reading: str, size: int) -> list[str]:
 
 
 def plot_delays(tables: Mapping[str, pd.DataFrame], *, ax: Axes) -> Axes:
-    """Draw the delay of a switch over the bit rate."""
+    """Draw the delay of a switch against the bit rate."""
     for place, (name, table) in enumerate(tables.items()):
         rate = table["bit_rate"].to_numpy(dtype=float)
         colour = f"C{place}"
@@ -129,7 +129,7 @@ def plot_switch(runs: Mapping[str, Run], number: int, *, ax: Axes) -> Axes:
 
 @drawing("chung1998", "Fig 9")
 def _given_up(*, ax: Axes, items: int = 10) -> Axes:
-    """Draw how many bytes the repair of Fig 9 gives up, over the writer's place."""
+    """Draw how many bytes the repair of Fig 9 gives up, against the writer's place."""
     places = np.arange(SIZE)
     alone = given_up()
     band = np.reshape(given_up(overrun_rings(items)), (SIZE, -1))
@@ -149,7 +149,7 @@ def _given_up(*, ax: Axes, items: int = 10) -> Axes:
 def plot_recovered(table: pd.DataFrame, *, ax: Axes) -> Axes:
     """Draw how many packets are found in a ring after a pause in reading."""
     waiting = table["waiting"]
-    ax.plot(waiting, table["sent"], color="0.6", linewidth=1, label="packets that came")
+    ax.plot(waiting, table["sent"], color="0.6", linewidth=1, label="packets received")
     for name, colour in (("corrected", "C2"), ("intended", "C0")):
         ax.plot(
             waiting,
@@ -160,7 +160,7 @@ def plot_recovered(table: pd.DataFrame, *, ax: Axes) -> Axes:
         )
     ax.fill_between(
         waiting, table["fewest"], table["most"], color="C0", alpha=0.15,
-        label="from place to place", step="post",
+        label="range over the places", step="post",
     )  # fmt: skip
     for full, text in ((SIZE, "ring full"), (2 * SIZE, "looks empty")):
         ax.axvline(full, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"])
@@ -168,7 +168,7 @@ def plot_recovered(table: pd.DataFrame, *, ax: Axes) -> Axes:
             text, (full, 1.0), (4, -10), xycoords=("data", "axes fraction"),
             textcoords="offset points", color=style.LIMIT["color"],
         )  # fmt: skip
-    ax.set(xlabel="bytes that came before the reader looks [byte]", ylabel="packets found")
+    ax.set(xlabel="bytes received before the reader looks [byte]", ylabel="packets found")
     ax.set_xlim(0, waiting.iloc[-1])
     ax.legend(loc="upper left")
     return ax

@@ -19,15 +19,15 @@ from shipnet.remote_control.ring_buffer import Case, Ring, State, bytes_of, case
 from shipnet.remote_control.simulation import simulate
 from shipnet.remote_control.system import System
 
-#: Longest time to write a byte into an EEPROM of that time [s]: Atmel, AT28C64B, data sheet,
+#: Longest time to write a byte into an EEPROM of the 1990s [s]: Atmel, AT28C64B, data sheet,
 #: "write cycle time 10 ms maximum". We assume that the paper's chip is similar.
 WRITE_TIME = 10e-3
 
-#: Abnormal states that the paper reports for the three trials of section 5; the second in words
-#: ("also" normal).
+#: Abnormal states that the paper reports for the three trials of section 5; of the second it only
+#: says that it was "also" normal.
 PAPER_EVENTS = (0, 0, 1)
 
-#: Bytes stored by one press of the Enter key: we assume an integer of 16 bits.
+#: Bytes stored by one press of the Enter key: we assume a 16-bit integer.
 BYTES_PER_PRESS = 2
 
 #: Section 5: bytes of the ring.
@@ -81,7 +81,7 @@ check("chung1998-050", counter={"rounds": 2})(lambda *, rounds=1: shown(rounds) 
 
 @check("chung1998-052", counter={"rounds": 2})
 def groups_have_one_normal_case(*, rounds: int = 1) -> bool:
-    """Whether one of the two cases with equal flags is normal, and one with different flags."""
+    """Whether exactly one case with equal flags is normal, and exactly one with different flags."""
     groups = [
         {state.case for state in states(2, 2) if (state[1] == state[3]) == same}
         for same in (True, False)
@@ -91,7 +91,7 @@ def groups_have_one_normal_case(*, rounds: int = 1) -> bool:
 
 @check("chung1998-051", counter={"leads": range(SIZE + 1, 2 * SIZE)})
 def case_c_means_an_overrun(*, leads: Sequence[int] = range(-SIZE, 2 * SIZE)) -> bool:
-    """Whether case c always means overwritten bytes; a lead below 0 is the reader's."""
+    """Whether case c always means overwritten bytes; at a lead below 0 the reader is ahead."""
     return all(
         lead > SIZE
         for get_no, lead in product(range(SIZE), leads)
@@ -127,7 +127,7 @@ def packet_is_found(*, before: bytes = bytes(5)) -> bool:
 
 @check("chung1998-023", counter={"wrap": True})
 def values_are_whole(*, wrap: bool = False) -> bool:
-    """Whether the printed line extracts the right values wherever a packet is in the ring."""
+    """Whether the printed line of code extracts the right values wherever the packet is."""
     table = extraction(dict.fromkeys(range(ITEMS), 1000), wrap=wrap)
     return bool((table["wrong"] == 0).all())
 
@@ -138,9 +138,9 @@ def values_are_whole(*, wrap: bool = False) -> bool:
 def extraction(
     items: Mapping[int, int], packet_format: MarkerFormat | None = None, *, wrap: bool = False
 ) -> pd.DataFrame:
-    """Return the bytes read outside the ring, and the wrong values, for each place of a packet.
+    """Count the bytes read outside the ring, and the wrong values, for each place of a packet.
 
-    Unless the indices `wrap`, two zeros follow the ring in memory.
+    Unless the indices `wrap`, they reach beyond the ring, where we assume two zeros in memory.
     """
     form = packet_format or MarkerFormat()
     packet = form.encode(items)
@@ -178,7 +178,7 @@ def overrun_rings(items: int) -> Iterator[Ring]:
 
 
 def full_rings(size: int = SIZE) -> Iterator[Ring]:
-    """Return rings in case c that contain only packet starts, for every place of the writer."""
+    """Return rings in case c that contain only 0xCC, for every place of the writer."""
     for no in range(size):
         yield stored_in(size, bytes([PACKET_START]) * (size + no))
 
@@ -193,7 +193,7 @@ def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
 
 
 def packets_found(waiting: int, rule: Literal["intended", "corrected"], get_no: int = 0) -> int:
-    """Return how many packets are found intact after this many unread bytes."""
+    """Return how many packets are found intact in a ring after this many bytes have arrived."""
     check_whole("waiting", waiting, 0, 10**6)
     form = MarkerFormat(n_numbers=ITEMS)
     count = waiting // form.size(ITEMS) + 1
@@ -209,7 +209,7 @@ def recovered(
 ) -> pd.DataFrame:
     """Return how many packets the intended and the corrected ring yield, by ``waiting`` bytes.
 
-    ``intended`` is the mean over the `places` of the reader, which ``stops`` at this share of them.
+    ``intended`` is the mean over the reader's `places`; ``stops`` is the share at which it stops.
     """
     if not len(places):
         raise ArgumentError("places is empty; it must contain a place")
@@ -217,7 +217,7 @@ def recovered(
     for n in waiting:
         found = [packets_found(n, "intended", get_no=place) for place in places]
         stops = [case_of(place, n, SIZE) == "a" for place in places]
-        # The corrected ring works the same for every place of the reader.
+        # The corrected ring works in the same way wherever the reader is.
         corrected = packets_found(n, "corrected", get_no=places[0])
         mean, stopped = (sum(column) / len(places) for column in (found, stops))
         rows.append((n, n // size, mean, min(found), max(found), stopped, corrected))
@@ -227,7 +227,7 @@ def recovered(
 
 @check("chung1998-013", counter={"shift": 2})
 def repair_restores_order(*, shift: int = 1) -> bool:
-    """Whether each repair in case c ends in order at the first 0xCC from SIZE >> shift or 0."""
+    """Whether each repair in case c restores order at the first 0xCC from SIZE >> shift or 0."""
     for ring in overrun_rings(ITEMS):
         cells, no = ring.cells, ring.state.no
         ring.extract()
@@ -239,7 +239,7 @@ def repair_restores_order(*, shift: int = 1) -> bool:
 
 @check("chung1998-057", counter={"toggled": False})
 def toggled_flag_restores_order(*, toggled: bool = True) -> bool:
-    """Whether a reader that is put to the start of the ring is in case b."""
+    """Whether the ring is in case b once the reader has been moved to its start."""
     for ring in full_rings(SIZE):
         before = ring.state
         ring.extract()
@@ -266,12 +266,12 @@ numeric("chung1998-061")(lambda *, size=SIZE, items=ITEMS: size / length(reading
 
 @numeric("chung1998-015")
 def abnormal_states(*, empty_is_empty: bool = True) -> int:
-    """Repairs in 100 packets, read byte by byte; as printed, an empty ring is read on."""
+    """Repairs in 100 packets, read byte by byte; as printed, reading goes on in an empty ring."""
     ring = Ring(SIZE, "intended" if empty_is_empty else "printed")
     repairs = 0
     for byte in MarkerFormat(n_numbers=ITEMS).stream(100 * length(reading="A")):
         ring.store(byte)
-        # One step per place, since reading on in an empty ring would never end.
+        # One step per place, because reading on in an empty ring would never end.
         for _ in range(SIZE):
             step = ring.extract()
             repairs += step.action == "repair"
@@ -282,14 +282,14 @@ def abnormal_states(*, empty_is_empty: bool = True) -> int:
 
 @check("chung1998-058", counter={"stall": 14.0})
 def parameter_change_does_no_harm(*, stall: float = BYTES_PER_PRESS * WRITE_TIME) -> bool:
-    """Whether the ring stays in order if a task stalls for this assumed time [s]."""
+    """Whether the ring stays in a normal case if a task stalls for this assumed time [s]."""
     run = simulate(as_printed(), faults=Stall("BCS", start=5.0, stop=5.0 + stall), until=25.0)
     return not bool(run.events()["event"].str.startswith("ring").any())
 
 
 @check("chung1998-021", counter={"size": SIZE})
 def larger_ring_is_not_overrun(*, size: int = 2 * SIZE, stall: float = 0.2) -> bool:
-    """Whether a ring is in a normal case after a stall [s] with bytes arriving all the time."""
+    """Whether a ring is in a normal case after a stall [s] during which bytes keep arriving."""
     came = round(stall / as_printed().character_time)
     return stored_in(size, MarkerFormat(n_numbers=ITEMS).stream(came)).case in ("b", "d")
 
@@ -310,7 +310,7 @@ def ring_trials(system: System | None = None, *, duration: float = 20.0) -> pd.D
     ):
         stall = presses * BYTES_PER_PRESS * WRITE_TIME
         if 5 + stall >= duration:
-            raise ArgumentError(f"duration is {duration:g} s; the stall ends at {5 + stall:g} s")
+            raise ArgumentError(f"duration is {duration:g} s; it must exceed {5 + stall:g} s")
         faults = [Stall("BCS", start=5.0, stop=5.0 + stall)] if stall else []
         run = simulate(link, faults=faults, until=duration)
         events = int(run.events()["event"].str.startswith("ring").sum())

@@ -33,14 +33,14 @@ class Usart:
         self._waiting: tuple[float, int] | None = None
 
     def status(self, time: float) -> Status:
-        """Return the status register at a time [s] that is not before the last call's."""
+        """Return the status register at a time [s] that is not before that of the last call."""
         free = self._shift(time)
         if self._waiting is not None:
             return Status(0)
         return Status.TXRDY | Status.TXEMPTY if free <= time else Status.TXRDY
 
     def write(self, byte: int, time: float) -> bool:
-        """Write a byte to the transmit buffer; return whether it replaced one that waited."""
+        """Write a byte to the transmit buffer; return whether it replaced a waiting byte."""
         self._shift(time)
         replaced = self._waiting is not None
         self._waiting = time, byte
@@ -91,7 +91,7 @@ def send(usart: Usart, data: bytes, *, printed: bool, poll: float = 20e-6) -> Se
             if not ready and time - begun > _MOST_CHARACTERS * usart.character_time:
                 raise ArgumentError(
                     f"poll is {step:g} s: byte {place} is still written again after "
-                    f"{_MOST_CHARACTERS} characters, because the loop never asks in time"
+                    f"{_MOST_CHARACTERS} characters, because TxRDY is never read in time"
                 )
             time += step
             if ready is not printed:

@@ -52,7 +52,7 @@ def nested_pairs(*, codes: tuple[str, ...] = BASE.codes) -> int:
 
 @numeric("kim2014-073")
 def distinct_faults(*, equalities: bool = True) -> int:
-    """Faults of the rule table, or of its rows without those that its last rows call equal."""
+    """Faults of the rule table; with `equalities`, rows that repeat another fault do not count."""
     rows = _TABLE[_TABLE["code"] != "normal"]
     same = rows["diagnosis_printed"].str.contains(r"= Pos\d", regex=True)
     return int((~same).sum()) if equalities else len(rows)
@@ -106,8 +106,8 @@ _CLOSE, _OPEN = 0.0, 100.0
 _ROW_12 = float(rule_vectors("printed")["VPos"]["Pos4"])
 
 #: Ways to fill the values that a row does not print: those of `rule_vectors`, and "held", in which
-#: such a sensor is absent and a printed position does not move, so DVPos is 0. Row 0 prints the
-#: time of a movement instead.
+#: such a sensor is absent and a printed position does not move, so DVPos is 0. Row 0 is the
+#: exception: it prints the time of a movement.
 READINGS = ("held", *FILLS)
 
 
@@ -125,15 +125,15 @@ def fired(tests: pd.DataFrame) -> pd.Series:
 
 
 def is_right(code: str, codes: str) -> bool:
-    """Return whether the row's own rule fired; on the normal row none may."""
+    """Return whether the row's own rule fired; on the normal row no rule may fire."""
     return not codes if code == NORMAL else code in codes.split()
 
 
 def reading_table() -> pd.DataFrame:
     """Return how many of the 13 rows are right, as printed and corrected, in every reading.
 
-    The row's own rule ``fires``, also by ``fuzzy`` strengths, or ranks first by ``our ranking`` or
-    in ``table order``; ``not`` lists the rows where it does not fire.
+    A row is right if its own rule ``fires``, fires by ``fuzzy`` strengths, or ranks first by ``our
+    ranking`` or in ``table order``; ``not`` lists the rows whose rule does not fire.
     """
     rows = {}
     for version, reading in product(("printed", "corrected"), READINGS):
@@ -164,7 +164,7 @@ def fired_table(version: str = "printed") -> pd.DataFrame:
 def through_registers(code: str) -> str:
     """Return the top fault of a corrected row whose readings were sent in registers.
 
-    The plant supplies the values that the row does not print; the speed is not sent.
+    What the row does not print follows from the state that it describes; the speed is not sent.
     """
     tests = rule_vectors(fill="physical").loc[[code]]
     names = [channel.name for channel in CHANNELS]
@@ -203,7 +203,7 @@ numeric("kim2014-032")(lambda *, end=300.0, below=_ROW_12: end + (_CLOSE - below
 
 @check("kim2014-068", counter={"version": "printed"})
 def all_tests_pass(*, version: str = "corrected") -> bool:
-    """Whether each of the 12 faults' own rule fires on its input, as printed or corrected."""
+    """Whether the input of each of the 12 faults fires its own rule, as printed or corrected."""
     found = fired(row_inputs(version)).drop(NORMAL)
     return all(is_right(str(code), codes) for code, codes in found.items())
 
@@ -215,9 +215,9 @@ check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})(
 
 @check("kim2014-045", counter={"predictor": "stroke time"})
 def wear_is_estimated(*, predictor: str = "leak", part: float = 0.5) -> bool:
-    """Whether the remaining life of most of 30 synthetic pumps is predicted within 20 %.
+    """Whether the remaining life of most of 30 synthetic pumps is predicted to within 20 %.
 
-    The prediction is made at this part of their lives, from the leak or the stroke time.
+    The prediction is made after this part of their lives, from the leak or the stroke time.
     """
     compared = Wear.synthetic(30, 1000, rng=2024).compare_predictors(parts=(part,))
     return bool(compared["within_20"].loc[predictor, part] > 0.5)
@@ -229,7 +229,7 @@ def wear_is_estimated(*, predictor: str = "leak", part: float = 0.5) -> bool:
 def graded_trials(
     codes: Iterable[str] = tuple(FAULTS), *, n_valves: int = 101, rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Let valves with each fault, from healthy to the worst, open and close once.
+    """Open and close valves once with each fault, from severity 0 to the worst.
 
     The table is that of `fault_trials`, with a column ``said`` for the diagnosis.
     """
@@ -244,7 +244,7 @@ def graded_trials(
 
 # Sections 2.1, 3.3 and 3.4: how late and how wrong a master's data can be.
 
-#: Largest error of a position that is shown correctly [%]: a register's step, and noise.
+#: Largest error of a position that counts as correct [%]: a register's step plus noise.
 NEAR = 2.0
 
 
@@ -256,7 +256,7 @@ class Picture(NamedTuple):
 
     @property
     def wrong(self) -> int:
-        """Valves whose position is unknown, or shown with an error above `NEAR`."""
+        """Number of valves whose position is unknown, or shown with an error above `NEAR`."""
         shown = self.seen.screen().table()["position_percent"].to_numpy()
         return int((~(np.abs(shown - 100 * self.plant.opening) <= NEAR)).sum())
 
@@ -299,7 +299,7 @@ def age_table(
 def broken_loops(
     n_valves: int = 247, *, opened: int = 100, start: float = 12.0, duration: float = 60.0
 ) -> dict[str, Picture]:
-    """Break a loop at 9600 bit/s in its middle while valves open, under four masters."""
+    """Break a loop at 9600 bit/s in its middle while valves open, with four kinds of master."""
     orders = [Command("open", 3.0, valves=range(1, opened + 1))]
     unbroken: list[Break] = []
     cases = {"no break": (System(n_valves, status_poll(9600)), unbroken)}
@@ -315,7 +315,7 @@ def broken_loops(
 
 
 def picture_table(pictures: Mapping[str, Picture]) -> pd.DataFrame:
-    """Return the greatest age of a position, lost requests and wrong valves of each picture."""
+    """Return each picture's greatest age of a position, unanswered requests and wrong valves."""
     rows = {
         name: {
             "oldest_s": picture.seen.oldest,

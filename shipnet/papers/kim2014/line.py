@@ -73,7 +73,7 @@ def selectable_ids(*, positions: int = 10, pins: int = 2) -> int:
 #: Common rates within the limits that sections 3.2 and 3.3 print [bit/s].
 RATES = scan.BIT_RATES
 
-#: What a master moves to the other port at once, when a loop breaks.
+#: What a master moves to the other port at once when a loop breaks.
 MOVES: tuple[Literal["slave", "downstream"], ...] = ("slave", "downstream")
 
 
@@ -126,7 +126,7 @@ def break_table(
 ) -> pd.DataFrame:
     """Return how long data are missing when the loop breaks in its middle, at 9600 bit/s.
 
-    The master moves slaves to the other port ``one_by_one_s`` or ``with_downstream_s``.
+    The master moves each slave to the other port alone, or with all slaves downstream of it.
     """
     middle = [Break((n_slaves + 1) // 2)]
     rows = []
@@ -159,7 +159,7 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
 
     exchange(0.0, write.pdu, f"go to {position} %")
     for time in times:
-        data = exchange(time, read.pdu, "how are you?")[2:]
+        data = exchange(time, read.pdu, "read the status")[2:]
         words = [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]
         seen = registers.decode([words]).readings[:, 0]
         said = [f"{c.name} {x:.3g} {c.unit}" for c, x in zip(CHANNELS, seen, strict=True)]
@@ -172,7 +172,7 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
 
 @check("kim2014-056", counter={"late": 0.02})
 def identifier_zero_is_enough(*, late: float = 0.0) -> bool:
-    """Whether every answer is matched rightly if all have identifier 0 and a share is late."""
+    """Whether all answers are matched to their queries if all ids are 0 and this share is late."""
     units = np.tile(np.arange(1, 6), 200)
     path = LossyPath(late=late, lateness=0.6)
     return bool(compare(units, path, rng=2024).loc["nothing", "mismatched"] == 0)
@@ -180,7 +180,7 @@ def identifier_zero_is_enough(*, late: float = 0.0) -> bool:
 
 @check("kim2014-057", counter={"widths": (2, 2, 1, 2)})
 def header_has_these_fields(*, widths: tuple[int, ...] = (2, 2, 2, 1)) -> bool:
-    """Whether a header consists of identifier, 0, length of the rest, and unit id."""
+    """Whether the header's fields identifier, 0, length of the rest and unit id are this wide."""
     identifier, unit = 0x1501, 17
     request = Request.read_input_registers(0x4020, 4)
     pdu, adu = request.pdu, request.tcp(unit, identifier)
@@ -200,7 +200,7 @@ def same_pdu_on_both(*, header: int = 7) -> bool:
 def carries_more(*, bit_rate: float = 10e6, registers: int = 125) -> bool:
     """Whether a full response is faster over Ethernet at this rate than at 115200 bit/s.
 
-    Counted are the frame's 18 bytes, 20 of IP, 20 of TCP and 20 of preamble and gap.
+    The Ethernet frame adds 18 bytes, IP and TCP 20 each, preamble and gap another 20.
     """
     response = Response(FunctionCode.READ_INPUT_REGISTERS, registers=(0,) * registers)
     serial = SerialLine(RATES[-1]).frame_time(len(response.rtu(1)))

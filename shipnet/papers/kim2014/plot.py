@@ -1,4 +1,4 @@
-"""Figures of kim2014, drawn from its text: no printed figure was available, the places are ours."""
+"""Figures of kim2014, drawn from its text: no printed figure was available; the layout is ours."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from shipnet.papers.registry import drawing
 
 __all__ = ["plot_ages", "plot_control_system", "plot_seen_strokes"]
 
-#: The query of Table 3, and the line for it.
+#: The query of Table 3, and a serial line for it.
 _QUERY = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 _LINE = SerialLine(9600)
 
@@ -168,7 +168,7 @@ _MARKS = ".o^sD"
 
 
 def plot_seen_strokes(true: Run, seen: Mapping[int, Run], *, ax: Axes) -> Axes:
-    """Draw a valve's true position, and what masters received, by their number of valves."""
+    """Draw a valve's true position, and what masters with different numbers of valves received."""
     ax.plot(
         true.time, true.samples["VPos"][:, 0], color="0.6", linewidth=1, label="the valve itself"
     )

@@ -209,7 +209,7 @@ def addresses_fit(*, addresses: tuple[int, ...] = (COMMAND_REGISTER, 0x4020, 0x4
 def registers_in_order(
     *, contents: tuple[str, ...] = ("Position", "temperature", "pressure", "motor current")
 ) -> bool:
-    """Whether the four registers of Table 3 have these contents of section 2.1, in this order."""
+    """Whether the four registers of Table 3 contain, in this order, what section 2.1 says."""
     rows = datasets.read("kim2014_table3_read_registers_bits.csv").query("part == 'register'")
     text = rows["name_printed"] + " " + rows["remark_printed"]
     return all(re.search(what, found) for what, found in zip(contents, text, strict=True))
@@ -328,7 +328,7 @@ def code_table() -> pd.DataFrame:
 def survival_table() -> pd.DataFrame:
     """Return how the values of the paper's fault tests arrive at the master.
 
-    A value ``survives`` if it arrives within half a step. Positions are corrected and as printed.
+    A value ``survives`` if it arrives within half a step. Positions are as printed and corrected.
     """
     rows = []
     for rule in datasets.read("kim2014_rule_table.csv").to_dict("records"):

@@ -46,7 +46,7 @@ numeric("kim2023-008", "icn2007-022")(lambda: len(Response(0x6).bits) - len(fram
 
 
 def read_in_place(bits: str) -> Request:
-    """Return a request whose parity or end bit is wrong, as in the example."""
+    """Decode a request whose parity or end bit is wrong, as in the example."""
     return Request.parse(frame(bits[1:-2]))
 
 
@@ -111,7 +111,7 @@ def masters_before_2_1(*, half: Half | None = None) -> bool:
 
 @check("kim2023-043", counter={"half": "B"})
 def a_slave_like_standard(*, half: Half = "A") -> bool:
-    """Whether this half gets the requests of a standard slave, whose data bit 3 is select."""
+    """Whether this half gets the same requests as a standard slave with data bit 3 equal to 1."""
     for call in Call:
         if "s" in call.rule.layout(extended=True).lower():
             standard = Request(call, 21, 8 if call.rule.extended else 0)
@@ -276,7 +276,7 @@ def strands_left(*, slaves: int, inputs: int, lines: int) -> float:
 
 @numeric("kim2023-005")
 def reach(*, repeaters: int = 2) -> float:
-    """Distance to the farthest slave, behind repeaters in series, that meets the rules [m]."""
+    """Distance to the farthest slave, beyond repeaters in series, if all rules are met [m]."""
     longest = float(rule_limits()["high"]["cable_length"])
     ends = [f"{k}" for k in range(repeaters + 1)]
     plan = Plan(
@@ -305,7 +305,7 @@ numeric("kim2023-071")(lambda *, valves=200, slaves=190: valves / slaves)
 
 # Figs 7 and 9, whose printed pictures were not available: the positions are ours.
 
-#: Most slaves of one line.
+#: Largest number of slaves on one line.
 _FULL = 62
 
 
@@ -350,7 +350,7 @@ def _index_table(*, ax: Axes) -> Axes:
 
 @check("kim2023-091", counter={"target": "3"})
 def moves(*, target: str = "9") -> bool:
-    """Whether a slave in operation gets another address and answers there."""
+    """Whether a slave in operation gets another address and answers at it."""
     slaves = [Slave(label) for label in "123"]
     run = simulate(slaves, until=0.3, commands=[(0.05, ChangeAddress("2", target))])
     calls = run.events().query("slave in ['0', '2']")["call"].tolist()
@@ -373,7 +373,7 @@ def codes_tell_apart(*, labels: tuple[str, str] = ("1A", "1B")) -> bool:
 
 @check("kim2023-054", counter={"silence": 0.1})
 def outputs_are_reset(*, silence: float = 0.06) -> bool:
-    """Whether a slave resets its outputs after the master was silent for this time [s]."""
+    """Whether a slave resets its outputs after the master has been silent for this time [s]."""
     master = Master({"1": "S-0.F.F"})
     failure, standby = MasterFailure(start=0.1), Standby(master, silence=silence)
     run = simulate([Slave("1")], master, until=0.3, faults=failure, standby=standby)
@@ -432,7 +432,7 @@ check("kim2023-030", "icn2007-016", counter={"pause": 84.0})(
 @numeric("kim2023-031", master_pause=2, slave_pause=1.5)
 @numeric("kim2023-032", "icn2007-030", master_pause=3, slave_pause=2)
 def transaction(*, master_pause: float, slave_pause: float) -> float:
-    """Bit times with the shortest printed pauses, or with those of vendors' 156 us."""
+    """Bit times of a transaction with the shortest printed pauses, or in the vendors' 156 us."""
     return Transaction(master_pause, slave_pause).bits
 
 

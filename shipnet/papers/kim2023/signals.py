@@ -27,7 +27,7 @@ from shipnet.papers.registry import check, numeric
 
 @check("kim2023-025", "icn2007-049", counter={"near": 100.0, "far": 5.0})
 def louder_far_from_supply(*, near: float = 5.0, far: float = 100.0) -> bool:
-    """Whether a slave at `far` makes more voltage at the master than one at `near`."""
+    """Whether a slave at `far` causes a larger voltage at the master than one at `near`."""
     u = line(100, slaves=(near, far)).waveform(Response(0x6)).u
     smaller, larger = np.abs(u).max(axis=-1)
     return bool(larger > smaller)
@@ -178,7 +178,7 @@ def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
 check("kim2023-061", counter={"faults": 4})(lambda *, faults=1: undetected(faults)[0] == 0)
 
 
-# Section 3.3, 3.6 and Table 2: immunity.
+# Sections 3.3 and 3.6, Table 2: immunity.
 
 
 @check("kim2023-012", counter={"deviations": (0.5, 0.7)})

@@ -34,7 +34,7 @@ BIT_RATE = float(_PRINTED["baud_rate"])
 LINE = SerialLine(BIT_RATE, _PRINTED["data_bits"] + _PRINTED["parity"][0] + _PRINTED["stop_bits"])
 AMS, JB1, JB3 = (int(_STATIONS[station]) for station in ("AMS", "JB1", "JB3"))
 
-#: Points of Table 3, and so registers of one request for all.
+#: Points of Table 3, and therefore the registers of one request for all of them.
 POINTS = int(datasets.read("lee2012_table3_sensors.csv")["quantity_points"].astype(int).sum())
 
 #: Fig 4: widths of the fields after the silence [byte].
@@ -53,7 +53,7 @@ def read(registers: int, start: int = 0) -> Request:
 
 
 def answer(registers: int) -> Response:
-    """Return a response with this many registers of 0."""
+    """Return a response with this many registers that are 0."""
     return Response(_FC03, registers=(0,) * registers)
 
 
@@ -163,13 +163,13 @@ def data_of_two_bytes(*, exceptions: bool = False) -> bool:
 
 @check("lee2012-078", counter={"quantities": (1, 126)})
 def reads_one_or_several(*, quantities: tuple[int, ...] = (1, 2, POINTS)) -> bool:
-    """Whether one request with function code 3 reads these numbers of registers."""
+    """Whether one request with function code 3 can read each of these numbers of registers."""
     return all(is_legal(read, n) and read(n).response_size == 2 + 2 * n for n in quantities)
 
 
 @check("lee2012-077", counter={"gap": 3.5})
 def joins_frames(*, gap: float = 3.0) -> bool:
-    """Whether a frame that follows another after this many characters is read as its end."""
+    """Whether a frame that follows another after this many characters is read as part of it."""
     first, second = (read(1).rtu(unit) for unit in (JB1, JB3))
     separate = gap * LINE.character_time >= LINE.t35
     try:
@@ -217,7 +217,7 @@ numeric("lee2012-035")(
 
 @numeric("lee2012-036")
 def most_registers(*, longest_pdu: int = MAX_PDU) -> int:
-    """Most registers of one response."""
+    """Largest number of registers in one response."""
     return (longest_pdu - len(answer(1).pdu) + 2) // 2
 
 
@@ -226,7 +226,7 @@ numeric("lee2012-098")(lambda *, widths=_WIDTHS["response"]: sum(widths))
 
 @numeric("lee2012-057")
 def time_to_response(*, request: int = 8, response: int = 8, rate: float = BIT_RATE) -> float:
-    """Time from a request to the end of the drawn response, without processing [us]."""
+    """Time from the start of a request to the end of the drawn response, no processing [us]."""
     line = _serial(rate)
     return 1e6 * (line.frame_time(request) + line.t35 + line.frame_time(response))
 
@@ -256,7 +256,7 @@ def destroys_both(*, disturbed: tuple[float, ...] = ()) -> bool:
 
 @check("lee2012-068", counter={"timeout": 2.5})
 def asks_and_sends_again(*, timeout: float = System().timeout) -> bool:
-    """Whether a damaged CAN frame is sent again, and a lost Modbus frame asked again within 2 s."""
+    """Whether a damaged CAN frame is sent again, and a lost Modbus poll repeated within 2 s."""
     sent = simulate(TOGETHER, 125e3, until=0.5, faults=ErrorAt(100e-6)).events()
     on_can = sent["retries"].max() > 0 and (sent["outcome"] == "sent").all()
     lost, rng = [LostModbusFrames("1", request=1.0)], np.random.default_rng(0)

@@ -33,7 +33,7 @@ _METRIC_HORSEPOWER = 75 * 9.80665
 
 
 def _volume(cylinders: int = CYLINDERS, strokes: int = 2) -> float:
-    """Return the volume that the pistons sweep in the working strokes of one turn [m3].
+    """Return the volume that the pistons sweep in the working strokes of one revolution [m3].
 
     Bore and stroke: MAN B&W, S50MC-C project guide, Fig. 1.02.
     """
@@ -67,7 +67,7 @@ def per_kilowatt_hour(per_horsepower_hour: float) -> float:
 
 @numeric("lee2012-011")
 def cylinders(*, power_class: float = 13000.0, pressure: float = PRESSURE) -> float:
-    """Cylinders that the power class needs."""
+    """Number of cylinders that the power class needs."""
     return power_class / power(pressure=pressure, cylinders=1)
 
 
@@ -99,7 +99,7 @@ _DOUBLE_ROW = "2"
 def printed_points(*, double_row: bool = True) -> PointList:
     """Return the 99 points of Table 3, or 89 without its possible duplicate row.
 
-    The current loops stay, since section IV.1.b reads the exhaust gas through the I/V converter.
+    The current loops stay, because in section IV.1.b the I/V converter serves the exhaust gas.
     """
     rows = datasets.read("synthetic_iolist_engine.csv")["printed_row"].astype(str)
     points = zip(read_points(), rows, strict=True)
@@ -142,7 +142,7 @@ def modes(*, boxes: tuple[str, ...] = ("JB1", "JB2", "JB3")) -> int:
 
 @numeric("lee2012-087")
 def converter_kinds(*, analogue_only: bool = False) -> int:
-    """Kinds of signals; a box needs a converter for each."""
+    """Kinds of signal; a box needs a converter for each."""
     return len({p.condition for p in read_points() if p.analogue or not analogue_only})
 
 

@@ -108,13 +108,13 @@ def conversion_times_differ(*, inputs: tuple[int, ...] = ()) -> bool:
 
 @check("lee2012-085", counter={"update_period": 6.0})
 def healthy_boxes_are_not_marked(*, update_period: float = System().update_period) -> bool:
-    """Whether no healthy box with this update period is marked."""
+    """Whether healthy boxes with this update period stay unmarked."""
     return not len(simulate(System(update_period=update_period), until=60).alarms())
 
 
 @numeric("lee2012-047")
 def interrupts(*, silent_box: bool = True) -> int:
-    """Kinds of interrupts in the loop of JB1, with one box silent or none."""
+    """Kinds of interrupt in the loop of JB1, with one box silent or none."""
     faults = [DeadBox("JB2", start=10.0)] if silent_box else []
     work = simulate(System(), faults=faults, until=20).timeline(0, 20).table()
     return len(set(work.loc[work["row"] == "JB1", "task"]) - {"convert", "send"})

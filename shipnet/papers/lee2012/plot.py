@@ -44,7 +44,7 @@ def _flow(*, ax: Axes) -> Axes:
     for column, title in enumerate(titles):
         ax.text(2.2 * column, 4.0, title, ha="center", va="center", weight="bold")
     diagram("lee2012", "Fig 6", ax=ax)
-    # The loop returns to the conversion: the mode is read once.
+    # The loop returns to the conversion, because the mode is read only once.
     ax.plot([-0.82, -1.05, -1.05], [0.3, 0.3, 2.3], color="0.3", lw=1)
     arrow(ax, (-1.05, 2.3), (-0.82, 2.3))
     return style.bare(ax, (-1.3, 7.6), (-0.1, 4.25))
@@ -67,7 +67,7 @@ def plot_inputs(card: InputCard, corrected: InputCard, *, axes: Sequence[Axes]) 
 
 
 def plot_channels(channels: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]], *, ax: Axes) -> Axes:
-    """Draw traces below each other, each with its own scale, as an oscilloscope does."""
+    """Draw traces one below the other, each with its own scale, as an oscilloscope does."""
     middles = []
     for place, (name, (time, level)) in enumerate(channels.items()):
         at, value = np.asarray(time, dtype=np.float64), np.asarray(level, dtype=np.float64)
