@@ -1,5 +1,5 @@
 # make            run every notebook, build the book under build/site/, print the ledger's summary
-# make test       lint, types, floors, tests, notebooks under strict nbval, wheel, browser
+# make test       lint, types, layers, tests, notebooks under strict nbval, wheel, browser
 # make notebooks  re-execute the notebooks; show what would change; store it with ACCEPT=1
 # make lessons    derive the editions of the lessons whose source changed, and their slides
 # make nbval      the notebooks that your changes can move, under strict nbval; one with NB=path
@@ -77,7 +77,7 @@ test: setup
 MYPY := $(PY) -c "import gc; gc.enable = gc.disable; from mypy.__main__ import console_entry as check; check()"
 
 lint: setup
-	@echo "lint, spelling, types, floors"
+	@echo "lint, spelling, types, layers"
 	@$(BIN)/ruff check --quiet
 	@$(BIN)/typos
 	@$(BIN)/ruff format --check --quiet || { $(BIN)/ruff format --diff --quiet; exit 1; }
