@@ -36,7 +36,7 @@ def test_every_file_that_the_page_names_exists():
 
 
 def test_there_are_no_import_cycles():
-    """Type-only imports and imports inside functions count: a cycle hides which file to read first."""
+    """Type-only imports and imports inside functions count: a cycle hides what to read first."""
     graph = grimp.build_graph("shipnet", exclude_type_checking_imports=False, cache_dir=None)
     imports = networkx.DiGraph(
         (name, other)
