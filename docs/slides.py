@@ -4,7 +4,8 @@ A heading of level 2 begins a column; other text and the questions begin slides 
 result of a prediction is on the next slide, and each exercise has its own slide. Figures, the
 glossary and the output of more than eight lines of code are shown without the code; widgets are
 left out. The speaker view (key S) shows the minutes of each slide and the solutions. In the
-browser, slides_template/fit.js fits figures to the space that is left and continues tall pages below.
+browser, slides_template/fit.js fits figures to the remaining space and splits slides that are too
+tall.
 """
 
 from __future__ import annotations
