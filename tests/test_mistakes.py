@@ -39,7 +39,7 @@ def allowed(name, parameter):
 
 
 def public(front):
-    """Yield the public functions and classes of a package, and of its namespaces but those of papers."""
+    """Yield the public functions and classes of a package and its namespaces, except in papers."""
     module = importlib.import_module(f"shipnet.{front}")
     for name in module.__all__:
         value = getattr(module, name)
