@@ -1,21 +1,21 @@
 # make            run every notebook, build the book under build/site/, print the ledger's summary
-# make test       lint, types, floors, tests, notebooks under strict nbval, wheel, browser
-# make notebooks  re-execute the notebooks; show what would change; store it with ACCEPT=1
+# make test       lint, types, layers, tests, notebooks under strict nbval, wheel, browser
+# make notebooks  execute the notebooks and show what would change; ACCEPT=1 stores it
 # make lessons    derive the editions of the lessons whose source changed, and their slides
-# make nbval      the notebooks that your changes can move, under strict nbval; one with NB=path
-# make renew      after a change of data: check sums, counts of claims, numbers of the README
+# make nbval      test the notebooks that your changes affect, or NB=path, under strict nbval
+# make renew      update check sums, counts of claims and the README after a change of data
 # make dist       build the wheel and the source distribution under dist/
-# make coverage   which lines the unit tests never run
-# make handout    build/handout.zip: what students get, without solutions
-# make wheels     fill build/wheels for a room without a network; SYSTEM=windows PYTHON=3.12
+# make coverage   show which lines the unit tests do not run
+# make handout    write build/handout.zip for students, without solutions
+# make wheels     fill build/wheels for a classroom without a network; SYSTEM=windows PYTHON=3.12
 # make lab        open JupyterLab
 # make app        serve the interactive tools of notebooks/explore/ as web pages, with an index
-# make bench      ratios against peers, measured side by side; how main jobs grow: build/growth.html
-# make fuzz       hostile bytes for every reader and decoder, ten minutes
-# make mutants    break the code in every small way, and see whether a test or the ledger notices; an hour
-# make clients    what other makers' Modbus clients believe when the wire has faults; five minutes
-# make lock       resolve requirements.lock anew
-# make clean      remove everything that make made, but for .venv and .tools
+# make bench      compare speed with other programs; plot how main jobs scale: build/growth.html
+# make fuzz       feed hostile bytes to every reader and decoder (ten minutes)
+# make mutants    make small changes to the code; a test or the ledger must detect them (an hour)
+# make clients    test how Modbus clients of other makers handle faults on the wire (five minutes)
+# make lock       regenerate requirements.lock
+# make clean      remove everything that make created, except .venv and .tools
 
 UV_VERSION := 0.9.30
 UV  := $(or $(shell command -v uv 2>/dev/null),.tools/bin/uv)
@@ -23,15 +23,15 @@ BIN := .venv/bin
 PY  := $(BIN)/python
 
 export OMP_NUM_THREADS := 1
-# A list of fonts of this environment's own: a stale one of another would warn in the notebooks.
+# This environment has its own font list; a stale one would cause warnings in the notebooks.
 export MPLCONFIGDIR := $(CURDIR)/.venv/matplotlib
 # No Python interpreter is ever downloaded.
 export UV_PYTHON_DOWNLOADS := never
-# Compiled modules are kept, in the environment, also where the caller asks Python not to write any:
-# each notebook and each program that a test starts would compile pandas and matplotlib anew.
+# Compiled modules are kept in the environment, even if the caller disables them: otherwise each
+# notebook and each program that a test starts would compile pandas and matplotlib again.
 export PYTHONPYCACHEPREFIX := $(CURDIR)/.venv/pycache
 unexport PYTHONDONTWRITEBYTECODE
-# With a backend set, no figure would reach a notebook.
+# If a backend is set, no figure reaches a notebook.
 unexport MPLBACKEND
 unexport VIRTUAL_ENV
 
@@ -63,8 +63,8 @@ site: setup
 notebooks: setup
 	@$(PY) docs/notebooks.py store $(if $(filter 1,$(ACCEPT)),--accept)
 
-# Lint and book fill the pauses of the unit tests; what they say comes at the end. The unit tests run
-# the notebooks and compare what is stored, so the book need not run them again.
+# Lint and book run beside the unit tests, and their output follows at the end. The unit tests execute
+# the notebooks and compare the stored outputs, so the book does not execute them again.
 test: setup
 	@mkdir -p build
 	@$(MAKE) --no-print-directory lint site STORED=--stored > build/test.log 2>&1 & others=$$!; \
@@ -73,19 +73,19 @@ test: setup
 	@$(MAKE) --no-print-directory browser
 	@echo "all tests passed"
 
-# Garbage collection takes two fifths of the time of mypy, which keeps all that it builds.
+# Garbage collection takes two fifths of the time of mypy and frees almost nothing.
 MYPY := $(PY) -c "import gc; gc.enable = gc.disable; from mypy.__main__ import console_entry as check; check()"
 
 lint: setup
-	@echo "lint, spelling, types, floors"
+	@echo "lint, spelling, types, layers"
 	@$(BIN)/ruff check --quiet
 	@$(BIN)/typos
 	@$(BIN)/ruff format --check --quiet || { $(BIN)/ruff format --diff --quiet; exit 1; }
 	@$(MYPY) --no-error-summary
 	@$(BIN)/lint-imports --no-logo
 
-# The browser tests come last and alone: a busy machine makes a browser slow. Three at a time, for
-# they mostly wait for a kernel to start.
+# The browser tests run last and alone, because a busy machine makes a browser slow. Three run at a
+# time, because they mostly wait for a kernel to start.
 NBVAL := --nbval --nbval-current-env --nbval-sanitize-with=tests/nbval_sanitize.cfg \
          --nbval-cell-timeout=60
 UNIT  := $(BIN)/pytest -q -n logical --dist loadscope --doctest-modules $(NBVAL) \
@@ -96,12 +96,12 @@ unit: setup
 	@echo "unit, property and doc tests, notebooks under strict nbval, wheel"
 	@$(UNIT)
 
-# By default, what differs from the last commit decides.
+# By default, the notebooks affected by the differences from the last commit.
 NB = $(shell $(PY) docs/notebooks.py affected $$(git diff --name-only HEAD))
 
 nbval: setup
 	@for notebook in $(or $(NB),none); do \
-	  [ $$notebook != none ] || { echo "no change since the last commit moves a notebook"; exit 0; }; \
+	  [ $$notebook != none ] || { echo "no change since the last commit affects a notebook"; exit 0; }; \
 	  $(BIN)/pytest -q $(NBVAL) $$notebook || exit 1; done
 
 renew: setup

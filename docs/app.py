@@ -3,12 +3,12 @@
     python docs/app.py [folder] [options of Voila]
 
 The index has a card for each notebook, with its title, its first sentences and its first figure,
-which the tool's own `draw` made; storing a notebook renews its card. Nothing is loaded from
-outside: the templates in docs/voila/ leave out what Voila would fetch.
+as they are stored. The pages load nothing from the network: the templates in docs/voila/ leave out
+what Voila would fetch.
 
-A page begins with the figure of its card, until the tool itself is there. Worked examples appear
-with the outputs that the notebook stores; only cells without any are run, and the tool. Voila
-keeps a kernel ready for each tool, about 100 MB; `--preheat_kernel=False` starts kernels on demand.
+A page shows the figure of its card until the tool is ready. Worked examples appear with their
+stored outputs; only the tool and cells without stored outputs are run. Voila keeps a kernel ready
+for each tool (about 100 MB); `--preheat_kernel=False` starts kernels on demand.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ ROOT = Path(__file__).resolve().parent.parent
 SOURCE = ROOT / "docs" / "voila"
 STYLE = ROOT / "shipnet" / "tools" / "page.css"
 
-# Whether a kernel of each notebook has run it before its page is asked for.
+# Whether Voila runs each notebook before its page is requested.
 PREHEAT = "--preheat_kernel"
-# An extension made for JupyterLab, which fails aloud here.
+# An extension for JupyterLab, which raises an error here.
 NOT_NEEDED = "--VoilaConfiguration.extension_denylist=@jupyter-notebook/lab-extension"
-# Kernels whose pages are closed end after so many seconds.
+# Kernels whose pages are closed end after 120 s.
 CULL = ("--MappingKernelManager.cull_idle_timeout=120", "--MappingKernelManager.cull_interval=30")
 
 
 @dataclass(frozen=True)
 class Card:
-    """What the index says of a tool; `picture` is a PNG file in base64, empty if there is none."""
+    """Entry of a tool in the index; `picture` is a PNG file in base64, or empty."""
 
     name: str
     title: str
@@ -51,7 +51,7 @@ def cards(folder: Path) -> list[Card]:
 
 
 def card(path: Path) -> Card:
-    """Return the card of a notebook whose first cell is its title and what it is about."""
+    """Return the card of a notebook whose first cell has its title and a short description."""
     notebook = nbformat.read(path, as_version=4)
     title, lead, *_ = [*notebook.cells[0].source.split("\n\n"), ""]
     picture = next(_pictures(notebook), "")
@@ -75,7 +75,7 @@ def html(one: Card) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return text that neither HTML nor Jinja takes for its own."""
+    """Return text escaped for HTML and Jinja."""
     return escape(text).replace("{", "&#123;")
 
 
@@ -91,19 +91,19 @@ def build(folder: Path, target: Path) -> Path:
 
 
 def voila(folder: Path, data: Path, *options: str) -> tuple[list[str], dict[str, str]]:
-    """Return command and environment of Voila for a folder, with the template below `data`."""
+    """Return the command and environment that run Voila, with the template below `data`."""
     found = os.environ.get("JUPYTER_PATH")
     environment = os.environ | {"JUPYTER_PATH": os.pathsep.join(filter(None, [str(data), found]))}
     fixed = ("--no-browser", "--theme=light", "--template=shipnet", NOT_NEEDED, *CULL)
     if not any(option.startswith(PREHEAT) for option in options):
-        # The next one waits until the page is there and its first moves are made.
+        # The next kernel starts after the page has loaded and its first updates are done.
         fixed += (f"{PREHEAT}=True", "--VoilaKernelManager.fill_delay=5")
     pool = str(ROOT / "docs" / "pool.py")
     return [sys.executable, pool, *fixed, *options, str(folder)], environment
 
 
 def main(argv: list[str]) -> None:
-    """Build the template and become Voila."""
+    """Build the template and replace this process with Voila."""
     folder = ROOT / "notebooks" / "explore"
     if argv and not argv[0].startswith("-"):
         folder = Path(argv.pop(0)).resolve()

@@ -2,9 +2,9 @@
 
     python docs/build.py [--stored]
 
-With --stored, no notebook is executed: the outputs that are stored go into the book, as long as the
-tests compare them. The Sphinx source is put together in build/book, the pages are in build/site.
-Any warning is an error. What did not change is not built again.
+With --stored, no notebook is executed; the book shows the stored outputs, which the tests compare.
+The Sphinx source is assembled in build/book, and the pages are in build/site. Any warning is an
+error. Unchanged pages are not rebuilt.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ ROOT = Path(__file__).resolve().parent.parent
 INPUTS = (
     "notebooks", "shipnet", "data", "docs", "tests/reference", "requirements.lock", "CHANGELOG.md",
 )  # fmt: skip
-# Sphinx follows its sources, not the code that turns them into pages.
+# Sphinx detects changed sources, but not changes in the code that turns them into pages.
 MACHINERY = ("docs/_ext", "docs/_static", "docs/build.py", "docs/conf.py", "requirements.lock")
-#: Folders of notebooks by their captions, in the order of the navigation.
+#: Caption of each folder of notebooks, in the order of the navigation.
 CAPTIONS = {"": "Start here", "lessons": "Lessons", "explore": "Tools", "papers": "Papers"}
 CAPTIONS |= {"real": "Real lines"}
 REFERENCE = ("ledger.md", "errata.md", "data/SOURCES.md", "api/shipnet.rst", "CHANGELOG.md")
@@ -44,13 +44,13 @@ COLUMNS = ["id", "where", "claim", "the paper says", "we compute", "verdict"]
 
 
 def natural(name: str) -> list[tuple[float, str]]:
-    """Sort key by which `10_x` comes after `9_x`."""
+    """Return a sort key that puts `10_x` after `9_x`."""
     parts = re.findall(r"\d+|\D+", name)
     return [(int(part), "") if part.isdigit() else (math.inf, part) for part in parts]
 
 
 def contents(names: set[str]) -> str:
-    """Return the navigation: a toctree for each kind of notebooks, then the other pages."""
+    """Return the navigation: a toctree for each kind of notebook, then the other pages."""
     chapters: dict[str, list[str]] = {folder: [] for folder in CAPTIONS}
     # A folder's README comes first; papers come in the order of PAPERS.
     order = {f"papers/{paper}": f"papers/{n}" for n, paper in enumerate(PAPERS)}
@@ -86,7 +86,7 @@ def papers_table(names: Iterable[str]) -> str:
 
 
 def api_pages(root: Path) -> Iterator[tuple[str, str]]:
-    """Yield (name, text) of a page for the package, and one for each front that it shows."""
+    """Yield (name, text) of a page for shipnet, and of one for the public API of each package."""
     package = importlib.import_module("shipnet")
     public = {name: getattr(package, name) for name in sorted(dir(package))}
     shown = [name for name, value in public.items() if isinstance(value, types.ModuleType)]
@@ -102,13 +102,13 @@ def api_pages(root: Path) -> Iterator[tuple[str, str]]:
     yield "api/shipnet.rst", "\n".join(lines) + "\n"
     seen: set[int] = set()
     for name in shown:
-        yield f"api/shipnet.{name}.rst", "\n".join(_front_page(f"shipnet.{name}", seen)) + "\n"
+        yield f"api/shipnet.{name}.rst", "\n".join(_api_page(f"shipnet.{name}", seen)) + "\n"
 
 
-def _front_page(name: str, seen: set[int], underline: str = "=") -> Iterator[str]:
-    """Yield the lines of a front's page: its docstring, its names, then its namespaces.
+def _api_page(name: str, seen: set[int], underline: str = "=") -> Iterator[str]:
+    """Yield the lines of a package's page: its docstring, its public names, its namespaces.
 
-    An object that two fronts export, `seen` before, is indexed once.
+    An object that two packages export is indexed only once; `seen` has those indexed so far.
     """
     module = importlib.import_module(name)
     yield from (name, underline * len(name), "", f".. automodule:: {name}")
@@ -120,7 +120,7 @@ def _front_page(name: str, seen: set[int], underline: str = "=") -> Iterator[str
     for one, value in public.items():
         if isinstance(value, types.ModuleType):
             yield ""
-            yield from _front_page(f"{name}.{one}", seen, "-")
+            yield from _api_page(f"{name}.{one}", seen, "-")
 
 
 def _entry(name: str, value: object, seen: set[int]) -> Iterator[str]:
@@ -141,7 +141,7 @@ def glossary_page() -> str:
     from shipnet.exercises import glossary
 
     rows = (f"| {term} | {word.korean} | {word.meaning} |" for term, word in glossary().iterrows())
-    about = "The field's words, with the Korean terms of the papers where they print one."
+    about = "The field's terms, with the Korean terms that the papers print."
     table = ["| term | Korean | meaning |", "|---|---|---|", *rows]
     return "\n".join(["# Glossary", "", about, "", *table, ""])
 
@@ -158,10 +158,11 @@ def ledger_page() -> str:
     )
     parts = [
         "# Ledger",
-        "What the papers print, and what shipnet computes. Below a claim stand a note and the "
-        "evidence. Below a computed value stand its distance from the printed one and its basis: a "
-        "model of this package, arithmetic on printed or standard numbers, or a count of what the "
-        "paper's tables print. Below a verdict stands its condition, unless it holds as printed.",
+        "What the papers print, and what shipnet computes. Each claim is followed by a note and "
+        "the evidence. Each computed value is followed by its deviation from the printed one and "
+        "its basis: a model of this package, arithmetic on printed or standard numbers, or a count "
+        "in the paper's tables. Each verdict is followed by its condition, unless it holds as "
+        "printed.",
         _table(["paper", *done.columns], counts),
     ]
     for key, claims in everything.table().reset_index().groupby("paper", sort=False):
@@ -182,20 +183,20 @@ def errata_page() -> str:
     listed = table.loc[[*errata.index, *differing.index]].reset_index()
     parts = [
         "# Errata",
-        f"{len(errata)} misprints, wrong terms and slips of numbering in the five papers, and "
-        f"{len(differing)} statements that need a correction or a qualification. Each was given "
-        "its best reading first; the reason stands below the correction. All claims, also those "
-        "that agree, are in the [ledger](ledger.md).",
+        f"{len(errata)} misprints, wrong terms and numbering errors in the five papers, and "
+        f"{len(differing)} statements that need a correction or a qualification. We chose the "
+        "reading that favours the paper; the reason is given below each correction. The "
+        "[ledger](ledger.md) contains all claims, including those that agree.",
     ]
     for key in listed["paper"].unique():
         claims = listed[listed["paper"] == key].sort_values("id")
         rows = map(_erratum, claims.to_dict("records"))
-        parts += [f"## {key}", _table(["where", "printed", "instead", "verdict"], rows)]
+        parts += [f"## {key}", _table(["where", "printed", "correction", "verdict"], rows)]
     return "\n\n".join(parts) + "\n"
 
 
 def tested_page(root: Path) -> str:
-    """Return the page on tests with its tables: from the tests' own, and from the data files."""
+    """Return the page on tests, with tables from the tests and from the data files."""
     from shipnet import datasets
 
     rows = csv.DictReader(
@@ -213,8 +214,8 @@ def tested_page(root: Path) -> str:
         for table in [datasets.read(name)]
     ]
     for sign, why in (
-        ("synthetic_", "synthetic: made by us"),
-        ("_assumed_", "what kim2014 leaves open, assumed by us"),
+        ("synthetic_", "synthetic, made by us"),
+        ("_assumed_", "assumed by us, because kim2014 does not say"),
     ):
         counts.append(("data files", len(names), sum(sign in name for name in names), why))
     sources = (_row([(str(cell), "") for cell in row]) for row in counts)
@@ -222,10 +223,10 @@ def tested_page(root: Path) -> str:
     return text.replace(
         "<!-- references -->",
         _table(["part", "what", "compared with", "tolerance"], references),
-    ).replace("<!-- sources -->", _table(["table", "rows", "of them", "are"], sources))
+    ).replace("<!-- sources -->", _table(["table", "rows", "affected", "limitation"], sources))
 
 
-#: Tables with rows that rest on something else than the document itself.
+#: Tables with rows that are not based on the document itself.
 UNREAD = [
     (
         "rules for designs",
@@ -234,14 +235,14 @@ UNREAD = [
         "yes",
         "quoted from a paper, a summary or a maker's document",
     ),
-    ("EMC levels", "emc_levels.csv", "confirmed", "yes", "recalled; the standard was not read"),
-    ("cables", "estimated_cables.csv", "status_price", "confirmed", "with an assumed price"),
-    ("cables", "estimated_cables.csv", "status_mass", "confirmed", "with an estimated mass"),
+    ("EMC levels", "emc_levels.csv", "confirmed", "yes", "from memory; the standard was not read"),
+    ("cables", "estimated_cables.csv", "status_price", "confirmed", "price assumed"),
+    ("cables", "estimated_cables.csv", "status_mass", "confirmed", "mass estimated"),
 ]
 
 
 def _values(claim: dict[str, Any]) -> tuple[str, str]:
-    """Return what a claim prints and what is computed, each with its unit."""
+    """Return the printed and the computed value of a claim, each with its unit."""
     from shipnet.papers.judging import computed_text
 
     computed = computed_text(claim)
@@ -256,9 +257,9 @@ def _condition(claim: dict[str, Any]) -> str:
 
 
 def _erratum(claim: dict[str, Any]) -> str:
-    """Return the table row of one erratum, which leads to its claim."""
+    """Return the table row of one erratum, with a link to its claim."""
     printed, computed = _values(claim)
-    # A number is its own correction; a statement that does not hold has its note.
+    # A computed number is the correction; a wrong statement is corrected by its note.
     computed = "" if isinstance(claim["computed"], bool) else computed
     instead, *rest = filter(None, [claim["corrected"] or computed, claim["note"]])
     where = f'<a href="ledger.html#{claim["id"]}">{claim["id"]}</a>'
@@ -278,7 +279,7 @@ def _claim(claim: dict[str, Any]) -> str:
         distance.append(f"{100 * difference:+.2g} %")
     distance += [f"by {claim['basis']}"] * bool(claim["basis"])
     evidence = claim["evidence"].removeprefix("shipnet.papers.")
-    instead = f"instead {claim['corrected']}" if claim["corrected"] else ""
+    instead = f"correct: {claim['corrected']}" if claim["corrected"] else ""
     cells = [
         (claim["id"], ""),
         (claim["where"], ""),
@@ -292,7 +293,7 @@ def _claim(claim: dict[str, Any]) -> str:
 
 
 def _row(cells: Iterable[tuple[str, str]], attributes: str = "") -> str:
-    """Return a table row; each cell is its text and what stands below it in small letters."""
+    """Return a table row; each cell is a text and the small print below it."""
     smalls = ((text, f"<small>{small}</small>" if small else "") for text, small in cells)
     return f"<tr{attributes}>{''.join(f'<td>{text}{small}</td>' for text, small in smalls)}</tr>"
 
@@ -315,11 +316,11 @@ def sources(root: Path) -> dict[str, bytes]:
     pages = [path for kind in ("md", "png", "svg") for path in docs.rglob(f"*.{kind}")]
     files = {path.relative_to(docs).as_posix(): path.read_bytes() for path in pages}
     for path in copies.rglob("*.ipynb"):
-        if path.parent.name != "solutions":  # teachers have the notebooks
+        if path.parent.name != "solutions":  # for teachers, who have the notebooks
             files[f"notebooks/{path.relative_to(copies).as_posix()}"] = path.read_bytes()
     for path in (root / "notebooks").rglob("README.md"):
         files[path.relative_to(root).as_posix()] = path.read_bytes()
-    # The data lie where a notebook's relative link finds them, as downloads.
+    # The data are placed where a notebook's relative links expect them, as downloads.
     others = [*(root / "data").rglob("*"), root / "CHANGELOG.md"]
     for path in (path for path in others if path.is_file()):
         files[path.relative_to(root).as_posix()] = path.read_bytes()
@@ -337,10 +338,10 @@ def sources(root: Path) -> dict[str, bytes]:
 
 
 def assemble(folder: Path, files: dict[str, bytes]) -> bool:
-    """Bring `folder` to hold exactly `files`; return whether a file vanished from it."""
+    """Make `folder` contain exactly `files`; return whether a file was removed."""
     for name, content in files.items():
         path = folder / name
-        # An untouched file keeps its time, by which Sphinx knows that its page is still good.
+        # An unchanged file keeps its time stamp, so that Sphinx does not rebuild its page.
         if not (path.is_file() and path.read_bytes() == content):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
@@ -369,10 +370,10 @@ def main(root: Path = ROOT, *, stored: bool = False) -> int:
     page = site / "index.html"
     if before != now or not page.is_file():
         print("building the book", flush=True)
-        # After a failure there is no stamp: Sphinx warns of a page only when it reads it anew.
+        # Without a stamp, the next run reads every page again, and so repeats its warnings.
         stamp.unlink(missing_ok=True)
         vanished = assemble(book, sources(root))
-        # A page is built anew when its notebook was executed anew, even to the same outputs.
+        # A page is rebuilt if its notebook was executed again, even with the same outputs.
         for copied in (book / "notebooks").rglob("*.ipynb"):
             shutil.copystat(build / copied.relative_to(book), copied)
         if vanished or before.get("machinery") != now["machinery"]:
@@ -388,7 +389,7 @@ def main(root: Path = ROOT, *, stored: bool = False) -> int:
 
 
 if __name__ == "__main__":
-    gc.disable()  # it takes two fifths of the time of Sphinx, which keeps all that it builds
+    gc.disable()  # it takes two fifths of the time of Sphinx and frees almost nothing
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--stored", action="store_true", help="run no notebook")
+    parser.add_argument("--stored", action="store_true", help="do not execute notebooks")
     sys.exit(main(stored=parser.parse_args().stored))

@@ -1,4 +1,4 @@
-"""Sphinx configuration of the book; docs/build.py puts its source together."""
+"""Sphinx configuration of the book; docs/build.py assembles its source."""
 
 import sys
 from pathlib import Path
@@ -16,7 +16,7 @@ copyright = "the shipnet authors"
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "mathml", "captions"]
 
-# The notebooks arrive executed.
+# The notebooks already contain their outputs.
 nb_execution_mode = "off"
 nb_merge_streams = True
 # The default is require.js from a CDN; the book works offline.
@@ -26,15 +26,15 @@ myst_enable_extensions = ["amsmath", "dollarmath"]
 myst_dmath_double_inline = True
 myst_heading_anchors = 3
 
-# `name` in a docstring becomes a link where there is such an object, and code elsewhere.
+# `name` in a docstring becomes a link if such an object exists, and code otherwise.
 default_role = "obj"
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
-# The Parameters section says the types, in words and with the unit.
+# The Parameters section gives the types, in words and with the unit.
 autodoc_typehints = "none"
 add_module_names = False
 numpydoc_show_class_members = False
-# numpydoc makes an environment for each docstring, and compiles its one template in each anew.
+# numpydoc would create an environment and compile its template again for each docstring.
 _made: dict[str, SandboxedEnvironment] = {}
 docscrape_sphinx.SandboxedEnvironment = lambda loader: _made.setdefault(
     "numpydoc", SandboxedEnvironment(loader=loader)

@@ -1,14 +1,14 @@
-"""Derive the editions of a lesson from its one source, notebooks/lessons/source/NN_name.md.
+"""Derive the editions of a lesson from its source, notebooks/lessons/source/NN_name.md.
 
-    python docs/editions.py derive [NN ...]     write what is committed, with outputs
-    python docs/editions.py check               say which committed edition is not what derives
+    python docs/editions.py derive [NN ...]     write and execute the committed editions
+    python docs/editions.py check               list the editions that differ from their source
     python docs/editions.py slides [NN ...]     build/slides/NN_name.html, needs no network
     python docs/editions.py nbgrader [NN ...]   build/nbgrader/source/NN_name/NN_name.ipynb
     python docs/editions.py otter [NN ...]      build/otter/NN_name.ipynb, for `otter assign`
     python docs/editions.py handout             build/handout.zip, for students
 
-A source is a MyST notebook: Markdown with code cells. The students' edition drops the solutions;
-the solutions' edition holds the exercises only, solved.
+A source is a MyST notebook: Markdown with code cells. The students' edition leaves out the
+solutions; the solutions' edition contains only the solved exercises.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LESSONS = Path("notebooks/lessons")
 #: Folders of the lessons that students do not get.
 TEACHERS = {"source", "solutions", "teaching"}
-#: A stub line, and the region that holds the solution, as nbgrader marks it.
+#: A stub line, and the region that contains the solution, as nbgrader marks it.
 SOLUTION = re.compile(
     r"^(?P<stub>[^\n]*\n)[ ]*### BEGIN SOLUTION\n(?P<body>.*?)"
     r"[ ]*### END SOLUTION$\n?",
@@ -41,14 +41,14 @@ SOLUTION = re.compile(
 )
 EXERCISE = re.compile(r"ex-\d\d-\d+")
 
-#: How long a class takes, chosen near what reviewers of the lessons estimated and not measured in a
-#: class: words and lines of code per minute, in a second language, with figures and talk; minutes
-#: of a prediction, and of an exercise with its text.
+#: Pace of a class: words and lines of code per minute, in a second language, including figures and
+#: discussion; minutes per prediction, and per exercise with its text. These values are close to
+#: estimates by reviewers of the lessons; no class was timed.
 WORDS, LINES, PREDICTION, TASK = 50, 10, 1, 6
-#: The parts that are for home, and those that nobody reads in class.
+#: The parts that are homework, and those that are not read in class.
 HOME, QUESTIONS, UNREAD = "At home", "**Questions**", ("Words", "References")
 HEADING = re.compile("^## (.+)$", re.MULTILINE)
-#: Where the time of a lesson stands in its source.
+#: Placeholder for the time of a lesson in its source.
 TIME = "{time}"
 
 
@@ -115,14 +115,14 @@ class Part:
 
     @property
     def minutes(self) -> float:
-        """How long it takes, without what is for home."""
+        """Duration in class [min], without homework."""
         if self.tasks:
             return self.tasks * TASK
         return self.words / WORDS + self.lines / LINES + self.predictions * PREDICTION
 
 
 def measure(lesson: NotebookNode) -> dict[str, Part]:
-    """Return what students read and do under each heading; "" is what comes before."""
+    """Return what students read and do under each heading; "" is before the first heading."""
     parts = {"": Part()}
     for cell in lesson.cells:
         for line in stub(cell.source).splitlines() if "solution" not in tags(cell) else ():
@@ -159,7 +159,7 @@ def _timed(heading: str, part: Part) -> str:
 
 
 def table(root: Path) -> str:
-    """Return the table of how long the lessons are, as it is in their README."""
+    """Return the table of the duration of the lessons, for their README."""
     columns = ("words in class", "words at home", "lines of code", "minutes in class")
     rows = [f"| lesson | {' | '.join(columns)} | minutes at home |", "|---" * 6 + "|"]
     for source in sources(root):
@@ -172,7 +172,7 @@ def table(root: Path) -> str:
 
 
 def readme(root: Path) -> str:
-    """Return the README of the lessons with the table as it is."""
+    """Return the README of the lessons with an up-to-date table."""
     text = (root / LESSONS / "README.md").read_text("utf-8")
     return re.sub(
         r"^\| lesson \| words .*?\n(?!\|)", lambda _: table(root) + "\n", text, flags=re.M | re.S
@@ -182,7 +182,7 @@ def readme(root: Path) -> str:
 def solutions_edition(lesson: NotebookNode) -> NotebookNode:
     """Return the title, the cells tagged `setup`, and the section of the exercises, solved."""
     title = lesson.cells[0].source.partition("\n")[0].removeprefix("# ")
-    about = f"# Solutions: {title}\n\nFor the teacher: the exercises of the lesson, solved."
+    about = f"# Solutions: {title}\n\nFor the teacher: the solved exercises of the lesson."
 
     def cells() -> Iterator[NotebookNode]:
         yield new_markdown_cell(about)
@@ -191,7 +191,7 @@ def solutions_edition(lesson: NotebookNode) -> NotebookNode:
             if cell.cell_type == "markdown" and cell.source.startswith("## "):
                 inside = cell.source.startswith("## Exercises")
             if inside or "setup" in tags(cell):
-                # The edition lies one folder deeper.
+                # The edition is one folder deeper.
                 text = re.sub(r"\]\((?!#|\w+:)", "](../", cell.source)
                 yield copy_of(cell, text if cell.cell_type == "markdown" else solved(cell.source))
 
@@ -205,7 +205,7 @@ def copy_of(cell: NotebookNode, source: str) -> NotebookNode:
 
 
 def notebook_of(cells: Iterator[NotebookNode]) -> NotebookNode:
-    """Return a notebook whose cells are named by what they say, so that a diff stays small."""
+    """Return a notebook whose cell ids are digests of the cells, so that diffs stay small."""
     notebook = new_notebook(cells=list(cells), metadata=nbformat.from_dict(notebooks.METADATA))
     seen: dict[str, int] = {}
     for cell in notebook.cells:
@@ -216,7 +216,7 @@ def notebook_of(cells: Iterator[NotebookNode]) -> NotebookNode:
 
 
 def editions(root: Path, source: Path) -> dict[Path, NotebookNode]:
-    """Return path -> notebook for what is committed of a lesson, without outputs."""
+    """Return path -> notebook for the committed editions of a lesson, without outputs."""
     lesson, name = read(source), f"{source.stem}.ipynb"
     folder = root / LESSONS
     return {
@@ -235,7 +235,7 @@ def same(one: NotebookNode, other: NotebookNode) -> bool:
 
 
 def executed(notebook: NotebookNode) -> bool:
-    """Return whether every code cell but those of widgets was executed."""
+    """Return whether every code cell except widgets was executed."""
     return all(
         cell.execution_count or "widget" in tags(cell)
         for cell in notebook.cells
@@ -244,7 +244,7 @@ def executed(notebook: NotebookNode) -> bool:
 
 
 def stale(root: Path, numbers: list[str] | None = None) -> dict[Path, NotebookNode]:
-    """Return path -> notebook for each committed edition that is not what its source says."""
+    """Return path -> notebook for each committed edition that differs from its source."""
     return {
         path: notebook
         for source in sources(root, numbers)
@@ -262,7 +262,7 @@ def orphans(root: Path) -> list[Path]:
 
 
 def derive(root: Path, numbers: list[str] | None = None) -> int:
-    """Write what has changed and execute it; return how many notebooks failed."""
+    """Write and execute the changed editions; return the number of notebooks that failed."""
     todo = stale(root, numbers)
     for source in sources(root, numbers):
         for path in editions(root, source):
@@ -310,7 +310,7 @@ def main(argv: list[str] | None = None, root: Path = ROOT) -> int:
     )
     commands = ["derive", "check", "slides", "nbgrader", "otter", "handout"]
     parser.add_argument("command", choices=commands)
-    parser.add_argument("numbers", nargs="*", metavar="NN", help="lessons; all when none is named")
+    parser.add_argument("numbers", nargs="*", metavar="NN", help="numbers of lessons; default: all")
     given = parser.parse_args(argv)
     if given.command == "derive":
         return 1 if derive(root, given.numbers) else 0

@@ -1,6 +1,6 @@
-"""Lessons as nbgrader and otter expect them, made from the tags of a lesson's source.
+"""Lessons in the formats of nbgrader and otter, made from the tags of a lesson's source.
 
-Their check cells assert: both graders take an error for a wrong answer.
+Their check cells contain assertions, because both graders count an error as a wrong answer.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import nbformat
 from nbformat import NotebookNode
 from nbformat.v4 import new_raw_cell
 
-#: What a solved exercise is worth.
+#: Points for a solved exercise.
 POINTS = 1
 
 
@@ -69,7 +69,7 @@ def _raw(text: str) -> NotebookNode:
 
 
 def _without_raise(source: str) -> str:
-    """Return the cell without a stub that raises: graders write their own; a name stays."""
+    """Return the cell without a stub line that raises, because graders insert their own."""
 
     def region(found: re.Match[str]) -> str:
         raises = "raise NotImplementedError" in found["stub"]

@@ -1,7 +1,7 @@
-"""Kernels as forks of a process that has loaded the libraries, where a system can fork.
+"""Kernels forked from a process that has already loaded the libraries, if the system can fork.
 
 Most kernels take longer to load Jupyter, pandas, matplotlib and scipy than their notebook takes to
-compute. A fork has them at once and nothing of the package, and each is a process of its own.
+compute. A fork has these immediately but nothing of shipnet, and each is a process of its own.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LIBRARIES = (
 
 
 class Kernel:
-    """A kernel that is a fork, with what Jupyter uses of `subprocess.Popen`."""
+    """A forked kernel, with the interface of `subprocess.Popen` that Jupyter uses."""
 
     stdin = stdout = stderr = None
 
@@ -43,7 +43,7 @@ class Kernel:
         self.pid = int(server.stdout.readline())
 
     def poll(self) -> int | None:
-        """Return None as long as the kernel runs."""
+        """Return None while the kernel runs, then 0."""
         try:
             os.kill(self.pid, 0)
         except ProcessLookupError:
@@ -51,7 +51,7 @@ class Kernel:
         return None
 
     def wait(self) -> int:
-        """Return the exit code of a kernel that has ended, which nobody asks for."""
+        """Return 0 as the exit code of a kernel that has ended; nothing uses it."""
         return 0
 
     def send_signal(self, number: int) -> None:
@@ -61,9 +61,9 @@ class Kernel:
 
 
 def fork(*, at_once: bool = False) -> None:
-    """Let the kernels that this process starts be forks, where the system can fork.
+    """Make this process start its kernels as forks, if the system can fork.
 
-    The libraries are loaded for the first kernel, or `at_once`.
+    The libraries are loaded for the first kernel, or now if `at_once`.
     """
     from jupyter_client.provisioning import local_provisioner
 
@@ -75,7 +75,7 @@ def fork(*, at_once: bool = False) -> None:
 
 @cache
 def _server() -> Any:
-    """Return the process that forks; it ends when the pipe to it closes."""
+    """Return the process that forks the kernels; it ends when the pipe to it closes."""
     pipe = subprocess.PIPE
     server = subprocess.Popen([sys.executable, __file__], stdin=pipe, stdout=pipe, text=True)
     atexit.register(server.communicate)
@@ -84,13 +84,13 @@ def _server() -> Any:
 
 def _serve() -> None:
     """Fork a kernel for each line of the standard input, and print its process id."""
-    # When they are loaded, pyplot takes the backend from here, and pandas looks for a notebook.
+    # While loading, pyplot reads its backend from here, and pandas checks for a notebook.
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     builtins.get_ipython = lambda: SimpleNamespace(kernel=None)
     for name in LIBRARIES:
         importlib.import_module(name)
     del builtins.get_ipython
-    # No kernel looks for garbage in what is loaded, nor copies it by that.
+    # Garbage collection in a kernel skips what is loaded, so that its memory is not copied.
     gc.freeze()
     signal.signal(signal.SIGCHLD, _bury)
     # Ctrl-C is for the program that starts the kernels.
@@ -101,14 +101,14 @@ def _serve() -> None:
 
 
 def _bury(*_: Any) -> None:
-    """Clear away the kernels that have ended."""
+    """Reap the kernels that have ended."""
     with suppress(ChildProcessError):
         while os.waitpid(-1, os.WNOHANG)[0]:
             pass
 
 
 def _run(arguments: list[str], folder: str, environment: dict[str, str]) -> None:
-    """Run a kernel in a process group of its own, until it ends or the process that forks does."""
+    """Run a kernel in a process group of its own, until it or the forking process ends."""
     from ipykernel.kernelapp import IPKernelApp
 
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
@@ -121,12 +121,12 @@ def _run(arguments: list[str], folder: str, environment: dict[str, str]) -> None
     os.environ.clear()
     os.environ.update(environment)
     IPKernelApp.launch_instance(arguments, parent_handle=os.getppid())
-    # To take the libraries apart, which the others go on using, would take half a second.
+    # A normal exit would spend half a second dismantling the libraries.
     atexit._run_exitfuncs()
     os._exit(0)
 
 
 if __name__ == "__main__":
-    # What a notebook can import from a folder is from its own.
+    # A notebook can import files from its own folder, but not from this one.
     del sys.path[0]
     _serve()

@@ -1,11 +1,11 @@
-"""Execute the notebooks: copies of them for the book, or the stored outputs themselves.
+"""Execute the notebooks: copies for the book, or the stored notebooks themselves.
 
     python docs/notebooks.py run                       execute the stale copies in build/notebooks
     python docs/notebooks.py store [--accept] [paths]  show what would change, or store it
-    python docs/notebooks.py affected FILES            name the notebooks that these files can move
+    python docs/notebooks.py affected FILES            list the notebooks that these files affect
 
-A copy is stale when its notebook, the package, the data or the lock changed. What is stored is
-byte-stable: executing a notebook twice gives the same file, so a diff is something that moved.
+A copy is stale if its notebook, the package, the data or the lock file has changed. Executing a
+notebook twice stores the same bytes, so every difference is a changed result.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 @dataclass(frozen=True)
 class Executed:
-    """What came of one notebook: its new text, or why it failed."""
+    """Result of executing one notebook: its new text, or why it failed."""
 
     path: Path
     seconds: float
@@ -87,7 +87,7 @@ def stable(notebook: NotebookNode) -> str:
             cell.outputs, cell.execution_count = [], None
         merged: list[NotebookNode] = []
         for output in cell.outputs:
-            # The kernel flushes its streams by the clock, so where one output ends is chance.
+            # The kernel flushes its streams at arbitrary times, so where one output ends is random.
             if merged and _stream(output) and _stream(output) == _stream(merged[-1]):
                 merged[-1].text += output.text
             else:
@@ -99,12 +99,12 @@ def stable(notebook: NotebookNode) -> str:
 
 
 def small(picture: str) -> str:
-    """Return a PNG file in base64 with 256 colours, which look the same in a third of the bytes."""
+    """Return a PNG file in base64 with 256 colours: it looks the same at a third of the size."""
     image = Image.open(BytesIO(b64decode(picture))).convert("RGB")
     file = BytesIO()
     for method in (Image.Quantize.FASTOCTREE, Image.Quantize.MAXCOVERAGE):
         colours = image.quantize(method=method, dither=Image.Dither.NONE)
-        # The first is smaller, but can give the page and pale areas one colour.
+        # The first method gives smaller files, but can merge the page with pale areas.
         if min(colours.convert("RGB").getpixel((0, 0))) >= 254:
             break
     colours.save(file, "png", optimize=True)
@@ -128,14 +128,14 @@ def execute(path: Path, tries: int = 3) -> Executed:
             kernel_name="python3",
             record_timing=False,
             resources={"metadata": {"path": str(path.parent)}},
-            # Else every kernel warns that TCP is not encrypted, be it on the loopback.
+            # Otherwise every kernel warns that TCP is not encrypted, even on the loopback.
             extra_arguments=["--log-level=ERROR"],
             on_cell_execute=lambda cell, cell_index: started.append((cell_index, cell)),
         )
         # With another backend set, no figure would reach the notebook.
         client.execute(env={k: v for k, v in os.environ.items() if k != "MPLBACKEND"})
-    except Exception as error:  # whatever it is, it is this notebook's and the others go on
-        # A port that was free when the client chose it can be taken when the kernel opens it.
+    except Exception as error:  # any error is reported for this notebook, and the others go on
+        # A port that was free when the client chose it can be in use when the kernel opens it.
         if isinstance(error, RuntimeError) and not started and tries > 1:
             return execute(path, tries - 1)
         lines = []
@@ -152,7 +152,7 @@ def execute(path: Path, tries: int = 3) -> Executed:
 
 
 def execute_all(root: Path, paths: list[Path]) -> Iterator[Executed]:
-    """Execute notebooks on all cores, with a line for each as it finishes."""
+    """Execute notebooks on all cores, and print a line as each one finishes."""
     for count, done in enumerate(_executed(paths), start=1):
         name = done.path.relative_to(root).as_posix()
         place = f"[{count:{len(str(len(paths)))}}/{len(paths)}]"
@@ -178,7 +178,7 @@ def _executed(paths: list[Path]) -> Iterator[Executed]:
 def run(root: Path, *, stored: bool = False) -> int:
     """Bring build/notebooks up to date; return the number of notebooks that failed.
 
-    With `stored`, none is executed: what is copied are the outputs that the tests compare.
+    With `stored`, none is executed: the copies have the stored outputs, which the tests compare.
     """
     copies = root / "build" / "notebooks"
     marks: dict[Path, str] = {}
@@ -216,7 +216,7 @@ def run(root: Path, *, stored: bool = False) -> int:
 
 
 def store(root: Path, paths: list[Path], *, accept: bool) -> int:
-    """Print what executing the notebooks changes, store it if accepted; return the exit code."""
+    """Print what executing the notebooks changes, store it if accepted, and return an exit code."""
     code = 0
     for done in sorted(execute_all(root, paths or find(root)), key=lambda done: done.path):
         name = done.path.relative_to(root).as_posix()
@@ -225,7 +225,7 @@ def store(root: Path, paths: list[Path], *, accept: bool) -> int:
             continue
         new = nbformat.reads(done.text, as_version=4)
         if noisy := _cells_with_stderr(new):
-            # A warning names a temporary file, so it is another text each time.
+            # A warning names a temporary file, so its text differs each time.
             print("\n".join(f"{name} cell {n}: writes to stderr: not stored" for n in noisy))
             code = 1
             continue
@@ -283,7 +283,7 @@ def _parts(outputs: list[NotebookNode]) -> tuple[str, list[str], list[str]]:
 
 
 def _text_changes(old: str, new: str) -> list[str]:
-    # A number that grew a digit also moves the column that it stands in: compare the words.
+    # A number with one more digit also shifts its column, so compare the words.
     if NUMBER.sub("#", old).split() == NUMBER.sub("#", new).split():
         pairs = zip(NUMBER.findall(old), NUMBER.findall(new), strict=True)
         moved = [f"{was} -> {now}" for was, now in pairs if was != now]
@@ -293,10 +293,10 @@ def _text_changes(old: str, new: str) -> list[str]:
 
 
 def affected(root: Path, files: Iterable[str]) -> list[Path]:
-    """Return the notebooks whose outputs a change of these files can move, by what they import."""
+    """Return the notebooks whose outputs these files can affect, judged by their imports."""
     named = [Path(file) for file in files]
     modules = {_module(file) for file in named if file.parts[0] == "shipnet"}
-    # A file is read by its name, or by what follows the key of a paper in it.
+    # Code names a data file in full, or by the part after the key of a paper.
     data = [file.name for file in named if file.parts[0] == "data"]
     data += [f"_{rest}" for name in data if (rest := name.partition("_")[2])]
     graph = _graph()
@@ -320,7 +320,7 @@ def affected(root: Path, files: Iterable[str]) -> list[Path]:
 
 @cache
 def _graph() -> Any:
-    """Return who imports whom in the package."""
+    """Return the import graph of the package."""
     import grimp  # only one command needs it
 
     return grimp.build_graph("shipnet", cache_dir=None)
@@ -328,9 +328,9 @@ def _graph() -> Any:
 
 @cache
 def _needs(root: Path) -> dict[Path, tuple[str, set[str]]]:
-    """Return the text of each notebook and the modules that it uses, with what these find by name.
+    """Return the text of each notebook and the modules that it uses, also those loaded by name.
 
-    That is what judges the claims of a paper, and the exercises of a lesson.
+    These are the modules that judge the claims of a paper, and the exercises of a lesson.
     """
     needs = {}
     for path in find(root):
@@ -347,14 +347,14 @@ def _needs(root: Path) -> dict[Path, tuple[str, set[str]]]:
 
 
 def _strings(source: str) -> str:
-    """Return the strings of a module, but for those of several lines, which are documentation."""
+    """Return the strings of a module, except those of several lines, which are documentation."""
     nodes = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant))
     texts = (node.value for node in nodes if isinstance(node.value, str))
     return "\n".join(text for text in texts if "\n" not in text)
 
 
 def _module(file: Path) -> str:
-    """Return the module of a file of the package; its folder's if it is not Python."""
+    """Return the module of a file of the package; for other files than Python, their folder's."""
     parts = file.with_suffix("").parts if file.suffix == ".py" else file.parts[:-1]
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
@@ -364,7 +364,7 @@ def _within(module: str, packages: Iterable[str]) -> bool:
 
 
 def _used(root: Path, notebook: NotebookNode) -> set[str]:
-    """Return the modules that define what a notebook uses, or the package where that is unclear."""
+    """Return the modules that define what a notebook uses, or the package if that is unclear."""
     cells = [cell.source for cell in notebook.cells if cell.cell_type == "code"]
     lines = "\n".join(cells).splitlines()
     tree = ast.parse("\n".join("" if line.lstrip()[:1] in "%!" else line for line in lines))
@@ -381,7 +381,7 @@ def _used(root: Path, notebook: NotebookNode) -> set[str]:
 
 
 def _dotted(node: ast.expr, names: dict[str, str]) -> str:
-    """Return ``shipnet.asi.cycle_time`` for ``asi.cycle_time``, nothing for other expressions."""
+    """Return ``shipnet.asi.cycle_time`` for ``asi.cycle_time``, "" for other expressions."""
     if isinstance(node, ast.Name):
         return names.get(node.id, "")
     if isinstance(node, ast.Attribute) and (before := _dotted(node.value, names)):
@@ -390,7 +390,7 @@ def _dotted(node: ast.expr, names: dict[str, str]) -> str:
 
 
 def _defining(root: Path, full: str) -> str:
-    """Return the module from which a front takes a name, as its stub says."""
+    """Return the module that defines a public name, according to the stub of its package."""
     at = "shipnet"
     for name in full.split(".")[1:]:
         folder = root.joinpath(*at.split("."))
@@ -415,9 +415,9 @@ def main(argv: list[str] | None = None, root: Path = ROOT) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("run", help="execute the stale copies in build/notebooks")
     storing = commands.add_parser("store", help="show what would change in the stored outputs")
-    storing.add_argument("--accept", action="store_true", help="store it")
-    storing.add_argument("paths", nargs="*", type=Path, help="notebooks; all when none is named")
-    asking = commands.add_parser("affected", help="name the notebooks that changed files can move")
+    storing.add_argument("--accept", action="store_true", help="store the changes")
+    storing.add_argument("paths", nargs="*", type=Path, help="notebooks; default: all")
+    asking = commands.add_parser("affected", help="list the notebooks that changed files affect")
     asking.add_argument("files", nargs="*", help="files of the repository, such as data/claims.csv")
     given = parser.parse_args(argv)
     if given.command == "run":

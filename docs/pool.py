@@ -1,9 +1,10 @@
-"""Run Voila, with kernels that are forks, and a pool that is filled one kernel at a time.
+"""Run Voila with forked kernels and a pool that is filled one kernel at a time.
 
     python docs/pool.py [arguments of Voila]
 
-If all kernels started at once, the first visitor would wait for all of them. A page whose kernel in
-the pool has not begun to start gets one of its own, and the pool waits until that page is there.
+If all kernels started at once, the first visitor would wait for all of them. If the
+pool has not begun to start the kernel of a page, the page gets its own kernel, and the pool waits
+until that page has loaded.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from voila.voila_kernel_manager import voila_kernel_manager_factory
 
 
 def one_by_one(*arguments: Any, **options: Any) -> type:
-    """Return Voila's manager of kernels, with a pool that is filled one kernel at a time."""
+    """Return Voila's kernel manager with a pool that is filled one kernel at a time."""
     base: Any = voila_kernel_manager_factory(*arguments, **options)
 
     class Manager(base):  # type: ignore[misc]

@@ -1,4 +1,4 @@
-"""Draw the two figures of the README anew: python docs/readme_figures.py."""
+"""Redraw the two figures of the README: python docs/readme_figures.py."""
 
 from pathlib import Path
 

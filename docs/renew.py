@@ -1,9 +1,10 @@
-"""Renew what follows from the data: check sums, and the counts of claims.
+"""Update what is derived from the data: check sums and the counts of claims.
 
     python docs/renew.py
 
-Rewrites the check sums in data/SOURCES.md, the counts in README.md, and the number of claims that a
-model judges in tests/papers/expected_ledger.json, which may only grow. Says what it changed.
+It rewrites the check sums in data/SOURCES.md, the counts in README.md, and the number of claims
+that a model judges in tests/papers/expected_ledger.json, which may only grow. It prints what it
+changed.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ COUNTS = (
 
 
 def check_sums(text: str, data: Path) -> str:
-    """Return the table of sources with the check sums of the files as they are."""
+    """Return the table of sources with up-to-date check sums."""
 
     def renewed(row: re.Match[str]) -> str:
         file = data / row[1]
@@ -33,7 +34,7 @@ def check_sums(text: str, data: Path) -> str:
 
 
 def counts(text: str, totals: dict[str, int]) -> str:
-    """Return text with the sentence that counts the claims as they are; its line breaks stay."""
+    """Return the text with up-to-date counts of claims; line breaks stay where they are."""
     pattern = r"\s+".join(re.sub(r"{\w+}", r"(\\d+)", word) for word in COUNTS.split())
     names = re.findall(r"{(\w+)}", COUNTS)
 
@@ -45,7 +46,7 @@ def counts(text: str, totals: dict[str, int]) -> str:
 
 
 def main(root: Path = ROOT) -> int:
-    """Renew the files of a checkout and return the exit code."""
+    """Update the files of a checkout and return the exit code."""
     sys.path.insert(0, str(root))
     from shipnet.papers import ledger
 
@@ -66,7 +67,7 @@ def main(root: Path = ROOT) -> int:
     for file, text in new.items():
         if file.read_text(encoding="utf-8") != text:
             file.write_text(text, encoding="utf-8", newline="\n")
-            print(f"renewed: {file.relative_to(root)}")
+            print(f"updated: {file.relative_to(root)}")
     return 0
 
 

@@ -1,11 +1,11 @@
-"""Slides of a lesson: one file with everything in it, which needs no network.
+"""Write the slides of a lesson as one file that contains everything and needs no network.
 
-A heading of level 2 begins a column, any other text and the questions a slide below it; what a
-class has to predict comes on the next slide. Each exercise has a slide of its own. Figures, the
-glossary and the output of more than eight lines of code are shown without the code; what only a
-kernel can show is left out. The speaker view (key S) has the minutes of each slide and the
-solutions. In the browser, slides_template/fit.js gives figures the room that is left and continues
-what is too tall on a slide below.
+A heading of level 2 begins a column; other text and the questions begin slides below it. The
+result of a prediction is on the next slide, and each exercise has its own slide. Figures, the
+glossary and the output of more than eight lines of code are shown without the code; widgets are
+left out. The speaker view (key S) shows the minutes of each slide and the solutions. In the
+browser, slides_template/fit.js fits figures to the remaining space and splits slides that are too
+tall.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from nbformat.v4 import new_markdown_cell, new_notebook
 
 TEMPLATE = Path(__file__).parent / "slides_template"
 REVEAL = TEMPLATE / "vendor" / "reveal-5.2.1"
-#: Cells that a class does not watch.
+#: Tags of cells that are not shown to a class.
 HIDDEN = {"setup", "widget", "exercise", "check"}
-#: As many lines of code as a class can read on a slide.
+#: Number of lines of code that a class can read on a slide.
 MOST_LINES = 8
 #: The minutes of a section, which the speaker view shows instead.
 MINUTES = re.compile(r"^\*\d+ minutes?\.\*\n*", re.MULTILINE)
-#: Where a Markdown cell falls into several slides.
+#: Where a Markdown cell is split into several slides.
 PART = re.compile(r"^(?=###? |\*\*Questions\*\*)", re.MULTILINE)
-#: Formulas in rendered Markdown, unless they stand in code.
+#: Formulas in rendered Markdown, except in code.
 FORMULA = re.compile(r"(<code>.*?</code>|<pre.*?</pre>)|\$\$(.+?)\$\$|\$(.+?)\$", re.DOTALL)
 
 
@@ -53,7 +53,7 @@ def _formula(found: re.Match[str]) -> str:
 
 
 def split(notebook: NotebookNode) -> None:
-    """Let each heading of level 2 or 3, and the questions, begin a cell of their own."""
+    """Start a new cell at each heading of level 2 or 3, and at the questions."""
     cells = []
     for cell in notebook.cells:
         text = MINUTES.sub("", cell.source)
@@ -64,7 +64,7 @@ def split(notebook: NotebookNode) -> None:
 
 
 def mark(notebook: NotebookNode) -> None:
-    """Set the kind of slide of every cell."""
+    """Set the slide type of every cell."""
     asked = False
     for cell in notebook.cells:
         shows = any("image/png" in output.get("data", {}) for output in cell.get("outputs", []))
@@ -81,7 +81,7 @@ def mark(notebook: NotebookNode) -> None:
         ):
             kind = "skip"
         else:
-            # The class predicts before it sees.
+            # The class predicts before it sees the result.
             kind = "subslide" if asked else "-"
             asked = False
             long = len(cell.source.splitlines()) > MOST_LINES
@@ -91,7 +91,7 @@ def mark(notebook: NotebookNode) -> None:
 
 
 def solutions(lesson: NotebookNode) -> dict[str, str]:
-    """Return what the lecturer needs of each exercise: its solution, and the text about it."""
+    """Return the solution of each exercise and its explanation, for the lecturer."""
     found: dict[str, str] = {}
     for cell in lesson.cells:
         if cell.cell_type == "code" and "exercise" in editions.tags(cell):
@@ -133,7 +133,7 @@ def add_notes(notebook: NotebookNode, lesson: NotebookNode) -> None:
 
 
 def write(root: Path, source: Path) -> Path:
-    """Write the slides of a lesson from its students' edition, which holds the outputs."""
+    """Write the slides of a lesson from its students' edition, which contains the outputs."""
     notebook = nbformat.read(root / editions.LESSONS / f"{source.stem}.ipynb", as_version=4)
     split(notebook)
     mark(notebook)

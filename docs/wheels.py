@@ -1,9 +1,9 @@
-"""Fill build/wheels, from which a room without a network installs shipnet and JupyterLab.
+"""Fill build/wheels, from which shipnet and JupyterLab can be installed without a network.
 
     make wheels [SYSTEM=linux|windows|macos [PYTHON=3.12]]
 
-UV is the program uv. The wheels are of the versions in the lock, checked by hash; by default they
-are for a system and a Python like these. Only this command needs a network.
+The wheels have the versions of the lock file and are checked by hash. By default they are for the
+system and the Python version that run this command. Only this command needs a network.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-#: Tags of wheels that run there, newest first; a 64-bit PC, or an Apple with its own chip.
+#: Platform tags of wheels for each system, newest first: 64-bit PCs, and Macs with Apple chips.
 TAGS = {
     "linux": [*(f"manylinux_2_{n}_x86_64" for n in (28, 27, 24, 17, 12)), "manylinux2014_x86_64"],
     "windows": ["win_amd64"],
@@ -24,13 +24,13 @@ README = """\
 shipnet without a network, for {system} and Python {python}
 {line}
 
-In a terminal, in the folder that holds this folder "wheels":
+In a terminal, in the folder that contains this folder "wheels":
 
     {python_command} -m venv course
     {bin}python -m pip install --no-index --find-links wheels "shipnet[notebooks]"
     {bin}jupyter lab
 
-Copy notebooks/lessons beside it, for students without solutions/ and source/.
+Copy notebooks/lessons beside it; for students, leave out solutions/, source/ and teaching/.
 """
 
 
@@ -40,7 +40,7 @@ def here() -> str:
 
 
 def readme(system: str, python: str) -> str:
-    """Return how to install from the folder."""
+    """Return the instructions for installing from the folder."""
     windows = system == "windows"
     text = README.format(
         system=system,
@@ -53,11 +53,11 @@ def readme(system: str, python: str) -> str:
 
 
 def commands(uv: str, folder: Path, system: str, python: str) -> list[list[str]]:
-    """Return what resolves, fetches and builds the wheels."""
+    """Return the commands that resolve, fetch and build the wheels."""
     listed = str(folder / "requirements.txt")
     tags = [part for tag in TAGS[system] for part in ("--platform", tag)]
     return [
-        # Without the overrides in pyproject.toml: pip, which installs the wheels, has none.
+        # Without the overrides in pyproject.toml, which pip ignores when it installs the wheels.
         [
             *(uv, "pip", "compile", "--quiet", "--no-config", "--no-header", "--generate-hashes"),
             *("--extra", "notebooks", "--constraint", "requirements.lock"),

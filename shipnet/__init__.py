@@ -1,8 +1,8 @@
-"""Field buses of a ship, computed, and five papers about them, recomputed.
+"""Models of the field buses of a ship, and checks of five papers about them.
 
-Each package has a small public front: ``from shipnet import asi, can``, then
-``asi.cycle_time(31)``. Quantities are in SI base units unless a name says otherwise:
-``*_ms`` and the like occur in tables and printed text only.
+Each package has a small public API: ``from shipnet import asi, can``, then
+``asi.cycle_time(31)``. Quantities are in SI base units; only tables and printed text use
+other units, which the names then state, as in ``cycle_time_ms``.
 """
 
 import lazy_loader

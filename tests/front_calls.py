@@ -1,4 +1,4 @@
-"""Legal arguments for every call of the fronts, and an instance of every class.
+"""Legal arguments for every public function, and an instance of every public class.
 
 A key is the name of an argument, or ``call.argument`` where calls need different values; what has a
 default need not be here. `RESULTS` are made by calls; `HOOKS` are called by the package alone.

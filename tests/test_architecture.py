@@ -1,4 +1,4 @@
-"""Imports go down only, and the architecture page and its picture follow the code."""
+"""No package imports a higher layer, and the architecture page and its picture match the code."""
 
 import re
 from pathlib import Path
@@ -6,22 +6,22 @@ from pathlib import Path
 import grimp
 import networkx
 
-from docs import floors
+from docs import layers
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 
 
 def test_the_picture_shows_the_imports_of_the_code():
-    drawn = floors.PICTURE.read_text(encoding="utf-8")
+    drawn = layers.PICTURE.read_text(encoding="utf-8")
     (pairs,) = re.findall(r"<dc:description>(.*?)</dc:description>", drawn, re.S)
     found = {tuple(pair.replace("&gt;", ">").split(">")) for pair in pairs.split()}
-    assert found == floors.imports(), "run `python docs/floors.py`"
+    assert found == layers.imports(), "run `python docs/layers.py`"
 
 
-def test_no_import_goes_up_a_floor():
-    level = {name: k for k, row in enumerate(floors.floors()) for name in row}
-    assert [pair for pair in floors.imports() if level[pair[0]] > level[pair[1]]] == []
+def test_no_package_imports_a_higher_layer():
+    level = {name: k for k, row in enumerate(layers.layers()) for name in row}
+    assert [pair for pair in layers.imports() if level[pair[0]] > level[pair[1]]] == []
 
 
 def test_every_file_that_the_page_names_exists():
@@ -35,8 +35,8 @@ def test_every_file_that_the_page_names_exists():
         ), name  # fmt: skip
 
 
-def test_no_files_import_each_other_in_a_circle():
-    """Imports for types and inside functions count: a circle hides which file comes first."""
+def test_there_are_no_import_cycles():
+    """Type-only imports and imports inside functions count: a cycle hides what to read first."""
     graph = grimp.build_graph("shipnet", exclude_type_checking_imports=False, cache_dir=None)
     imports = networkx.DiGraph(
         (name, other)

@@ -1,4 +1,4 @@
-"""The public API: the front of each package, its size, its documentation, what it loads."""
+"""The public API of each package: its size, its documentation, what it loads."""
 
 import ast
 import importlib
@@ -15,7 +15,7 @@ from numpydoc.docscrape import ClassDoc, FunctionDoc
 import shipnet
 
 ROOT = Path(__file__).resolve().parents[1] / "shipnet"
-#: Packages with a front; the others are still to get one.
+#: Packages with a public API.
 FRONTS = sorted(path.parent.name for path in ROOT.glob("*/__init__.pyi"))
 #: Modules that an engineer does not want to wait for.
 HEAVY = [
@@ -35,7 +35,7 @@ HEAVY = [
 
 
 def stub(package):
-    """Return what a front's stub imports: name -> defining module; a namespace has none."""
+    """Return what a package's stub imports: name -> defining module; a namespace has none."""
     found = {}
     for node in ast.parse((ROOT / package / "__init__.pyi").read_text("utf-8")).body:
         if isinstance(node, ast.ImportFrom) and node.level == 1:
@@ -50,7 +50,7 @@ def front(package):
 
 
 def public(package):
-    """Yield (name, object) of a front, and of the namespaces in it."""
+    """Yield (name, object) of a public API, and of the namespaces in it."""
     for name in sorted(stub(package)):
         value = getattr(front(package), name)
         if isinstance(value, types.ModuleType):

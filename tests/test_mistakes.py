@@ -1,4 +1,4 @@
-"""A wrong argument of any name of the fronts is an error that names it, if it is not legal."""
+"""An illegal argument of any public function or class is an error that names the argument."""
 
 import importlib
 import inspect
@@ -39,7 +39,7 @@ def allowed(name, parameter):
 
 
 def public(front):
-    """Yield the functions and classes of a front, and of its namespaces; papers are no front."""
+    """Yield the public functions and classes of a package and its namespaces, except in papers."""
     module = importlib.import_module(f"shipnet.{front}")
     for name in module.__all__:
         value = getattr(module, name)
@@ -76,7 +76,7 @@ def legal(name, function, good):
 
 
 def calls(front):
-    """Yield each call of a front: its name, itself, its legal arguments."""
+    """Yield each public callable of a package: its name, itself, its legal arguments."""
     good, instances = getattr(front_calls, f"of_{front}")()
     results = front_calls.RESULTS.get(front, "").split()
     for name, value in public(front):

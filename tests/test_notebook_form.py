@@ -98,7 +98,7 @@ def faults(notebook, kind):
     return found
 
 
-#: Packages with a front; notebooks use no other name of them, nor of the namespaces in them.
+#: Packages with a public API; notebooks use no other names of them or of their namespaces.
 FRONTS = {path.parent.name for path in (ROOT / "shipnet").glob("*/__init__.pyi")}
 #: Modules that an expression may begin with: the packages, and the papers by their own names.
 ROOTS = {name: importlib.import_module(f"shipnet.{name}") for name in FRONTS}
@@ -139,7 +139,7 @@ def chain(node):
 
 
 def import_faults(source):
-    """Yield what a cell uses beyond the fronts, and the names of packages that it hides."""
+    """Yield the names in a cell that are not public, and the names of packages that it hides."""
     for node in ast.walk(ast.parse(source)):
         first, *names = chain(node) or [""]
         if names and (name := hidden(ROOTS.get(first), names)):

@@ -1,4 +1,4 @@
-"""What the outputs of notebooks lack: a text for each figure, a name for tables of claims."""
+"""Add an alternative text to each figure of a notebook, and a class to its tables of claims."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ CLAIMS = "<th>the paper says</th>"
 
 
 class Captions(SphinxTransform):
-    """Give each figure its caption for those who do not see it, and leave its height to its width.
+    """Use each figure's caption as its alternative text, and let its height follow from its width.
 
-    myst-nb would name it by the digest of its file. Tables of claims are named for the style sheet.
+    myst-nb would use the digest of the file as the text. Tables of claims get a CSS class.
     """
 
     default_priority = 400

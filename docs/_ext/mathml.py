@@ -22,7 +22,7 @@ ENVIRONMENT = re.compile(r"\\begin\{((?:equation|align|gather)\*?)\}(.*)\\end\{\
 
 
 def mathml(node: nodes.math | nodes.math_block) -> str:
-    """Return the formula of `node` as MathML, or as code after a warning."""
+    """Return the formula of `node` as MathML, or as code with a warning if that fails."""
     block = isinstance(node, nodes.math_block)
     latex = node.astext().strip()
     if outer := ENVIRONMENT.fullmatch(latex):
@@ -32,7 +32,7 @@ def mathml(node: nodes.math | nodes.math_block) -> str:
         latex = r" \\ ".join(part.strip() for part in re.split(r"\n\s*\n", latex))
     try:
         return tex2mathml(latex, as_block=block)
-    except Exception as error:  # beside its MathError, the parser trips in many ways
+    except Exception as error:  # the parser also raises errors other than its MathError
         logger.warning("no MathML for %r: %s", latex, error, location=node, type="mathml")
         return f"<code>{escape(latex)}</code>"
 

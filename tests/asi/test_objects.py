@@ -1,4 +1,4 @@
-"""The objects of the front agree with the functions under them."""
+"""The public objects agree with the functions that they call."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A seed of a wrong type is an error that names it, in every function of two fronts that draws."""
+"""A seed of a wrong type is an error that names it, in every public function of two packages."""
 
 import pytest
 

@@ -1,9 +1,9 @@
-"""Draw the floors of the package, with the imports between packages as they are in the code.
+"""Draw the layers of the package and the imports between packages, as they are in the code.
 
-    python docs/floors.py        write docs/_static/floors.svg
+    python docs/layers.py        write docs/_static/layers.svg
 
-Floors are the layers of the first import contract in pyproject.toml. An arrow means that code of
-one package imports the other when it is loaded, or inside a function.
+The layers are those of the first import contract in pyproject.toml. An arrow means that one
+package imports the other, at module level or inside a function.
 """
 
 from __future__ import annotations
@@ -13,28 +13,28 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-PICTURE = ROOT / "docs" / "_static" / "floors.svg"
-#: Places from left to right where even spacing would draw an arrow through a box.
+PICTURE = ROOT / "docs" / "_static" / "layers.svg"
+#: Horizontal positions of boxes that an arrow would cross if they were evenly spaced.
 PLACES = {"design": 0.43, "engine": 0.15, "ballast": 0.73, "remote_control": 0.9, "modbus": 0.8,
           "can": 0.43, "fuzzy": 0.66}  # fmt: skip
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555")
 
 
-def floors(root: Path = ROOT) -> list[list[str]]:
-    """Return the packages and modules of each floor, the highest first; the ground is one floor."""
+def layers(root: Path = ROOT) -> list[list[str]]:
+    """Return the packages and modules of each layer, the highest first; the base is one layer."""
     contracts = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]
-    layers = contracts["contracts"][0]["layers"]
-    named = [[name.strip().removeprefix("shipnet.") for name in row.split("|")] for row in layers]
+    listed = contracts["contracts"][0]["layers"]
+    named = [[name.strip().removeprefix("shipnet.") for name in row.split("|")] for row in listed]
     packages = [row for row in named if any((root / "shipnet" / name).is_dir() for name in row)]
     above = named[: named.index(packages[0])]
-    ground = [name for row in named[len(above) :] for name in row]
-    ground = [name for name in ground if not (root / "shipnet" / name).is_dir()]
-    return [*above, *([n for n in row if n not in ground] for row in packages), ground]
+    base = [name for row in named[len(above) :] for name in row]
+    base = [name for name in base if not (root / "shipnet" / name).is_dir()]
+    return [*above, *([n for n in row if n not in base] for row in packages), base]
 
 
 def imports(root: Path = ROOT) -> set[tuple[str, str]]:
-    """Return every (importing, imported) pair of packages, the ground left out."""
-    rooms = {name for row in floors(root)[:-1] for name in row}
+    """Return every (importing, imported) pair of packages, without the base layer."""
+    boxes = {name for row in layers(root)[:-1] for name in row}
     found = set()
     for path in (root / "shipnet").rglob("*.py"):
         own = path.relative_to(root / "shipnet").parts[0].removesuffix(".py")
@@ -46,20 +46,20 @@ def imports(root: Path = ROOT) -> set[tuple[str, str]]:
                 names = [alias.name for alias in node.names]
             for name in names:
                 first, _, rest = name.partition(".")
-                if first == "shipnet" and rest.split(".")[0] in rooms:
+                if first == "shipnet" and rest.split(".")[0] in boxes:
                     found.add((own, rest.split(".")[0]))
-    return {(one, other) for one, other in found if one in rooms and one != other}
+    return {(one, other) for one, other in found if one in boxes and one != other}
 
 
 def draw(root: Path = ROOT, picture: Path = PICTURE) -> None:
-    """Write the picture; the two top floors may use every other, so they have no arrows."""
+    """Write the picture, without arrows from the two top layers, which may use all others."""
     import matplotlib
     import matplotlib.pyplot as plt
 
-    matplotlib.rcParams.update({"svg.hashsalt": "floors", "font.size": 11})
-    rows = floors(root)
-    bands = ["command", "recomputes, shows, asks", "a whole ship", "one system", "one bus",
-             "cables, rules", "ground"]  # fmt: skip
+    matplotlib.rcParams.update({"svg.hashsalt": "layers", "font.size": 11})
+    rows = layers(root)
+    bands = ["command", "papers, tools, lessons", "a whole ship", "one system", "one bus",
+             "cables, rules", "base"]  # fmt: skip
     fig, ax = plt.subplots(figsize=(8, 6.2))
     places: dict[str, tuple[float, float]] = {}
     patches = {}
@@ -78,7 +78,7 @@ def draw(root: Path = ROOT, picture: Path = PICTURE) -> None:
             patches[name] = text.get_bbox_patch()
     ax.set(xlim=(0, 1), ylim=(-0.5, len(rows) - 0.5))
     ax.axis("off")
-    fig.canvas.draw()  # only then do the boxes have their sizes
+    fig.canvas.draw()  # sets the sizes of the boxes
     top = {name for row in rows[:2] for name in row}
     for one, other in sorted(imports(root)):
         if one in top:
