@@ -137,7 +137,7 @@ def _design_point(sides: list[tuple[Floats, float]]) -> Floats | None:
     Least distance programming by non-negative least squares: C. L. Lawson and R. J. Hanson,
     "Solving Least Squares Problems", 1974, chapter 23.
     """
-    system = np.array([[*a, b] for a, b in sides]).T
+    system = np.vstack([np.transpose([a for a, _ in sides]), [b for _, b in sides]])
     target = np.zeros(len(system))
     target[-1] = 1
     rest = system @ nnls(system, target, maxiter=1000)[0] - target
