@@ -430,10 +430,10 @@ def test_certain_failure_and_none(monkeypatch):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: independent_failures(1.1), "p is 1.1; it must be one probability or a row"),
+        (lambda: independent_failures(1.1), "p is 1.1; it must be one probability or a 1-D array"),
         (lambda: independent_failures([0.1, np.nan]), "p is"),
         (lambda: independent_failures("a"), "p is 'a'"),
-        (lambda: independent_failures([[0.1]]), "one probability or a row"),
+        (lambda: independent_failures([[0.1]]), "one probability or a 1-D array"),
         (lambda: independent_failures(0.1, Cycle(0)), r"addresses is 0; .* 1\.\.31"),
         (lambda: burst_failures(-0.1, rng()), "inside is -0.1"),
         (lambda: burst_failures(0.1, rng(), 0), "packets is 0"),

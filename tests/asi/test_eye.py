@@ -63,9 +63,9 @@ def test_what_does_not_fit_is_named(u, message):
 @pytest.mark.parametrize(
     ("bits", "message"),
     [
-        (WORDS[:5], r"^bits have the shape \(5, 7\); u has \(16, 268\)$"),
-        (np.tile(WORDS, (2, 1, 1)), r"^bits have the shape \(2, 16, 7\); u has \(16, 268\)$"),
-        (WORDS[:, :5], "^n_bits is 5; it must be 7, a response, or 14, a request$"),
+        (WORDS[:5], r"^bits have shape \(5, 7\), which does not fit \(16, 268\)$"),
+        (np.tile(WORDS, (2, 1, 1)), r"shape \(2, 16, 7\), which does not fit \(16, 268\)$"),
+        (WORDS[:, :5], r"^n_bits is 5; it must be 7 \(a response\) or 14 \(a request\)$"),
     ],
 )
 def test_bits_that_do_not_fit_the_voltages_are_refused(bits, message):

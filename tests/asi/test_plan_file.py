@@ -120,7 +120,7 @@ cable,b,c,5,,,,,,,extra
         "row 5, column length_m: '-3'; expected a number 0.01..10000 m",
         "row 6, column length_m: '5 m'; expected a number 0.01..10000 m",
         f"row 6, column cable: 'cat 5'; expected one of {', '.join(CABLES)}",
-        "row 6, column address: '12'; expected nothing, a cable has no address",
+        "row 6, column address: '12'; expected an empty cell; a cable has no address",
         "row 7, cable c - c ends where it begins; its two nodes must differ",
         "row 8, column address: '32'; expected 0 to 31, followed by A or B for a slave that "
         "shares it",
@@ -264,7 +264,7 @@ def test_a_module_for_values_keeps_its_channels_and_conversion(load, tmp_path):
 
 
 def test_a_custom_cable_cannot_be_saved(tmp_path):
-    with pytest.raises(ArgumentError, match="has a cable of its own"):
+    with pytest.raises(ArgumentError, match="has a custom cable"):
         line(100, cable=CABLES["as-i 1.5"]).save(tmp_path / "plan.csv")
 
 

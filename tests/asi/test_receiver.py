@@ -115,7 +115,7 @@ BROKEN = {
     "information": ("0-+-+0-+0-+-0+00", "slot 5 is empty; it is the middle of bit 2"),
     "parity": ("0-+-0+-+0-0+-+00", "slots 1 to 11 have 001101 with 3 ones"),
     "end": ("0-+-0+-+0-+-+-00", "slot 13 has -; the end bit's pulse is +"),
-    "length": ("0-+-0+-+0-+-0+-0", "slot 14 has -; the line is silent after slot 13"),
+    "length": ("0-+-0+-+0-+-0+-0", "slot 14 has -; the line must be silent after slot 13"),
 }
 
 
@@ -403,7 +403,7 @@ def test_the_filter_accepts_records_shorter_than_itself():
     [
         ({"dt": 0}, r"dt is 0 s; it must be 1e-09\.\.1e-06 s"),
         ({"dt": -1e-6}, "dt is -1e-06 s"),
-        ({"dt": 1.1e-6}, "dt is 1.1e-06 s; .* three samples a half-bit"),
+        ({"dt": 1.1e-6}, "dt is 1.1e-06 s; .* three samples or more per half-bit"),
         ({"dt": np.nan}, "dt is nan s"),
         ({"u": [0, np.nan, 1]}, "u has nan at sample 1 of a row"),
         ({"u": [[0, 1], [0, -np.inf]]}, "u has -inf at sample 1 of a row"),
@@ -413,7 +413,7 @@ def test_the_filter_accepts_records_shorter_than_itself():
         ({"u": 1.0}, r"u has the shape \(\)"),
         ({"u": ["a"]}, "u must be real voltages, but its dtype is <U1"),
         ({"u": [1j]}, "dtype is complex128"),
-        ({"n_bits": 8}, "n_bits is 8; it must be 7, a response, or 14, a request"),
+        ({"n_bits": 8}, r"n_bits is 8; it must be 7 \(a response\) or 14 \(a request\)"),
         ({"threshold": 0}, "threshold is 0.0; it must be between 0 and 1"),
         ({"threshold": 1}, "threshold is 1.0; it must be between 0 and 1"),
         ({"threshold": np.nan}, "threshold is nan"),

@@ -122,7 +122,7 @@ def test_many_slaves_hear_requests():
         (lambda: line(100, slaves=(5,)).waveform(SIX, dt=7e-8), "dt is 7e-08 s"),
         (lambda: line(100, slaves=(5,)).waveform(SIX, dt=1e-5), "dt is 1e-05 s"),
         (lambda: line(100, slaves=(5,)).waveform("0200000"), "bits of telegrams must be 0 or 1"),
-        (lambda: line(100).waveform(), "has no slave; one must send or hear"),
+        (lambda: line(100).waveform(), "has no slave; at least one must send or receive"),
         (lambda: line(10, (5,)).waveform(("0011001", "00101010111001")), "one length"),
     ],
 )

@@ -396,8 +396,8 @@ def test_a_change_of_half_works():
     [
         (ChangeAddress("2", "3"), "address 3 is taken"),
         (ChangeAddress("7", "9"), "slave 7 is not in the LDS"),
-        (ChangeAddress("2", "9A"), "label 9A does not fit slave 2: S-7.F.F"),
-        (ReadCodes("7"), "slave 7 does not answer with its codes"),
+        (ChangeAddress("2", "9A"), "label 9A does not fit the profile of slave 2, S-7.F.F"),
+        (ReadCodes("7"), "slave 7 does not return its codes"),
         (WriteParameter("7", 1), "slave 7 is not in the LDS"),
         (ResetSlave("7"), "slave 7 is not in the LDS"),
     ],
@@ -650,9 +650,9 @@ def test_failures_of_two_slaves_are_not_taken_for_one_row_of_failures():
         ({"until": float("nan")}, "until is nan s"),
         (
             {"cycles": 1, "faults": [DeadSlave("9")]},
-            "slave 9 is not on the line; there are 1, 2, 3",
+            "slave 9 is not on the line; its slaves are 1, 2, 3",
         ),
-        ({"cycles": 1, "faults": [TelegramErrors("1", 0.1)] * 2}, "telegram errors twice"),
+        ({"cycles": 1, "faults": [TelegramErrors("1", 0.1)] * 2}, "TelegramErrors twice"),
         ({"cycles": 1, "faults": [LateAnswer("1", 20)]}, "would answer 25 bit times"),
         ({"cycles": 1, "inputs": [(0.0, "1", 16)]}, "input of slave 1 is 16"),
         ({"cycles": 1, "inputs": [(-1.0, "1", 1)]}, "time is -1 s"),

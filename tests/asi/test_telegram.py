@@ -284,11 +284,11 @@ def test_bits_of_another_type(bits):
         ),
         (
             lambda: Request(Call.ASSIGN_ADDRESS, 4, 3),
-            r"address is 4; .*0\.\.0: assign address goes there",
+            r"address is 4; .*0\.\.0 for assign address",
         ),
         (
             lambda: Request(Call.BROADCAST_RESET, 0),
-            r"address is 0; .*31\.\.31: broadcast reset goes there",
+            r"address is 0; .*31\.\.31 for broadcast reset",
         ),
         (lambda: Request(Call.ASSIGN_ADDRESS, 0.5, 3), r"address is 0\.5; .*whole number"),
         (lambda: Request(Call.ENTER_PROGRAM_MODE, False), r"address is False; .*whole number"),
