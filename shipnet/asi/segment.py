@@ -325,7 +325,7 @@ class Segment:
     def waveforms(
         self, nodes: Sequence[str], *words: Any, dt: float, before: float, after: float
     ) -> list[Waveform]:
-        """Return the voltages of telegrams between `head` and nodes, starting at t = 0, per batch."""
+        """Return the voltages of telegrams between `head` and nodes, one waveform per batch."""
         if self.head is None:
             raise ArgumentError(f"{self} has no head; its line needs a master")
         if not nodes:

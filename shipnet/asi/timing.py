@@ -222,7 +222,7 @@ class Cycle:
         pairs = least if self.pairs is None else self.pairs
         if pairs < least or 2 * pairs > self.slaves:
             raise ArgumentError(
-                f"pairs is {pairs}; with {self.slaves} slaves it must be {least}..{self.slaves // 2}"
+                f"pairs is {pairs}; for {self.slaves} slaves it must be {least}..{self.slaves // 2}"
             )
         object.__setattr__(self, "pairs", pairs)
 

@@ -512,7 +512,7 @@ def test_a_mapped_file_decodes_like_its_samples(kind, suffix, tmp_path, monkeypa
 
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match="not a whole"):
+    with pytest.raises(InputError, match="not a complete"):
         decode(file, sample_interval=1e-7)
 
 

@@ -167,7 +167,7 @@ def test_uneven_times_are_placed(save):
     lines = rows("{t:.8f},{v:.3f}").split("\n")
     del lines[20:22]
     message = refused(save("Time,CH1\n" + "\n".join(lines)))
-    assert message == "sample 21 comes 300 ns after the one before it, not 100 ns"
+    assert message == "sample 21 comes 300 ns after the previous one, not 100 ns"
 
 
 @pytest.mark.parametrize(
@@ -223,7 +223,7 @@ def test_numpy_files(tmp_path):
         (np.zeros(0), "expected real numbers"),
         (np.zeros((2, 2, 2)), "expected voltages, or time and voltages"),
         (np.zeros(5, dtype=complex), "expected real numbers"),
-        (np.array([{}]), "not a whole .npy file"),
+        (np.array([{}]), "not a complete .npy file"),
     ],
 )
 def test_bad_numpy_files(array, message, tmp_path):
@@ -240,7 +240,7 @@ def test_npz_without_voltage_or_with_other_times(tmp_path):
     np.savez(tmp_path / "a.npz", t=T[:5], u=V)
     assert "t has the shape (5,)" in refused(tmp_path / "a.npz")
     np.savez(tmp_path / "a.npz", dt=-1.0, u=V)
-    assert "dt is not one positive number" in refused(tmp_path / "a.npz")
+    assert "dt is not a single positive number" in refused(tmp_path / "a.npz")
 
 
 def session(parts, rate="10 MHz", number=1, extra="", more=()):
@@ -276,7 +276,7 @@ def test_a_sigrok_session_has_nan_where_nothing_was_recorded(save):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (session([V])[:-30], "not a whole .sr file"),
+        (session([V])[:-30], "not a complete .sr file"),
         (session([V, None, V]), "a part of analog-1-1 is missing"),
         (session([]), "no analog channel"),
         (session([V], rate="fast"), "it has no times"),

@@ -253,7 +253,7 @@ def test_a_wave_can_be_watched_on_its_way():
 @pytest.mark.parametrize(
     ("network", "dt", "message"),
     [
-        (line(), 0.7e-6, r"dt is 7e-07 s, but cable near - far delays by 6.5e-07 s only"),
+        (line(), 0.7e-6, r"dt is 7e-07 s, but the delay of cable near - far is only 6.5e-07 s"),
         (line([10, 20]), 5e-8, "the network has 2 trees"),
         (line(cable=Cable(0.1, 1e-6, 1e-10, skin=1e4)), 5e-8, "near - far has skin"),
         (line(cable=Cable(5, 1e-6, 1e-10)), 5e-8, "near - far has 500 ohm"),
