@@ -254,7 +254,7 @@ def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
     high, low = y > minimum, y < -minimum
     at = np.flatnonzero((high & rises[:-1] & ~rises[1:]) | (low & falls[:-1] & ~falls[1:]))
     height = y[at].astype(np.float64)
-    # If the voltage stays beyond the minimum between two peaks of one sign, keep the larger peak.
+    # If the voltage stays above the minimum between two peaks of one sign, keep the larger peak.
     again = np.flatnonzero((height[1:] > 0) == (height[:-1] > 0))
     if again.size:
         new = np.ones(at.size, dtype=bool)

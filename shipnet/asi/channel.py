@@ -301,7 +301,7 @@ class Channel:
         return route
 
     def switch(self, station: Station, on: bool, time: float) -> None:
-        """Switch a slave's supply off or on at a time [s]; it stays off while any fault cuts it."""
+        """Switch a slave's supply off or on at a time [s]; any active fault keeps it off."""
         station.cuts += -1 if on else 1
         if station.cuts == 0:
             station.slave.switch_on()

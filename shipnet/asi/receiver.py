@@ -346,7 +346,7 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     # Rows that are not in double precision are copied.
     chunk = max(1, _SAMPLES // (n_t if u.dtype == np.float64 else 2 * n_t))
     parts = [
-        # `_decide` takes samples by their place in memory.
+        # `_decide` accesses samples by their position in memory.
         _decide(np.ascontiguousarray(rows[begin : begin + chunk]), dt, n_bits, receiver)
         for begin in range(0, max(1, len(rows)), chunk)
     ]
@@ -388,7 +388,7 @@ def _pulse_shape(n_t: int, dt: float) -> Floats:
 
 
 def _means(u: Floats, n_t: int) -> Floats:
-    """Return the mean of the first samples of each row; raise if one is not finite."""
+    """Return the mean of the first `n_t` samples of each row; raise if one is not finite."""
     # The sum of squares is the fastest check of all samples: it is finite only if they all are, and
     # none is so large that a later sum or product could overflow.
     flat = u.ravel()

@@ -399,7 +399,7 @@ def shortest_paths(cables: Iterable[CableRun], start: str) -> dict[str, float]:
 
 
 def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
-    """Return each element that keeps the plan from being a network, and the reason."""
+    """Return each element that prevents the plan from being a network, and the reason."""
     faults: list[tuple[Element, str]] = []
     groups, lines = Groups(), Groups()
     laid = set()

@@ -355,7 +355,7 @@ class Run:
         )
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return the use of the line, without the start-up, if each point needs an `update` [s].
+        """Return the line's utilisation, without the start-up, if each point needs an `update` [s].
 
         The capacity follows from the longest time between two responses of a slave.
         """
@@ -447,7 +447,7 @@ def simulate(
     commands : iterable of (float, command), optional
         Commands of the host from `shipnet.asi.commands`, each with its time [s].
     transaction : Transaction, default Transaction()
-        The pauses and the time-out; the pause of slaves is 1 bit time to 500 us.
+        The pauses and the time-out; the slave pause must be 1 bit time to 500 us.
     standby : Standby, optional
         A second master that takes over.
     rng : numpy.random.Generator or int, optional
@@ -519,7 +519,7 @@ def simulate(
 
 
 def _check_progress(channel: Channel, begun: int) -> None:
-    """Raise if no cycle has begun since the last check: a master without slaves waits forever."""
+    """Raise ArgumentError if no cycle has begun since the last check: no slave answers."""
     if channel.begun == begun:
         raise ArgumentError(
             f"until is None, but no slave answers and no cycle begins for {_PATIENCE:g} s"

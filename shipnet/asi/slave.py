@@ -365,7 +365,7 @@ class RunningSlave:
         return volatile | self.periphery_fault << 1 | self.memory_error << 3
 
     def switch_off(self, time: float = 0.0) -> None:
-        """Disconnect the supply at a time [s]; a slave that is storing loses its address."""
+        """Disconnect the supply at a time [s]; one that is storing data loses its address."""
         if self._stores(time):
             self._stored = (0, self._stored[1])
             self.memory_error = True

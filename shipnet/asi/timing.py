@@ -149,7 +149,7 @@ class Transaction:
 
 # Cycles ---------------------------------------------------------------------------------------
 
-#: Addresses of slaves: five bits without address 0.
+#: Number of slave addresses: five bits without address 0.
 ADDRESSES = 31
 
 #: Largest number of channels of a slave for analogue values.
@@ -277,9 +277,9 @@ class Cycle:
         cycle later, or two if the slave shares its address (`paired`, the default if the cycle has
         pairs). Delays of the input itself, such as that of a filter, must be added.
 
-        A slave whose `profile` is for values converts its `channels` in turn, each in `conversion`
-        [s], and transfers the newest values in turn. At worst, the change comes just after a
-        conversion, and the next value waits for a whole round of transfers. Siemens adds another
+        A slave whose `profile` transfers values converts its `channels` in turn, each in
+        `conversion` [s], and sends the newest values in turn. At worst, the change comes just after
+        a conversion, and the next value waits for a whole round of transfers. Siemens adds another
         round for synchronisation (SlimLine analogue module, manual).
 
         Each of the `repetitions` adds one transaction to the worst case.

@@ -31,7 +31,7 @@ def line(
     current: float = CURRENT,
     terminator: float | None = None,
 ) -> Plan:
-    """Return a plan along one cable.
+    """Return a plan of devices along one cable.
 
     Parameters
     ----------
@@ -155,8 +155,8 @@ def ring(
     Returns
     -------
     Plan
-        Its nodes are named by their places. If there is only one place besides the master's, the
-        last two cables meet halfway between the two.
+        Its nodes are named by their places. With only one place besides the master's, a node
+        halfway divides the cable that returns to the master.
 
     Examples
     --------

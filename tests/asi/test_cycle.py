@@ -21,7 +21,7 @@ def published(quantity):
 
 
 def requests(alone, pairs, cycles):
-    """Return one transaction a line, as (slave or None): the cycles of a master, one by one."""
+    """Return the cycles of a master, one transaction per row: a slave or None."""
     for cycle in range(cycles):
         yield from (f"{address}" for address in range(alone))
         yield from (f"{address}{'AB'[cycle % 2]}" for address in range(pairs))
@@ -70,7 +70,7 @@ def test_a_master_that_polls_in_turn_updates_every_slave_in_time(used):
 
 
 @pytest.mark.parametrize(("alone", "pairs", "slave"), [(5, 0, "3"), (3, 2, "1A"), (3, 2, "2")])
-def test_changes_at_any_time_are_heard_within_the_bounds(alone, pairs, slave):
+def test_changes_at_any_time_are_received_within_the_bounds(alone, pairs, slave):
     transaction = Transaction(3, 2)
     bit, step = transaction.bit_time, transaction.duration
     line = list(requests(alone, pairs, cycles=8))

@@ -30,7 +30,7 @@ def test_a_supply_voltage_and_a_scale_change_nothing():
     assert lifted.pulses == pytest.approx(plain.pulses, abs=1e-9)
     assert lifted.gaps == pytest.approx(plain.gaps, abs=1e-9)
     assert len(plain.pulses) == 2 * (Modulation(WORDS).pulses.signs != 0).sum()
-    # Each telegram counts from its own mean and over its own largest sample.
+    # Each telegram is relative to its own mean and divided by its own largest sample.
     scaled = replace(
         wave, u=wave.u * np.linspace(1, 2, 16)[:, np.newaxis] + np.arange(16.0)[:, np.newaxis]
     )
@@ -77,7 +77,7 @@ def test_bits_that_do_not_fit_the_voltages_are_refused(bits, message):
 
 
 class Ramp:
-    """A disturbance that shows what it was asked for."""
+    """A disturbance that records its arguments."""
 
     def voltage(self, t, amplitude, rng, size, *, span):
         self.asked = t, amplitude, size, span

@@ -142,7 +142,7 @@ def test_structure_and_cell_faults_are_reported_together_if_all_cables_are_legal
         "row 8: cable deck - bridge is there already",
         "row 6: slave 3 at hold: no cable reaches its node hold",
     ]
-    # With a cable that cannot be read, what hangs on it is not called loose.
+    # If a cable cannot be read, what is connected to it is not reported as loose.
     broken = SMALL.replace("60.25", "far")
     assert [fault.split(";")[0] for fault in faults(load, broken)] == [
         "row 4, column length_m: 'far'"
@@ -287,7 +287,7 @@ def test_the_300_m_of_kim2023():
 
 
 def submarine():
-    """Return 14 lines, five of them with a repeater, and 190 slaves as evenly as can be."""
+    """Return 14 lines, five of them with a repeater, and 190 slaves as evenly as possible."""
     lines = []
     for number in range(1, 15):
         n = 14 if number <= 8 else 13
@@ -309,7 +309,7 @@ def test_the_submarine_of_kim2023():
     assert (len(plan.masters), len(plan.slaves), len(plan.repeaters)) == (14, 190, 5)
     assert len(plan.lines) == 14
     assert len(plan.segments) == 14 + 5
-    # No address is shared, so every line is fast; 13.6 slaves a line need no A/B slave.
+    # No address is shared, so every line is fast; 13.6 slaves per line need no A/B slave.
     assert plan.check(wanted_cycle=2.5e-3).ok
     assert max(segment.reach for segment in plan.segments) == 168
 

@@ -54,7 +54,7 @@ def test_places_may_coincide():
     assert line(100, slaves=(0, 100), master=100).waveform(SIX).names == ("0 m", "100 m")
 
 
-def test_equal_legs_sound_alike_and_a_longer_leg_later():
+def test_equal_legs_receive_alike_and_a_longer_leg_later():
     u = star(0, (10, 10, 40)).waveform(SIX).u
     assert u[0] == pytest.approx(u[1], abs=1e-12)
     assert np.abs(u[2] - u[0]).max() > 0.01

@@ -114,7 +114,7 @@ def test_a_synchronous_slave_ignores_the_response_until_the_pause_after_it():
     assert slave.synchronised
 
 
-def test_a_slave_out_of_step_reads_the_response_as_a_faulty_request():
+def test_an_unsynchronised_slave_reads_the_response_as_a_faulty_request():
     slave = listening()
     slave.hear(GARBLED)
     slave.pause(Event.PAUSE)

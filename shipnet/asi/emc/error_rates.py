@@ -149,7 +149,7 @@ def _false_start(level: float, correlation: float, samples: Floats) -> Floats:
 
 
 def _normal(low: npt.ArrayLike, high: npt.ArrayLike) -> tuple[Floats, Floats]:
-    """Return nodes and weights, along a new axis, of an integral of the normal distribution."""
+    """Return nodes and weights, along a new axis, to integrate over the normal distribution."""
     bounds = np.clip(np.stack(np.broadcast_arrays(low, high), axis=-1), -_FAR, _FAR)
     middle, half = bounds.mean(axis=-1)[..., np.newaxis], np.diff(bounds) / 2
     x = middle + half * _NODES
@@ -188,7 +188,7 @@ def count_errors(
     *,
     receiver: Receiver | None = None,
 ) -> pd.DataFrame:
-    """Count the telegrams lost to a disturbance, by Monte Carlo.
+    """Count the telegrams lost to a disturbance, by Monte Carlo simulation.
 
     Parameters
     ----------
@@ -315,7 +315,7 @@ _EXTRA = 2
 
 @checked
 def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.DataFrame:
-    r"""Return the effects on a network of exchanges that fail independently.
+    r"""Return the effects that independently failing exchanges have on a network.
 
     .. math:: q = p^2, \qquad T = T_c \left(\frac{1}{q} + \frac{1}{q^2} + \frac{1}{q^3}\right)
 

@@ -300,7 +300,7 @@ def rare_error_rates(
     Parameters
     ----------
     waves : Waveform or mapping of str to Waveform
-        Voltages without noise, each of at most 64 telegrams, all equally likely; several waves by
+        Voltages without noise of at most 64 equally likely telegrams, or several such waves by
         name.
     noise_density : float or array_like of float, shape (n,)
         One-sided density at the receiver, above 0 and up to 1e6 [V per root hertz]; `Noise.density`
