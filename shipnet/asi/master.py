@@ -64,7 +64,7 @@ class Master:
     )  # fmt: skip
     node: str = text("Node of the master; required in a plan", default="", kw_only=True)
     current: float = number(
-        0, 10, "A", "Current drawn from the line; by default as assumed of slaves", default=CURRENT,
+        0, 10, "A", "Current from the line; by default that assumed for slaves", default=CURRENT,
         kw_only=True,
     )  # fmt: skip
 

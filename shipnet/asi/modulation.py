@@ -236,7 +236,7 @@ class Modulation:
         u = wave.u.reshape(-1, wave.u.shape[-1])
         if len(axes) not in (3, 6) or len(u) != 1:
             raise ArgumentError(
-                f"there are {len(axes)} axes and {len(u)} voltages; there must be 3 or 6 and 1"
+                f"{len(axes)} axes and {len(u)} voltages given; give 3 or 6 axes and 1 voltage"
             )
         bits, t = self.text, wave.t
         edges = np.arange(2 * len(bits) + 1) * HALF_BIT * 1e6

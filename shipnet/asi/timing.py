@@ -107,7 +107,7 @@ class Transaction:
         """Return the fraction of time for user data: `user_bits` in each direction."""
         n = np.asarray(user_bits)
         if n.dtype.kind not in "iu" or not (n >= 1).all():
-            raise ArgumentError(f"user_bits is {user_bits!r}; it must be 1 or more, a whole number")
+            raise ArgumentError(f"user_bits is {user_bits!r}; it must be a whole number, 1 or more")
         return np.asarray(2 * n / (self.bits * -(-n // USER_BITS)))
 
     def plot(

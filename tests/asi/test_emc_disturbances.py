@@ -120,7 +120,7 @@ def test_several_impulses_add_up():
         ({"width": 1e-6}, "width is 1e-06; it must be a sequence"),
         ({"width": (1e-6,)}, r"width is \(1e-06,\)"),
         ({"width": (0, 1e-6)}, r"width is \(0, 1e-06\); it must be two durations in .* above 0"),
-        ({"width": (2e-6, 1e-6)}, "the smaller one first"),
+        ({"width": (2e-6, 1e-6)}, "in ascending order"),
         ({"width": (1e-6, 1.0)}, "and up to 6.* s"),
         ({"width": (1e-6, np.nan)}, "width is"),
     ],

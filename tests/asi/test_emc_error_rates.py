@@ -226,7 +226,7 @@ def test_every_word_is_sent_and_meets_its_own_disturbance():
     [
         ({"amplitudes": -1}, "amplitude is -1 V"),
         ({"amplitudes": [0, np.nan]}, "amplitude is nan V"),
-        ({"amplitudes": [[1]]}, "one number, or a row"),
+        ({"amplitudes": [[1]]}, "a number or a 1-D array"),
         ({"amplitudes": "1"}, r"amplitudes is .*; it must be numbers"),
         ({"n_telegrams": 0}, "n_telegrams is 0"),
         ({"n_telegrams": 1e3 + 0.5}, r"n_telegrams is 1000\.5"),

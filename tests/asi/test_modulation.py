@@ -121,5 +121,5 @@ def test_other_bits_are_refused(bits):
 
 
 def test_a_current_has_no_value_at_frequency_0():
-    with pytest.raises(ArgumentError, match="s is 0"):
+    with pytest.raises(ArgumentError, match="s contains 0"):
         Modulation("01").transform([1j, 0])

@@ -122,11 +122,9 @@ cable,b,c,5,,,,,,,extra
         f"row 6, column cable: 'cat 5'; expected one of {', '.join(CABLES)}",
         "row 6, column address: '12'; expected an empty cell; a cable has no address",
         "row 7, cable c - c ends where it begins; its two nodes must differ",
-        "row 8, column address: '32'; expected 0 to 31, followed by A or B for a slave that "
-        "shares it",
+        "row 8, column address: '32'; expected 0 to 31, followed by A or B for an A/B slave",
         "row 8, column current_ma: '1_0'; expected a number 0..10000 mA",
-        "row 9, column address: '5C'; expected 0 to 31, followed by A or B for a slave that "
-        "shares it",
+        "row 9, column address: '5C'; expected 0 to 31, followed by A or B for an A/B slave",
         "row 9, column profile: '7.A'; expected a profile such as S-7.A.E or S-0.F",
         "row 10, column address: is empty; a slave needs it",
         "row 11, column kind: 'sensor'; expected one of master, supply, cable, repeater, "

@@ -182,7 +182,7 @@ def test_checks_keep_leading_axes():
 @pytest.mark.parametrize(
     ("slots", "message"),
     [
-        ([0] * 15, "there are 15 half-bits; a response has 14, a request 28, or two more"),
+        ([0] * 15, "there are 15 half-bits; a response has 14 and a request 28, plus two"),
         ([0.0] * 16, "they must be -1, 0 or"),
         ([2] + [0] * 15, "they must be -1, 0 or"),
         (np.full(16, -128, dtype=np.int8), "they must be -1, 0 or"),
@@ -408,9 +408,9 @@ def test_the_filter_accepts_records_shorter_than_itself():
         ({"u": [0, np.nan, 1]}, "u has nan at sample 1 of a row"),
         ({"u": [[0, 1], [0, -np.inf]]}, "u has -inf at sample 1 of a row"),
         ({"u": [1e200, 0]}, r"u has 1e\+200 at sample 0 .* below 1e150 V"),
-        ({"u": []}, r"u has the shape \(0,\); it needs a sample"),
-        ({"u": np.zeros((3, 0))}, r"u has the shape \(3, 0\)"),
-        ({"u": 1.0}, r"u has the shape \(\)"),
+        ({"u": []}, r"u has shape \(0,\); its last axis must not be empty"),
+        ({"u": np.zeros((3, 0))}, r"u has shape \(3, 0\)"),
+        ({"u": 1.0}, r"u has shape \(\)"),
         ({"u": ["a"]}, "u must be real voltages, but its dtype is <U1"),
         ({"u": [1j]}, "dtype is complex128"),
         ({"n_bits": 8}, r"n_bits is 8; it must be 7 \(a response\) or 14 \(a request\)"),

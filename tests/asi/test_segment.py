@@ -123,7 +123,7 @@ def test_many_slaves_hear_requests():
         (lambda: line(100, slaves=(5,)).waveform(SIX, dt=1e-5), "dt is 1e-05 s"),
         (lambda: line(100, slaves=(5,)).waveform("0200000"), "bits of telegrams must be 0 or 1"),
         (lambda: line(100).waveform(), "has no slave; at least one must send or receive"),
-        (lambda: line(10, (5,)).waveform(("0011001", "00101010111001")), "one length"),
+        (lambda: line(10, (5,)).waveform(("0011001", "00101010111001")), "equal length"),
     ],
 )
 def test_bad_places_steps_and_telegrams_are_named(make, message):
