@@ -100,5 +100,5 @@ def test_an_update_is_a_time(update):
 def test_an_unknown_transfer_has_no_utilisation():
     used = line(2, modules=[asi.Slave("1A", "S-7.A.9", node="0 m")]).utilisation(1.0)
     assert math.isnan(used.capacity_used) and math.isnan(used.worst_response) and used.bus_time > 0
-    with pytest.raises(ArgumentError, match="no slave was heard twice"):
+    with pytest.raises(ArgumentError, match="no slave answered twice"):
         asi.simulate(line(2), cycles=1).utilisation(1.0)

@@ -1,6 +1,6 @@
 """Parse arrays of telegrams; the most significant bit of each word is the first bit sent.
 
-A bad telegram raises no exception; it has an error code of `shipnet.errors` in an array.
+A bad telegram does not raise an exception; the result has an error code for each telegram.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Requests(NamedTuple):
     Attributes
     ----------
     error : ndarray of uint8
-        0 for a correct request; otherwise a code of `shipnet.errors`, and the other fields are -1.
+        0 if correct; otherwise an error code of `shipnet.errors`, and the other fields are -1.
     call : ndarray of int8
         Value of `Call`.
     address : ndarray of int8
@@ -62,7 +62,7 @@ class Requests(NamedTuple):
 
     @classmethod
     def parse(cls, words: npt.ArrayLike, *, extended: npt.ArrayLike = False) -> Requests:
-        """Parse 14-bit words; a bad word sets its `error` code and raises no exception.
+        """Parse 14-bit words; a bad word gets an `error` code instead of raising an exception.
 
         `extended` is True for slaves with extended addressing: one value, or one value per word.
         """
@@ -74,7 +74,7 @@ class Requests(NamedTuple):
             mode = np.broadcast_to(mode, words.shape)
         except ValueError:
             raise ArgumentError(
-                f"extended has the shape {mode.shape}; it must fit the words' shape {words.shape}"
+                f"extended has shape {mode.shape}; it must broadcast to the shape {words.shape}"
             ) from None
         error = _frame_errors(words, REQUEST_BITS)
         information = np.where(error == 0, words >> 2, 0) & 0x7FF
@@ -101,7 +101,7 @@ class Requests(NamedTuple):
 
 @cache
 def _meanings() -> npt.NDArray[np.int8]:
-    """Return call, address, data and half for both addressing modes and all information words."""
+    """Return call, address, data and half of every information word in both addressing modes."""
     meaning = np.full((2, 2**11, 4), NONE, dtype=np.int8)
     information = np.arange(2**11)[:, np.newaxis]
     bits, address = information >> np.arange(10, -1, -1) & 1, information[:, 0] >> 5 & 31
@@ -139,7 +139,7 @@ def _frame_errors(words: Integers, length: int) -> Codes:
 
 
 def parse_responses(words: npt.ArrayLike) -> tuple[npt.NDArray[np.int8], Codes]:
-    """Parse an array of responses; return their data, -1 for bad ones, and their error codes."""
+    """Parse an array of responses; return their data (-1 if bad) and their error codes."""
     words = _integers("words", words)
     error = _frame_errors(words, RESPONSE_BITS)
     data = np.where(error == 0, words >> 2 & 15, NONE).astype(np.int8)

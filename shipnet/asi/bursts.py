@@ -30,10 +30,10 @@ SILENCE = 3.5 * HALF_BIT
 _RATE = 4e6
 
 #: Length of a piece of a record [samples], overlap of two pieces [s], and length of the intervals
-#: whose mean is the baseline [s]. The pulses of a telegram do not affect it: they add up to 0.
+#: whose means form the baseline [s]. Telegrams do not affect these: their pulses add up to 0.
 _PIECE, _OVERLAP, _STRETCH = 2**20, 240e-6, 250e-6
 
-#: Length of the zeros added at both ends of a piece, where telegrams are cut off [s].
+#: Length of the zero padding at both ends of a piece, where telegrams are cut off [s].
 _MARGIN = 110e-6
 
 #: Smallest height of a pulse, relative to the largest one nearby; lower peaks are ringing. The
@@ -97,7 +97,7 @@ class Bursts(NamedTuple):
 def pieces(
     u: Floats, dt: float, *, length: int = _PIECE, only: Indices | None = None
 ) -> Iterator[Piece]:
-    """Yield a record in overlapping pieces, which limit the memory needed."""
+    """Yield a record in overlapping pieces, to limit the memory needed."""
     sampling = Sampling.of(dt)
     group = sampling.mean * sampling.down
     length = -(-length // group) * group
@@ -133,7 +133,7 @@ def resample(
     u: Floats, sampling: Sampling, room: Singles | None = None, out: Singles | None = None
 ) -> Singles:
     """Return a resampled voltage minus its median; `room` and `out` are optional buffers."""
-    # Single precision resolves 2 uV at 30 V; filters lose this unless the 30 V are subtracted.
+    # Single precision resolves 2 uV at 30 V, but filters would lose this: subtract the 30 V first.
     offset = _middle(u, 512)
     _, mean, up, down = sampling
     taps = _lowpass(mean, up, down)
@@ -154,7 +154,7 @@ def resample(
 
 
 def _middle(u: npt.NDArray[Any], looks: int) -> float:
-    """Return the median of about `looks` samples of `u`, without NaN; 0 if there are none."""
+    """Return the median of about `looks` samples of `u`, ignoring NaN; 0 if none remain."""
     some = u[:: max(1, len(u) // looks)]
     some = some[~np.isnan(some)]
     return float(np.median(some)) if some.size else 0.0
@@ -254,7 +254,7 @@ def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
     high, low = y > minimum, y < -minimum
     at = np.flatnonzero((high & rises[:-1] & ~rises[1:]) | (low & falls[:-1] & ~falls[1:]))
     height = y[at].astype(np.float64)
-    # If the voltage stays beyond the minimum between two peaks of one sign, keep the larger peak.
+    # If the voltage stays above the minimum between two peaks of one sign, keep the larger peak.
     again = np.flatnonzero((height[1:] > 0) == (height[:-1] > 0))
     if again.size:
         new = np.ones(at.size, dtype=bool)
@@ -286,7 +286,7 @@ def _rejoin(
 #: Length [s] and number of the pieces that determine the smallest pulse and the polarity.
 _SAMPLE, _SAMPLES = 2e-3, 8
 
-#: Largest number of pieces to choose these from, and of telegrams to receive together.
+#: Largest number of pieces from which these are chosen, and of telegrams received together.
 _LOOKS, _TOGETHER = 512, 2000
 
 #: Number of batches of telegrams that are merged into one.
@@ -304,7 +304,7 @@ _FIRST_PULSE = 0.4
 #: Largest distance from an edge of the record at which a telegram may be cut off [s].
 _NEAR = 2.5 * HALF_BIT
 
-#: Smallest number of pulses in a faulty telegram; a burst with fewer is a disturbance.
+#: Smallest number of pulses in a faulty telegram; a burst with fewer counts as a disturbance.
 _FEWEST_PULSES = 5
 
 
@@ -375,7 +375,7 @@ def find_telegrams(u: Floats, dt: float, threshold: float) -> Found:
 
 
 def _liveliest(u: Floats, dt: float) -> Indices:
-    """Return the numbers of up to 8 short pieces in which the voltage varies most."""
+    """Return the indices of the short pieces, at most 8, in which the voltage varies most."""
     length = round(_SAMPLE / dt)
     count = -(-len(u) // length)
     if count <= _SAMPLES:
@@ -405,7 +405,7 @@ def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
             for extreme in (np.fmax.reduce(part), np.fmin.reduce(part)):
                 if abs(float(extreme)) > LARGEST:
                     raise ArgumentError(
-                        f"u reaches {extreme} V; voltages must be within {LARGEST:g} V"
+                        f"u contains {extreme} V; the magnitude must be at most {LARGEST:g} V"
                     )
             nothing = np.isnan(part)
         changes.append(low + np.flatnonzero(np.diff(nothing.view(np.int8), prepend=missing)))
@@ -438,7 +438,7 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
             sign: sum(int((Pulses(sign * some).check()[1] == 0).sum()) for some in slots)
             for sign in (1, -1)
         }
-        # On a tie, the sign of the first pulses decides: it is negative if not inverted.
+        # In a tie, the sign of the first pulses decides: it is negative unless inverted.
         heights = sum(int(np.sign(bursts.height).sum()) for bursts in found)
         sign = -1 if (right[-1], heights) > (right[1], 0) else 1
         if right[sign] > most:
@@ -481,7 +481,7 @@ def _cut(piece: Piece, bursts: Bursts, edge: Integers, sign: int = 1) -> list[_C
 
 
 def _by_length(parts: list[_Cut]) -> Iterator[tuple[int, _Cut]]:
-    """Yield all requests merged, then all responses, each with the number of bits."""
+    """Yield the merged requests, then the merged responses, each with their number of bits."""
     for n_bits in _SPANS:
         same = [some for some in parts if some.bits == n_bits]
         if same:

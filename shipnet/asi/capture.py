@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 #: Values of the error columns besides "ok" and the names of error classes.
 CUT_OFF, NO_ANSWER = "cut off", "no answer"
 
-#: Longest pause between a request and its response [bit], with 0.5 bit times for the delay of the
-#: pulses, and longest pause after a response [bit]: a master may extend it to 500 us.
+#: Longest pause between a request and its response [bit], including 0.5 bit times for the delay of
+#: the pulses, and longest pause after a response [bit]: a master may extend it to 500 us.
 _MASTER_PAUSE = MASTER_PAUSE_BITS[1] + 0.5
 _SLAVE_PAUSE = 500e-6 / BIT_TIME
 
@@ -71,7 +71,7 @@ def transactions_of(
         rest[alone] < room, _STATES.index(CUT_OFF), _STATES.index(NO_ANSWER)
     )
 
-    # There are few distinct texts, so each column selects them by index.
+    # There are few distinct texts, so the columns are filled by indexing a list of them.
     titles, errors = pd.Index([*(call.rule.title for call in Call), ""]), pd.Index(_STATES)
     texts, which = _texts(telegrams)
     asked, answered = (_pick(which, rows, len(texts) - 1) for rows in (request, response))
@@ -112,7 +112,7 @@ def _pick(field: npt.NDArray[Any], index: Indices, missing: float) -> npt.NDArra
 
 def _roles(telegrams: Telegrams) -> tuple[Bools, Bools, Bools]:
     """Return three masks: telegrams that are cut off, requests, and responses to a request."""
-    # The last pulse and the next telegram's first pulse are the pause plus one bit time apart.
+    # The time from the last pulse to the next first pulse is the pause plus one bit time.
     pause = np.diff(telegrams.first, prepend=np.nan)
     pause[1:] = (telegrams.first[1:] - telegrams.last[:-1]) / BIT_TIME - 1
     broken = (telegrams.error > 0) | ~telegrams.fits
@@ -151,7 +151,7 @@ def _pauses(
 
 
 def _texts(telegrams: Telegrams) -> tuple[pd.Index[str], Indices]:
-    """Return the distinct bit strings, "" as the last one, and the index of each telegram's string.
+    """Return the distinct bit strings, the last one "", and the index of each telegram's string.
 
     A string contains 0 and 1, and ? for each bit that could not be received.
     """
@@ -212,13 +212,13 @@ _AT_ONCE = 1e-3
 #: Largest difference between the start times of a request before and after restoration [s].
 _SAME = 4e-6
 
-#: Calls with which a master searches for new slaves; no response is expected at a vacant address.
+#: Calls with which a master searches for new slaves; no response is expected from a vacant address.
 _IDENTIFICATION = [
     call.rule.title
     for call in (Call.READ_IO_CONFIGURATION, Call.READ_ID, Call.READ_ID1, Call.READ_ID2)
 ]
 
-#: Largest fraction of repeated requests for green and for yellow (P+F, AS-i 3.0 command interface).
+#: Largest fraction of repetitions for a green and a yellow light (P+F, AS-i 3.0 command interface).
 _LIGHTS = 0.01, 0.05
 
 #: Name used for the slave if the address in a request cannot be read.
@@ -285,7 +285,7 @@ def _cycle_time(transactions: pd.DataFrame, asked: pd.DataFrame) -> float:
 
 
 def _who(capture: Capture) -> pd.DataFrame:
-    """Return the slave and call of each transaction; read bad requests from the restored record."""
+    """Return slave and call of each transaction, reading bad requests from the restored record."""
     rows = capture.transactions
     address = rows["address"].astype(object).fillna(NONE).to_numpy(np.int64)
     half, calls = rows["half"].tolist(), rows["call"].tolist()
@@ -356,8 +356,8 @@ class Capture:
         - ``master_pause_bit``, ``slave_pause_bit``: pauses after request and response [bit];
         - ``request_amplitude_V``, ``response_amplitude_V``: height of the first pulse [V];
         - ``request_weakest``, ``request_ringing`` (and ``response_...``): as in `Reception`;
-        - ``request_error``, ``response_error``: "ok", a class of `shipnet.errors`, "cut off" at an
-          end of the record or a gap, "no answer", or "" where no telegram is expected;
+        - ``request_error``, ``response_error``: "ok", name of an error class, "cut off" at a gap or
+          an end of the record, "no answer", or "" where no telegram is expected;
         - ``text``: description of the transaction, a categorical column.
     duration : float
         Duration of the record [s].
@@ -430,23 +430,23 @@ class Capture:
         """Check level, evenness, ringing and errors of requests and responses against limits.
 
         The level is the height of the first pulse: 1.5..4 V (half of 3..8 V peak to peak). The
-        supply is checked if the record is DC coupled. Each slave of a `plan` must have responded.
+        supply is checked if the record is DC coupled. All slaves of a `plan` must have responded.
         """
         return Findings(_judged(self, plan))
 
     def causes(self) -> pd.DataFrame:
-        """Return the probable causes of a line's faults, the most likely one first.
+        """Return the probable causes of the line's faults, the most likely one first.
 
-        The table has one row per cause, and none for a healthy line: `slave` is the slave
+        The table has one row per cause and is empty for a healthy line. `slave` is the slave
         concerned, if any; `share` is the fraction of the violated findings of `check` that the
-        cause explains, 0..1; `evidence` says why. Possible causes are a long cable or a stub,
-        a second supply, a missing or wrong supply inductance, interference, a duplicate address, a
-        weak slave and a reversed probe.
+        cause explains, 0..1; `evidence` gives the reason. Possible causes are a long cable or a
+        stub, a second supply, a missing or wrong supply inductance, interference, a duplicate
+        address, a weak slave and a reversed probe.
 
         The rules use the impedance of the line: a second supply halves its resistance and
-        inductance; a long cable or a stub adds capacitance and echoes. A scope at a slave measures
-        the impedance less accurately. The rules were derived from simulated lines and tested on
-        other simulated lines; a real line may differ.
+        inductance; a long cable or a stub adds capacitance and echoes. The impedance is less
+        accurate if the scope is at a slave. The rules were derived from simulated lines and tested
+        on other simulated lines; a real line may differ.
 
         Examples
         --------
@@ -466,10 +466,10 @@ class Capture:
         return ranked(found, broken, self.inverted)
 
     def counters(self) -> pd.DataFrame:
-        """Return the counters that masters and analysers show: `value`, `light` and `meaning`.
+        """Return the counters that masters and analysers show, each with value, light and meaning.
 
         The light of the repetitions is green up to 1 % of the requests, yellow up to 5 % and red
-        above; each other light is green at 0. Unknown values are NaN and have no light.
+        above that; all other lights are green only at 0. Unknown values are NaN without a light.
 
         Examples
         --------
@@ -562,7 +562,7 @@ class Capture:
 
     @cached_property
     def _restored(self) -> Restored:
-        """Requests in the first 40 ms of traffic, read with the cable's distortion removed."""
+        """Requests in the first 40 ms of traffic, read after removing the cable's distortion."""
         rows = self.transactions
         asked = rows[(rows["request"].str.len() == REQUEST_BITS) & rows["start_s"].notna()]
         good = rows[rows["request_error"] == "ok"]
@@ -632,13 +632,13 @@ def _counted(capture: Capture) -> pd.DataFrame:
     share = summary.repetitions / asked if asked else nan
     rows = [
         ("power fail", _power_fails(capture), f"times that the supply falls below {POWER_FAIL} V"),
-        ("earth fault", nan, "not seen between the two wires; measure each against earth"),
-        ("slave failure", dropped, "slaves that failed 6 tries in a row"),
+        ("earth fault", nan, "not visible between the two wires; measure each wire to earth"),
+        ("slave failure", dropped, "times that a slave failed 6 tries in a row"),
         ("missing slave frames", int(silent.sum()), "no response"),
         ("bad slave frames", int((~response.isin([*_FINE, NO_ANSWER])).sum()), "bad responses"),
-        ("protocol errors", int(unexpected.sum()), "responses that the call does not expect"),
+        ("protocol errors", int(unexpected.sum()), "responses where none is expected"),
         ("bad master frames", int((~request.isin(_FINE)).sum()), "bad requests"),
-        ("repetitions", share, "share of the requests"),
+        ("repetitions", share, "fraction of the requests"),
     ]
     counted = pd.DataFrame(rows, columns=["counter", "value", "meaning"]).set_index("counter")
     counted["value"] = counted["value"].astype(float)
@@ -722,7 +722,7 @@ def decode(
         wave = record
     else:
         if dt is None:
-            raise ArgumentError("dt is missing; samples need their sampling interval")
+            raise ArgumentError("dt is missing; an array of samples needs a sampling interval")
         _checked(record, dt)
         wave = Waveform(np.asarray(record), dt)
     u, dt = _checked(wave.u, wave.dt), wave.dt
@@ -730,7 +730,7 @@ def decode(
         raise ArgumentError(f"threshold is {threshold}; it must be between 0 and 1")
     for address in extended:
         if address not in range(1, 32):
-            raise ArgumentError(f"extended has {address!r}; addresses are 1..31")
+            raise ArgumentError(f"extended has {address!r}; addresses must be 1..31")
     found = find_telegrams(u, dt, threshold)
     table = transactions_of(found.telegrams, found.ends, extended)
     return Capture(
@@ -742,11 +742,11 @@ def _checked(u: npt.ArrayLike, dt: float) -> Floats:
     array = np.asarray(u)
     if array.ndim != 1 or array.size == 0 or array.dtype.kind not in "iuf":
         raise ArgumentError(
-            f"record has the shape {array.shape} and the type {array.dtype}; it must be one row of "
-            "real voltages"
+            f"record has shape {array.shape} and dtype {array.dtype}; it must be a non-empty 1-D "
+            "array of real voltages"
         )
     if not 0.1e-9 <= dt <= 1.001 * _LONGEST_STEP:
         raise ArgumentError(
-            f"dt is {dt} s; it must be 1e-10..1e-6 s, three samples a half-bit or more"
+            f"dt is {dt} s; it must be 1e-10..1e-6 s: at least three samples per half-bit"
         )
     return array

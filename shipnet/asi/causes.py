@@ -2,8 +2,8 @@
 
 The spectrum of the voltage, divided by the spectrum of an undistorted telegram, is the magnitude of
 the line's impedance. A passive impedance has minimum phase, so this magnitude determines a filter
-that restores the pulses. The requests that can then be read and the recorded voltage yield the
-impedance at the master, modelled as one resistance, inductance and capacitance in parallel.
+that restores the pulses. The restored requests and the recorded voltage then give the impedance at
+the master, modelled as one resistance, inductance and capacitance in parallel.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def restored(
 ) -> Restored:
     """Restore up to 40 ms of a record, from 1 ms before the first request at `asked` [s].
 
-    Keep the requests that could be read before, `start` and `words`, if restoring yields fewer.
+    If fewer requests can be read afterwards, keep those read before, `start` and `words`.
     """
     low = max(0, int((asked[0] - 1e-3) / dt)) if len(asked) else 0
     sampling = Sampling.of(dt)
@@ -125,7 +125,7 @@ def restored(
     best = Restored(x - middle, since, step, start, words, inverted)
     asked = asked - since
     asked = asked[(asked > _BEFORE) & (asked < len(x) * step - _STRETCH)]
-    # Responses of distant slaves have a different spectrum: use the whole record as a fallback.
+    # Fall back on the whole record, although responses of distant slaves have another spectrum.
     for times in (asked, asked[:0]):
         if best.short:
             break
@@ -205,7 +205,7 @@ _WEAKER, _LOUDER = 0.65, 1.5
 _LEAST = 1.5
 
 #: Largest voltage of a silent line [V]: 40 % of the smallest legal pulse. Noise with a standard
-#: deviation of 0.2 V exceeds this voltage less than 1 % of the time.
+#: deviation of 0.2 V exceeds it for less than 1 % of the time.
 _NOTHING = 0.6
 
 
@@ -218,7 +218,7 @@ class Found(NamedTuple):
 
 
 def ranked(found: list[Found], broken: pd.DataFrame, inverted: bool) -> pd.DataFrame:
-    """Return the causes as a table, sorted by the fraction of violated findings each explains."""
+    """Return the causes as a table, sorted by the fraction of violated findings they explain."""
     rows = []
     for one in found:
         own = broken["object"] == f"slave {one.slave}"
@@ -259,35 +259,35 @@ def line_causes(
     r, inductance, c, misfit, stray = found
     nominal = [float(part) for part in POWER_SUPPLY.shunt[:2]]
     own = [(answering + 1) * float(part) for part in DEVICE.shunt[:2]]
-    # Numbers of parallel supplies with the measured resistance and with the measured inductance.
+    # Numbers of parallel supplies that would have the measured resistance and inductance.
     damped, fed = (1 / r - own[0]) / nominal[0], (1 / inductance - own[1]) / nominal[1]
-    seen = f"requests meet {r:.0f} ohm beside {inductance * 1e6:.0f} uH"
-    usual = f"one supply has {1 / nominal[0]:.0f} ohm beside {1e6 / nominal[1]:.0f} uH"
+    seen = f"the line has {r:.0f} ohm in parallel with {inductance * 1e6:.0f} uH"
+    usual = f"one supply has {1 / nominal[0]:.0f} ohm and {1e6 / nominal[1]:.0f} uH"
     if fed > 2.5 and stray < 3 * _STRAY:
         return [Found(INDUCTANCE, f"{seen}; {usual}")]
     if stray > _STRAY:
-        said = f"{stray:.0%} of the power during requests is foreign to them"
+        said = f"{stray:.0%} of the power during requests is noise or interference"
         return [Found(INTERFERENCE, said)]
     # A distant second supply changes the impedance less, but it lowers the signal levels.
     low = rows["response_amplitude_V"].median() < _LEAST
     if fed > (1.15 if low else 1.4) and 0.6 < damped / fed < 1.6:
-        return [Found(SECOND, f"{seen}; {usual}, and half of a decoupling looks like two")]
+        return [Found(SECOND, f"{seen}; {usual}; one with half these values looks the same")]
     if fed > 1.4:
         return [Found(INDUCTANCE, f"{seen}; {usual}")]
     if misfit > _ECHOES or c > _MOST_CAPACITANCE:
         said = (
-            f"requests meet {c * 1e9:.0f} nF, where 100 m have {_MOST_CAPACITANCE * 1e9:.0f} nF at "
-            f"most; echoes are {misfit:.0%} of their voltage"
+            f"the line has {c * 1e9:.0f} nF; 100 m have at most {_MOST_CAPACITANCE * 1e9:.0f} nF; "
+            f"echoes are {misfit:.0%} of the voltage of requests"
         )
         return [Found(CABLE, said)]
     if damped < 0.3:
         rings = 1 / (2 * np.pi * np.sqrt(inductance * c)) / 1e3
-        return [Found(INDUCTANCE, f"{seen}, not damped: it rings at {rings:.0f} kHz; {usual}")]
+        return [Found(INDUCTANCE, f"{seen} and rings at {rings:.0f} kHz; {usual}")]
     if max(damped, fed) < 0.65:
-        return [Found(CABLE, f"{seen}; {usual}: a long cable leads to it")]
+        return [Found(CABLE, f"{seen}; {usual}, so it is at the end of a long cable")]
     if fed < 0.65:
         tail = inductance / r * 1e6
-        return [Found(INDUCTANCE, f"{seen}, so pulses fade in {tail:.1f} us; {usual}")]
+        return [Found(INDUCTANCE, f"{seen}, so pulses decay in {tail:.1f} us; {usual}")]
     return []
 
 
@@ -298,7 +298,7 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
     found = []
     known = slaves[(slaves["errors"] + slaves["answers"] > 1) & (slaves.index != "unknown")]
     for label, slave in known.iterrows():
-        said = f"its level is {slave['amplitude_V']:.2f} V, that of most slaves {usual:.2f} V"
+        said = f"its level is {slave['amplitude_V']:.2f} V, the median of all is {usual:.2f} V"
         others = level.drop([label]).max()
         if slave["amplitude_V"] > max(_LOUDER * usual, 1.35 * others):
             said += f"; {int(slave['errors'])} of its answers are bad, as if two slaves answered"

@@ -47,7 +47,7 @@ class Record:
         self.cycles: list[tuple[int, int]] = []
 
     def field(self, shift: int, bits: int) -> Integers:
-        """Return a packed field of every row: `bits` bits, the lowest of which is bit `shift`."""
+        """Return a packed field of every row: `bits` bits, beginning with bit `shift`."""
         return np.frombuffer(self.code, dtype=np.int64) >> shift & (1 << bits) - 1
 
     @cached_property
@@ -164,7 +164,7 @@ class Station:
         self.lost_replies: dict[Call, int] = {}
         #: Number of active faults that disconnect the slave from the supply.
         self.cuts = 0
-        #: Number of the last request to the slave, and of the first after it was switched on.
+        #: Numbers of the last request to the slave and of the first after it was switched on.
         self.heard, self.since = -1, 1
         #: Index of the slave's first disturbance among the disturbances of one phase.
         self.offset = 0
@@ -175,13 +175,13 @@ class Station:
         most = transaction.timeout + REQUEST_BITS
         if not (late >= 0 and pause < most):
             raise ArgumentError(
-                f"slave {self.name} would answer {pause:g} bit times after a request; it must "
-                f"not be early, and less than {most:g}, before the next request has ended"
+                f"slave {self.name} would answer {pause:g} bit times after a request; a delay "
+                f"must be at least 0, and the answer must begin within {most:g} bit times"
             )
 
 
 class Stations(dict[str, list[Station]]):
-    """The slaves of a line by label at the start of the simulation; slaves may share a label."""
+    """The slaves of a line by initial label; several slaves may share a label."""
 
     def __init__(
         self, placed: Sequence[tuple[Slave, float, float]], transaction: Transaction
@@ -200,7 +200,7 @@ class Stations(dict[str, list[Station]]):
     def __missing__(self, label: str) -> list[Station]:
         slave_key(label)
         raise ArgumentError(
-            f"slave {label} is not on the line; there are {', '.join(self) or 'none'}"
+            f"slave {label} is not on the line; its slaves are {', '.join(self) or 'none'}"
         )
 
 
@@ -227,7 +227,7 @@ class Channel:
     """Simulated line that transmits requests and replies, and counts the simulated time.
 
     For each request, only the slaves at its address are simulated. A slave that missed the previous
-    request is unsynchronised. A test shows that simulating all slaves leads to equal results.
+    request is unsynchronised. A test shows that simulating all slaves gives the same results.
     """
 
     def __init__(
@@ -255,7 +255,7 @@ class Channel:
         self._scheduled = 0
         self._next = _NEVER
         self._number = 0
-        #: Number of the last request corrupted by a late response; bits and start of the latter.
+        #: Number of the last request corrupted by a late response; bits and start of that response.
         self._spoilt = -1
         self._ghost: tuple[str, float] | None = None
         self.locate()
@@ -266,7 +266,7 @@ class Channel:
         return self.time * self.transaction.bit_time
 
     def schedule(self, seconds: float, action: Callable[[], None]) -> None:
-        """Schedule an action for a time [s]; actions for one time run in the order scheduled."""
+        """Schedule an action for a time [s]; simultaneous actions run in the order scheduled."""
         self._scheduled += 1
         entry = (seconds / self.transaction.bit_time, self._scheduled, action)
         heapq.heappush(self._events, entry)
@@ -284,7 +284,7 @@ class Channel:
         raise MasterStops(until)
 
     def locate(self) -> None:
-        """Update the list of powered slaves per address; the entry after address 31 lists all."""
+        """Update the lists of powered slaves by address; the entry after address 31 lists all."""
         there = [s for s in self.stations if s.slave.powered]
         self._at = [[s for s in there if s.slave.address == address] for address in range(32)]
         self._at.append(there)
@@ -301,7 +301,7 @@ class Channel:
         return route
 
     def switch(self, station: Station, on: bool, time: float) -> None:
-        """Switch a slave's supply off or on at a time [s]; it stays off while any fault cuts it."""
+        """Switch a slave's supply off or on at a time [s]; any active fault keeps it off."""
         station.cuts += -1 if on else 1
         if station.cuts == 0:
             station.slave.switch_on()

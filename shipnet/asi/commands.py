@@ -1,6 +1,6 @@
 """Host commands, which a master carries out with one request per cycle, in its management phase.
 
-`simulate` accepts pairs of a time and a command; `Run.commands` reports the outcomes.
+`simulate` accepts pairs of time and command; `Run.commands` reports the outcomes.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class ChangeAddress:
     def __post_init__(self) -> None:
         slave_key(self.old, "old")
         if slave_key(self.new, "new")[0] < 2 or self.new == self.old:
-            raise ArgumentError(f"new is {self.new!r}; it must be another label than {self.old!r}")
+            raise ArgumentError(f"new is {self.new!r}; it must differ from '0' and {self.old!r}")
 
     def run(self, lists: Lists) -> Task[str]:
         """Yield the requests, and return the outcome in words."""
@@ -64,7 +64,7 @@ class ChangeAddress:
         identity = lists.detected[old]
         if identity.profile.extended != (half is not None):
             raise CommandFailed(
-                f"label {self.new} does not fit slave {self.old}: {identity.profile}"
+                f"label {self.new} does not fit the profile of slave {self.old}, {identity.profile}"
             )
         neighbour = lists.detected.get(new ^ 1)
         alone = neighbour is None or (neighbour.profile.extended and identity.profile.extended)
@@ -84,12 +84,12 @@ class ChangeAddress:
         if not (yield from move(lists, self.new)):
             raise CommandFailed(f"slave {self.old} was not found at {self.new}")
         yield from activate(lists, new)
-        return f"slave {self.old} is slave {self.new} now"
+        return f"slave {self.old} is now slave {self.new}"
 
 
 @record
 class _OfSlave:
-    """Base class of the commands to one slave."""
+    """Base class of commands to one slave."""
 
     slave: str = text("Label of the slave")
 
@@ -111,7 +111,7 @@ class ReadCodes(_OfSlave):
         """Yield the requests, and return the outcome in words."""
         found = yield from identify(slave_key(self.slave)[0])
         if found is None:
-            raise CommandFailed(f"slave {self.slave} does not answer with its codes")
+            raise CommandFailed(f"slave {self.slave} does not return its codes")
         id1 = f"ID1 {found.id1:X}" if found.id1 >= 0 else "no ID1"
         return f"slave {self.slave} is {found.profile}, {id1}"
 

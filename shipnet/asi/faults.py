@@ -31,7 +31,7 @@ __all__ = [
 
 @record
 class LineFault(Fault):
-    """Base class of the faults of a line."""
+    """Base class of faults of a line."""
 
     def apply(self, channel: Channel, stations: Stations) -> None:
         """Schedule the start and the end of the fault."""
@@ -40,7 +40,7 @@ class LineFault(Fault):
 
 @record
 class _OfSlave(LineFault):
-    """Base class of the faults of one slave."""
+    """Base class of faults of one slave."""
 
     slave: str = text("Label of the slave")
 
@@ -73,9 +73,7 @@ class TelegramErrors(_OfSlave):
         """Set the probabilities with which the channel draws disturbances."""
         for station in stations[self.slave]:
             if station.rates != (0.0, 0.0):
-                raise ArgumentError(
-                    f"slave {self.slave} has telegram errors twice; it must have one"
-                )
+                raise ArgumentError(f"slave {self.slave} has TelegramErrors twice; give only one")
             station.rates = (self.request, self.response)
             station.quiet = self.start > 0
             if station.quiet or self.stop < inf:
@@ -178,7 +176,7 @@ class LostReply(_OfSlave):
     )
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Schedule the loss of the first `count` replies after `start`, until `stop`."""
+        """Schedule the loss of the first `count` replies between `start` and `stop`."""
         for station in stations[self.slave]:
             for time, count in ((self.start, self.count), (self.stop, 0)):
                 if time < inf:
@@ -216,7 +214,7 @@ class MasterFailure(LineFault):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.stop < inf:
-            raise ArgumentError(f"stop is {self.stop:g} s; a master that failed stays silent")
+            raise ArgumentError(f"stop is {self.stop:g} s; omit it: a failed master stays silent")
 
     def apply(self, channel: Channel, stations: Stations) -> None:
         """Schedule the time at which the master stops permanently."""

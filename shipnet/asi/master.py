@@ -28,7 +28,7 @@ class Master:
     By default, a slave is dropped after two failed tries in each of three consecutive cycles; an
     analyser also counts a slave as lost after six failed tries [1]_. *Read I/O configuration* is
     repeated after a faulty response but not after a missing one. The operating phases follow [2]_.
-    If the host has no commands, the management phase reads the status of one slave after another.
+    If the host has no command, the management phase reads the status of the slaves in turn.
     If the supply fails, the master stops; it restarts when the supply returns.
 
     References
@@ -55,16 +55,16 @@ class Master:
         0, 7, help="Number of immediate repetitions of a failed request", default=1, kw_only=True
     )
     drop_after: int = whole(
-        1, 1000, help="Number of consecutive cycles with failed data exchange that drop a slave",
+        1, 1000, help="Number of failed cycles in a row after which a slave is dropped",
         default=3, kw_only=True,
     )  # fmt: skip
     automatic_addressing: bool = switch(
-        "True if a new slave at address 0 replaces the only missing slave if their profiles are "
-        "equal; in protected mode only", default=False, kw_only=True,
+        "True if a new slave at address 0 replaces the only missing slave, provided that both "
+        "have the same profile; in protected mode only", default=False, kw_only=True,
     )  # fmt: skip
     node: str = text("Node of the master; required in a plan", default="", kw_only=True)
     current: float = number(
-        0, 10, "A", "Current from the line; the default assumes that of a slave", default=CURRENT,
+        0, 10, "A", "Current from the line; by default that assumed for slaves", default=CURRENT,
         kw_only=True,
     )  # fmt: skip
 
@@ -78,14 +78,14 @@ class Master:
             if profile.extended != (half is not None) or key < 2:
                 raise ArgumentError(
                     f"slave {label} is projected as {profile}; the label of an A/B slave must have "
-                    "A or B, that of a standard slave must not, and the address must be 1..31"
+                    "A or B, that of a standard slave neither, and the address must be 1..31"
                 )
             projected[label] = profile
         if self.protected:
             object.__setattr__(self, "projected", projected)
         elif self.automatic_addressing:
             raise ArgumentError(
-                "automatic_addressing is True, but there are no projected slaves; it needs them"
+                "automatic_addressing is True, but no slave is projected; give at least one"
             )
         outputs = {label: check_bits("output", label, n) for label, n in self.outputs.items()}
         object.__setattr__(self, "outputs", outputs)
@@ -320,7 +320,7 @@ class Command(Protocol):
 
 
 class CommandFailed(Exception):
-    """A command of the host cannot be carried out; the message says why."""
+    """Error if a command of the host cannot be carried out; the message says why."""
 
 
 class RunningMaster:
@@ -393,7 +393,7 @@ class RunningMaster:
             self.lists.join(key, 0)
 
     def _again(self, what: PreparedRequest, reply: int) -> Task[int]:
-        """Repeat a failed request until a valid reply or the last repetition."""
+        """Repeat a failed request until a reply is valid or no repetition is left."""
         for attempt in range(1, self.repetitions + 1):
             self.attempt = attempt
             reply = yield what

@@ -152,13 +152,13 @@ class Modulation:
         try:
             array = np.asarray(bits)
         except ValueError:
-            raise ArgumentError("bits must be telegrams of one length") from None
+            raise ArgumentError("bits must be telegrams of equal length") from None
         if array.dtype.kind == "U" and array.size:
             lengths = np.char.str_len(array)
             least, most = lengths.min(), lengths.max()
             if least != most:
                 raise ArgumentError(
-                    f"bits must be telegrams of one length, but have {least} to {most}"
+                    f"bits must be telegrams of equal length, not {least} to {most} bits"
                 )
             array = np.ascontiguousarray(array).view("U1").reshape(*array.shape, -1)
             array = np.where(np.isin(array, ("0", "1")), array == "1", 2)
@@ -207,7 +207,7 @@ class Modulation:
         """
         s, steps = np.asarray(s, dtype=complex), self.steps
         if np.any(s == 0):
-            raise ArgumentError("s is 0, where the transform of a current has no value of its own")
+            raise ArgumentError("s contains 0, for which the formula is undefined")
         at = check_scalar("start", start, "s", -1e9, 1e9) + HALF_BIT * np.arange(steps.shape[-1])
         return np.asarray(SEND_CURRENT * ramp_spectrum(s) / s * (steps @ np.exp(-np.outer(at, s))))
 
@@ -236,7 +236,7 @@ class Modulation:
         u = wave.u.reshape(-1, wave.u.shape[-1])
         if len(axes) not in (3, 6) or len(u) != 1:
             raise ArgumentError(
-                f"there are {len(axes)} axes and {len(u)} voltages; there must be 3 or 6, and one"
+                f"{len(axes)} axes and {len(u)} voltages given; give 3 or 6 axes and 1 voltage"
             )
         bits, t = self.text, wave.t
         edges = np.arange(2 * len(bits) + 1) * HALF_BIT * 1e6
@@ -314,7 +314,7 @@ class Pulses:
     def __init__(self, signs: str | npt.ArrayLike) -> None:
         if isinstance(signs, str):
             if set(signs) - set("-0+") or not signs:
-                raise ArgumentError(f"signs are {signs!r}; they must be -, 0 and +")
+                raise ArgumentError(f"signs are {signs!r}; they must be -, 0 or +")
             signs = ["-0+".index(sign) - 1 for sign in signs]
         array = np.asarray(signs)
         whole = array.ndim and array.dtype.kind in "iu"
@@ -340,14 +340,14 @@ class Pulses:
 
     @property
     def _columns(self) -> Signs:
-        """Signs including two half-bits of silence, shape (n_slots, ...), the faster order."""
+        """Signs with two half-bits of silence, shape (n_slots, ...), which is faster to process."""
         signs, lengths = self.signs, (2 * RESPONSE_BITS, 2 * REQUEST_BITS)
         if signs.shape[-1] in lengths:
             signs = np.pad(signs, [(0, 0)] * (signs.ndim - 1) + [(0, 2)])
         if signs.shape[-1] - 2 not in lengths:
             raise ArgumentError(
-                f"there are {signs.shape[-1]} half-bits; a response has {lengths[0]}, a request "
-                f"{lengths[1]}, or two more with the silence after it"
+                f"there are {signs.shape[-1]} half-bits; a response has {lengths[0]} and a request "
+                f"{lengths[1]}, plus two if the silence after it is included"
             )
         return np.ascontiguousarray(np.moveaxis(signs, -1, 0))
 
@@ -373,7 +373,7 @@ class Pulses:
         for j, k in pairwise(j for j in range(1, last + 1) if pulse[j]):
             if pulse[j] == pulse[k]:
                 raise AlternationError(
-                    f"{slot[k]} like slot {j}, the pulse before it; the signs alternate"
+                    f"{slot[k]} like slot {j}, the previous pulse; signs must alternate"
                 )
         for j in range(1, last):
             if not pulse[j] and not pulse[j + 1]:
@@ -392,7 +392,7 @@ class Pulses:
             raise EndBitError(f"{slot[last]}; the end bit's pulse is +")
         for j in (last + 1, last + 2):
             if pulse[j]:
-                raise LengthError(f"{slot[j]}; the line is silent after slot {last}, the end bit's")
+                raise LengthError(f"{slot[j]}; the line must be silent after slot {last}")
         return bits
 
     def _one(self, columns: Signs) -> Signs:

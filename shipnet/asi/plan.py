@@ -75,7 +75,7 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
     "slave, failed": ("X", LIMIT["color"], 7),
 }
 
-#: Largest number of slaves that a drawing labels.
+#: Largest number of slaves that are labelled in a drawing.
 _NAMED = 12
 
 
@@ -348,7 +348,7 @@ class Plan:
         The noise at every receiver has the one-sided `noise_density` [V per root hertz]. The table
         has one row per slave and receiver of `RECEIVERS`: the receiver's `minimum_V`, and the
         probability that a `request`, a `response`, or either of them (`exchange`) is not received
-        correctly. It is NaN if `emc.error_rate` cannot compute it; `why` contains the reason.
+        correctly. What `emc.error_rate` cannot compute is NaN; `why` gives the reason.
         """
         from shipnet.asi.emc.error_rates import error_rate
 
@@ -554,7 +554,7 @@ class Comparison:
         return np.array([bool(one.within_tolerance.all()) for one in self.qualities.values()])
 
     def plot(self, ax: Axes | None = None, *, label: str = "", **line: Any) -> Axes:
-        """Plot weakest pulse and ringing against plan names if these are numbers, else in order."""
+        """Plot weakest pulse and ringing against plan names if numeric, otherwise in order."""
         names = list(self.qualities)
         numbers = all(isinstance(name, int | float | np.number) for name in names)
         x = names if numbers else range(1, len(names) + 1)

@@ -70,7 +70,7 @@ def write_elements(elements: Sequence[Element], path: str | PathLike[str]) -> No
     """Write the elements of a plan to a CSV file, with their numbers in full precision."""
     for one in elements:
         if isinstance(one, CableRun) and not isinstance(one.cable, str):
-            raise ArgumentError(f"{one} has a cable of its own; a file names cables by type only")
+            raise ArgumentError(f"{one} has a custom cable; a file can only name a cable type")
     used = [column for column in COLUMNS if any(column in _row(element) for element in elements)]
     with Path(path).open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, used, restval="", lineterminator="\n")
@@ -103,7 +103,7 @@ def read_elements(path: str | PathLike[str]) -> list[Element]:
     needed = ("kind", "node")
     known = {column: None if column in needed else "" for column in (*COLUMNS, "note")}
     rows, faults = titled(sheet, known)
-    # Check the structure only if every cable was read; else devices would seem unconnected.
+    # Check the structure only if every cable was read; otherwise devices would seem loose.
     whole = not faults
     point = "."
     if sheet.separator != "," and any("," in row[column] for _, row in rows for column in _NUMBERS):
@@ -147,7 +147,7 @@ def _element(row: dict[str, str], point: str) -> tuple[Element | None, list[str]
             faults.append(f"column {column}: {row[column]!r}; expected {expected}")
     known = {"kind", "note", *needed.values(), *optional.values()}
     faults += [
-        f"column {column}: {cell!r}; expected nothing, a {name} has no {column}"
+        f"column {column}: {cell!r}; expected an empty cell; a {name} has no {column}"
         for column, cell in row.items()
         if cell and column not in known
     ]
@@ -175,7 +175,7 @@ def _label(cell: str) -> str:
 
 #: Functions that read the cells of other columns, and descriptions of the legal cells.
 _READ: dict[str, tuple[Callable[[str], Any], str]] = {
-    "address": (_label, "0 to 31, followed by A or B for a slave that shares it"),
+    "address": (_label, "0 to 31, followed by A or B for an A/B slave"),
     "profile": (Profile.parse, "a profile such as S-7.A.E or S-0.F"),
     "channels": (int, f"a whole number, 1 to {CHANNELS}"),
     "cable": (dict(zip(CABLES, CABLES, strict=True)).__getitem__, f"one of {', '.join(CABLES)}"),

@@ -1,7 +1,7 @@
 """Line voltage -> pulses -> bits: the receiver of a master or a slave, for many telegrams at once.
 
 It waits for the first pulse and then samples the line once every half-bit. A sample larger than
-half of the first pulse is a pulse. The seven checks of `shipnet.asi.modulation` follow.
+half of the first pulse counts as a pulse. The seven checks of `shipnet.asi.modulation` follow.
 """
 
 from __future__ import annotations
@@ -32,28 +32,28 @@ RNGLike = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence 
 #: Voltage below which nothing is a pulse [V]: 30 % of 1.5 V, half of the smallest legal signal.
 MINIMUM = 0.45
 
-#: Legal sampling intervals [s]: the longest leaves three samples per half-bit; less than the
-#: shortest, with 3000 samples per pulse, only costs time.
+#: Legal sampling intervals [s]: the longest gives three samples per half-bit; one below the
+#: shortest, which gives 3000 samples per pulse, would only cost time.
 _DT = (1e-9, 1e-6)
 
 #: Samples processed at a time, so that they and the results stay in a core's own cache.
 _SAMPLES = 2**18
 
-#: Number of taps above which a transform filters faster than products with matrices.
+#: Number of taps above which an FFT filters faster than matrix products.
 _LONG = 64
 
 #: Blocks multiplied at a time, so that all stay in a core's own cache.
 _BLOCKS = 2**10
 
 #: The first pulse peaks within this many half-bits of the first sample above the minimum: one for
-#: the filtered pulse, which is two long, and the delay of the supply's 78 ohm || 100 uH.
+#: the filtered pulse, which is two long, plus the delay of the supply's 78 ohm || 100 uH.
 _REACH = 1.25
 
-#: Time by which most telegrams have had their first pulse [s].
+#: Time by which the first pulse of most telegrams has occurred [s].
 _EARLY = 16e-6
 
-#: Relative difference below which two heights are equal, and voltage below which a sample is zero
-#: [V], so that no decision depends on rounding.
+#: Relative difference below which two heights count as equal, and voltage below which a sample
+#: counts as zero [V], so that no decision depends on rounding.
 _EVEN, _LEAST = 1e-9, 1e-9
 
 
@@ -69,7 +69,7 @@ class Disturbance(Protocol):
         *,
         span: tuple[float, float],
     ) -> Floats:
-        """Return voltages of shape (size, n_t); telegrams begin and end at `span` [s]."""
+        """Return voltages of shape (size, n_t); `span` is the start and end of telegrams [s]."""
 
 
 @checked
@@ -82,18 +82,18 @@ class Reception(NamedTuple):
     Attributes
     ----------
     bits : ndarray of int8, shape (..., n_bits)
-        The bits, -1 where there is none; valid only where `error` is 0.
+        The bits, -1 where none was received; valid only where `error` is 0.
     error : ndarray of uint8, shape (...)
-        0, or a code of `shipnet.errors`.
+        0 if correct; otherwise an error code of `shipnet.errors`.
     start : ndarray of float, shape (...)
         Start of the telegram after the first sample [s], 1.5 half-bits before the peak of its first
-        pulse. The supply delays the pulses: on a line it is about 1 us late.
+        pulse. On a line it is about 1 us late, because the supply delays the pulses.
     amplitude : ndarray of float, shape (...)
         Largest sample of the first pulse on the line, before any filter [V].
     weakest : ndarray of float, shape (...)
-        Smallest pulse over largest pulse, behind the filter if the receiver has one.
+        Smallest pulse divided by largest pulse, after the filter if the receiver has one.
     ringing : ndarray of float, shape (...)
-        Largest voltage over largest pulse, likewise, in the slots without a pulse from the first
+        Largest voltage in slots without a pulse divided by largest pulse, likewise, from the first
         pulse to two slots after the telegram.
     slots : ndarray of int8, shape (..., 2 n_bits + 2)
         Signs of the pulses: -1, 0 or +1.
@@ -116,12 +116,12 @@ class Reception(NamedTuple):
 
     @property
     def pulses(self) -> Pulses:
-        """The pulses, with the silence after the telegram."""
+        """The pulses, including the silence after the telegram."""
         return Pulses(self.slots)
 
     @property
     def within_tolerance(self) -> Bools:
-        """Which telegrams have no error and stay within `TOLERANCE`."""
+        """True for each telegram that has no error and is within `TOLERANCE`."""
         even = (self.weakest >= TOLERANCE.evenness) & (self.ringing <= TOLERANCE.ringing)
         return np.asarray((self.error == 0) & even)
 
@@ -154,29 +154,29 @@ class Reception(NamedTuple):
 
 
 class Tolerance(NamedTuple):
-    """Smallest pulse, and largest voltage outside pulses, divided by the largest pulse."""
+    """Smallest pulse and largest voltage outside pulses, each divided by the largest pulse."""
 
     evenness: float
     ringing: float
 
 
 #: What a receiver tolerates. kim2023, section 3.4, allows an amplitude error of "35 %" and 30 % of
-#: overshoot. Read as pulses down to 65 % of the largest, both follow from a comparator at 45 % to
-#: 55 % of the first pulse (SAP5S/SAP51 data sheet, 2012, p. 31): the smallest pulse must pass the
-#: highest threshold, 0.55 < 0.65, and ringing stay below the lowest one, 0.45 x 0.65 = 0.29.
+#: overshoot. If the former means pulses down to 65 % of the largest, both follow from a comparator
+#: at 45 % to 55 % of the first pulse (SAP5S/SAP51 data sheet, 2012, p. 31): the smallest pulse must
+#: be above the highest threshold, 0.55 < 0.65, and ringing below the lowest, 0.45 x 0.65 = 0.29.
 TOLERANCE = Tolerance(evenness=0.65, ringing=0.30)
 
 
 @checked
 @record
 class Receiver:
-    """The receiver of a master or a slave, by its four settings.
+    """The receiver of a master or a slave, with four settings.
 
-    The first pulse decides, not the largest so far, as in [1]_. A wide `window` catches the
-    flanks of the neighbours: on a line of 150 m, 0.25 loses telegrams that 0.1 receives. In noise
-    `minimum` should be four times the standard deviation behind the filter, or noise before a
-    telegram is mistaken for its first pulse. `RECEIVERS` has some receivers by name, with the
-    `source` of their numbers.
+    The threshold is relative to the first pulse, not to the largest so far, as in [1]_. A wide
+    `window` includes edges of neighbouring pulses: on a line of 150 m, 0.25 loses telegrams that
+    0.1 receives. In noise, `minimum` should be four times the standard deviation after the filter;
+    otherwise noise before a telegram is mistaken for its first pulse. `RECEIVERS` contains some
+    receivers by name, with the `source` of their numbers.
 
     References
     ----------
@@ -196,11 +196,11 @@ class Receiver:
         0, 1, "", "Smallest pulse, relative to the first one; not 0 or 1", default=0.5
     )
     window: float = number(
-        0, 0.5, "half-bits", "The largest sample this near to the middle of a slot counts",
+        0, 0.5, "half-bits", "Range around the middle of a slot in which the largest sample counts",
         default=0.1,
     )  # fmt: skip
-    matched: bool = switch("Whether to filter with the shape of a pulse first", default=True)
-    minimum: float = number(0, 1e9, "V", "Voltage below which nothing counts", default=MINIMUM)
+    matched: bool = switch("True to filter with the shape of a pulse first", default=True)
+    minimum: float = number(0, 1e9, "V", "Voltage below which nothing is a pulse", default=MINIMUM)
     source: str = field(default="", kw_only=True, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -208,12 +208,12 @@ class Receiver:
             raise ArgumentError(f"threshold is {self.threshold}; it must be between 0 and 1")
 
     def receive(self, wave: Waveform) -> Reception:
-        """Receive telegrams of known length; a bad one has an `error` and raises nothing."""
+        """Receive telegrams of known length; a bad one has an `error` but raises no exception."""
         return receive(wave.u, wave.dt, wave.bits.shape[-1], **asdict(self))
 
 
-#: Receivers by name: a sensitive one mistakes noise for telegrams, another one loses weak signals.
-#: No data sheet that we read states a chip's own voltage.
+#: Receivers by name: a sensitive one may mistake noise for telegrams, the others may lose weak
+#: signals. None of the data sheets that we read states the threshold voltage of a chip.
 RECEIVERS: Mapping[str, Receiver] = MappingProxyType(
     {
         "sensitive": Receiver(
@@ -237,7 +237,7 @@ RECEIVERS: Mapping[str, Receiver] = MappingProxyType(
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform(line_waveform.Waveform):
-    """Voltages of telegrams as a receiver hears them; t = 0 is their start.
+    """Voltages of telegrams at a receiver; the telegrams begin at t = 0.
 
     Parameters
     ----------
@@ -263,7 +263,7 @@ class Waveform(line_waveform.Waveform):
         bits = np.asarray(self.bits)
         _check_bit_count(bits.shape[-1])
         if bits.ndim > 2 or (bits.ndim == 2 and bits.shape[0] != self.u.shape[-2]):
-            raise ArgumentError(f"bits have the shape {bits.shape}; u has {self.u.shape}")
+            raise ArgumentError(f"bits have shape {bits.shape}, which does not fit {self.u.shape}")
         object.__setattr__(self, "bits", bits)
 
     @property
@@ -296,7 +296,7 @@ class Waveform(line_waveform.Waveform):
         place = (middles[..., np.newaxis] + t) / self.dt
         if place.max() > rows.shape[1] - 1:
             raise ArgumentError(
-                f"u ends after {rows.shape[1] * self.dt:.3g} s; a telegram and its silence last "
+                f"u ends after {rows.shape[1] * self.dt:.3g} s; a telegram with its silence lasts "
                 f"until {place.max() * self.dt:.3g} s"
             )
         # The row coordinate must be a whole number, or two telegrams would blend.
@@ -318,7 +318,7 @@ class Waveform(line_waveform.Waveform):
     def disturbance(
         self, disturbance: Disturbance, amplitude: float, rng: np.random.Generator, size: int
     ) -> Floats:
-        """Return the voltages of a disturbance for `size` records like this one."""
+        """Return the voltages of a disturbance for `size` records with the times of this one."""
         begin, end = self.span
         span = -self.start + begin, round(end - self.start, 12)
         return disturbance.voltage(self.t - self.start, amplitude, rng, size, span=span)
@@ -346,7 +346,7 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
     # Rows that are not in double precision are copied.
     chunk = max(1, _SAMPLES // (n_t if u.dtype == np.float64 else 2 * n_t))
     parts = [
-        # `_decide` takes samples by their place in memory.
+        # `_decide` accesses samples by their position in memory.
         _decide(np.ascontiguousarray(rows[begin : begin + chunk]), dt, n_bits, receiver)
         for begin in range(0, max(1, len(rows)), chunk)
     ]
@@ -360,35 +360,35 @@ def receive(u: npt.ArrayLike, dt: float, n_bits: int, **settings: Any) -> Recept
 def _check_bit_count(n_bits: int) -> None:
     if n_bits not in (RESPONSE_BITS, REQUEST_BITS):
         raise ArgumentError(
-            f"n_bits is {n_bits!r}; it must be {RESPONSE_BITS}, a response, "
-            f"or {REQUEST_BITS}, a request"
+            f"n_bits is {n_bits!r}; it must be {RESPONSE_BITS} (a response) "
+            f"or {REQUEST_BITS} (a request)"
         )
 
 
 def _checked(u: npt.ArrayLike, dt: float) -> npt.NDArray[np.floating]:
     if not _DT[0] <= dt <= _DT[1]:
         raise ArgumentError(
-            f"dt is {dt} s; it must be {_DT[0]}..{_DT[1]} s, three samples a half-bit or more"
+            f"dt is {dt} s; it must be {_DT[0]}..{_DT[1]} s, three samples or more per half-bit"
         )
     array = np.asarray(u)
     if array.dtype.kind not in "iuf":
         raise ArgumentError(f"u must be real voltages, but its dtype is {array.dtype}")
     if array.ndim == 0 or array.shape[-1] == 0:
-        raise ArgumentError(f"u has the shape {array.shape}; it needs a sample on its last axis")
+        raise ArgumentError(f"u has shape {array.shape}; its last axis must not be empty")
     return array
 
 
 @lru_cache(maxsize=64)
 def _pulse_shape(n_t: int, dt: float) -> Floats:
     """Return the taps of the matched filter."""
-    # A short record needs only the filter's middle; half a half-bit away the filter is 0.
+    # A short record needs only the middle of the filter, which is 0 from half a half-bit away.
     half = min(ceil(HALF_BIT / dt / 2 - 1e-9) - 1, n_t - 1)
     q = np.arange(-half, half + 1)
     return np.asarray(np.cos(np.pi * q * dt / HALF_BIT) ** 2 * (8 / 3 * dt / HALF_BIT))
 
 
 def _means(u: Floats, n_t: int) -> Floats:
-    """Return the mean of the first samples of each row; raise if one is not finite."""
+    """Return the mean of the first `n_t` samples of each row; raise if one is not finite."""
     # The sum of squares is the fastest check of all samples: it is finite only if they all are, and
     # none is so large that a later sum or product could overflow.
     flat = u.ravel()
@@ -405,14 +405,14 @@ def _means(u: Floats, n_t: int) -> Floats:
 
 
 def _wider(u: npt.NDArray[np.floating], more: int) -> Floats:
-    """Return a copy of rows with more zeros after each."""
+    """Return a copy of the rows, each followed by `more` zeros."""
     wide = np.zeros((len(u), u.shape[1] + more))
     wide[:, : u.shape[1]] = u
     return wide
 
 
 def _columns(u: Floats, mean: Floats, taps: Floats, end: int, after: int = 0) -> Floats:
-    """Return the first columns of rows minus their mean, filtered, and zeros `after` them."""
+    """Subtract the mean from each row, filter the first `end` samples, and add `after` zeros."""
     count, half = len(u), len(taps) // 2
     x = np.zeros((count, half + end + max(half, after)))
     stop = min(u.shape[1], end + half)
@@ -441,7 +441,7 @@ def filtered(
     down: int = 1,
     out: npt.NDArray[Any] | None = None,
 ) -> npt.NDArray[Any]:
-    r"""Filter a row by products of its blocks with matrices; beyond its end are zeros.
+    r"""Filter a row by multiplying its blocks with matrices; it is 0 beyond its end.
 
     .. math:: y_i = \sum_k h_{u k - d i} \, x_k, \qquad i = 0 \ldots size - 1
     """
@@ -471,21 +471,21 @@ def _band(taps: bytes, kind: str, outputs: int, up: int = 1, down: int = 1) -> n
 
 
 def _windows(rows: Floats, length: int, begin: Indices) -> Floats:
-    """Return runs of samples of contiguous rows that `begin` this far after the first sample."""
+    """Return the runs of `length` samples of contiguous rows that start at the indices `begin`."""
     shape = max(0, rows.size - length + 1), length
     step = rows.strides[1:] * 2
     return np.lib.stride_tricks.as_strided(rows, shape, step, writeable=False)[begin]
 
 
 def _near(u: Floats, places: Indices, reach: int, taps: Floats) -> Floats:
-    """Return the filtered samples up to `reach` from places of rows, along the first axis."""
+    """Return the filtered samples within `reach` of places in rows, along the first axis."""
     before, n_t = reach + len(taps) // 2, u.shape[1]
     index = places + np.arange(-before, u.size - before, n_t)
     if before == reach:
         flat = u.ravel()
         return np.stack([flat[k:].take(index, mode="clip") for k in range(2 * reach + 1)])
     comb = _band(taps.tobytes(), taps.dtype.str, 2 * reach + 1)
-    # Row by row: its samples are near to each other in memory.
+    # Row by row, because the samples of a row are close together in memory.
     runs = _windows(u, len(comb), index.T.ravel())
     return (comb.T @ runs.T).reshape(2 * reach + 1, *index.T.shape).swapaxes(1, 2)
 
@@ -512,7 +512,7 @@ def _decide(
             break
     flat, at = y.ravel(), start + np.arange(0, y.size, y.shape[1])
     sign = np.sign(flat.take(at))
-    # Only samples of its sign: the next pulse may be larger.
+    # Only samples of the same sign, because the next pulse may be larger.
     top = (_windows(y, near, at) * sign[:, np.newaxis]).argmax(axis=-1)
     start += top
     at += top
@@ -523,7 +523,7 @@ def _decide(
     inner = (start > 0) & (start < last) & (left >= 0) & (right >= 0) & (left + right > 0)
     peak = start + np.divide(0.5 * (left - right), left + right, out=np.zeros(count), where=inner)
 
-    # A peak halfway between two samples stays there whatever its last digits are.
+    # Round, so that the last digits of a peak halfway between two samples do not matter.
     even = np.rint(peak * 2**30) / 2**30
     middle = np.rint(even + samples * np.arange(2 * n_bits + 1)[:, np.newaxis]).astype(np.intp)
     farthest, inside = middle.max(initial=0) + reach, np.minimum(middle, last)
@@ -535,10 +535,10 @@ def _decide(
             u[:, n_t:] = mean[:, np.newaxis]
         heard, level = _near(u, inside, reach, taps), taps.sum() * mean
     if farthest > last:
-        # After the end of the record nothing was heard.
+        # Nothing is received after the end of the record.
         offset = np.arange(-reach, reach + 1)[:, np.newaxis, np.newaxis]
         np.copyto(heard, level, where=np.maximum(middle, middle + offset) > last)
-    # The larger of both signs. Slot 0, before the first pulse, does not count.
+    # The larger of the two signs. Slot 0, before the first pulse, does not count.
     high, low = (np.ascontiguousarray(f(heard, axis=0)) for f in (np.max, np.min))
     high -= level
     np.subtract(level, low, out=low)
@@ -554,7 +554,7 @@ def _decide(
     empty = ~filled
     smallest = (absolute + 1e300 * empty).min(axis=0)
     absolute *= empty
-    # On the line the pulse peaks a little later than behind the symmetric filter.
+    # On the line, the pulse peaks a little later than after the symmetric filter.
     reach = int(samples / 4)
     places = np.minimum(np.maximum(start + np.arange(-reach, reach + 1)[:, np.newaxis], 0), last)
     around = u.ravel().take(places + np.arange(0, u.size, u.shape[1]))
@@ -569,11 +569,11 @@ def _decide(
 
 
 class Eye(NamedTuple):
-    """Half-bits laid over each other, relative to the largest sample of their telegram."""
+    """Superimposed half-bits, relative to the largest sample of their telegram."""
 
     t: Floats  # time from the middle of a half-bit [s]
-    pulses: Floats  # half-bits with a pulse, all turned positive, shape (n_pulses, n)
-    gaps: Floats  # half-bits without one after the first pulse, shape (n_gaps, n)
+    pulses: Floats  # half-bits with a pulse, all made positive, shape (n_pulses, n)
+    gaps: Floats  # half-bits without a pulse after the first pulse, shape (n_gaps, n)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw all half-bits over each other with the tolerances, as in icn2007's Fig 8."""

@@ -22,20 +22,20 @@ from shipnet.line.waveform import F_MAX, Waveform, record_of
 if TYPE_CHECKING:
     from shipnet.asi.segment import Segment
 
-#: How long a change of current is computed [s]: longer than an undamped line rings.
+#: Duration for which the voltage of a current step is computed [s]; no line rings longer.
 _RINGS = 250e-6
 
-#: Largest delay of the answer of a slave in step [s] (A2SI data sheet).
+#: Largest delay of a synchronised slave's response [s] (A2SI data sheet).
 _LATE = 0.5e-6
 
-#: Silence before the first request, and times before and after a telegram that receivers see [s].
+#: Silence before the first request, and times before and after a telegram for receivers [s].
 _AHEAD, _BEFORE, _AFTER = 50e-6, 6e-6, 9e-6
 
 _TIMES = Transaction()
 
 
 class _Recorder:
-    """A line on which every device hears telegrams as the cables distort them."""
+    """A line on which every device receives telegrams as distorted by the cables."""
 
     def __init__(
         self, segment: Segment, node: str, size: int, dt: float, weak: Mapping[str, float]
@@ -57,11 +57,11 @@ class _Recorder:
                 return np.asarray(-z * SEND_CURRENT * ramp_spectrum(s) / s)
 
             u = record_of(change, round(_RINGS / dt), dt, F_MAX)
-            # The end must fade, or it would be a step.
+            # Fade out the end, which would otherwise be a step.
             return u * np.minimum(1, 2 * np.linspace(1, 0, u.shape[-1]))
 
-        #: One change of the master's current at each slave and at the scope, by reciprocity also of
-        #: the slaves' current at the master; then of the slaves' current at the scope.
+        #: Voltage of a step of the master's current at each slave and at the scope (by reciprocity
+        #: also of a slave's step at the master), and of the slaves' steps at the scope.
         self.asked = heard(segment.head, places)
         self.scope = self.asked[:-1] if node == segment.head else heard(node, rows)
         self.strength = np.array([weak.get(slave.label, 1.0) for slave in segment.slaves])
@@ -71,11 +71,11 @@ class _Recorder:
 
     @property
     def seconds(self) -> float:
-        """Now [s]."""
+        """Simulated time [s]."""
         return self.at * self.dt
 
     def begin(self, phase: Phase, cycle: int) -> None:
-        """Ignore a phase of the master."""
+        """Ignore the phases of the master."""
 
     def put(self, rows: slice, telegram: Floats, start: int) -> None:
         """Add a telegram to the voltages of some rows."""
@@ -83,13 +83,13 @@ class _Recorder:
         self.u[rows, start : start + telegram.shape[-1]] += telegram[..., :room]
 
     def request(self, bits: str) -> Floats:
-        """Return a request as the slaves and the scope hear it; most are sent again and again."""
+        """Return a request as received by the slaves and the scope, cached because most recur."""
         if bits not in self.known:
             self.known[bits] = self.telegram(self.asked, bits)
         return self.known[bits]
 
     def telegram(self, change: Floats, bits: str) -> Floats:
-        """Return a telegram, given the voltage of one change of current."""
+        """Return the voltage of a telegram, given that of one current step."""
         steps = Modulation(bits).steps
         u = np.zeros((*change.shape[:-1], change.shape[-1] + len(steps) * self.slot), np.float32)
         for place in np.flatnonzero(steps) * self.slot:
@@ -104,7 +104,7 @@ class _Recorder:
         return ["" if error else text for text, error in zip(texts, heard.error, strict=True)]
 
     def transact(self, request: str, rng: np.random.Generator) -> int:
-        """Send a request, let the slaves answer what they hear, and return the reply."""
+        """Send a request, let the slaves respond to what they receive, and return the reply."""
         start, count, bit = self.at, len(self.slaves), 2 * self.slot
         self.put(slice(count + 1), self.request(request), start)
         end = start + REQUEST_BITS * bit

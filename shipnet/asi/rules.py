@@ -18,24 +18,24 @@ from shipnet.lazy import pd
 #: Relative rounding error by which a value may exceed its limit.
 _SLACK = 1e-9
 
-#: One row of the table without its verdict: rule, object, value, an upper limit of the object
-#: itself, why.
+#: One row of the table without its verdict: rule, object, value, upper limit set by the object
+#: itself or None, reason.
 _Row = tuple[str, str, float, float | None, str]
 
 
 def rule_limits() -> pd.DataFrame:
-    """Return the limits of all rules with their sources; `Plan.check` accepts changed ones.
+    """Return the limits of all rules with their sources; `Plan.check` accepts a changed table.
 
     Returns
     -------
     pandas.DataFrame
         Indexed by rule: `object`, `low`, `high`, `unit`, `graded`, `source`, `note`. A limit is
-        NaN if there is none, or if the user or the object states it. A rule that is not graded has
-        no margin.
+        NaN if there is none, or if the user or the object sets it. A rule that is not graded has no
+        margin.
 
     Examples
     --------
-    Allow a cable of 20 m more:
+    Allow 20 m more of cable:
 
     >>> limits = rule_limits()
     >>> limits.loc["cable_length", "high"] += 20
@@ -85,7 +85,7 @@ def check_lines(
 
 
 def meets(lines: Sequence[tuple[Segment, ...]], limits: pd.DataFrame) -> bool:
-    """Return whether every rule is met, without checking those after the first violation."""
+    """Return True if every rule is met; stop checking at the first violation."""
     ends = limits["low"].fillna(-np.inf), limits["high"].fillna(np.inf)
     bounds = dict(zip(limits.index, zip(*ends, strict=True), strict=True))
     for line in lines:
@@ -160,7 +160,7 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
     note = ""
     if segment.path:
         room = (MASTER_PAUSE_BITS[1] * BIT_TIME - answer - cable) / (2 * len(segment.path))
-        note = f"each repeater may take {room * 1e6:.1f} us"
+        note = f"each repeater may delay by {room * 1e6:.1f} us"
     yield "answer_delay", name, delay / BIT_TIME, None, note
 
 

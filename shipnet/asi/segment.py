@@ -28,13 +28,13 @@ from shipnet.line.network import CableRun as CableRun
 from shipnet.line.network import Load, Network, check_node
 from shipnet.line.waveform import F_MAX, laplace_grid, record_of, synthesize
 
-#: The decoupling of the power supply, 39 ohm beside 50 uH in each wire: assumed after IEC 62026-2.
+#: Decoupling of the power supply, 39 ohm || 50 uH in each wire: assumed, following IEC 62026-2.
 POWER_SUPPLY = Load(r=78.0, l=100e-6)
 
 
 @record
 class Supply:
-    """A power supply with its decoupling, by default 39 ohm beside 50 uH in each wire.
+    """A power supply with its decoupling, by default 39 ohm || 50 uH in each wire.
 
     Examples
     --------
@@ -42,10 +42,10 @@ class Supply:
     supply at bridge
     """
 
-    node: str = text("Where it is")
+    node: str = text("Node of the supply")
     voltage: float = number(1, 60, "V", "Voltage", default=30.0)
     rating: float = number(0.01, 100, "A", "Maximum current", default=8.0)
-    load: Load = part(Load, "Load on the signal", default=POWER_SUPPLY, kw_only=True)
+    load: Load = part(Load, "Load for signals", default=POWER_SUPPLY, kw_only=True)
 
     def __post_init__(self) -> None:
         check_node(self.node)
@@ -58,8 +58,8 @@ class Supply:
 class Repeater:
     """A repeater: it couples two segments and passes telegrams but no current.
 
-    We found no maker's figure for the delay, so the default is one bit time: two such repeaters
-    meet the time-out of 10 bit times, three exceed it. The current is assumed to equal a slave's.
+    We found no maker's figure for the delay; the default is one bit time. Two such repeaters meet
+    the time-out of 10 bit times, but three exceed it. The current is assumed to equal a slave's.
 
     Examples
     --------
@@ -70,7 +70,7 @@ class Repeater:
     a: str = text("Node in one segment")
     b: str = text("Node in the other segment")
     delay: float = number(0, 1e-3, "s", "Delay in one direction", default=6e-6)
-    current: float = number(0, 10, "A", "Current from each segment", default=CURRENT)
+    current: float = number(0, 10, "A", "Current drawn from each segment", default=CURRENT)
 
     def __post_init__(self) -> None:
         check_node(self.a)
@@ -84,7 +84,7 @@ class Repeater:
 class Terminator:
     """A terminator or extension plug: a resistance in series with a capacitor, for the signal only.
 
-    The default resistance is assumed: the characteristic impedance of the cable.
+    The default resistance is assumed to equal the characteristic impedance of the cable.
 
     Examples
     --------
@@ -92,7 +92,7 @@ class Terminator:
     terminator at bow
     """
 
-    node: str = text("Where it is")
+    node: str = text("Node of the terminator")
     resistance: float = number(1, 1e6, "ohm", "Resistance", default=100.0)
 
     def __post_init__(self) -> None:
@@ -102,15 +102,15 @@ class Terminator:
         return f"terminator at {self.node}"
 
 
-#: What a plan consists of.
+#: Elements of a plan.
 Element: TypeAlias = CableRun | Master | Supply | Slave | Terminator | Repeater
 
-#: The worst of all 2048 requests: the first has the fewest pulses and so the least signal; the
-#: others have runs of ones or zeros, which are the most uneven. A test tries all requests.
+#: The worst of all 2048 requests: the first has the fewest pulses and so the smallest signal;
+#: the others have runs of ones or zeros, which are the most uneven. A test tries all requests.
 PROBES = ("01010101010101", "01111111111111", "00011111111111")
 
-#: A change of current has faded after this time [s] if at most this share of it is left. With
-#: less damping [nepers], the error of the limited bandwidth grows less.
+#: Time after which the voltage of a current step has faded [s], if at most this fraction is left.
+#: With less damping [nepers], the limited bandwidth causes a smaller error.
 _FADED, _LEFT, _DAMPING = 32e-6, 1e-6, 4.0
 
 # Telegrams as voltages -------------------------------------------------------------------------
@@ -126,7 +126,7 @@ def telegram_voltages(
     after: float = 18.5e-6,
     f_max: float = F_MAX,
 ) -> list[Floats]:
-    """Return the voltages of each batch of telegrams of one length, (n_nodes, n_words, n_t).
+    """Return the voltages of batches of equally long telegrams, each (n_nodes, n_words, n_t).
 
     The voltages are those at the nodes if the master sends, and at the master if the nodes send. At
     the default `f_max` [Hz] their error is at most 5e-5 of the peak on networks of up to 300 m.
@@ -138,15 +138,15 @@ def telegram_voltages(
     slot = round(HALF_BIT / dt)
     if abs(slot * dt / HALF_BIT - 1) > 1e-9:
         raise ArgumentError(f"dt is {dt} s; it must be a whole fraction of {HALF_BIT} s")
-    # The record is a whole number of samples; another length would stretch its time.
+    # The record has a whole number of samples; any other length would stretch its time axis.
     sizes = [ceil(round((before + steps.shape[1] * HALF_BIT + after) / dt, 6)) for steps in many]
     rows = [network.index(node, "node") for node in nodes]
 
     def change(s: Complexes) -> Complexes:
         return np.asarray(network.transfer(master, s)[..., rows, :] * _sent(before, s.tobytes()))
 
-    # A telegram is a row of equal changes of current. One change soon fades if there is a supply;
-    # if it rings on, it is computed for the length of the longest record.
+    # A telegram is a sequence of equal current steps. The voltage of a step soon fades if there is
+    # a supply; if it keeps ringing, it is computed for the length of the longest record.
     short = ceil((before + _FADED) / dt)
     grid = short * dt, f_max, _DAMPING
     heard = synthesize(change(laplace_grid(*grid)), short, short * dt, _DAMPING)
@@ -166,27 +166,27 @@ def telegram_voltages(
 
 @lru_cache(maxsize=16)
 def _sent(before: float, frequencies: bytes) -> Complexes:
-    """Return the spectrum of a change of a sender's current at the time `before`."""
+    """Return the spectrum of a step of a sender's current at the time `before`."""
     s = np.frombuffer(frequencies, complex)
     return np.asarray(-SEND_CURRENT * ramp_spectrum(s) / s * np.exp(-s * before))
 
 
 class Quality(NamedTuple):
-    """Signal quality between a master and each slave: the worst of all telegrams.
+    """Signal quality between a master and each slave: the worst values of all telegrams.
 
-    It is the same in both directions if master and slave send with the same current. Senders do
-    not clip here; a real one may.
+    It is the same in both directions if master and slave send with the same current. Senders are
+    assumed not to clip; real ones may.
 
     Attributes
     ----------
     level_least, level_most : ndarray of float, shape (n_slaves,)
-        Signal, peak to peak [V].
+        Peak-to-peak signal [V].
     evenness : ndarray of float, shape (n_slaves,)
-        Smallest pulse over largest pulse of a telegram, 0..1; 0 if none is received.
+        Smallest pulse divided by largest pulse of a telegram, 0..1; 0 if none is received.
     ringing : ndarray of float, shape (n_slaves,)
-        Largest voltage without a pulse over largest pulse; 1 if none is received.
+        Largest voltage outside pulses divided by largest pulse; 1 if none is received.
     received : ndarray of float, shape (n_slaves,)
-        Share of the telegrams that are received correctly, 0..1.
+        Fraction of the telegrams that are received correctly, 0..1.
     slaves : tuple of str
         Labels of the slaves.
 
@@ -211,14 +211,14 @@ class Quality(NamedTuple):
         return f"Quality({good} within tolerance; {worst})"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per slave."""
+        """Return a table with one row per slave."""
         columns = ["level_least_Vpp", "level_most_Vpp", "evenness", "ringing", "received"]
         index = pd.Index(self.slaves or range(1, len(self.received) + 1), name="slave")
         return pd.DataFrame(dict(zip(columns, self[:5], strict=True)), index=index)
 
     @property
     def within_tolerance(self) -> Bools:
-        """Which slaves meet the tolerances of evenness and of ringing."""
+        """True for each slave that meets the tolerances of evenness and ringing."""
         even, quiet = self.evenness >= TOLERANCE.evenness, self.ringing <= TOLERANCE.ringing
         return np.asarray(even & quiet)
 
@@ -314,7 +314,7 @@ class Segment:
     def voltages(self) -> dict[str, float]:
         """Supply voltage at each node [V], at constant currents; the segment needs one supply."""
         if len(self.supplies) != 1:
-            raise ArgumentError(f"{self} has {len(self.supplies)} supplies; it must be one")
+            raise ArgumentError(f"{self} has {len(self.supplies)} supplies; it must have one")
         drawn: dict[str, float] = {}
         for node, current in self.draws:
             drawn[node] = drawn.get(node, 0.0) + current
@@ -325,11 +325,11 @@ class Segment:
     def waveforms(
         self, nodes: Sequence[str], *words: Any, dt: float, before: float, after: float
     ) -> list[Waveform]:
-        """Return the voltages of each batch of telegrams between `head` and nodes, from t = 0."""
+        """Return the voltages of telegrams between `head` and nodes, one waveform per batch."""
         if self.head is None:
             raise ArgumentError(f"{self} has no head; its line needs a master")
         if not nodes:
-            raise ArgumentError(f"{self} has no slave; one must send or hear")
+            raise ArgumentError(f"{self} has no slave; at least one must send or receive")
         bits = [Modulation(batch).bits for batch in words]
         found = telegram_voltages(
             self.network, self.head, nodes, *bits, dt=dt, before=before, after=after
@@ -347,7 +347,7 @@ class Segment:
         return Quality._make([*(values[rows] for values in found[:5]), tuple(nodes)])
 
     def signals(self) -> Quality:
-        """Return the worst of the 16 responses and of the requests `PROBES` for each listener."""
+        """Return the worst quality of the 16 responses and the `PROBES` for each listener."""
         nodes = [node for _, node in self.listeners]
         if self.head is not None and not nodes:
             none = np.empty(0)
@@ -368,14 +368,14 @@ class Groups:
         return name in self._parent
 
     def leader(self, name: str) -> str:
-        """Return the name that represents a group; a new name is a group of its own."""
+        """Return the name that represents a group; a new name forms a group of its own."""
         self._parent.setdefault(name, name)
         while self._parent[name] != name:
             self._parent[name] = name = self._parent[self._parent[name]]
         return name
 
     def join(self, a: str, b: str) -> bool:
-        """Join two groups; return whether they were different."""
+        """Join two groups; return True if they were different."""
         a, b = self.leader(a), self.leader(b)
         self._parent[b] = a
         return a != b
@@ -399,7 +399,7 @@ def shortest_paths(cables: Iterable[CableRun], start: str) -> dict[str, float]:
 
 
 def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
-    """Return each element that keeps the plan from being a network, and the reason."""
+    """Return each element that prevents the plan from being a network, and the reason."""
     faults: list[tuple[Element, str]] = []
     groups, lines = Groups(), Groups()
     laid = set()
@@ -416,7 +416,7 @@ def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
     for cable in closing:
         segment = groups.leader(cable.a)
         if segment in ringed:
-            faults.append((cable, f"{cable} closes a second ring; a segment has at most one"))
+            faults.append((cable, f"{cable} closes a second ring; a segment may have at most one"))
         ringed.add(segment)
     for element in elements:
         if isinstance(element, CableRun):

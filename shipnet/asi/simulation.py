@@ -43,9 +43,9 @@ from shipnet.lazy import Axes, pd
 class Standby:
     """A second master that listens, and takes over when the first one falls silent.
 
-    It must know the projected slaves, because the four outputs of a standard slave look like the
-    three of an A/B slave. `silence` must exceed that of a working master, a time-out or a pause of
-    up to 500 us; the default is assumed, because no source states a value.
+    Its projected slaves must be given, because the four outputs of a standard slave look like the
+    three outputs and the select bit of an A/B slave. `silence` must exceed a working master's
+    time-out and pause of up to 500 us. Its default is assumed, because no source states a value.
 
     References
     ----------
@@ -58,12 +58,12 @@ class Standby:
     0.001
     """
 
-    master: Master = part(Master, "Its settings as the leading master")
+    master: Master = part(Master, "Its settings when it takes over")
     silence: float = number(501e-6, 1e9, "s", "Silence after which it takes over", default=1e-3)
 
     def __post_init__(self) -> None:
         if not self.master.projected:
-            raise ArgumentError("master has no projected slaves; a standby master must know them")
+            raise ArgumentError("master has no projected slaves; a standby master needs them")
 
     def _listen(self, record: Record) -> dict[str, int]:
         """Return the outputs of each projected slave that answered in the last three cycles."""
@@ -92,7 +92,7 @@ class InputChange(NamedTuple):
 
 @dataclass(frozen=True)
 class Summary:
-    """The main numbers of a simulation."""
+    """The main results of a simulation."""
 
     cycles: int
     cycle_time: tuple[float, float, float]
@@ -104,14 +104,14 @@ class Summary:
     def __str__(self) -> str:
         least, mean, most = (1e3 * time for time in self.cycle_time)
         return (
-            f"{self.cycles} cycles of {mean:.2f} ms ({least:.2f} to {most:.2f} ms), "
-            f"{self.requests} requests in them\n"
+            f"{self.cycles} cycles of {mean:.2f} ms ({least:.2f} to {most:.2f} ms) "
+            f"with {self.requests} requests\n"
             f"{self.repetitions} repetitions, {self.dropped} slaves dropped, "
             f"{self.lost_replies} replies to executed requests lost"
         )
 
 
-#: Requests that one figure can show.
+#: Largest number of requests in a figure.
 _MOST_REQUESTS = 500
 
 
@@ -133,7 +133,7 @@ class Run:
 
     #: All transactions, in packed form.
     record: Record
-    #: When the simulation ended [bit].
+    #: Time at which the simulation ended [bit].
     end: float
     #: The master, followed by the standby master if it took over.
     masters: list[RunningMaster]
@@ -158,8 +158,8 @@ class Run:
 
         The columns are ``time_s``, ``cycle`` (-1 before the first), ``phase``, ``call``,
         ``address``, ``half``, ``slave``, ``request`` (14 bits), ``request_data``,
-        ``response_data`` (-1 without one), ``master_pause_bit``, ``slave_pause_bit``, ``attempt``
-        (0 is the first), ``outcome`` (ok, or an error class of `shipnet.errors`, among them
+        ``response_data`` (-1 if none), ``master_pause_bit``, ``slave_pause_bit``, ``attempt``
+        (0 is the first), ``outcome`` (ok, or an error class of `shipnet.errors` such as
         ``SilenceError``), ``executed``, ``executed_but_lost`` and ``standby``.
         """
         return self._events.copy()
@@ -196,7 +196,7 @@ class Run:
         *,
         ax: Axes | None = None,
     ) -> Axes:
-        """Draw requests and responses as blocks in time, one row for the master and per slave.
+        """Draw requests and responses as blocks in time, with a row for the master and each slave.
 
         `where` is a condition on the events, such as ``"phase == 'data_exchange'"``; `start` and
         `stop` are simulated times [s]. At most 500 requests are drawn. A wrong or missing response
@@ -261,7 +261,7 @@ class Run:
 
     @cached_property
     def summary(self) -> Summary:
-        """The main numbers of the cycles, without the start-up."""
+        """The main results of the cycles, without the start-up."""
         times = self.cycle_times
         record = self.record
         cyclic = record.cycle >= 0
@@ -278,7 +278,7 @@ class Run:
 
     @cached_property
     def lists(self) -> pd.DataFrame:
-        """When a slave entered or left a list: ``time_s``, ``list``, ``slave``, ``present``."""
+        """Changes of the lists of slaves: ``time_s``, ``list``, ``slave``, ``present``."""
         rows = [change for master in self.masters for change in master.lists.changes]
         return pd.DataFrame(rows, columns=["time_s", "list", "slave", "present"])
 
@@ -294,15 +294,15 @@ class Run:
 
     @cached_property
     def watchdogs(self) -> pd.DataFrame:
-        """When a slave's watchdog reset it: ``time_s``, ``slave``."""
+        """Resets of slaves by their watchdogs: ``time_s``, ``slave``."""
         trips = [(time, slave.label) for slave in self.slaves for time in slave.trips]
         return pd.DataFrame(sorted(trips), columns=["time_s", "slave"])
 
     def failure_classes(self) -> pd.DataFrame:
         """Count how often n data exchanges failed in a row, by slave and n.
 
-        The last n, by default 6, is the one at which the master drops the slave; it includes longer
-        series. Siemens' analyser 3RK1904-3AB01 counts in the same way.
+        The last n, by default 6, is the one at which the master drops the slave; longer series
+        count as this n. Siemens' analyser 3RK1904-3AB01 counts in the same way.
         """
         leading = self.masters[0]
         worst = (1 + leading.repetitions) * leading.drop_after
@@ -321,8 +321,8 @@ class Run:
         ``least_s``, ``mean_s`` and ``longest_s`` are the times from a change of an input to the
         end of the response that reports it, for changes at random times between the first and the
         last successful cyclic exchange, including any time when the slave was dropped.
-        ``update_s`` is the longest time between two responses. For a slave for values, which
-        converts as in `Cycle.response_time`, they are the times of one channel.
+        ``update_s`` is the longest time between two responses. For a slave that
+        transfers values, converted as in `Cycle.response_time`, the times are those of one channel.
         """
         good = self._exchanges.query("cyclic and not failed")[["slave", "sampled", "known"]]
         parts = dict(list(good.groupby("slave", sort=False)))
@@ -355,14 +355,14 @@ class Run:
         )
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return the use of the line, without the start-up, if each point needs an `update` [s].
+        """Return the line's utilisation, without the start-up, if each point needs an `update` [s].
 
         The capacity follows from the longest time between two responses of a slave.
         """
         check_scalar("update", update, "s", 1e-6, 1e6)
         record, times = self.record, self.response_times()
         if times.empty:
-            raise ArgumentError("no slave was heard twice; simulate more cycles")
+            raise ArgumentError("no slave answered twice; simulate more cycles")
         first = int(np.argmax(record.cycle >= 0))
         answered = np.isfinite(record.pauses[first:]).sum()
         bits = REQUEST_BITS * (len(record.starts) - first) + RESPONSE_BITS * answered
@@ -374,7 +374,7 @@ class Run:
         )
 
     def input_changes(self) -> pd.DataFrame:
-        """Return the response time to each change of inputs, one row per change.
+        """Return the response time to each change of inputs, with one row per change.
 
         ``response_time_s`` is NaN if the simulation ended, or the input changed again, before the
         master received the change.
@@ -409,7 +409,7 @@ def _values(own: pd.DataFrame, slave: Slave) -> pd.DataFrame:
 
 _USUAL = Transaction()
 
-#: A simulation without an end stops with an error if no cycle begins for this time [s].
+#: A simulation without `until` raises an error if no cycle begins for this time [s].
 _PATIENCE = 10.0
 
 
@@ -447,11 +447,11 @@ def simulate(
     commands : iterable of (float, command), optional
         Commands of the host from `shipnet.asi.commands`, each with its time [s].
     transaction : Transaction, default Transaction()
-        The pauses and the time-out; the pause of slaves is 1 bit time to 500 us.
+        The pauses and the time-out; the slave pause must be 1 bit time to 500 us.
     standby : Standby, optional
         A second master that takes over.
     rng : numpy.random.Generator or int, optional
-        Source of the disturbances.
+        Source of random numbers for the disturbances.
 
     Returns
     -------
@@ -466,19 +466,19 @@ def simulate(
 
     Notes
     -----
-    Slaves are named by their label at the start. Events during a request happen before the slave
-    acts on the request, at its end. Repeaters delay the signal; cables do not (0.5 us in 100 m).
+    Slaves are named by their initial labels. An event during a request precedes the slave's action
+    at its end. Repeaters delay the signal; the delay of cables is neglected (0.5 us in 100 m).
 
     Examples
     --------
-    One slave among 31 loses every tenth response:
+    One of 31 slaves loses one response in ten:
 
     >>> from shipnet.asi import faults
     >>> slaves = [Slave(f"{address}", inputs=1) for address in range(1, 32)]
     >>> spoil = faults.TelegramErrors("7", response=0.1)
     >>> run = simulate(slaves, cycles=100, faults=spoil, rng=2024)
     >>> print(run.summary)
-    100 cycles of 5.15 ms (5.14 to 5.29 ms), 3310 requests in them
+    100 cycles of 5.15 ms (5.14 to 5.29 ms) with 3310 requests
     10 repetitions, 0 slaves dropped, 11 replies to executed requests lost
     """
     if cycles is None and until is None:
@@ -519,7 +519,7 @@ def simulate(
 
 
 def _check_progress(channel: Channel, begun: int) -> None:
-    """Raise if no cycle has begun since the last check: a master without slaves waits forever."""
+    """Raise ArgumentError if no cycle has begun since the last check: no slave answers."""
     if channel.begun == begun:
         raise ArgumentError(
             f"until is None, but no slave answers and no cycle begins for {_PATIENCE:g} s"

@@ -26,7 +26,7 @@ from shipnet.line.network import Load, check_node
 #: Masters and repeaters are assumed to draw the same.
 CURRENT = 0.065
 
-#: Load of a slave or a master, the limits of the SAP5S/SAP51 data sheet (2012, p. 29) for an A/B
+#: Load of a slave or a master: the limits in the SAP5S/SAP51 data sheet (2012, p. 29) for an A/B
 #: slave.
 DEVICE = Load(r=13.5e3, l=13.5e-3, c=50e-12)
 
@@ -63,19 +63,19 @@ def _key_and_half(label: str) -> tuple[int, Half | None] | None:
 
 
 def label_of(key: int, *, extended: bool) -> str:
-    """Return a slave's label by its key; that of an A/B slave with an address has A or B."""
+    """Return the label for a slave's key, with A or B for an A/B slave that has an address."""
     return f"{key >> 1}{'AB'[key & 1] if extended and key > 1 else ''}"
 
 
 @checked
 @record
 class Slave:
-    """A slave: its address, profile and place.
+    """A slave with its address, profile and node.
 
     ID code A in the profile makes it an A/B slave. Without an ID code 2 it predates specification
     2.1 and does not answer requests for extended ID codes. If the profile is omitted, the slave
-    has four inputs: ``S-0.A.F`` with A or B in the label, else ``S-0.F.F``. Its default load on
-    the cable is the limit of a chip's data sheet.
+    has four inputs: ``S-0.A.F`` with A or B in the label, otherwise ``S-0.F.F``. Its default
+    load on the cable is the limit in a chip's data sheet.
 
     Examples
     --------
@@ -84,7 +84,7 @@ class Slave:
     >>> Slave("5").profile, Slave("5A").profile
     (Profile(io=0, id=15, id2=15), Profile(io=0, id=10, id2=15))
 
-    Its reaction to telegrams; an empty one is a pause:
+    Its reactions to telegrams, of which an empty one is a pause:
 
     >>> from shipnet import asi
     >>> request = asi.Request(asi.Call.READ_ID, 21).bits
@@ -97,10 +97,10 @@ class Slave:
 
     label: str = text("Address, 1 to 31, followed by A or B for an A/B slave; 0 for a new slave")
     profile: Profile | str = ""
-    node: str = text("Where it is; needed in a plan", default="", kw_only=True)
+    node: str = text("Node of the slave; required in a plan", default="", kw_only=True)
     inputs: int = whole(0, 15, help="State of its input ports", default=0, kw_only=True)
     current: float = number(
-        0, 10, "A", "Current from the line, sensors included", default=CURRENT, kw_only=True
+        0, 10, "A", "Current from the line, including sensors", default=CURRENT, kw_only=True
     )
     id1: int | None = whole(
         0, 15, help="Extended ID code 1 (up to 7 for an A/B slave; all bits set if omitted)",
@@ -111,7 +111,7 @@ class Slave:
         default=WATCHDOG, kw_only=True,
     )  # fmt: skip
     channels: int = whole(
-        1, CHANNELS, help="Analogue values that it transfers, if its profile is for values",
+        1, CHANNELS, help="Number of analogue values, if its profile transfers values",
         default=1, kw_only=True,
     )  # fmt: skip
     conversion: float = number(
@@ -131,7 +131,7 @@ class Slave:
 
     @property
     def kind(self) -> Profile:
-        """Its profile, never as text."""
+        """Its profile as a `Profile`."""
         assert isinstance(self.profile, Profile)
         return self.profile
 
@@ -174,13 +174,13 @@ class Slave:
             ax.text(x, 0, state.value.upper(), ha="center", va="center")
         words = defaultdict(list)
         for (state, event), following in TRANSITIONS.items():
-            # Where any pause leads on, the pause after a response need not be named.
+            # If any pause changes the state, the pause after a response need not be named.
             if event is Event.SLAVE_PAUSE and (state, Event.PAUSE) in TRANSITIONS:
                 continue
             doing = f" / {ACTIONS[event]}" if event in ACTIONS else ""
             words[state, following].append(event.value + doing)
         for (begin, end), said in words.items():
-            # Arrows out of RECEIVE run above those back to it, with their words outside.
+            # Arrows from RECEIVE are above those back to it, with their labels outside.
             up = 1 if begin is State.RECEIVE else -1
             side = 1 if middles[end] > middles[begin] else -1
             x0, x1 = middles[begin] + side * 1.2, middles[end] - side * 1.2
@@ -208,17 +208,17 @@ _MOVING = (
 
 
 class PreparedRequest:
-    """A request with its bits and meaning, computed once to be sent often."""
+    """A request with its bits and meaning, computed once and sent often."""
 
     __slots__ = ("bits", "code", "expects", "moves", "reads", "request", "station")
 
-    #: The address in it, or 32 for the broadcast, which goes to all slaves.
+    #: Address in the request, or 32 for the broadcast, which goes to all slaves.
     station: int
-    #: Call, address, half and data in 4, 5, 2 and 5 bits, from the lowest up.
+    #: Call, address, half and data in 4, 5, 2 and 5 bits, beginning with the lowest bit.
     code: int
     #: The request as each of the `KINDS` of slave at this address reads it; None if not addressed.
     reads: tuple[Request | None, ...]
-    #: Whether the call has an answer, and whether it is one of `_MOVING`.
+    #: True if the call has an answer, and True if it is one of `_MOVING`.
     expects: bool
     moves: bool
 
@@ -238,7 +238,7 @@ def _read(bits: str, kind: int) -> Request | None:
         request = Request.parse(bits, extended=kind > 0)
     except UnknownCallError:
         return None
-    # At address 0 the select bit does not count: a master does not know which slave is there.
+    # At address 0 the select bit is ignored: a master does not know which slave is there.
     meant = request.address == 0 or request.half is None or request.half == KINDS[kind]
     return request if meant else None
 
@@ -280,7 +280,7 @@ ACTIONS = {Event.OWN: "answer", Event.SILENT: "obey"}
 #: icn2007, data link layer, section 3, describes ERROR, FOREIGN, UNKNOWN and OWN, and how a slave
 #: leaves ASYNCHRONOUS; it refers to a Fig 3.19 that it does not print. How a slave leaves
 #: SYNCHRONOUS is our reading: if it did so at the pause *before* a response, every slave would
-#: read the response as a faulty request, and none would ever answer in step.
+#: read the response as a faulty request, and none would ever be synchronised.
 TRANSITIONS = {
     (State.ASYNCHRONOUS, Event.PAUSE): State.RECEIVE,
     (State.ASYNCHRONOUS, Event.SLAVE_PAUSE): State.RECEIVE,
@@ -303,17 +303,17 @@ class RunningSlave:
     """The state of a running slave; times are simulated [s] and must not decrease."""
 
     # ZMD AG, "SAP5S/SAP51", data sheet rev. 3.1, 2012, pp. 39, 46, 47: after a reset a slave keeps
-    # its outputs off and does not answer *data exchange* until a *write parameter* has come (flag
-    # Data_Exchange_Disable), and echoes the ports that are outputs. Siemens, "IE/AS-INTERFACE LINK
-    # PN IO", manual, p. 169, warns of a loss of supply while a slave stores; we read it so that
-    # the slave comes back at address 0 with its memory error flag set.
+    # its outputs off and does not answer *data exchange* until it gets a *write parameter* (flag
+    # Data_Exchange_Disable); it echoes the ports that are outputs. Siemens, "IE/AS-INTERFACE LINK
+    # PN IO", manual, p. 169, warns of a loss of supply while a slave stores data; we infer that
+    # the slave returns at address 0 with its memory error flag set.
 
     def __init__(self, settings: Slave) -> None:
         self.settings, self.profile = settings, settings.kind
         self.extended = self.profile.extended
         if settings.half and not self.extended:
             raise ArgumentError(
-                f"{settings} has the profile {self.profile}; one with a half must be an A/B slave"
+                f"{settings} has the profile {self.profile}; a label with A or B is for A/B slaves"
             )
         self.id1 = (7 if self.extended else 15) if settings.id1 is None else settings.id1
         if settings.half == "B":
@@ -328,12 +328,12 @@ class RunningSlave:
         self._writing_until = -inf
         self.powered = True
         self.periphery_fault = self.memory_error = False
-        #: When the watchdog reset the slave [s].
+        #: Times at which the watchdog reset the slave [s].
         self.trips: list[float] = []
         self._start()
 
     def _start(self) -> None:
-        """Start as after power-on, out of step with the master."""
+        """Start as after power-on, not synchronised with the master."""
         self.state = State.ASYNCHRONOUS
         self.synchronised = False
         self._settle()
@@ -360,12 +360,12 @@ class RunningSlave:
         return label_of(2 * self.address + (self.kind == 2), extended=self.extended)
 
     def status(self, time: float = 0.0) -> int:
-        """Return the status bits S3..S0 of a slave of specification 2.1, 0..15."""
+        """Return the status bits S3..S0 as in specification 2.1, 0..15."""
         volatile = self._stores(time) or self._stored != (self.address, self.id1)
         return volatile | self.periphery_fault << 1 | self.memory_error << 3
 
     def switch_off(self, time: float = 0.0) -> None:
-        """Disconnect the supply at a time [s]; a slave that is storing loses its address."""
+        """Disconnect the supply at a time [s]; one that is storing data loses its address."""
         if self._stores(time):
             self._stored = (0, self._stored[1])
             self.memory_error = True
@@ -379,7 +379,7 @@ class RunningSlave:
         self._start()
 
     def pause(self, event: Event = Event.SLAVE_PAUSE) -> None:
-        """Hear a pause: `Event.PAUSE` or `Event.SLAVE_PAUSE`."""
+        """Handle a pause: `Event.PAUSE` or `Event.SLAVE_PAUSE`."""
         self._step(event)
 
     def _step(self, event: Event) -> None:
@@ -389,7 +389,7 @@ class RunningSlave:
         self.state = following
 
     def hear(self, bits: str, time: float = 0.0) -> Response | None:
-        """Hear one telegram and return the answer, or None for silence."""
+        """Receive one telegram and return the answer, or None if there is none."""
         if not self.powered or self.state is not State.RECEIVE:
             return None
         try:

@@ -4,7 +4,7 @@
     response  ST=0      I3..I0          PB  EB=1      7 bits
 
 The parity bit makes the number of ones even, counted from the start bit up to and including the
-parity bit; the end bit does not count (claim kim2023-040 weighs the other reading).
+parity bit; the end bit does not count (claim kim2023-040 discusses the other reading).
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class Call(IntEnum):
 
 # Telegrams ------------------------------------------------------------------------------------
 
-#: Bits of a master's request, and of a slave's response.
+#: Number of bits of a master's request and of a slave's response.
 REQUEST_BITS, RESPONSE_BITS = 14, 7
 
 #: Parts of a telegram by its number of bits: label, number of bits, key of `style.FIELD`.
@@ -299,7 +299,7 @@ class Request:
         Address of the slave, 0..31; 0 is a slave without an address, 31 also the broadcast.
     data : int, default 0
         The data that the call carries: output or parameter bits 0..15 (0..7 for an A/B slave),
-        the new address 1..31, or the extended ID code 1 0..15; else 0.
+        the new address 1..31, or the extended ID code 1, 0..15; otherwise 0.
     half : {"A", "B"}, optional
         Which of the two A/B slaves at an address; None for a standard slave.
 
@@ -343,7 +343,7 @@ class Request:
             address = check_whole("address", self.address, rule.lowest_address, 31, why)
         else:
             only = int(layout[1:6], 2)
-            address = check_whole("address", self.address, only, only, f": {rule.title} goes there")
+            address = check_whole("address", self.address, only, only, f" for {rule.title}")
         lowest = 1 if self.call is Call.ASSIGN_ADDRESS else 0
         why = f" in {rule.title}" + (f" with slave half {self.half}" if self.half else "")
         data = check_whole("data", self.data, lowest, 2 ** layout.count("d") - 1, why)
@@ -380,12 +380,12 @@ class Request:
         return self.call.rule.says.format(slave=self.slave, data=self.data, bits=self._data_bits)
 
     def answer(self, data: int | None = None) -> Response:
-        """Return the response to this request; a fixed one needs no `data`."""
+        """Return the response to this request; one that is fixed needs no `data`."""
         expected = self.call.rule.answer
         if data is None and isinstance(expected, Answer):
             data = int(expected)
         if data is None and expected is not None:
-            raise ArgumentError(f"data is missing: {self.call.rule.title} answers {expected} 0..15")
+            raise ArgumentError(f"data is missing; {self.call.rule.title} needs {expected}, 0..15")
         return Response(0 if data is None else data, self.call)
 
     @classmethod
@@ -425,7 +425,7 @@ class Request:
     def table(cls, *, extended: bool = True) -> pd.DataFrame:
         """Return all requests bit by bit, to A/B slaves or to standard ones: kim2023's Table 5.
 
-        A cell is 0 or 1 if the bit is fixed, else the name of its content: ``S`` is the select bit,
+        A cell is 0 or 1 if the bit is fixed, or the name of its content: ``S`` is the select bit,
         ``~S`` its inverse.
         """
         rows = {}
@@ -459,7 +459,7 @@ class Request:
 
 
 def _fields(*inner: tuple[str, str, int, str, str, str]) -> pd.DataFrame:
-    """Return the fields of a telegram, with what `information_of` accepts around the `inner`."""
+    """Return the fields of a telegram: start bit, the `inner` fields, parity bit and end bit."""
     rows = [
         ("ST", "start bit", 1, "valid", "invalid", ""),
         *inner,

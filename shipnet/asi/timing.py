@@ -43,7 +43,7 @@ class Transaction:
 
     Notes
     -----
-    Published lengths are 150 us (25 bit times), 153, 154 and 156 us (26 bit times, the default);
+    Published durations are 150 us (25 bit times), 153, 154 and 156 us (26 bit times, the default);
     they differ in the pauses. A synchronous slave answers after 2 to 3 bit times, any other slave
     after two more [2]_. The pause after a response is normally 1.5 to 2 bit times long.
 
@@ -77,12 +77,12 @@ class Transaction:
 
     @property
     def bits(self) -> float:
-        """Length from one request to the next [bit]."""
+        """Time from one request to the next [bit]."""
         return REQUEST_BITS + self.master_pause + RESPONSE_BITS + self.slave_pause
 
     @property
     def duration(self) -> float:
-        """Length from one request to the next [s]."""
+        """Time from one request to the next [s]."""
         return self.bits * self.bit_time
 
     @property
@@ -91,7 +91,7 @@ class Transaction:
         return REQUEST_BITS + self.timeout
 
     def check_line(self) -> None:
-        """Raise unless the pause before the next request is 1 bit time to 500 us."""
+        """Raise ArgumentError unless the slave pause is 1 bit time to 500 us."""
         longest = LONGEST_SLAVE_PAUSE / self.bit_time
         if not 1 <= self.slave_pause <= longest:
             raise ArgumentError(
@@ -100,14 +100,14 @@ class Transaction:
 
     @property
     def net_rate(self) -> float:
-        """User bits of one exchange, four in each direction, divided by its length [bit/s]."""
+        """User bits of one exchange, four in each direction, divided by its duration [bit/s]."""
         return 2 * USER_BITS / self.duration
 
     def efficiency(self, user_bits: npt.ArrayLike = USER_BITS) -> Floats:
-        """Return the share of the time that carries `user_bits` in each direction."""
+        """Return the fraction of time for user data: `user_bits` in each direction."""
         n = np.asarray(user_bits)
         if n.dtype.kind not in "iu" or not (n >= 1).all():
-            raise ArgumentError(f"user_bits is {user_bits!r}; it must be whole numbers, 1 or more")
+            raise ArgumentError(f"user_bits is {user_bits!r}; it must be a whole number, 1 or more")
         return np.asarray(2 * n / (self.bits * -(-n // USER_BITS)))
 
     def plot(
@@ -115,7 +115,7 @@ class Transaction:
     ) -> Axes:
         """Draw a request, both pauses and a response on one time axis: kim2023's Fig 5.
 
-        Telegrams may also be texts of bits, valid or not.
+        Telegrams may also be strings of bits, valid or not.
         """
         ax = style.axes(ax, figsize=(8, 2.6))
         arrow = {"arrowstyle": "<->", "color": "0.3", "shrinkA": 0, "shrinkB": 0}
@@ -149,10 +149,10 @@ class Transaction:
 
 # Cycles ---------------------------------------------------------------------------------------
 
-#: Addresses of slaves: five bits without address 0.
+#: Number of slave addresses: five bits without address 0.
 ADDRESSES = 31
 
-#: Most channels of a slave for analogue values.
+#: Largest number of channels of a slave for analogue values.
 CHANNELS = 4
 
 #: Conversion time of an analogue value, the longest that makers state (20 to 60 ms) [s].
@@ -162,7 +162,7 @@ Direction = Literal["in", "out"]
 
 
 class ResponseTime(NamedTuple):
-    """Time from a change at a slave until the master knows it [s].
+    """Time from a change of an input or output until the other side receives it [s].
 
     `typical` is the mean over changes at random times, on a line without repetitions.
     """
@@ -179,7 +179,7 @@ class Cycle:
 
     .. math:: T_c = (n - n_{pairs} + 1 + i) \, T
 
-    Here T is the length of a transaction, and the 1 is the request of the management phase.
+    Here T is the duration of a transaction, and the 1 is the request of the management phase.
 
     Notes
     -----
@@ -199,7 +199,7 @@ class Cycle:
     >>> round(Cycle(31).time * 1e6), round(Cycle(31, inclusion=0).time * 1e6)
     (5148, 4992)
 
-    62 slaves take as long, but each is polled every other cycle:
+    62 slaves take the same time, but each is polled every other cycle:
 
     >>> Cycle(62).time == Cycle(31).time, f"{Cycle(62).update_time() * 1e3:.3f} ms"
     (True, '10.296 ms')
@@ -207,7 +207,7 @@ class Cycle:
 
     slaves: int = whole(0, 2 * ADDRESSES, help="Number of slaves n", default=ADDRESSES)
     pairs: int | None = whole(
-        0, ADDRESSES, help="Addresses that an A and a B slave share; by default as few as possible",
+        0, ADDRESSES, help="Addresses shared by an A and a B slave; by default as few as possible",
         default=None, optional=True, kw_only=True,
     )  # fmt: skip
     transaction: Transaction = part(
@@ -222,14 +222,13 @@ class Cycle:
         pairs = least if self.pairs is None else self.pairs
         if pairs < least or 2 * pairs > self.slaves:
             raise ArgumentError(
-                f"pairs is {pairs}; {self.slaves} slaves take {ADDRESSES} addresses at most, and "
-                "two slaves share one"
+                f"pairs is {pairs}; for {self.slaves} slaves it must be {least}..{self.slaves // 2}"
             )
         object.__setattr__(self, "pairs", pairs)
 
     @property
     def addresses(self) -> int:
-        """Addresses that are polled in each cycle."""
+        """Number of addresses that are polled in each cycle."""
         return self.slaves - (self.pairs or 0)
 
     @property
@@ -239,7 +238,7 @@ class Cycle:
 
     @property
     def bus_time(self) -> float:
-        """Share of the time when a telegram is on the line, if no new slave answers."""
+        """Fraction of time in which a telegram is on the line, if no new slave answers."""
         answered = (self.addresses + 1) * (REQUEST_BITS + RESPONSE_BITS)
         bits = answered + self.inclusion * REQUEST_BITS
         return bits * self.transaction.bit_time / self.time
@@ -252,7 +251,7 @@ class Cycle:
         direction: Direction = "in",
         paired: bool | None = None,
     ) -> float:
-        """Return the time after which a slave's bits or values are updated [s].
+        """Return the time between two updates of a slave's bits or values [s].
 
         The arguments are those of `response_time`.
         """
@@ -273,17 +272,17 @@ class Cycle:
     ) -> ResponseTime:
         """Return the response times to a change of an input, or of an output.
 
-        A slave for single bits reads its inputs when the request ends. At best the change comes
-        just before. At worst it comes just after, and waits for the slave's next request: the next
-        cycle, or the one after that if the slave shares its address (`paired`, the default if the
-        cycle has pairs). Delays of the input itself, such as a filter, come on top.
+        A slave for single bits reads its inputs when the request ends. At best, the change comes
+        just before. At worst, it comes just after and waits for the slave's next request, one
+        cycle later, or two if the slave shares its address (`paired`, the default if the cycle has
+        pairs). Delays of the input itself, such as that of a filter, must be added.
 
-        A slave whose `profile` is for values converts its `channels` in turn, each in `conversion`
-        [s], and transfers the newest values in turn. At worst the change comes just after a
-        conversion, and the next value misses a whole round of transfers. Siemens adds another
-        round, lost to synchronising (SlimLine analogue module, manual).
+        A slave whose `profile` transfers values converts its `channels` in turn, each in
+        `conversion` [s], and sends the newest values in turn. At worst, the change comes just after
+        a conversion, and the next value waits for a whole round of transfers. Siemens adds another
+        round for synchronisation (SlimLine analogue module, manual).
 
-        Each of the `repetitions` delays the worst case by one transaction.
+        Each of the `repetitions` adds one transaction to the worst case.
         """
         late = check_whole("repetitions", repetitions, 0, 10_000) * self.transaction.duration
         each = check_scalar("conversion", conversion, "s", 0, 1e9)
@@ -322,13 +321,13 @@ def cycle_time(slaves: int = ADDRESSES, **options: Any) -> float:
 # Values of more than four bits -----------------------------------------------------------------
 
 
-# An exchange transfers four bits, so the profiles for analogue values cut a value into pieces, each
-# type of transfer (CTT) in its own way. No maker publishes how many exchanges CTT4 takes.
+# An exchange transfers four bits, so an analogue value is sent in pieces; each type of transfer
+# (CTT) divides it in its own way. No maker publishes how many exchanges CTT4 takes.
 
 
 @cache
 def _analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
-    """Return the exchanges per value, 0 if unknown: by profile, direction and size."""
+    """Return the number of exchanges per value by profile, direction and size; 0 if unknown."""
     found: dict[tuple[str, str], dict[int, int]] = {}
     for row in datasets.read("asi_analogue_profiles.csv").to_dict("records"):
         sizes = found.setdefault((row["profile"], row["direction"]), {})
@@ -338,7 +337,7 @@ def _analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
 
 @lru_cache(maxsize=256)
 def _sizes(profile: Profile | str, direction: str) -> dict[int, int]:
-    """Return the exchanges by size of a value; S-7.3.C has those of S-7.3 besides its own."""
+    """Return the number of exchanges by size of a value; S-7.3.C includes those of S-7.3."""
     profile = Profile.parse(profile)
     general, own = f"S-{profile.io:X}.{profile.id:X}", str(profile)
     known = _analogue_profiles()
@@ -347,17 +346,17 @@ def _sizes(profile: Profile | str, direction: str) -> dict[int, int]:
 
 @lru_cache(maxsize=256)
 def transfers_values(profile: Profile | str) -> bool:
-    """Return whether a profile transfers values of more than four bits."""
+    """Return True if a profile transfers values of more than four bits."""
     return max((*_sizes(profile, "in"), *_sizes(profile, "out")), default=0) > USER_BITS
 
 
 def exchanges(profile: Profile | str, direction: Direction = "in") -> int:
-    """Return the exchanges that a slave's largest value needs; single bits need one."""
+    """Return the number of exchanges for a slave's largest value; single bits need one."""
     sizes = _sizes(profile, direction)
     if not sizes and not transfers_values(profile):
         return 1
     if not sizes or not sizes[max(sizes)]:
         raise ArgumentError(
-            f"profile is '{profile}' {direction}; how many exchanges its value takes is not known"
+            f"profile is '{profile}' {direction}; its number of exchanges per value is unknown"
         )
     return sizes[max(sizes)]

@@ -1,4 +1,4 @@
-"""Plans of the topologies of icn2007, section 4: a line, a star at the end of a trunk, a ring."""
+"""Plans of the topologies of icn2007, section 4: line, star at the end of a trunk, and ring."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def line(
     current: float = CURRENT,
     terminator: float | None = None,
 ) -> Plan:
-    """Return a plan along one cable.
+    """Return a plan of devices along one cable.
 
     Parameters
     ----------
@@ -41,12 +41,12 @@ def line(
         Number of slaves, evenly spaced with the last one at the end, or the place of each,
         0..length [m]; up to 62. Addresses follow this order.
     pairs : int, optional
-        Addresses that an A and a B slave share, from n - 31 to n / 2 of n slaves; the last slaves
-        share. If omitted, there are as few as possible, and all slaves are A/B slaves if any are.
+        Addresses shared by an A and a B slave, n - 31 to n / 2 for n slaves; the last slaves share.
+        If omitted, as few as possible are shared, and all slaves are A/B slaves if any are.
     master, supply : float, default 0
         Places of the master and the 30 V power supply [m].
     cable : str or shipnet.line.Cable, default "as-i 1.5"
-        Type of the cable, or a cable.
+        Name of a cable type, or a `Cable`.
     current : float, default 0.065
         Current of each slave, 0..10 [A].
     terminator : float, optional
@@ -95,7 +95,7 @@ def star(
     legs : sequence of float
         Length of each leg, with a slave at its end [m].
     along : int or sequence of float, default ()
-        Slaves on the trunk, as the slaves of `line`; their addresses come first.
+        Slaves on the trunk, as the `slaves` of `line`; they have the first addresses.
     pairs, master, supply, cable, current
         As for `line`.
 
@@ -155,8 +155,8 @@ def ring(
     Returns
     -------
     Plan
-        Its nodes are named by their places. If there is only one place besides the master's, the
-        last two cables meet halfway between the two.
+        Its nodes are named by their places. With only one place besides the master's, a node
+        halfway divides the cable that returns to the master.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Cables by their constants per metre, the one catalogue of cables, and a pulse on a cable."""
+"""Cables given by their constants per metre, a catalogue of cables, and a pulse on a cable."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from shipnet.fields import (
 from shipnet.lazy import Axes
 from shipnet.line.waveform import laplace_grid, synthesize
 
-#: Legal constants; l and c are above 0, so every cable has a characteristic impedance and a delay.
+#: Legal constants; l and c are above 0, so that every cable has an impedance and a delay.
 LEAST, MOST = 1e-18, 1e12
 
 
@@ -39,7 +39,7 @@ class Pulse:
     u: Floats
 
     def plot(self, ax: Axes | None = None, *, step: int) -> Axes:
-        """Draw the pulse at one of its times, and the voltages so far in grey."""
+        """Draw the pulse at the time number `step`, and the range of earlier voltages in grey."""
         ax = style.axes(ax)
         lowest, highest = min(self.u.min(), 0.0), max(self.u.max(), 0.0)
         margin = 0.08 * (highest - lowest)
@@ -56,7 +56,7 @@ class Pulse:
 
 
 class Valued:
-    """An object that equals another if all constants do; some may be arrays."""
+    """An object that equals another if all constants are equal; some may be arrays."""
 
     @property
     def parameters(self) -> tuple[Quantity | None, ...]:
@@ -76,12 +76,12 @@ class Valued:
 @checked
 @record(eq=False)
 class Cable(Valued):
-    r"""A uniform two-wire cable, by its constants per metre of both wires.
+    r"""A uniform two-wire cable, given by its constants per metre for both wires together.
 
     .. math:: z(s) = r \sqrt{1 + \frac{s}{2 \pi f_{skin}}} + s l, \qquad y(s) = g + s c
 
-    Each constant may be an array of one value per tree of a Monte Carlo. Two cables are equal if
-    all their constants are.
+    Each constant may be an array with one value per tree of a Monte Carlo simulation. Two cables
+    are equal if all their constants are equal.
 
     Examples
     --------
@@ -158,7 +158,7 @@ class Cable(Valued):
 
     def propagation(self, s: npt.ArrayLike) -> Complexes:
         """Return the propagation constant sqrt(z y): attenuation [Np/m] and phase [rad/m]."""
-        # The root of the product would change its sign where the product crosses the negative axis.
+        # The root of the product would change sign where the product crosses the negative axis.
         return np.asarray(np.sqrt(self.series_impedance(s)) * np.sqrt(self.shunt_admittance(s)))
 
     def attenuation(self, f: npt.ArrayLike) -> Floats:
@@ -167,7 +167,7 @@ class Cable(Valued):
         return np.asarray(20 / np.log(10) * gamma.real)
 
     def reflection(self, end: float | None) -> float:
-        """Return the reflection factor of a resistor `end` [ohm], or of an open end, None."""
+        """Return the reflection factor of a resistor `end` [ohm], or of an open end (None)."""
         if end is None:
             return 1.0
         ohms = check_scalar("end", end, "ohm", 1e-18, 1e18)
@@ -181,22 +181,22 @@ class Cable(Valued):
         width: float = 100e-9,
         n_steps: int = 31,
     ) -> Pulse:
-        """Simulate a Gaussian pulse of 1 V and standard deviation `width` [s] to the `end` [ohm].
+        """Simulate a Gaussian pulse of 1 V and standard deviation `width` [s] and its echo.
 
-        The near end is matched; an `end` of None is open. The result begins when the pulse leaves
-        and ends when its echo is back. `width` is 1/200 to 2 times the delay of the cable.
+        The near end is matched, the far end has a resistor `end` [ohm] or is open (None). The
+        result ends when the echo returns. `width` is 1/200 to 2 times the delay of the cable.
         """
         metres = check_scalar("length", length, "m", 1.0, 1e5)
         steps = check_whole("n_steps", n_steps, 2, 10_000)
         if np.ndim(self.z0) or np.ndim(self.delay):
-            raise ArgumentError("cable has values for many cables; it must be a single one")
+            raise ArgumentError("cable has constants of many cables; it must be a single cable")
         delay, z0 = float(self.delay) * metres, float(self.z0)
         sigma = check_scalar("width", width, "s", delay / 200, 2 * delay)
         ohms = np.inf if end is None else check_scalar("end", end, "ohm", 1e-18, 1e18)
         x = np.linspace(0.0, metres, 201)
         t = np.linspace(0.0, 2 * delay, steps)
 
-        # The pulse begins six deviations before its middle, where it is 1e-8 V.
+        # The pulse begins six standard deviations before its middle, where it is 1e-8 V.
         early = 6 * sigma
         before = int(np.ceil(early / t[1]))
         n_samples = before + steps + int(np.ceil((2 * delay + early) / t[1]))
@@ -225,12 +225,12 @@ def _asi(r: float, r_dc: float) -> Cable:
 
 #: Cables by name; the number in ``as-i`` cables is the area of a conductor [mm2].
 #:
-#: ``as-i``: l and c meet a data sheet's 0.5 to 0.75 uH/m, 80 pF/m at most and 70 to 140 ohm [1]_.
-#: At direct current 1 A loses 5.2, 2.7 and 1.6 V on 100 m [2]_; the data sheets allow 27.4 [1]_ and
-#: 16.4 mohm/m [3]_ for the thicker two. The resistance at about 150 kHz is assumed, in the same
-#: ratio to that at direct current. ``as-i lossless``: the same wave without loss. ``can`` and
-#: ``rs-485``: nominal characteristic impedance and delay of [4]_, lossless; [5]_ gives the same
-#: 120 ohm and no delay.
+#: ``as-i``: l and c meet a data sheet's 0.5 to 0.75 uH/m, at most 80 pF/m and 70 to 140 ohm [1]_.
+#: A direct current of 1 A drops 5.2, 2.7 and 1.6 V on 100 m [2]_; the data sheets allow 27.4 [1]_
+#: and 16.4 mohm/m [3]_ for the thicker two. The resistance at about 150 kHz is assumed; its ratio
+#: to that at direct current is the same for all. ``as-i lossless``: the same l and c without loss.
+#: ``can`` and ``rs-485``: nominal characteristic impedance and delay of [4]_, lossless; [5]_ gives
+#: the same 120 ohm but no delay.
 #:
 #: .. [1] Lapp, UNITRONIC BUS ASI, data sheet.
 #: .. [2] Schneider Electric, AS-i help D-SA-0011271.

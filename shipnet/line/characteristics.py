@@ -1,8 +1,8 @@
 """Time-domain simulation of lines by the method of characteristics.
 
 Each end of a lossless line is a resistor Z0 and a source that repeats the wave that left the
-other end one delay ago, so each node is solved by itself. A quarter of a line's resistance is at
-each end and half in its middle; inductors and capacitors follow the trapezoidal rule. See
+other end one delay earlier, so each node is solved separately. A quarter of a line's resistance is
+at each end and half in its middle; inductors and capacitors use the trapezoidal rule. See
 H. W. Dommel, "Digital computer solution of electromagnetic transients", IEEE Trans. PAS-88 (1969)
 388-399.
 """
@@ -19,19 +19,19 @@ from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.line.network import Network
 
-#: Most steps that are computed at a time.
+#: Largest number of steps computed at a time.
 _BLOCK = 512
 
 
 def simulate(network: Network, sources: Mapping[str, tuple[Floats, Floats]], dt: float) -> Floats:
-    """Return the voltages of all nodes of a tree or ring at rest, shape (n_nodes, n_t) [V].
+    """Return the voltages of all nodes, shape (n_nodes, n_t) [V]; the network is at rest at first.
 
-    A source has a current into its node [A] and a conductance beside it [S], both at each step
+    A source is a current into its node [A] and a parallel conductance [S], both at each step
     `dt` [s]. Its first values are ignored, since all voltages are 0 then. The error falls with the
-    square of `dt` and is smallest where `dt` divides all delays; else waves are interpolated.
+    square of `dt` and is smallest if `dt` divides all delays; otherwise waves are interpolated.
     """
     if network.trees is not None:
-        raise ArgumentError(f"the network has {network.trees} trees; steps in time need one")
+        raise ArgumentError(f"the network has {network.trees} trees; simulation in time needs one")
     ends, leak = _ends(network, dt)
     driven = [network.index(node) for node in sources]
     injected, beside = np.array([*sources.values()]).swapaxes(0, 1)
@@ -69,7 +69,7 @@ class _Ends(NamedTuple):
     node: npt.NDArray[np.intp]
     far: npt.NDArray[np.intp]
     steps: npt.NDArray[np.intp]  # delay in whole steps
-    fraction: Floats  # and the rest of the delay
+    fraction: Floats  # remainder of the delay [step]
     y: Floats  # 1 / (Z0 + R/4)
     h: Floats  # (Z0 - R/4) / (Z0 + R/4)
 
@@ -82,21 +82,21 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
         cable, length = run.made_of, run.length
         if cable.skin:
             raise ArgumentError(
-                f"cable of {run} has skin = {cable.skin:g} Hz; steps in time need a constant "
-                "resistance, skin = 0"
+                f"cable of {run} has skin = {cable.skin:g} Hz; a simulation in time needs "
+                "a constant resistance, skin = 0"
             )
         delay, z0, quarter = length * cable.delay, cable.z0, length * cable.r / 4
         # Rounding may make a whole number of steps a little smaller or larger.
         steps = delay / dt + 1e-9
         if steps < 1:
             raise ArgumentError(
-                f"dt is {dt:g} s, but {run} delays by {delay:.4g} s only; "
+                f"dt is {dt:g} s, but the delay of {run} is only {delay:.4g} s; "
                 "dt must be at most the shortest delay"
             )
         if quarter >= z0:
             raise ArgumentError(
-                f"{run} has {4 * quarter:.4g} ohm; in steps of time a line must stay below four "
-                f"times its characteristic impedance of {z0:.4g} ohm: put nodes between its ends"
+                f"{run} has {4 * quarter:.4g} ohm; in a simulation in time it must be below four "
+                f"times the characteristic impedance, {z0:.4g} ohm: divide the run by nodes"
             )
         whole = int(steps)
         fraction = max(0.0, steps - whole - 2e-9)
@@ -106,7 +106,7 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
         leak[[a, b]] += length * cable.g / 2
     order = np.argsort([row[0] for row in rows], kind="stable")
     node, whole_steps = (np.array([row[k] for row in rows], dtype=np.intp)[order] for k in (0, 1))
-    # The rows came in pairs: the other end of row k is row k ^ 1.
+    # The rows come in pairs: the other end of row k is row k ^ 1.
     far = np.argsort(order)[order ^ 1]
     return _Ends(node, far, whole_steps, *np.array([row[2:] for row in rows])[order].T), leak
 
@@ -124,7 +124,7 @@ class _Nodes:
         self.charge = np.zeros_like(conductance)
 
     def advance(self, current: Floats, conductance: Floats) -> Floats:
-        """Return the voltages (n_steps, n_nodes); `current` is overwritten by them."""
+        """Return the voltages (n_steps, n_nodes); `current` is overwritten with them."""
         inverse = 1 / (conductance + self.conductance)
         if self.inductive is None and self.capacitive is None:
             current *= inverse
@@ -134,7 +134,7 @@ class _Nodes:
             voltage += self.charge
             voltage -= self.flux
             voltage *= factor
-            # The trapezoidal rule with state and voltage added up: one recurrence for each.
+            # Trapezoidal rule; state and voltage are combined, so that each has one recurrence.
             if self.inductive is not None:
                 np.multiply(self.inductive, voltage, out=work)
                 self.flux += work

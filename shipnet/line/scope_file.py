@@ -1,8 +1,8 @@
 """Read recorded waveforms from scope CSV files, numpy arrays and sigrok sessions.
 
-The headers of text files differ by maker. The last rows show which columns have numbers; the first
-such row follows the header with titles and units. Known layouts: Tektronix TDS and MDO, Keysight,
-Rigol, Siglent, LeCroy, PicoScope, Rohde & Schwarz, OWON, Digilent.
+The headers of text files differ by maker. The last rows show which columns contain numbers; the
+header, with titles and units, ends before the first such row. Known layouts: Tektronix TDS and MDO,
+Keysight, Rigol, Siglent, LeCroy, PicoScope, Rohde & Schwarz, OWON, Digilent.
 """
 
 from __future__ import annotations
@@ -28,34 +28,34 @@ from shipnet.arrays import Floats, parts_of
 from shipnet.errors import ArgumentError, InputError
 from shipnet.lazy import pd
 
-#: Fewest samples per second that resolve pulses of 3 us [1/s].
+#: Lowest sampling rate that resolves pulses of 3 us [1/s].
 SLOWEST_RATE = 1e6
 
-#: Most numbers to which the wanted channel of an archive may unpack, in total or, if more, per byte
-#: of the file: an archive of a few bytes can unpack to any size.
+#: Largest count of numbers to which the wanted channel of an archive may unpack, in total or, if
+#: more, per byte of the file: an archive of a few bytes can unpack to any size.
 MOST_NUMBERS, MOST_PER_BYTE = 2**24, 4
 
 #: Size above which the numbers of a numpy file are mapped instead of read [byte].
 MAPPED = 2**26
 
-#: Most samples of logic per byte of a session (deflate reaches 1032), and most changes of level.
+#: Largest number of logic samples per byte of a session (deflate: 1032), and of level changes.
 MOST_LOGIC_PER_BYTE, MOST_EDGES = 1100, 2**24
 
-#: Samples of logic per block.
+#: Number of logic samples per block.
 _BLOCK = 2**22
 
 #: Uncertainty of an interpolated edge of a sampled voltage [sample].
 _INTERPOLATED = 0.3
 
-#: Largest description of a sigrok session [byte].
+#: Largest metadata of a sigrok session [byte].
 _LARGEST_METADATA = 2**20
 
-#: Size above which a number cannot be a time or a voltage in any unit.
+#: Magnitude above which a number cannot be a time or a voltage in any unit.
 _LARGEST = 1e15
 
 _COUNTERS = ("x", "#", "n", "no", "nr", "index", "sample", "samples", "point", "points", "sequence")
 
-#: Rows at the end of a file that show its layout, and most rows of a header.
+#: Number of rows at the end of a file that show its layout, and most rows that a header may have.
 _TAIL, _HEADER = 10, 2000
 
 _NUMBER = r"[+-]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -107,12 +107,12 @@ class Edges(NamedTuple):
 def read_edges(
     path: str | PathLike[str], *, channel: str | None = None, sample_interval: float | None = None
 ) -> Edges:
-    """Read the changes of one channel of levels or voltages, the busiest if none is named."""
+    """Read the level changes of one channel, by default of the one with the most changes."""
     return _read(path, channel, sample_interval, _edges)
 
 
 def bit_time(edges: Edges, longest: int) -> float:
-    """Return the samples per bit, from runs of up to `longest` bits."""
+    """Return the number of samples per bit, estimated from runs of up to `longest` bits."""
     # Nearly half of all runs are one bit long and none is shorter; the others are whole multiples.
     runs = np.diff(edges.places)
     runs = runs[runs < 16 * np.quantile(runs, 0.2)]
@@ -135,7 +135,7 @@ def _read(
     sample_interval: float | None,
     choose: Callable[[str, _Channels, str | None, float | None], _Read],
 ) -> _Read:
-    """Read a file according to its suffix, and return the wanted channel by `choose`."""
+    """Read a file according to its suffix, and return what `choose` makes of the channel."""
     if sample_interval is not None and not (
         isinstance(sample_interval, Real) and 0 < sample_interval < np.inf
     ):
@@ -157,7 +157,7 @@ def _read(
 
 
 class _Channels(NamedTuple):
-    """The content of a file: one column per channel, and its times as far as they are known."""
+    """The content of a file: one column per channel, and its times if they are known."""
 
     values: Callable[[int], Floats]  # reads the numbers of a column
     columns: list[Column]
@@ -170,7 +170,7 @@ class _Logic(NamedTuple):
     """Changes of a session's logic channels."""
 
     places: npt.NDArray[np.int64]  # sample of each change
-    words: npt.NDArray[np.uint64]  # levels at the beginning and from each change on
+    words: npt.NDArray[np.uint64]  # levels at the beginning and after each change
     samples: int
     interval: float | None
 
@@ -181,16 +181,16 @@ def _columns_of(values: Floats) -> Callable[[int], Floats]:
 
 @contextmanager
 def _whole(file: str) -> Iterator[IO[bytes]]:
-    """Open a binary file whose parsers may raise any error if it is truncated."""
+    """Open a binary file; turn any error of a parser into an InputError."""
     try:
         with _opened(file) as stream:
             yield stream
     except InputError:
         raise
     except Exception as fault:
-        # The parsers raise a dozen kinds, from BadZipFile to MemoryError; all mean a damaged file.
+        # Parsers raise a dozen kinds of errors, such as BadZipFile; all mean a damaged file.
         why = str(fault) or type(fault).__name__
-        raise InputError(file, f"not a whole {Path(file).suffix.lower()} file: {why}") from fault
+        raise InputError(file, f"not a complete {Path(file).suffix.lower()} file: {why}") from fault
 
 
 def _opened(file: str) -> IO[bytes]:
@@ -215,7 +215,7 @@ def _array(stream: IO[bytes]) -> npt.NDArray[Any]:
 
 
 def _mapped(stream: IO[bytes], begin: int) -> npt.NDArray[Any]:
-    """Return an array at the byte `begin` of a file whose numbers stay in the file."""
+    """Return the array at the byte `begin` of a file, mapped instead of read."""
     stream.seek(begin)
     header = {
         (1, 0): np.lib.format.read_array_header_1_0,
@@ -240,8 +240,8 @@ def _member(archive: zipfile.ZipFile, stream: IO[bytes], name: str) -> npt.NDArr
 def _members(
     file: str, stream: IO[bytes], archive: zipfile.ZipFile, names: dict[str, str]
 ) -> dict[str, npt.NDArray[Any]]:
-    """Read arrays of an archive; raise if they would unpack to too many numbers."""
-    # Whole numbers of one byte become eight times as large.
+    """Read arrays of an archive; raise InputError if they would unpack to too many numbers."""
+    # Integers of one byte become eight times as large.
     _check_size(file, stream, sum(archive.getinfo(name).file_size for name in names.values()) / 8)
     held = {key: _member(archive, stream, name) for key, name in names.items()}
     _check_size(file, stream, sum(array.size for array in held.values()))
@@ -249,13 +249,13 @@ def _members(
 
 
 def read_arrays(path: str | PathLike[str], keys: Iterable[str]) -> dict[str, npt.NDArray[Any]]:
-    """Read arrays of an ``.npz`` file by name; raise if one does not exist."""
+    """Read arrays of an ``.npz`` file by name; raise InputError if one does not exist."""
     file, wanted = str(path), tuple(keys)
     with _whole(file) as stream, zipfile.ZipFile(stream) as archive:
         held = {name.removesuffix(".npy") for name in archive.namelist()}
         if missing := [key for key in wanted if key not in held]:
             known = ", ".join(sorted(held)[:10]) or "nothing"
-            raise InputError(file, f"it has {known}; expected also {', '.join(missing)}")
+            raise InputError(file, f"it has {known}; also expected {', '.join(missing)}")
         return _members(file, stream, archive, {key: f"{key}.npy" for key in wanted})
 
 
@@ -308,7 +308,7 @@ def _read_npz(file: str, stream: IO[bytes]) -> _Channels:
     if "t" in held:
         t = _check_real(file, "t", held["t"])
         if t.shape != u.shape[:1]:
-            raise InputError(file, f"t has the shape {t.shape}, but {voltage} {u.shape}")
+            raise InputError(file, f"t has the shape {t.shape}, but {voltage} has {u.shape}")
         columns = [Column(0, "t", "s", 1.0, 0), *columns]
         values = [t, *u.T]
         return _Channels(values.__getitem__, columns, None, _rounding(held["t"]))
@@ -316,7 +316,7 @@ def _read_npz(file: str, stream: IO[bytes]) -> _Channels:
     if "dt" in held:
         dt = _check_real(file, "dt", held["dt"])
         if dt.size != 1 or not 0 < dt.item() < np.inf:
-            raise InputError(file, "dt is not one positive number")
+            raise InputError(file, "dt is not a single positive number")
         interval = dt.item()
     return _Channels(_columns_of(u), columns, interval, None)
 
@@ -326,7 +326,7 @@ def _size(stream: IO[bytes]) -> int:
 
 
 def _check_size(file: str, stream: IO[bytes], numbers: float) -> None:
-    """Raise if an archive would unpack to too many numbers."""
+    """Raise InputError if an archive would unpack to too many numbers."""
     most = max(MOST_NUMBERS, MOST_PER_BYTE * _size(stream))
     if numbers > most:
         raise InputError(
@@ -339,7 +339,7 @@ def _check_size(file: str, stream: IO[bytes], numbers: float) -> None:
 def _read_sr(
     file: str, stream: IO[bytes], logic: bool = False, channel: str | None = None
 ) -> _Channels:
-    """Read the voltages of a sigrok session, or its logic levels if it has some and `logic`."""
+    """Read the voltages of a sigrok session, or with `logic` its logic levels if it has any."""
     with zipfile.ZipFile(stream) as archive:
         names = set(archive.namelist())
         if "metadata" not in names:
@@ -347,7 +347,7 @@ def _read_sr(
         if archive.getinfo("metadata").file_size > _LARGEST_METADATA:
             raise InputError(file, f"its metadata has more than {_LARGEST_METADATA} bytes")
         settings = configparser.RawConfigParser(strict=False)
-        # Some programs indent a key, which would continue the value above it.
+        # Some programs indent keys, which would make each part of the value above it.
         settings.read_string(re.sub(r"(?m)^[ \t]+", "", archive.read("metadata").decode()))
         device = next((settings[name] for name in settings.sections() if "device" in name), None)
         about: dict[str, str] = dict(device or {})
@@ -418,7 +418,7 @@ def _logic_of(
     for name in parts:
         with archive.open(name) as stream:
             while block := stream.read(_BLOCK * unit):
-                # A sample that is cut off is dropped.
+                # An incomplete sample is dropped.
                 new = np.frombuffer(block[: len(block) // unit * unit], dtype=f"<u{unit}")
                 seen = np.concatenate([last, new])
                 changed = np.flatnonzero(seen[1:] != seen[:-1]) + 1
@@ -455,7 +455,7 @@ def _pick(file: str, table: _Channels, channel: str | None) -> tuple[list[int], 
     if not table.logic:
         usable = [k for k in usable if not _is_counter(table, k)]
     if not usable:
-        raise InputError(file, "no voltage column; expected a channel in volts beside the time")
+        raise InputError(file, "no voltage column; expected a channel in volts besides the time")
     if channel is None:
         return usable, time
     name = channel.strip().lower()
@@ -472,7 +472,7 @@ def _titles(table: _Channels, places: list[int]) -> str:
 
 
 def _no_times(file: str) -> InputError:
-    why = "it has no times; state the time between two samples (--sample-interval)"
+    why = "it has no times; give the time between two samples (--sample-interval)"
     return InputError(file, why)
 
 
@@ -532,7 +532,7 @@ def _crossings(u: Floats) -> tuple[int, Floats]:
     """Return the first level, and where a voltage crosses the middle between its two levels.
 
     A change counts when the voltage has left a band around the middle: four times the noise of the
-    levels, if they leave room.
+    levels on each side, limited to 0.1 to 0.3 of their difference.
     """
     known = u[~np.isnan(u)]
     middle = (known.min() + known.max()) / 2
@@ -578,7 +578,7 @@ def _recording(
             sample_interval = table.interval
         else:
             raise _no_times(file)
-    # A rate of exactly 1 MS/s, computed from rounded times, is fast enough.
+    # Accept a rate of exactly 1 MS/s that is computed from rounded times.
     if sample_interval > 1.001 / SLOWEST_RATE:
         rate = f"it has {1e-6 / sample_interval:.3g} MS/s"
         raise InputError(file, f"{rate}; pulses of 3 us need {SLOWEST_RATE / 1e6:g} or more")
@@ -592,7 +592,7 @@ def _recording(
 
 
 def _checked(file: str, table: _Channels, k: int) -> Floats:
-    """Return a column, or raise if its numbers cannot be times or voltages."""
+    """Return a column, or raise InputError if its numbers cannot be times or voltages."""
     values, number = table.values(k), table.columns[k].number
     # Sums and products of larger numbers would overflow later.
     ends = [(np.fmax.reduce(part), np.fmin.reduce(part)) for _, part in parts_of(values)]
@@ -610,7 +610,7 @@ def _checked(file: str, table: _Channels, k: int) -> Floats:
 
 
 def _is_counter(table: _Channels, k: int) -> bool:
-    """Return whether a column only numbers the samples."""
+    """Return True if a column only numbers the samples."""
     column = table.columns[k]
     if k > 0 or len(table.columns) == 1 or column.unit:
         return False
@@ -652,7 +652,7 @@ def _even(file: str, table: _Channels, time: int, u: Floats) -> tuple[float, Flo
     wrong = np.flatnonzero(np.abs(steps - typical) > 0.01 * typical + quantum)
     if wrong.size:
         faults = [
-            f"sample {k + 2} comes {steps[k] * 1e9:.6g} ns after the one before it, not "
+            f"sample {k + 2} comes {steps[k] * 1e9:.6g} ns after the previous one, not "
             f"{typical * 1e9:.6g} ns"
             for k in wrong[: InputError.shown]
         ]
@@ -756,7 +756,7 @@ def _layout(tail: list[str]) -> _Layout:
 def _header(file: str, data: bytes, layout: _Layout) -> tuple[list[str], int]:
     """Return the lines above the numbers, and the byte at which the numbers begin.
 
-    They begin with three rows of numbers or blank lines, because a header may have numbers, too.
+    They begin at the first three consecutive rows of numbers, because a header may contain some.
     """
     lines: list[str] = []
     starts: list[int] = []
@@ -791,7 +791,7 @@ def _value(cells: list[str], place: int, decimal: str) -> float | None:
 
 
 def _parse(data: bytes, offset: int, layout: _Layout) -> Floats:
-    """Read all rows at once; raise ValueError if one differs."""
+    """Read all rows at once; raise ValueError if one has another layout."""
     body = io.BytesIO(data)
     body.seek(offset)
     frame = pd.read_csv(
@@ -878,7 +878,7 @@ def _columns(above: list[list[str]], places: tuple[int, ...], digits: list[int])
 
 
 def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
-    """Return the time between two samples that the header states [s]; None without one."""
+    """Return the time between two samples that the header states [s]; None if it states none."""
     header = [*above, *beside]
     for row, cells in enumerate(header):
         below = header[row + 1] if row + 1 < len(header) else []

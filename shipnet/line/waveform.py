@@ -1,8 +1,8 @@
 r"""Voltages over time, recorded by a scope or computed from a Laplace transform.
 
-An inverse FFT is periodic: what still rings at the end of the window falls into its beginning.
+An inverse FFT is periodic: what still rings at the end of the window wraps around to its start.
 On the line :math:`s = (d + j \omega T) / T` this error shrinks by :math:`e^{-d}`, and the bin at
-:math:`\omega = 0` stays finite where an inductor would make it a pole.
+:math:`\omega = 0` remains finite, where an inductor would otherwise cause a pole.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_scalar
 from shipnet.lazy import Axes
 
-#: Highest frequency that matters if a change of current lasts 3 us [Hz].
+#: Highest relevant frequency of a current step that lasts 3 us [Hz].
 F_MAX = 12e6
 
-#: Window of the inverse transform over the record, and its damping. What rings on beyond the window
-#: wraps around and shrinks by exp(-10.5); the error of the cut-off grows by exp(7) only, as the
-#: record ends at two thirds of the window.
+#: Window of the inverse transform relative to the record, and its damping. Ringing beyond the
+#: window wraps around, reduced by exp(-10.5); the error of the limited bandwidth grows by only
+#: exp(7), because the record ends at two thirds of the window.
 _WINDOW, _DAMPING = 1.5, 10.5
 
 
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Waveform:
-    """Voltages over time, at even steps.
+    """Voltages at evenly spaced times.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Waveform:
     names : tuple of str, optional
         Nodes or channels, one per row of `u`.
     description : str, optional
-        Its origin, in one line.
+        Origin of the voltages, in one line.
 
     Examples
     --------
@@ -67,7 +67,7 @@ class Waveform:
         u = np.asarray(self.u)
         if u.dtype.kind not in "iuf" or u.ndim == 0:
             raise ArgumentError(
-                f"u has shape {u.shape} and type {u.dtype}; it must be rows of numbers"
+                f"u has shape {u.shape} and type {u.dtype}; it must be rows of real numbers"
             )
         object.__setattr__(self, "u", u)
         if not 0 < self.dt < np.inf:
@@ -91,14 +91,14 @@ class Waveform:
         channel: str | None = None,
         sample_interval: float | None = None,
     ) -> Waveform:
-        """Read one channel of a scope's text file, of ``.npy``, ``.npz`` or sigrok's ``.sr``.
+        """Read one channel of a scope's text file, or of a ``.npy``, ``.npz`` or ``.sr`` (sigrok).
 
-        `channel` is its title, in any case, or the number of its column, 1 for the first; the first
-        channel with a voltage if omitted. `sample_interval` [s] overrides that of the file. More
-        than 2**26 bytes of samples stay in a ``.npy`` or uncompressed ``.npz`` file, which must not
-        change while they are in use. A channel of an archive may unpack to 2**24 numbers, or 4 per
-        byte of the file if that is more. Raise InputError if the file cannot be read, has a cell
-        that is not a number, uneven times, fewer than 1e6 samples per second, or no such channel.
+        `channel` is its title, in upper or lower case, or the number of its column, from 1; if
+        omitted, the first voltage. `sample_interval` [s] overrides that of the file. More than
+        2**26 bytes of samples are not copied from a ``.npy`` or uncompressed ``.npz`` file, which
+        must then not change. A channel of an archive may unpack to 2**24 numbers, or to 4 per byte
+        of the file if that is more. Raise InputError if the file cannot be read, has a cell that is
+        not a number, uneven times, fewer than 1e6 samples per second, or no such channel.
         """
         from shipnet.line.scope_file import read_scope_file
 
@@ -110,7 +110,7 @@ class Waveform:
         rows = np.atleast_2d(self.u)
         names = self.names or tuple(f"u{k}" for k in range(1, len(rows) + 1))
         if rows.ndim != 2:
-            raise ArgumentError(f"u has shape {self.u.shape}; a file has one row per node")
+            raise ArgumentError(f"u has shape {self.u.shape}; it must have one row per node")
         if Path(path).suffix == ".npz":
             np.savez(path, u=rows.T, dt=self.dt, probes=np.array(names))
             return
@@ -139,11 +139,11 @@ class Waveform:
 
 
 def laplace_grid(duration: float, f_max: float, damping: float = 7.0) -> Complexes:
-    r"""Return the complex frequencies from which `synthesize` makes a waveform.
+    r"""Return the complex frequencies from which `synthesize` computes a waveform.
 
     .. math:: s_k = \frac{d + 2 \pi j k}{T}, \qquad k = 0 \ldots \lceil f_{max} T \rceil
     """
-    # A product such as 64e-6 * 3e6 must not gain a bin by rounding.
+    # A product such as 64e-6 * 3e6 must not get an extra bin by rounding.
     last = ceil(f_max * duration - 1e-9)
     return np.asarray((damping + 2j * np.pi * np.arange(last + 1)) / duration)
 
@@ -153,7 +153,7 @@ def synthesize(
 ) -> Floats:
     """Return the waveforms of Laplace transforms sampled on `laplace_grid`."""
     bins = np.asarray(spectrum, dtype=complex)
-    # At fewer samples than twice the highest frequency, bins alias: add up those that coincide.
+    # If the sampling rate is below twice the highest frequency, bins alias: add those up.
     turns = ceil(bins.shape[-1] / n_samples)
     folded = np.zeros((*bins.shape[:-1], turns * n_samples), dtype=complex)
     folded[..., : bins.shape[-1]] = bins
@@ -168,7 +168,7 @@ def synthesize(
 def record_of(
     spectrum: Callable[[Complexes], Complexes], n_samples: int, dt: float, f_max: float
 ) -> Floats:
-    """Return the waveforms of a Laplace transform from t = 0; nothing wraps around."""
+    """Return the waveforms of a Laplace transform from t = 0, without wrap-around."""
     window = ceil(_WINDOW * n_samples)
     found = spectrum(laplace_grid(window * dt, f_max, _DAMPING))
     return synthesize(found, window, window * dt, _DAMPING)[..., :n_samples]

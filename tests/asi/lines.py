@@ -1,4 +1,4 @@
-"""Helpers of tests: slaves by address, lines with given disturbances, slaves at their places."""
+"""Helpers for tests: slaves by address, lines with given disturbances, slaves at given places."""
 
 from dataclasses import replace
 from unittest.mock import patch
@@ -15,7 +15,7 @@ from shipnet.asi.slave import Slave
 from shipnet.asi.telegram import frame
 from shipnet.line.network import CableRun
 
-#: Bits of every request that a frame can hold, known or not, and of every response.
+#: Bits of every request that fits into a frame, known or unknown, and of every response.
 REQUESTS = Modulation([frame(f"{information:011b}") for information in range(2**11)]).bits
 RESPONSES = Modulation([frame(f"{data:04b}") for data in range(16)]).bits
 
@@ -34,13 +34,13 @@ def renamed(plan, prefix):
 
 
 def draw(rng, n_cycles, request, response, *, attempts=2):
-    """Draw disturbances by the rates of each slave, shape (n_cycles, 3, n_slaves, attempts)."""
+    """Draw disturbances with the rates of each slave, shape (n_cycles, 3, n_slaves, attempts)."""
     rates = list(zip(request, response, strict=True))
     return channel.draw_disturbances(rng, n_cycles, rates, attempts)
 
 
 def simulate_drawn(drawn, system, *given, **options):
-    """Simulate with disturbances of shape (n_cycles, 3, n_slaves, attempts) that are given."""
+    """Simulate with given disturbances of shape (n_cycles, 3, n_slaves, attempts)."""
     begun = 0
 
     def hand_out(rng, n_cycles, rates, attempts):
@@ -56,7 +56,7 @@ def simulate_drawn(drawn, system, *given, **options):
 
 
 def placed(slaves, positions=None, delays=None):
-    """Return a plan of slaves, each on a leg of its own, some of them behind a repeater."""
+    """Return a plan of slaves, each on its own leg, some of them downstream of a repeater."""
     runs, elements, repeaters = [CableRun("m", "end", 1)], [], []
     for number, one in enumerate(slaves):
         near, node = "m", f"s{number}"

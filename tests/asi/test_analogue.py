@@ -19,7 +19,7 @@ def test_published_transfer_times_are_reproduced():
         assert exchanges("S-7.3") * (row.number + rounds) * 5 == pytest.approx(row.time_ms)
 
 
-def test_a_real_transfer_never_beats_four_bits_a_cycle():
+def test_a_real_transfer_never_beats_four_bits_per_cycle():
     profiles = datasets.read("asi_analogue_profiles.csv")
     assert set(profiles.loc[profiles["cycles"] == "", "evidence"]) == {"unknown"}
     for row in profiles[profiles["cycles"] != ""].itertuples():
@@ -48,7 +48,7 @@ def test_the_first_two_codes_identify_a_profile():
     assert exchanges(Profile.parse("S-7.3.C")) == 7
     assert exchanges("S-6.0") == exchanges("S-0.F") == 1
     for profile in ("S-7.A.8", "S-7.A.9", "S-7.5.5"):
-        with pytest.raises(ArgumentError, match=rf"'{profile}' in; how many exchanges"):
+        with pytest.raises(ArgumentError, match=rf"'{profile}' in; its number of exchanges"):
             Cycle(31).response_time(profile)
     with pytest.raises(ArgumentError, match=r"'S-7\.A\.5' out"):
         exchanges("S-7.A.5", "out")
@@ -67,7 +67,7 @@ def test_a_value_waits_for_a_round_its_transfer_and_the_conversions():
     best, typical, worst = cycle.response_time("S-7.3", channels=4)
     assert (best, worst) == pytest.approx((one, 5 * one + 4 * CONVERSION))
     assert typical == pytest.approx((best + worst) / 2)
-    # The second of two exchanges waits as one does.
+    # The second of two exchanges waits as long as a single one.
     worst = Cycle(62).response_time("S-7.A.7", direction="out").worst
     assert worst == pytest.approx(60e-6 + 4 * cycle_time(31))
 
@@ -84,12 +84,12 @@ def test_responses_of_values_and_bits_are_those_of_the_simulated_line(channels, 
     close = {"rel": tolerance("asi.responses")}
     assert seen["longest_s"].to_dict() == pytest.approx(computed["worst_s"].to_dict(), **close)
     assert seen["mean_s"].to_dict() == pytest.approx(computed["typical_s"].to_dict(), **close)
-    # The formula's cycle is the longer one, and the simulation meets no better moment.
+    # The formula uses the longer cycle, and the simulation does not contain the best moment.
     assert (seen["longest_s"] <= computed["worst_s"]).all()
     assert (seen["least_s"] >= (1 - close["rel"]) * computed["best_s"]).all()
 
 
-def test_a_simulation_has_no_response_of_a_value_that_nobody_knows():
+def test_a_simulation_has_no_response_time_for_an_unknown_value():
     slaves = [Slave("1"), Slave("2A", "S-7.A.9")]
     found = simulate(slaves, cycles=20).table()
     assert np.isnan(found.loc["2A", "longest_s"]) and found.loc["1", "longest_s"] > 0

@@ -1,4 +1,4 @@
-"""Recorded line voltages, from our own simulator and from ngspice, back to transactions."""
+"""Transactions decoded from line voltages of our own simulator and of ngspice."""
 
 from pathlib import Path
 
@@ -45,8 +45,8 @@ def cycle(addresses, *, start=20e-6, master_pause=3, slave_pause=2, silent=(), s
 
 
 def line(telegrams, duration, rate):
-    """Return what a scope sees of telegrams beside the supply's 78 ohm || 100 uH."""
-    # The network is faster than 1 MS/s resolves, so slow records are picked from a fast one.
+    """Return what a scope records of telegrams at the supply's 78 ohm || 100 uH."""
+    # 1 MS/s does not resolve the network, so slow records are sampled from a fast one.
     step = 1 / max(rate, 10e6)
     current = np.zeros(round(duration / step))
     for start, bits, swing in telegrams:
@@ -136,7 +136,7 @@ def test_shortest_and_longest_pauses(pauses):
     assert found == pytest.approx(pauses[1], abs=0.05)
 
 
-def test_loud_and_weak_slaves_beside_each_other():
+def test_loud_and_weak_slaves_on_one_line():
     check_five(decode(five(swing={1: 2.1, 2: 0.65, 3: 2.1, 4: 0.65}), 1e-7))
 
 
@@ -146,7 +146,7 @@ def test_a_single_transaction_in_much_silence():
     assert capture.transactions["address"].tolist() == [21]
 
 
-def test_two_cycles_with_all_that_happens():
+def test_two_cycles_with_every_kind_of_event():
     first, middle = cycle(range(1, 8), silent=(5,))
     second, end = cycle(range(1, 4), start=middle, silent=())
     broken = REQUESTS[4].bits[:8] + "10"[int(REQUESTS[4].bits[8])] + REQUESTS[4].bits[9:]
@@ -168,7 +168,7 @@ def test_two_cycles_with_all_that_happens():
     assert summary.seen == ["1", "2", "3", "4", "6", "7"]
     assert summary.errors == {"ParityError": 1}
     assert summary.cut_off == 0
-    # Slaves 1 to 3, then 5 and 6 behind the broken request, then 7 behind the repetition too.
+    # Slaves 1 to 3, then 5 and 6 after the bad request, then 7 also after the repetition.
     assert summary.cycle_time == pytest.approx(
         np.median([180, 180, 180, 204, 204, 228]) * BIT, abs=1e-6
     )
@@ -193,7 +193,7 @@ def test_the_light_of_repetitions(cycles, light):
     assert counters.loc["missing slave frames", "value"] == 1
 
 
-def test_a_lost_pulse_breaks_one_telegram_only():
+def test_a_lost_pulse_corrupts_only_one_telegram():
     telegrams, end = cycle((1, 2, 3))
     u = line(telegrams, end + 20e-6, 10e6)
     t = np.arange(u.size) * 1e-7
@@ -247,7 +247,7 @@ def test_telegrams_cut_off_are_marked_and_whole_ones_are_not(first, length, offs
     )
     for start, bits in found:
         assert any(abs(start - at) < 3e-6 and bits == true for at, true in near)
-    # A response whose request is cut off has no start here, but counts.
+    # A response whose request is cut off has no start here, but it counts.
     without = sum(np.isnan(start) for start, _ in told(table))
     assert len(found) + without >= len(whole)
     wrong = set(table["request_error"]) | set(table["response_error"])
@@ -261,7 +261,7 @@ def test_both_ends_are_marked():
     assert table["text"][1].endswith("; response cut off: 011????")
 
 
-def test_what_was_not_recorded_starts_anew():
+def test_a_gap_starts_a_new_part():
     u = five()
     u[3000:5000] = np.nan
     capture = decode(30 + u, 1e-7)
@@ -271,7 +271,7 @@ def test_what_was_not_recorded_starts_anew():
     assert len(decode(u, 1e-7).transactions) == 0
 
 
-def test_pieces_do_not_show(monkeypatch):
+def test_pieces_do_not_change_the_result(monkeypatch):
     telegrams, end = cycle(range(1, 32))
     u = 30 + noise(line(telegrams, end + 20e-6, 10e6), 0.1)
     whole = decode(u, 1e-7).transactions
@@ -341,7 +341,7 @@ def test_waveforms_of_ngspice(case, sign, offset):
     for u in REFERENCE[f"{case}/v"]:
         table = decode(offset + sign * u, 250e-9).transactions
         good = [row[kind] for _, row in table.iterrows() if row[f"{kind}_error"] == "ok"]
-        # On 200 m and more the near slave is lost, and all are on 300 m: never a wrong word.
+        # From 200 m the near slave is lost, and on 300 m all are, but never with a wrong word.
         assert good in (([bits],) if case[:6] in SHORT else ([bits], []))
 
 
@@ -374,7 +374,7 @@ def test_what_is_not_as_i_has_no_good_telegram(u):
 )
 @example(np.zeros(1, np.float32), 1e-7)
 @settings(max_examples=60)
-def test_any_samples_make_a_table(u, dt):
+def test_any_samples_give_a_table(u, dt):
     capture = decode(u, dt)
     assert capture.summary().transactions == len(capture.transactions)
     assert len(capture.counters()) == 8
@@ -384,11 +384,11 @@ def test_any_samples_make_a_table(u, dt):
 @pytest.mark.parametrize(
     ("u", "dt", "options", "message"),
     [
-        ([], 1e-7, {}, "record has the shape"),
-        ([[1.0]], 1e-7, {}, "record has the shape"),
-        (["a"], 1e-7, {}, "record has the shape"),
-        ([np.inf, 0], 1e-7, {}, "u reaches inf V"),
-        ([0, -1e300], 1e-7, {}, "u reaches -1e.300 V"),
+        ([], 1e-7, {}, "record has shape"),
+        ([[1.0]], 1e-7, {}, "record has shape"),
+        (["a"], 1e-7, {}, "record has shape"),
+        ([np.inf, 0], 1e-7, {}, "u contains inf V"),
+        ([0, -1e300], 1e-7, {}, "u contains -1e.300 V"),
         ([0.0], 2e-6, {}, "dt is 2e-06 s"),
         ([0.0], float("nan"), {}, "dt is nan"),
         ([0.0], 1e-7, {"threshold": 1}, "threshold is 1"),
@@ -512,7 +512,7 @@ def test_a_mapped_file_decodes_like_its_samples(kind, suffix, tmp_path, monkeypa
 
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match="not a whole"):
+    with pytest.raises(InputError, match="not a complete"):
         decode(file, sample_interval=1e-7)
 
 

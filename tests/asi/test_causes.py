@@ -1,4 +1,4 @@
-"""Records of simulated lines with one fault each, back to the fault; and what masters count."""
+"""Faults found in records of simulated lines with one fault each, and what masters count."""
 
 from dataclasses import replace
 from itertools import cycle
@@ -20,8 +20,8 @@ CABLE, SECOND, INDUCTANCE, INTERFERENCE, DUPLICATE, WEAK, REVERSED = CAUSES = (
 )  # fmt: skip
 NONE = "none"
 
-#: The rules were found on the trees of seeds 0 to 59, with noise of 0.02 to 0.2 V. Of five trees no
-#: cause may be misnamed, of the twelve of the weekly run one: five catch nearly as much.
+#: The rules were derived from the trees of seeds 0 to 59, with noise of 0.02 to 0.2 V. No cause may
+#: be wrong on five trees, and one on the twelve of the weekly run; five detect nearly as much.
 SEEDS = range(2000, 2000 + several(5, 12))
 NOISE = 0.02, 0.1, 0.2
 
@@ -48,7 +48,7 @@ def tree(rng, metres, *, supplies=1, load=None, duplicate=False, stub=0.0):
 
 
 def sound_tree(rng, **fault):
-    """Return a tree that breaks no rule of signals, with a fault if one is given."""
+    """Return a tree that meets all rules for signals, with a fault if one is given."""
     while True:
         seed = int(rng.integers(2**31))
         plan = tree(np.random.default_rng(seed), seed % 80 + 20.0)
@@ -112,7 +112,7 @@ def named(wave, noise=0.05):
     return found[0] if len(found) else NONE
 
 
-def test_causes_on_trees_that_the_rules_were_not_made_from():
+def test_causes_on_trees_that_the_rules_do_not_come_from():
     pairs = [
         (cause, named(faulty(cause, seed), noise))
         for cause in (NONE, *CAUSES)
@@ -145,7 +145,7 @@ def test_half_a_decoupling_and_two_supplies_are_one_impedance():
     for wave in records:
         causes = decode(wave).causes()
         assert causes.index.tolist() == [SECOND]
-        assert "half of a decoupling looks like two" in causes["evidence"].iloc[0]
+        assert "one with half these values looks the same" in causes["evidence"].iloc[0]
 
 
 def test_only_answers_from_a_shared_address_are_bad():
@@ -156,7 +156,7 @@ def test_only_answers_from_a_shared_address_are_bad():
     assert "its level is" in causes["evidence"].iloc[0]
 
 
-def test_a_slave_too_weak_to_be_read_is_named():
+def test_a_slave_that_is_too_weak_to_be_read_is_named():
     wave = asi.line(60, slaves=5).record(weak={"3": 0.18}, rng=1)
     u = wave.u + 0.15 * np.random.default_rng(1).standard_normal(wave.u.size)
     capture = decode(replace(wave, u=u))
@@ -164,7 +164,7 @@ def test_a_slave_too_weak_to_be_read_is_named():
     assert capture.causes()["slave"].to_dict() == {WEAK: "3"}
 
 
-# At 100 m the cable is a quarter of a wave long at 385 kHz, and no longer one capacitance.
+# 100 m of cable are a quarter of a wave at 385 kHz, no longer a single capacitance.
 @pytest.mark.parametrize("metres", [20, 40, 60])
 def test_the_impedance_is_that_of_the_network(metres):
     plan = asi.line(metres, slaves=10)
@@ -208,7 +208,7 @@ def test_a_slave_that_hears_no_request_is_dropped():
     assert capture.summary().missing == ["2"]
     counters = capture.counters()["value"]
     assert counters["slave failure"] == 1
-    # Nobody need answer where the master looks for new slaves; two tries were for its status.
+    # No answer is required where the master looks for new slaves; two tries read its status.
     assert counters["missing slave frames"] == len(data) + 2
     assert capture.counters().loc["repetitions", "light"] == "red"
 
@@ -287,7 +287,7 @@ def test_a_supply_that_fails_is_counted_if_the_record_is_dc_coupled():
     ],
     ids="one zeros dc nan noise square gaps int".split(),
 )
-def test_what_is_not_as_i_is_judged_without_a_fault_of_ours(u):
+def test_what_is_not_as_i_is_judged_without_an_exception(u):
     capture = decode(u, 2.5e-7)
     assert set(capture.causes().columns) == {"slave", "share", "evidence"}
     assert len(capture.counters()) == 8

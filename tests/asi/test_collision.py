@@ -20,12 +20,12 @@ def test_different_answers_at_once_never_pass_for_an_answer():
 
 
 @pytest.mark.parametrize("shift", range(1, 14))
-def test_answers_that_overlap_by_part_never_pass(shift):
+def test_partly_overlapping_answers_never_pass(shift):
     for first, second in itertools.product(ANSWERS, repeat=2):
         assert collide(((first, 0), (second, shift)), 7)[1] != 0
 
 
-def test_an_answer_upon_a_request_never_makes_another_request_of_it():
+def test_an_answer_over_a_request_never_makes_another_request():
     pulses = np.pad(Modulation(REQUESTS).pulses.signs.astype(int), ((0, 0), (0, 2)))
     survived = 0
     for answer, shift in itertools.product(ANSWERS, range(28)):
@@ -36,7 +36,7 @@ def test_an_answer_upon_a_request_never_makes_another_request_of_it():
         passed = error == 0
         assert (bits[passed] == REQUESTS[passed]).all()
         survived += passed.sum()
-    # It survives only where the pulses of both are the same: 2560 of 917504 cases.
+    # It survives only if the pulses of both coincide: 2560 of 917504 cases.
     assert survived == 2560
 
 

@@ -21,7 +21,7 @@ def published(quantity):
 
 
 def requests(alone, pairs, cycles):
-    """Return one transaction a line, as (slave or None): the cycles of a master, one by one."""
+    """Return the cycles of a master, one transaction per row: a slave or None."""
     for cycle in range(cycles):
         yield from (f"{address}" for address in range(alone))
         yield from (f"{address}{'AB'[cycle % 2]}" for address in range(pairs))
@@ -70,7 +70,7 @@ def test_a_master_that_polls_in_turn_updates_every_slave_in_time(used):
 
 
 @pytest.mark.parametrize(("alone", "pairs", "slave"), [(5, 0, "3"), (3, 2, "1A"), (3, 2, "2")])
-def test_changes_at_any_time_are_heard_within_the_bounds(alone, pairs, slave):
+def test_changes_at_any_time_are_received_within_the_bounds(alone, pairs, slave):
     transaction = Transaction(3, 2)
     bit, step = transaction.bit_time, transaction.duration
     line = list(requests(alone, pairs, cycles=8))
@@ -100,8 +100,8 @@ def test_repetitions_only_delay_the_worst_case():
         (lambda: cycle_time(1.5), "slaves is 1.5"),
         (lambda: cycle_time(True), "slaves is True"),
         (lambda: cycle_time("5"), "slaves is '5'"),
-        (lambda: cycle_time(44, pairs=12), "pairs is 12; 44 slaves take 31 addresses"),
-        (lambda: cycle_time(3, pairs=2), "two slaves share one"),
+        (lambda: cycle_time(44, pairs=12), "pairs is 12; for 44 slaves it must be 13..22"),
+        (lambda: cycle_time(3, pairs=2), "for 3 slaves it must be 0..1"),
         (lambda: cycle_time(1, inclusion=2), "inclusion is 2"),
         (lambda: Cycle().response_time(paired=2), "paired is 2"),
         (lambda: Cycle().response_time(repetitions=0.5), "repetitions is 0.5"),

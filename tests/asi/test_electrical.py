@@ -34,10 +34,10 @@ def lost(plan, node):
     return 30 - plan.voltages[node]
 
 
-def test_even_loads_along_a_line_lose_the_sum_of_their_own():
+def test_even_loads_on_a_line_drop_the_sum_of_their_drops():
     n, current = 50, 0.05
     plan = silent(line(100, n, current=current))
-    # Each metre carries what lies behind it: r i L (n + 1) / 2.
+    # Each metre carries the current of all slaves downstream: r i L (n + 1) / 2.
     assert lost(plan, "100 m") == pytest.approx(R * current * 100 * (n + 1) / 2, rel=1e-9)
 
 
@@ -53,7 +53,7 @@ def test_a_passive_ring_lowers_the_drop_to_that_of_two_cables_in_parallel(back):
 
 
 def test_even_loads_on_a_ring_lose_a_quarter_of_what_they_lose_on_a_line():
-    # 61 loads at k L / 62; the ring is fed from both ends, its middle load half from either.
+    # 61 loads at k L / 62; the ring is fed from both ends, its middle load half from each.
     step, current = 100 / 62, 0.065
     places = [step * k for k in range(1, 62)]
     straight, closed = silent(line(100, places)), silent(ring(100, places))
@@ -106,7 +106,7 @@ def test_the_signal_is_that_of_a_segment_built_by_hand():
 
     quality = plan.segments[0].signals()
     (u,) = telegram_voltages(network, "m", ["s1", "s2"], REQUESTS[::7], dt=50e-9)
-    # The levels found with four samples a microsecond, and those of a finer waveform.
+    # The levels found with four samples per microsecond, and those of a finer waveform.
     assert quality.level_most == pytest.approx(np.ptp(u, axis=-1).max(axis=1), rel=0.01)
     assert (quality.level_least <= np.ptp(u, axis=-1).min(axis=1) * 1.01).all()
 
@@ -126,7 +126,7 @@ def test_the_signal_is_that_of_a_segment_built_by_hand():
 def test_three_requests_and_the_responses_are_as_bad_as_all_requests(plan):
     segment = plan.segments[0]
     quality = segment.signals()
-    # All requests to 31 slaves would take seconds; every tenth slave tells as much.
+    # All requests to 31 slaves would take seconds; every tenth slave shows as much.
     each = slice(None, None, 10 if len(plan.slaves) > 10 else 1)
     quality = type(quality)(*(field[each] for field in quality))
     nodes = tuple(node for _, node in segment.listeners)[each]
@@ -134,7 +134,7 @@ def test_three_requests_and_the_responses_are_as_bad_as_all_requests(plan):
     heard = receive(u, HALF_BIT / 12, 14)
     level = np.ptp(u, axis=-1)
     assert (heard.error == 0).all(axis=1).tolist() == (quality.received == 1).tolist()
-    # Tolerances of 1 % of the signal, before the comparison was made.
+    # Tolerances of 1 % of the signal, fixed before the comparison.
     assert (quality.level_least <= level.min(axis=1) * 1.01).all()
     assert (quality.level_most >= level.max(axis=1) * 0.99).all()
     assert (quality.evenness <= heard.weakest.min(axis=1) + 0.01).all()

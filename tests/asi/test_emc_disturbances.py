@@ -33,7 +33,7 @@ def draw(disturbance, t, amplitude, rng, size=1, *, span=None):
 
 
 @each
-def test_a_disturbance_has_a_row_a_telegram_and_follows_its_generator(disturbance):
+def test_a_disturbance_has_a_row_per_telegram_and_follows_its_generator(disturbance):
     u = draw(disturbance, T, 1.5, rng(), 7)
     assert u.shape == (7, T.size)
     assert np.isfinite(u).all()
@@ -49,7 +49,7 @@ def test_a_disturbance_grows_with_its_amplitude(disturbance):
     one = draw(disturbance, T, 1.0, rng(), 50)
     assert draw(disturbance, T, 2.5, rng(), 50) == pytest.approx(2.5 * one, rel=1e-12)
     assert not draw(disturbance, T, 0, rng(), 50).any()
-    # Neither sign is preferred: the sum is small beside what one sign alone would add up to.
+    # Neither sign is preferred: the sum is small compared with that of one sign alone.
     many = draw(disturbance, T, 1.0, rng(), 4000)
     assert abs(many.sum()) < 0.1 * np.abs(many).sum()
 
@@ -57,7 +57,7 @@ def test_a_disturbance_grows_with_its_amplitude(disturbance):
 def test_noise_is_normal_and_white():
     u = draw(Noise(), T, 0.7, rng(), 2000)
     assert stats.kstest(u.ravel()[::5], stats.norm(0, 0.7).cdf).pvalue > 0.01
-    # 510 000 pairs of neighbours: their correlation would be 0 within 1.4e-3.
+    # 510 000 pairs of neighbours: if independent, their correlation is 0 within 1.4e-3.
     assert abs(np.mean(u[:, 1:] * u[:, :-1])) / 0.49 < 6e-3
 
 
@@ -119,8 +119,8 @@ def test_several_impulses_add_up():
         ({"spread": 1.1}, "spread is 1.1"),
         ({"width": 1e-6}, "width is 1e-06; it must be a sequence"),
         ({"width": (1e-6,)}, r"width is \(1e-06,\)"),
-        ({"width": (0, 1e-6)}, r"width is \(0, 1e-06\); it must be two times, .* above 0"),
-        ({"width": (2e-6, 1e-6)}, "the smaller one first"),
+        ({"width": (0, 1e-6)}, r"width is \(0, 1e-06\); it must be two durations in .* above 0"),
+        ({"width": (2e-6, 1e-6)}, "in ascending order"),
         ({"width": (1e-6, 1.0)}, "and up to 6.* s"),
         ({"width": (1e-6, np.nan)}, "width is"),
     ],
@@ -131,7 +131,7 @@ def test_bad_impulses_are_named(change, message):
 
 
 def test_a_carrier_has_two_sidebands():
-    # 2 ms hold whole periods of 200 kHz and of 1 kHz, so that the lines stand alone.
+    # 2 ms contain whole periods of 200 kHz and of 1 kHz, so that the lines are separate.
     t = np.arange(8000) * DT
     u = draw(ConductedRF(200e3, 0.6), t, 3.0, rng(), 20)
     lines = 2 * np.abs(np.fft.rfft(u)) / t.size
@@ -148,7 +148,7 @@ def test_a_carrier_without_modulation_is_a_sine():
     turned = np.exp(-2j * np.pi * 333e3 * T)
     phase = np.angle(u @ turned) + np.pi / 2
     expected = 2 * np.sin(2 * np.pi * 333e3 * T + phase[:, np.newaxis])
-    # The record holds no whole number of periods, which turns the phase by a little.
+    # The record does not contain a whole number of periods, which shifts the phase a little.
     np.testing.assert_allclose(u, expected, atol=0.1)
 
 
@@ -157,7 +157,7 @@ def test_a_telegram_meets_the_carrier_at_any_strength_and_phase():
     peak = np.abs(u).max(axis=1)
     assert 0.2 < peak.min() < 0.3
     assert 1.7 < peak.max() < 1.81
-    # 1 + 0.8 sin of an even phase: below x as often as the arcsine law says.
+    # 1 + 0.8 sin of a uniform phase: below x as often as the arcsine law says.
     law = stats.arcsine(0.2, 1.6).cdf
     assert stats.kstest(peak, law).statistic < 0.08
     turned = np.angle(u @ np.exp(-2j * np.pi * 200e3 * T))
@@ -167,7 +167,7 @@ def test_a_telegram_meets_the_carrier_at_any_strength_and_phase():
 
 
 def test_a_carrier_in_a_zero_of_the_filter_does_no_harm():
-    # The filter of 3 us is blind at 667 kHz; at 200 kHz, amid the signal, 2.5 V do harm.
+    # The filter of 3 us rejects 667 kHz; at 200 kHz, in the signal's band, 2.5 V do harm.
     near = asi.line(100, slaves=(5,)).waveform()
     for frequency, low, high in ((200e3, 0.5, 1), (2 / 3e-6, 0, 0)):
         carrier = ConductedRF(frequency, f_mod=0)
@@ -197,7 +197,7 @@ FINE = np.arange(0, 2e-6, 0.02e-9)
 
 
 def two_exponentials(t):
-    """Return the pulse of height 1 that the time constants of the package make."""
+    """Return the pulse of height 1 with the time constants of the package."""
     raw = np.where(t >= 0, np.exp(-t / _DECAY) - np.exp(-t / _RISE), 0)
     return raw * AREA / (_DECAY - _RISE)
 
@@ -219,8 +219,8 @@ def test_the_pulse_is_that_of_the_standard():
     assert area == pytest.approx(AREA, rel=1e-6)
 
 
-def test_the_formula_of_the_standard_is_near():
-    # What IEC 61000-4-4 is said to print; its text was not read, but rise and width come out.
+def test_the_formula_of_the_standard_is_close_to_ours():
+    # As IEC 61000-4-4 is quoted; we have not read its text, but rise and width agree.
     x = (FINE / 3.5e-9) ** 1.8
     theirs = 0.92 * x / (1 + x) * np.exp(-FINE / 51e-9)
     theirs /= np.exp(-3.5 / 51 * (1.8 * 51 / 3.5) ** (1 / 1.8))
@@ -233,7 +233,7 @@ def test_the_formula_of_the_standard_is_near():
 
 @pytest.mark.parametrize("dt", [20e-9, 250e-9, 1e-6])
 def test_the_samples_keep_the_area_of_the_pulses_on_any_grid(dt):
-    # 1 ms holds five pulses; one that the ends of the record cut is the exception.
+    # 1 ms contains five pulses, unless an end of the record cuts one.
     t = np.arange(round(1e-3 / dt)) * dt
     u = draw(Burst(), t, 40.0, rng(), 60)
     pulses = np.abs(u.sum(axis=1)) * dt / (40 * AREA)
@@ -273,7 +273,7 @@ def test_pulses_come_at_their_rate_with_one_sign_and_any_phase():
 
 
 def test_a_pulse_before_the_record_still_disturbs_it():
-    # The input makes the pulses long; the first sample is disturbed as often as the last.
+    # The input stretches the pulses; the first sample is disturbed as often as the last.
     u = np.abs(draw(Burst(1e6), np.arange(100) * 25e-9, 1.0, rng(), 4000))
     assert u[:, 0].mean() == pytest.approx(u[:, -1].mean(), rel=0.15)
     assert u[:, 0].mean() > 0

@@ -96,8 +96,8 @@ def test_impulses_destroy_the_published_share_of_telegrams():
 
 
 def test_a_receiver_with_perfect_timing_agrees_with_theory():
-    # A sample a microsecond, the second one on the first peak: no noise ahead of it, and the
-    # slots lie on samples. 400 samples make the mean that is taken off small. Four sigma.
+    # One sample per microsecond, the second one on the first peak: no noise ahead of it, and the
+    # slots are on samples. With 400 samples, the subtracted mean is small. Four sigma.
     telegrams = ideal(-3.5e-6, 2.4, 400e-6)
     raw = {"matched": False, "minimum": 1.2}
     sigma = [0.35, 0.45, 0.6]
@@ -115,7 +115,7 @@ def test_false_starts_before_a_telegram_agree_with_theory():
     telegrams = ideal(300.5e-6, 6.0, 500e-6)
     raw = {"matched": False, "minimum": 1.6}
     theory = theory_of(telegrams, 0.45, **raw)[0]
-    # The mean of 500 samples is taken off: a little less noise, and neighbours are correlated.
+    # The mean of 500 samples is subtracted: a little less noise, and correlated neighbours.
     sigma = 0.45 * np.sqrt(1 - 1 / 500)
     level, related = 1.6 / sigma, -1 / 499
     pair = stats.multivariate_normal(cov=[[1, related], [related, 1]], abseps=1e-12, releps=1e-12)
@@ -145,7 +145,7 @@ def test_the_noise_behind_the_filter_is_that_of_theory():
     noise = Noise().voltage(np.arange(4096) * 250e-9, 1.0, rng(), 50, span=(0, 0))
     y = matched_filter(noise, 250e-9)[:, 20:-20]
     assert y.std() == pytest.approx(np.sqrt(8 / (3 * 12)), rel=0.01)
-    # A filter's length apart, which is a half-bit, the noise is independent.
+    # Noise a half-bit apart, which is the length of the filter, is independent.
     assert abs(np.mean(y[:, 12:] * y[:, :-12])) / y.var() < 0.01
 
 
@@ -172,7 +172,7 @@ def test_a_table_counts_every_telegram_and_every_check():
     assert table.loc[0, list(CLASSES)].isna().all()
     assert table.loc[1:, list(CLASSES)].to_numpy().min() > 0
     assert (table.loc[1:, list(CLASSES)].sum(axis=1) > 1).all()
-    # Rule of three, and Wilson's interval beside Clopper and Pearson's.
+    # Rule of three, and Wilson's interval compared with Clopper and Pearson's.
     assert table["rate_high"][0] == pytest.approx(-np.log(0.025) / 3000, rel=0.01)
     k, n = int(table["failed"][1]), 3000
     low, high = stats.binomtest(k, n).proportion_ci(method="wilson")
@@ -182,14 +182,14 @@ def test_a_table_counts_every_telegram_and_every_check():
     assert (table["rate"] <= table["rate_high"]).all()
 
 
-def test_the_interval_holds_the_rate_as_often_as_it_says():
-    # 0.6 V through the filter costs some 1.4 %; 200 tables of 400: at least 95 % hold it.
+def test_the_interval_contains_the_rate_as_often_as_it_says():
+    # 0.6 V through the filter loses about 1.4 %; at least 95 % of 200 tables of 400 contain it.
     truth = rates_of(NEAR, Noise(), 0.6, 40_000, rng(), minimum=0.9)["rate"][0]
     small = rates_of(NEAR, Noise(), [0.6] * 60, 400, rng(), minimum=0.9)
     assert np.mean((small["rate_low"] <= truth) & (truth <= small["rate_high"])) >= 0.9
 
 
-def test_silence_is_counted_apart():
+def test_silence_is_counted_separately():
     nothing = Added(lambda t, amplitude, size: np.zeros((size, t.size)))
     table = rates_of(replace(NEAR, u=0.1 * NEAR.u), nothing, 1.0, 50, rng())
     assert table["rate"][0] == table["silence"][0] == 1
@@ -226,7 +226,7 @@ def test_every_word_is_sent_and_meets_its_own_disturbance():
     [
         ({"amplitudes": -1}, "amplitude is -1 V"),
         ({"amplitudes": [0, np.nan]}, "amplitude is nan V"),
-        ({"amplitudes": [[1]]}, "one number, or a row"),
+        ({"amplitudes": [[1]]}, "a number or a 1-D array"),
         ({"amplitudes": "1"}, r"amplitudes is .*; it must be numbers"),
         ({"n_telegrams": 0}, "n_telegrams is 0"),
         ({"n_telegrams": 1e3 + 0.5}, r"n_telegrams is 1000\.5"),
@@ -258,7 +258,7 @@ def test_a_density_is_the_same_noise_whatever_the_step():
     usual = asi.line(100, slaves=(5,)).waveform()
     proof = RECEIVERS["noise-proof"]
     rates = [error_rate(wave, Noise().density(0.6), receiver=proof)[0] for wave in (usual, fine)]
-    # A finer step has more samples ahead of a telegram, so it is not quite the same.
+    # A finer step has more samples ahead of a telegram, so the rates differ slightly.
     assert rates[1] == pytest.approx(rates[0], rel=0.25)
     assert Noise().density([0.0, 1.0]).tolist() == pytest.approx([0, (2 * 250e-9) ** 0.5])
     counted = count_errors(fine, Noise(), 0.6, 6000, rng(), receiver=proof)["rate"][0]
@@ -308,7 +308,7 @@ def test_every_named_receiver_has_a_source():
     assert all(len(one.source) > 20 for one in RECEIVERS.values())
     assert RECEIVERS["sensitive"] == Receiver()
     kept = np.sqrt(8 / (3 * 12))
-    # Four standard deviations of the noise that the source names, behind the filter if any.
+    # Four standard deviations of the noise that the source names, after the filter if any.
     assert RECEIVERS["noise-proof"].minimum == pytest.approx(4 * kept * 0.48, rel=0.01)
     assert RECEIVERS["unfiltered"].minimum == pytest.approx(4 * 0.3)
 
@@ -317,7 +317,7 @@ def test_every_named_receiver_has_a_source():
 
 
 def test_the_time_to_three_failed_cycles_agrees_with_a_markov_chain():
-    # The chain counts failed cycles in a row, 0 to 2; the third is the end. Mean steps to it.
+    # The chain counts failed cycles in a row, 0 to 2, and ends at the third: mean steps to it.
     for p in (0.2, 0.5, 0.9):
         q = p**2
         step = np.array([[1 - q, q, 0], [1 - q, 0, q], [1 - q, 0, 0]])
@@ -342,7 +342,7 @@ def test_the_ends_of_the_scale_and_the_number_of_slaves():
 
 
 def plain_series(inside, generator, packets, slaves, slot, length):
-    """Count series as a first script would: one packet, one exchange after the other."""
+    """Count series as a simple script would: packet by packet, exchange by exchange."""
     counts = [0] * 7
     for _ in range(packets):
         t = -generator.uniform(0, (slaves + 2) * slot)
@@ -375,7 +375,7 @@ def test_batches_count_what_a_plain_loop_counts(monkeypatch, inside, slaves, len
     expected = plain_series(inside, rng(), packets, slaves, SLOT, length) / packets
     table = burst_failures(inside, rng(), 6000, slaves=slaves)
     assert table["failures"].tolist() == [1, 2, 3, 4, 5, 6]
-    # Counts a packet scatter with their root or less; five sigma of the loop, and of nothing.
+    # Counts per packet scatter by their root or less: five sigma of the loop, or of 0.
     tolerance = 5 * np.sqrt((expected + 1 / packets) / packets)
     assert (np.abs(table["per_packet"] - expected) < tolerance).all()
     assert (table["per_packet"] == table["series"] / 6000).all()
@@ -415,12 +415,12 @@ def test_packets_drop_slaves_far_more_often_than_independent_failures():
 
 def test_certain_failure_and_none(monkeypatch):
     assert not burst_failures(0, rng(), 100)["series"].any()
-    # A cycle of one slave has four slots of 156 us, two of them tries: 3 ms hold four of them and
+    # A cycle of one slave has four slots of 156 us, two of them tries: 3 ms contain four cycles and
     # drop it once or more. A cycle of 31 slaves takes 10 ms when all tries are repeated.
     assert burst_failures(1, rng(), 500, slaves=31)["series"].iloc[-1] == 0
     monkeypatch.setattr(error_rates, "PACKET_LENGTH", 3e-3)
     assert burst_failures(1, rng(), 500, slaves=1)["series"].iloc[-1] >= 500
-    # A packet that lasts no time still hits what is under way: one of 31 slots in 33.
+    # A packet of length 0 still hits the exchange under way: one of 31 slots in 33.
     monkeypatch.setattr(error_rates, "PACKET_LENGTH", 0.0)
     point = burst_failures(1, rng(), 4000, slaves=31)
     assert point["per_packet"][0] == pytest.approx(31 / 33, abs=0.02)
@@ -430,10 +430,10 @@ def test_certain_failure_and_none(monkeypatch):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: independent_failures(1.1), "p is 1.1; it must be one probability or a row"),
+        (lambda: independent_failures(1.1), "p is 1.1; it must be one probability or a 1-D array"),
         (lambda: independent_failures([0.1, np.nan]), "p is"),
         (lambda: independent_failures("a"), "p is 'a'"),
-        (lambda: independent_failures([[0.1]]), "one probability or a row"),
+        (lambda: independent_failures([[0.1]]), "one probability or a 1-D array"),
         (lambda: independent_failures(0.1, Cycle(0)), r"addresses is 0; .* 1\.\.31"),
         (lambda: burst_failures(-0.1, rng()), "inside is -0.1"),
         (lambda: burst_failures(0.1, rng(), 0), "packets is 0"),

@@ -1,4 +1,4 @@
-"""Rare errors: against counting where that reaches, theory where it holds, and repetition."""
+"""Rare errors, compared with counts where possible, with theory where valid, and repeated."""
 
 from dataclasses import replace
 from functools import partial
@@ -27,7 +27,7 @@ def rate_of(deviation, n, receiver=PROOF, wave=NEAR, **options):
 
 
 def within(row, low, high):
-    """Return whether two intervals overlap."""
+    """Return True if two intervals overlap."""
     return row["rate_low"] <= high and low <= row["rate_high"]
 
 
@@ -39,7 +39,7 @@ def test_counting_agrees(deviation, receiver, n):
     counted = count_errors(NEAR, Noise(), deviation, n, 1, receiver=receiver).iloc[0]
     sampled = rate_of(deviation, 20_000, receiver)
     assert within(sampled, counted["rate_low"], counted["rate_high"]) and sampled["sound"]
-    # And it knows the rate better.
+    # Its interval is also narrower.
     width = sampled["rate_high"] - sampled["rate_low"]
     assert width < counted["rate_high"] - counted["rate_low"]
 
@@ -52,7 +52,7 @@ def test_theory_gives_the_same_rate_down_to_1e_10():
     assert table["rate"].to_numpy() == pytest.approx(theory, rel=tolerance("asi.rare"))
 
 
-def test_the_interval_holds_the_rate_as_often_as_it_says():
+def test_the_interval_contains_the_rate_as_often_as_it_says():
     truth = rate_of(0.4, 100_000, seed=1)["rate"]
     case = rare_errors._Case(*map(np.ascontiguousarray, NEAR.records), NEAR.dt, PROOF, 0.4)
     rng = np.random.default_rng(2024)
@@ -83,8 +83,8 @@ def test_a_rate_is_the_mean_of_strong_and_weak_telegrams():
     assert rates["both"] == pytest.approx((rates["strong"] + rates["weak"]) / 2, rel=0.15)
 
 
-def test_a_way_that_was_forgotten_makes_the_rate_unsound(monkeypatch):
-    # Above 1 V telegrams are lost where a weakened first pulse peaks a few samples off.
+def test_a_forgotten_way_to_lose_a_telegram_makes_the_rate_unsound(monkeypatch):
+    # Above 1 V, telegrams are lost if a weakened first pulse peaks a few samples off.
     assert rate_of(0.5, 100_000, DEAF)["sound"]
     monkeypatch.setattr(rare_errors, "_SLIPS", -1)
     rare_errors._points_of.cache_clear()
@@ -102,7 +102,7 @@ def test_each_design_point_satisfies_its_inequalities_and_none_nearer_does():
         point = rare_errors._design_point(sides)
         a, b = np.array([one for one, _ in sides]), np.array([other for _, other in sides])
         assert (a @ point >= b - 1e-9).all()
-        # The nearest point is the one at which any feasible direction leads away.
+        # At the nearest point, every feasible direction leads away.
         for other in point + 0.3 * rng.standard_normal((2000, 8)):
             assert (a @ other < b).any() or other @ other >= point @ point - 1e-9
     opposite = [(np.array([1.0, 0.0]), 1.0), (np.array([-1.0, 0.0]), 1.0)]
@@ -164,7 +164,7 @@ def test_where_nothing_is_lost_the_rate_has_a_bound_and_is_not_sound():
         ({"waves": replace(NEAR, u=0.1 * NEAR.u)}, "received without an error"),
         (
             {"waves": replace(NEAR, u=np.tile(NEAR.u, (5, 1)), bits=np.tile(NEAR.bits, (5, 1)))},
-            "a wave has 80 telegrams; it must have 64 at most",
+            "a wave has 80 telegrams; it may have at most 64",
         ),
     ],
 )

@@ -30,7 +30,7 @@ def test_a_supply_voltage_and_a_scale_change_nothing():
     assert lifted.pulses == pytest.approx(plain.pulses, abs=1e-9)
     assert lifted.gaps == pytest.approx(plain.gaps, abs=1e-9)
     assert len(plain.pulses) == 2 * (Modulation(WORDS).pulses.signs != 0).sum()
-    # Each telegram counts from its own mean and over its own largest sample.
+    # Each telegram is relative to its own mean and divided by its own largest sample.
     scaled = replace(
         wave, u=wave.u * np.linspace(1, 2, 16)[:, np.newaxis] + np.arange(16.0)[:, np.newaxis]
     )
@@ -63,9 +63,9 @@ def test_what_does_not_fit_is_named(u, message):
 @pytest.mark.parametrize(
     ("bits", "message"),
     [
-        (WORDS[:5], r"^bits have the shape \(5, 7\); u has \(16, 268\)$"),
-        (np.tile(WORDS, (2, 1, 1)), r"^bits have the shape \(2, 16, 7\); u has \(16, 268\)$"),
-        (WORDS[:, :5], "^n_bits is 5; it must be 7, a response, or 14, a request$"),
+        (WORDS[:5], r"^bits have shape \(5, 7\), which does not fit \(16, 268\)$"),
+        (np.tile(WORDS, (2, 1, 1)), r"shape \(2, 16, 7\), which does not fit \(16, 268\)$"),
+        (WORDS[:, :5], r"^n_bits is 5; it must be 7 \(a response\) or 14 \(a request\)$"),
     ],
 )
 def test_bits_that_do_not_fit_the_voltages_are_refused(bits, message):
@@ -77,7 +77,7 @@ def test_bits_that_do_not_fit_the_voltages_are_refused(bits, message):
 
 
 class Ramp:
-    """A disturbance that shows what it was asked for."""
+    """A disturbance that records its arguments."""
 
     def voltage(self, t, amplitude, rng, size, *, span):
         self.asked = t, amplitude, size, span

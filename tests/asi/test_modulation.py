@@ -84,7 +84,7 @@ def test_ramp_spectrum_is_the_integral(s):
 
 
 def test_spectrum_and_time_agree():
-    # A Laplace contour beside the axis, as the line solver uses it, brings the time signal back.
+    # A Laplace contour off the axis, as in the line solver, restores the time signal.
     duration, n = 102.4e-6, 4096
     t = np.arange(n) * duration / n
     damping = 7.0
@@ -96,7 +96,7 @@ def test_spectrum_and_time_agree():
     )
 
 
-def test_a_batch_is_its_telegrams():
+def test_a_batch_equals_its_telegrams():
     bits = np.array([[int(bit) for bit in word] for word in TELEGRAMS[:16]]).reshape(4, 4, 7)
     t = np.arange(0, 45e-6, 1e-6)
     s = 1e5 + 2j * np.pi * np.arange(0, 5) * 1e5
@@ -121,5 +121,5 @@ def test_other_bits_are_refused(bits):
 
 
 def test_a_current_has_no_value_at_frequency_0():
-    with pytest.raises(ArgumentError, match="s is 0"):
+    with pytest.raises(ArgumentError, match="s contains 0"):
         Modulation("01").transform([1j, 0])

@@ -17,7 +17,7 @@ def test_a_spectrum_is_the_transform_of_the_slope():
         asi.Modulation("012")
 
 
-def test_pulses_are_read_or_name_what_they_break():
+def test_pulses_are_decoded_or_name_the_violated_rule():
     for response in asi.Response.all():
         pulses = asi.Modulation(response.bits).pulses
         assert (pulses.decode(), pulses.broken, pulses.error) == (response.bits, (), "ok")

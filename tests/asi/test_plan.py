@@ -30,7 +30,7 @@ EDGES = st.lists(
 
 
 @given(EDGES.filter(bool))
-def test_groups_and_ways_are_those_of_scipy(edges):
+def test_groups_and_paths_are_those_of_scipy(edges):
     a, b, length = np.transpose(edges)
     graph = coo_array((length.astype(float), (a, b)), shape=(9, 9)).tocsr()
     _, label = connected_components(graph, directed=False)
@@ -78,7 +78,7 @@ def test_all_faults_of_a_plan_are_named_at_once():
     ]
 
 
-def test_segments_know_their_way_from_the_master():
+def test_segments_have_their_path_from_the_master():
     plan = line(100, [50]).with_repeater("100 m", line(80, [80]))
     plan = plan.with_repeater("2/80 m", line(60, [60]), prefix="3/")
     assert [slave.label for slave in plan.slaves] == ["1", "2", "3"]
@@ -176,7 +176,7 @@ def test_the_last_slaves_share_addresses_or_those_that_can_wait():
         (lambda: line(9, 31).with_repeater("9 m", line(9, 1)), "label is '32'"),
     ],
 )
-def test_what_makes_no_plan_is_refused(call, message):
+def test_what_is_not_a_plan_is_refused(call, message):
     with pytest.raises(ArgumentError, match=message):
         call()
 
@@ -199,7 +199,7 @@ def test_voltages_cycle_and_responses_of_a_plan():
     times = Plan(plan.cables, slaves=[module, unknown]).response_times()
     assert times.loc["1", "worst_s"] == pytest.approx(2 * 7 * 4 * 156e-6 + 60e-3)
     assert times.loc["2A"].isna().tolist() == [True] * 4 + [False]
-    assert "'S-7.A.9' in; how many exchanges" in times.loc["2A", "why"]
+    assert "'S-7.A.9' in; its number of exchanges" in times.loc["2A", "why"]
     with pytest.raises(ArgumentError, match="cycle needs a plan of one line; this one has 14"):
         _ = read_plan(datasets.path("synthetic_asi_plan_submarine.csv")).cycle
 

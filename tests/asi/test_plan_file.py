@@ -120,13 +120,11 @@ cable,b,c,5,,,,,,,extra
         "row 5, column length_m: '-3'; expected a number 0.01..10000 m",
         "row 6, column length_m: '5 m'; expected a number 0.01..10000 m",
         f"row 6, column cable: 'cat 5'; expected one of {', '.join(CABLES)}",
-        "row 6, column address: '12'; expected nothing, a cable has no address",
+        "row 6, column address: '12'; expected an empty cell; a cable has no address",
         "row 7, cable c - c ends where it begins; its two nodes must differ",
-        "row 8, column address: '32'; expected 0 to 31, followed by A or B for a slave that "
-        "shares it",
+        "row 8, column address: '32'; expected 0 to 31, followed by A or B for an A/B slave",
         "row 8, column current_ma: '1_0'; expected a number 0..10000 mA",
-        "row 9, column address: '5C'; expected 0 to 31, followed by A or B for a slave that "
-        "shares it",
+        "row 9, column address: '5C'; expected 0 to 31, followed by A or B for an A/B slave",
         "row 9, column profile: '7.A'; expected a profile such as S-7.A.E or S-0.F",
         "row 10, column address: is empty; a slave needs it",
         "row 11, column kind: 'sensor'; expected one of master, supply, cable, repeater, "
@@ -142,7 +140,7 @@ def test_structure_and_cell_faults_are_reported_together_if_all_cables_are_legal
         "row 8: cable deck - bridge is there already",
         "row 6: slave 3 at hold: no cable reaches its node hold",
     ]
-    # With a cable that cannot be read, what hangs on it is not called loose.
+    # If a cable cannot be read, what is connected to it is not reported as loose.
     broken = SMALL.replace("60.25", "far")
     assert [fault.split(";")[0] for fault in faults(load, broken)] == [
         "row 4, column length_m: 'far'"
@@ -264,7 +262,7 @@ def test_a_module_for_values_keeps_its_channels_and_conversion(load, tmp_path):
 
 
 def test_a_custom_cable_cannot_be_saved(tmp_path):
-    with pytest.raises(ArgumentError, match="has a cable of its own"):
+    with pytest.raises(ArgumentError, match="has a custom cable"):
         line(100, cable=CABLES["as-i 1.5"]).save(tmp_path / "plan.csv")
 
 
@@ -287,7 +285,7 @@ def test_the_300_m_of_kim2023():
 
 
 def submarine():
-    """Return 14 lines, five of them with a repeater, and 190 slaves as evenly as can be."""
+    """Return 14 lines, five of them with a repeater, and 190 slaves as evenly as possible."""
     lines = []
     for number in range(1, 15):
         n = 14 if number <= 8 else 13
@@ -309,7 +307,7 @@ def test_the_submarine_of_kim2023():
     assert (len(plan.masters), len(plan.slaves), len(plan.repeaters)) == (14, 190, 5)
     assert len(plan.lines) == 14
     assert len(plan.segments) == 14 + 5
-    # No address is shared, so every line is fast; 13.6 slaves a line need no A/B slave.
+    # No address is shared, so every line is fast; 13.6 slaves per line need no A/B slave.
     assert plan.check(wanted_cycle=2.5e-3).ok
     assert max(segment.reach for segment in plan.segments) == 168
 

@@ -47,7 +47,7 @@ def test_both_verdicts_are_in_the_legend_and_differ_by_their_mark_too(ax):
     assert len(set(marks)) == 2
 
 
-def test_a_segment_that_breaks_a_rule_is_red(ax):
+def test_a_segment_that_violates_a_rule_is_red(ax):
     plan = line(60, [20]).with_repeater("60 m", line(110, [110]))
     plan.check().plot(ax=ax)
     drawn = [one for one in ax.lines if len(one.get_xdata())]

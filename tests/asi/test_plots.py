@@ -72,7 +72,7 @@ def test_io_codes_read_down_from_d0(ax):
     assert [tuple(ports) for ports in shown.tolist()] == list(IO_CONFIGURATIONS)
 
 
-def test_counts_are_drawn_one_bar_a_paper(ax):
+def test_counts_are_drawn_with_one_bar_per_paper(ax):
     table = ledger().counts()
     assert ledger().plot(ax=ax) is ax
     assert len(ax.patches) == (len(table.columns) - 1) * len(table)
@@ -80,7 +80,7 @@ def test_counts_are_drawn_one_bar_a_paper(ax):
     assert [label.get_text() for label in ax.get_yticklabels()] == list(table.index)
 
 
-def test_style_is_one_for_all():
+def test_all_figures_share_one_style():
     with mpl.rc_context():
         style.use()
         assert mpl.rcParams["figure.figsize"] == [6.4, 3.2]
@@ -105,7 +105,7 @@ def test_the_tolerances_of_a_comparison_are_named_on_their_lines(ax):
     assert {name: y for name, (_, y) in named.items()} == pytest.approx(
         {"weakest pulse,\nat least": 65, "ringing,\nat most": 30}
     )
-    # Names and legend are outside, clear of the data.
+    # Names and legend are outside and do not cover the data.
     assert all(x > 1 for x, _ in named.values())
     ax.figure.draw_without_rendering()
     assert ax.get_legend().get_window_extent().y0 >= ax.get_window_extent().y1 - 1
@@ -127,7 +127,7 @@ def test_a_telegram_on_axes_of_its_own_needs_no_tuning():
         ax.figure.draw_without_rendering()
         fields = [text for text in ax.texts if text.get_position()[1] < 0]
         inside = ax.get_window_extent()
-        # The names of the fields lie above the ticks, and nothing is cut off.
+        # The names of the fields are above the ticks, and nothing is cut off.
         assert all(text.get_window_extent().y0 > inside.y0 for text in fields) and fields
         assert (ax.get_xlabel(), len(ax.get_yticks())) == ("time [bit]", 0)
         assert ax.figure.get_layout_engine() is not None

@@ -19,7 +19,7 @@ GRIDS = [25e-9, 50e-9, 100e-9, 250e-9, 400e-9, 500e-9]
 
 
 def slots_of(bits):
-    """Return the pulses of telegrams with the two silent slots behind them."""
+    """Return the pulses of telegrams with the two silent slots after them."""
     pulses = Modulation(bits).pulses.signs
     return np.concatenate([pulses, np.zeros_like(pulses[..., :2])], axis=-1)
 
@@ -107,7 +107,7 @@ def test_faults_in_fewer_than_four_slots_are_found(faults, patterns, undetected)
     assert (Pulses(bad).check()[1] == 0).sum() == undetected
 
 
-# The response 0-+-0+-+0-+-0+00, 0011001, with one thing broken each.
+# The response 0-+-0+-+0-+-0+00, 0011001, with one fault each.
 BROKEN = {
     "start": ("0+-+0-+-0+-+0-00", "slot 1 has +; the start bit's pulse is -"),
     "alternation": ("0-+-0+++0-+-0+00", "slot 6 has + like slot 5"),
@@ -115,7 +115,7 @@ BROKEN = {
     "information": ("0-+-+0-+0-+-0+00", "slot 5 is empty; it is the middle of bit 2"),
     "parity": ("0-+-0+-+0-0+-+00", "slots 1 to 11 have 001101 with 3 ones"),
     "end": ("0-+-0+-+0-+-+-00", "slot 13 has -; the end bit's pulse is +"),
-    "length": ("0-+-0+-+0-+-0+-0", "slot 14 has -; the line is silent after slot 13"),
+    "length": ("0-+-0+-+0-+-0+-0", "slot 14 has -; the line must be silent after slot 13"),
 }
 
 
@@ -182,7 +182,7 @@ def test_checks_keep_leading_axes():
 @pytest.mark.parametrize(
     ("slots", "message"),
     [
-        ([0] * 15, "there are 15 half-bits; a response has 14, a request 28, or two more"),
+        ([0] * 15, "there are 15 half-bits; a response has 14 and a request 28, plus two"),
         ([0.0] * 16, "they must be -1, 0 or"),
         ([2] + [0] * 15, "they must be -1, 0 or"),
         (np.full(16, -128, dtype=np.int8), "they must be -1, 0 or"),
@@ -225,7 +225,7 @@ def test_pulses_behind_a_power_supply_are_received(dt, matched):
         received = receive(supplied(word, dt), dt, 7, matched=matched)
         assert received.error == 0
         assert (received.bits == word).all()
-        # The facts of the supply: 2.3 to 2.4 V, and a peak later than that of an ideal inductor.
+        # At the supply: 2.3 to 2.4 V, and a peak later than that of an ideal inductor.
         assert received.amplitude == pytest.approx(2.3, rel=0.04)
         assert 0.5e-6 < received.start - 3e-6 < 0.9e-6
         assert received.within_tolerance
@@ -253,8 +253,8 @@ def test_the_start_moves_with_the_telegram_between_the_samples():
 
 
 def test_noise_agrees_with_theory():
-    # 2.35 V behind the supply: at 0.4 V of noise in 250 ns the filter loses 1 in 100 000, samples
-    # alone lose every tenth. At 1.5 V most are lost; none is taken for another.
+    # 2.35 V at the supply: with 0.4 V of noise in 250 ns the filter loses 1 in 100 000, samples
+    # alone lose one in ten. With 1.5 V most are lost; none is mistaken for another.
     rng = np.random.default_rng(2024)
     u = supplied("0011001", 250e-9, duration=60e-6)
     for sigma, matched, low, high in (
@@ -315,19 +315,19 @@ def test_below_the_minimum_nothing_counts():
     u = ideal("0011001", 250e-9, height=1.0)
     assert receive(u, 250e-9, 7, minimum=0.9).error == 0
     assert receive(u, 250e-9, 7, minimum=1.1).error == SilenceError.code
-    # What is larger than half of the first pulse but below the minimum is no pulse.
+    # What is larger than half of the first pulse but below the minimum is not a pulse.
     middle = round(4.5 * HALF_BIT / 250e-9)
     u[middle - 2 : middle + 3] = 0.6
     assert receive(u, 250e-9, 7, minimum=0.8, matched=False).error == 0
     assert receive(u, 250e-9, 7, minimum=0.5, matched=False).error > 0
 
 
-def test_the_first_pulse_is_the_measure_not_the_largest():
+def test_the_threshold_follows_the_first_pulse_not_the_largest():
     u = ideal("0011001", 250e-9, start=5e-6)
     u[np.arange(256) * 250e-9 < 11e-6] *= 0.4
     for matched in (True, False):
         assert receive(u, 250e-9, 7, matched=matched).error == 0
-    # And it keeps its sign beside a larger spike.
+    # It also keeps its sign next to a larger spike.
     u = np.zeros(256)
     u[50:52] = [-1, 3]
     received = receive(u, 250e-9, 7, matched=False, window=0.5)
@@ -336,7 +336,7 @@ def test_the_first_pulse_is_the_measure_not_the_largest():
 
 
 def test_the_line_is_silent_after_the_record():
-    # Cut in the last pulse: it is there, and its flank is not taken for more of them.
+    # Cut in the last pulse: it is found, and its edge is not mistaken for other pulses.
     u = ideal("0011001", 250e-9)[: round(41e-6 / 250e-9)]
     received = receive(u, 250e-9, 7, matched=False)
     assert received.error == 0
@@ -403,17 +403,17 @@ def test_the_filter_accepts_records_shorter_than_itself():
     [
         ({"dt": 0}, r"dt is 0 s; it must be 1e-09\.\.1e-06 s"),
         ({"dt": -1e-6}, "dt is -1e-06 s"),
-        ({"dt": 1.1e-6}, "dt is 1.1e-06 s; .* three samples a half-bit"),
+        ({"dt": 1.1e-6}, "dt is 1.1e-06 s; .* three samples or more per half-bit"),
         ({"dt": np.nan}, "dt is nan s"),
         ({"u": [0, np.nan, 1]}, "u has nan at sample 1 of a row"),
         ({"u": [[0, 1], [0, -np.inf]]}, "u has -inf at sample 1 of a row"),
         ({"u": [1e200, 0]}, r"u has 1e\+200 at sample 0 .* below 1e150 V"),
-        ({"u": []}, r"u has the shape \(0,\); it needs a sample"),
-        ({"u": np.zeros((3, 0))}, r"u has the shape \(3, 0\)"),
-        ({"u": 1.0}, r"u has the shape \(\)"),
+        ({"u": []}, r"u has shape \(0,\); its last axis must not be empty"),
+        ({"u": np.zeros((3, 0))}, r"u has shape \(3, 0\)"),
+        ({"u": 1.0}, r"u has shape \(\)"),
         ({"u": ["a"]}, "u must be real voltages, but its dtype is <U1"),
         ({"u": [1j]}, "dtype is complex128"),
-        ({"n_bits": 8}, "n_bits is 8; it must be 7, a response, or 14, a request"),
+        ({"n_bits": 8}, r"n_bits is 8; it must be 7 \(a response\) or 14 \(a request\)"),
         ({"threshold": 0}, "threshold is 0.0; it must be between 0 and 1"),
         ({"threshold": 1}, "threshold is 1.0; it must be between 0 and 1"),
         ({"threshold": np.nan}, "threshold is nan"),
@@ -452,7 +452,7 @@ def test_one_bad_sample_far_back_is_not_overlooked():
 )
 @example(np.array([5e-324, -5e-324, 1e-310]), 1e-6, 7, False, 0.0, 0.5)
 @example(np.array([1e150, -1e150, 1e-310]), 1e-6, 7, True, 0.0, 0.5)
-def test_any_numbers_get_an_answer(u, dt, n_bits, matched, minimum, window):
+def test_any_numbers_give_a_result(u, dt, n_bits, matched, minimum, window):
     arguments = {"matched": matched, "minimum": minimum, "window": window}
     try:
         received = receive(u, dt, n_bits, **arguments)
@@ -460,7 +460,7 @@ def test_any_numbers_get_an_answer(u, dt, n_bits, matched, minimum, window):
         assert not (np.abs(u.astype(float)) < 1e150).all()
         return
     assert received.bits.shape == (*u.shape[:-1], n_bits)
-    # 40 samples hold no telegram unless they are a microsecond apart.
+    # 40 samples cannot contain a telegram unless they are a microsecond apart.
     if dt < 1e-6:
         assert received.error.all()
     heard = received.error != SilenceError.code
@@ -503,8 +503,8 @@ def heard_by_hand(u, dt, n_bits, threshold, window, minimum):
 
 @pytest.mark.parametrize("dt", [250e-9, 500e-9, 1e-6])
 @pytest.mark.parametrize("window", [0.0, 0.1, 0.5])
-def test_the_receiver_finds_in_small_whole_numbers_what_a_walk_along_the_record_finds(dt, window):
-    # Whole numbers of mean 0 give flat tops, pulses at both ends, and heights at the thresholds.
+def test_the_receiver_agrees_with_a_loop_over_slots_on_small_integers(dt, window):
+    # Integers of mean 0 give flat tops, pulses at both ends, and heights at the thresholds.
     rng = np.random.default_rng(2024)
     for size in (1, 2, 12, 90, 200):
         half = rng.integers(-4, 5, (200, size)) * (rng.random((200, size)) < rng.random((200, 1)))
@@ -528,7 +528,7 @@ def test_the_receiver_finds_in_small_whole_numbers_what_a_walk_along_the_record_
 @pytest.mark.parametrize("minimum", [0.0, 0.45])
 @pytest.mark.parametrize("window", [0.0, 0.1, 0.5])
 def test_rounding_decides_nothing(matched, minimum, window):
-    # Without noise silence is all but 0, some samples are equal, and some peaks lie between two.
+    # Without noise, silence is nearly 0, some samples are equal, and some peaks are between two.
     rng = np.random.default_rng(2024)
     for dt in (250e-9, 200e-9, 500e-9):
         for early in (0, dt / 2):

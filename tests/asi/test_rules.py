@@ -45,7 +45,7 @@ def changed(plan, **kinds):
 
 
 def chain(segments, length=100.0, **options):
-    """Return segments one behind the other, each with a slave at its end."""
+    """Return segments in series, each with a slave at its end."""
     plan = line(length, [length], **options)
     for number in range(2, segments + 1):
         near = f"{length:g} m" if number == 2 else f"{number - 1}: {length:g} m"
@@ -70,22 +70,22 @@ ALLOWED = {
 
 
 @pytest.mark.parametrize("name", ALLOWED)
-def test_the_structures_that_icn2007_allows_keep_every_rule(name):
+def test_the_structures_that_icn2007_allows_meet_every_rule(name):
     plan = ALLOWED[name]
     assert plan.segments[0].length <= 100 + 1e-9
     assert len(plan.slaves) in (1, 62)
     assert failed(plan) == []
 
 
-def test_a_star_too_long_for_the_rest_of_the_cable_breaks_the_rule():
+def test_a_star_too_long_for_the_rest_of_the_cable_violates_the_rule():
     plan = star(90, [2] * 62, supply=90)
     assert failed(plan) == ["cable_length"]
     row = of(plan, "cable_length").iloc[0]
     assert (row["value"], row["high"]) == (pytest.approx(214), 100)
 
 
-def test_the_supply_decides_whether_62_slaves_have_voltage_enough():
-    # The same cable and slaves as above, the supply beside the master.
+def test_the_place_of_the_supply_decides_if_62_slaves_have_enough_voltage():
+    # The same cable and slaves as above, with the supply at the master.
     assert failed(star(90, [10 / 62] * 62)) == ["slave_voltage"]
     assert failed(line(100, 62)) == ["slave_voltage"]
     lowest = of(line(100, 62), "slave_voltage")["value"].min()
@@ -135,7 +135,7 @@ def test_the_delay_of_a_repeater_is_added_both_ways():
     assert one * 6 == pytest.approx(27.75 + 2 * 200 * 6.5e-3 + 2 * 6)
     assert failed(slow) == ["answer_delay"]
     note = of(plan, "answer_delay")["why"].iloc[1]
-    assert note == f"each repeater may take {(60 - 27.75 - 2.6) / 2:.1f} us"
+    assert note == f"each repeater may delay by {(60 - 27.75 - 2.6) / 2:.1f} us"
 
 
 # Addresses.
@@ -258,7 +258,7 @@ def test_the_limits_are_those_that_other_parts_use():
     total = float(NUMBERS["total cable length of a network, taps included"])
     assert limits.loc["cable_length", "high"] == total
     assert limits.loc["slaves", "high"] == float(NUMBERS["slaves of one master"])
-    # 3 V of drop are left between the least supply and the least voltage of a slave.
+    # A drop of 3 V is left between the lowest supply voltage and a slave's lowest voltage.
     least = limits["low"]
     assert least["supply_voltage"] - least["slave_voltage"] == 3.0
 
@@ -274,7 +274,7 @@ def test_every_rule_has_a_source_and_every_row_its_rule():
     assert used == set(limits.index)
 
 
-def test_one_row_a_rule_and_object():
+def test_one_row_per_rule_and_object():
     table = check(chain(3), wanted_cycle=1.0)
     assert not table.duplicated(["rule", "object"]).any()
     assert table["passed"].dtype == bool
@@ -300,7 +300,7 @@ def test_the_worst_row_of_each_rule():
     table, found = check(plan, wanted_cycle=1e-3), plan.check(wanted_cycle=1e-3).worst()
     graded = found["margin"].dropna()
     assert graded.is_monotonic_increasing and found["margin"][: len(graded)].notna().all()
-    # Those that are met or not stand apart, at the end.
+    # Those that are met or not are separate, at the end.
     apart = {"masters", "address", "sharing", "half", "supplies", "reception"}
     assert set(found.index[len(graded) :]) == apart
     assert found.index.is_unique and set(found.index) == set(table["rule"])
@@ -321,7 +321,7 @@ def test_what_cannot_be_computed_is_the_worst_of_all():
     assert found.loc["voltages_and_signals", "object"] == "segment at 2: 0 m"
     assert np.isnan(found.loc["voltages_and_signals", "margin"])
     assert found.index[0] == "voltages_and_signals"
-    # What can be computed of the other segment is judged all the same.
+    # What can be computed of the other segment is judged nevertheless.
     assert found.loc["slave_voltage", "object"] == "slave 1 at 100 m"
 
 

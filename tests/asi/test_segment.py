@@ -54,7 +54,7 @@ def test_places_may_coincide():
     assert line(100, slaves=(0, 100), master=100).waveform(SIX).names == ("0 m", "100 m")
 
 
-def test_equal_legs_sound_alike_and_a_longer_leg_later():
+def test_equal_legs_receive_alike_and_a_longer_leg_later():
     u = star(0, (10, 10, 40)).waveform(SIX).u
     assert u[0] == pytest.approx(u[1], abs=1e-12)
     assert np.abs(u[2] - u[0]).max() > 0.01
@@ -122,8 +122,8 @@ def test_many_slaves_hear_requests():
         (lambda: line(100, slaves=(5,)).waveform(SIX, dt=7e-8), "dt is 7e-08 s"),
         (lambda: line(100, slaves=(5,)).waveform(SIX, dt=1e-5), "dt is 1e-05 s"),
         (lambda: line(100, slaves=(5,)).waveform("0200000"), "bits of telegrams must be 0 or 1"),
-        (lambda: line(100).waveform(), "has no slave; one must send or hear"),
-        (lambda: line(10, (5,)).waveform(("0011001", "00101010111001")), "one length"),
+        (lambda: line(100).waveform(), "has no slave; at least one must send or receive"),
+        (lambda: line(10, (5,)).waveform(("0011001", "00101010111001")), "equal length"),
     ],
 )
 def test_bad_places_steps_and_telegrams_are_named(make, message):

@@ -52,11 +52,11 @@ def put(record, start, pause, code):
         column.append(value)
 
 
-# A second model: every slave hears every telegram as bits, through its table of states.
+# A second model: every slave receives every telegram as bits, with its table of states.
 
 
 class EverySlaveHears:
-    """A line on which nobody is spared; it draws its own disturbances and notes them."""
+    """A line that simulates every slave, and draws and records its own disturbances."""
 
     def __init__(self, slaves, rates, rng, n_cycles):
         self.slaves, self.rates, self.rng = slaves, rates, rng
@@ -128,7 +128,7 @@ def copies(slaves):
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("rate", [0.0, 0.05, 0.3])
-def test_looking_at_the_addressed_slaves_only_changes_nothing(seed, rate):
+def test_simulating_only_the_addressed_slaves_changes_nothing(seed, rate):
     rng = np.random.default_rng(seed)
     slaves = [FULL[0], FULL[1], FULL[3], STANDARD[4], STANDARD[8], FULL[40], FULL[41]]
     rates = rng.uniform(0, 2 * rate, (len(slaves), 2))
@@ -140,7 +140,7 @@ def test_looking_at_the_addressed_slaves_only_changes_nothing(seed, rate):
     while line.begun <= n_cycles:
         order = program.send(line.transact(order, master.attempt))
     run = simulate_drawn(line.drawn, slaves, cycles=n_cycles)
-    # The first request ever finds everybody out of step; only slaves at address 0 could tell.
+    # At the first request all slaves are unsynchronised; only those at address 0 show it.
     assert list(run.record.start) == list(line.record.start)
     assert list(run.record.code) == list(line.record.code)
     np.testing.assert_array_equal(run.record.pauses, np.array(line.record.pause))
@@ -150,7 +150,7 @@ def test_looking_at_the_addressed_slaves_only_changes_nothing(seed, rate):
 
 
 def test_the_cycle_is_the_sum_of_its_transactions():
-    # 31 exchanges and a status of 26 bit times each, and a request of 24 that nobody answers.
+    # 31 exchanges and a status of 26 bit times each, and an unanswered request of 24.
     for slaves, exchanges in ((FULL, 31), (STANDARD, 31), (THREE, 3)):
         run = simulate(slaves, cycles=20)
         assert run.cycle_times == pytest.approx(((exchanges + 1) * 26 + 24) * BIT_TIME)
@@ -184,7 +184,7 @@ def test_a_slave_that_missed_the_request_before_answers_two_bit_times_later():
     assert late[["cycle", "slave", "outcome"]].to_numpy().tolist() == [[1, "2", "ok"]]
 
 
-def test_a_slave_out_of_step_answers_late():
+def test_an_unsynchronised_slave_answers_late():
     # The first request of all goes to address 0.
     table = simulate([slave("S-7.F.F", 0)], until=1e-3).events()
     assert table["master_pause_bit"].to_list()[:4] == [5, 3, 3, 3]
@@ -205,8 +205,8 @@ def test_an_unanswered_request_is_followed_by_the_next_after_ten_bit_times():
 
 @pytest.mark.parametrize("timeout", [6.0, 10.0])
 def test_repeaters_delay_until_the_time_out_and_no_longer(timeout):
-    # A slave in step is heard while 3 bit times and twice the delay stay within the time-out; one
-    # out of step needs two more. The sweep is of one-way delays.
+    # A synchronised slave is received if 3 bit times and twice the delay are within the time-out;
+    # any other needs two more. The sweep is over one-way delays.
     delays = np.arange(0.0, 4.0, 0.25) * BIT_TIME
     transaction = Transaction(timeout=timeout)
     heard = []
@@ -235,7 +235,7 @@ def test_the_phases_follow_each_other():
     cycle = ["data_exchange", "management", "inclusion"]
     assert changed == ["detection", "activation", *cycle * 3]
     asked = table.query("phase == 'detection' and call == 'READ_IO_CONFIGURATION'")
-    # All addresses are asked, the B halves only where no standard slave is.
+    # All addresses are polled, but the B halves only where there is no standard slave.
     assert len(asked) == 1 + 31 + (31 - 3)
 
 
@@ -273,7 +273,7 @@ def test_a_failed_request_is_repeated_once_at_once():
     for row in bad.index:
         after = table.loc[row + 1]
         assert (after["slave"], after["attempt"], after["outcome"]) == ("2", 1, "ok")
-    # It answers the repetition late if it missed the request, in step if only the answer was lost.
+    # It answers the repetition late if it missed the request, but not if only the answer was lost.
     assert table.loc[bad.index + 1, "master_pause_bit"].to_list() == [5, 3]
 
 
@@ -334,7 +334,7 @@ def test_an_ab_slave_gets_its_half_first():
     [(THREE[:1], "S-7.F.F", True), (THREE[:2], "S-0.F.F", True), (THREE[:2], "S-7.F.F", False)],
     ids=["two are missing", "another profile", "not wanted"],
 )
-def test_else_a_new_slave_keeps_address_0(present, new, automatic):
+def test_otherwise_a_new_slave_keeps_address_0(present, new, automatic):
     master = Master(PROJECTED, automatic_addressing=automatic)
     run = simulate([*present, slave(new, 0)], master, until=0.3)
     assert run.slaves[-1].address == 0
@@ -347,7 +347,7 @@ def test_periphery_faults_are_found_and_cleared():
     assert seen["present"].to_list() == [True, False]
     assert seen["slave"].to_list() == ["3", "3"]
     times = seen["time_s"].to_numpy() - [0.03, 0.06]
-    # Three slaves are asked in turn, one a cycle of 0.77 ms.
+    # Three slaves are polled in turn, one per cycle of 0.77 ms.
     assert (times > 0).all() and (times < 4 * 0.8e-3).all()
 
 
@@ -362,7 +362,7 @@ def test_delete_then_assign_changes_the_address_of_a_slave_in_operation():
     sent = run.events().query("phase == 'management' and call != 'READ_STATUS' and time_s > .02")
     assert sent["call"].to_list()[:2] == ["DELETE_ADDRESS", "READ_IO_CONFIGURATION"]
     assert "ASSIGN_ADDRESS" in sent["call"].to_list()
-    # Nobody lost data, and nobody was dropped for it.
+    # No data were lost, and no slave was dropped.
     assert run.summary.dropped == 0
     assert run.failure_classes().to_numpy().sum() == 0
     reset = simulate(THREE, cycles=100, commands=[(0.02, ChangeAddress("2", "9")),
@@ -396,8 +396,8 @@ def test_a_change_of_half_works():
     [
         (ChangeAddress("2", "3"), "address 3 is taken"),
         (ChangeAddress("7", "9"), "slave 7 is not in the LDS"),
-        (ChangeAddress("2", "9A"), "label 9A does not fit slave 2: S-7.F.F"),
-        (ReadCodes("7"), "slave 7 does not answer with its codes"),
+        (ChangeAddress("2", "9A"), "label 9A does not fit the profile of slave 2, S-7.F.F"),
+        (ReadCodes("7"), "slave 7 does not return its codes"),
         (WriteParameter("7", 1), "slave 7 is not in the LDS"),
         (ResetSlave("7"), "slave 7 is not in the LDS"),
     ],
@@ -459,7 +459,7 @@ def test_id_code_1_does_not_distinguish_slaves_at_one_address():
         assert "no ID1" in run.commands["outcome"].iloc[0]
 
 
-def test_two_slaves_at_one_address_out_of_step_are_an_error_even_with_equal_data():
+def test_unsynchronised_slaves_at_one_address_are_an_error_even_with_equal_data():
     twins = [*THREE, slave("S-7.F.F", 2, inputs=2)]
     drawn = np.zeros((4, 3, 4, 2), dtype=np.uint8)
     drawn[2, 0, 3, 0] = MISSED
@@ -472,16 +472,16 @@ def test_an_answer_after_the_time_out_garbles_the_next_request():
     run = simulate(THREE, cycles=10, faults=[LateAnswer("2", 8, start=12e-3)])
     table = run.events().query("phase == 'data_exchange'")
     first = table.query("slave == '2' and outcome != 'ok'").iloc[:2]
-    # The repetition falls under the late answer to the first request, and is not even heard.
+    # The repetition collides with the late answer to the first request and is not received.
     assert first["outcome"].to_list() == ["SilenceError", "SilenceError"]
     assert first["executed"].to_list() == [True, False]
-    # Behind it the line is free again: slave 3 answers, late, as it missed the request before.
+    # Then the line is free again: slave 3 answers late, as it missed the previous request.
     third = table.loc[first.index[-1] + 1]
     assert third["slave"] == "3"
     assert (third["outcome"], third["master_pause_bit"]) == ("ok", 5)
 
 
-def test_an_answer_just_in_time_is_heard():
+def test_an_answer_just_in_time_is_received():
     run = simulate(THREE, cycles=10, faults=[LateAnswer("2", 7, start=12e-3)])
     table = run.events().query("slave == '2' and time_s > 0.013")
     assert (table["outcome"] == "ok").all()
@@ -521,7 +521,7 @@ def test_a_supply_dip_resets_everything_and_the_master_begins_anew():
     after = table.query("time_s >= 0.06")["phase"].astype(str)
     assert after.iloc[0] == "detection" and after.iloc[-1] != "detection"
     assert run.masters[-1].lists.las == ["1", "2", "3"]
-    # The cycle cut short by the dip is no cycle.
+    # The cycle cut short by the dip does not count.
     assert run.cycle_times.max() < 1e-3
     assert run.summary.dropped == 0
 
@@ -536,7 +536,7 @@ def test_a_standby_master_takes_over_before_a_watchdog_trips():
     assert taken.iloc[-1] and not taken.iloc[0]
     gap = table["time_s"][taken].iloc[0] - table["time_s"][~taken].iloc[-1]
     assert 1e-3 < gap < 1e-3 + 26 * BIT_TIME + 1e-9
-    # It goes on with data exchange, and with the outputs that it heard.
+    # It continues with data exchange, and with the outputs that it received.
     assert table["phase"][taken].iloc[0] == "data_exchange"
     assert [slave.outputs for slave in run.slaves] == [1, 2, 3]
     assert [slave.trips for slave in run.slaves] == [[], [], []]
@@ -560,7 +560,7 @@ def test_a_standby_master_hears_both_halves():
     )
     assert run.masters[-1].lists.las == ["1A", "1B", "2A", "2B"]
     assert run.summary.dropped == 0
-    # It knew them all at once, and did not have to find them.
+    # It had them all from the beginning and did not have to find them.
     assert len({time for time, *_ in run.masters[-1].lists.changes}) == 1
 
 
@@ -585,7 +585,7 @@ def test_the_number_of_repetitions_agrees_with_the_probability():
 
 
 def test_failures_in_a_row_follow_the_geometric_law():
-    # With responses disturbed at the rate p, class n has the share (1 - p) p^(n - 1).
+    # If responses are disturbed at the rate p, class n has the fraction (1 - p) p^(n - 1).
     p = 0.2
     run = simulate(
         THREE, Master(drop_after=1000), cycles=20_000, faults=TelegramErrors("2", response=p),
@@ -605,7 +605,7 @@ def test_a_change_of_an_input_is_known_after_the_next_exchange():
     bounds = run.response_times().loc["2"]
     assert not np.isnan(seen).any()
     assert (seen >= bounds["least_s"] - 1e-12).all() and (seen <= bounds["longest_s"] + 1e-12).all()
-    # At rest: a cycle of 4 x 26 + 24 bit times, and pause and response behind the request.
+    # Normally: a cycle of 4 x 26 + 24 bit times, and pause and response after the request.
     cycle, fresh = 128 * BIT_TIME, 10 * BIT_TIME
     assert bounds.to_numpy() == pytest.approx([fresh, cycle / 2 + fresh, cycle + fresh, cycle])
     got = run.events().query("slave == '2' and phase == 'data_exchange'")
@@ -629,7 +629,7 @@ def test_the_table_spells_the_requests():
             assert "the standard asks" not in str(Response(row["response_data"], call))
 
 
-def test_failures_of_two_slaves_are_not_taken_for_one_row_of_failures():
+def test_failures_of_two_slaves_are_not_taken_for_one_series():
     record = Record(Transaction())
     for number, (address, outcome) in enumerate([(1, 0), (1, 5), (1, 5), (2, 5), (2, 0)]):
         code = prepared(Call.DATA_EXCHANGE, address, 1).code | outcome << OUTCOME
@@ -650,9 +650,9 @@ def test_failures_of_two_slaves_are_not_taken_for_one_row_of_failures():
         ({"until": float("nan")}, "until is nan s"),
         (
             {"cycles": 1, "faults": [DeadSlave("9")]},
-            "slave 9 is not on the line; there are 1, 2, 3",
+            "slave 9 is not on the line; its slaves are 1, 2, 3",
         ),
-        ({"cycles": 1, "faults": [TelegramErrors("1", 0.1)] * 2}, "telegram errors twice"),
+        ({"cycles": 1, "faults": [TelegramErrors("1", 0.1)] * 2}, "TelegramErrors twice"),
         ({"cycles": 1, "faults": [LateAnswer("1", 20)]}, "would answer 25 bit times"),
         ({"cycles": 1, "inputs": [(0.0, "1", 16)]}, "input of slave 1 is 16"),
         ({"cycles": 1, "inputs": [(-1.0, "1", 1)]}, "time is -1 s"),

@@ -114,7 +114,7 @@ def test_a_synchronous_slave_ignores_the_response_until_the_pause_after_it():
     assert slave.synchronised
 
 
-def test_a_slave_out_of_step_reads_the_response_as_a_faulty_request():
+def test_an_unsynchronised_slave_reads_the_response_as_a_faulty_request():
     slave = listening()
     slave.hear(GARBLED)
     slave.pause(Event.PAUSE)
@@ -326,7 +326,7 @@ def test_without_watchdog_outputs_stay():
     ("options", "message"),
     [
         ({"address": 32}, "label is '32'"),
-        ({"half": "B"}, "one with a half must be an A/B slave"),
+        ({"half": "B"}, "a label with A or B is for A/B slaves"),
         ({"profile": "S-7.A.E", "half": "C"}, "label is '1C'"),
         ({"profile": "S-7.A.E", "address": 0, "half": "B"}, "label is '0B'"),
         ({"profile": "S-7.A.E", "id1": 8}, r"id1 is 8; .* 0\.\.7"),

@@ -19,7 +19,7 @@ from shipnet.errors import (
 
 FRAMES = datasets.read("asi_datasheet_frames.csv").set_index("name")["bits"]
 
-# One request a call: fields, and the 14 bits worked out by hand from the data sheets' table 6.
+# One request per call: fields, and the 14 bits derived by hand from the data sheets' table 6.
 BY_HAND = [
     (Request.data_exchange(21, 0xE), "00101010111001"),
     (Request.data_exchange(21, 0x6, "A"), "00101010111001"),
@@ -81,7 +81,7 @@ def test_the_fields_say_what_the_decoder_accepts(kind, length):
     fields = kind.fields()
     assert fields["length_bit"].sum() == length
     verdict = {True: "valid", False: "invalid"}
-    # A parity bit that follows the start bit keeps the parity from deciding.
+    # A parity bit that matches the start bit prevents a parity error.
     zeros = "0" * (length - 3)
     starts = [verdict[readable(kind.parse, f"{bit}{zeros}{bit}1")] for bit in "01"]
     ends = [verdict[readable(kind.parse, f"0{zeros}0{bit}")] for bit in "01"]
@@ -284,11 +284,11 @@ def test_bits_of_another_type(bits):
         ),
         (
             lambda: Request(Call.ASSIGN_ADDRESS, 4, 3),
-            r"address is 4; .*0\.\.0: assign address goes there",
+            r"address is 4; .*0\.\.0 for assign address",
         ),
         (
             lambda: Request(Call.BROADCAST_RESET, 0),
-            r"address is 0; .*31\.\.31: broadcast reset goes there",
+            r"address is 0; .*31\.\.31 for broadcast reset",
         ),
         (lambda: Request(Call.ASSIGN_ADDRESS, 0.5, 3), r"address is 0\.5; .*whole number"),
         (lambda: Request(Call.ENTER_PROGRAM_MODE, False), r"address is False; .*whole number"),
@@ -330,7 +330,7 @@ def test_answers_of_every_call():
 
 
 FIXED = {
-    # SAP5S/SAP51 data sheet, table 6: what a slave must answer, whatever it is.
+    # SAP5S/SAP51 data sheet, table 6: what every slave must answer.
     Call.ASSIGN_ADDRESS: 6,
     Call.WRITE_ID1: 0,
     Call.DELETE_ADDRESS: 0,

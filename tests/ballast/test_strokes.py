@@ -168,7 +168,7 @@ def test_without_other_healthy_actuators_there_are_no_limits(strokes):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"values": None}, "expected also values"),
+        ({"values": None}, "also expected values"),
         ({"values": np.zeros((418, 600, 6))}, r"values have the shape \(418, 600, 6\)"),
         ({"values": np.zeros((0, 600, 7))}, r"values have the shape \(0, 600, 7\)"),
         ({"values": np.array(3)}, r"values have the shape \(\)"),
@@ -178,7 +178,7 @@ def test_without_other_healthy_actuators_there_are_no_limits(strokes):
         ({"actuator": np.array(["Act_1"])}, r"actuator has the shape \(1,\)"),
         ({"condition": np.zeros(418)}, "condition has the shape .* the type float64; .* text"),
         ({"stroke": np.full(418, "1")}, "expected one whole number for each of 418"),
-        ({"actuator": np.array([{}] * 418)}, "not a whole .npz file"),
+        ({"actuator": np.array([{}] * 418)}, "not a complete .npz file"),
     ],
 )
 def test_an_array_of_another_form_is_refused(change, message, tmp_path):
@@ -191,7 +191,7 @@ def test_an_array_of_another_form_is_refused(change, message, tmp_path):
 
 @pytest.mark.parametrize(
     ("data", "message"),
-    [(b"", "the file is empty"), (b"PK\x03\x04" + bytes(60), "not a whole .npz file"),
+    [(b"", "the file is empty"), (b"PK\x03\x04" + bytes(60), "not a complete .npz file"),
      (None, "cannot be read: No such file")],
 )  # fmt: skip
 def test_a_broken_file_is_named(data, message, tmp_path):
@@ -202,5 +202,5 @@ def test_a_broken_file_is_named(data, message, tmp_path):
         read_strokes(path)
     whole = datasets.path("vtnsi_actuator_strokes.npz").read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(InputError, match="not a whole"):
+    with pytest.raises(InputError, match="not a complete"):
         read_strokes(path)

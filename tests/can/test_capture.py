@@ -406,7 +406,7 @@ def test_can_fd_and_error_flags_are_named(save):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (session([0, 1] * 50)[:-40], "not a whole .sr file"),
+        (session([0, 1] * 50)[:-40], "not a complete .sr file"),
         (session([0, 1] * 50, rate="fast"), "it has no times"),
         (session([1]), "it has 1 sample"),
         (session([0, 1] * 50, metadata="unitsize=3\n"), "its unitsize is 3; expected 1, 2, 4 or 8"),

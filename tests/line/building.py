@@ -1,4 +1,4 @@
-"""A network that tests put together step by step."""
+"""A network that tests build step by step."""
 
 import math
 from itertools import pairwise
@@ -14,7 +14,7 @@ CABLE = CABLES["as-i 1.5"]
 
 
 class Net:
-    """Collects cables and loads; everything else it asks of the network that they make."""
+    """Collects cables and loads, and passes everything else to the network that they form."""
 
     def __init__(self):
         self.runs, self.loads = [], {}
@@ -37,7 +37,7 @@ class Net:
 
 
 def subdivided(network, longest):
-    """Return a network of single lengths with every run cut into sections of at most `longest`."""
+    """Return a network without arrays, with every run cut into sections of at most `longest`."""
     fine = []
     for run in network.runs:
         count = math.ceil(run.length / longest - 1e-9)

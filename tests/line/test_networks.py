@@ -139,7 +139,7 @@ def test_propagation_is_what_a_matched_line_does():
     s = 2j * np.pi * np.array([50e3, 167e3, 480e3])
     net = Net()
     net.line("near", "far", 40, cable)
-    # An endless rest of the same cable, long enough that nothing comes back.
+    # More of the same cable, long enough that no echo returns.
     net.line("far", "end", 1e5, cable)
     z = net.transfer("near", s)
     assert z[1] / z[0] == pytest.approx(np.exp(-40 * cable.propagation(s)), rel=1e-9)

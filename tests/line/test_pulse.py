@@ -22,7 +22,7 @@ def test_without_loss_two_waves_add_up(resistor):
     np.testing.assert_allclose(pulse.u, expected, atol=1e-4)
 
 
-def test_loss_takes_its_share_on_the_way():
+def test_loss_attenuates_the_pulse():
     # A wave loses exp(-r x / 2 z0) over x metres.
     pulse = CABLES["as-i 1.5"].pulse(200.0, 100.0)
     cable = CABLES["as-i 1.5"]
@@ -31,7 +31,7 @@ def test_loss_takes_its_share_on_the_way():
 
 
 @pytest.mark.parametrize("resistor", [1e-6, 1e9])
-def test_a_short_turns_the_pulse_over_and_an_open_end_does_not(resistor):
+def test_a_short_circuit_inverts_the_pulse_and_an_open_end_does_not(resistor):
     pulse = LOSSLESS.pulse(100, resistor)
     assert pulse.u[-1, 0] == pytest.approx(LOSSLESS.reflection(resistor), abs=1e-4)
     assert LOSSLESS.reflection(resistor) == pytest.approx(1 if resistor > 100 else -1, abs=1e-6)

@@ -1,4 +1,4 @@
-"""Scope files of every layout. The headers are synthetic: written here after public manuals."""
+"""Scope files of every layout. The headers are synthetic, written here from public manuals."""
 
 import io
 import os
@@ -163,11 +163,11 @@ def test_bad_cells_are_all_named(save):
     )
 
 
-def test_uneven_times_are_placed(save):
+def test_uneven_times_are_located(save):
     lines = rows("{t:.8f},{v:.3f}").split("\n")
     del lines[20:22]
     message = refused(save("Time,CH1\n" + "\n".join(lines)))
-    assert message == "sample 21 comes 300 ns after the one before it, not 100 ns"
+    assert message == "sample 21 comes 300 ns after the previous one, not 100 ns"
 
 
 @pytest.mark.parametrize(
@@ -223,7 +223,7 @@ def test_numpy_files(tmp_path):
         (np.zeros(0), "expected real numbers"),
         (np.zeros((2, 2, 2)), "expected voltages, or time and voltages"),
         (np.zeros(5, dtype=complex), "expected real numbers"),
-        (np.array([{}]), "not a whole .npy file"),
+        (np.array([{}]), "not a complete .npy file"),
     ],
 )
 def test_bad_numpy_files(array, message, tmp_path):
@@ -240,11 +240,11 @@ def test_npz_without_voltage_or_with_other_times(tmp_path):
     np.savez(tmp_path / "a.npz", t=T[:5], u=V)
     assert "t has the shape (5,)" in refused(tmp_path / "a.npz")
     np.savez(tmp_path / "a.npz", dt=-1.0, u=V)
-    assert "dt is not one positive number" in refused(tmp_path / "a.npz")
+    assert "dt is not a single positive number" in refused(tmp_path / "a.npz")
 
 
 def session(parts, rate="10 MHz", number=1, extra="", more=()):
-    """A sigrok session as PulseView stores it; analog channels count on after the logic ones."""
+    """A sigrok session as PulseView stores it; analog channels are numbered after logic ones."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("version", "2")
@@ -276,7 +276,7 @@ def test_a_sigrok_session_has_nan_where_nothing_was_recorded(save):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (session([V])[:-30], "not a whole .sr file"),
+        (session([V])[:-30], "not a complete .sr file"),
         (session([V, None, V]), "a part of analog-1-1 is missing"),
         (session([]), "no analog channel"),
         (session([V], rate="fast"), "it has no times"),
@@ -294,8 +294,8 @@ def test_an_archive_of_many_parts_that_unpack_to_too_much_is_refused(save):
     assert "it unpacks to 17825792 numbers; at most 16777216 are read" in message
 
 
-def test_a_npz_archive_that_unpacks_to_too_much_is_refused(tmp_path):
-    # Whole numbers of one byte become eight times as large.
+def test_an_npz_archive_that_unpacks_to_too_much_is_refused(tmp_path):
+    # Integers of one byte become eight times as large.
     np.savez_compressed(tmp_path / "a.npz", u=np.zeros(2**24 + 1, dtype=np.int8), dt=1e-7)
     assert "it unpacks to 16777218 numbers; at most 16777216" in refused(tmp_path / "a.npz")
 

@@ -21,7 +21,7 @@ def times(until, dt):
 
 
 def waves(network, senders, until, dt, probes=None):
-    """Return the voltages at some nodes; a sender is its node, then what `drawn` or `driven` made.
+    """Return the voltages at some nodes; a sender is a node and the result of `drawn` or `driven`.
 
     Senders at one node act together.
     """
@@ -140,7 +140,7 @@ def test_can_and_rs485_waveforms_agree_with_ngspice(case):
 
 
 @pytest.mark.parametrize("closed", [False, True])
-def test_steps_agree_with_frequencies_on_a_network_with_everything(closed):
+def test_time_and_frequency_domain_agree_on_a_network_with_everything(closed):
     network = Net()
     cable = Cable(0.05, 0.65e-6, 65e-12, g=2e-6)
     network.line("a", "b", 30, cable)
@@ -197,7 +197,7 @@ def test_a_delay_between_two_steps_is_interpolated():
 
 
 @pytest.mark.parametrize(("load", "rising"), [({"c": 2e-9}, True), ({"l": 20e-6}, False)])
-def test_a_capacitor_fills_and_an_inductor_lets_go_with_its_time_constant(load, rising):
+def test_a_capacitor_charges_and_an_inductor_discharges_in_its_time_constant(load, rising):
     network = line()
     network.load("far", **load)
     sender = "near", driven(constant(2.0), constant(0.01))
@@ -253,7 +253,7 @@ def test_a_wave_can_be_watched_on_its_way():
 @pytest.mark.parametrize(
     ("network", "dt", "message"),
     [
-        (line(), 0.7e-6, r"dt is 7e-07 s, but cable near - far delays by 6.5e-07 s only"),
+        (line(), 0.7e-6, r"dt is 7e-07 s, but the delay of cable near - far is only 6.5e-07 s"),
         (line([10, 20]), 5e-8, "the network has 2 trees"),
         (line(cable=Cable(0.1, 1e-6, 1e-10, skin=1e4)), 5e-8, "near - far has skin"),
         (line(cable=Cable(5, 1e-6, 1e-10)), 5e-8, "near - far has 500 ohm"),

@@ -1,6 +1,6 @@
-"""Disturbances: voltages between the wires to be added to telegrams, and immunity test levels.
+"""Disturbances: voltages between the wires that are added to telegrams, and immunity test levels.
 
-No standard says how much of a test level arrives between the wires, so the user states amplitudes.
+No standard says how much of a test level arrives between the wires: the user chooses amplitudes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Span = tuple[float, float]
 
 
 def _step(t: Floats) -> float:
-    """Return the time between two of some evenly spaced times [s]."""
+    """Return the step of evenly spaced times [s]."""
     return float(t[-1] - t[0]) / (t.size - 1)
 
 
@@ -37,7 +37,7 @@ def add_events(
     shape: Callable[..., Floats],
     *parameters: Floats,
 ) -> None:
-    """Add ``shape(time since its start, *parameters)`` to each row of `u`, for up to `length` [s].
+    """Add ``shape(time since begin, *parameters)`` to each row of `u`, for at most `length` [s].
 
     `begin` and each parameter have one number per row. Samples outside the record are ignored.
     """
@@ -58,32 +58,32 @@ def _raised_cosine(since: Floats, width: Floats, height: Floats) -> Floats:
 #: half for 50 ns, the nominal values of IEC 61000-4-4.
 _DECAY, _RISE = 55.61e-9, 3.291e-9
 
-#: Pulses per second in a packet [1/s]; IEC 61000-4-4 also has 100 kHz.
+#: Pulses per second in a packet [1/s]; IEC 61000-4-4 also specifies 100 kHz.
 PULSE_RATE = 5e3
 
-#: Length of a packet and time from one to the next [s]: IEC 61000-4-4, at 5 kHz 75 pulses each.
+#: Length and period of packets [s], as in IEC 61000-4-4; at 5 kHz, each has 75 pulses.
 PACKET_LENGTH, PACKET_PERIOD = 15e-3, 300e-3
 
-#: Corner of the low-pass at a receiver's input [Hz]: assumed, a little above the 667 kHz at which
-#: the spectrum of an AS-i pulse has its first zero.
+#: Corner frequency of a receiver's input low-pass [Hz]: assumed, a little above the 667 kHz at
+#: which the spectrum of an AS-i pulse has its first zero.
 INPUT_CORNER = 1e6
 
-#: An exponential ends after this many time constants, when 2e-9 of it is left.
+#: Number of time constants after which an exponential is cut off, when 2e-9 of it is left.
 _ENOUGH = 20.0
 
-# At the top of the pulse both exponentials fall equally fast.
+# At the peak of the pulse, both exponentials fall equally fast.
 _TOP_AT = np.log(_DECAY / _RISE) * _DECAY * _RISE / (_DECAY - _RISE)
 
 #: Area of a pulse of height 1 [s].
 AREA = (_DECAY - _RISE) / float(np.exp(-_TOP_AT / _DECAY) - np.exp(-_TOP_AT / _RISE))
 
 
-#: Time constants of the three low-passes in a row that a pulse passes [s].
+#: Time constants of the three low-passes in series that shape a pulse [s].
 _CONSTANTS = np.array([_DECAY, _RISE, 1 / (2 * np.pi * INPUT_CORNER)])
 
 
 def _mean(since: Floats, dt: float) -> Floats:
-    """Return the area of a pulse behind the low-passes between `since` - `dt` and `since`."""
+    """Return the area of a low-pass filtered pulse between `since` - `dt` and `since`."""
     return _passed(since) - _passed(np.maximum(since - dt, 0.0))
 
 
@@ -103,8 +103,8 @@ class Noise:
     r"""White noise; its amplitude is the standard deviation of samples 250 ns apart.
 
     Samples :math:`\Delta t` apart have a bandwidth of :math:`1 / 2 \Delta t`, here 2 MHz, and a
-    one-sided density of :math:`2 \sigma^2 \Delta t`, 0.71 mV per root hertz for 1 V. A waveform
-    with another step gets noise of the same density, so its step does not change error rates.
+    one-sided density of :math:`\sigma \sqrt{2 \Delta t}`, 0.71 mV per root hertz for 1 V. With
+    another step, noise has the same density, so the step does not change error rates.
 
     Examples
     --------
@@ -113,7 +113,7 @@ class Noise:
     """
 
     def density(self, amplitude: npt.ArrayLike) -> Floats:
-        """Return the one-sided density of a standard deviation [V per root hertz]."""
+        """Return the one-sided density of noise by its standard deviation [V per root hertz]."""
         return np.asarray(np.multiply(amplitude, (2 * _SPACING) ** 0.5))
 
     def voltage(
@@ -121,7 +121,7 @@ class Noise:
     ) -> Floats:
         """Return the noise on `size` telegrams."""
         dt = _step(t)
-        # The usual step must not change the noise by rounding.
+        # At the usual step, rounding must not change the noise.
         if abs(dt / _SPACING - 1) >= 1e-9:
             amplitude *= (_SPACING / dt) ** 0.5
         return amplitude * rng.standard_normal((size, t.size))
@@ -130,14 +130,14 @@ class Noise:
 @checked
 @record
 class Impulses:
-    r"""Impulses on every telegram, raised cosines of random place, sign, height and width.
+    r"""Impulses on every telegram: raised cosines of random position, sign, height and width.
 
     .. math:: u(t) = \pm \frac{a}{2} \left(1 + \cos \frac{2 \pi (t - t_0)}{w}\right),
               \qquad |t - t_0| < \frac{w}{2}
 
-    The amplitude is the mean height. Heights and full widths are uniformly distributed: over the
-    amplitude times 1 - `spread` to 1 + `spread`, and between the two ends of `width` [s]. All are
-    assumptions: the impulses of coils and converters differ from ship to ship.
+    The amplitude is the mean height. Heights are uniformly distributed between 1 - `spread` and
+    1 + `spread` times the amplitude, and full widths between the two values of `width` [s]. These
+    are assumptions: the impulses of coils and converters differ from ship to ship.
 
     Examples
     --------
@@ -150,7 +150,7 @@ class Impulses:
 
     count: int = whole(0, 1000, "", "Impulses per telegram", default=1)
     width: tuple[float, float] = (0.5e-6, 4e-6)
-    spread: float = number(0, 1, "", "Spread of the heights", default=0.5)
+    spread: float = number(0, 1, "", "Relative spread of the heights", default=0.5)
 
     def voltage(
         self, t: Floats, amplitude: float, rng: np.random.Generator, size: int, *, span: Span
@@ -159,7 +159,7 @@ class Impulses:
         longest = float(t[-1] - t[0])
         if not (np.shape(self.width) == (2,) and 0 < self.width[0] <= self.width[1] <= longest):
             raise ArgumentError(
-                f"width is {self.width!r}; it must be two times, the smaller one first, above 0 "
+                f"width is {self.width!r}; it must be two durations in ascending order, above 0 "
                 f"and up to {longest:g} s"
             )
         (narrow, wide), (first, last) = self.width, span
@@ -175,12 +175,12 @@ class Impulses:
 
 @record
 class ConductedRF:
-    r"""A modulated carrier, as in the test with conducted radio frequency.
+    r"""An amplitude-modulated carrier, as in the test with conducted radio frequency.
 
     .. math:: u(t) = a \bigl(1 + m \sin(2 \pi f_m t + \psi)\bigr) \sin(2 \pi f t + \varphi)
 
     The amplitude is the peak of the carrier without modulation; a test level of IEC 61000-4-6 is
-    its effective value. Carrier and sideband must be below half the sampling rate: 80 MHz needs
+    its RMS value. Carrier and sideband must be below half the sampling rate: 80 MHz requires
     a waveform with a step of 5 ns.
 
     Examples
@@ -211,7 +211,7 @@ class ConductedRF:
                 "half the sampling rate"
             )
         carrier, slow = rng.uniform(0, 2 * np.pi, (2, size))
-        # Carrier and sidebands, the same for all telegrams but for a complex factor each.
+        # Carrier and sidebands, the same for all telegrams except for complex factors.
         lines = np.exp(2j * np.pi * np.outer([f, f + f_mod, f - f_mod], t))
         side = self.modulation / 2j * np.exp(1j * carrier)
         factors = [np.exp(1j * carrier), side * np.exp(1j * slow), -side * np.exp(-1j * slow)]
@@ -220,12 +220,12 @@ class ConductedRF:
 
 @record
 class Burst:
-    """Electrical fast transients, 5/50 ns as in IEC 61000-4-4, behind a receiver's input.
+    """Electrical fast transients, 5/50 ns as in IEC 61000-4-4, after a receiver's input filter.
 
-    The amplitude is the peak of a pulse between the wires, before the input. Pulses come at a
-    constant rate; sign and phase of the train are random on each telegram. Each pulse passes a
-    first-order low-pass of 1 MHz, and a sample is the mean over its interval: both keep the area,
-    and both are assumptions about a receiver. At 5 kHz one response in five is hit. Packets of
+    The amplitude is the peak of a pulse between the wires, before the filter. Pulses come at a
+    constant rate; sign and phase of the train are random for each telegram. A first-order low-pass
+    of 1 MHz filters each pulse, and a sample is the mean over its interval. Both preserve the area,
+    and both are assumptions about a receiver. At 5 kHz, one response in five is hit. Packets of
     15 ms come every 300 ms; `burst_failures` simulates them.
 
     Examples
@@ -255,18 +255,18 @@ class Burst:
 
 # Test levels ----------------------------------------------------------------------------------
 
-#: Parameters for the severity of a test; the others define the kind of test.
+#: Parameters that define the severity of a test; the others define its kind.
 _SEVERITY = [
     "voltage", "peak voltage", "field strength", "highest frequency",
     "voltage over that of the supply",
 ]  # fmt: skip
 
-#: Place of a test that AS-i does not have: left of all ratios.
+#: Position on the axis of a test that AS-i does not have: left of all ratios.
 _NONE = 0.4
 
 
 def gaps(asi: Floats, marine: Floats, better: npt.NDArray[np.str_]) -> npt.NDArray[np.str_]:
-    """Compare levels of AS-i with those of ships; `better` is "higher", "lower" or "equal"."""
+    """Compare AS-i levels with marine ones; `better` is "higher", "lower" or "equal"."""
     ratio = asi / marine
     # Levels are round numbers; a part in a million is not a gap.
     fine = np.select(
@@ -279,21 +279,21 @@ def gaps(asi: Floats, marine: Floats, better: npt.NDArray[np.str_]) -> npt.NDArr
 
 
 def levels() -> pd.DataFrame:
-    """Return the immunity tests of AS-i and of ships, and the gap between them.
+    """Return the immunity tests of AS-i and of ships, and the gaps between their levels.
 
     Returns
     -------
     pandas.DataFrame
         One row per parameter of a test: both levels, their ratio, gap and sources. ``gap`` is
-        "covers", "below", "test missing" (AS-i has none) or "not asked" (by the ship).
-        ``asi_printed`` is the value in kim2023's Table 2, ``asi`` its meaning. Where
-        ``confirmed`` is "yes", the marine value is on a public page of a type-tested product or
-        of a test house; where it is "no", it is general knowledge: confirm it before using it.
+        "covers", "below", "test missing" (AS-i has none) or "not asked" (ships have none).
+        ``asi_printed`` is the value in kim2023's Table 2, ``asi`` its meaning. If ``confirmed``
+        is "yes", a public page of a type-tested product or of a test house gives the marine
+        value; if "no", the value is general knowledge: confirm it before using it.
 
     Notes
     -----
-    A kilovolt of the test is not a kilovolt between the wires: the coupling depends on cable,
-    earthing and symmetry.
+    A test level of 1 kV is not 1 kV between the wires: the coupling depends on cable, earthing
+    and symmetry.
 
     Examples
     --------
@@ -310,7 +310,7 @@ def levels() -> pd.DataFrame:
 
 
 def plot_levels(ax: Axes | None = None) -> Axes:
-    """Draw the test levels of AS-i over those that a ship asks for, one row per test.
+    """Draw the ratio of AS-i test levels to marine ones, one row per test.
 
     Parameters
     ----------

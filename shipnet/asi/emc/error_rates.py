@@ -1,6 +1,6 @@
-"""Rates of telegrams lost to disturbances, counted or in theory, and their effect on a network.
+"""Rates of telegrams lost to disturbances, simulated or calculated, and their effect on a network.
 
-An analyser counts *series*: 1 to 6 exchanges with a slave that fail in a row; the sixth drops it.
+An analyser counts *series*: 1 to 6 failed exchanges in a row. After six, the slave is dropped.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ _SAMPLES = 2**18
 
 
 def decided_on(u: Floats, dt: float, matched: bool) -> Floats:
-    """Return the samples that a receiver uses that has always been listening."""
-    # At the ends of a record the filter lacks neighbours, and a carrier would seem to begin there.
+    """Return the samples used by a receiver that has been listening for a long time."""
+    # The filter lacks samples at the ends of a record, where a carrier would seem to begin.
     half = int(HALF_BIT / dt / 2)
     return matched_filter(u, dt)[:, half:-half] if matched else u
 
 
 def checked_densities(noise_density: npt.ArrayLike) -> Floats:
-    """Return densities of noise as a row, or raise if one is out of its range."""
+    """Return noise densities as a row; raise ArgumentError if one is out of range."""
     given = np.atleast_1d(np.asarray(noise_density))
     if given.ndim != 1 or given.dtype.kind not in "iuf" or not ((given > 0) & (given <= 1e6)).all():
         raise ArgumentError(
-            f"noise_density is {noise_density!r}; it must be above 0, up to 1e6 V per root hertz"
+            f"noise_density is {noise_density!r}; it must be above 0 and up to 1e6 V per root hertz"
         )
     return np.asarray(given, float)
 
@@ -88,9 +88,9 @@ def _row(
 #: Half-bits before the peak of the first pulse in which noise counts as part of the pulse.
 _REACH = 1.25
 
-#: Up to this `minimum` over the first pulse the closed form holds behind a matched filter. Above it
-#: the peak of a weakened first pulse may slip by a few samples, which the formula ignores: at 0.45
-#: counted rates are 2 times higher at 1e-4, and 26 times at 1e-8.
+#: Largest ratio of `minimum` to the first pulse for which the closed form holds after a matched
+#: filter. Above it, the peak of a weakened first pulse may shift by some samples, which the formula
+#: ignores: at 0.45, counted rates are 2 times higher at 1e-4 and 26 times higher at 1e-8.
 _HIGHEST_MINIMUM = 0.35
 
 #: Number of standard deviations beyond which noise is ignored.
@@ -99,14 +99,14 @@ _FAR = 9.0
 #: Nodes and weights of an integral from -1 to 1.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
-#: Largest probability whose complement has a logarithm; logarithms keep small ones exact.
+#: Largest probability p for which log(1 - p) is computed, which is exact for small p.
 _ALMOST_ONE = 1 - 1e-15
 
 
 def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, int]:
-    """Return the slots' heights from the first pulse on, and which of them have pulses.
+    """Return the heights of the slots from the first pulse on, and which of them have pulses.
 
-    The last two values are the samples before each telegram and the samples of a record.
+    The last two values are the numbers of samples before each telegram and in a record.
     """
     (bits, u), dt = wave.records, wave.dt
     n_bits = bits.shape[1]
@@ -124,7 +124,7 @@ def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, i
 
 
 def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
-    """Return the share of white noise behind filter and mean, and the neighbours' correlation."""
+    """Return the fraction of white noise left after filtering, and the neighbours' correlation."""
     half = int(HALF_BIT / dt / 2) if matched else 0
     shape = np.cos(np.pi * np.arange(-half, half + 1) * dt / HALF_BIT) ** 2
     power = float(shape @ shape)
@@ -135,21 +135,21 @@ def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
 
 
 def _false_start(level: float, correlation: float, samples: Floats) -> Floats:
-    """Return the probability that a sample exceeds a level, in standard deviations."""
+    """Return the probability that one of `samples` exceeds a level [standard deviations]."""
     from scipy.special import ndtr
 
     x, weight = _normal(-level, level)
     exceeds = ndtr((correlation * x - level) / np.sqrt(1 - correlation**2))
     exceeds += ndtr((-correlation * x - level) / np.sqrt(1 - correlation**2))
     first = min(2 * ndtr(-level), _ALMOST_ONE)
-    # The probability for a sample after one within the level.
+    # Probability that a sample exceeds the level if the previous one does not.
     later = min(float(exceeds @ weight) / (1 - first), _ALMOST_ONE)
     none = np.log1p(-first) + (samples - 1) * np.log1p(-later)
     return -np.expm1(np.where(samples > 0, none, 0.0))
 
 
 def _normal(low: npt.ArrayLike, high: npt.ArrayLike) -> tuple[Floats, Floats]:
-    """Return nodes and weights, along a new axis, of an integral of the normal distribution."""
+    """Return nodes and weights, along a new axis, to integrate over the normal distribution."""
     bounds = np.clip(np.stack(np.broadcast_arrays(low, high), axis=-1), -_FAR, _FAR)
     middle, half = bounds.mean(axis=-1)[..., np.newaxis], np.diff(bounds) / 2
     x = middle + half * _NODES
@@ -159,11 +159,11 @@ def _normal(low: npt.ArrayLike, high: npt.ArrayLike) -> tuple[Floats, Floats]:
 def _missed(
     height: Floats, filled: Bools, sigma: float, threshold: float, minimum: float
 ) -> Floats:
-    """Return the probability, for each word, that one of its slots is decided wrongly."""
+    """Return the probability, for each word, that at least one slot is decided wrongly."""
     from scipy.special import ndtr
 
     lowest = (minimum - height[:, 0]) / sigma
-    # Beyond this the level is half of the first pulse, no longer the minimum.
+    # Above this, the level is a fraction of the first pulse, no longer the minimum.
     bend = (minimum / threshold - height[:, 0]) / sigma
     missed = ndtr(lowest)
     for low, high in ((lowest, bend), (bend, np.full_like(bend, _FAR))):
@@ -188,7 +188,7 @@ def count_errors(
     *,
     receiver: Receiver | None = None,
 ) -> pd.DataFrame:
-    """Count the telegrams lost to a disturbance, by Monte Carlo.
+    """Count the telegrams lost to a disturbance, by Monte Carlo simulation.
 
     Parameters
     ----------
@@ -197,23 +197,23 @@ def count_errors(
     disturbance : Noise, Impulses, ConductedRF or Burst
         Disturbance at the receiver.
     amplitudes : float or array_like of float, shape (n_amplitudes,)
-        Its amplitudes, 0..1e9 [V].
+        Amplitudes of the disturbance, 0..1e9 [V].
     n_telegrams : int
-        Trials at each amplitude, 1 or more.
+        Number of trials at each amplitude, 1 or more.
     rng : numpy.random.Generator or int, optional
         Source of the random numbers.
     receiver : Receiver, optional
-        The receiver. Its `minimum` should be four times the standard deviation of the noise behind
-        its filter; else it mistakes noise before a telegram for the first pulse.
+        The receiver. Its `minimum` should be four times the standard deviation of the noise after
+        its filter; otherwise it mistakes noise before a telegram for the first pulse.
 
     Returns
     -------
     pandas.DataFrame
-        One row per amplitude, ``amplitude_V``: how many ``telegrams`` were sent, how many
-        ``failed``, that is, were not received as sent, and how many of them no check found,
-        ``undetected``; the ``rate`` with its 95 % interval of Clopper and Pearson, ``rate_low`` and
-        ``rate_high``, and ``undetected_high``; and the share of the failed telegrams that violate
-        each check, or whose first pulse was missed: ``silence``.
+        One row per amplitude, ``amplitude_V``: the number of ``telegrams`` sent, of those that
+        ``failed`` (were not received as sent) and of failures that no check found, ``undetected``;
+        the ``rate`` of failures with its 95 % Clopper-Pearson interval, ``rate_low`` and
+        ``rate_high``, and the upper limit ``undetected_high``; and the fraction of the failed
+        telegrams that violate each check, or whose first pulse was missed, ``silence``.
 
     Examples
     --------
@@ -226,7 +226,7 @@ def count_errors(
     """
     volts = np.atleast_1d(np.asarray(amplitudes))
     if volts.ndim != 1 or volts.dtype.kind not in "iuf":
-        raise ArgumentError(f"amplitudes are {amplitudes!r}; they must be one number, or a row")
+        raise ArgumentError(f"amplitudes are {amplitudes!r}; they must be a number or a 1-D array")
     checked = [check_scalar("amplitude", float(volt), "V", 0, 1e9) for volt in volts]
     count = check_whole("n_telegrams", n_telegrams, 1, 2**31)
     source, receiver = check_rng(rng), receiver or Receiver()
@@ -238,7 +238,7 @@ def count_errors(
 def error_rate(
     wave: Waveform, noise_density: npt.ArrayLike, *, receiver: Receiver | None = None
 ) -> Floats:
-    r"""Return the probability that white noise destroys a telegram, in closed form.
+    r"""Return the probability that white noise corrupts a telegram, in closed form.
 
     .. math:: P = 1 - (1 - P_0) \int_{u_{min}}^\infty \varphi\left(\frac{r - h_1}{\sigma}\right)
               \prod_j \left(1 - p_j(r)\right) \frac{dr}{\sigma}, \qquad
@@ -252,8 +252,8 @@ def error_rate(
     wave : Waveform
         Voltage without noise; all its telegrams are equally likely.
     noise_density : float or array_like of float, shape (n,)
-        One-sided density at the receiver, above 0 to 1e6 [V per root hertz]; `Noise.density` has
-        that of a standard deviation :math:`\sigma`. 0.5 mV per root hertz is 0.71 V in 2 MHz.
+        One-sided density at the receiver, above 0 and up to 1e6 [V per root hertz]; see
+        `Noise.density`. A density of 0.5 mV per root hertz is 0.71 V in a bandwidth of 2 MHz.
     receiver : Receiver, optional
         The receiver; its `window` is ignored.
 
@@ -265,16 +265,16 @@ def error_rate(
     Raises
     ------
     ArgumentError
-        If a telegram is not received in silence or, behind a matched filter, `minimum` is above
-        0.35 of the first pulse, where the formula would be too low.
+        If a telegram is not received even without noise, or if a matched filter is used with a
+        `minimum` above 0.35 of the first pulse, for which the formula's result would be too low.
 
     Notes
     -----
     :math:`p_j` is the probability that slot j is decided wrongly, :math:`h_1` and :math:`r` are the
     undisturbed and the disturbed height of the first pulse, and :math:`P_0` is the probability that
-    noise before the telegram is mistaken for a first pulse. The formula's receiver keeps perfect
-    time and looks at one sample per slot. Behind a matched filter it agrees with `count_errors`
-    within a third from rates of 1e-4 up, and with `rare_error_rates` within a tenth down to 1e-10.
+    noise before the telegram is mistaken for a first pulse. The formula assumes an ideally timed
+    receiver that uses one sample per slot. With a matched filter, it agrees with `count_errors`
+    within a third at rates above 1e-4, and with `rare_error_rates` within a tenth down to 1e-10.
     Without the filter, `count_errors` finds up to a few times more or fewer lost telegrams.
 
     Examples
@@ -291,7 +291,7 @@ def error_rate(
     highest = _HIGHEST_MINIMUM * float(height[:, 0].min())
     if receiver.matched and minimum > highest:
         raise ArgumentError(
-            f"minimum is {minimum:g} V; behind a matched filter the formula holds up to "
+            f"minimum is {minimum:g} V; with a matched filter the formula holds up to "
             f"{highest:.3g} V, {_HIGHEST_MINIMUM:g} of the first pulse; use rare_error_rates"
         )
     kept, correlation = _kept_noise(wave.dt, receiver.matched, samples)
@@ -305,17 +305,17 @@ def error_rate(
 
 # Cycles ---------------------------------------------------------------------------------------
 
-#: Tries to reach a slave in a cycle, and failed cycles in a row that drop it. Beckhoff, EL6201:
+#: Tries per slave and cycle, and failed cycles in a row until it is dropped. Beckhoff, EL6201:
 #: three data exchange phases in a row; Siemens, AS-i analyser: six exchanges.
 TRIES, CYCLES = 2, 3
 
-#: Slots of a cycle beside those of the slaves: management and inclusion, after OMRON W357.
+#: Slots of a cycle besides those of the slaves: management and inclusion, after OMRON W357.
 _EXTRA = 2
 
 
 @checked
 def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.DataFrame:
-    r"""Return the effects on a network of exchanges that fail independently.
+    r"""Return the effects that independently failing exchanges have on a network.
 
     .. math:: q = p^2, \qquad T = T_c \left(\frac{1}{q} + \frac{1}{q^2} + \frac{1}{q^3}\right)
 
@@ -324,13 +324,13 @@ def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.Dat
     p : float or array_like of float, shape (n,)
         Probability that an exchange fails, 0..1.
     cycle : Cycle, default ``Cycle(31)``
-        The cycle, of 1 to 31 addresses; two slaves that share an address count as one.
+        Cycle of 1 to 31 addresses; two slaves that share an address count as one.
 
     Returns
     -------
     pandas.DataFrame
-        One row per probability: ``rate``; ``repetitions_per_s``; ``cycle_failure`` q, that both
-        tries of a slave fail; ``three_cycles``, that they do so three times in a row;
+        One row per probability: ``rate``; ``repetitions_per_s``; ``cycle_failure`` q, the
+        probability that both tries fail; ``three_cycles``, the same for three cycles in a row;
         ``between_drops_s`` T, mean time until a slave is dropped; ``drops_per_h`` of all slaves.
 
     Examples
@@ -341,7 +341,7 @@ def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.Dat
     """
     rate = np.atleast_1d(np.asarray(p))
     if rate.ndim != 1 or rate.dtype.kind not in "iuf" or not ((rate >= 0) & (rate <= 1)).all():
-        raise ArgumentError(f"p is {p!r}; it must be one probability or a row, 0..1")
+        raise ArgumentError(f"p is {p!r}; it must be one probability or a 1-D array of them, 0..1")
     cycle = cycle or Cycle(31)
     slaves = check_whole("addresses", cycle.addresses, 1, 31)
     rate = rate.astype(float)
@@ -364,36 +364,36 @@ def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.Dat
 def burst_failures(
     inside: float, rng: RNGLike | None = None, packets: int = 1000, *, slaves: int = 31
 ) -> pd.DataFrame:
-    """Count series of failures while packets of a burst hit the cycles of a network.
+    """Count series of failures when packets of a burst hit the cycles of a network.
 
     Packets of 15 ms come every 300 ms, as in IEC 61000-4-4.
 
     Parameters
     ----------
     inside : float
-        Probability that an exchange fails during a packet, 0..1; outside, none fails.
+        Probability that an exchange fails during a packet, 0..1; outside packets, none fails.
     rng : numpy.random.Generator or int, optional
         Source of the random numbers.
     packets : int, default 1000
-        Number of packets, each at a random moment of a cycle, 1 or more.
+        Number of packets, 1 or more; each begins at a random moment of a cycle.
     slaves : int, default 31
-        Slaves asked in a cycle, 1..31.
+        Number of slaves polled per cycle, 1..31.
 
     Returns
     -------
     pandas.DataFrame
-        One row per length of a series, ``failures`` 1..6: ``series``, their number;
-        ``per_packet``; ``per_h``. The sixth failure in a row drops the slave.
+        One row per length of a series, ``failures`` 1..6: the number of such ``series``, also
+        ``per_packet`` and ``per_h``. After the sixth failure in a row the slave is dropped.
 
     Notes
     -----
-    Inside a packet exchanges fail independently, so its pulses count as more random than they are.
-    A dropped slave is assumed to be back in its next cycle.
+    Exchanges in a packet are assumed to fail independently, although its pulses are less random. A
+    dropped slave is assumed to return in the next cycle.
 
     Examples
     --------
-    A third of the exchanges in a packet fail, one in 60 over the whole test. If these failed
-    independently, a slave would be dropped every 90 days; packets drop one twice per minute:
+    A third of the exchanges in a packet fail, which is one in 60 over the whole test. If these were
+    independent, a slave would be dropped every 90 days. In packets, it happens twice per minute:
 
     >>> table = burst_failures(1 / 3, 2024, 40_000).set_index("failures")
     >>> f"{table.loc[6, 'per_h'] / 60:.1f} a minute"

@@ -1,8 +1,8 @@
-"""Rates of telegrams lost in white noise down to 1e-9, by importance sampling.
+"""Rates of telegrams lost to white noise, down to 1e-9, by importance sampling.
 
-Nearly every loss is a set of linear inequalities on the noise: a pulse falls below the level, a gap
-rises above it. Noise is drawn around the weakest noise that satisfies each set, its *design point*;
-the receiver decides what is lost, and a loss is weighted with the ratio of both densities.
+Nearly every loss is a set of linear inequalities for the noise: a pulse falls below the level, or a
+gap rises above it. Noise is drawn around the weakest noise that satisfies each set, its *design
+point*. Each loss that the receiver finds is weighted with the ratio of the two noise densities.
 """
 
 from __future__ import annotations
@@ -30,36 +30,36 @@ from shipnet.fields import check_kind, check_whole
 from shipnet.lazy import pd
 from shipnet.parallel import Progress, compute
 
-#: Share of the noise that is drawn without a shift; it limits the weight of a loss to 10.
+#: Fraction of the noise that is drawn without a shift; it limits the weight of a loss to 10.
 _PLAIN = 0.1
 
-#: Telegrams of a task, of a pilot, and of a batch that stays in a core's own cache.
+#: Telegrams per task, per pilot run, and per batch that fits into a core's own cache.
 _PART, _PILOT, _BATCH = 5000, 4000, 1000
 
-#: Most different telegrams of a wave: each has some hundred design points.
+#: Largest number of different telegrams of a wave: each has about 100 design points.
 _WORDS = 64
 
 #: Time between two samples that the inequalities use [s].
 _GRID = 250e-9
 
 #: Steps by which a weakened first pulse may seem to peak early or late, and steps on either side
-#: of the pulse that must be lower then.
+#: of this peak at which the voltage must be lower.
 _SLIPS, _AROUND = 3, 7
 
-#: Spacing of the points before a telegram at which noise becomes its first pulse [s].
+#: Spacing of the points before a telegram at which noise may pass for its first pulse [s].
 _AHEAD = 0.5e-6
 
-#: Share of draws that go to the less likely design points and telegrams, whatever a pilot found.
+#: Fraction of draws spread evenly over all design points, whatever a pilot run found.
 _SPREAD = 0.1
 
-#: Limits for a sound rate: effective losses, share of the largest weight, share of noise that is
-#: drawn too rarely, and distance of the mean weight from 1 in standard errors.
+#: Limits for a sound rate: effective losses, fraction due to one loss, fraction due to noise drawn
+#: too rarely, and distance of the mean weight from 1 in standard errors.
 _EFFECTIVE, _LARGEST, _FAR, _LEAN = 1000, 0.02, 0.05, 4
 
 
 @dataclass(frozen=True, eq=False)
 class _Case:
-    """Telegrams without noise, a receiver, and the standard deviation of the samples of noise."""
+    """Telegrams without noise, a receiver, and the standard deviation of the noise samples."""
 
     bits: npt.NDArray[np.integer]
     u: Floats
@@ -75,7 +75,7 @@ class _Case:
 
     @cached_property
     def _key(self) -> bytes:
-        """Key by which a worker recognises a case of an earlier task."""
+        """Key by which a worker recognises a case from an earlier task."""
         arrays = self.bits.astype(np.int8).tobytes() + self.u.tobytes()
         rest = f"{self.dt!r} {self.sigma!r} {asdict(self.receiver)}"
         return sha256(arrays + rest.encode()).digest()
@@ -91,12 +91,12 @@ class _Case:
 
 
 class _Proposal(NamedTuple):
-    """The points around which noise is drawn, and their shares."""
+    """The points around which noise is drawn, and the fraction of the draws for each."""
 
     shift: Floats  # shape (n_words, n_points, n_t) [V]
-    square: Floats  # of its length
-    share: Floats  # of the points of a telegram; the rest is drawn without a shift
-    words: Floats  # share of the telegrams
+    square: Floats  # squared length of each shift
+    share: Floats  # of each point of a telegram; the rest is drawn without a shift
+    words: Floats  # share of each telegram
 
 
 class _Sets:
@@ -107,21 +107,21 @@ class _Sets:
         self.points: list[Floats] = []
 
     def above(self, i: int, sign: float) -> tuple[Floats, float]:
-        """Sample i exceeds the minimum, on the side of `sign`."""
+        """Return the condition that `sign` times sample i exceeds the minimum."""
         return sign * self._gain[i], self._receiver.minimum - sign * self._y[i]
 
     def over(self, i: int, sign: float, p: int, first: float) -> tuple[Floats, float]:
-        """Sample i exceeds the threshold that sample p, of the first pulse, sets."""
+        """Return the condition that `sign` times sample i exceeds the threshold set by sample p."""
         part = self._receiver.threshold * first
         gain = sign * self._gain[i] - part * self._gain[p]
         return gain, part * self._y[p] - sign * self._y[i]
 
     def higher(self, p: int, i: int, first: float) -> tuple[Floats, float]:
-        """Sample p is higher than sample i, on the side of the first pulse."""
+        """Return the condition that `first` times sample p exceeds `first` times sample i."""
         return first * (self._gain[p] - self._gain[i]), first * (self._y[i] - self._y[p])
 
     def add(self, *ways: list[tuple[Floats, float]]) -> None:
-        """Add the nearest design point of several sets, if one of them can be satisfied."""
+        """Add the design point nearest to 0 of several sets, if any of them can be satisfied."""
         found = [point for sides in ways if (point := _design_point(sides)) is not None]
         if found:
             self.points.append(min(found, key=lambda point: float(point @ point)))
@@ -132,7 +132,7 @@ def _below(side: tuple[Floats, float]) -> tuple[Floats, float]:
 
 
 def _design_point(sides: list[tuple[Floats, float]]) -> Floats | None:
-    """Return the shortest n with a n >= b for all sides, or None without any.
+    """Return the shortest n with a n >= b for all `sides`, or None if there is none.
 
     Least distance programming by non-negative least squares: C. L. Lawson and R. J. Hanson,
     "Solving Least Squares Problems", 1974, chapter 23.
@@ -165,7 +165,7 @@ def _points_of(case: _Case) -> Floats:
         first, s = int(at[0]), float(np.sign(row[at[0]]))
         sets = _Sets(gain, row, receiver)
         sets.add([_below(sets.above(first, s))])
-        # Noise before the telegram, with the other sign until shortly before the pulse.
+        # Noise before the telegram; with the other sign, it may come shortly before the pulse.
         ends = {s: first - round(1.25 * half), -s: first - round(half / 2)}
         for sign, end in ends.items():
             for i in range(0, end, max(1, round(_AHEAD / dt))):
@@ -185,13 +185,13 @@ def _points_of(case: _Case) -> Floats:
                 sets.add(*([*top, sets.over(k, x, p, s), sets.above(k, x)] for k, x in ways))
         words.append(sets.points)
     most = max(map(len, words))
-    # The points that pad a shorter row lie so far away that they are never drawn.
+    # The points that pad a shorter row are so far away that they are never drawn.
     return np.array([[*points, *[50 * points[0]] * (most - len(points))] for points in words])
 
 
 @lru_cache(8)
 def _proposal(case: _Case) -> _Proposal:
-    """Return the proposal for a case; pilots show around which points telegrams are lost."""
+    """Return the proposal for a case; pilot runs find where telegrams are lost."""
     shift = _points_of(replace(case, sigma=1.0))
     square = (shift**2).sum(axis=-1)
     likely = special.ndtr(-np.sqrt(square) / case.sigma) + 1e-300
@@ -215,7 +215,7 @@ def _proposal(case: _Case) -> _Proposal:
 
 
 def _sample(task: tuple[_Case, int], rng: np.random.Generator) -> dict[str, float]:
-    """Return the sums of some telegrams of a case."""
+    """Draw some telegrams of a case, and return the sums of their weights."""
     case, n = task
     return _draw(case, _proposal(case), n, rng)
 
@@ -239,7 +239,7 @@ def _draw(
             noise[moved] += shift[point[moved]]
             power = (noise @ shift.T - how.square[word] / 2) / case.sigma**2
             each = share * np.exp(np.minimum(power, 600.0))
-            # The ratio of the densities with which this noise is drawn and occurs.
+            # Ratio of the density with which this noise is drawn to that with which it occurs.
             ratio = 1 - share.sum() + each.sum(axis=1)
             got = case.heard(case.filtered(case.u[word] + noise))
             lost = (got.error != 0) | (got.bits != case.bits[word]).any(axis=1)
@@ -258,7 +258,7 @@ def _draw(
 
 
 def _summary(parts: list[dict[str, float]]) -> dict[str, float | bool]:
-    """Return the rate of several parts with its interval, and whether it is sound."""
+    """Return the rate found by several tasks, its interval, and whether it is sound."""
     t = {name: sum(part[name] for part in parts) for name in parts[0]}
     n, rate = t["n"], t["x"] / t["n"]
     if not t["lost"]:
@@ -267,7 +267,7 @@ def _summary(parts: list[dict[str, float]]) -> dict[str, float | bool]:
         return {"telegrams": int(n), **none, "effective": 0.0, "sound": False}
     error = np.sqrt(max(t["xx"] / n - rate**2, 0.0) / n) / rate
     effective = t["x"] ** 2 / t["xx"]
-    # The sum of the weights is skew, its logarithm much less.
+    # The sum of the weights has a skewed distribution; that of its logarithm is less skewed.
     factor = float(np.exp(special.stdtrit(max(effective - 1, 1.0), 0.975) * error))
     mean = t["w"] / n
     lean = abs(mean - 1) / np.sqrt(max(t["ww"] / n - mean**2, 0.0) / n + 1e-30)
@@ -295,18 +295,18 @@ def rare_error_rates(
     folder: str | PathLike[str] | None = None,
     progress: bool | Progress | None = None,
 ) -> pd.DataFrame:
-    """Estimate the rate of telegrams lost in white noise, down to 1e-9, by importance sampling.
+    """Estimate the rate of telegrams lost to white noise, down to 1e-9, by importance sampling.
 
     Parameters
     ----------
     waves : Waveform or mapping of str to Waveform
-        Voltages without noise, each of at most 64 telegrams, all equally likely; several waves by
+        Voltages without noise of at most 64 equally likely telegrams, or several such waves by
         name.
     noise_density : float or array_like of float, shape (n,)
-        One-sided density at the receiver, above 0 to 1e6 [V per root hertz]; `Noise.density` has
-        that of a standard deviation.
+        One-sided density at the receiver, above 0 and up to 1e6 [V per root hertz]; `Noise.density`
+        computes it from a standard deviation.
     n_telegrams : int, default 100000
-        Telegrams drawn for each rate, 1000 or more.
+        Number of telegrams drawn for each rate, 1000 or more.
     receiver : Receiver, optional
         The receiver.
     seed : int, default 2024
@@ -318,23 +318,23 @@ def rare_error_rates(
     -------
     pandas.DataFrame
         One row per wave and density: ``wave``, ``noise_density``, ``telegrams``; the ``rate`` with
-        its 95 % interval ``rate_low`` and ``rate_high``; ``effective``, how many losses of equal
-        weight would be as precise; and ``sound``. Where that is False, do not trust the interval:
-        draw more telegrams, or count with `count_errors`.
+        its 95 % interval ``rate_low`` and ``rate_high``; ``effective``, the number of losses of
+        equal weight that would be as precise; and ``sound``. If ``sound`` is False, do not trust
+        the interval: draw more telegrams, or count with `count_errors`.
 
     Notes
     -----
-    Noise is drawn around the weakest noise that loses a telegram in some hundred ways: a first
-    pulse missed or forged by noise, a pulse too low, a gap too high, also where a weakened first
-    pulse seems to peak up to 0.75 us off. A tenth is drawn without a shift, so a loss weighs 10 at
-    most. A rate is ``sound`` with 1000 effective losses, at most 2 % from one loss, at most 5 %
-    from noise that is drawn less often than it occurs, and a mean weight of 1 within four standard
-    errors. Another way to lose a telegram could escape these checks: compare with `count_errors` at
-    a higher density.
+    Noise can corrupt a telegram in about 100 ways: it hides or imitates the first pulse, lowers
+    another pulse or raises a gap, or makes the first pulse seem to peak up to 0.75 us off. Noise is
+    drawn around the weakest noise of each way; a tenth is drawn without a shift, so the weight of a
+    loss is at most 10. A rate is ``sound`` if it has 1000 effective losses, if at most 2 % of it
+    come from one loss and at most 5 % from noise that is drawn less often than it occurs, and if
+    the mean weight is within four standard errors of 1. These checks may miss another way to lose a
+    telegram: compare with `count_errors` at a higher density.
 
     Examples
     --------
-    Noise of 0.3 V in 2 MHz costs two telegrams in a thousand million:
+    With noise of 0.3 V in 2 MHz, two telegrams in a thousand million are lost:
 
     >>> from shipnet import asi
     >>> wave = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
@@ -346,7 +346,7 @@ def rare_error_rates(
     receiver = receiver or Receiver()
     named = waves if isinstance(waves, Mapping) else {"": waves}
     if not named:
-        raise ArgumentError("waves is empty; it must have one or more")
+        raise ArgumentError("waves is empty; it must contain at least one wave")
     densities = checked_densities(noise_density).tolist()
     count = check_whole("n_telegrams", n_telegrams, 1000, 2**31)
     seed = check_whole("seed", seed, 0, 2**63 - 1)
@@ -355,13 +355,13 @@ def rare_error_rates(
     for name, wave in named.items():
         bits, u = check_kind("waves", wave, Waveform).records
         if len(u) > _WORDS:
-            raise ArgumentError(f"a wave has {len(u)} telegrams; it must have {_WORDS} at most")
+            raise ArgumentError(f"a wave has {len(u)} telegrams; it may have at most {_WORDS}")
         u = np.ascontiguousarray(u, float)
         for density in densities:
             case = _Case(bits, u, wave.dt, receiver, density / (2 * wave.dt) ** 0.5)
             rows.append({"wave": name, "noise_density": density})
             parts += [(case, size) for size in sizes]
-    _points_of(replace(parts[0][0], sigma=1.0))  # refuses what no worker could use
+    _points_of(replace(parts[0][0], sigma=1.0))  # raises errors before any worker starts
     found = compute(_sample, parts, seed=seed, client=client, folder=folder, progress=progress)
     each = [found[begin : begin + len(sizes)] for begin in range(0, len(found), len(sizes))]
     return pd.DataFrame([row | _summary(mine) for row, mine in zip(rows, each, strict=True)])
