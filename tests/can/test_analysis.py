@@ -101,7 +101,9 @@ def test_a_log_of_a_simulated_bus_shows_its_messages():
         late = times - times[0] - one.period * np.arange(len(times))
         assert np.ptp(late) == pytest.approx(one.jitter, abs=2e-9 * len(times))
     once = can.simulate(messages, 125e3, until=0.6).log()
-    assert once.messages().overlooked == ("0x300: one frame has no period; give one with period=",)
+    assert once.messages().overlooked == (
+        "0x300: a single frame has no period; give one with period=",
+    )
     assert once.messages(period=1.0)["0x300"].period == 1.0
 
 

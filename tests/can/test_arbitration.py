@@ -59,7 +59,7 @@ def test_a_standard_data_frame_beats_the_extended_one_that_begins_like_it_by_rtr
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ([], "frames are (); there must be one Frame or more"),
+        ([], "frames is empty; it must contain at least one Frame"),
         ([0x100], "one of frames is 256; it must be a Frame"),
         (
             [Frame(1), Frame(1, b"\x01")],

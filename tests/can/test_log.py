@@ -393,7 +393,7 @@ def test_output_of_candump_is_read_with_any_suffix(tmp_path, lines, name):
 def test_a_log_without_times_has_no_load_and_no_intervals(tmp_path):
     log = read_log(candump(tmp_path, "  can0  010   [1]  01\n" * 3))
     for use in (lambda: log.load(125e3), lambda: log.save(tmp_path / "again.log")):
-        with pytest.raises(ArgumentError, match=r"the log has no time stamps; .* needs them"):
+        with pytest.raises(ArgumentError, match=r"the log has no time stamps; .* requires them"):
             use()
     found = compare(example(), log).table()["verdict"]
     assert found.pop("shutdown") == "as planned" and set(found) == {"missing"}
@@ -401,7 +401,7 @@ def test_a_log_without_times_has_no_load_and_no_intervals(tmp_path):
         "other length"
     )
     mixed = candump(tmp_path, "(1.0) can0 010#01\n  can0  010   [1]  01\n")
-    with pytest.raises(InputError, match="line 2: it has no time, but others have"):
+    with pytest.raises(InputError, match="line 2: it has no time, but others do"):
         read_log(mixed)
 
 
@@ -410,7 +410,7 @@ def test_a_log_without_times_has_no_load_and_no_intervals(tmp_path):
     [
         ("(2.0)  can0  123   [3]  11 22", "it has 2 bytes of data, but its data length code is 3"),
         ("(2.0)  can0  123   [9]  11", "it has 1 bytes of data, but its data length code is 9"),
-        ("(2.0)  can0  123   [2]  11 2", "'11 2' are not data bytes"),
+        ("(2.0)  can0  123   [2]  11 2", "expected data bytes such as 01 2A, got '11 2'"),
         ("(2.0)  can0  FFF   [0]", "the identifier is 0xfff; it must be 0..0x7ff"),
         ("(soon)  can0  123   [0]", "the time is 'soon'; it must be a number"),
         ("(0.5)  can0  123   [0]", "the time 0.5 s is out of order on can0"),
@@ -492,12 +492,12 @@ TRC = """;$FILEVERSION=2.1
     ("text", "line", "place", "why"),
     [
         (ASC, "   0.2 1 12G Rx d 1 01", 6, "invalid literal for int"),
-        (ASC, "   0.2 1 123 Rq d 1 01", 6, "is not a frame of ASC"),
+        (ASC, "   0.2 1 123 Rq d 1 01", 6, "is not an ASC frame"),
         (ASC, "   0.2 1 123 Rx d 4 01 02", 6, "it has 2 bytes of data, but its data length"),
         (ASC, "   0.2 1 900 Rx d 1 01", 6, "the identifier is 0x900"),
         (ASC, "   0.05 1 123 Rx d 1 01", 6, "the time 0.05 s is out of order on 0"),
         (TRC, "      2       200.000 DT 1     0123 Rx -  2    01", 5, "it has 1 bytes of data"),
-        (TRC, "      2       200.000 DT 1     0123 Rx", 5, "is not a frame of TRC"),
+        (TRC, "      2       200.000 DT 1     0123 Rx", 5, "is not a TRC frame"),
         (TRC, "      2       200.000 DT 1     01G3 Rx -  1    01", 5, "invalid literal for int"),
         (TRC, "      2       nan DT 1     0123 Rx -  1    01", 5, "the time is nan"),
     ],
@@ -605,7 +605,7 @@ def test_intact_frames_of_a_damaged_blf_file_are_kept(tmp_path):
     path = tmp_path / "bus.blf"
     data = written_blf(can, path, 20)
     path.write_bytes(data[:-100])
-    with pytest.raises(InputError, match=r"of \d+; it is cut off"):
+    with pytest.raises(InputError, match=r"of \d+ bytes; it is cut off"):
         read_log(path)
     path.write_bytes(data)
     assert len(read_log(path)) == 20
@@ -658,7 +658,7 @@ def test_formats_that_are_not_read_are_named(tmp_path):
     path = tmp_path / "bus.mf4"
     path.write_bytes(b"MDF     4.10    " + bytes(50))
     for keep in (False, True):
-        with pytest.raises(InputError, match=r"an MDF \(MF4\) file, which is not read; asammdf"):
+        with pytest.raises(InputError, match=r"an MDF \(MF4\) file, which cannot be read; convert"):
             read_log(path, keep=keep)
 
 

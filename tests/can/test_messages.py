@@ -103,7 +103,7 @@ def test_another_order_keeps_the_identifiers_or_numbers_mixed_formats():
         assert list(turned.names) == order
         assert [m.extended for m in turned] == [name == "X" for name in order]
     for wrong in (["A", "B"], ["A", "B", "B"], ["A", "B", "D"]):
-        with pytest.raises(ArgumentError, match="they must be A, B, C, once"):
+        with pytest.raises(ArgumentError, match="each must occur once: A, B, C"):
             messages.ordered(wrong)
 
 
@@ -200,7 +200,7 @@ def test_all_faults_of_a_file_are_named_at_once(tmp_path):
             "row 3, column jitter_ms: '-1'; expected a number 0..1e+08 ms",
             "row 3, column extended: 'maybe'; expected yes or no",
             "row 3, column bits: '12'; expected a whole number 47..160",
-            "row 4, column name: is empty; a message needs it",
+            "row 4, column name is empty; it is required",
             "row 4, column period_ms: 'nan'; expected a number 0.001..1e+08 ms",
             "row 4, column deadline_ms: '0'; expected a number 0.001..1e+08 ms",
             "row 6: name 'C' is taken",
@@ -228,7 +228,7 @@ def test_an_identifier_may_have_leading_zeros():
         ("name,arbitration_id,dlc,period_ms\n", "has no message"),
         (
             "name,dlc,Cycle\nA,8,1\n",
-            "column 3: title 'cycle' has no unit; expected such as period_",
+            "column 3: title 'cycle' has no unit; write period_",
         ),
         ("name,dlc,every\nA,8,1\n", "column 3: title 'every' is unknown; expected one of name"),
         ("name,dlc,period\nA,8,1\n", "no column arbitration_id"),
@@ -424,7 +424,7 @@ def test_a_dbc_with_faults_is_read_without_strict_and_they_are_listed(tmp_path):
     for fault in faults:
         assert fault in str(caught.value)
     assert "is not a DBC file" not in str(caught.value)
-    assert "strict=False reads the message" in str(caught.value)
+    assert "strict=False accepts the message" in str(caught.value)
     found = read_messages(file, strict=False)
     assert found.names == ("Speed", "Short")
     assert all(said.startswith(fault) for said, fault in zip(found.overlooked, faults, strict=True))

@@ -376,7 +376,7 @@ def test_a_run_without_releases_is_an_empty_table():
     [
         ({"until": 0}, "until is 0 s; it must be 1e-09"),
         ({"bit_rate": 2e6}, r"bit_rate is 2e\+06 bit/s"),
-        ({"bit_rate": 83e3}, r"a bit of 12048\.2 ns; a bit must be a whole"),
+        ({"bit_rate": 83e3}, r"a bit lasts 12048\.2 ns; it must last a whole"),
         ({"faults": ErrorBound(0.1)}, "it must be a BitErrors or an ErrorAt"),
         ({"faults": [1.0]}, r"one of faults is 1\.0"),
         ({"messages": MessageSet([])}, "messages are empty; there must be at least one"),
@@ -411,8 +411,8 @@ def test_a_fault_out_of_range_is_refused(make, message):
     [
         ([0, 0, 0], r"offsets have the shape \(3,\)"),
         ([[0, 0]], r"offsets have the shape \(1, 2\)"),
-        ([[0, 0, -1]], "offsets hold a time that is not"),
-        ([[0, 0, np.nan]], "offsets hold a time that is not"),
+        ([[0, 0, -1]], "offsets contain a time outside"),
+        ([[0, 0, np.nan]], "offsets contain a time outside"),
         ([["a", "b", "c"]], "offsets have the shape"),
     ],
 )
