@@ -315,7 +315,7 @@ def test_faulty_responses_are_refused_by_field(pdu, request_, error, message):
     [
         ("rtu", b"\1\3\0", LengthError, "the RTU frame has 3 bytes; it must have 4..256"),
         ("rtu", bytes(257), LengthError, "the RTU frame has 257 bytes; it must have 4..256"),
-        ("rtu", b"123456789\0\0", CrcError, "CRC is 0x0000, but the bytes before it make 0x4B37"),
+        ("rtu", b"123456789\0\0", CrcError, "CRC is 0x0000, but the bytes before it give 0x4B37"),
         ("tcp", bytes(7), LengthError, "the TCP frame has 7 bytes; it must have 8..260"),
         ("tcp", bytes(261), LengthError, "the TCP frame has 261 bytes; it must have 8..260"),
         ("tcp", b"\0\0\0\1\0\2\xff\3", FieldError, "protocol id is 1; it must be 0"),

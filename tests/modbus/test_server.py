@@ -565,7 +565,7 @@ def test_unsent_answers_do_not_keep_the_server_from_stopping():
 
 
 def test_a_server_listens_only_once():
-    with serve({1: device()}) as server, pytest.raises(RuntimeError, match="listens already"):
+    with serve({1: device()}) as server, pytest.raises(RuntimeError, match="already listening"):
         server.__enter__()
 
 

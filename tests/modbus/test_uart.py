@@ -195,7 +195,7 @@ def test_the_tolerance_is_where_a_simulated_receiver_begins_to_fail(character):
         (lambda: SerialLine(9600).waveform(b"", start=float("nan")), "start is nan"),
         (lambda: read([0, 1], [1], SerialLine(9600)), "shape"),
         (lambda: read([[0]], [[1]], SerialLine(9600)), "shape"),
-        (lambda: read([1, 0], [1, 0], SerialLine(9600)), "time falls"),
+        (lambda: read([1, 0], [1, 0], SerialLine(9600)), "time decreases"),
         (lambda: read([0, np.nan], [1, 0], SerialLine(9600)), "finite"),
         (lambda: read([0, 1], [1, np.inf], SerialLine(9600)), "finite"),
         (lambda: read(["a"], [1], SerialLine(9600)), "numbers"),
