@@ -234,7 +234,7 @@ class _Line:
 def _found_rate(file: str, edges: Edges) -> float:
     """Return the bit rate at which most frames are correct: a common rate, or the best fit."""
     if len(edges.places) < 4:
-        raise InputError(file, "too few level changes to find the bit rate; pass bit_rate")
+        raise InputError(file, "too few changes of level to find the bit rate; pass bit_rate")
     part = edges._replace(places=edges.places[:_TRIED])
     part = part._replace(samples=min(edges.samples, part.places[-1] + 20 * bit_time(part, RUN)))
     tried: dict[float, tuple[int, float]] = {}

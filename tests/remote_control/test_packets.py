@@ -352,8 +352,8 @@ def test_a_trace_names_each_byte_as_the_parser_reads_it():
     words = ["number", "low byte", "high byte"]
     packet = ["start of the packet", "start of the data"]
     assert steps.taken_as.tolist() == [
-        "passed over", *packet, *words, *words, "end of the packet",
-        "passed over", "passed over", *packet, "end of the packet",
+        "discarded", *packet, *words, *words, "end of the packet",
+        "discarded", "discarded", *packet, "end of the packet",
     ]  # fmt: skip
     assert steps.place.tolist() == [(122 + k) % 128 for k in range(len(stream))]
 
@@ -375,7 +375,7 @@ def test_the_trace_of_a_byte_stuffed_packet_names_its_zeros():
         "CRC", "end of the packet",
     ]  # fmt: skip
     broken = form.trace(b"\x07\0" + packet[:3])
-    assert broken.taken_as.tolist() == 2 * ["passed over"] + 3 * ["not complete"]
+    assert broken.taken_as.tolist() == 2 * ["discarded"] + 3 * ["not complete"]
 
 
 @streams
