@@ -49,7 +49,7 @@ def test_two_senders_part_where_their_bits_first_differ(one, other):
 def test_a_standard_data_frame_beats_the_extended_one_that_begins_like_it_by_rtr():
     contest = arbitrate([Frame(0x555 << 18, extended=True), Frame(0x555)])
     assert contest.stopped == (12, None)
-    # A remote frame sends a recessive RTR as well, and wins one bit later by IDE.
+    # A remote frame also sends a recessive RTR, and wins one bit later by its IDE bit.
     assert arbitrate([Frame(0x555 << 18, extended=True), Frame(0x555, remote=True)]).stopped == (
         13,
         None,

@@ -531,7 +531,7 @@ def test_the_first_frame_of_an_asc_file_without_header_is_read(tmp_path):
 
 
 def mixed_message(can, k):
-    """Return three classic frames, an error frame and a CAN FD frame, by turns."""
+    """Return message k of a cycle: three classic frames, an error frame and a CAN FD frame."""
     kinds = ({}, {}, {"is_error_frame": True}, {}, {"is_fd": True})
     return can.Message(
         timestamp=0.1 * (k + 1), arbitration_id=0x100 + k, is_extended_id=False, channel=0,
@@ -609,7 +609,7 @@ def test_intact_frames_of_a_damaged_blf_file_are_kept(tmp_path):
         read_log(path)
     path.write_bytes(data)
     assert len(read_log(path)) == 20
-    # The DLC of the first frame, behind 32 bytes of its object's header.
+    # The DLC of the first frame, after the 32 bytes of its object's header.
     at = data.index(b"LOBJ", data.index(b"LOBJ") + 1)
     data[at + 35] = 5
     path.write_bytes(data)

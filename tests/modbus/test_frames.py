@@ -40,16 +40,16 @@ def coils(most):
 
 
 def both(ours, theirs, *drawn):
-    """Draw arguments, and return what we and what pymodbus make of them."""
+    """Draw arguments, and return the results of our function and of pymodbus's."""
     return st.builds(lambda *given: (ours(*given), theirs(*given)), *drawn)
 
 
 def counted(theirs):
-    """Return what makes a message of pymodbus of an address and a count."""
+    """Return a function that makes a pymodbus message from an address and a count."""
     return lambda address, count: theirs(address=address, count=count)
 
 
-#: Requests by function code, ours and those of pymodbus.
+#: Requests by function code: ours and those of pymodbus.
 REQUESTS = {
     1: both(Request.read_coils, counted(bits_of.ReadCoilsRequest), WORD, st.integers(1, 2000)),
     2: both(
@@ -128,7 +128,7 @@ def answer(request):
 
 
 def crc_by_shifting(data):
-    """The generation procedure that the serial line guide spells out in section 6.2.2."""
+    """Return a CRC by the procedure in section 6.2.2 of the serial line guide."""
     register = 0xFFFF
     for byte in data:
         register ^= byte

@@ -1,4 +1,4 @@
-"""What a newcomer types first, and the one-line answers."""
+"""What a new user types first, and the results in one line."""
 
 import pytest
 
@@ -65,7 +65,7 @@ def test_the_repr_of_a_request_is_the_call_that_makes_it(request_):
     assert eval(repr(request_), {"Request": modbus.Request}) == request_
 
 
-def test_a_response_has_as_many_values_as_were_asked_for():
+def test_a_response_has_as_many_values_as_were_requested():
     with pytest.raises(ArgumentError, match="values has 3 values; 4 were requested"):
         STATUS.response([1, 2, 3])
     with pytest.raises(ArgumentError, match="framing is 'RTU'"):
