@@ -49,8 +49,8 @@ def read_messages(
     columns : mapping of str to str, optional
         Columns for titles that are not recognised, such as ``{"Every": "period_ms"}``. Required
         are ``name``, ``arbitration_id``, ``dlc`` and ``period_ms``; ``deadline_ms``, ``jitter_ms``,
-        ``offset_ms``, ``extended``, ``sender`` and ``bits`` are optional; ``note`` is any column to
-        ignore. Common titles such as ``Cycle time [s]`` and ``CAN-ID (hex)`` are recognised.
+        ``offset_ms``, ``extended``, ``sender`` and ``bits`` are optional; ``note`` marks a column
+        to ignore. Common titles such as ``Cycle time [s]`` and ``CAN-ID (hex)`` are recognised.
     period : float, optional
         Period of messages that have none in the file, 1e-6..1e5 [s].
     strict : bool, default True
@@ -127,7 +127,7 @@ class Analysis:
         """Return one row per bit rate, lowest rate first, indexed by ``bit_rate_kbit_per_s``.
 
         ``load_percent`` is the bus load with the longest frames. ``late`` counts the messages that
-        may be late; ``first_late`` is the first by priority. ``critical`` is the message whose
+        may be late; ``first_late`` is the most urgent of them. ``critical`` is the message whose
         response is the largest percentage of its deadline, ``critical_percent``.
         ``some_order`` is True if some priority order meets all deadlines.
         """
@@ -297,7 +297,7 @@ def compare(
     *,
     period: float | None = None,
 ) -> LogComparison:
-    r"""Compare a log with planned messages; find those missing, late, too frequent or unknown.
+    r"""Compare a log with a plan: find messages that are missing, late, too frequent or unknown.
 
     Frame :math:`k` of a message is due between :math:`k T` and :math:`k T + D` after the first
     event, with period :math:`T` and deadline :math:`D`. Any :math:`n + 1` successive frames are
@@ -306,7 +306,7 @@ def compare(
               \text{faster if they last less than } n T (1 - \epsilon) - D
 
     where :math:`\epsilon` = 1.58 % is the largest relative error of a clock on the bus (Bosch, "CAN
-    Specification" 2.0, 1991, part B, section 9). If the jitter exceeds :math:`D`, it replaces it.
+    Specification" 2.0, 1991, part B, section 9). A jitter above :math:`D` is used in place of it.
 
     Parameters
     ----------

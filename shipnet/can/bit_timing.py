@@ -63,9 +63,9 @@ def bit_timings(
     neither [1]_. With prescaler 1 the controller samples one quantum early and only once, as in the
     table of [2]_; otherwise it samples three times (bit SMP).
 
-    With N quanta per bit, the relative error of each clock has two limits: for reading an error
-    frame, and for ten bits between resynchronisations [3]_. The propagation segment must cover the
-    propagation delay of the line in both directions and the loop delays of two nodes:
+    With N quanta per bit, two cases limit the relative error of each clock: reading an error frame,
+    and ten bits between resynchronisations [3]_. The propagation segment must cover the propagation
+    delay of the line in both directions and the loop delays of two nodes:
 
     .. math:: \Delta f \le \frac{\min(PS_1, PS_2)}{2 (13 N - PS_2)}, \quad
               \Delta f \le \frac{SJW}{20 N}, \quad

@@ -391,7 +391,7 @@ def read_capture(
     This can hide a damaged bit: of 18 419 frames with one flipped bit, 9 passed at 2 samples per
     bit (7 of them marked), and none at 8.
 
-    CAN FD frames count as faults because a reserved bit is recessive, error flags as stuff errors.
+    CAN FD frames are faults because a reserved bit is recessive; error flags count as stuff errors.
 
     Examples
     --------

@@ -79,10 +79,10 @@ class ErrorBound:
     interval: float = number(
         1e-6, math.inf, "s", "Time between errors after the burst; 1e-6..1e5, or inf if none follow"
     )
-    burst: int = whole(0, 10**6, "", "Number of errors in quick succession at first", default=1)
+    burst: int = whole(0, 10**6, "", "Number of errors in the burst at the beginning", default=1)
     bits: int = whole(
-        17, 31, "bit", "Cost of an error in addition to sending the frame again; `ERROR_BITS` has "
-        "the values of published analyses", default=31, kw_only=True,
+        17, 31, "bit", "Cost of an error in addition to sending the frame again; `ERROR_BITS` "
+        "contains the values of published analyses", default=31, kw_only=True,
     )  # fmt: skip
 
     def __post_init__(self) -> None:

@@ -83,7 +83,7 @@ class Log:
             if column.ndim != 1 + (name == "data") or (
                 column.size and column.dtype.kind not in kinds
             ):
-                raise ArgumentError(f"{name} is {column!r}; it must have one row per frame")
+                raise ArgumentError(f"{name} is {column!r}; it must be a column of a log")
             object.__setattr__(self, name, column)
         sizes = {name: len(getattr(self, name)) for name in _KINDS}
         if len({*sizes.values()}) != 1 or self.data.shape[1] != 8:

@@ -620,7 +620,7 @@ class _Objects:
                 return
             size, kind = unpack_from("<2I", data, at + 8)
             if not 16 <= size <= self.most:
-                self.fault(f"an object has {size} bytes")
+                self.fault(f"an object has an illegal length of {size} bytes")
                 self.place = at + 4
                 continue
             if at + size > len(data):

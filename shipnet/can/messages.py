@@ -534,7 +534,7 @@ def said(problem: Exception) -> str:
 
 
 def _is_titles(cells: Sequence[str]) -> int:
-    """Return a score of how likely a row has titles: 0 for an empty row or a comment."""
+    """Return a score for how likely a row is the title row: 0 for an empty row or a comment."""
     if not any(cells) or cells[0].startswith("#"):
         return 0
     return 1 + sum(_Title.of(cell.lower()).column in (*COLUMNS, *TIMES) for cell in cells)

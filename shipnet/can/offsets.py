@@ -58,7 +58,7 @@ def longest_responses(streams: Streams) -> list[int] | None:
     if load >= _HIGHEST_LOAD:
         return None
     jitter = streams.frame * (1 + streams.jitter / streams.period)
-    # `most` exceeds every busy period. Most periods are shorter, so the span starts small, doubles.
+    # `most` exceeds all busy periods. Most are far shorter, so the span starts small and doubles.
     most = 2 * (int((streams.frame.max(initial=0) + jitter.sum()) / (1 - load)) + 2) + streams.tau
     span = int(4 * streams.frame.sum()) + 1
     while (found := _within(streams, min(span, most))) is None:

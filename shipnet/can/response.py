@@ -49,11 +49,11 @@ class Assumptions:
         "Which stuff bits count, as in `frame_length`", default="worst",
     )  # fmt: skip
     intermission: Literal["everywhere", "between"] = choice(
-        ("everywhere", "between"), "Whether the 3 bits after a frame also count after the last "
-        "frame, that of the message itself, or only between frames", default="everywhere",
+        ("everywhere", "between"), "Whether the 3 bits after a frame also count after the frame "
+        "of the message itself, or only between frames", default="everywhere",
     )  # fmt: skip
     own_jitter: bool = switch(
-        "Whether the response begins with the event, not when the message is queued", default=True
+        "Whether the response starts at the event, not when the message is queued", default=True
     )
 
 
@@ -225,7 +225,7 @@ def _first_gaps(
     release adds a frame, so t is the total work before the first release at or after the time t.
     """
     period, frame, _ = streams
-    # Number of releases up to time 0, included.
+    # Number of releases up to and including time 0.
     once = ahead // period + 1
     count = -(-(span + ahead) // period) - once
     which = np.repeat(np.arange(len(period)), count)

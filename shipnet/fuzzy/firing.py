@@ -24,7 +24,7 @@ Samples: TypeAlias = "Mapping[str, npt.ArrayLike] | pd.DataFrame"
 #: ramps, or by their membership functions.
 METHODS = ("crisp", "midpoint", "fuzzy")
 
-#: Points of a universe in scikit-fuzzy, in addition to the corners of its terms.
+#: Number of points of a universe in scikit-fuzzy, in addition to the corners of its terms.
 _POINTS = 101
 
 
@@ -112,7 +112,7 @@ def persistent(fires: Bools, k: int, n: int) -> Bools:
 
 
 def arrays(names: Sequence[str], samples: Samples) -> dict[str, Floats]:
-    """Return one array per variable, all of one shape."""
+    """Return one array per variable, all of the same shape."""
     unknown = [str(name) for name in samples if name not in names]
     if unknown:
         raise ArgumentError(

@@ -309,7 +309,7 @@ class Firing:
     base : RuleBase
         The rules.
     values : dict of str to ndarray
-        The values of each variable, all of one shape; NaN where one is missing.
+        The values of each variable, all of the same shape; NaN where one is missing.
     strength : ndarray of float, shape (..., n_rules)
         0..1, in the order of `base.codes`; the other axes are those of the samples.
 

@@ -35,7 +35,7 @@ class Interval:
     Parameters
     ----------
     low, high : float
-        The ends; -inf or inf if there is no such end. At least one must be finite.
+        The ends; -inf or inf on a side without an end. At least one must be finite.
     low_closed, high_closed : bool, default False
         True if the end belongs to the interval.
 
@@ -340,7 +340,7 @@ class Rule:
             pairs = [(variable, term) for variable, term in parts]
         except (TypeError, ValueError):
             raise ArgumentError(
-                f"antecedent is {self.antecedent!r}; write FP.high & OP.high, or (FP, high) pairs"
+                f"antecedent is {self.antecedent!r}; use text like FP.high & OP.high, or pairs"
             ) from None
         words = ((check_word("variable", a), check_word("term", b)) for a, b in pairs)
         object.__setattr__(self, "antecedent", tuple(words))

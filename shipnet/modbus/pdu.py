@@ -85,7 +85,7 @@ def check_registers(
 ) -> tuple[int, ...]:
     """Return registers as a tuple; raise an error unless there are 1..most, each 0..65535."""
     values = _sequence(name, registers, most)
-    # Plain integers are checked at once; only others are checked one by one.
+    # Plain integers are checked all at once; only others are checked one by one.
     if {type(value) for value in values} == {int} and 0 <= min(values) and max(values) <= 0xFFFF:
         return values
     return tuple(check_whole(f"{name}[{k}]", v, 0, 0xFFFF) for k, v in enumerate(values))

@@ -114,7 +114,7 @@ class Poll:
 def _most(polls: Sequence[Poll], period: float, dead: int) -> int:
     """Return how many slaves, including dead ones, get all these requests within a period."""
     alive, silent = sum(poll.time for poll in polls), sum(poll.timeout_time for poll in polls)
-    # The margin allows for rounding where a period is a whole number of transactions.
+    # The margin allows for rounding if a period is a whole number of transactions.
     fit = floor((period - dead * silent) / alive * (1 + 1e-12) + 1e-12)
     return min(dead + fit, MAX_UNIT) if fit >= 0 else 0
 

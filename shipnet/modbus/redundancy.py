@@ -204,9 +204,9 @@ class Loop:
     def worst_gap(self, faults: Faults) -> Floats:
         """Return each slave's longest time between two answers that the faults can cause [s].
 
-        All faults are assumed to begin at once and last; their times are ignored. The gap of a lost
-        slave is infinite. The gap of a moved slave is also its longest switch-over time, from the
-        fault to the first answer.
+        All faults are assumed to begin together and to last; their times are ignored. The gap of a
+        lost slave is infinite. The gap of a moved slave is also its longest switch-over time, from
+        the fault to the first answer.
         """
         served = np.array(self.reach(faults).served)
         stay, moved, lost = (int((served == port).sum()) for port in "AB-")

@@ -19,7 +19,7 @@ from shipnet.modbus.pdu import (
     exception_code,
 )
 
-#: Kind of data, each with addresses of its own; "MODBUS application protocol" V1.1b3, section 4.3.
+#: Kinds of data, each with its own addresses; "MODBUS application protocol" V1.1b3, section 4.3.
 Table = Literal["coils", "discrete_inputs", "holding_registers", "input_registers"]
 
 _Values = Mapping[int, Any] | Iterable[Any]  #: Values by address, or from address 0.
@@ -52,7 +52,7 @@ class DeviceError(Exception):
 
 @runtime_checkable
 class Device(Protocol):
-    """Any object that can be read and written by address; `DeviceError` refuses a request.
+    """Any object that can be read and written by address; it raises `DeviceError` as a refusal.
 
     Examples
     --------

@@ -112,7 +112,7 @@ class SerialLine:
         return Waveform(time, level, self)
 
     def clock_tolerance(self) -> tuple[float, float]:
-        r"""Return the lowest and highest relative bit-rate error of a sender that is still read.
+        r"""Return the lowest and highest relative bit-rate error at which a sender is still read.
 
         .. math:: -\frac{1/2}{n - 1/2} < \delta < \frac{1/2}{n - 1/2}
 

@@ -104,7 +104,7 @@ def compare(
     timeout : float, default 0.5
         Time-out of a reply, 1e-9..3600 [s].
     rng : int or numpy.random.Generator, optional
-        Random generator; all rows of the table are for the same datagrams.
+        Random generator; all rows of the table use the same datagrams.
 
     Returns
     -------
@@ -118,8 +118,8 @@ def compare(
     The header in tables 2 and 3 of kim2014 begins with 0.0.0.0: transaction id 0. A reply after its
     time-out then looks like the next reply; an id as in "MODBUS messaging on TCP/IP" V1.0b, section
     4.4.1, would prevent this. Let a round trip take r and a late one r + L, with L < T < r + L for
-    a time-out T, and let requests follow at once. The late reply arrives before that to the next
-    request, which is then taken for the reply to the following one, and so on. So one late reply to
+    a time-out T, and let requests follow at once. The next request accepts the late reply; its own
+    reply arrives later and is accepted by the following request, and so on. So one late reply to
     request j of n, counted from 0, mismatches all later requests,
 
     .. math:: n - 1 - j

@@ -166,6 +166,6 @@ def check_faults(faults: WireFault | Iterable[WireFault], transport: str) -> tup
     if total > 1 + 1e-9:
         raise ArgumentError(
             f"the probabilities of wire_faults add up to {total:g}; an answer has at most one "
-            "fault, so they may add up to 1 at most"
+            "fault, so they must not exceed 1 in total"
         )
     return several

@@ -156,13 +156,13 @@ class Staleness(NamedTuple):
 def switch_staleness(shares: Shares, period: float, interval: float, sending: Sending) -> Staleness:
     r"""Return how well a receiver follows a switch, in closed form.
 
-    Packets come every `period` T [s]; the switch moves at random with a mean `interval` [s].
+    A packet is sent every `period` T [s]; the switch moves at random with a mean `interval` [s].
     Between two packets it moves with a probability f, which is 1 if only changes are sent, else
 
     .. math:: f = \frac{1}{2} \left( 1 - e^{-2 T / \tau} \right)
 
     A discarded packet (probability d) leaves the old position in place; one that is accepted with
-    errors (u) replaces it by a wrong one. In the long run the fraction of wrong positions is
+    errors (u) replaces it with a wrong one. In the long run the fraction of wrong positions is
 
     .. math:: g + \frac{d f (1 - g)}{1 - d + 2 d f}, \quad g = \frac{u}{1 - d}
     """
@@ -276,7 +276,7 @@ def recommend(
     Parameters
     ----------
     n_items : int
-        Values that each station sends, 1..84.
+        Number of values that each station sends, 1..84.
     system : System, optional
         Only bit rate, character, processing and ``turn_timeout`` are used; by default the paper's
         link. Without a ``turn_timeout``, a turn ends after half a cycle, twice the time of an
@@ -314,7 +314,7 @@ def recommend(
     table = candidates(n_items, system or System(), rate, stale_time)
     good = table[table["meets"]]
     if table.empty:
-        raise ArgumentError("turn_timeout is shorter than an answer with one item, with any check")
+        raise ArgumentError("turn_timeout is shorter than the shortest answer, that of one item")
     if good.empty:
         failed = (~table[["errors_ok", "stale_ok", "alarm_ok"]]).sum().astype(int)
         raise ArgumentError(

@@ -122,7 +122,7 @@ class Ring:
     >>> ring.extract()
     Step(case='b', action='take', byte=204, lost=0, stale=False)
 
-    The ring is empty, but by the printed test the reader reads on:
+    With the printed test, the reader continues although the ring is empty:
 
     >>> ring.extract()
     Step(case='b', action='take', byte=0, lost=0, stale=True)

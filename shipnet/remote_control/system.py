@@ -22,7 +22,7 @@ from shipnet.remote_control.faults import HOPS, Hop
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat
 
-#: Bit rates that section 5 of chung1998 tries [bit/s].
+#: Bit rates tested in section 5 of chung1998 [bit/s].
 BIT_RATES = (9600, 4800, 2400, 1200, 600)
 
 
@@ -263,7 +263,7 @@ class System:
     )  # fmt: skip
     repeat: int = whole(
         0, 204, "",
-        "Unchanged values that each packet also carries, in turn; 0 is the rule as printed, "
+        "Number of unchanged values that each packet also carries; 0 is the rule as printed, "
         "``n_items`` sends all values every time", default=0,
     )  # fmt: skip
     processing: float = number(

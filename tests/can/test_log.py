@@ -308,11 +308,11 @@ def test_an_impossible_frame_is_refused_in_a_log():
         with pytest.raises(ArgumentError, match=f"frame 1 of the log: {why}"):
             replace(log, **change)
     for change, why in (
-        ({"time": log.time[:3]}, "log has rows"),
-        ({"data": log.data[:, :7]}, "log has rows"),
-        ({"dlc": log.dlc.astype(float)}, "dlc is .*; it must be a column"),
-        ({"channel": None}, "channel is .*; it must be a column"),
-        ({"data": log.data[0]}, "data is .*; it must be a column"),
+        ({"time": log.time[:3]}, "numbers of rows .* must agree"),
+        ({"data": log.data[:, :7]}, "rows of data have 8 bytes"),
+        ({"dlc": log.dlc.astype(float)}, "dlc is .*; it must be a column of a log"),
+        ({"channel": None}, "channel is .*; it must be a column of a log"),
+        ({"data": log.data[0]}, "data is .*; it must be a column of a log"),
     ):
         with pytest.raises(ArgumentError, match=why):
             replace(log, **change)
@@ -595,7 +595,7 @@ def test_a_blf_file_whose_objects_never_end_is_refused(tmp_path, size, kind):
     at = data.index(b"LOBJ", data.index(b"LOBJ", data.index(b"LOBJ") + 1) + 1)
     data[at + 8 : at + 16] = size.to_bytes(4, "little") + kind.to_bytes(4, "little")
     path.write_bytes(data)
-    with pytest.raises(InputError, match=f"after frame .: an object has {size} bytes"):
+    with pytest.raises(InputError, match=f"after frame .: an object has .* length of {size} bytes"):
         read_log(path)
     assert read_log(path, keep=True).arbitration_id.tolist() == [0, 2]
 

@@ -353,7 +353,7 @@ def test_titles_can_be_named_and_a_period_given(tmp_path):
     columns = {"Number": "arbitration_id", "Every": "period_ms"}
     found = read_messages(file, columns=columns, period=0.5)
     assert found.periods.tolist() == [0.02, 0.5]
-    with pytest.raises(InputError, match="row 3, column period_ms: is empty"):
+    with pytest.raises(InputError, match="row 3, column period_ms is empty"):
         read_messages(file, columns=columns)
     with pytest.raises(InputError, match="no column 'cycle'; the titles are name, number"):
         read_messages(file, columns={"cycle": "period_ms"})

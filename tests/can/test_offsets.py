@@ -235,7 +235,7 @@ def test_arguments_that_exclude_offsets_are_refused():
         {"faults": can.faults.ErrorBound(0.1)},
         {"assumptions": can.Assumptions(own_jitter=False)},
     ):
-        with pytest.raises(ArgumentError, match=r"^offsets is True; .* own_jitter$"):
+        with pytest.raises(ArgumentError, match=r"^offsets is True; it requires own_jitter"):
             can.response_times(messages, 125e3, offsets=True, **more)
     with pytest.raises(ArgumentError, match=r"^offsets is 1"):
         can.response_times(messages, 125e3, offsets=1)

@@ -636,7 +636,7 @@ def test_a_pseudo_terminal_has_no_parity_whatever_its_settings_were_before(line,
         (({-1: device()},), "unit id is -1"),
         (({True: device()},), "unit id is True"),
         (({0: device()}, "rtu"), r"unit id is 0.*1\.\.247 on a serial line"),
-        (({},), "devices is {}"),
+        (({},), "devices is empty"),
         (([device()],), "must be a mapping"),
         (({1: 3},), "one of devices is 3; it must be a Device or a Slave"),
         (({1: device()}, "tls"), "transport is 'tls'"),
@@ -653,7 +653,7 @@ def test_arguments_out_of_range_are_named(arguments, message):
     [
         ({"port": 65536}, "port is 65536"),
         ({"host": ""}, "host is ''"),
-        ({"serial_port": "x"}, "nothing else does"),
+        ({"serial_port": "x"}, "only for RTU"),
     ],
 )
 def test_keywords_out_of_range_are_named(keywords, message):

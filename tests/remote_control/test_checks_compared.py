@@ -85,7 +85,7 @@ def test_no_crc_code_word_has_a_weight_below_four_and_those_of_four_are_counted(
 
 @settings(max_examples=30)
 @given(n=st.integers(0, 120), rate=st.floats(1e-9, 0.5))
-def test_the_residual_of_a_crc_is_a_small_fraction_and_two_to_the_minus_sixteen_for_noise(n, rate):
+def test_the_residual_of_a_crc_is_a_share_and_two_to_the_minus_sixteen_for_noise(n, rate):
     assert 0 <= crc_residual(n, rate) < 2.0**-14
     exact = 2.0**-16 - 2.0 ** -(8 * n + 16)
     assert crc_residual(n, 0.5) == pytest.approx(exact)
