@@ -44,20 +44,19 @@ def read_messages(
     ----------
     path : path
         A CSV file or Excel workbook with a title row and one row per message; a ``.dbc`` file,
-        which requires cantools; or a log that `read_log` accepts. A CSV file has commas, semicolons
-        or tabs, in UTF-8, UTF-16 with a byte-order mark, or Windows-1252.
+        which requires cantools; or a log that `read_log` accepts. A CSV file is separated by
+        commas, semicolons or tabs, and is in UTF-8, UTF-16 with a byte-order mark, or Windows-1252.
     columns : mapping of str to str, optional
-        Columns for titles that are not recognised: ``{"Every": "period_ms"}``. Columns are
-        ``name``, ``arbitration_id``, ``dlc``, ``period_ms``; optionally ``deadline_ms``,
-        ``jitter_ms``, ``offset_ms``, ``extended``, ``sender``, ``bits``; and ``note`` for any
-        column to ignore. Common titles such as ``Cycle time [s]`` and ``CAN-ID (hex)`` are
-        recognised.
+        Columns for titles that are not recognised, such as ``{"Every": "period_ms"}``. Required
+        are ``name``, ``arbitration_id``, ``dlc`` and ``period_ms``; ``deadline_ms``, ``jitter_ms``,
+        ``offset_ms``, ``extended``, ``sender`` and ``bits`` are optional; ``note`` marks a column
+        to ignore. Common titles such as ``Cycle time [s]`` and ``CAN-ID (hex)`` are recognised.
     period : float, optional
         Period of messages that have none in the file, 1e-6..1e5 [s].
     strict : bool, default True
-        True if faults of a DBC file raise an error. If False, messages with overlapping or
-        oversized signals are kept, other faulty messages are omitted (CAN FD, no cycle time, a
-        duplicate name or identifier), and `MessageSet.overlooked` lists these faults.
+        If True, faults in a DBC file raise an error. If False, messages with overlapping or
+        oversized signals are kept, other faulty messages (CAN FD, no cycle time, duplicate name or
+        identifier) are omitted, and `MessageSet.overlooked` lists all these faults.
 
     Returns
     -------
@@ -68,7 +67,7 @@ def read_messages(
     ------
     InputError
         If the file cannot be read or is not a message set. The error lists every fault with its
-        row, column, value and the legal values.
+        row, column and value, and with the legal values.
     ImportError
         If the file requires a package that is not installed.
 
@@ -79,8 +78,8 @@ def read_messages(
     checked but not stored.
 
     A message found in a log is named after its identifier. Its period is the mean time between two
-    frames, its jitter the range of deviations from this period, waits for the bus included, and its
-    ``dlc`` the largest one. A message with one frame has the given `period`, or is omitted.
+    frames, its jitter the range of deviations from it, including waits for the bus, and its ``dlc``
+    that of the longest frame. A message seen only once has the given `period`, or is omitted.
 
     Examples
     --------
@@ -105,10 +104,10 @@ def read_messages(
 class Analysis:
     """The bit rate and priority order that a message set requires, as returned by `analyse`.
 
-    `responses` has the response times by bit rate, lowest first. `lowest` is the lowest bit rate at
-    which the given order meets all deadlines, and `lowest_in_best_order` the lowest at which any
-    order does; infinite if there is none. `best` is the best order at that rate, or at the highest
-    one examined.
+    `responses` contains the response times by bit rate, lowest first. `lowest` is the lowest bit
+    rate at which the given order meets all deadlines, `lowest_in_best_order` the lowest at which
+    any order does; each is infinite if there is none. `best` is the best order at the latter rate
+    or, if it is infinite, at the highest rate examined.
 
     Examples
     --------
@@ -128,8 +127,8 @@ class Analysis:
         """Return one row per bit rate, lowest rate first, indexed by ``bit_rate_kbit_per_s``.
 
         ``load_percent`` is the bus load with the longest frames. ``late`` counts the messages that
-        may be late; ``first_late`` has the highest priority of these. ``critical`` is the message
-        whose response is the largest percentage of its deadline, ``critical_percent``.
+        may be late; ``first_late`` is the most urgent of them. ``critical`` is the message whose
+        response is the largest percentage of its deadline, ``critical_percent``.
         ``some_order`` is True if some priority order meets all deadlines.
         """
         rows = []
@@ -221,7 +220,7 @@ def analyse(
     except (TypeError, ValueError):
         rates = [bit_rates] if isinstance(bit_rates, int | float) else []
     if not rates or not all(1000 <= rate <= 1e6 and rate % 1 == 0 for rate in rates):
-        raise ArgumentError(f"bit_rates is {bit_rates!r}; it must be whole, 1000..1000000 bit/s")
+        raise ArgumentError(f"bit_rates is {bit_rates!r}; each must be whole, 1000..1000000 bit/s")
     known = _messages(messages, period)
     responses = {
         rate: response_times(known, rate, assumptions=assumptions, faults=faults) for rate in rates
@@ -298,23 +297,23 @@ def compare(
     *,
     period: float | None = None,
 ) -> LogComparison:
-    r"""Compare a log with planned messages; find those missing, late, too frequent or unknown.
+    r"""Compare a log with a plan: find messages that are missing, late, too frequent or unknown.
 
     Frame :math:`k` of a message is due between :math:`k T` and :math:`k T + D` after the first
-    event, with period :math:`T` and deadline :math:`D`. Any :math:`n + 1` frames in succession are
+    event, with period :math:`T` and deadline :math:`D`. Any :math:`n + 1` successive frames are
 
     .. math:: \text{late if they last longer than } n T (1 + \epsilon) + D, \qquad
-              \text{faster if shorter than } n T (1 - \epsilon) - D
+              \text{faster if they last less than } n T (1 - \epsilon) - D
 
     where :math:`\epsilon` = 1.58 % is the largest relative error of a clock on the bus (Bosch, "CAN
-    Specification" 2.0, 1991, part B, section 9). A jitter above the deadline replaces :math:`D`.
+    Specification" 2.0, 1991, part B, section 9). A jitter above :math:`D` is used in place of it.
 
     Parameters
     ----------
     messages : MessageSet, Log or path
         The planned messages, or a file or another log that contains them.
     log : Log or path
-        The log or its file, with all its buses. If it has no time stamps, only missing messages,
+        The log or its file; all its buses are included. Without time stamps, only missing messages,
         unknown messages and other lengths are found.
     period : float, optional
         Period of planned messages that have none in the file, 1e-6..1e5 [s].

@@ -17,7 +17,7 @@ from shipnet.can.frame import check_bit_rate
 from shipnet.fields import check_scalar
 from shipnet.lazy import pd
 
-#: AT90CAN128: largest prescaler, segment and jump, quanta per bit; Atmel 4250E, 2004, p. 236.
+#: Limits of the AT90CAN128: prescaler, segment, jump width, quanta per bit; Atmel 4250E, p. 236.
 _PRESCALER, _SEGMENT, _JUMP, _QUANTA = 64, 8, 4, (8, 25)
 
 
@@ -37,9 +37,9 @@ def bit_timings(
     clock : float
         Clock of the controller, 1e6..16e6 [Hz].
     bit_rate : float
-        Wanted bit rate, 1e3..1e6 [bit/s].
+        Desired bit rate, 1e3..1e6 [bit/s].
     sample_point : float, default 0.75
-        Wanted sample point as a fraction of the bit, 0.001..0.999.
+        Desired sample point as a fraction of the bit, 0.001..0.999.
     tolerance : float, default 0
         Largest accepted relative error of the bit rate, 0..0.05.
     loop_delay : float, default 150e-9
@@ -55,7 +55,7 @@ def bit_timings(
         ``phs2`` and ``sjw`` in quanta, ``sample_point_percent``, ``bit_rate_bit_per_s``,
         ``error_percent``, registers ``canbt1`` to ``canbt3``, ``oscillator_tolerance_percent``
         (largest error of each clock) and ``longest_bus_m`` (limited by the propagation segment).
-        Sorted by distance from the wanted sample point, smallest error, most quanta, widest jump.
+        Sorted by distance from the desired sample point, then by error, quanta and jump width.
 
     Notes
     -----
@@ -63,9 +63,9 @@ def bit_timings(
     neither [1]_. With prescaler 1 the controller samples one quantum early and only once, as in the
     table of [2]_; otherwise it samples three times (bit SMP).
 
-    With N quanta per bit, the relative error of each clock is limited by an error frame and by
-    resynchronisation within ten bits [3]_. The propagation segment covers the propagation delay of
-    the line in both directions and the loop delays of two nodes:
+    With N quanta per bit, two cases limit the relative error of each clock: reading an error frame,
+    and ten bits between resynchronisations [3]_. The propagation segment must cover the propagation
+    delay of the line in both directions and the loop delays of two nodes:
 
     .. math:: \Delta f \le \frac{\min(PS_1, PS_2)}{2 (13 N - PS_2)}, \quad
               \Delta f \le \frac{SJW}{20 N}, \quad
@@ -156,7 +156,7 @@ def longest_bus(bit_rate: float) -> float:
 
     Notes
     -----
-    The lengths are from the documentation of the Beckhoff BX5100: 20 m at 1 Mbit/s (with
+    The lengths are from the documentation of the Beckhoff BX5100, from 20 m at 1 Mbit/s (with
     optocouplers) to 5000 m at 10 kbit/s. `bit_timings` returns the length for your own settings.
 
     Examples

@@ -1,7 +1,7 @@
 """Event-by-event simulation of a CAN bus, in whole nanoseconds.
 
 When the bus becomes free, the waiting frame of highest priority is sent without interruption. All
-releases at one instant take part in the same arbitration.
+frames released at the same instant take part in the same arbitration.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ class Nodes:
         self.bus_off = [0] * number
         #: Correct frames of each node that the counters do not include yet.
         self.good = [0] * number
-        #: True if no node is error passive, bus off or suspended: counters have no effect.
+        #: True if no node is error passive, bus off or suspended; then the counters do not matter.
         self.calm = True
 
     def failed(self, sender: int) -> None:
@@ -298,7 +298,7 @@ _BLOCK = 4096  #: Number of random numbers drawn at once.
 def _chances(
     rates: list[float], bits: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, list[int]]]:
-    """Yield a number of undisturbed attempts, and the bit at which each fault hits the next one.
+    """Yield a number of undisturbed attempts, and where each fault hits the next attempt [bit].
 
     Faults after the first `bits` bits of an attempt are ignored. The list may be empty.
     """
@@ -313,7 +313,7 @@ def _chances(
         yield _BLOCK - tried, []
 
 
-_CELLS = 40_000  #: Messages times sets solved at once; they fit into a core's cache.
+_CELLS = 40_000  #: Messages times sets simulated at once; their data fit into a core's cache.
 
 
 def send_batch(

@@ -1,7 +1,7 @@
 """CAN frames decoded from recorded levels or voltages of a line, including faulty frames.
 
-Only edges are processed: a receiver as in ISO 11898, with one sample as time quantum, advances by
-one edge per step, in all frames at once.
+Only edges are processed: in each step, a receiver as in ISO 11898, with one sample as time quantum,
+advances by one edge in all frames at once.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from shipnet.line.scope_file import Edges, bit_time, read_edges
 
 #: Bit rates tried if none is given: the rates of CANopen, NMEA 2000 and vehicles.
 _RATES = (*BIT_RATES, 100e3 / 3, 250e3 / 3, 2e6 / 21, 100e3, 200e3, 400e3, 800e3)
-_TRIED = 40_000  #: Number of edges with which bit rates are compared.
+_TRIED = 40_000  #: Number of edges used to compare bit rates.
 _FEWEST = 1.9  #: Fewest samples per bit: 2, less a margin for inaccurate clocks.
 _IDLE = 9.5  #: Fewest recessive bits before a start of frame: 10, less a margin of half a bit.
 _EDGES, _BITS = 160, 176  #: Limits of edges and bits per frame; the longest frame has 157 bits.
@@ -54,7 +54,7 @@ class _Rows(NamedTuple):
     """Decoded frames as columns, one entry per frame; places and lengths count bits on the line."""
 
     error: Bytes
-    place: Integers  # first wrong bit, -1 without an error
+    place: Integers  # first wrong bit, or -1 if there is no error
     number: Integers
     extended: Bools
     remote: Bools
@@ -65,7 +65,7 @@ class _Rows(NamedTuple):
 
 
 def read_rows(line: Bytes, known: Integers) -> _Rows:
-    """Decode a frame per column of bits, of which `known` were recorded; errors as in `decode`."""
+    """Decode one frame per column; its first `known` bits were recorded; errors as in `decode`."""
     width, n = line.shape
     every = np.arange(n)
     bits = np.zeros((width + 1, n), dtype=np.uint8)
@@ -156,9 +156,9 @@ class _Line:
     def receive(self, chosen: Indices, clock: float) -> tuple[Integers, Floats, Bools]:
         """Return the bits before each edge, the misfits, and a mask of the ambiguous frames.
 
-        The bits have the axes edge, way and frame; each way assumes another position of the start
-        of frame within its sample. A misfit adds up the distances of all edges from the samples
-        with their bit boundaries. A frame is ambiguous if an edge is over 0.2 bit off.
+        The bits have the axes edge, way and frame; each way assumes a different position of the
+        start of frame within its sample. The misfit sums up how far the edges lie outside the
+        samples with their bit boundaries. A frame is ambiguous if an edge is over 0.2 bit off.
         """
         places, count = self.edges.places, self.count[chosen]
         most, bit, half = int(count.max(initial=1)), self.bit * clock, self.edges.width / 2
@@ -234,7 +234,7 @@ class _Line:
 def _found_rate(file: str, edges: Edges) -> float:
     """Return the bit rate at which most frames are correct: a common rate, or the best fit."""
     if len(edges.places) < 4:
-        raise InputError(file, "too few changes of level to find the bit rate; state it")
+        raise InputError(file, "too few changes of level to find the bit rate; pass bit_rate")
     part = edges._replace(places=edges.places[:_TRIED])
     part = part._replace(samples=min(edges.samples, part.places[-1] + 20 * bit_time(part, RUN)))
     tried: dict[float, tuple[int, float]] = {}
@@ -275,7 +275,7 @@ class Capture:
     """Frames decoded from a recorded line, as returned by `read_capture`.
 
     `log` contains the correct frames, each with the time from the first sample to its end; its
-    `Log.faults` describe the first 1000 others. `bit_rate` is the given or detected bit rate
+    `Log.faults` describe the first 1000 faulty frames. `bit_rate` is the given or detected bit rate
     [bit/s], `duration` the length of the record [s], and `channel` the name of the decoded channel.
 
     Examples
@@ -295,9 +295,9 @@ class Capture:
     def table(self) -> pd.DataFrame:
         """Return one row per frame, including faulty frames.
 
-        If a frame has a fault before the end of the CRC, its contents are empty. ``bits`` counts
-        from start to end of frame, including ``stuff_bits``; ``error`` is ok or the name of a class
-        of `shipnet.errors`, and ``place`` is the first wrong bit, -1 without an error.
+        If a frame has a fault before the end of the CRC, its contents are left empty. ``bits``
+        counts from start to end of frame, including ``stuff_bits``; ``error`` is ``ok`` or the name
+        of a class in `shipnet.errors`; ``place`` is the first wrong bit, or -1 without an error.
         ``second_reading`` marks frames that are correct only if an ambiguous edge is assigned to
         the other bit; they may hide a wrong bit.
         """
@@ -340,7 +340,7 @@ class Capture:
 
     def __repr__(self) -> str:
         wrong = int((self._table["error"] != "ok").sum())
-        faults = f"{wrong} with faults" if wrong else "all right"
+        faults = f"{wrong} with faults" if wrong else "no faults"
         return (
             f"Capture({len(self._table)} frames in {self.duration:.4g} s at "
             f"{self.bit_rate / 1e3:g} kbit/s, {faults})"
@@ -391,7 +391,7 @@ def read_capture(
     This can hide a damaged bit: of 18 419 frames with one flipped bit, 9 passed at 2 samples per
     bit (7 of them marked), and none at 8.
 
-    CAN FD frames are faults because a reserved bit is recessive, and error flags as stuff errors.
+    CAN FD frames are faults because a reserved bit is recessive; error flags count as stuff errors.
 
     Examples
     --------
@@ -399,7 +399,7 @@ def read_capture(
 
     >>> from shipnet import datasets
     >>> read_capture(datasets.path("sigrok_nmea2000_snippet.sr"))
-    Capture(113 frames in 2.097 s at 250 kbit/s, all right)
+    Capture(113 frames in 2.097 s at 250 kbit/s, no faults)
     """
     file = Path(path)
     if bit_rate is not None:

@@ -14,9 +14,9 @@ from shipnet.fields import number, record, whole
 
 __all__ = ["ERROR_BITS", "BitErrors", "ErrorAt", "ErrorBound"]
 
-#: Cost of an error in addition to the retransmission [bit], in published analyses, for
-#: `ErrorBound.bits`. Here a frame includes its intermission; Broster et al. exclude it and count 29
-#: bits per error. ``least`` is two error flags of 6 bits and a delimiter of 8 bits.
+#: Published costs of an error in addition to the retransmission [bit], for `ErrorBound.bits`. Here
+#: a frame includes its intermission; Broster et al. exclude it and count 29 bits per error.
+#: ``least`` is the sum of two error flags of 6 bits and a delimiter of 8 bits.
 ERROR_BITS: Mapping[str, int] = MappingProxyType(
     {"Tindell 1995": 31, "Davis 2007": 31, "Broster 2002": 26, "least": 20}
 )
@@ -77,12 +77,12 @@ class ErrorBound:
     """
 
     interval: float = number(
-        1e-6, math.inf, "s", "Time between errors after the burst; 1e-6..1e5, or inf for none"
+        1e-6, math.inf, "s", "Time between errors after the burst; 1e-6..1e5, or inf if none follow"
     )
-    burst: int = whole(0, 10**6, "", "Errors in quick succession at the beginning", default=1)
+    burst: int = whole(0, 10**6, "", "Number of errors in the burst at the beginning", default=1)
     bits: int = whole(
-        17, 31, "bit", "Cost of an error in addition to sending the frame again; `ERROR_BITS` has "
-        "the values of published analyses", default=31, kw_only=True,
+        17, 31, "bit", "Cost of an error in addition to sending the frame again; `ERROR_BITS` "
+        "contains the values of published analyses", default=31, kw_only=True,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -93,7 +93,7 @@ class ErrorBound:
             )
 
     def count(self, time: float) -> int:
-        """Return the largest number of errors in an interval of length `time` above 0 [s]."""
+        """Return the largest number of errors in an interval of positive length `time` [s]."""
         if self.interval == math.inf:
             return self.burst
         return self.burst - 1 - -nanoseconds(time) // nanoseconds(self.interval)

@@ -90,7 +90,7 @@ def stuff(bits: str) -> str:
 
 
 class Field(NamedTuple):
-    """A field of a frame: its value, and its place excluding and (`line_`) including stuff bits."""
+    """A field of a frame: its value, its place without stuff bits, and its place on the line."""
 
     name: str
     value: int
@@ -287,7 +287,7 @@ class _Line:
         """Read a reserved bit; raise an error if it is recessive."""
         if self.take(field, 1) == "1":
             raise self.fault(
-                FormError, field, "recessive, as in no frame of classic CAN; is it CAN FD?"
+                FormError, field, "recessive, but dominant in classic CAN; is it CAN FD?"
             )
 
 
@@ -367,7 +367,7 @@ def decode(bits: str) -> Frame:
 class Arbitration(NamedTuple):
     """The outcome of an arbitration, as returned by `arbitrate`.
 
-    `bus` contains the bits on the bus, including stuff bits, up to the last that can decide the
+    `bus` contains the bits on the bus, including stuff bits, up to the last bit that can decide the
     outcome (IDE, or RTR of an extended frame). `stopped` contains the bit at which the sender of
     each of the `frames` stopped, counted from 0, or None for the winner.
 
@@ -433,7 +433,7 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
     """
     given = tuple(frames)
     if not given:
-        raise ArgumentError("frames are (); there must be one Frame or more")
+        raise ArgumentError("frames is empty; it must contain at least one Frame")
     rows = [frame.bits for frame in given]
     ends = [_end(frame) for frame in given]
     active = set(range(len(given)))
@@ -454,6 +454,6 @@ def arbitrate(frames: Sequence[Frame]) -> Arbitration:
 
 
 def _end(frame: Frame) -> int:
-    """Return the number of bits, with stuff bits, up to the last that can decide an arbitration."""
+    """Return the number of bits, with stuff bits, up to the last that can decide the outcome."""
     last = "RTR" if frame.extended else "IDE"
     return 1 + next(field.line_start for field in frame.fields if field.name == last)

@@ -1,6 +1,6 @@
 """Lengths of CAN frames: bounds, mean lengths, and the exact lengths of millions of frames.
 
-Frames are measured byte by byte: a table by state and byte contains the number of stuff bits.
+Frames are measured byte by byte: a table gives the stuff bits for each state and byte.
 """
 
 from __future__ import annotations
@@ -94,10 +94,10 @@ def frame_length(
 
     Notes
     -----
-    The bound of Davis et al. (2007) includes stuff bits in the runs of equal bits. Tindell and
-    Burns (1994) overlooked this and divide by 5; `response_times` has the references. No frame
-    reaches the bound, because reserved bits and CRC are not free: the longest standard frame has
-    133 bits. Real data are not random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
+    In the bound of Davis et al. (2007), a run of equal bits may begin with a stuff bit. Tindell and
+    Burns (1994) overlooked this and divided by 5; `response_times` has the references. No frame
+    reaches the bound, because reserved bits and CRC cannot be chosen: the longest standard frame
+    has 133 bits. Real data are not random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
 
     Examples
     --------

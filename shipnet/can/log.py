@@ -31,7 +31,7 @@ _KINDS = {
 def impossible(
     time: float, number: int, extended: bool, dlc: int, remote: bool = False, size: int = -1
 ) -> str:
-    """Return why classic CAN does not allow a frame, or ""; `size` counts its data bytes."""
+    """Return why classic CAN does not allow a frame, or ""; `size` is its number of data bytes."""
     highest = highest_id(extended)
     if not 0 <= number <= highest:
         return f"the identifier is {number:#x}; it must be 0..{highest:#x}"
@@ -57,8 +57,8 @@ class Log:
     `time` contains the time stamps [s], all NaN if there are none, and `channel` the bus of each
     frame. `arbitration_id` has 29 bits where `extended` is True; `remote` marks remote frames.
     `dlc` contains the data length codes, and `data`, shape (n, 8), the bytes, padded with 0.
-    `faults` describes records left out. `skipped` lists valid records other than frames of classic
-    CAN: time [s], channel and kind, ``"CAN FD frame"`` or ``"error frame"``.
+    `faults` describes records that were left out. `skipped` lists valid records other than frames
+    of classic CAN: time [s], channel and kind, ``"CAN FD frame"`` or ``"error frame"``.
 
     Examples
     --------
@@ -87,7 +87,7 @@ class Log:
             object.__setattr__(self, name, column)
         sizes = {name: len(getattr(self, name)) for name in _KINDS}
         if len({*sizes.values()}) != 1 or self.data.shape[1] != 8:
-            raise ArgumentError(f"log has rows {sizes}; all must agree, data with 8 bytes")
+            raise ArgumentError(f"numbers of rows {sizes} must agree; rows of data have 8 bytes")
         time, ids, dlc = self.time, self.arbitration_id, self.dlc
         highest = np.where(self.extended, highest_id(True), highest_id(False))
         wrong = (ids < 0) | (ids > highest) | (dlc > 15)
@@ -121,7 +121,7 @@ class Log:
     def _check_times(self, what: str) -> None:
         """Raise an error if the log has no time stamps."""
         if np.isnan(self.time).any() and np.isnan(self.time).all():
-            raise ArgumentError(f"the log has no time stamps; {what} needs them")
+            raise ArgumentError(f"the log has no time stamps; {what} requires them")
 
     def table(self) -> pd.DataFrame:
         """Return one row per frame."""
@@ -135,7 +135,7 @@ class Log:
         """Write a ``.log`` file in the format of ``candump -l``."""
         if Path(path).suffix.lower() != ".log":
             raise ArgumentError(f"path is {str(path)!r}; its suffix must be .log")
-        self._check_times("a file of candump")
+        self._check_times("a candump file")
         text = self.data.astype(np.uint8).tobytes().hex().upper()
         columns = (column.tolist() for column in self.columns[:6])
         with open(path, "w", encoding="utf-8", newline="\n") as file:
@@ -152,8 +152,8 @@ class Log:
         """Return the load of the buses in a sliding window, and the load per identifier.
 
         `bit_rate` is 5e3..1e6 [bit/s], and `window` is the length of the window [s]. A time stamp
-        marks the end of its frame. A window that begins before the record counts in full, so the
-        first loads are low. Faults and skipped records are left out.
+        marks the end of its frame. The bus counts as idle before the record begins, so the first
+        loads are too low. Faults and skipped records are left out.
         """
         rate = check_bit_rate(bit_rate, 5e3)
         window = check_scalar("window", window, "s", 1e-6, 1e9)
@@ -198,7 +198,7 @@ class Log:
             times, name = np.sort(self.time[mine]), hexadecimal(key)
             each = float(np.diff(times).mean()) if len(times) > 1 else period
             if each is None:
-                overlooked.append(f"{name}: one frame has no period; give one with period=")
+                overlooked.append(f"{name}: a single frame has no period; give one with period=")
                 continue
             jitter = round(float(np.ptp(times - np.arange(len(times)) * each)), 9)
             messages.append(

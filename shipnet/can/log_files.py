@@ -55,7 +55,7 @@ _DTYPES: tuple[Any, ...] = (float, str, np.int64, bool, bool, np.uint8, np.uint8
 
 
 class _Found:
-    """The records read from a file so far; `unit` is the unit of their places, such as line."""
+    """The records read from a file so far; `unit` is what their places count, such as ``line``."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
@@ -113,7 +113,7 @@ class _Found:
             bad[mine[_out_of_order(time[mine])]] = True
         for at in np.flatnonzero(bad):
             why = f"the time {time[at]} s is out of order on {channel[at]}"
-            self.fault(int(places[at]), "it has no time, but others have" if without[at] else why)
+            self.fault(int(places[at]), "it has no time, but others do" if without[at] else why)
         faults = tuple(why for _, why in sorted(self.faults))
         fields = [column[~bad] for column in every[:-1]] + [faults, tuple(self.skipped)]
         return Log(*fields), self.more
@@ -127,7 +127,7 @@ def _out_of_order(time: npt.NDArray[np.float64]) -> npt.NDArray[np.intp]:
     lasts: list[float] = []
     ends: list[int] = []
     before = np.full(len(time), -1)
-    # Backwards, so that of two sequences of equal length the earlier frames are kept.
+    # The search runs backwards so that, of two equally long sequences, the earlier one is kept.
     for place, now in enumerate((-time[::-1]).tolist()):
         length = bisect_right(lasts, now)
         before[place] = ends[length - 1] if length else -1
@@ -150,7 +150,7 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
         A candump file (``-l``, or its printed output), a CSV file of python-can or SavvyCAN, a BLF
         file, or an ASC or TRC file, which requires python-can. The format is recognised by content.
     keep : bool, default False
-        True if the readable frames of a damaged file are kept; `Log.faults` lists what is missing.
+        True to keep the readable frames of a damaged file; `Log.faults` lists what is missing.
 
     Returns
     -------
@@ -169,7 +169,7 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
     Notes
     -----
     Line numbers, empty lines and comments after ``#``, ``;`` or ``//`` are ignored. If times
-    decrease, as few frames as possible are left out to restore the order. MDF (MF4) is not read.
+    decrease, as few frames as possible are left out to restore the order. MDF is not supported.
 
     Examples
     --------
@@ -189,8 +189,8 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
         if kind == "mdf":
             raise InputError(
                 str(path),
-                "is an MDF (MF4) file, which is not read; asammdf or the program of the logger "
-                "converts it to ASC or BLF",
+                "is an MDF (MF4) file, which cannot be read; convert it to ASC or BLF with asammdf "
+                "or the program of the logger",
             )
         readers = {"text": _read_text, "blf": _read_blf}
         found = readers.get(kind, partial(_read_foreign, kind))(file)
@@ -340,7 +340,7 @@ def _candump(line: str) -> _Row:
         remote = rest == "remote request"
         octets = [] if remote else rest.split()
         if any(not re.fullmatch("[0-9A-Fa-f]{2}", octet) for octet in octets):
-            raise ValueError(f"{_shown(rest)} are not data bytes; expected such as 01 2A")
+            raise ValueError(f"expected data bytes such as 01 2A, got {_shown(rest)}")
         data = bytes(int(octet, 16) for octet in octets)
     else:
         data = bytes.fromhex(has["data"] or "")
@@ -478,13 +478,13 @@ def _read_foreign(kind: str, file: Path) -> _Found:
     def unused(place: int, text: str) -> None:
         words = set(text.split()[:6])
         if asc and _ASC_FRAME.match(text):
-            found.fault(place, f"{_shown(text)} is not a frame of ASC")
+            found.fault(place, f"{_shown(text)} is not an ASC frame")
         elif asc or text[0] == ";" or words & _TRC_OTHERS:
             return
         elif words & _TRC_ERRORS:
             found.skipped.append((nan, "bus", _ERROR))
         else:
-            found.fault(place, f"{_shown(text)} is not a frame of TRC")
+            found.fault(place, f"{_shown(text)} is not a TRC frame")
 
     with open(file, "rb") as binary:
         stream = _Lines(binary, asc, unused)
@@ -532,11 +532,11 @@ def _read_blf(file: Path) -> _Found:
     found, data = _Found("frame"), file.read_bytes()
     start = int.from_bytes(data[4:8], "little")
     if not 144 <= start <= len(data):
-        found.fault(0, f"its header has {start} bytes of {len(data)}", "after frame 0")
+        found.fault(0, f"its header has {start} bytes in a file of {len(data)}", "after frame 0")
         return found
     size, count, tail = int.from_bytes(data[16:24], "little"), 0, b""
     if size > len(data):
-        found.fault(0, f"it has {len(data)} bytes of {size}; it is cut off", "the file")
+        found.fault(0, f"it has only {len(data)} of {size} bytes; it is cut off", "the file")
     year, month, _, day, hour, minute, second, ms = unpack_from("<8H", data, 40)
     try:
         at = datetime(year, month, day, hour, minute, second, 1000 * ms, tzinfo=UTC)
@@ -568,7 +568,7 @@ def _read_blf(file: Path) -> _Found:
             fault(f"its containers unpack to more than {_RATIO} times its size")
             break
     if tail or objects.place < len(data):
-        fault("its end is cut off")
+        fault("the end of the file is cut off")
     return found
 
 
@@ -620,7 +620,7 @@ class _Objects:
                 return
             size, kind = unpack_from("<2I", data, at + 8)
             if not 16 <= size <= self.most:
-                self.fault(f"an object has {size} bytes")
+                self.fault(f"an object has an illegal length of {size} bytes")
                 self.place = at + 4
                 continue
             if at + size > len(data):
@@ -635,7 +635,7 @@ def _unpacked(container: bytes, most: int, fault: Callable[[str], None]) -> byte
     if method == 0:
         return container[32:]
     if method != 2:
-        fault(f"a container is packed by the unknown method {method}")
+        fault(f"a container is packed with the unknown method {method}")
         return b""
     stream = zlib.decompressobj()
     try:

@@ -67,7 +67,7 @@ class Message:
         "Identifier, up to 0x7FF unless `extended`; the lowest has the highest priority",
     )  # fmt: skip
     dlc: int = whole(0, 8, "", "Data bytes")
-    period: float = number(1e-6, 1e5, "s", "Shortest time between two events that cause it")
+    period: float = number(1e-6, 1e5, "s", "Shortest time between two events that trigger it")
     deadline: float = number(
         1e-6, 1e5, "s", "Longest time from the event to the end of the frame; the period by "
         "default. It may exceed the period", default=None, optional=True,
@@ -77,12 +77,12 @@ class Message:
     )
     offset: float = number(
         0, 1e5, "s", "Time of the first event in a simulation; the analysis ignores it by "
-        "default, because no two nodes share a clock", default=0.0,
+        "default, because nodes do not share a clock", default=0.0,
     )  # fmt: skip
     extended: bool = switch("Whether the identifier has 29 bits", default=False)
-    sender: str = text("Node that sends it", default="", most=1000)
+    sender: str = text("Node that sends the message", default="", most=1000)
     bits: int | None = whole(
-        47, 160, "bit", "Length of the frame with intermission, in place of that for `dlc`",
+        47, 160, "bit", "Length of the frame with intermission, if not calculated from `dlc`",
         default=None, optional=True,
     )  # fmt: skip
 
@@ -91,7 +91,7 @@ class Message:
             if not value.isprintable() or value != value.strip():
                 raise ArgumentError(f"{field} is {value!r}; it must be printable text")
         if not self.name:
-            raise ArgumentError("name is '', empty; a message needs one")
+            raise ArgumentError("name is ''; a message needs a name")
         if not self.extended:
             check_whole("arbitration_id", self.arbitration_id, 0, highest_id(False))
         if self.deadline is None:
@@ -105,8 +105,8 @@ class Message:
     def priority(self) -> tuple[int, bool, int]:
         """Sort key of the arbitration; the smallest wins.
 
-        The first 11 bits of the identifier decide first. If they are equal, a standard frame wins:
-        its RTR bit is dominant, but the SRR bit of an extended frame is recessive.
+        The first 11 bits of the identifier are compared first. If they are equal, a standard frame
+        wins: its RTR bit is dominant, but the SRR bit of an extended frame is recessive.
         """
         if not self.extended:
             return self.arbitration_id, False, 0
@@ -281,7 +281,7 @@ class MessageSet(Named[Message]):
         """
         order = list(names)
         if sorted(order) != sorted(self.names):
-            raise ArgumentError(f"names are {order}; they must be {', '.join(self.names)}, once")
+            raise ArgumentError(f"names are {order}; each must occur once: {', '.join(self.names)}")
         moved = [self[name] for name in order]
         new = [message.arbitration_id for message in self._items]
         if len({message.extended for message in moved}) > 1:
@@ -459,7 +459,7 @@ _LARGEST, _LARGEST_SUM, _MOST_VALUES = 1785, 500_000, 65_536
 
 
 def _refuse_large(text: str, source: str) -> None:
-    """Raise an error if the text of a DBC file has numbers that cantools cannot process quickly."""
+    """Raise an error if a DBC file contains numbers so large that cantools would take too long."""
     plain = re.sub(r'"(?:\\"|[^"])*"|//[^\n]*', " ", text)
     lengths = [float(n) for n in re.findall(r"\bBO_\s+\d+\s+\w+\s*:\s*(\d+)", plain)]
     bits = [float(n) for pair in re.findall(r":\s*(\d+)\s*\|\s*(\d+)", plain) for n in pair]
@@ -504,7 +504,7 @@ def parse_dbc(
         else:
             messages.append((place, message))
     if strict:
-        faults += [f"{fault}; strict=False reads the message" for fault in overlooked]
+        faults += [f"{fault}; strict=False accepts the message" for fault in overlooked]
         return _checked(source, messages, faults, "has no message")
     twice = dict(set_faults(message for _, message in messages))
     faults += [f"{messages[number][0]}: {why}" for number, why in twice.items()]
@@ -534,7 +534,7 @@ def said(problem: Exception) -> str:
 
 
 def _is_titles(cells: Sequence[str]) -> int:
-    """Return a score of a row as the title row: 0 for an empty row or a comment."""
+    """Return a score for how likely a row is the title row: 0 for an empty row or a comment."""
     if not any(cells) or cells[0].startswith("#"):
         return 0
     return 1 + sum(_Title.of(cell.lower()).column in (*COLUMNS, *TIMES) for cell in cells)
@@ -553,9 +553,9 @@ def _from_sheet(sheet: Sheet, renamed: Mapping[str, str], period: float | None) 
     for at, (column, title) in enumerate(zip(columns, titles, strict=True), start=1):
         where = f"column {at}: title {title!r}"
         if column in TIMES:
-            faults.append(f"{where} has no unit; expected such as {column}_ms or {column} [s]")
+            faults.append(f"{where} has no unit; write {column}_ms or {column} [s], for example")
         elif column not in (*COLUMNS, "note"):
-            legal = f"expected one of {', '.join(COLUMNS)}, or note for a column to leave out"
+            legal = f"expected one of {', '.join(COLUMNS)}, or note for a column to ignore"
             faults.append(f"{where} is unknown; {legal}")
     twice = sorted({title for title in columns if columns.count(title) > 1 and title != "note"})
     faults += [f"title {title!r} appears twice" for title in twice]
@@ -635,7 +635,7 @@ def _message(cells: Mapping[str, str]) -> tuple[Message | None, list[str]]:
             if fields[field] is None:
                 faults.append(f"column {column}: {cell!r}; expected {legal}")
         elif column in _NEEDED:
-            faults.append(f"column {column}: is empty; a message needs it")
+            faults.append(f"column {column} is empty; it is required")
     if not faults:
         try:
             return Message(**fields), []

@@ -27,7 +27,7 @@ _HIGHEST_LOAD = 0.99  #: Load from which busy periods are too long to examine.
 
 
 class Streams(NamedTuple):
-    """Messages as columns, in priority order, times in ticks; `clock` is the number of a clock."""
+    """Messages as columns in priority order, with times in ticks; `clock` has the clock numbers."""
 
     period: Integers
     frame: Integers
@@ -58,7 +58,7 @@ def longest_responses(streams: Streams) -> list[int] | None:
     if load >= _HIGHEST_LOAD:
         return None
     jitter = streams.frame * (1 + streams.jitter / streams.period)
-    # `most` exceeds every busy period. Most are much shorter, so the span starts small and doubles.
+    # `most` exceeds all busy periods. Most are far shorter, so the span starts small and doubles.
     most = 2 * (int((streams.frame.max(initial=0) + jitter.sum()) / (1 - load)) + 2) + streams.tau
     span = int(4 * streams.frame.sum()) + 1
     while (found := _within(streams, min(span, most))) is None:
@@ -143,7 +143,7 @@ def _within(streams: Streams, span: int) -> list[int] | None:
             return None
         busy = int(blocking + work[ends[0]])
 
-        # Pairs of an instance and a possible start of its busy period, a latest release.
+        # Pairs of an instance and a possible start of its busy period, which is a latest release.
         mine = own.event[own.message == m]
         instance = mine[(mine >= 0) & (mine < own.hyperperiod)]
         begins = np.unique(own.latest)
@@ -227,11 +227,11 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
         uneven = [messages[place].name for place in mine if periods[place] % grain]
         if uneven:
             raise ArgumentError(
-                f"step is {step:g} s; the period of {uneven[0]!r} is not a multiple"
+                f"step is {step:g} s; the period of {uneven[0]!r} is not a multiple of it"
             )
         slots = math.lcm(*(int(periods[place]) // grain for place in mine))
         if slots > 10**6:
-            raise ArgumentError(f"step is {step:g} s, but {sender!r} repeats after {slots} of them")
+            raise ArgumentError(f"step is {step:g} s, but {sender!r} repeats after {slots} steps")
         # Load around each slot: the frames in it and, with decreasing weight, in the slots near it.
         far = np.minimum(np.arange(slots), slots - np.arange(slots))
         near, load = np.fft.rfft(1 / (1 + far)), np.zeros(slots)

@@ -1,7 +1,7 @@
 """Worst-case response times of CAN messages, and a priority order that meets all deadlines.
 
-Times are whole ticks, which divide the nanosecond and the bit time, because a rounding error in a
-ceiling could add a whole frame.
+Times are whole numbers of ticks, which divide the nanosecond and the bit time, because a rounding
+error in a ceiling function could add a whole frame.
 """
 
 from __future__ import annotations
@@ -49,11 +49,11 @@ class Assumptions:
         "Which stuff bits count, as in `frame_length`", default="worst",
     )  # fmt: skip
     intermission: Literal["everywhere", "between"] = choice(
-        ("everywhere", "between"), "Whether the 3 bits after a frame count also after the message "
-        "itself, or only between frames", default="everywhere",
+        ("everywhere", "between"), "Whether the 3 bits after a frame also count after the frame "
+        "of the message itself, or only between frames", default="everywhere",
     )  # fmt: skip
     own_jitter: bool = switch(
-        "Whether the response begins with the event, or when the message is queued", default=True
+        "Whether the response starts at the event, not when the message is queued", default=True
     )
 
 
@@ -62,7 +62,7 @@ class Assumptions:
 _MOST_STEPS = 200_000
 
 
-#: Periodic frames in ticks: period, duration, and the most by which the first may be early.
+#: Periodic frames in ticks: period, duration, and the longest time by which the first may be early.
 _Stream = tuple[int, int, int]
 
 
@@ -132,7 +132,7 @@ class Level:
 
     @cached_property
     def busy_period(self) -> float:
-        """Longest time for which this or higher priorities keep the bus busy; may be infinite."""
+        """Longest time that this or higher priorities keep the bus busy; may be infinite."""
         if not _ends(self._constant, self._equal):
             return math.inf
         # A busy period lasts at least until all messages queued at its start are sent.
@@ -225,7 +225,7 @@ def _first_gaps(
     release adds a frame, so t is the total work before the first release at or after the time t.
     """
     period, frame, _ = streams
-    # Number of releases up to time 0, included.
+    # Number of releases up to and including time 0.
     once = ahead // period + 1
     count = -(-(span + ahead) // period) - once
     which = np.repeat(np.arange(len(period)), count)
@@ -248,9 +248,9 @@ class ResponseTime(NamedTuple):
     """The longest response time of a `message`, and its parts [s].
 
     `blocking` is the time of the longest frame that may already be on the bus. `busy_period` is the
-    longest time for which this or higher priorities keep the bus busy, including blocking; infinite
-    if endless, NaN with offsets. `instances` has the longest response of each instance in the busy
-    period. `met` is True if `response`, the longest of them, meets the deadline.
+    longest time that messages of this or higher priority keep the bus busy, including blocking;
+    infinite if endless, NaN with offsets. `instances` contains the longest response of each
+    instance in the busy period. `met` is True if `response`, their maximum, meets the deadline.
 
     Examples
     --------
@@ -325,7 +325,7 @@ class ResponseTimes(Named[ResponseTime]):
         return f"ResponseTimes({len(self)} messages, {late}, critical: {self.critical})"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per message, indexed by name, including its part of the bus load."""
+        """Return one row per message, indexed by name, including its share of the bus load."""
         messages = [one.message for one in self._items]
         table = pd.DataFrame(
             {
@@ -342,7 +342,7 @@ class ResponseTimes(Named[ResponseTime]):
             }
         )
         table.index = pd.Index(self.names, name="name", dtype=object)
-        # Rounding removes the errors of the factor 1e3.
+        # Rounding removes the errors from the multiplication by 1e3.
         return table.round(9)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -413,11 +413,11 @@ def response_times(
     The method is from [1]_, with a tau of one bit time. Older analyses [2]_ examine only the first
     instance in a busy period, so their bounds may be too low. Times are rounded once, to whole
     ticks. A load within about 1e-4 of 1 counts as an overload if a busy period has more than 200000
-    iterations or instances. Every node must send its highest priority first, and the instances of a
-    message in order.
+    iterations or instances. Every node must send its message of highest priority first, and the
+    instances of a message in order.
 
-    With `offsets`, instances are examined on the sender's own clock only; every other sender is
-    assumed at its worst phase. The bound is safe. It equals the bound without offsets if each
+    With `offsets`, only the sender's own clock is examined instance by instance; every other sender
+    is assumed at its worst phase. The bound is safe. It equals the bound without offsets if each
     message has its own sender, at loads of 0.99 and more, or if more than a million frames of a
     sender would have to be examined. If offsets count, `ResponseTime.instances` contains only the
     longest response, and the busy period is NaN.
@@ -465,7 +465,7 @@ def response_times(
     ]
     if offsets:
         if errors.burst or not bus.assumptions.own_jitter:
-            raise ArgumentError("offsets is True; it needs no faults, and own_jitter")
+            raise ArgumentError("offsets is True; it requires own_jitter and allows no faults")
         found = _with_offsets(bus, messages, found)
     return ResponseTimes(found, bit_rate)
 
@@ -527,7 +527,7 @@ def audsley(
     Parameters
     ----------
     messages : MessageSet
-        The messages; their present priorities do not matter.
+        The messages; their current priorities do not matter.
     bit_rate : float
         Bit rate, a whole number 1000..1000000 [bit/s].
     assumptions : Assumptions, optional

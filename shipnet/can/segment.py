@@ -41,12 +41,12 @@ class Segment:
     """A straight trunk with equally spaced nodes, counted from 1.
 
     `stubs` maps nodes to the lengths of their stubs [m]. A node with a stub is at the far end of
-    the stub; the tap loads the trunk like another node. `cable` is used for trunk and stubs; it is
+    the stub; the tap loads the trunk like a node. `cable` is used for trunk and stubs; it is
     lossless by default, with 120 ohm and 5 ns/m. A node loads the line with 20 kohm and 100 pF.
 
     Examples
     --------
-    Bits at 1 Mbit/s on a 40 m line; without terminators the line stays dominant.
+    Bits sent at 1 Mbit/s on a 40 m line; without terminators the line stays dominant.
 
     >>> from shipnet import can
     >>> can.Segment(40).send({1: "01001101"}, 1e6).table().loc[9, "read"]
@@ -58,9 +58,9 @@ class Segment:
     """
 
     length: float = number(0.1, 1e4, "m", "Length of the trunk")
-    nodes: int = whole(2, 200, "", "Nodes; the first and the last are at its ends", default=9)
+    nodes: int = whole(2, 200, "", "Nodes; the first and last are at the trunk's ends", default=9)
     terminator: float | None = number(
-        1e-3, 1e9, "ohm", "Resistance at either end; None leaves the ends open",
+        1e-3, 1e9, "ohm", "Terminating resistance at each end; None leaves the ends open",
         default=120.0, optional=True,
     )  # fmt: skip
     stubs: Mapping[int, float] = field(default_factory=dict)
@@ -101,7 +101,7 @@ class Segment:
         Parameters
         ----------
         patterns : mapping of int to str
-            Bits sent, by node; 0 is dominant. All other nodes, and all later bits, are recessive.
+            Bits that each node sends; 0 is dominant. All other nodes and later bits are recessive.
         bit_rate : float
             Bit rate, 1e3..1e6 [bit/s].
         sample_point : float, default 0.75
@@ -114,7 +114,7 @@ class Segment:
         network = self.network()
         length = max(map(len, patterns.values()), default=0)
         if not length:
-            raise ArgumentError("patterns are empty; there must be a bit to send")
+            raise ArgumentError("patterns are empty; at least one bit must be sent")
         shortest = min(float(run.length * run.made_of.delay) for run in network.runs)
         step = shortest / np.ceil(shortest / min(_EDGE / _STEPS, shortest))
         t: Floats = np.arange(int((begin + length * bit) / step + 1e-9) + 1, dtype=float) * step
@@ -122,7 +122,7 @@ class Segment:
         for node, pattern in patterns.items():
             name = self.point(node)
             if set(pattern) - {"0", "1"}:
-                raise ArgumentError(f"pattern of node {node} is {pattern!r}; it must hold 0 and 1")
+                raise ArgumentError(f"pattern of node {node} is {pattern!r}; use only 0 and 1")
             levels = np.array([int(c) for c in pattern.ljust(length, "1")], dtype=np.int8)
             sent &= levels
             steps = np.diff(1 - levels, prepend=0, append=0)

@@ -86,7 +86,7 @@ class Run:
         return self._errors.copy()
 
     def nodes(self) -> pd.DataFrame:
-        """Return each sender's final error counters, final state and number of times bus off."""
+        """Return each sender's final error counters and state, and how often it went bus off."""
         return self._nodes.copy()
 
     def plot(self, start: float = 0.0, stop: float | None = None, ax: Axes | None = None) -> Axes:
@@ -158,7 +158,7 @@ def simulate(
     messages : MessageSet
         The messages. Each message without a sender has its own node.
     bit_rate : float
-        Bit rate, 5e3..1e6 [bit/s]; a bit must be a whole number of nanoseconds.
+        Bit rate, 5e3..1e6 [bit/s]; a bit must last a whole number of nanoseconds.
     until : float
         Simulated time, 1e-9..1e6 [s], with at most 20 million frames; the last frame is completed.
     faults : BitErrors, ErrorAt or iterable of them, optional
@@ -186,7 +186,7 @@ def simulate(
     Examples
     --------
     Three messages of 7 bytes, each at most 1 ms long at 125 kbit/s, are released together. The
-    longest response of the lowest priority is 3.5 ms, and exceeds its deadline of 3.25 ms.
+    longest response at the lowest priority is 3.5 ms, which exceeds the deadline of 3.25 ms.
 
     >>> from shipnet.can import Message
     >>> messages = MessageSet(
@@ -243,7 +243,7 @@ class BatchRun:
     """Response times for many sets of offsets, as returned by `simulate_batch`.
 
     `max_response` and `mean_response` [s] and `sent`, the number of frames, have one row per set
-    and one column per message, in order of priority. A message that was not sent has NaN.
+    and one column per message, in order of priority. The times of messages not sent are NaN.
 
     Examples
     --------
@@ -292,7 +292,7 @@ def simulate_batch(
     messages : MessageSet
         The messages, without jitter; their own offsets are ignored.
     bit_rate : float
-        Bit rate, 5e3..1e6 [bit/s]; a bit must be a whole number of nanoseconds.
+        Bit rate, 5e3..1e6 [bit/s]; a bit must last a whole number of nanoseconds.
     offsets : array_like of float, shape (n_sets, n_messages)
         Time of the first event of each message, in order of priority, 0..1e5 [s].
     until : float
@@ -313,7 +313,7 @@ def simulate_batch(
     """
     columns = _columns(messages)
     if columns.jitter.any():
-        raise ArgumentError("messages have jitter; a batch takes none")
+        raise ArgumentError("messages have jitter; in a batch they must have none")
     bit = bit_time_ns(bit_rate)
     horizon = nanoseconds(check_scalar("until", until, "s", 1e-9, 1e6))
     number = len(messages)
@@ -324,7 +324,7 @@ def simulate_batch(
             f"one row per set, one column for each of the {number} messages"
         )
     if not np.all((begin >= 0) & (begin <= 1e5)):
-        raise ArgumentError("offsets hold a time that is not 0..1e5 s")
+        raise ArgumentError("offsets contain a time outside 0..1e5 s")
     first = np.rint(begin.T * 1e9).astype(np.int64)
     largest, total, sent = send_batch(first, columns.period, columns.bits * bit, horizon)
     none = sent == 0
@@ -371,7 +371,7 @@ def bit_time_ns(bit_rate: float) -> int:
     exact = 1e9 / check_bit_rate(bit_rate, 5e3)
     if abs(exact - round(exact)) > 1e-6 * exact:
         raise ArgumentError(
-            f"bit_rate is {bit_rate} bit/s, a bit of {exact:.6g} ns; a bit must be a whole "
+            f"bit_rate is {bit_rate} bit/s, so a bit lasts {exact:.6g} ns; it must last a whole "
             f"number of nanoseconds, as at {1e9 / round(exact):.9g} bit/s"
         )
     return round(exact)

@@ -24,7 +24,7 @@ Samples: TypeAlias = "Mapping[str, npt.ArrayLike] | pd.DataFrame"
 #: ramps, or by their membership functions.
 METHODS = ("crisp", "midpoint", "fuzzy")
 
-#: Points of a universe in scikit-fuzzy, in addition to the corners of its terms.
+#: Number of points of a universe in scikit-fuzzy, in addition to the corners of its terms.
 _POINTS = 101
 
 
@@ -63,7 +63,7 @@ class Ramps:
         self._width = np.where(foot == shoulder, 1.0, shoulder - foot)[:, np.newaxis]
 
     def strengths(self, x: Floats) -> Floats:
-        """Return the firing strengths, one row per rule, from values, one row per variable."""
+        """Return the firing strengths (one row per rule) for values (one row per variable)."""
         within = np.minimum(np.maximum(x, self._low), self._high)
         signed = within[self._variable]
         signed *= self._sign
@@ -101,7 +101,7 @@ def compare(
 
 
 def persistent(fires: Bools, k: int, n: int) -> Bools:
-    """Return a mask of firing in `k` or more of the last `n` rows; none fire before the first."""
+    """Return where a rule fired in `k` or more of the last `n` rows; nothing fires before row 0."""
     window = check_whole("n", n, 1, 10**6)
     least = check_whole("k", k, 1, window)
     if window == 1:
@@ -112,25 +112,25 @@ def persistent(fires: Bools, k: int, n: int) -> Bools:
 
 
 def arrays(names: Sequence[str], samples: Samples) -> dict[str, Floats]:
-    """Return one array per variable, all of one shape."""
+    """Return one array per variable, all of the same shape."""
     unknown = [str(name) for name in samples if name not in names]
     if unknown:
         raise ArgumentError(
-            f"samples have {', '.join(unknown)}; the variables are {', '.join(names)}"
+            f"samples contain {', '.join(unknown)}; the variables are {', '.join(names)}"
         )
     given = {}
     for name in names:
         try:
             given[name] = np.asarray(samples[name] if name in samples else np.nan, dtype=float)
         except (TypeError, ValueError):
-            raise ArgumentError(f"{name} must be numbers, NaN where one is missing") from None
+            raise ArgumentError(f"{name} must be numbers, NaN for missing values") from None
     if len({x.shape for x in given.values()}) == 1:
         return given
     try:
         return dict(zip(names, np.broadcast_arrays(*given.values()), strict=True))
     except ValueError:
         shapes = ", ".join(f"{name} {x.shape}" for name, x in given.items())
-        raise ArgumentError(f"shapes are {shapes}; they must be equal or broadcast") from None
+        raise ArgumentError(f"shapes are {shapes}; they must be equal or broadcastable") from None
 
 
 def control_system(variables: Sequence[Variable], rules: Sequence[Rule]) -> Any:

@@ -32,7 +32,7 @@ from shipnet.lazy import Axes, pd
 #: Samples processed together, so that their arrays fit in the cache.
 _BLOCK = 8192
 
-#: Most regions that are computed, and most columns of a matrix that is drawn with numbers.
+#: Largest numbers of regions that are computed, and of columns of a matrix drawn with numbers.
 _MOST_REGIONS, _MOST_NUMBERS = 10**6, 20
 
 
@@ -44,9 +44,9 @@ class RuleBase:
     Parameters
     ----------
     variables : sequence of Variable
-        One or more, each name once.
+        One or more variables with different names.
     rules : sequence of Rule
-        One or more, with distinct codes and priorities; their terms must exist. Numbered from 1.
+        One or more, with different codes and priorities; their terms must exist. Numbered from 1.
 
     Examples
     --------
@@ -118,14 +118,14 @@ class RuleBase:
         for variable in self.variables:
             if variable.name == name:
                 return variable
-        raise ArgumentError(f"variable is {name!r}; there are {', '.join(self.names)}")
+        raise ArgumentError(f"variable is {name!r}; the variables are {', '.join(self.names)}")
 
     def rule(self, code: str) -> Rule:
         """Return the rule with this code."""
         for rule in self.rules:
             if rule.code == code:
                 return rule
-        raise ArgumentError(f"code is {code!r}; there are {', '.join(self.codes)}")
+        raise ArgumentError(f"code is {code!r}; the codes are {', '.join(self.codes)}")
 
     def terms_of(self, rule: Rule) -> list[tuple[Variable, Term]]:
         """Return the variables and terms that a rule uses."""
@@ -154,7 +154,7 @@ class RuleBase:
         return pd.DataFrame(rows, columns=["code", "antecedent", "flag", "priority", "english"])
 
     def random_samples(self, n: int, rng: Any = None) -> dict[str, Floats]:
-        """Return `n` samples, uniform over the universe of each variable."""
+        """Return `n` samples, uniformly distributed over the universe of each variable."""
         size, generator = check_whole("n", n, 0, 2**31), check_rng(rng)
         return {v.name: generator.uniform(v.low, v.high, size) for v in self.variables}
 
@@ -195,7 +195,7 @@ class RuleBase:
         return self.fire(samples, method).decide(threshold=threshold, k=k, n=n)
 
     def overlaps(self, method: str = "crisp") -> pd.DataFrame:
-        """Return the pairs of rules that can fire together: codes ``a`` and ``b``, ``relation``.
+        """Return the pairs of rules that can fire together: ``a``, ``b`` and their ``relation``.
 
         ``a in b`` means that b fires whenever a does; the other relations are ``b in a``, ``equal``
         and ``overlap``. `method` is ``crisp`` or ``midpoint``.
@@ -255,7 +255,7 @@ class RuleBase:
         return table.assign(fired=[" ".join(codes[row]) for row in fires], count=fires.sum(axis=1))
 
     def check(self, vectors: pd.DataFrame, method: str = "fuzzy") -> pd.DataFrame:
-        """Return the decisions for test vectors; the index of `vectors` has the expected codes.
+        """Return the decisions for test vectors, whose index contains the expected codes.
 
         One row per vector: the code ``expected``, the codes that ``fired``, the ``top`` code, and
         whether the top code is ``right``.
@@ -309,7 +309,7 @@ class Firing:
     base : RuleBase
         The rules.
     values : dict of str to ndarray
-        The values of each variable, all of one shape; NaN where one is missing.
+        The values of each variable, all of the same shape; NaN where one is missing.
     strength : ndarray of float, shape (..., n_rules)
         0..1, in the order of `base.codes`; the other axes are those of the samples.
 
@@ -354,16 +354,16 @@ class Firing:
     def decide(self, *, threshold: float = 0.5, k: int = 1, n: int = 1) -> Decision:
         """Return the decision: the rules that fired in `k` or more of the last `n` samples.
 
-        A rule fires if its strength is at least `threshold`, above 0 and up to 1. With `n`
-        above 1, time runs along the first axis; the `n` samples include the present one.
+        A rule fires if its strength is at least `threshold`, which is above 0 and at most 1. With
+        `n` above 1, time runs along the first axis; the `n` samples include the current one.
         """
         if not isinstance(threshold, (int, float, np.floating)) or not 0 < threshold <= 1:
             raise ArgumentError(
-                f"threshold is {threshold!r}; it must be a number above 0 and up to 1"
+                f"threshold is {threshold!r}; it must be a number above 0 and at most 1"
             )
         fires = self.strength >= threshold
         if n != 1 and fires.ndim < 2:
-            raise ArgumentError(f"n is {n}; the samples must have an axis of time")
+            raise ArgumentError(f"n is {n}; the samples must have a time axis")
         return Decision(self, float(threshold), persistent(fires, k, n))
 
     def plot(self, labels: Sequence[object] | None = None, ax: Axes | None = None) -> Axes:
@@ -463,7 +463,7 @@ class Decision:
         """Return one sentence that explains the decision for the sample at this index.
 
         It names the top code with its strength and terms, the other active codes, and the sensors
-        that are missing or out of range; after ``normal``, the rule that comes closest, if any.
+        that are missing or out of range; for ``normal``, also the closest rule, if there is one.
         """
         place, firing = self._place(index), self.firing
         base, top = firing.base, self.top[place]

@@ -35,7 +35,7 @@ class Interval:
     Parameters
     ----------
     low, high : float
-        The ends; -inf or inf where there is none. At least one must be finite.
+        The ends; -inf or inf on a side without an end. At least one must be finite.
     low_closed, high_closed : bool, default False
         True if the end belongs to the interval.
 
@@ -54,7 +54,7 @@ class Interval:
         point = self.low == self.high and self.low_closed and self.high_closed
         if not (self.low < self.high or point) or (self.low, self.high) == (-inf, inf):
             raise ArgumentError(
-                f"low is {self.low:g} and high {self.high:g}; low must be lower, and one finite"
+                f"low is {self.low:g}, high {self.high:g}; low must be below high, and one finite"
             )
 
     def __str__(self) -> str:
@@ -71,7 +71,7 @@ class Interval:
         values = np.asarray(x, dtype=float)
         above = values >= self.low if self.low_closed else values > self.low
         below = values <= self.high if self.high_closed else values < self.high
-        # An interval without an end contains infinity.
+        # An interval without an end on one side contains the infinity on that side.
         above |= (self.low == -inf) & (values == -inf)
         return np.asarray(above & (below | ((self.high == inf) & (values == inf))))
 
@@ -106,8 +106,8 @@ class Term:
         The word, such as ``high``: letters, digits and underscores.
     corners : tuple of float
         Left foot, left shoulder, right shoulder and right foot of the trapezoid, in rising order.
-        Two equal corners make a step. If both left corners are -inf, or both right ones inf, that
-        shoulder is open.
+        Two equal corners make a step. If both left corners are -inf, or both right corners inf, the
+        shoulder on that side is open.
     crisp : Interval or str
         The word as a comparison, such as ``x > 90``.
     english : str, default ""
@@ -144,7 +144,7 @@ class Term:
         open_ends = (left == (-inf, -inf), right == (inf, inf))
         if list(corners) != sorted(corners) or all(open_ends):
             raise ArgumentError(
-                f"corners are {corners}; they must rise, and one side must be finite"
+                f"corners are {corners}; they must be in rising order, and one side finite"
             )
         closed = (() if open_ends[0] else left) + (() if open_ends[1] else right)
         if not all(isfinite(corner) for corner in closed):
@@ -157,7 +157,7 @@ class Term:
     def midpoint(self) -> Interval:
         """The values with a membership of 0.5 or more."""
         a, b, c, d = self.corners
-        # inf - inf would be NaN; a step holds at its edge, as a ramp does at its midpoint.
+        # Equal corners are kept: inf - inf would be NaN, and a step holds at its edge.
         low, high = (x if x == y else (x + y) / 2 for x, y in ((a, b), (c, d)))
         return Interval(low, high, a > -inf, d < inf)
 
@@ -183,7 +183,7 @@ class Term:
 @checked
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """A measured quantity with the words for its values.
+    """A measured quantity and the words for its values.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ class Variable:
     low, high : float
         Ends of the universe, the values that a sensor can report.
     terms : tuple of Term
-        One or more, each name once; the shoulder and the comparison of each must meet the universe.
+        One or more with different names; shoulder and comparison of each must reach the universe.
     english : str, default ""
         Label in figures.
 
@@ -219,7 +219,7 @@ class Variable:
         object.__setattr__(self, "high", high)
         object.__setattr__(self, "terms", tuple(self.terms))
         if not (isfinite(low) and isfinite(high) and low < high):
-            raise ArgumentError(f"low of {self.name} is {low:g}, high {high:g}; low must be lower")
+            raise ArgumentError(f"low of {self.name} is {low:g}; it must be below high, {high:g}")
         names = [term.name for term in self.terms]
         if not names or len(set(names)) < len(names):
             raise ArgumentError(
@@ -232,7 +232,7 @@ class Variable:
                 if last < low or first > high:
                     raise ArgumentError(
                         f"{what} of {self.name}.{term.name} lies outside {low:g}..{high:g}; "
-                        "it must meet the universe"
+                        "it must reach into the universe"
                     )
 
     def __getitem__(self, name: str) -> Term:
@@ -241,7 +241,7 @@ class Variable:
             if term.name == name:
                 return term
         names = ", ".join(term.name for term in self.terms)
-        raise ArgumentError(f"term is {name!r}; {self.name} has {names}")
+        raise ArgumentError(f"term is {name!r}; the terms of {self.name} are {names}")
 
     def cells(self, method: str) -> list[float]:
         """Return one value for each combination of terms that can hold at once."""
@@ -295,7 +295,7 @@ class Rule:
     code : str
         Name of the fault, such as ``V1``; not ``normal`` or ``unknown``.
     antecedent : str or tuple of (str, str)
-        Terms such as ``FP.high & OP.high``, or pairs of variable and term; each variable once.
+        Terms such as ``FP.high & OP.high``, or (variable, term) pairs; each variable only once.
     priority : int
         Rank when several rules fire, 1..9999; 1 is reported first.
     flag : str, default ""
@@ -340,7 +340,7 @@ class Rule:
             pairs = [(variable, term) for variable, term in parts]
         except (TypeError, ValueError):
             raise ArgumentError(
-                f"antecedent is {self.antecedent!r}; it must be like FP.high & OP.high, or pairs"
+                f"antecedent is {self.antecedent!r}; use text like FP.high & OP.high, or pairs"
             ) from None
         words = ((check_word("variable", a), check_word("term", b)) for a, b in pairs)
         object.__setattr__(self, "antecedent", tuple(words))
@@ -365,7 +365,7 @@ class Rule:
 def check_word(what: str, text: str) -> str:
     """Return a name if it begins with a letter and has only letters, digits and underscores."""
     if not isinstance(text, str) or not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", text):
-        raise ArgumentError(f"{what} is {text!r}; it must be letters, digits and underscores")
+        raise ArgumentError(f"{what} is {text!r}; use a letter, then letters, digits, underscores")
     return text
 
 

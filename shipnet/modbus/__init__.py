@@ -1,7 +1,7 @@
 """Modbus: requests and responses, their frames in RTU and TCP, and their timing.
 
 Unit ids, slaves and registers are numbered as on the wire; times are in seconds. The namespace
-`faults` holds faults of redundant lines, `udp` Modbus in datagrams.
+`faults` contains the faults of redundant lines, and `udp` Modbus in datagrams.
 """
 
 import lazy_loader

@@ -1,7 +1,7 @@
 """RS-232, RS-422 and RS-485: their limits, and which of them fit a line.
 
-The limits agree between makers' tables. The standards themselves limit the capacitance of RS-232
-(2500 pF) rather than its length, and neither for RS-485.
+The tables of several manufacturers agree on the limits. The standards themselves limit the
+capacitance of an RS-232 line (2500 pF), not its length; for RS-485 they limit neither.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _NI = "National Instruments, PCMCIA-232 manual, table B-1"
 _BRAINBOXES = "Brainboxes, FAQ 'RS232 RS422 RS485 standards'"
 _TI = "Texas Instruments, SN75ALS174 data sheet SLLSFU5A, section 8.2.2.3"
 
-#: 4000 ft as the tables print them [m], and the product of 10 Mbit/s and 40 ft, or of 100 kbit/s
+#: 4000 ft as printed in the tables [m], and the product of 10 Mbit/s and 40 ft, or of 100 kbit/s
 #: and 4000 ft [m bit/s].
 _FEET_4000 = 1219.0
 _PRODUCT = _FEET_4000 * 100e3
@@ -27,7 +27,7 @@ _PRODUCT = _FEET_4000 * 100e3
 class Interface(NamedTuple):
     """A serial interface standard, and the source of its limits."""
 
-    #: Most drivers and receivers on a line; for RS-485 with one unit load each.
+    #: Largest numbers of drivers and receivers on a line; for RS-485 with one unit load each.
     drivers: int
     receivers: int
     #: Longest line [m], highest bit rate [bit/s], and highest product of both, infinite if both
@@ -35,7 +35,7 @@ class Interface(NamedTuple):
     length: float
     bit_rate: float
     product: float
-    #: Conductors for both directions, without screen; a balanced line has a common one.
+    #: Conductors for both directions without the screen, including a common one if balanced.
     wires: int
     source: str
 
@@ -55,7 +55,7 @@ def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
     Parameters
     ----------
     n_stations : int
-        Stations including the master, 2..256.
+        Number of stations including the master, 2..256.
     length : float
         Length of the line, 0..100000 [m].
     bit_rate : float
@@ -64,18 +64,18 @@ def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row per interface: ``interface``, ``fits``, ``why_not``, ``stations`` (most on the
-        line), ``longest_m`` at this bit rate, ``wires`` and ``source``.
+        One row per interface: ``interface``, ``fits``, ``why_not``, ``stations`` (largest number
+        allowed), ``longest_m`` at this bit rate, ``wires`` and ``source``.
 
     Notes
     -----
-    The length of a balanced line falls with the bit rate r:
+    The longest possible balanced line becomes shorter as the bit rate r rises:
 
     .. math:: l \le \min \left( l_{max}, \frac{P}{r} \right)
 
-    Every slave must answer, so a line has as many drivers as stations. RS-232 and RS-422 have one
+    Every slave must answer, so a line has as many drivers as stations. RS-232 and RS-422 allow one
     per direction, enough for two stations. The 31 addresses that lee2012 (section III.2.a) takes
-    from RS-485 are 32 unit loads minus the master; receivers of an eighth of a unit load allow 255.
+    from RS-485 are 32 unit loads minus the master; receivers of 1/8 unit load allow 255.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
     >>> [list(interfaces(n, 60, 9600).query("fits")["interface"]) for n in (2, 3)]
     [['RS-422', 'RS-485'], ['RS-485']]
     >>> interfaces(3, 2000, 9600).set_index("interface").why_not["RS-485"]
-    '2000 m are more than 1219 m'
+    '2000 m is more than 1219 m'
     """
     count = check_whole("n_stations", n_stations, 2, 256)
     far = check_scalar("length", length, "m", 0, 1e5)
@@ -98,9 +98,9 @@ def interfaces(n_stations: int, length: float, bit_rate: float) -> pd.DataFrame:
         if count > most:
             faults.append(f"{count} stations are more than {most}")
         if rate > one.bit_rate:
-            faults.append(f"{rate:g} bit/s are more than {one.bit_rate:g} bit/s")
+            faults.append(f"{rate:g} bit/s is more than {one.bit_rate:g} bit/s")
         elif far > longest:
-            faults.append(f"{far:g} m are more than {longest:.4g} m")
+            faults.append(f"{far:g} m is more than {longest:.4g} m")
         rows.append((name, not faults, "; ".join(faults), most, longest, one.wires, one.source))
     columns = ["interface", "fits", "why_not", "stations", "longest_m", "wires", "source"]
     return pd.DataFrame(rows, columns=columns)

@@ -58,7 +58,7 @@ class DeadSlave(Fault):
     slave 3
     """
 
-    slave: int = whole(1, 247, help="Its number on the cable")
+    slave: int = whole(1, 247, help="Number of the slave on the cable")
 
     def __str__(self) -> str:
         return f"slave {self.slave}"
@@ -74,7 +74,7 @@ class DeadPort(Fault):
     port B
     """
 
-    port: Port = choice(("A", "B"), "Which port")
+    port: Port = choice(("A", "B"), "Port of the master")
 
     def __str__(self) -> str:
         return f"port {self.port}"

@@ -47,14 +47,14 @@ def read_frame(data: bytes, framing: Framing) -> tuple[int, bytes, int | None]:
     body, found = frame[:-2], int.from_bytes(frame[-2:], "little")
     expected = MODBUS.of(body)
     if found != expected:
-        raise CrcError(f"CRC is 0x{found:04X}, but the bytes before it make 0x{expected:04X}")
+        raise CrcError(f"CRC is 0x{found:04X}, but the bytes before it give 0x{expected:04X}")
     if body[0] > MAX_UNIT:
         raise FieldError(f"unit id is {body[0]}; it must be 0..{MAX_UNIT}")
     return body[0], body[1:], None
 
 
 def checked_pdu(pdu: bytes) -> bytes:
-    """Return a PDU as bytes, or raise unless it has 1..253 bytes."""
+    """Return a PDU as bytes, or raise an error unless it has 1..253 bytes."""
     if type(pdu) is bytes and 1 <= len(pdu) <= MAX_PDU:
         return pdu
     if not isinstance(pdu, bytes | bytearray | memoryview) or not 1 <= len(pdu) <= MAX_PDU:

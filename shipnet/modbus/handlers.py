@@ -20,7 +20,7 @@ from shipnet.modbus.wire import Wire
 
 Respond = Callable[[Adu], Answer]
 
-_QUOTA = 4  #: Requests of one client answered before all others have their turn.
+_QUOTA = 4  #: Requests of one client that are answered before all others get their turn.
 _READ = 4096  #: Bytes read from a client at once; no more are read until they are answered.
 
 #: Delayed answers of one client, and of all senders of datagrams, beyond which requests wait and
@@ -29,7 +29,7 @@ _HELD_BACK, _ALL_HELD_BACK = 256, 1 << 15
 _UNSENT = 1 << 16  #: Unread answers at which a client is disconnected [byte]: 250 of the longest.
 _APART = 1e-6  #: Time between timers that must fire in order [s].
 
-#: Most TCP connections, and the time after which one without requests is closed [s].
+#: Largest number of TCP connections, and the time after which an idle one is closed [s].
 _CLIENTS, _IDLE = 128, 600.0
 _SILENCE = 0.05  #: Silence after which an incomplete frame on a serial line is dropped [s].
 
@@ -38,7 +38,7 @@ _HEAD, _SHORTEST, _LONGEST = 6, 2, 1 + MAX_PDU
 
 
 class Listener:
-    """Something that listens at a `place`, until it is closed; `port` is the bound port."""
+    """A listener at a `place`, which listens until it is closed; `port` is the bound port."""
 
     wire: Wire | None = None
 
@@ -62,7 +62,7 @@ class _Handler:
 
     transport: Any = None
 
-    #: Most that waits in the transport before answers are dropped [byte]; in parts if serial.
+    #: Most bytes (serial: writes) that may wait in the transport before answers are dropped.
     unsent = _UNSENT
 
     def __init__(self, listener: Any) -> None:
@@ -123,7 +123,7 @@ class _Handler:
 
 
 class _TcpHandler(_Handler, BufferedProtocol):
-    """A connection; it reads a bounded number of bytes and answers them in turns."""
+    """A connection that reads a limited number of bytes at a time, and answers in turns."""
 
     def __init__(self, listener: TcpListener) -> None:
         super().__init__(listener)
@@ -145,7 +145,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
         super().connection_lost(exc)
 
     def get_buffer(self, sizehint: int) -> bytearray:
-        """Return where the next bytes go."""
+        """Return the buffer for the next bytes."""
         return self.space
 
     def buffer_updated(self, nbytes: int) -> None:
@@ -155,13 +155,13 @@ class _TcpHandler(_Handler, BufferedProtocol):
             self._take_turn()
 
     def _take_turn(self) -> None:
-        """Answer a few requests; others wait until all other clients had their turn."""
+        """Answer a few requests; further ones wait until all other clients have had their turn."""
         self.in_turn = False
         for _ in range(_QUOTA):
             if not self._is_open():
                 return
             if self.held_back[None] >= _HELD_BACK:
-                self.transport.pause_reading()  # the next answer sent takes the next turn
+                self.transport.pause_reading()  # sending an answer starts the next turn
                 return
             frame = self._next_frame()
             if not frame:
@@ -175,7 +175,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
         self.loop.call_soon(self._take_turn)
 
     def _next_frame(self) -> bytes:
-        """Cut a whole frame off the stream, or return nothing; an impossible length closes it."""
+        """Take a whole frame, if any, off the stream; an illegal length closes the connection."""
         if len(self.received) < _HEAD:
             return b""
         length = int.from_bytes(self.received[4:6], "big")
@@ -213,7 +213,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
 
 class _UdpHandler(_Handler, DatagramProtocol):
     def datagram_received(self, data: bytes, addr: Any) -> None:
-        """Answer a datagram that is a frame; ignore others."""
+        """Answer a datagram if it is a frame; ignore it otherwise."""
         with suppress(FrameError):
             self.reply(decode(data, "tcp"), addr)
 
@@ -222,7 +222,7 @@ class _UdpHandler(_Handler, DatagramProtocol):
 
 
 class _RtuHandler(_Handler, Protocol):
-    """A frame is complete when its CRC is right; silence drops anything else."""
+    """A serial port: bytes with a correct CRC are a frame; after a silence, others are dropped."""
 
     unsent = 4
 
@@ -231,7 +231,7 @@ class _RtuHandler(_Handler, Protocol):
         self.timer = self.loop.call_soon(self._forget)
 
     def data_received(self, data: bytes) -> None:
-        """Collect bytes until they are a frame, or until silence."""
+        """Collect bytes until they form a frame, or until the line is silent."""
         self.timer.cancel()
         # One byte too many shows that it is not a frame.
         self.received = (self.received + data)[: MAX_PDU + RTU_BYTES + 1]
@@ -270,7 +270,7 @@ class TcpListener(Listener):
         super().close()
 
     def has_room(self) -> bool:
-        """Return whether one more client may connect; log the first that may not."""
+        """Return whether one more client may connect; log the first one refused."""
         full = len(self.handlers) >= _CLIENTS
         if full and not self.refuses:
             said = "connections are refused: %d clients are connected"
@@ -302,7 +302,7 @@ class RtuListener(Listener):
         self.line = line
 
     async def listen(self) -> None:
-        """Open the port and check its parity; Linux may ignore that of a pseudo-terminal."""
+        """Open the port and check its parity, which Linux may ignore for a pseudo-terminal."""
         size, parity, stop = tuple(self.line.character)
         library = import_module("pymodbus.transport.serialtransport")
         transport, handler = await library.create_serial_connection(
@@ -317,4 +317,4 @@ class RtuListener(Listener):
             termios = import_module("termios")
             flags = termios.tcgetattr(transport.sync_serial.fileno())[2]
             if parity != "N" and not flags & termios.PARENB:
-                raise OSError(EINVAL, "the device has no parity")
+                raise OSError(EINVAL, "the device does not support parity")

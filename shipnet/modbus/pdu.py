@@ -1,8 +1,8 @@
 """Modbus requests, responses and the frames that carry them.
 
-A PDU is a function code and its fields, numbers with the high byte first; an ADU is a frame with
-the unit id and a check. Sections are those of "MODBUS application protocol specification" V1.1b3,
-2012.
+A PDU is a function code and its fields, with the high byte of numbers first. An ADU is a frame: it
+adds the unit id and, on a serial line, a CRC. Sections are those of "MODBUS application protocol
+specification" V1.1b3, 2012.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from shipnet.modbus.frame import (
     tcp_frame,
 )
 
-#: Most coils or registers that one request reads or writes, by function code; section 6.
+#: Largest number of coils or registers per request, by function code; section 6.
 READ_LIMITS = {1: 2000, 2: 2000, 3: 125, 4: 125}
 WRITE_LIMITS = {5: 1, 6: 1, 15: 1968, 16: 123}
 
@@ -83,16 +83,16 @@ class ExceptionCode(IntEnum):
 def check_registers(
     registers: Iterable[int], most: int, name: str = "registers"
 ) -> tuple[int, ...]:
-    """Return registers as a tuple, or raise unless there are 1..most, each 0..65535."""
+    """Return registers as a tuple; raise an error unless there are 1..most, each 0..65535."""
     values = _sequence(name, registers, most)
-    # Plain integers are checked at once; only others are checked one by one.
+    # Plain integers are checked all at once; only others are checked one by one.
     if {type(value) for value in values} == {int} and 0 <= min(values) and max(values) <= 0xFFFF:
         return values
     return tuple(check_whole(f"{name}[{k}]", v, 0, 0xFFFF) for k, v in enumerate(values))
 
 
 def check_coils(coils: Iterable[bool], most: int, name: str = "coils") -> tuple[bool, ...]:
-    """Return coils as a tuple of bool, or raise unless there are 1..most, each 0 or 1."""
+    """Return coils as a tuple of bool; raise an error unless there are 1..most, each 0 or 1."""
     values = _sequence(name, coils, most)
     for k, value in enumerate(values):
         if type(value).__name__ not in ("bool", "bool_"):  # of Python and NumPy
@@ -112,7 +112,7 @@ def unpack_coils(data: bytes) -> tuple[bool, ...]:
 
 
 def exception_code(value: int) -> ExceptionCode:
-    """Return a value as an exception code, or raise if it is not one."""
+    """Return a value as an exception code, or raise an error if it is not one."""
     try:
         return ExceptionCode(check_whole("exception", value, 1, 11))
     except ValueError:
@@ -267,7 +267,7 @@ class Request(_Framed):
                 return cls.write_multiple_registers(address, _registers(values, number))
             if -(-number // 8) != len(values):
                 count = f"byte count is {len(values)}"
-                raise FieldError(f"{count}, but {number} coils need another")
+                raise FieldError(f"{count}, which does not fit {number} coils")
             return cls.write_multiple_coils(address, unpack_coils(values)[:number])
         except ArgumentError as error:
             raise FieldError(str(error)) from None
@@ -299,7 +299,7 @@ class Request(_Framed):
             return Response(code, address=self.address, quantity=self.quantity)
         found = _sequence("values", values, self.quantity)
         if len(found) != self.quantity:
-            raise ArgumentError(f"values has {len(found)} values; {self.quantity} were asked for")
+            raise ArgumentError(f"values has {len(found)} values; {self.quantity} were requested")
         return Response(code, **_named(code, found))
 
     def exception(self, exception: int) -> Response:
@@ -323,9 +323,9 @@ class Response(_Framed):
     function : int
         1..6, 15 or 16; in an exception response 1..127.
     coils : sequence of bool, optional
-        States read by code 1 or 2, 1..2000 from the lowest address; with code 5 the one set.
+        States read by code 1 or 2, 1..2000 from the lowest address; with code 5 the state written.
     registers : sequence of int, optional
-        Values read by code 3 or 4, 1..125, each 0..65535; with code 6 the one written.
+        Values read by code 3 or 4, 1..125, each 0..65535; with code 6 the value written.
     address : int, optional
         First address written by code 5, 6, 15 or 16, 0..65535.
     quantity : int, optional
@@ -374,7 +374,7 @@ class Response(_Framed):
     def parse(cls, pdu: bytes, request: Request | None = None) -> Response:
         """Return the response in a PDU, or raise an error that names the wrong field.
 
-        A given request is compared with it, and coils are cut to the number requested.
+        If a request is given, the response must match it, and excess coils are cut off.
         """
         if request is not None and not isinstance(request, Request):
             raise ArgumentError(f"request is {request!r}; it must be a Request")
@@ -407,7 +407,7 @@ class Response(_Framed):
 
 
 def _named(code: int, values: tuple[Any, ...]) -> dict[str, Any]:
-    """Return values as the argument that the function code needs: coils or registers."""
+    """Return values as the keyword argument for the function code: coils or registers."""
     return {"coils" if code in _COILS else "registers": values}
 
 
@@ -432,7 +432,7 @@ def _number(message: Request | Response) -> int:
 
 
 def _single(code: int, number: int) -> dict[str, Any]:
-    """Return the only coil or register, encoded as a number, as an argument."""
+    """Return the single coil or register that a number encodes, as a keyword argument."""
     if code == 5 and number not in (0, 0xFF00):
         raise FieldError(f"coil value is 0x{number:04X}; it must be 0x0000 or 0xFF00")
     return _named(code, (number > 0,) if code == 5 else (number,))
@@ -491,19 +491,19 @@ def _registers(data: bytes, quantity: int | None = None) -> tuple[int, ...]:
 
 
 def _compared(request: Request, response: Response, data: bytes) -> Response:
-    """Return the response, or raise if it does not answer the request."""
+    """Return the response, or raise an error if it does not answer the request."""
     code = int(request.function)
     if response.function != code:
-        raise MismatchError(f"function code is {response.function:d}, but {code} was asked")
+        raise MismatchError(f"function code is {response.function:d}, but {code} was requested")
     if response.exception is not None:
         return response
     if code in READ_LIMITS:
         if len(data) != request.response_size:
             expected = request.response_size - 2
-            raise MismatchError(f"byte count is {data[1]}, but what was asked makes {expected}")
+            raise MismatchError(f"byte count is {data[1]}, but the request requires {expected}")
         return Response(code, coils=response.coils[: request.quantity]) if code <= 2 else response
     if data != (echo := request.response().pdu):
-        raise MismatchError(f"the echo is {data.hex()}, but {echo.hex()} was asked")
+        raise MismatchError(f"the echo is {data.hex()}; it must be {echo.hex()}")
     return response
 
 
@@ -562,7 +562,7 @@ class Adu:
         return Response.parse(self.pdu, request)
 
     def table(self) -> pd.DataFrame:
-        """Return the bytes of each field, of TCP if there is a transaction id, else of RTU.
+        """Return the bytes of each field: as TCP if there is a transaction id, otherwise as RTU.
 
         A PDU that may be a request or a response is read as a request.
         """
@@ -579,7 +579,7 @@ class Adu:
         )
 
     def _parts(self) -> dict[str, bytes]:
-        """Return the bytes after the function code by field, as data if they are not valid."""
+        """Return the bytes after the function code by field, or as ``data`` if they are invalid."""
         parts, rest = {}, self.pdu[1:]
         names: tuple[str, ...] = ("data",) if rest else ()
         for parse, layouts in ((Response.parse, _RESPONSES), (Request.parse, _REQUESTS)):
@@ -610,7 +610,7 @@ def decode(data: bytes, framing: Framing = "rtu") -> Adu:
     Raises
     ------
     LengthError
-        If the frame is too short or too long, or contradicts its length field.
+        If the frame is too short or too long, or its length field is wrong.
     CrcError
         If the CRC is wrong.
     FieldError

@@ -16,7 +16,7 @@ from shipnet.modbus.frame import MAX_UNIT, RTU_BYTES
 from shipnet.modbus.pdu import Request
 from shipnet.modbus.uart import SerialLine
 
-BIT_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)  #: Bit rates in use [bit/s].
+BIT_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)  #: Common bit rates [bit/s].
 
 
 @record(slots=True)
@@ -40,18 +40,18 @@ class Poll:
     (8.9, 62)
     """
 
-    request: Request = part(Request, "What the master asks")
+    request: Request = part(Request, "Request that the master sends")
     line: SerialLine = part(SerialLine, "Settings of the line")
     processing: float = number(
         0, 3600, "s",
-        "How long the slave, and the master after it, work on top of the silences", default=0.0,
+        "Time that the slave and then the master need in addition to the silences", default=0.0,
     )  # fmt: skip
     timeout: float = number(
         0, 3600, "s", "Response time-out: how long the master waits, from the end of its request, "
         "for the whole response; it must not be shorter than a response takes", default=1.0,
     )  # fmt: skip
     retries: int = whole(
-        0, 100, help="How many more times the master asks a slave that does not answer", default=0
+        0, 100, help="How often the master repeats a request that is not answered", default=0
     )
     #: Length of both frames, unit id and CRC included [byte].
     request_size: int = field(init=False, repr=False, compare=False)
@@ -94,7 +94,7 @@ class Poll:
         return (slaves - silent) * self.time + silent * self.timeout_time
 
     def utilisation(self, n_slaves: int, update: float, *, dead: int = 0) -> Utilisation:
-        """Return how far the line is used, if each slave's points need an `update` [s]."""
+        """Return the line's utilisation if all points must be read every `update` seconds."""
         check_scalar("update", update, "s", 1e-6, 1e6)
         scan = self.scan_time(n_slaves, dead=dead)
         capacity = max(n_slaves / MAX_UNIT, scan / update)
@@ -114,7 +114,7 @@ class Poll:
 def _most(polls: Sequence[Poll], period: float, dead: int) -> int:
     """Return how many slaves, including dead ones, get all these requests within a period."""
     alive, silent = sum(poll.time for poll in polls), sum(poll.timeout_time for poll in polls)
-    # The margin allows for rounding where a period is a whole number of transactions.
+    # The margin allows for rounding if a period is a whole number of transactions.
     fit = floor((period - dead * silent) / alive * (1 + 1e-12) + 1e-12)
     return min(dead + fit, MAX_UNIT) if fit >= 0 else 0
 
@@ -163,7 +163,7 @@ class Scan:
 
     @property
     def bus_time(self) -> float:
-        """Fraction of the time with bytes on the line, 0..1."""
+        """Fraction of the time in which bytes are on the line, 0..1."""
         return sum(poll._busy_time(self.n_slaves, self.dead) for poll in self.polls) / self.time
 
     @property
@@ -178,7 +178,7 @@ class Scan:
 
     @property
     def verdict(self) -> str:
-        """The answer in one line."""
+        """The result in one line."""
         said = (
             f"{self.n_slaves} slaves{f', {self.dead} dead' if self.dead else ''}: {self.time:.3f} s"
         )
@@ -187,9 +187,9 @@ class Scan:
         return f"{said}, {'at most' if self.ok else 'more than'} {self.limit:g} s"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per common bit rate and that of the scan, indexed by ``bit_rate``.
+        """Return one row per common bit rate and for that of the scan, indexed by ``bit_rate``.
 
-        The columns are `time`, `slave_time`, `dead_time` and `bus_time`, with a limit also
+        The columns contain `time`, `slave_time`, `dead_time` and `bus_time`, with a limit also
         ``max_slaves`` and ``met``. Bit rates at which a response exceeds the time-out are left out.
         """
         rows = {}
@@ -249,7 +249,7 @@ def scan(
     character : str, default "8E1"
         Data bits, parity and stop bits.
     processing : float, default 0
-        Time that a slave works on its answer, 0..3600 [s].
+        Time that a slave takes to prepare its answer, 0..3600 [s].
     dead : int, default 0
         Number of slaves that do not answer, 0..n_slaves.
     timeout : float, default 1
@@ -262,7 +262,7 @@ def scan(
     Returns
     -------
     Scan
-        Its `time`, its parts, whether it meets the limit, and other bit rates.
+        The `time` of the scan and its parts, whether it meets the limit, and other bit rates.
 
     Examples
     --------

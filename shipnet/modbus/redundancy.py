@@ -33,7 +33,7 @@ Faults = Fault | Iterable[Fault]
 
 
 def line_faults(faults: Faults) -> tuple[Fault, ...]:
-    """Return faults as a tuple, or raise unless a redundant line can have each of them."""
+    """Return faults as a tuple, or raise an error if a redundant line cannot have one of them."""
     return as_faults(faults, Break, Short, DeadSlave, DeadPort)
 
 
@@ -89,21 +89,21 @@ class Loop:
     -----
     From kim2014, sections 2.1 and 3: two-wire RS-485, slaves with one port, and a master with two
     ports that uses the other direction when the line is broken. The paper gives no rule for the
-    switch-over: `move` and `recheck` are assumptions. We also assume that a dead slave
-    or port leaves the line alone, that all slaves are polled through A while the line is whole,
-    that there is one transaction at a time, that a section both broken and shorted is shorted on
-    both sides of the break, and that termination remains adequate. The paper says 256 slaves, and
-    250 for the master; the standard has 247.
+    switch-over: `move` and `recheck` are assumptions. We also assume that a dead slave or port does
+    not disturb the line, that all slaves are polled through A while the line is intact, that there
+    is one transaction at a time, that a section both broken and shorted is shorted on both sides of
+    the break, and that termination remains adequate. The paper states 256 slaves, and 250 for the
+    master; the standard allows 247.
 
-    With s slaves that stay on their port, m that are moved and l that are lost, T an answered poll
-    and G one that times out, the longest gap is
+    With s slaves that stay on their port, m that are moved and l that are lost, a time T for an
+    answered poll and G for one that times out, the longest gap is
 
     .. math:: t = s T + m (G + T) + 2 l G, \qquad t = (s + m) T + G + 2 l G
 
-    if each slave is moved by itself, or if those downstream are moved with it; then it is one G
-    longer for all that are moved but the last, and one shorter if none is moved. On an open line a
-    lost slave costs G instead of 2 G. The worst moment for a fault is the end of the slave's
-    answer; all values are attained.
+    if each slave is moved by itself (left), or those downstream are moved with it (right). The
+    latter is one G longer for all moved slaves but the last, and one G shorter if none is moved. On
+    an open line a lost slave costs G instead of 2 G. The worst moment for a fault is the end of the
+    slave's answer; all values are attained.
 
     Examples
     --------
@@ -118,8 +118,8 @@ class Loop:
     >>> loop.single_failures().groupby("kind", sort=False)["lost"].max().to_dict()
     {'break': 0, 'short': 5, 'slave': 1, 'port': 0}
 
-    A loop of ten valves breaks in the middle. Every slave on the far side times out by itself, or
-    the first takes the others with it:
+    A loop of ten valves breaks in the middle. Every slave beyond the break times out by itself, or
+    the first one moves the others with it:
 
     >>> Loop(10, poll).worst_gap(Break(5)).max().round(2).item()
     2.87
@@ -128,13 +128,13 @@ class Loop:
     """
 
     n_slaves: int = whole(1, MAX_UNIT, help="Number of slaves; slave 1 is next to port A")
-    poll: Poll = part(Poll, "What the master asks each slave")
+    poll: Poll = part(Poll, "Request that each slave gets")
     closed: bool = switch(
         "Whether the line continues from the last slave to port B; if not, the master has only "
         "port A", default=True, kw_only=True,
     )  # fmt: skip
     isolators: bool = switch(
-        "Whether a short cuts out only its section, like a break; without isolators it silences "
+        "Whether a short disables only its section, like a break; without isolators it silences "
         "every slave and port connected to it", default=False, kw_only=True,
     )  # fmt: skip
     move: Literal["slave", "downstream"] = choice(
@@ -144,7 +144,7 @@ class Loop:
         default="slave", kw_only=True,
     )  # fmt: skip
     recheck: float = number(
-        1e-3, 1e6, "s", "Time since the last failed try, at least a scan, after which the master "
+        1e-3, 1e6, "s", "Time since the last failed try, at least one scan, after which the master "
         "tries the next slave that is lost or served through B: one request through A without "
         "retries, then for a lost slave one through B. If it answers through A, it is served from "
         "there, and the next one is tried in the same scan", default=60.0, kw_only=True,
@@ -166,7 +166,7 @@ class Loop:
         return self.n_slaves + self.closed
 
     def single_faults(self) -> list[Fault]:
-        """Return a break and a short of each section, then the slaves, then the ports."""
+        """Return a break and a short of each section, then each dead slave, then each dead port."""
         sections = range(self.n_sections)
         ports: list[Fault] = [DeadPort("A"), DeadPort("B")]
         return [
@@ -177,7 +177,7 @@ class Loop:
         ]
 
     def reach(self, faults: Faults = ()) -> Reach:
-        """Return the slaves reached with these faults, whatever the times of the faults."""
+        """Return the slaves reached while all these faults exist; their times are ignored."""
         n = self.n_slaves
         first_cut, last_cut, first_short, last_short = n + 1, -1, n + 2, -2
         dead: set[int] = set()
@@ -204,9 +204,9 @@ class Loop:
     def worst_gap(self, faults: Faults) -> Floats:
         """Return each slave's longest time between two answers that the faults can cause [s].
 
-        All faults begin at once and last, whatever their times. The gap of a lost slave is
-        infinite. That of a moved slave is also its longest switch-over time, from the fault to the
-        first answer.
+        All faults are assumed to begin together and to last; their times are ignored. The gap of a
+        lost slave is infinite. The gap of a moved slave is also its longest switch-over time, from
+        the fault to the first answer.
         """
         served = np.array(self.reach(faults).served)
         stay, moved, lost = (int((served == port).sum()) for port in "AB-")
@@ -251,7 +251,7 @@ class Loop:
     def plot(self, faults: Faults = (), ax: Axes | None = None) -> Axes:
         """Draw the loop, its faults, and the port that serves each slave; return the axes.
 
-        A break is a dotted section, a short a heavy one, and a dead slave or port a cross.
+        A break is a dotted section, a short a thick one, and a dead slave or port a cross.
         """
         ax = style.axes(ax)
         failed = line_faults(faults)

@@ -28,8 +28,8 @@ _DEFAULT_LINE = SerialLine(9600)
 
 #: Causes by the system's error number when a port is opened.
 _NETWORK_CAUSES = {
-    errno.EADDRINUSE: "port in use; port 0 is any free one",
-    errno.EACCES: "not permitted; ports below 1024 may need rights of an administrator",
+    errno.EADDRINUSE: "port in use; port 0 selects a free one",
+    errno.EACCES: "not permitted; ports below 1024 may require administrator rights",
     errno.EADDRNOTAVAIL: "this machine does not have that address",
 }
 _SERIAL_CAUSES = {
@@ -52,8 +52,8 @@ def real_clock(speed: float = 1.0) -> Clock:
 class Server:
     """A server that listens inside its ``with`` block; `serve` returns it.
 
-    `slaves` are the slaves by unit id, which may be changed while it listens; `port` is the TCP or
-    UDP port in use, 0 on a serial line or when not listening.
+    `slaves` contains the slaves by unit id and may be changed while the server listens; `port` is
+    the TCP or UDP port in use, 0 on a serial line or when not listening.
 
     Examples
     --------
@@ -84,7 +84,7 @@ class Server:
 
     def __enter__(self) -> Server:
         if self._thread is not None:
-            raise RuntimeError("the server listens already")
+            raise RuntimeError("the server is already listening")
         ready: Future[None] = Future()
         self._thread = Thread(
             target=lambda: asyncio.run(self._run(ready)), name="shipnet Modbus server", daemon=True
@@ -113,7 +113,7 @@ class Server:
         listener = self._make(respond)
         try:
             await listener.listen()
-        # A serial port that refuses its settings raises no OSError.
+        # A serial port that rejects its settings does not raise an OSError.
         except BaseException as problem:
             listener.close()
             self._stop = lambda: None
@@ -162,7 +162,7 @@ def serve(
     Parameters
     ----------
     devices : mapping of int to Device or Slave
-        Devices by unit id, 1..247; 0 is the server itself, not on a serial line. A bare device
+        Devices by unit id, 1..247; over TCP and UDP also 0, the server itself. A bare device
         becomes a `Slave`.
     transport : {"tcp", "udp", "rtu"}, default "tcp"
         Modbus/TCP; the same frames in datagrams, which no standard defines but kim2014 uses; or
@@ -170,21 +170,21 @@ def serve(
     host : str, default "127.0.0.1"
         Address to listen on; by default only this machine can connect.
     port : int, default 0
-        TCP or UDP port, 0..65535; 0 is any free one, see `Server.port`.
+        TCP or UDP port, 0..65535; 0 selects a free one, see `Server.port`.
     serial_port : str, optional
         Serial port for RTU, such as ``"/dev/ttyUSB0"``.
     line : SerialLine, default 9600 bit/s and 8E1
-        Settings of that port; an answer waits for t3.5. A Linux pseudo-terminal has no parity: use
-        ``SerialLine(9600, "8N1")``.
+        Settings of that port; answers are sent after t3.5. A Linux pseudo-terminal has no parity:
+        use ``SerialLine(9600, "8N1")``.
     speed : float, default 1
         Model seconds per real second, from the start of the server, 0..1e6.
     clock : callable, optional
-        Returns the model time [s] passed to devices, in place of `speed`. A slave's delay is in
-        real seconds.
+        Function that returns the model time [s] for the devices, in place of `speed`. A slave's
+        delay is in real seconds.
     wire_faults : WireFault or iterable of WireFault, optional
-        Faults of answers over TCP or a serial line; at most one hits an answer.
+        Faults of answers over TCP or a serial line; an answer has at most one of them.
     rng : optional
-        Random generator for `wire_faults`, as `numpy.random.default_rng` takes it.
+        Random generator for `wire_faults`, as `numpy.random.default_rng` accepts it.
 
     Returns
     -------
@@ -196,17 +196,17 @@ def serve(
     ImportError
         For RTU, if pymodbus or pyserial is missing.
     OSError
-        On entry, if it cannot listen; the message names the cause, such as a port in use, a missing
-        device or an unsupported parity.
+        On entering the block, if the server cannot listen; the message names the cause, such as a
+        port in use, a missing device or an unsupported parity.
 
     Notes
     -----
     Frames of other protocols, invalid datagrams and RTU frames with a wrong CRC get no answer; an
-    impossible length field closes the TCP connection, because the next frame cannot be found. On a
+    illegal length field closes the TCP connection, because the next frame cannot be found. On a
     serial line an incomplete frame is dropped after a silence of 50 ms, long enough for adapters
     and drivers that pass on bytes in portions.
 
-    There may be 128 TCP connections at a time; any further one is closed at once. One without
+    Up to 128 TCP connections can be open; any further one is closed at once. A connection without
     requests is closed after 10 minutes. TCP clients take turns of at most four requests. A client
     that leaves 64 KiB of answers unread is disconnected; one with 256 delayed answers must wait.
     Datagrams share one queue, which drops them when it is full. Further datagrams are dropped at
@@ -223,7 +223,7 @@ def serve(
     """
     rtu = transport == "rtu"
     if not devices:
-        raise ArgumentError("devices is {}; there must be one device or more")
+        raise ArgumentError("devices is empty; it must contain at least one device")
     slaves = {}
     for unit, device in devices.items():
         why = " on a serial line" if rtu else ""
@@ -233,7 +233,7 @@ def serve(
         raise ArgumentError(f"host is {host!r}; it must be a name or an address")
     bound = check_whole("port", port, 0, 0xFFFF)
     if rtu != bool(serial_port):
-        raise ArgumentError(f"serial_port is {serial_port!r}; RTU needs one, and nothing else does")
+        raise ArgumentError(f"serial_port is {serial_port!r}; give one for RTU, and only for RTU")
     check_scalar("speed", speed, "s/s", 0, 1e6)
     faults = check_faults(wire_faults, transport)
     check_rng(rng)

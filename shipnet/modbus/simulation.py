@@ -31,7 +31,7 @@ Try = tuple[float, int, int, int, bool]  #: Start [s], slave from 0, port, kind,
 
 
 class Paths:
-    """The connections between slaves and ports, by intervals without a change."""
+    """The connections between slaves and ports, for each interval without a change."""
 
     def __init__(self, system: Loop, faults: Sequence[Fault]) -> None:
         system.reach(faults)
@@ -114,7 +114,7 @@ class Master:
                     self.port[one] = other
 
     def due(self, slave: int) -> bool:
-        """Return whether it is time to recheck, and this slave's turn."""
+        """Return whether a recheck is due and it is this slave's turn."""
         if self.time < self.last_failure + self.rule.recheck:
             return False
         following = ((self.probed + step) % self.n for step in range(1, self.n + 1))
@@ -168,7 +168,7 @@ class Run:
         """Return one row per try: ``start_s``, ``end_s`` (when the next may begin), ``slave``, ``port``.
 
         ``kind`` is poll, switch (the other port is asked at once) or probe (what failed is tried
-        again), and ``answered`` says whether the whole response came.
+        again), and ``answered`` says whether the whole response arrived.
         """  # noqa: E501
         start, slave, port, kind, answered = self._columns
         poll = self.system.poll
@@ -192,7 +192,7 @@ class Run:
 
     @cached_property
     def _answers(self) -> tuple[Floats, Integers]:
-        """The ends and the slaves of the responses, slave by slave."""
+        """End times and slaves of the responses, slave by slave."""
         start, slave, _, _, answered = self._columns
         order = np.flatnonzero(answered)
         order = order[np.argsort(slave[order], kind="stable")]
@@ -201,12 +201,12 @@ class Run:
 
     @property
     def answer_times(self) -> Floats:
-        """Ends of all responses, in order [s]."""
+        """End times of all responses, in order [s]."""
         return np.sort(self._answers[0])
 
     @cached_property
     def gaps(self) -> Floats:
-        """Longest time without an answer of each slave, the end included [s]."""
+        """Longest time without an answer for each slave, up to the end of the run [s]."""
         time, slave = self._answers
         last = np.flatnonzero(np.diff(slave, append=-1))
         longest = np.full(self.system.n_slaves, self.until)
@@ -220,7 +220,7 @@ class Run:
     def table(self) -> pd.DataFrame:
         """Return one row per slave: its port, its answers and its longest time without one.
 
-        ``port`` is that which serves the slave at the end, ``"-"`` if it is lost.
+        ``port`` is the one that serves the slave at the end, ``"-"`` if it is lost.
         """
         n = self.system.n_slaves
         return pd.DataFrame(
@@ -233,7 +233,7 @@ class Run:
         )
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return how heavily the line was used, if each slave's points need an `update` [s]."""
+        """Return the line's utilisation if all points must be read every `update` seconds."""
         check_scalar("update", update, "s", 1e-6, 1e6)
         events, poll = self.events(), self.system.poll
         good = events[events["answered"]]

@@ -19,7 +19,7 @@ from shipnet.modbus.pdu import (
     exception_code,
 )
 
-#: Kind of data, each with addresses of its own; "MODBUS application protocol" V1.1b3, section 4.3.
+#: Kinds of data, each with its own addresses; "MODBUS application protocol" V1.1b3, section 4.3.
 Table = Literal["coils", "discrete_inputs", "holding_registers", "input_registers"]
 
 _Values = Mapping[int, Any] | Iterable[Any]  #: Values by address, or from address 0.
@@ -52,7 +52,7 @@ class DeviceError(Exception):
 
 @runtime_checkable
 class Device(Protocol):
-    """Any object that can be read and written by address; it raises `DeviceError` to refuse.
+    """Any object that can be read and written by address; it raises `DeviceError` as a refusal.
 
     Examples
     --------
@@ -97,12 +97,12 @@ class Registers:
         self.limits = dict(limits or {})
         for address, (low, high) in self.limits.items():
             if address not in self.holding_registers:
-                raise ArgumentError(f"limits has address {address}; holding_registers does not")
+                raise ArgumentError(f"limits has address {address}, but holding_registers does not")
             check_whole(f"limits[{address}][0]", low, 0, 0xFFFF)
             check_whole(f"limits[{address}][1]", high, low, 0xFFFF)
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> list[int]:
-        """Return values of a table; exception 2 if one does not exist."""
+        """Return values of a table, or refuse with exception 2 if one does not exist."""
         memory: dict[int, int] = getattr(self, table)
         try:
             return [memory[place] for place in range(address, address + quantity)]
@@ -110,7 +110,7 @@ class Registers:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS) from None
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """Write all values or none; exception 2 or 3."""
+        """Write all values, or none and refuse with exception 2 or 3."""
         new = dict(enumerate(values, address))
         memory: dict[int, int] = getattr(self, table)
         if not new.keys() <= memory.keys():
@@ -149,13 +149,13 @@ _NOTHING = Answer(b"", 0.0)
 class Slave:
     """A simulated slave with registers, or with your own device.
 
-    All attributes may be changed while a server uses the slave; `device` has the tables as
+    All attributes may be changed while a server uses the slave; `device` contains the tables as
     dictionaries.
 
     Parameters
     ----------
     device : Device, optional
-        Your own device, in place of tables.
+        Your own device, in place of the tables.
     coils, discrete_inputs : mapping of int to bool, or sequence of bool, optional
         Bits by address; a sequence starts at address 0. Other addresses do not exist.
     holding_registers, input_registers : mapping of int to int, or sequence of int, optional
@@ -168,9 +168,9 @@ class Slave:
     delay : float, default 0
         Time before the answer is sent, 0..3600 [s]. The request is executed at once.
     exception : ExceptionCode, optional
-        Exception that answers every served request, which is not executed.
+        Exception with which every served request is answered instead of executed.
     silent : bool, default False
-        Whether it ignores all requests.
+        Whether the slave ignores all requests.
 
     Raises
     ------
@@ -215,15 +215,15 @@ class Slave:
         if device is None:
             device = Registers(**tables)  # type: ignore[arg-type]
         elif given := [name for name, table in tables.items() if table]:
-            raise ArgumentError(f"{given[0]} is given beside a device; it must be one of them")
+            raise ArgumentError(f"a device and {given[0]} are given; give only one of them")
         if not isinstance(device, Device):
-            raise ArgumentError(f"device is {device!r}; it must have read and write")
+            raise ArgumentError(f"device is {device!r}; it must have the methods read and write")
         self.device = device
         try:
             self.functions = frozenset(FunctionCode(code) for code in functions)
         except (TypeError, ValueError):
             raise ArgumentError(
-                f"functions is {functions!r}; it must be some of 1..6, 15, 16"
+                f"functions is {functions!r}; each must be 1..6, 15 or 16"
             ) from None
         self.delay = check_scalar("delay", delay, "s", 0, 3600)
         self.exception = None if exception is None else exception_code(exception)
@@ -238,9 +238,9 @@ class Slave:
         """Execute a request at a model time [s] and return the response PDU.
 
         The PDU is empty if the slave is silent or the function code is 0 or above 127. Exceptions
-        come in the order of "MODBUS application protocol" V1.1b3, section 6: 1 for the function
+        follow the order of "MODBUS application protocol" V1.1b3, section 6: 1 for the function
         code, 3 for an illegal field or length, then that of the device. If the device fails
-        otherwise, exception 4 answers and the failure is logged to ``shipnet.modbus.server``.
+        otherwise, the answer is exception 4, and ``shipnet.modbus.server`` logs the failure.
         """
         pdu = request.pdu if isinstance(request, Request) else request
         if not isinstance(pdu, bytes | bytearray | memoryview):

@@ -1,7 +1,7 @@
 """A serial line: its characters and silences, its level over time, and what a UART reads.
 
-A character is a start bit of level 0, the data with the least significant bit first, perhaps a
-parity bit, and one or two stop bits of level 1; an idle line has level 1.
+A character consists of a start bit of level 0, the data with the least significant bit first, an
+optional parity bit, and one or two stop bits of level 1; an idle line has level 1.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from shipnet.fields import check_scalar, check_whole, choice, number, record
 from shipnet.lazy import Axes
 from shipnet.modbus.frame import MAX_PDU, RTU_BYTES
 
-#: Data bits of a character of RTU, and what a character may be: data bits, parity, stop bits.
+#: Data bits of an RTU character, and the legal characters: data bits, parity, stop bits.
 _DATA = 8
 CHARACTERS = ("8E1", "8E2", "8O1", "8O2", "8N1", "8N2")
 
@@ -39,11 +39,11 @@ class SerialLine:
 
     bit_rate: float = number(50, 10e6, "bit/s", "Bit rate")
     character: str = choice(
-        CHARACTERS, "Data bits (8 in RTU), parity and stop bits. The standard asks for 8E1 as "
-        "default, and for 8N2 without parity; 8N1 is common nevertheless", default="8E1",
+        CHARACTERS, "Data bits (8 in RTU), parity and stop bits. The standard requires 8E1 by "
+        "default, and 8N2 without parity; 8N1 is common nevertheless", default="8E1",
     )  # fmt: skip
 
-    #: Highest bit rate at which the silences are counted in characters [bit/s], and what they are
+    #: Highest bit rate at which the silences are counted in characters [bit/s], and their lengths
     #: above it [s]; section 2.5.1.1.
     SILENCE_LIMIT: ClassVar[int] = 19200
     FIXED_T15: ClassVar[float] = 750e-6
@@ -112,13 +112,13 @@ class SerialLine:
         return Waveform(time, level, self)
 
     def clock_tolerance(self) -> tuple[float, float]:
-        r"""Return the lowest and highest relative error of a sender's bit rate that is still read.
+        r"""Return the lowest and highest relative bit-rate error at which a sender is still read.
 
         .. math:: -\frac{1/2}{n - 1/2} < \delta < \frac{1/2}{n - 1/2}
 
         for n bits up to the first stop bit. With two stop bits the sample of the first may fall
         into the second, so the right denominator is n - 3/2. Rise times, jitter and a receiver that
-        samples the line only at some moments reduce the range.
+        samples the line at discrete times reduce the range.
         """
         n = 1 + _DATA + (self.character[1] != "N") + 1
         stops = int(self.character[2])
@@ -139,7 +139,7 @@ def _line_bits(data: bytes | memoryview, line: SerialLine) -> Bytes:
 
 
 class Characters(NamedTuple):
-    r"""The characters that a receiver reads, one entry each.
+    r"""The characters that a receiver reads, with one array entry per character.
 
     Examples
     --------
@@ -157,7 +157,7 @@ class Characters(NamedTuple):
 
     @property
     def data(self) -> bytes:
-        """All bytes, wrong ones included."""
+        """All bytes, including wrong ones."""
         return self.value.tobytes()
 
 
@@ -171,7 +171,7 @@ class Waveform:
     time : array_like of float, shape (n_samples,)
         Non-decreasing times [s]: corners of a step function or samples of a scope.
     level : array_like of float, shape (n_samples,)
-        Level from each time to the next, 1 above 0.5; the last one stays.
+        Level from each time to the next; above 0.5 it counts as 1. The last level remains.
     line : SerialLine
         Settings of the sender.
 
@@ -195,12 +195,12 @@ class Waveform:
         value = np.asarray(self.level, dtype=np.float64)
         if at.ndim != 1 or at.shape != value.shape:
             raise ArgumentError(
-                f"time has shape {at.shape}, level {value.shape}; make them equal rows"
+                f"time has shape {at.shape}, level {value.shape}; both must be rows of one length"
             )
         if not (np.isfinite(at).all() and np.isfinite(value).all()):
             raise ArgumentError("time and level must be finite")
         if (np.diff(at) < 0).any():
-            raise ArgumentError("time falls; it must not")
+            raise ArgumentError("time decreases; it must not")
         object.__setattr__(self, "time", at)
         object.__setattr__(self, "level", value)
 

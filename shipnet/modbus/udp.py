@@ -19,7 +19,7 @@ from shipnet.lazy import pd
 
 __all__ = ["LossyPath", "compare"]
 
-_MOST = 10**6  #: Most requests.
+_MOST = 10**6  #: Largest number of requests.
 
 
 @record
@@ -38,8 +38,8 @@ class LossyPath:
     duplicated: float = number(
         0, 1, "", "Probability that a datagram is sent on as two copies", default=0.0
     )
-    delay: float = number(0, 3600, "s", "How long a datagram takes", default=1e-3)
-    lateness: float = number(0, 3600, "s", "How much longer a late one takes", default=1.0)
+    delay: float = number(0, 3600, "s", "Transit time of a datagram", default=1e-3)
+    lateness: float = number(0, 3600, "s", "Additional time of a late datagram", default=1.0)
 
     def transit(self, n: int, rng: np.random.Generator) -> Floats:
         """Return the transit times of both copies of n datagrams [s], (n, 2); inf if lost."""
@@ -59,9 +59,9 @@ def transaction_ids(n: int) -> list[int]:
 def replies(
     marks: Sequence[int], path: LossyPath, timeout: float, rng: np.random.Generator
 ) -> tuple[Integers, int]:
-    """Return the request whose reply each request takes, and how many replies are dropped.
+    """Return the request whose reply each request accepts, and how many replies are dropped.
 
-    A request takes a reply to a request with the same mark; -1 stands for a time-out.
+    A request accepts a reply to any request with the same mark; -1 stands for a time-out.
     """
     n = len(marks)
     there = path.transit(n, rng)
@@ -104,23 +104,23 @@ def compare(
     timeout : float, default 0.5
         Time-out of a reply, 1e-9..3600 [s].
     rng : int or numpy.random.Generator, optional
-        Random generator; all rows see the same datagrams.
+        Random generator; all rows of the table use the same datagrams.
 
     Returns
     -------
     pandas.DataFrame
         One row per field that is checked: ``nothing``, ``unit id``, ``transaction id``. Columns:
-        ``mismatched`` (reply to another request taken), ``wrong_unit`` (that of another unit),
-        ``timeouts`` and ``dropped`` (replies not taken).
+        ``mismatched`` (accepted a reply to another request), ``wrong_unit`` (from another unit),
+        ``timeouts`` and ``dropped`` (replies not accepted).
 
     Notes
     -----
     The header in tables 2 and 3 of kim2014 begins with 0.0.0.0: transaction id 0. A reply after its
-    time-out then looks like the next one, which an id as in "MODBUS messaging on TCP/IP" V1.0b,
-    section 4.4.1, would prevent. Let a round trip take r and a late one r + L, with L < T < r + L
-    for a time-out T, and let requests follow at once. The late reply comes before that to the next
-    request, which is left for the following one, and so on. So one late reply to request j of n,
-    counted from 0, mismatches all later requests,
+    time-out then looks like the next reply; an id as in "MODBUS messaging on TCP/IP" V1.0b, section
+    4.4.1, would prevent this. Let a round trip take r and a late one r + L, with L < T < r + L for
+    a time-out T, and let requests follow at once. The next request accepts the late reply; its own
+    reply arrives later and is accepted by the following request, and so on. So one late reply to
+    request j of n, counted from 0, mismatches all later requests,
 
     .. math:: n - 1 - j
 

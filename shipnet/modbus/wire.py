@@ -40,13 +40,13 @@ class WireFault:
     -----
     ``late``: the answer comes `seconds` late. ``delay``: a random time up to `seconds` late.
     ``gap``: a silence of `seconds` splits it. ``double``: it comes twice without a pause.
-    ``previous``: the previous answer, of any client, replaces it. ``short``: only its first half
-    comes. ``garbage-before``, ``garbage-after``: four random bytes come with it.
+    ``previous``: the previous answer, to any client, replaces it. ``short``: only its first half
+    is sent. ``garbage-before``, ``garbage-after``: four random bytes precede or follow it.
 
     Others change a field. ``wrong-count``: the byte count of a read is 2 too low. ``wrong-unit``,
     ``wrong-function``, ``wrong-transaction``: the field names the next unit, another function code
     or the next transaction. ``wrong-crc``: the data do not match the CRC. These four also flip the
-    last bit of the data, so that a client that takes the answer shows a wrong value.
+    last bit of the data, so that a client that accepts the answer shows a wrong value.
 
     Examples
     --------
@@ -61,9 +61,9 @@ class WireFault:
     """
 
     name: Name = choice(get_args(Name), "What happens; see Notes")
-    probability: float = number(0, 1, "", "Share of the answers to which it happens", default=1.0)
+    probability: float = number(0, 1, "", "Fraction of the answers with this fault", default=1.0)
     seconds: float | None = number(
-        0, 3600, "s", "Time that late (default 5), delay and gap (0.5) take", default=None,
+        0, 3600, "s", "Duration of late (default 5), delay and gap (0.5)", default=None,
         optional=True,
     )  # fmt: skip
 
@@ -154,7 +154,7 @@ class Wire:
 
 
 def check_faults(faults: WireFault | Iterable[WireFault], transport: str) -> tuple[WireFault, ...]:
-    """Return faults as a tuple, or raise unless they fit the transport and each other."""
+    """Return faults as a tuple; raise an error unless they fit the transport and each other."""
     several = (faults,) if isinstance(faults, WireFault) else tuple(faults)
     for fault in several:
         needed, why = _ONLY.get(fault.name, (transport, ""))
@@ -165,7 +165,7 @@ def check_faults(faults: WireFault | Iterable[WireFault], transport: str) -> tup
     total = sum(fault.probability for fault in several)
     if total > 1 + 1e-9:
         raise ArgumentError(
-            f"the probabilities of wire_faults add up to {total:g}; at most one fault hits an "
-            "answer, so they may add up to 1"
+            f"the probabilities of wire_faults add up to {total:g}; an answer has at most one "
+            "fault, so they must not exceed 1 in total"
         )
     return several

@@ -25,8 +25,8 @@ CHECKS = ("markers", "markers + CRC", "CRC")
 
 _YEAR = 365 * 86400.0  #: A year of 365 days [s].
 
-#: What `recommend` assumes: the most packets with wrong items that the receivers may accept per
-#: year, and the mean time between two moves of a switch [s].
+#: Assumptions of `recommend`: how many packets with wrong items the receivers may accept per year,
+#: and the mean time between two moves of a switch [s].
 _MOST_WRONG, _INTERVAL = 1.0, 3600.0
 
 
@@ -34,7 +34,7 @@ _MOST_WRONG, _INTERVAL = 1.0, 3600.0
 
 
 def check_formats(n_items: int) -> dict[str, PacketFormat]:
-    """Return a packet format for 1..84 items by the name of its check."""
+    """Return the packet formats for 1..84 items by the names of their checks."""
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     formats = (MarkerFormat("A", n), MarkerFormat("A", n, crc=True), CobsFormat(n))
     return dict(zip(CHECKS, formats, strict=True))
@@ -60,14 +60,14 @@ def compare_checks(
     rates : iterable of float
         Bit error rates, 0..0.5 each.
     packets : int, default 60000
-        Packets per check, number of items and rate, 0..1e9.
+        Number of packets for each check, number of items and rate, 0..1e9.
     rng : numpy.random.Generator or int, optional
         Random generator, or its seed.
 
     Returns
     -------
     Comparison
-        A table of the counts with the closed forms, and a figure.
+        The counts and the closed-form results, as a table and a figure.
 
     Examples
     --------
@@ -114,7 +114,7 @@ class Comparison:
     def __repr__(self) -> str:
         table = self.table()
         if table.empty:
-            return "Comparison(of nothing)"
+            return "Comparison(no packets)"
         return (
             f"Comparison({table['check'].nunique()} checks, {table['sent'].sum()} packets, "
             f"{table['undetected'].sum()} accepted with errors)"
@@ -132,7 +132,7 @@ class Comparison:
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the fraction of packets accepted with errors, at the first bit error rate.
 
-        Over the number of items, lines show theory, and markers show counts with their bounds.
+        Lines show theory over the number of items, and markers show counts with their bounds.
         """
         from shipnet.remote_control.plot import plot_checks
 
@@ -146,7 +146,7 @@ class Staleness(NamedTuple):
     """How a receiver follows a switch of two positions.
 
     `share` is the fraction of the time in which it shows a position other than the one sent in the
-    last packet; `duration` is the mean time from a failed packet to the right position [s].
+    last packet; `duration` is the mean time from a failed packet to the correct position [s].
     """
 
     share: float
@@ -156,13 +156,13 @@ class Staleness(NamedTuple):
 def switch_staleness(shares: Shares, period: float, interval: float, sending: Sending) -> Staleness:
     r"""Return how well a receiver follows a switch, in closed form.
 
-    Packets come every `period` T [s]; the switch moves at random with a mean `interval` [s].
+    A packet is sent every `period` T [s]; the switch moves at random with a mean `interval` [s].
     Between two packets it moves with a probability f, which is 1 if only changes are sent, else
 
     .. math:: f = \frac{1}{2} \left( 1 - e^{-2 T / \tau} \right)
 
-    A discarded packet, with the probability d, leaves the old position; one that is accepted with
-    errors, u, leaves none. In the long run the fraction of wrong positions is
+    A discarded packet (probability d) leaves the old position in place; one that is accepted with
+    errors (u) replaces it with a wrong one. In the long run the fraction of wrong positions is
 
     .. math:: g + \frac{d f (1 - g)}{1 - d + 2 d f}, \quad g = \frac{u}{1 - d}
     """
@@ -172,8 +172,8 @@ def switch_staleness(shares: Shares, period: float, interval: float, sending: Se
     share = spoiled + d * flip * (1 - spoiled) / (1 - d + 2 * d * flip)
     if sending == "cyclic":
         return Staleness(share, period / (1 - d - u))
-    # An old position ends with the next move, discarded or not, unless its packet is accepted with
-    # errors; a wrong position ends only with a correct packet.
+    # An old position ends with the next move, even if its packet is discarded, unless the packet is
+    # accepted with errors; a wrong position ends only with a correct packet.
     spoiled_moves = 1 / (1 - d - u)
     old_moves = 1 + u * spoiled_moves
     moves = (d * old_moves + u * spoiled_moves) / (d + u) if d + u else 1.0
@@ -212,11 +212,11 @@ class Recommendation:
 def candidates(n_items: int, system: System, rate: float, stale_time: float) -> pd.DataFrame:
     """Return all ways to send 1..84 values per station, one row each, as `recommend` compares them.
 
-    A discarded packet also causes a wait of one turn, but affects no other packet. A check and size
-    whose answer takes longer than a turn has no row. If the items are split among several packets,
-    all are as long as the longest and each cycle carries one packet per station, so a value is
-    updated once per as many cycles as there are packets. If only changes are sent, a packet is as
-    long as if all items changed at once; its failures are counted for packets of one item.
+    A discarded packet also causes a wait of one turn, but affects no other packet. There is no row
+    for a check and size whose answer takes longer than a turn. If the items are split among several
+    packets, all are as long as the longest and each cycle carries one packet per station, so that
+    updating all values takes as many cycles as there are packets. If only changes are sent, a
+    packet is as long as if all items changed at once; its failures are those of one-item packets.
     """
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     p = check_scalar("rate", rate, "", 0, 0.1)
@@ -276,14 +276,14 @@ def recommend(
     Parameters
     ----------
     n_items : int
-        Values that each station sends, 1..84.
+        Number of values that each station sends, 1..84.
     system : System, optional
         Only bit rate, character, processing and ``turn_timeout`` are used; by default the paper's
         link. Without a ``turn_timeout``, a turn ends after half a cycle, twice the time of an
         answer; waiting until the counters reach the limit, as printed, would leave a switch wrong
         for 4.4 s longer.
     rate : float, default 1e-5
-        Bit error rate, 0..0.1; our assumption, because the paper names none.
+        Bit error rate, 0..0.1; our assumption, because the paper states none.
     stale_time : float, default 3
         Longest mean time that a switch is shown in a wrong position after a failed packet,
         1e-3..1e9 [s], including the wait of RCS for the lost answer; the default equals the time
@@ -314,7 +314,7 @@ def recommend(
     table = candidates(n_items, system or System(), rate, stale_time)
     good = table[table["meets"]]
     if table.empty:
-        raise ArgumentError("turn_timeout is shorter than the answer with one item, of any check")
+        raise ArgumentError("turn_timeout is shorter than the shortest answer, that of one item")
     if good.empty:
         failed = (~table[["errors_ok", "stale_ok", "alarm_ok"]]).sum().astype(int)
         raise ArgumentError(
@@ -327,9 +327,9 @@ def recommend(
     wrong = float(markers["wrong_per_year"].max())
     most = "at most about " if best["check"] == "CRC" else ""
     why = (
-        f"markers alone would let {wrong:.2g} wrong packets per year pass, this lets {most}"
-        f"{best['wrong_per_year']:.2g}; a switch that misses its packet is correct again after "
-        f"{best['stale_s']:.2g} s, if RCS ends a turn without an answer after "
+        f"markers alone would accept {wrong:.2g} wrong packets per year, this accepts {most}"
+        f"{best['wrong_per_year']:.2g}; a switch is correct again {best['stale_s']:.2g} s after "
+        f"a failed packet on average, if RCS ends a turn without an answer after "
         f"{best['turn_timeout_s']:.2g} s"
     )
     check, per_packet = str(best["check"]), int(best["per_packet"])

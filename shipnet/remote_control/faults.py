@@ -30,7 +30,7 @@ class DeadStation(Fault):
     DeadStation(start=3.0, stop=inf, station='SS')
     """
 
-    station: str = choice(STATIONS, "The station")
+    station: str = choice(STATIONS, "Station that is inactive")
 
 
 @record
@@ -47,7 +47,7 @@ class Stall(Fault):
     1.2
     """
 
-    station: str = choice(STATIONS, "The station")
+    station: str = choice(STATIONS, "Station whose task is slow")
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -57,7 +57,7 @@ class Stall(Fault):
 
 @record
 class LostPacket(Fault):
-    """A packet is lost on the line: the first that its sender begins from `start` to `stop`.
+    """A packet is lost on the line: the first that its sender begins between `start` and `stop`.
 
     Examples
     --------
@@ -66,8 +66,8 @@ class LostPacket(Fault):
     1.0
     """
 
-    source: str = choice(STATIONS, "Its sender")
-    target: str = choice(STATIONS, "Receiver of the packet; sender or receiver is RCS")
+    source: str = choice(STATIONS, "Sender of the packet")
+    target: str = choice(STATIONS, "Receiver of the packet; either sender or receiver is RCS")
 
     def __post_init__(self) -> None:
         super().__post_init__()

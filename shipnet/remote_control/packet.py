@@ -47,14 +47,14 @@ _PARTS = ("number", "low byte", "high byte")
 _CRC_BITS, _DIGITS = 16, 80
 
 _NUMBER_CHECKS = {
-    "any": "any number is taken",
-    "known": "the receiver's table has the number",
-    "rising": "the numbers are known and rise",
+    "any": "any number is accepted",
+    "known": "the number must be in the receiver's table",
+    "rising": "the numbers must be in the table and in rising order",
 }
 
 
 def _crc(rows: Bytes) -> npt.NDArray[np.unsignedinteger]:
-    # The CRC of a single packet is faster on bytes.
+    # For a single packet, the CRC of bytes is faster.
     return np.array([MODBUS.of(rows.tobytes())], np.uint16) if len(rows) == 1 else MODBUS.of(rows)
 
 
@@ -74,13 +74,13 @@ def _with_crc(rows: Bytes) -> Bytes:
 
 @record
 class MarkerFormat(PacketFormat):
-    """The packet as printed: accepted if its markers are in their places.
+    """The packet as printed, which is accepted if its markers are in the right places.
 
     Notes
     -----
     A value byte may equal a marker, because the format has no escape sequence. With
     ``numbers="any"``, a receiver that stores by number, as printed, writes outside its table when a
-    number is disturbed. The paper [1]_ names no check of the numbers and no CRC.
+    number is disturbed. The paper [1]_ mentions neither a check of the numbers nor a CRC.
 
     References
     ----------
@@ -106,7 +106,7 @@ class MarkerFormat(PacketFormat):
 
     reading: Literal["A", "B"] = choice(
         {"A": "one 0xDD per packet", "B": "one 0xDD per value"},
-        "How the lost drawing is read: A with one 0xDD per packet, B with one per value",
+        "Interpretation of the missing drawing: A has one 0xDD per packet, B one per value",
         default="A",
     )
     n_numbers: int = whole(
@@ -116,7 +116,7 @@ class MarkerFormat(PacketFormat):
         _NUMBER_CHECKS, "What the receiver requires of the numbers", default="any"
     )
     crc: bool = switch(
-        "Whether CRC-16/MODBUS of the packet follows it, low byte first", default=False
+        "Whether the packet is followed by its CRC-16/MODBUS, low byte first", default=False
     )
 
     @property
@@ -135,7 +135,7 @@ class MarkerFormat(PacketFormat):
         return len(self.head) + n * (len(self.lead) + _ITEM) + 1 + _CRC * self.crc
 
     def parser(self) -> MarkerParser:
-        """Return a new parser; its `feed` takes a stream in any pieces."""
+        """Return a new parser; its `feed` takes a stream in pieces of any length."""
         return MarkerParser(self)
 
     def _taken(self, stream: bytes) -> list[tuple[int, str]]:
@@ -144,7 +144,7 @@ class MarkerFormat(PacketFormat):
 
     @staticmethod
     def false_sync(n_bytes: int, markers: int = 3) -> float:
-        r"""Return the probability that at least one of some random bytes equals a marker.
+        r"""Return the probability that at least one of n random bytes equals a marker.
 
         .. math:: P = 1 - \left( 1 - \frac{m}{256} \right)^n
 
@@ -163,7 +163,7 @@ class MarkerFormat(PacketFormat):
 
         unless a number turns into the last marker, with the probability P_e. With a CRC, the other
         bits must also be a code word, see `crc_residual`; this upper bound is less than a
-        thousandth too high. A check of the numbers is left out; it would only lower the fraction.
+        thousandth too high. A check of the numbers is ignored; it would only lower the fraction.
         """
         head, lead = len(self.head), len(self.lead)
         step, end = lead + _ITEM, head + n_items * (lead + _ITEM)
@@ -241,7 +241,7 @@ class MarkerParser:
         if complete:
             return "CRC" if self._format.crc else "end of the packet"
         if place < 0:
-            return "passed over"
+            return "discarded"
         if place < head:
             return ("start of the packet", "start of the data")[place]
         if self._size:
@@ -358,7 +358,7 @@ class CobsFormat(PacketFormat):
         return 4 + 3 * check_whole("n_items", n_items, 0, self.n_numbers)
 
     def parser(self) -> CobsParser:
-        """Return a new parser; its `feed` takes a stream in any pieces."""
+        """Return a new parser; its `feed` takes a stream in pieces of any length."""
         return CobsParser(self)
 
     def _taken(self, stream: bytes) -> list[tuple[int, str]]:
@@ -373,7 +373,7 @@ class CobsFormat(PacketFormat):
         try:
             self.decode(packet + b"\0")
         except FrameError:
-            return ["passed over"] * (len(packet) + 1)
+            return ["discarded"] * (len(packet) + 1)
         n_items = (len(packet) - 3) // 3
         parts = [f"distance to the first 0: {packet[0]}", *n_items * _PARTS, "CRC", "CRC"]
         place = packet[0]
@@ -434,7 +434,7 @@ class CobsParser:
 
 
 def crc_residual(n_bytes: int, rate: float, known: tuple[int, ...] = ()) -> float:
-    r"""Return the probability that CRC-16/MODBUS accepts bytes, with their check, that have errors.
+    r"""Return the probability that CRC-16/MODBUS accepts data and check bytes that have errors.
 
     Bytes at the `known` places have no errors. By MacWilliams' identity, with the number B of words
     of weight w in the dual code of a code of L bits (T. Fujiwara, T. Kasami, S. Lin, IEEE Trans.

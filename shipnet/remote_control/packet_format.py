@@ -1,6 +1,6 @@
 """Parts shared by all packets: items, rows of packets, and the effect of bit errors.
 
-Bits are inverted independently with a probability p; start and stop bits are left out.
+Bits are inverted independently with a probability p; start and stop bits are not modelled.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ _CHUNK = 1 << 16
 
 #: The fault of a refused packet; the text about numbers continues with the legal numbers.
 _FAULTS: Mapping[type[FrameError], str] = {
-    LengthError: "has a length that no number of items gives",
+    LengthError: "has a length that fits no number of items",
     FormError: "does not have the form of a packet",
-    CrcError: "has a check that does not belong to its bytes",
+    CrcError: "has a CRC that does not match its bytes",
     FieldError: "has numbers that are not all",
 }
 
 
 def check_bytes(name: str, data: object) -> bytes:
-    """Return bytes, or raise; `bytes` itself would turn a number into zeros."""
+    """Return data as bytes, or raise an error; `bytes` itself would turn a number into zeros."""
     if not isinstance(data, (bytes, bytearray, memoryview)):
         raise ArgumentError(f"{name} is {data!r}; it must be bytes")
     return bytes(data)
@@ -90,7 +90,7 @@ class Parser(Protocol):
 
 
 class Decoded(NamedTuple):
-    """The reading of many packets: error codes, 0 for none, and the accepted items."""
+    """The result of decoding many packets: error codes (0 for none), and the accepted items."""
 
     error: Bytes
     numbers: Bytes
@@ -105,11 +105,11 @@ class Decoded(NamedTuple):
 
 @checked
 class PacketFormat:
-    """Base of the two formats, which encode, decode and trace packets in their own ways."""
+    """Base class of the two formats, which encode, decode and trace packets differently."""
 
     __slots__ = ()
 
-    #: Number of values, and most items of a packet.
+    #: Number of values, and largest number of items per packet.
     n_numbers: int
     #: What a receiver requires of the numbers.
     numbers: NumberCheck
@@ -119,7 +119,7 @@ class PacketFormat:
         raise NotImplementedError
 
     def encode(self, items: Mapping[int, int]) -> bytes:
-        """Return a packet with values 0..65535 by their numbers, in rising order of the numbers."""
+        """Return a packet with values 0..65535, given by number, in rising order of the numbers."""
         if not isinstance(items, Mapping):
             raise ArgumentError(f"items is {items!r}; it must map numbers to values")
         numbers = sorted(check_whole("number", number, 0, self.n_numbers - 1) for number in items)
@@ -171,10 +171,10 @@ class PacketFormat:
         return stream[begin : begin + count]
 
     def encode_batch(self, numbers: npt.ArrayLike, values: npt.ArrayLike) -> Bytes:
-        """Return many packets as rows of bytes, each as `encode` makes it.
+        """Return many packets as rows of bytes, each as returned by `encode`.
 
-        `values` has the shape (n_packets, n_items), and `numbers`, which rise in each row, the same
-        or (n_items,).
+        `values` has the shape (n_packets, n_items); `numbers`, in rising order in each row, has the
+        same shape or (n_items,).
         """
         value = _whole("values", values, 0xFFFF)
         number = _whole("numbers", numbers, self.n_numbers - 1)
@@ -184,16 +184,16 @@ class PacketFormat:
                 "be (n_items,) or (n_packets, n_items), and (n_packets, n_items)"
             )
         if (np.diff(number, axis=-1) <= 0).any():
-            raise ArgumentError("numbers must rise in each row")
+            raise ArgumentError("numbers must be in rising order in each row")
         n_packets, n_items = value.shape
         items = np.empty((n_packets, n_items, 3), np.uint8)
         items[..., 0], items[..., 1], items[..., 2] = number, value & 0xFF, value >> 8
         return self._encode_rows(items)
 
     def decode_batch(self, packets: npt.ArrayLike) -> Decoded:
-        """Decode rows of uint8 of equal length, each as `decode` does.
+        """Decode uint8 rows of equal length, each as `decode` does.
 
-        A refused row has an error code, and its items are 0.
+        A rejected row has an error code, and its items are 0.
         """
         rows = np.asarray(packets)
         if rows.dtype != np.uint8 or rows.ndim != 2:
@@ -219,7 +219,7 @@ class PacketFormat:
         """Return the fractions of packets intact, detected and undetected, in closed form.
 
         Bits are inverted independently with the probability `rate`, 0..0.5; start and stop bits are
-        left out.
+        not modelled.
         """
         p = check_scalar("rate", rate, "", 0, 0.5)
         n = check_whole("n_items", n_items, 0, self.n_numbers)

@@ -26,7 +26,7 @@ _CASES = {
 #: Field whose colour shows the receiver of a packet.
 _TARGETS = {"RCS": "control", "BCS": "address", "SS": "information"}
 
-#: Packets that one figure can show.
+#: Largest number of packets in one figure.
 _MOST_PACKETS = 500
 
 
@@ -259,9 +259,9 @@ def plot_checks(table: pd.DataFrame, ax: Axes | None) -> Axes:
         )  # fmt: skip
     ax.set_yscale("log")
     ax.set_xlabel("items per packet")
-    ax.set_ylabel("share of packets taken wrong [-]")
+    ax.set_ylabel("fraction accepted with errors [-]")
     ax.plot([], [], "o", color="0.4", label="counted, 95 % bounds")
     if bounds:
-        ax.axhline(max(bounds), color="0.5", linestyle=":", label="upper bound of none counted")
+        ax.axhline(max(bounds), color="0.5", linestyle=":", label="upper bound if none counted")
     style.legend(ax, 3)
     return ax

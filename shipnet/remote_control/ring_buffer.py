@@ -30,7 +30,7 @@ Case = Literal["a", "b", "c", "d"]
 Action = Literal["take", "wait", "stop", "repair"]
 Rule = Literal["printed", "intended", "corrected"]
 
-_LAPS = 3  #: Most laps by which the writer may lead in the searches below.
+_LAPS = 3  #: Largest number of laps by which the writer may lead in the searches below.
 
 
 class State(NamedTuple):
@@ -83,7 +83,7 @@ class Ring:
         Capacity of the ring, 2..65536 bytes.
     rule : {"printed", "intended", "corrected"}, default "printed"
         Rule by which the reader decides. "printed": the printed tests, in which ``no == get_no``
-        with equal flags counts as data. "intended": the same, but such a ring is empty.
+        with equal flags counts as data. "intended": the same, but then the ring is empty.
         "corrected": writer and reader count their bytes without returning to 0.
 
     Attributes
@@ -122,7 +122,7 @@ class Ring:
     >>> ring.extract()
     Step(case='b', action='take', byte=204, lost=0, stale=False)
 
-    The ring is empty, but the printed test reads on:
+    With the printed test, the reader continues although the ring is empty:
 
     >>> ring.extract()
     Step(case='b', action='take', byte=0, lost=0, stale=True)
@@ -189,7 +189,7 @@ class Ring:
         return other
 
     def store(self, byte: int) -> None:
-        """Store a byte, as the receive interrupt does, whatever the reader does."""
+        """Store a byte, as the receive interrupt does, regardless of the reader."""
         self._cells[self.written % self.size] = check_whole("byte", byte, 0, 255)
         self.written += 1
 
@@ -223,10 +223,10 @@ class Ring:
         return steps
 
     def explore(self, max_unread: int | None = None) -> pd.DataFrame:
-        """Return every state that some order of storing and extracting reaches, with its step.
+        """Return every state that storing and extracting can reach, with the reader's next step.
 
         The search begins with an empty ring of this size, 2..16, and this rule; the writer pauses
-        at `max_unread` bytes unread, by default three laps. One row per state: the four variables,
+        at `max_unread` unread bytes, by default three laps. One row per state: the four variables,
         ``unread``, ``first_lap`` (whether some cells are still empty), the ``case``, and the
         ``action`` of the reader with the bytes ``lost`` and whether it read a ``stale`` byte. Every
         byte stored is 0xCC, so that a repair finds the start of a packet at once.
@@ -333,7 +333,7 @@ class RingCases:
         """Return how many pairs of lead and reader's place show each case, one row per lap.
 
         A lap has leads ``from`` .. ``to`` [byte]. A lead of exactly one lap is a full ring: nothing
-        is lost yet, though case c shows.
+        is lost yet, although the variables show case c.
         """
         shown = self._shown().reshape(_LAPS, -1)
         first = np.arange(_LAPS) * self.size

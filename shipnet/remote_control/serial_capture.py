@@ -140,14 +140,14 @@ def _found(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SerialCapture:
-    """Characters of a recorded serial line; `read_capture` makes it.
+    """Characters of a recorded serial line, as returned by `read_capture`.
 
-    `bit_rate` is the rate with which the line was read, given or found, and `measured_rate` the
-    sender's rate, computed from all edges [bit/s]. `character` has data bits, parity and stop bits,
-    such as ``"8N1"``. `waveform` is the line with glitches, for `modbus.Waveform.decode` with other
-    settings; None for characters that do not have 8 bits. `duration` is the length of the record
-    [s], and `channel` the channel of the file. `glitches` counts removed pulses shorter than a
-    third of a bit, and false starts.
+    `bit_rate` is the given or detected rate at which the line was read, and `measured_rate` the
+    sender's rate, computed from all edges [bit/s]. `character` contains data bits, parity and stop
+    bits, such as ``"8N1"``. `waveform` is the level with glitches, which `modbus.Waveform.decode`
+    can read with other settings; None for characters that do not have 8 bits. `duration` is the
+    length of the record [s], and `channel` the channel of the file. `glitches` counts removed
+    pulses shorter than a third of a bit, and false starts.
 
     Examples
     --------
@@ -187,7 +187,7 @@ class SerialCapture:
             for n, what in counts if n
         ]  # fmt: skip
         read = f"{len(errors)} characters {self.character} at {self.bit_rate:.6g} bit/s"
-        return f"SerialCapture({read}, {', '.join(said) or 'all right'})"
+        return f"SerialCapture({read}, {', '.join(said) or 'no faults'})"
 
 
 @checked
@@ -206,14 +206,14 @@ def read_capture(
     path : path
         A file as for `shipnet.can.read_capture`. The level of the idle line is 1.
     bit_rate : float, optional
-        Bit rate of the receiver, 50..10e6 [bit/s]; the sender's rate, as found, if omitted.
+        Bit rate of the receiver, 50..10e6 [bit/s]; by default the detected rate of the sender.
     character : str, optional
-        Data bits (5..9), parity (N, E, O) and stop bits (1, 2), such as ``"8N1"``; found if
-        omitted, with 7 or 8 data bits.
+        Data bits (5..9), parity (N, E, O) and stop bits (1, 2), such as ``"8N1"``; by default
+        detected, with 7 or 8 data bits.
     channel : str, optional
-        Title or number of the channel; the one with the most changes if omitted.
+        Title or number of the channel; by default the channel with the most edges.
     sample_interval : float, optional
-        Time between two samples [s], which replaces that in the file.
+        Time between two samples [s]; it overrides the value in the file.
 
     Returns
     -------
@@ -223,14 +223,14 @@ def read_capture(
     Raises
     ------
     InputError
-        If the file cannot be read or gives no times, has fewer than 2 samples per bit or more than
-        2**22 edges, or has too few edges to find a bit rate that is not given.
+        If the file cannot be read, has no time information, fewer than 2 samples per bit or more
+        than 2**22 edges, or has too few edges to find a bit rate that is not given.
 
     Notes
     -----
     A start bit begins where the level falls, and counts if the line is still 0 half a bit later.
-    All bits are sampled in their middle, and the next character begins at the first fall after the
-    middle of the first stop bit. Pulses shorter than a third of a bit are removed first.
+    All bits are sampled in their middle, and the next character begins at the first falling edge
+    after the middle of the first stop bit. Pulses shorter than a third of a bit are removed first.
 
     The bit rate and character format with the fewest faults are chosen. With fewer than about ten
     characters, several formats have no faults and the result is a guess, so pass both arguments.
@@ -239,25 +239,25 @@ def read_capture(
     --------
     >>> from shipnet import datasets
     >>> read_capture(datasets.path("sigrok_uart_gps.sr"))
-    SerialCapture(1351 characters 8N1 at 9605.41 bit/s, all right)
+    SerialCapture(1351 characters 8N1 at 9605.41 bit/s, no faults)
     """
     file = Path(path)
     rate = None if bit_rate is None else check_scalar("bit_rate", bit_rate, "bit/s", 50, 10e6)
     form = None
     if character is not None:
         if not isinstance(character, str) or not re.fullmatch("[5-9][NEO][12]", character):
-            raise ArgumentError(f"character is {character!r}; it must be 5..9, N, E or O, 1 or 2")
+            raise ArgumentError(f"character is {character!r}; write 5..9, N, E or O, and 1 or 2")
         form = int(character[0]), character[1]
     edges = read_edges(file, channel=channel, sample_interval=sample_interval)
     if len(edges.places) > _EDGES:
-        raise InputError(str(file), f"more than {_EDGES} changes of level; save a part of it")
+        raise InputError(str(file), f"more than {_EDGES} changes of level; save a shorter record")
     bit = None if rate is None else 1 / (rate * edges.dt)
     if bit is not None and bit < _FEWEST:
         raise InputError(
             str(file), f"it has {bit:.2g} samples per bit at {rate:g} bit/s; 2 are needed"
         )
     if len(edges.places) < 4 and bit is None:
-        raise InputError(str(file), "too few changes of level to find the bit rate; state it")
+        raise InputError(str(file), "too few changes of level to find the bit rate; pass bit_rate")
     # Only an idle line stays unchanged for longer than a character.
     runs = np.diff(edges.places, prepend=0, append=edges.samples)
     level = (np.arange(len(runs)) + edges.first) & 1

@@ -27,7 +27,7 @@ from shipnet.remote_control.system import BIT_RATES, System, forwarded
 #: Values that RCS forwards from one slave to the other.
 _FORWARDED = {"BCS": ("SS", forwarded("BCS", "SS")), "SS": ("BCS", forwarded("SS", "BCS"))}
 
-#: Bytes and ticks of the longest simulation.
+#: Largest number of bytes and ticks in a simulation.
 _MOST_EVENTS = 20_000_000
 
 
@@ -36,10 +36,10 @@ _MOST_EVENTS = 20_000_000
 
 @record
 class Change:
-    """A value of a station changes; all values begin as 0.
+    """A change of one of a station's values, which all begin at 0.
 
-    The station sends it to its partners. RCS forwards a slave's value to the other slave if that
-    uses it, by ``System().signals()``.
+    The station sends the value to its partners. RCS forwards a slave's value to the other slave if
+    that slave uses it; ``System().signals()`` shows which do.
 
     Examples
     --------
@@ -53,7 +53,7 @@ class Change:
     time: float = number(0, 1e6, "s", "Time of the change")
     station: str = choice(STATIONS, "Station that sets the value")
     number: int = whole(0, 203, "", "Number of the value")
-    value: int = whole(0, 0xFFFF, "", "Its new value")
+    value: int = whole(0, 0xFFFF, "", "New value")
 
 
 class Update(NamedTuple):
@@ -80,7 +80,7 @@ class Packet:
 
     @property
     def outcome(self) -> str:
-        """Its outcome: "ok", "wrong" (other values were accepted), or "lost"."""
+        """Outcome of the packet: "ok", "wrong" (other values were accepted) or "lost"."""
         if self.received is None:
             return "lost"
         return "ok" if self.received == self.items else "wrong"
@@ -168,7 +168,7 @@ class Run:
         return pd.DataFrame(rows, columns=["time_s", "value"])
 
     def delays(self, station: str) -> pd.DataFrame:
-        """Return when a station received each change of the others, as ``delay_s``.
+        """Return the delay with which a station received each change of the others, ``delay_s``.
 
         The delay is 0 if the station still had that value, and NaN if the value changed again, or
         the simulation ended, before the station had it.
@@ -233,10 +233,10 @@ def simulate(
     until : float
         End of the simulation, 0..1e6 [s]; up to 20 million bytes and ticks.
     faults : Fault or iterable of Fault, optional
-        Faults of the namespace `faults`.
+        Faults from the namespace `faults`.
     rng : numpy.random.Generator or int, optional
-        Random generator or its seed, for the first tick of each station's timer; if omitted, it
-        comes after one period.
+        Random generator or its seed, for the first tick of each station's timer; by default the
+        first tick comes after one period.
 
     Returns
     -------
@@ -246,14 +246,14 @@ def simulate(
     Notes
     -----
     A station accepts bytes only while it receives (``comm_f`` is 1). Its task reads the ring after
-    every byte, and answers when a packet is complete; a broken packet is not answered. The part
-    that arrived stays in the ring and can spoil the next packet. The timers stop only when their
-    station is dead. One byte 0xDD of the partner, marker or value, clears the counters; in a format
-    without markers a complete packet does.
+    every byte, and answers when a packet is complete; an incomplete packet is not answered. The
+    part that arrived stays in the ring and can spoil the next packet. The timers stop only when
+    their station is dead. A single byte 0xDD from the partner, marker or value, clears the
+    counters; in a format without markers a complete packet does.
 
     Examples
     --------
-    SS dies in a link of 600 bit/s. Before RCS notices, BCS takes RCS as failed:
+    SS dies in a link of 600 bit/s. Before RCS notices, BCS declares RCS failed:
 
     >>> from shipnet import remote_control as rc
     >>> dead = rc.faults.DeadStation("SS", start=3.0)
@@ -283,8 +283,8 @@ class _Simulation:
         rate = 2 / system.character_time + sum(1 / system.rule(name).tick for name in STATIONS)
         if self.end * rate > _MOST_EVENTS:
             raise ArgumentError(
-                f"until is {self.end:g} s, up to {self.end * rate:.3g} bytes and ticks; the limit "
-                f"is {_MOST_EVENTS:.0e}"
+                f"until is {self.end:g} s, or up to {self.end * rate:.3g} bytes and ticks; the "
+                f"limit is {_MOST_EVENTS:.0e}"
             )
         self.now = 0.0
         self._heap: list[tuple[float, int, Callable[[], None]]] = []

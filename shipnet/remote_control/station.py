@@ -39,14 +39,14 @@ def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, in
     """
     if len(sending) != len(sended):
         raise ArgumentError(
-            f"sending has {len(sending)} values, sended {len(sended)}; it must be the same number"
+            f"sending has {len(sending)} values, sended {len(sended)}; the numbers must be equal"
         )
     pairs = zip(_values("sending", sending), _values("sended", sended), strict=True)
     return {number: value for number, (value, last) in enumerate(pairs) if value != last}
 
 
 def _values(name: str, values: Sequence[int]) -> list[int]:
-    # Only suspicious values are checked in full and named: there are two values per byte.
+    # For speed, only suspicious values are checked in full.
     return [
         value
         if type(value) is int and 0 <= value <= 0xFFFF
@@ -111,16 +111,16 @@ class Reading(NamedTuple):
 class Station:
     """A station in the simulation.
 
-    It sends to `partner` or waits for it; `turn` grows with every packet sent, and whenever the
-    station stops or starts, which cancels the plans of earlier turns; `busy_until` is the end of a
-    slow task [s].
+    It sends to `partner` or waits for it; `turn` increases with every packet sent, and whenever the
+    station stops or starts, which cancels the events scheduled in earlier turns; `busy_until` is
+    the end of a slow task [s].
     """
 
     def __init__(self, name: str, system: System) -> None:
         self.name, self.system = name, system
         self.state, self.turn, self.busy_until = State.RECEIVING, 0, 0.0
         self.partner = "RCS"
-        #: The stations on its lines, in the order of a cycle.
+        #: The stations at the other ends of its lines, in the order of a cycle.
         self.partners = tuple(target for source, target in HOPS if source == name)
         self.ring = Ring(system.ring_size, "intended")
         self.parser = system.packet_format.parser()

@@ -1,8 +1,8 @@
 """The design of the link: its stations and values, its supervision, and its times.
 
 The names of stations and values are those of chung1998, sections 2 and 5. The numbers are our
-assumption, and so is the completeness of the list: the drawing of Fig. 1 is not in the text that we
-have. Times are for a link without bit errors in which every packet has all its items.
+assumption, and the list may be incomplete, because the text that we have lacks the drawing of Fig.
+1. Times are for a link without bit errors in which every packet has all its items.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from shipnet.remote_control.faults import HOPS, Hop
 from shipnet.remote_control.packet import MarkerFormat
 from shipnet.remote_control.packet_format import PacketFormat
 
-#: Bit rates that section 5 of chung1998 tries [bit/s].
+#: Bit rates tested in section 5 of chung1998 [bit/s].
 BIT_RATES = (9600, 4800, 2400, 1200, 600)
 
 
@@ -50,7 +50,7 @@ class Value:
 
     @property
     def routes(self) -> tuple[tuple[str, ...], ...]:
-        """The stations on the value's way, one tuple per source and other station that uses it."""
+        """The stations on the value's route; a tuple per source and other station that uses it."""
         # BCS and SS have no line between them: values from one to the other go through RCS.
         users = (*self.sources, *self.readers)
         pairs = [(a, b) for a in self.sources for b in users if a != b]
@@ -100,7 +100,7 @@ class Supervision:
 
     Every tick adds 1 to ``count``, and any 0xDD clears ``count`` and ``miss``. A ``count`` beyond
     its limit is cleared and adds 1 to ``miss``; a ``miss`` beyond its limit is a failure. With
-    limits c and m, the failure comes with tick number
+    limits c and m, the failure occurs at tick number
 
     .. math:: N = (c + 1)(m + 1), \quad \text{or} \quad N = c \, m
 
@@ -108,8 +108,8 @@ class Supervision:
 
     Notes
     -----
-    Section 4 of chung1998 prints "greater than" in both tests and 3 seconds as their outcome, which
-    requires reaching both limits, as in `intended` (claims chung1998-007 and 045).
+    Section 4 of chung1998 prints "greater than" in both tests, but a result of 3 seconds, which is
+    correct if reaching both limits suffices, as in `intended` (claims chung1998-007 and 045).
 
     Examples
     --------
@@ -156,7 +156,7 @@ class Supervision:
     def plot(self, ax: Axes | None = None, *, label: str = "") -> Axes:
         """Draw the counters from the last 0xDD of a partner until the partner is declared failed.
 
-        A second rule drawn on the same axes has a colour and a height of its own.
+        A second rule drawn on the same axes gets its own colour and height.
         """
         from shipnet.remote_control.plot import plot_counters
 
@@ -198,7 +198,7 @@ class Counter:
         return False
 
     def clear(self) -> bool:
-        """Clear all counters when a 0xDD has come; return whether the partner had failed."""
+        """Clear all counters when a 0xDD has arrived; return whether the partner had failed."""
         failed, self.failed = self.failed, False
         self.count = self.miss = self.ticks = 0
         return failed
@@ -214,8 +214,8 @@ class Cascade(NamedTuple):
     an SS that died while it was silent: the time that RCS waits for an answer, the time that BCS
     receives nothing, from its last byte to the next 0xDD, and the time that the counters of BCS run
     meanwhile. `longest` is a bound on the time that BCS receives nothing, over every moment of
-    death and all later turns. `alarm` says whether BCS also declares RCS failed, which is alive:
-    "certain" (in the first turn), "possible" or "never".
+    death and all later turns. `alarm` says whether BCS also declares RCS failed, although RCS is
+    alive: "certain" (in the first turn), "possible" or "never".
     """
 
     wait: tuple[float, float]
@@ -263,20 +263,20 @@ class System:
     )  # fmt: skip
     repeat: int = whole(
         0, 204, "",
-        "Unchanged values that each packet also carries, in turn; 0 is the rule as printed, "
+        "Number of unchanged values that each packet also carries; 0 is the rule as printed, "
         "``n_items`` sends all values every time", default=0,
     )  # fmt: skip
     processing: float = number(
         0, 10, "s",
-        "Time from the last byte of a packet to the first byte of the answer; Fig. 2 shows one "
-        "but prints no number", default=0.0,
+        "Time from the last byte of a packet to the first byte of the answer; Fig. 2 shows such a "
+        "time but prints no number", default=0.0,
     )  # fmt: skip
     master: Supervision = part(Supervision, "Rule of RCS", default_factory=Supervision)
     slave: Supervision = part(Supervision, "Rule of BCS and SS", default_factory=Supervision)
     turn_timeout: float | None = number(
         1e-3, 3600, "s",
         "Time after which RCS goes on to the next partner without an answer; as printed, it waits "
-        "until it takes the partner as failed", default=None, optional=True,
+        "until it declares the partner failed", default=None, optional=True,
     )  # fmt: skip
     ring_size: int = whole(2, 4096, "byte", "Size of the receive ring", default=128)
 
@@ -285,7 +285,7 @@ class System:
 
     @property
     def n_items(self) -> int:
-        """Most items of a packet."""
+        """Largest number of items per packet."""
         return self.packet_format.n_numbers
 
     @property
@@ -305,7 +305,7 @@ class System:
 
     @property
     def idle_time(self) -> float:
-        r"""Time that a healthy slave receives nothing, from its last byte to the next 0xDD [s].
+        r"""Time without reception at a healthy slave, from its last byte to the next 0xDD [s].
 
         .. math:: T_i = 2 P + 3 t + b \, t_c
 
@@ -329,7 +329,7 @@ class System:
 
     @property
     def max_ticks(self) -> int:
-        """The most ticks that a healthy slave counts between two 0xDD.
+        """Largest number of ticks that a healthy slave counts between two 0xDD.
 
         With ``slave.n_ticks`` or more, a false alarm is possible.
         """
@@ -413,8 +413,8 @@ class System:
     def overrun_stall(self) -> tuple[float, float]:
         r"""Return the shortest and longest stall of a slave's task that overruns its ring [s].
 
-        The stall begins at the worst moment, with a packet. RCS waits for W without an answer, and
-        then sends again after an exchange with the other slave, until the k-th packet after the
+        The stall begins at the worst moment, as a packet begins. RCS waits for W without an answer,
+        and then sends again after an exchange with the other slave, until the k-th packet after the
         first fills the ring:
 
         .. math:: S = k (W + 3 P + 2 t) + (R - k L - 1) \, t_c, \quad k = \lceil R / L \rceil - 1
@@ -464,15 +464,15 @@ class System:
 
 @dataclass(frozen=True)
 class Timing:
-    """The times of a link by bit rate, all items sent."""
+    """The times of a link by bit rate, with all items in every packet."""
 
     system: System
 
     def table(self) -> pd.DataFrame:
         """Return one row per bit rate.
 
-        ``ticks`` are the most that a healthy slave counts, ``printed_margin`` and
-        ``intended_margin`` the ticks left before the alarm under each rule.
+        ``ticks`` is the largest number that a healthy slave counts, ``printed_margin`` and
+        ``intended_margin`` are the ticks left before the alarm under each rule.
         """
         limits = Supervision().n_ticks, Supervision.intended().n_ticks
         rows = []
@@ -488,7 +488,7 @@ class Timing:
         return pd.DataFrame(rows, columns=columns)
 
     def plot(self, ax: Axes | None = None, *, limit: float = 3.0) -> Axes:
-        """Draw the time that a healthy slave's counters run, over the bit rate.
+        """Draw the time for which a healthy slave's counters run, over the bit rate.
 
         `limit`, the time to failure [s], is a red dashed line.
         """

@@ -1,4 +1,4 @@
-"""Frames to test with: any, those with long runs, the longest, and bits by the specification."""
+"""Frames for tests: any, with long runs, the longest, and the bits by the specification."""
 
 import csv
 from pathlib import Path
@@ -24,7 +24,7 @@ LONGEST = [
 
 
 def numbers(bits):
-    """Return numbers of so many bits, often with few changes between 0 and 1."""
+    """Return numbers of this many bits, often with few changes between 0 and 1."""
 
     def of_runs(runs):
         text = ""
@@ -60,7 +60,7 @@ def _check_sequence(bits):
 
 
 def line_bits(arbitration_id, data, extended, remote, dlc):
-    """Return the bits of a frame from the wording of the specification, slowly and on purpose.
+    """Return the bits of a frame by the wording of the specification, without regard to speed.
 
     Nothing of the package is used. The CRC is the shift register of section 3.1.1; a stuff bit is
     sent whenever the last five bits on the line were equal.
@@ -75,7 +75,7 @@ def line_bits(arbitration_id, data, extended, remote, dlc):
         message += _number(byte, 8)
     message += _check_sequence(message)
     line = []
-    # Bits since the frame began; a stuff bit is due as soon as five in a row are equal.
+    # A stuff bit is due as soon as five bits in a row are equal, counted from the start of frame.
     for bit in message:
         line.append(bit)
         if len(line) >= 5 and len(set(line[-5:])) == 1:

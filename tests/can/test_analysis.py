@@ -1,4 +1,4 @@
-"""Message sets of any file, at several bit rates and against a log, each by a second route."""
+"""Message sets from any file, at several bit rates and compared with a log."""
 
 import math
 from dataclasses import replace
@@ -32,7 +32,7 @@ def test_each_bit_rate_has_a_load_late_messages_and_a_verdict():
         assert (row.critical_percent > 100) == (row.late > 0)
         assert row.some_order == can.audsley(messages, rate).feasible
     assert found.lowest == 125e3 == found.at_lowest.bit_rate and found.ok
-    # The bus itself, event by event, is never later than the bound, and late where it may be.
+    # Simulated responses never exceed the bound, and can be late where the analysis says so.
     played = can.simulate(messages, found.lowest, until=10.0).table()["max_ms"]
     assert (played <= found.at_lowest.table()["response_ms"] + 1e-9).all()
     blocked = can.MessageSet(replace(m, offset=1e-4 * (m.name != "bearings")) for m in messages)
@@ -95,19 +95,21 @@ def test_a_log_of_a_simulated_bus_shows_its_messages():
     longest = can.response_times(messages, 125e3)
     for one, bound in zip(found, longest, strict=True):
         assert one.jitter <= bound.response
-    # Whatever the log shows fits the periods and jitters that were made of it.
+    # All frames of the log fit the periods and jitters that were derived from it.
     for one in found:
         times = log.time[log.arbitration_id == one.arbitration_id]
         late = times - times[0] - one.period * np.arange(len(times))
         assert np.ptp(late) == pytest.approx(one.jitter, abs=2e-9 * len(times))
     once = can.simulate(messages, 125e3, until=0.6).log()
-    assert once.messages().overlooked == ("0x300: one frame has no period; give one with period=",)
+    assert once.messages().overlooked == (
+        "0x300: a single frame has no period; give one with period=",
+    )
     assert once.messages(period=1.0)["0x300"].period == 1.0
 
 
 # Any file --------------------------------------------------------------------------------------
 
-#: What a supplier sends: a heading, columns without a time in them, a blank row.
+#: A supplier's list: a heading, columns that are not used, and a blank row.
 LIST = [
     ["Engine control, message list, rev. 3"],
     [],
@@ -217,7 +219,7 @@ def test_missing_unknown_late_faster_and_other_frames_are_named():
     period=st.integers(1, 8), deadline=st.integers(1, 12), jitter=st.integers(0, 12),
 )  # fmt: skip
 def test_late_and_faster_agree_with_a_check_of_all_pairs_of_frames(times, period, deadline, jitter):
-    # Another message marks the begin and the end of the log.
+    # Another message marks the beginning and the end of the log.
     message = can.Message("A", 0x10, 8, period, deadline, jitter)
     times, slack = sorted(times), max(deadline, jitter)
     edges = np.array([0.0, 60.0])

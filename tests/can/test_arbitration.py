@@ -49,7 +49,7 @@ def test_two_senders_part_where_their_bits_first_differ(one, other):
 def test_a_standard_data_frame_beats_the_extended_one_that_begins_like_it_by_rtr():
     contest = arbitrate([Frame(0x555 << 18, extended=True), Frame(0x555)])
     assert contest.stopped == (12, None)
-    # A remote frame sends a recessive RTR as well, and wins one bit later by IDE.
+    # A remote frame also sends a recessive RTR, and wins one bit later by its IDE bit.
     assert arbitrate([Frame(0x555 << 18, extended=True), Frame(0x555, remote=True)]).stopped == (
         13,
         None,
@@ -59,7 +59,7 @@ def test_a_standard_data_frame_beats_the_extended_one_that_begins_like_it_by_rtr
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ([], "frames are (); there must be one Frame or more"),
+        ([], "frames is empty; it must contain at least one Frame"),
         ([0x100], "one of frames is 256; it must be a Frame"),
         (
             [Frame(1), Frame(1, b"\x01")],

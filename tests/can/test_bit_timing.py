@@ -6,10 +6,10 @@ from shipnet import datasets
 from shipnet.can.bit_timing import bit_timings, longest_bus, oscillator_tolerance
 from shipnet.errors import ArgumentError
 
-#: Clock [MHz], rate [kbit/s], sample point printed [%], prs, phs1, phs2, registers: data sheets
+#: Clock [MHz], rate [kbit/s], printed sample point [%], prs, phs1, phs2, registers: data sheets
 #: Atmel 4250E and 7647O, table of examples. Two of its rows for 6 MHz are left out: 15 quanta
-#: (7, 4, 3) with CANBT3 = 35 and 10 quanta (4, 3, 2) with 23, where the register has the two phases
-#: the other way round than the columns and the sample point printed beside it.
+#: (7, 4, 3) with CANBT3 = 35 and 10 quanta (4, 3, 2) with 23, where the register swaps the two
+#: phases compared with the columns and the sample point printed beside it.
 PRINTED = [
     (16, 1000, 69, 7, 4, 4, "00 0C 36"),
     (16, 1000, 75, 3, 2, 2, "02 04 13"),
@@ -61,7 +61,7 @@ def test_every_setting_is_legal_and_none_is_missing(kbit):
     for row in rows:
         assert decoded(row) == {name: row[name] for name in decoded(row)}
         assert (int(row["canbt3"], 16) & 1) == (row["prescaler"] > 1)
-    # Counted by plain loops.
+    # Counted with plain loops.
     expected = 0
     for prescaler in range(1, 65):
         if 16000 % (kbit * prescaler):
@@ -88,11 +88,11 @@ def test_settings_agree_with_python_can():
         )
         assert peer.bitrate == row["bit_rate_bit_per_s"]
         assert peer.nbt == row["quanta"]
-        # At prescaler 1 the AT90CAN128 samples a quantum early, which the peer does not know.
+        # At prescaler 1 the AT90CAN128 samples a quantum early, which python-can does not model.
         early = 100 / row["quanta"] * (row["prescaler"] == 1)
         assert peer.sample_point == pytest.approx(row["sample_point_percent"] + early)
         tolerance = row["oscillator_tolerance_percent"]
-        # The peer takes a propagation segment from the delays: here, the one of the setting.
+        # python-can calculates the propagation segment from the delay: here, that of the setting.
         delay = (row["prs"] - 0.5) * row["tq_ns"] / 2
         assert peer.oscillator_tolerance(delay, 0) == pytest.approx(tolerance)
 
@@ -117,10 +117,10 @@ def test_a_rate_that_the_clock_misses_needs_a_tolerance():
 
 def resynchronised(quanta, phs1, phs2, sjw, off):
     """Return whether two clocks, off by +-`off`, survive both of the standard's worst cases."""
-    # Ten bits without an edge: the error at the next edge must be what one jump corrects.
+    # Ten bits without an edge: one jump must correct the error at the next edge.
     drift = 2 * off * 10 * quanta
-    # A node must read the thirteenth bit behind its last edge correctly, to tell whose error
-    # flag it sees.
+    # A node must read the thirteenth bit after its last edge correctly, to determine whose error
+    # flag it is.
     late = 2 * off * (13 * quanta - phs2)
     return drift <= sjw and late <= min(phs1, phs2)
 
@@ -133,7 +133,7 @@ def test_a_clock_just_inside_the_tolerance_survives_and_one_just_outside_does_no
 
 
 def test_either_condition_can_be_the_tighter_one():
-    # 1/320 by the jump; 4/(2 x 204) by the phases.
+    # The jump limits the first to 1/320; the phases limit the second to 4/(2 x 204).
     assert oscillator_tolerance(16, 4, 4, 1) == pytest.approx(1 / 320)
     assert oscillator_tolerance([16, 20], [4, 2], [4, 2], [4, 2]) == pytest.approx(
         [4 / 408, 2 / (2 * 258)]
@@ -154,7 +154,7 @@ def test_published_lengths_fall_with_the_bit_rate():
     table = pd.read_csv(datasets.path("can_bus_lengths.csv"))
     assert table["bit_rate_kbit_per_s"].is_monotonic_decreasing
     assert table["length_m"].is_monotonic_increasing
-    # From 500 kbit/s down, all leave between 0.5 and 1 bit for the way there and back at 5 ns/m.
+    # Up to 500 kbit/s, the round trip at 5 ns/m takes between 0.49 and 0.7 bit.
     slow = table[table["bit_rate_kbit_per_s"] <= 500]
     bits = 2 * slow["length_m"] * 5e-9 * slow["bit_rate_kbit_per_s"] * 1e3
     assert bits.between(0.49, 0.7).all()

@@ -59,7 +59,7 @@ def levels_of(frames, per_bit, **options):
 
 
 def session(levels, rate="500 kHz", unit=1, split=1, metadata="", names=None):
-    """Return a session of sigrok; `levels` may hold several channels, a bit each."""
+    """Return a session of sigrok; `levels` may contain several channels, one bit per channel."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         probes = names or {1: "CAN"}
@@ -89,7 +89,7 @@ def save(tmp_path):
 
 
 def read_back(capture):
-    """Return the right frames of a capture as frames."""
+    """Return the correct frames of a capture as frames."""
     log = capture.log
     size = np.where(log.remote, 0, np.minimum(log.dlc, 8))
     return [
@@ -109,21 +109,21 @@ def test_every_frame_of_the_boat_is_right(boat):
     assert len(table) == 19474
     assert (table["error"] == "ok").all()
     assert boat.log.faults == ()
-    # What no CRC knows: messages of 1 Hz come once a second, ...
+    # Two checks that do not depend on the CRC: messages of 1 Hz occur once per second, ...
     counts = table["arbitration_id"].value_counts()
     assert counts[[0x0DF01000, 0x19FA0300]].tolist() == [345, 345]
-    # ... and the frames of a message in several parts are numbered without a gap.
+    # ... and the frames of messages in several parts are numbered without a gap.
     assert fast_packets(boat.log) == (1863, 13955, 0)
 
 
 def fast_packets(log):
-    """Return how many messages of several frames there are, their frames, and breaks in them."""
+    """Return the numbers of messages with several frames, of their frames, and of gaps in them."""
     messages = frames = breaks = 0
     for number in (0x09F20101, 0x0DF80500, 0x19FA0400, 0x1DFF1601, 0x15FF1001):
         mine = log.data[log.arbitration_id == number].astype(int)
         counter, position = mine[:, 0] >> 5, mine[:, 0] & 31
         begins = np.flatnonzero(position == 0)
-        # The first frame says how many bytes follow: 6 in it, 7 in each of the others.
+        # The first frame gives the number of bytes: 6 in this frame, 7 in each of the others.
         size = 1 + -(-(mine[begins, 1] - 6) // 7)
         messages, frames = messages + len(begins), frames + len(mine)
         breaks += int((np.diff(begins) != size[:-1]).sum()) + int(begins[0] != 0)
@@ -169,7 +169,7 @@ def test_the_labels_of_the_board_are_not_bus_loads():
     assert read_back(found["extended"])[0].extended
 
 
-# A second route ---------------------------------------------------------------------------------
+# An independent check ---------------------------------------------------------------------------
 
 
 def test_rows_are_read_like_single_frames():
@@ -198,7 +198,7 @@ def test_rows_are_read_like_single_frames():
             frame, code = None, fault.code
             words = str(fault).replace("before bit", "bit").split("bit ")[1]
             place = int("".join(c for c in words.split(",")[0] if c.isdigit()))
-        # A frame is whole without the last bit of end of frame, which receivers ignore.
+        # A frame is complete without the last bit of end of frame, which receivers ignore.
         if code == 1 and place == rows.tail[column] + 9:
             continue
         assert (rows.error[column], rows.place[column]) == (code, place), text
@@ -258,7 +258,7 @@ def test_other_bit_rates_are_found(save):
         assert read_back(capture) == frames
 
 
-# Forms of files -----------------------------------------------------------------------------------
+# File formats -------------------------------------------------------------------------------------
 
 
 def test_the_same_frames_come_from_every_form(save, tmp_path):
@@ -436,7 +436,7 @@ def test_bad_arguments_are_refused(save, tmp_path, monkeypatch):
 def test_the_log_of_a_capture_is_compared_and_measured(boat):
     assert boat.log.load(250e3).total()["load"].item() == pytest.approx(0.0318, abs=2e-4)
     assert len(boat.log.messages()) == 9
-    # A second capture of the same bus is measured against the first.
+    # A second capture of the same bus is compared with the first.
     assert set(can.compare(boat.log.messages(), read_capture(SNIPPET).log).table()["frames"]) != {0}
 
 

@@ -92,10 +92,10 @@ def over_all_frames(extended, dlc):
     mass[0, 1, 4], most[0, 1, 4] = 1.0, 0.0
 
     def step(tables, bit, weight, source):
-        """Add to new tables what a bit makes of the old ones."""
+        """Add the effect of a bit on the old tables to the new tables."""
         (mass, mean, most), (new_mass, new_mean, new_most) = source, tables
         out = (register >> 14) ^ bit
-        # A shift register steps one to one, so that every target has one source.
+        # The steps of a shift register are one-to-one, so every target has one source.
         target = (register << 1) & 0x7FFF ^ POLYNOMIAL * out
         for last in (0, 1):
             for run in range(5):
@@ -169,7 +169,7 @@ def test_whole_floats_are_numbers_of_bytes():
     assert frame_length([2.0, 8.0]).tolist() == [75, 135]
 
 
-# Frames by the million.
+# Millions of frames.
 
 
 def columns(found):

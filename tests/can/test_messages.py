@@ -40,13 +40,13 @@ def test_the_smallest_and_the_largest_message():
     Message("A", 0, 0, 1e-6, 1e-6, 0, 0, bits=47)
     Message("A", 2**29 - 1, 8, 1e5, 1e5, 1e5, 1e5, True, "node", 160)
     assert Message("A", np.int64(3), np.uint8(2), np.float32(0.5)).deadline == 0.5
-    # Times are kept to the nanosecond.
+    # Times are stored to the nanosecond.
     assert Message("A", 1, 8, 1 / 3).period == 0.333333333
 
 
 def test_messages_are_sorted_in_the_order_of_arbitration():
     def bits(message):
-        """Return the arbitration field as it is sent, 0 is dominant."""
+        """Return the arbitration field as it is sent; 0 is dominant."""
         if not message.extended:
             return f"{message.arbitration_id:011b}" + "00"
         number = f"{message.arbitration_id:029b}"
@@ -103,7 +103,7 @@ def test_another_order_keeps_the_identifiers_or_numbers_mixed_formats():
         assert list(turned.names) == order
         assert [m.extended for m in turned] == [name == "X" for name in order]
     for wrong in (["A", "B"], ["A", "B", "B"], ["A", "B", "D"]):
-        with pytest.raises(ArgumentError, match="they must be A, B, C, once"):
+        with pytest.raises(ArgumentError, match="each must occur once: A, B, C"):
             messages.ordered(wrong)
 
 
@@ -200,7 +200,7 @@ def test_all_faults_of_a_file_are_named_at_once(tmp_path):
             "row 3, column jitter_ms: '-1'; expected a number 0..1e+08 ms",
             "row 3, column extended: 'maybe'; expected yes or no",
             "row 3, column bits: '12'; expected a whole number 47..160",
-            "row 4, column name: is empty; a message needs it",
+            "row 4, column name is empty; it is required",
             "row 4, column period_ms: 'nan'; expected a number 0.001..1e+08 ms",
             "row 4, column deadline_ms: '0'; expected a number 0.001..1e+08 ms",
             "row 6: name 'C' is taken",
@@ -228,7 +228,7 @@ def test_an_identifier_may_have_leading_zeros():
         ("name,arbitration_id,dlc,period_ms\n", "has no message"),
         (
             "name,dlc,Cycle\nA,8,1\n",
-            "column 3: title 'cycle' has no unit; expected such as period_",
+            "column 3: title 'cycle' has no unit; write period_",
         ),
         ("name,dlc,every\nA,8,1\n", "column 3: title 'every' is unknown; expected one of name"),
         ("name,dlc,period\nA,8,1\n", "no column arbitration_id"),
@@ -275,7 +275,7 @@ def test_the_set_of_lee2012_has_the_frames_and_bits_of_the_reference():
         assert len(part) == int(rows[box]["can_frames"])
         assert sum(m.dlc for m in part) == int(rows[box]["payload_bytes"])
         for stuffing, column in (("none", "bits_nominal"), ("worst", "bits_worst_std")):
-            # Once a second: the load at 1 kbit/s is bits over 1000.
+            # Once per second: the load at 1 kbit/s is the number of bits divided by 1000.
             bits = 1000 * bus_load(part, 1000, stuffing)
             assert bits == pytest.approx(int(rows[box][column]), rel=1e-12)
         long = MessageSet(replace(m, extended=True) for m in part)
@@ -297,7 +297,7 @@ def test_load_is_vectorised_over_bit_rates():
     each = 135 / 5e-3 + 60 / 0.1 + 135 / 1.0
     assert load == pytest.approx(each / rates, rel=1e-12)
     assert type(bus_load(messages, 125e3)) is float
-    # A length that the message gives itself is taken whatever the way of counting.
+    # A length given by the message itself is used, however stuff bits are counted.
     own = MessageSet([messages["B"]])
     assert len({bus_load(own, 125e3, way) for way in ("none", "mean", "worst")}) == 1
     assert bus_load(MessageSet([]), [125_000]).tolist() == [0]
@@ -307,7 +307,7 @@ def test_a_message_is_replaced_by_name():
     messages = example().replace("speed", arbitration_id=0x700, period=0.02)
     assert messages.names[-1] == "speed"
     assert messages["speed"].deadline == 0.005
-    # A deadline that is the period follows it.
+    # A deadline that equals the period changes with it.
     assert (
         example().replace("alarm", deadline=0.1).replace("alarm", period=0.2)["alarm"].deadline
         == 0.2
@@ -353,7 +353,7 @@ def test_titles_can_be_named_and_a_period_given(tmp_path):
     columns = {"Number": "arbitration_id", "Every": "period_ms"}
     found = read_messages(file, columns=columns, period=0.5)
     assert found.periods.tolist() == [0.02, 0.5]
-    with pytest.raises(InputError, match="row 3, column period_ms: is empty"):
+    with pytest.raises(InputError, match="row 3, column period_ms is empty"):
         read_messages(file, columns=columns)
     with pytest.raises(InputError, match="no column 'cycle'; the titles are name, number"):
         read_messages(file, columns={"cycle": "period_ms"})
@@ -424,7 +424,7 @@ def test_a_dbc_with_faults_is_read_without_strict_and_they_are_listed(tmp_path):
     for fault in faults:
         assert fault in str(caught.value)
     assert "is not a DBC file" not in str(caught.value)
-    assert "strict=False reads the message" in str(caught.value)
+    assert "strict=False accepts the message" in str(caught.value)
     found = read_messages(file, strict=False)
     assert found.names == ("Speed", "Short")
     assert all(said.startswith(fault) for said, fault in zip(found.overlooked, faults, strict=True))

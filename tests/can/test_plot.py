@@ -26,7 +26,7 @@ def ax():
 
 
 def in_order(artists, place):
-    """Sort by rows from above, then from left to right."""
+    """Sort by rows from the top, then from left to right."""
     return sorted(artists, key=lambda artist: (-round(place(artist)[1] / 3.6), place(artist)[0]))
 
 

@@ -1,4 +1,4 @@
-"""Orders of priority against all orders there are."""
+"""Priority orders, compared with all possible orders."""
 
 import math
 from itertools import permutations
@@ -41,7 +41,7 @@ def test_audsley_finds_an_order_exactly_if_one_of_all_orders_works():
         assert bool(found.unplaced) == (not works)
         better += works and not schedulable(messages.deadline_monotonic(), FAST)
         verdicts.append(works)
-    # Both answers come up often enough to mean something, and deadlines alone are not optimal.
+    # Both verdicts are frequent enough to be meaningful, and the order of deadlines is not optimal.
     assert 30 < sum(verdicts) < 120
     assert better > 0
 
@@ -81,7 +81,7 @@ def test_messages_that_cannot_be_placed_come_first_by_their_deadlines():
 
 
 def test_an_order_that_fails_only_in_a_second_instance_is_not_feasible():
-    # The example of Davis et al. 2007: B and C are alike, and the lower of them takes 3.5 ms.
+    # The example of Davis et al. 2007: B and C are alike, and the lower one takes 3.5 ms.
     messages = MessageSet(
         [
             Message("A", 1, 7, 2.5e-3),
@@ -94,7 +94,7 @@ def test_an_order_that_fails_only_in_a_second_instance_is_not_feasible():
 
 
 def test_assumptions_and_errors_reach_the_test_of_an_order():
-    # 135 + 135 bits fit 270 us; a fault is too much.
+    # 135 + 135 bits fit into 270 us; with a fault they do not.
     messages = MessageSet([Message("a", 1, 8, 270 * US), Message("b", 2, 8, 540 * US)])
     assert audsley(messages, FAST).feasible
     assert not audsley(messages, FAST, faults=ErrorBound(math.inf)).feasible

@@ -1,4 +1,4 @@
-"""Response times against published ones, and against buses that are played bit time by bit time."""
+"""Response times, compared with published ones and with buses simulated bit time by bit time."""
 
 import csv
 import json
@@ -68,7 +68,7 @@ def test_a_set_that_fails_only_in_a_second_instance_is_not_schedulable():
 
 
 def message_set(frames, periods, jitters=None, deadlines=None):
-    """Return a set in bit times, the first message the most urgent."""
+    """Return a set with times in bit times; the first message is the most urgent."""
     jitters = jitters or [0] * len(frames)
     deadlines = deadlines or periods
     return MessageSet(
@@ -81,7 +81,7 @@ def message_set(frames, periods, jitters=None, deadlines=None):
 
 @st.composite
 def small_sets(draw, most_jitter=2.0):
-    """Draw frames, periods and jitters of two to five messages, load below 0.97."""
+    """Draw frames, periods and jitters of two to five messages with a load below 0.97."""
     n = draw(st.integers(2, 5))
     frames = draw(st.lists(st.integers(47, 160), min_size=n, max_size=n))
     periods = [draw(st.integers(n * bits, 12 * n * bits)) for bits in frames]
@@ -95,10 +95,10 @@ def small_sets(draw, most_jitter=2.0):
 def play(frames, releases, *, begun=None, faults=(), error_bits=31):
     """Send frames on a bus without any theory; return when each instance ends, by message.
 
-    Times are bit times, and the most urgent frame that waits goes first. `releases` holds the
-    queueing times of each message, the most urgent first, and `begun` a frame of (start, length)
-    that is on the bus already. A fault destroys the frame on the bus; an error frame follows, and
-    the frame waits for arbitration again.
+    Times are bit times, and the most urgent waiting frame goes first. `releases` contains the
+    queueing times of each message, the most urgent first, and `begun` is the (start, length) of a
+    frame that is already on the bus. A fault destroys the frame on the bus; an error frame follows,
+    and the frame waits for arbitration again.
     """
     waiting = [deque(sorted(times)) for times in releases]
     faults = deque(sorted(faults))
@@ -127,14 +127,14 @@ def play(frames, releases, *, begun=None, faults=(), error_bits=31):
 @given(small_sets(), st.sampled_from([2, 20]))
 def test_the_worst_release_attains_the_response_of_every_instance(drawn, few):
     frames, periods, jitters = drawn
-    # Messages are solved together, or one by one if they are fewer than that.
+    # Messages are solved together, or one by one if there are fewer of them than this.
     with patch("shipnet.can.response._FEW", few):
         responses = response_times(message_set(*drawn), FAST)
     for m, found in enumerate(responses):
         blocking = max(frames[m + 1 :], default=0)
         assert found.blocking == pytest.approx(blocking * US, rel=1e-15)
         busy = round(found.busy_period / US)
-        # All are queued at 0, as late as they can be; a frame began one bit time before.
+        # All are queued at 0, as late as possible; another frame began one bit time earlier.
         arrivals = [
             [q * period - jitter for q in range((busy + jitter) // period + 2)]
             for period, jitter in zip(periods[: m + 1], jitters, strict=False)
@@ -225,8 +225,8 @@ def test_no_release_and_no_faults_exceed_the_bound_with_faults(drawn, burst, see
 
 
 #: The messages of Broster et al. 2002, the most urgent first: data bytes, period [ms], and the
-#: response without errors at 250 kbit/s [ms], as SchedCAT computes it too. The last message, of
-#: 1 byte and 100 ms, waits for an intermission there.
+#: response without errors at 250 kbit/s [ms], which SchedCAT also computes. The last message, of
+#: 1 byte and 100 ms, is left out: there it waits for an intermission.
 BROSTER = [
     (8, 10, 1.028), (3, 14, 1.368), (3, 20, 1.708), (2, 15, 2.008), (5, 20, 2.428),
     (5, 40, 2.848), (4, 15, 3.228), (5, 50, 3.648), (4, 20, 4.028), (7, 100, 4.448),
@@ -244,7 +244,7 @@ def test_the_published_responses_with_faults_are_reproduced(count):
     between = Assumptions(intermission="between")
     found = response_times(messages, 250e3, assumptions=between, faults=few)
     for one, (_, period, alone) in zip(found, BROSTER, strict=False):
-        # An error costs 29 bits and 132 of the longest frame, which is the most urgent.
+        # An error costs 29 bits, and 132 bits of the longest frame, which is the most urgent.
         if alone + 0.644 * count < period and (count == 0 or one.message.name in ("m0", "m7")):
             assert one.response * 1e3 == pytest.approx(alone + 0.644 * count, abs=1e-9)
 
@@ -276,7 +276,7 @@ def test_an_error_may_hit_the_longest_frame_that_goes_first():
 
 
 def test_recurring_errors_equal_a_count_by_hand():
-    # F = 2 + ceil(t / 500) - 1, 160 bits each; w of the lower one: 135 blocked by none, 100 above.
+    # F = 2 + ceil(t / 500) - 1 errors; the lower message has 135 bits, none below, 100 above it.
     messages = message_set([100, 135], [5000, 5000])
     low = response_times(messages, FAST, faults=errors(2, 500 * US, 29))[1]
     # w = 100 + F(w + 135) 164: 428 needs 3 errors, 592 needs 3: F(727) = 2 + 2 - 1.
@@ -285,7 +285,7 @@ def test_recurring_errors_equal_a_count_by_hand():
 
 
 def test_an_error_that_is_due_as_the_busy_period_ends_does_not_count():
-    # The frame, and once 31 bits and the frame again; the next error comes at 231.
+    # The frame, then once 31 bits and the frame again; the next error is due at 231.
     (alone,) = response_times(message_set([100], [5000]), FAST, faults=errors(1, 231 * US))
     assert alone.busy_period == alone.response == pytest.approx(231 * US, rel=1e-12)
     (alone,) = response_times(message_set([100], [5000]), FAST, faults=errors(1, 230 * US))
@@ -338,7 +338,7 @@ def test_responses_in_bits_do_not_depend_on_the_bit_rate():
         times = response_times(messages, rate, faults=limit)
         found[rate] = [[round(one * rate, 6) for one in each.instances] for each in times]
     assert found[FAST] == found[300_000]
-    # The most urgent: blocked by 120 bits, two errors of 31 bits and a frame, itself, its jitter.
+    # The most urgent: blocking of 120 bits, two errors of 31 bits and a frame, itself, its jitter.
     assert found[FAST][0][0] == 120 + 2 * (31 + 60) + 60 + 30
 
 
@@ -416,7 +416,7 @@ def test_a_bit_time_that_is_not_a_whole_nanosecond_stays_exact():
     found = response_times(lone, 30_000)[0]
     assert (found.response, found.met, len(found.instances)) == (4.5e-3, True, 1)
     assert response_times(lone, 29_999)[0].response == math.inf
-    # Three frames of a third of the period fill the bus, and one bit/s less is too little.
+    # Three frames, each a third of the period long, fill the bus; one bit/s less is too little.
     thirds = MessageSet([Message(f"m{k}", k, 8, 13.5e-3) for k in range(3)])
     assert [r.response for r in response_times(thirds, 30_000)] == [9e-3, 13.5e-3, 13.5e-3]
     assert schedulable(thirds, 30_000)
@@ -503,7 +503,7 @@ def test_an_analysis_accepts_one_bound_on_errors_only(wrong):
         response_times(davis_messages(), 125e3, faults=wrong)
 
 
-# The picture.
+# The figure.
 
 
 @pytest.fixture
@@ -560,7 +560,7 @@ def test_a_set_without_messages_can_be_drawn(ax):
 def test_utilisation_is_the_load_and_a_period_and_a_response():
     messages = MessageSet([Message("A", 1, 8, 0.01), Message("B", 2, 0, 0.004)])
     found = response_times(messages, 125e3)
-    # With all the stuff bits that fit, 135 and 55 bits of 8 us.
+    # With the most stuff bits, 135 and 55 bits of 8 us.
     load = 135 * 8e-6 / 0.01 + 55 * 8e-6 / 0.004
     assert found.utilisation() == pytest.approx((load, load, 0.01 + found["A"].response))
     nothing = response_times(MessageSet([]), 125e3).utilisation()

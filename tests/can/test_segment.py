@@ -8,7 +8,7 @@ from shipnet.can import Segment
 from shipnet.errors import ArgumentError
 
 REFERENCE = np.load(Path(__file__).parents[1] / "reference" / "line" / "can_rs485.npz")
-#: The pattern of the reference, 1 for dominant there.
+#: The pattern of the reference, in which 1 is dominant.
 PATTERN = "01001101"
 
 
@@ -27,7 +27,7 @@ def test_waveforms_and_samples_agree_with_ngspice(case, monkeypatch):
     rows = [run.points.index(probe) for probe in probes]
     ours = run.v[rows][:, ::40]
     count = ours.shape[1]
-    # Steps of 0.5 ns cost 6e-4 of the peak; other tests hold the solver itself to 2e-4.
+    # Steps of 0.5 ns cause an error of 6e-4 of the peak; other tests limit the solver to 2e-4.
     assert np.abs(ours - expected[:, :count]).max() <= 1e-3 * np.abs(expected).max()
     theirs = np.array([np.interp(run.sample_times, 20e-9 * np.arange(501), v) for v in expected])
     bits = np.where(theirs >= 0.9, 0, np.where(theirs <= 0.5, 1, -1))
@@ -37,11 +37,11 @@ def test_waveforms_and_samples_agree_with_ngspice(case, monkeypatch):
 
 def test_two_senders_make_a_wired_and():
     patterns = {1: "00110101", 9: "0101"}
-    # Slow bits, because the inputs along the line ring for some microseconds.
+    # The bits are slow because the inputs along the line ring for some microseconds.
     run = Segment(40).send(patterns, 50e3)
     assert run.sent.tolist() == [0, 0, 0, 1, 0, 1, 0, 1]
     assert run.wrong == []
-    # Both at once drive harder than one: 3.2 V behind 20 or 40 ohm into 60 ohm.
+    # Two senders drive harder than one: 3.2 V through 20 instead of 40 ohm into 60 ohm.
     middle = run.samples[run.row(5)]
     load = 2 / 120 + 9 / 20e3
     assert middle[0] == pytest.approx(3.2 / 20 / (1 / 20 + load), rel=1e-3)
@@ -49,7 +49,7 @@ def test_two_senders_make_a_wired_and():
 
 
 def test_a_long_bus_needs_a_late_sample_point():
-    # 100 m at 1 Mbit/s: the wave takes half a bit.
+    # 100 m at 1 Mbit/s: the propagation delay is half a bit.
     late, early = (
         Segment(100, 5).send({1: PATTERN}, 1e6, sample_point=point) for point in (0.8, 0.3)
     )

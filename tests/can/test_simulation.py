@@ -16,7 +16,7 @@ BIT_MS = 8e-3
 
 
 def as_set(columns):
-    """Return a message set of columns as in `MessageSet.table`, with any that are missing."""
+    """Return columns as in `MessageSet.table`, with missing ones filled in."""
     table = pd.DataFrame(columns)
     if "name" not in table:
         table["name"] = [f"{number:#05x}" for number in table["arbitration_id"]]
@@ -86,7 +86,7 @@ def bit_by_bit(messages, bits):
 
 @given(message_sets(), st.sampled_from([1, 30]))
 def test_a_simulation_bit_by_bit_finds_the_same_transmissions(messages, few):
-    # Busy periods of one size are solved side by side if there are enough of them.
+    # Busy periods of the same size are solved together if there are enough of them.
     with patch("shipnet.can.bus._FEW", few):
         frames = run_of(messages, 2000 * BIT_MS / 1e3).events()
     slow = bit_by_bit(messages, 2000)
@@ -170,7 +170,7 @@ def test_the_bound_is_attained_at_the_critical_instant():
     bounds = [longest_response(messages, rank) for rank in range(3)]
     together = run_of(messages, 0.1).table()["max_ms"].to_numpy() / BIT_MS
     assert round(together[2], 6) == bounds[2] == 438
-    # For the others the lowest frame begins a bit before they are released.
+    # For the other two, the frame of lowest priority begins one bit before they are released.
     offset = np.array([1, 1, 0]) * BIT_MS
     blocked = run_of(messages.assign(offset_ms=offset), 0.1).table()["max_ms"].to_numpy() / BIT_MS
     assert blocked[:2].round(6).tolist() == [bounds[0] - 1, bounds[1] - 1] == [249, 374]
@@ -208,7 +208,7 @@ def test_the_last_bit_of_a_frame_can_still_fail():
 
 
 def every_attempt(count):
-    """Return instants in the first bits of this many attempts that follow each other."""
+    """Return instants in the first bits of this many successive attempts."""
     return 0.5 * BIT_MS / 1e3 + np.arange(count) * (1 + 23) * BIT_MS / 1e3
 
 
@@ -219,11 +219,11 @@ def test_counters_states_and_suspension_follow_the_standard():
     run = run_of(messages, 0.1, hits(every_attempt(16)))
     assert run.errors()["tec"].tolist() == list(range(8, 129, 8))
     assert run.errors()["state"].tolist() == 15 * ["error active"] + ["error passive"]
-    # Sixteen lost attempts of 24 bits. Then a is passive and waits 8 bits, so b goes first.
+    # After sixteen lost attempts of 24 bits, a is passive and waits 8 bits, so b goes first.
     first = run.events().sort_values("start_ms")
     assert first["message"].tolist() == ["0x002", "0x001"]
     assert first["start_ms"].tolist() == pytest.approx([384 * BIT_MS, 484 * BIT_MS])
-    # b counted 16 errors, sent one frame, heard one.
+    # b counted 16 errors, sent one frame and received one.
     assert run.nodes()[["tec", "rec"]].to_numpy().tolist() == [[127, 0], [0, 15]]
 
 
@@ -233,7 +233,7 @@ def test_an_error_passive_node_alone_pauses_8_bits_after_each_of_its_frames():
     instants[16] += 8 * BIT_MS / 1e3
     run = run_of(messages, 0.02, hits(instants))
     start = run.events()["start_ms"].to_numpy()
-    # The counter falls from 136 to 127 with nine frames; then the suspension ends.
+    # Nine frames reduce the counter from 136 to 127; then the suspension ends.
     assert start[0] == pytest.approx((17 * 24 + 16) * BIT_MS)
     assert np.diff(start[:9]) == pytest.approx(np.full(8, 108 * BIT_MS))
     assert start[9] - start[8] == pytest.approx(100 * BIT_MS)
@@ -242,7 +242,7 @@ def test_an_error_passive_node_alone_pauses_8_bits_after_each_of_its_frames():
 def test_a_node_at_256_leaves_the_bus_and_returns_after_128_quiet_sequences():
     # Frames released meanwhile must not disturb the count of sequences.
     messages = {"arbitration_id": [1], "bits": 100, "period_ms": 1.3}
-    # Passive from attempt 16 on, so attempts are 8 bits further apart.
+    # From attempt 16 the node is passive, so attempts are 8 bits further apart.
     far = 8 * np.maximum(np.arange(32) - 15, 0)
     instants = every_attempt(32) + far * BIT_MS / 1e3
     run = run_of(messages, 0.5, hits(instants))
@@ -256,7 +256,7 @@ def test_a_node_at_256_leaves_the_bus_and_returns_after_128_quiet_sequences():
 
 def test_frames_of_others_count_towards_the_return_of_a_node():
     messages = {"arbitration_id": [1, 2], "bits": 111, "period_ms": [1000, 0.888], "offset_ms": 0}
-    # b sends whenever a pauses, so error instants are taken from what is seen.
+    # b sends whenever a pauses, so the instants of errors are taken from the run itself.
     instants, attempts = list(every_attempt(1)), 1
     while attempts < 32:
         run = run_of(messages, 0.2, hits(instants))
@@ -267,7 +267,7 @@ def test_frames_of_others_count_towards_the_return_of_a_node():
     assert run.nodes()["bus_off"].tolist() == [1, 0]
     gone = run.errors()["free_ms"].iloc[-1]
     back = run.events().loc[run.events()["message"] == "0x001", "start_ms"].iloc[0]
-    # The bus is never at rest: each frame of b ends in one sequence of 11 recessive bits.
+    # The bus is never idle: each frame of b ends in one sequence of 11 recessive bits.
     assert back == pytest.approx(gone + 128 * 111 * BIT_MS)
 
 
@@ -279,7 +279,7 @@ def test_retries_follow_their_probability():
     frames = run.events()["retries"]
     mean, deviation = chance / (1 - chance), np.sqrt(chance) / (1 - chance)
     assert abs(frames.mean() - mean) < 4 * deviation / np.sqrt(len(frames))
-    # The first disturbed bit, given that there is one, is geometric and cut off.
+    # The first disturbed bit, if there is one, has a truncated geometric distribution.
     hit, place = run.errors()["bit"].to_numpy(), np.arange(bits)
     weight = (1 - rate) ** place * rate / chance
     expected = (weight * place).sum()
@@ -293,7 +293,7 @@ def test_bit_errors_last_from_start_to_stop():
     fault = BitErrors(0.02, start=3.0, stop=4.0)
     errors = run_of(table(period_ms=5), 10.0, fault, rng=1).errors()
     begin = errors["start_ms"] + errors["bit"] * BIT_MS
-    # The disturbed bit lasts into the time of the fault.
+    # The first disturbed bit may begin before the fault.
     assert len(errors) > 100
     assert begin.min() > 3000 - BIT_MS
     assert begin.max() < 4000
@@ -376,7 +376,7 @@ def test_a_run_without_releases_is_an_empty_table():
     [
         ({"until": 0}, "until is 0 s; it must be 1e-09"),
         ({"bit_rate": 2e6}, r"bit_rate is 2e\+06 bit/s"),
-        ({"bit_rate": 83e3}, r"a bit of 12048\.2 ns; a bit must be a whole"),
+        ({"bit_rate": 83e3}, r"a bit lasts 12048\.2 ns; it must last a whole"),
         ({"faults": ErrorBound(0.1)}, "it must be a BitErrors or an ErrorAt"),
         ({"faults": [1.0]}, r"one of faults is 1\.0"),
         ({"messages": MessageSet([])}, "messages are empty; there must be at least one"),
@@ -411,8 +411,8 @@ def test_a_fault_out_of_range_is_refused(make, message):
     [
         ([0, 0, 0], r"offsets have the shape \(3,\)"),
         ([[0, 0]], r"offsets have the shape \(1, 2\)"),
-        ([[0, 0, -1]], "offsets hold a time that is not"),
-        ([[0, 0, np.nan]], "offsets hold a time that is not"),
+        ([[0, 0, -1]], "offsets contain a time outside"),
+        ([[0, 0, np.nan]], "offsets contain a time outside"),
         ([["a", "b", "c"]], "offsets have the shape"),
     ],
 )
@@ -441,7 +441,7 @@ def test_the_gantt_chart_shows_frames_waits_and_errors():
 
 @pytest.mark.parametrize("faults", [(), BitErrors(1e-5), [BitErrors(1e-3), BitErrors(1e-4)]])
 def test_a_run_draws_as_many_random_numbers_as_attempts_one_by_one(faults):
-    # Chances are drawn 4096 attempts at a time, fault by fault, when the first of them is made.
+    # Errors are drawn for 4096 attempts at a time, fault by fault, at the first of these attempts.
     run = run_of(table(period_ms=5), 20.0, faults, rng=(used := np.random.default_rng(3)))
     attempts, expected = run.table()["sent"].sum() + len(run.errors()), np.random.default_rng(3)
     for _ in range(-(-int(attempts) // 4096)):

@@ -126,7 +126,7 @@ def test_one_sample_has_no_past():
     firing = BASE.fire({"OT": 95})
     assert firing.decide().top[()] == "O1"
     assert firing.decide().explain().startswith("O1 1.00: OT 95 degC hot 1.00")
-    with pytest.raises(ArgumentError, match="axis of time"):
+    with pytest.raises(ArgumentError, match="time axis"):
         firing.decide(k=1, n=2)
     assert firing.decide().table()["top"].tolist() == ["O1"]
     assert repr(firing.decide()).startswith("Decision(O1 1.00")

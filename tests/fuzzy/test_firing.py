@@ -200,7 +200,7 @@ def test_the_inputs_are_not_changed():
     ("samples", "fault"),
     [
         ([1, 2], r"^samples is \[1, 2\]; it must be a mapping"),
-        ({"PP": 1, "QQ": 2}, r"^samples have PP, QQ; the variables are FP, OP, MC, "),
+        ({"PP": 1, "QQ": 2}, r"^samples contain PP, QQ; the variables are FP, OP, MC, "),
         ({"FP": "high"}, "FP must be numbers"),
         ({"FP": [[1], [1, 2]]}, "FP must be numbers"),
         ({"FP": [1, 2], "OP": [1, 2, 3]}, r"shapes are FP \(2,\), OP \(3,\)"),

@@ -59,7 +59,7 @@ def test_strengths_that_are_not_a_matrix_are_not_drawn(ax):
         BASE.fire({"FP": [1]}).plot(["a", "b"], ax=ax)
 
 
-def test_overlaps_are_drawn_as_shares_and_subsets_are_marked(ax):
+def test_overlaps_are_drawn_as_percentages_and_subsets_are_marked(ax):
     assert BASE.plot_overlaps(ax=ax) is ax
     texts = {text.get_position(): text.get_text() for text in ax.texts}
     codes = list(BASE.codes)

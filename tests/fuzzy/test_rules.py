@@ -71,7 +71,7 @@ def test_the_assumed_ramps_are_a_half_at_the_printed_limit_or_have_a_stated_reas
         )
         if abs(crisp - half) > 1e-12
     }  # fmt: skip
-    # Zeros get a dead band, OT a shoulder at the limit, VPos a margin for noise at the end stop.
+    # Zeros have a dead band, OT a shoulder at the limit, VPos a margin for noise at the end stop.
     zeros = {"OP.low", "MC.zero", "MC.run", "DVPos.still"}
     assert moved == zeros | {"OT.hot", "VPos.above", "VPos.below"}
 

@@ -129,5 +129,5 @@ def test_a_variable_refuses_terms_outside_its_universe():
         Variable("OT", "degC", 150, 0, (hot,))
     with pytest.raises(ArgumentError, match="name of a variable is 'O T'"):
         Variable("O T", "degC", 0, 150, (hot,))
-    with pytest.raises(ArgumentError, match="OT has hot"):
+    with pytest.raises(ArgumentError, match="the terms of OT are hot"):
         Variable("OT", "degC", 0, 150, (hot,))["cold"]

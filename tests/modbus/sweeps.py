@@ -1,4 +1,4 @@
-"""Faults of redundant lines at many instants, and what the closed forms are compared with."""
+"""Simulations of redundant lines with faults at many instants, to verify the closed forms."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -10,17 +10,17 @@ from shipnet.modbus.simulation import Master, Run, simulate
 
 
 def sweep(system, faults, instants=None):
-    """Return the longest gaps, (n_instants, n_slaves), with faults that begin together for good.
+    """Return the longest gaps, (n_instants, n_slaves), with permanent faults that begin together.
 
-    The instants are the ends of the answers of the second scan if omitted, the worst of which is
-    the worst of all.
+    By default the instants are the ends of the answers of the second scan, which include the worst
+    instant of all.
     """
     failed = line_faults(faults)
     if instants is None:
         begin, each = system.period, system.poll.time
         whole = simulate(system, until=begin + (system.n_slaves - 0.5) * each)
         instants = whole.answer_times[-system.n_slaves :]
-    # A lost slave is given up one scan later than a slave is moved.
+    # The master gives up a lost slave one scan later than it moves a slave.
     settled = 4 * (system.period + 2 * system.n_slaves * system.poll.timeout_time)
     at = np.atleast_1d(np.asarray(instants, dtype=float))
     gaps = np.empty((at.size, system.n_slaves))
@@ -39,15 +39,15 @@ def sweep(system, faults, instants=None):
 
 
 def pairs(system):
-    """Return every two different single faults."""
+    """Return all pairs of different single faults."""
     return list(combinations(system.single_faults(), 2))
 
 
 def longest_recovery(system):
-    """Return how long it takes at most after a repair until all is as before [s].
+    """Return the longest time from a repair until every slave is back on its port [s].
 
     In the worst case a try through both ports has just begun; after its time-outs the rule waits,
-    then a scan may pass until the next slave to be tried has its turn, and one more until the
-    last has.
+    then it may take a scan until the next slave to be tried has its turn, and another scan until
+    the last one has.
     """
     return system.recheck + 2 * system.period + 2 * system.poll.unanswered_time

@@ -1,4 +1,4 @@
-"""What clients of other makers believe: the stored table, and a part of it measured again."""
+"""What other makers' clients accept: the stored table, and a part of it measured again."""
 
 import csv
 import os
@@ -48,7 +48,7 @@ def test_the_verdict_is_the_worst_outcome():
 
 
 def test_no_client_is_disturbed_by_faults_that_it_cannot_notice():
-    # A delay and a silence within the time-out: right for all, or the bench itself is at fault.
+    # A delay or silence within the time-out must not disturb any client; else the bench is wrong.
     seen = {row["verdict"] for row in STORED if row["fault"] in ("delay", "gap")}
     assert seen == {"right value"}
 
@@ -61,7 +61,7 @@ def test_two_clients_still_behave_as_in_the_table():
         stored = {row["version"] for row in STORED if row["client"] == name}
         assert stored == {client.version}, f"{name} is {client.version}: run `make clients`"
         jobs += [(client, "rtu", fault) for fault in run.faults("rtu")]
-    # A late answer comes a second after one time-out and a second before the next.
+    # A late answer arrives one second after a time-out and one second before the next.
     with ThreadPoolExecutor(len(jobs)) as pool:
         found = list(pool.map(lambda job: run.measure(*job, polls=6, timeout=2.0), jobs))
     new = {(job[0].name, *job[1:]): run.verdict(one) for job, one in zip(jobs, found, strict=True)}

@@ -40,8 +40,8 @@ def test_an_interface_stops_fitting_at_each_limit():
 
 def test_every_reason_is_given():
     why = interfaces(40, 5000, 5e6).set_index("interface").why_not
-    assert why["RS-232"] == "40 stations are more than 2; 5e+06 bit/s are more than 20000 bit/s"
-    assert why["RS-485"] == "40 stations are more than 32; 5000 m are more than 24.38 m"
+    assert why["RS-232"] == "40 stations are more than 2; 5e+06 bit/s is more than 20000 bit/s"
+    assert why["RS-485"] == "40 stations are more than 32; 5000 m is more than 24.38 m"
     assert INTERFACES["RS-485"].source
 
 

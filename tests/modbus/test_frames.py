@@ -40,16 +40,16 @@ def coils(most):
 
 
 def both(ours, theirs, *drawn):
-    """Draw arguments, and return what we and what pymodbus make of them."""
+    """Draw arguments, and return the results of our function and of pymodbus's."""
     return st.builds(lambda *given: (ours(*given), theirs(*given)), *drawn)
 
 
 def counted(theirs):
-    """Return what makes a message of pymodbus of an address and a count."""
+    """Return a function that makes a pymodbus message from an address and a count."""
     return lambda address, count: theirs(address=address, count=count)
 
 
-#: Requests by function code, ours and those of pymodbus.
+#: Requests by function code: ours and those of pymodbus.
 REQUESTS = {
     1: both(Request.read_coils, counted(bits_of.ReadCoilsRequest), WORD, st.integers(1, 2000)),
     2: both(
@@ -128,7 +128,7 @@ def answer(request):
 
 
 def crc_by_shifting(data):
-    """The generation procedure that the serial line guide spells out in section 6.2.2."""
+    """Return a CRC by the procedure in section 6.2.2 of the serial line guide."""
     register = 0xFFFF
     for byte in data:
         register ^= byte
@@ -258,7 +258,7 @@ def test_arguments_out_of_range_are_named(make, message):
         ("0300000001ff", LengthError, "6 bytes; it must have 5"),
         ("0300000000", FieldError, "quantity is 0"),
         ("050000ff01", FieldError, "coil value is 0xFF01"),
-        ("0f0000000901ff", FieldError, "byte count is 1, but 9 coils"),
+        ("0f0000000901ff", FieldError, "byte count is 1, .* 9 coils"),
         ("0f0000000802ff", LengthError, "byte count is 2, but 1 bytes"),
         ("100000000204000a", LengthError, "byte count is 4, but 2 bytes"),
         ("100000000202000a", FieldError, "byte count is 2; it must be 2 x 2"),
@@ -292,7 +292,7 @@ def test_faulty_requests_are_refused_by_field(pdu, error, message):
             "03020000",
             Request.read_holding_registers(0, 2),
             MismatchError,
-            "byte count is 2, .* makes 4",
+            "byte count is 2, .* requires 4",
         ),
         ("0101ff", Request.read_coils(0, 9), MismatchError, "byte count is 1"),
         ("0600010003", Request.write_single_register(1, 4), MismatchError, "echo is 0600010003"),
@@ -315,7 +315,7 @@ def test_faulty_responses_are_refused_by_field(pdu, request_, error, message):
     [
         ("rtu", b"\1\3\0", LengthError, "the RTU frame has 3 bytes; it must have 4..256"),
         ("rtu", bytes(257), LengthError, "the RTU frame has 257 bytes; it must have 4..256"),
-        ("rtu", b"123456789\0\0", CrcError, "CRC is 0x0000, but the bytes before it make 0x4B37"),
+        ("rtu", b"123456789\0\0", CrcError, "CRC is 0x0000, but the bytes before it give 0x4B37"),
         ("tcp", bytes(7), LengthError, "the TCP frame has 7 bytes; it must have 8..260"),
         ("tcp", bytes(261), LengthError, "the TCP frame has 261 bytes; it must have 8..260"),
         ("tcp", b"\0\0\0\1\0\2\xff\3", FieldError, "protocol id is 1; it must be 0"),

@@ -1,4 +1,4 @@
-"""What a newcomer types first, and the one-line answers."""
+"""What a new user types first, and the results in one line."""
 
 import pytest
 
@@ -65,8 +65,8 @@ def test_the_repr_of_a_request_is_the_call_that_makes_it(request_):
     assert eval(repr(request_), {"Request": modbus.Request}) == request_
 
 
-def test_a_response_has_as_many_values_as_were_asked_for():
-    with pytest.raises(ArgumentError, match="values has 3 values; 4 were asked for"):
+def test_a_response_has_as_many_values_as_were_requested():
+    with pytest.raises(ArgumentError, match="values has 3 values; 4 were requested"):
         STATUS.response([1, 2, 3])
     with pytest.raises(ArgumentError, match="framing is 'RTU'"):
         modbus.decode(b"", "RTU")
@@ -86,7 +86,7 @@ def test_the_repr_of_a_run_is_one_line():
 
 
 def test_a_slave_has_a_device_or_tables():
-    with pytest.raises(ArgumentError, match="input_registers is given beside a device"):
+    with pytest.raises(ArgumentError, match="a device and input_registers are given"):
         modbus.Slave(modbus.Slave(coils=[1]).device, input_registers=[1])
     slave = modbus.Slave(input_registers=[7, 8])
     slave.device.input_registers[0] = 9

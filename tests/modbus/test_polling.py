@@ -38,7 +38,7 @@ def test_the_reference_table_is_reproduced_to_its_last_digit(row):
         read.time * 1e3,
         write.time * 1e3,
         read.scan_time(247),
-        # 250 and 256 slaves are more than the standard has: the table counts transactions.
+        # 250 and 256 slaves are more than the standard allows: the table counts transactions.
         250 * scan,
         256 * scan,
         line.frame_time(256) * 1e3,
@@ -63,7 +63,7 @@ def test_the_silences_are_fixed_above_19200_only():
 
 
 def walk(poll, alive):
-    """Let a clock run through a scan event by event; return where it stands at the end."""
+    """Run a clock through a scan event by event, and return its final time."""
     byte = poll.line.character_time
     clock = 0.0
     for answers in alive:

@@ -18,7 +18,7 @@ from tests.modbus.sweeps import longest_recovery, pairs, sweep
 
 LINE = SerialLine(9600)
 STATUS, ONE = Request.read_input_registers(0, 4), Request.read_holding_registers(0, 1)
-#: Rounding of sums of some hundred times of milliseconds to seconds [s].
+#: Rounding error of sums of some hundred times, each from milliseconds to seconds [s].
 DUST = 1e-9
 
 
@@ -37,7 +37,7 @@ def loop(
 
 
 def joined_in_a_graph(loop, faults):
-    """Return who each port reaches, walked along the cable: the ends of sections are nodes."""
+    """Return the slaves that each port reaches in a graph, whose nodes are the ends of sections."""
     n = loop.n_slaves
     graph = nx.Graph()
     graph.add_nodes_from(range(n + 2))
@@ -196,7 +196,7 @@ def test_a_try_is_answered_exactly_if_its_path_is_whole_throughout():
 
 @pytest.mark.parametrize("move", ["slave", "downstream"])
 @pytest.mark.parametrize("fault", loop(6).single_faults(), ids=str)
-def test_all_is_as_before_soon_after_a_repair(fault, move):
+def test_a_repair_soon_restores_the_original_ports(fault, move):
     system = loop(6, move=move, recheck=2.0)
     longest = longest_recovery(system)
     for stop in np.linspace(8, 10.5, 26):
@@ -258,7 +258,7 @@ def test_gaps_and_ports_are_those_of_the_slaves_concerned():
     assert run.gaps[0] == pytest.approx(12 - ends.max()) and run.gaps[0] > 9
 
 
-def test_a_simulation_of_no_time_has_no_polls():
+def test_a_simulation_of_zero_duration_has_no_polls():
     run = simulate(loop(2), until=0)
     assert len(run.events()) == 0 and run.table().port.tolist() == ["A", "A"]
     assert run.gaps.tolist() == [0, 0]

@@ -1,4 +1,4 @@
-"""The server on real sockets and pseudo-terminals, asked by clients that others wrote."""
+"""The server on real sockets and pseudo-terminals, with clients written by others."""
 
 import os
 import select
@@ -29,7 +29,7 @@ from tests.support import require
 READ = Request.read_holding_registers(0, 2).pdu
 LINE = SerialLine(115200, "8N1")
 
-#: How long a test waits for what must come [s]; it only ends a test that has failed.
+#: How long a test waits for what must arrive [s]; it only ends a test that has failed.
 PATIENCE = 60.0
 
 
@@ -238,7 +238,7 @@ def test_delayed_answers_keep_their_transaction_ids_and_their_addresses():
 
 
 class Gate:
-    """A device that holds the whole server up until it is opened, and notes who asks."""
+    """A device that blocks the whole server until it is opened, and counts the reads."""
 
     def __init__(self, value=0):
         self.open, self.value, self.reads = threading.Event(), value, 0
@@ -256,7 +256,7 @@ def test_a_late_answer_is_taken_for_that_of_the_next_valve_if_ids_are_0_and_drop
     gate = Gate(100)
     with serve({1: gate, 2: device(200)}, "udp") as server:
         with raw(server, socket.SOCK_DGRAM) as master:
-            # As a master that goes by the order of the answers, with the header of kim2014.
+            # Like a master that relies on the order of the answers, with the header of kim2014.
             master.send(tcp_frame(1, READ, 0))
             assert is_silent(master)
             gate.open.set()
@@ -324,7 +324,7 @@ def test_frames_of_another_protocol_are_skipped_and_an_impossible_length_ends_th
 def test_a_client_that_never_reads_is_disconnected():
     ask = tcp_frame(1, Request.read_holding_registers(0, 125).pdu, 1) * 1000
     many = Slave(holding_registers=[0] * 125)
-    # Nobody waits for a time here: 250 MB of answers are more than a system holds.
+    # This does not depend on timing: 250 MB of answers are more than a system buffers.
     with serve({1: many}) as server, raw(server, timeout=None) as client, raw(server) as other:
         with pytest.raises(ConnectionError):  # noqa: PT012 # one of many calls is cut off
             for _ in range(1000):
@@ -374,7 +374,7 @@ def test_clients_take_turns_with_one_that_sends_as_fast_as_it_can():
         gate.open.set()
         assert len(receive(few, 20 * 13)) == 20 * 13
         assert len(receive(many, 2000 * 13)) == 2000 * 13
-    # Every turn answers four requests of each: the 20 take five turns.
+    # Every turn answers four requests of each client: the 20 take five turns.
     assert [k for k, unit in enumerate(book) if unit == 2][-1] < 20 + 6 * 4
     assert (book.count(1), book.count(2)) == (2000, 20)
 
@@ -547,7 +547,7 @@ def test_unsent_answers_do_not_keep_the_server_from_stopping():
     with serve({1: Slave(holding_registers=[0] * 125)}) as server, raw(server) as client:
         (connection,) = wait_for(lambda: list(server._listener.handlers))
         transport = connection.transport
-        # The system shall hold little of what is unsent, so that the server has to.
+        # The system must buffer little of what is unsent, so that the server has to.
         client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
 
@@ -565,7 +565,7 @@ def test_unsent_answers_do_not_keep_the_server_from_stopping():
 
 
 def test_a_server_listens_only_once():
-    with serve({1: device()}) as server, pytest.raises(RuntimeError, match="listens already"):
+    with serve({1: device()}) as server, pytest.raises(RuntimeError, match="already listening"):
         server.__enter__()
 
 
@@ -636,7 +636,7 @@ def test_a_pseudo_terminal_has_no_parity_whatever_its_settings_were_before(line,
         (({-1: device()},), "unit id is -1"),
         (({True: device()},), "unit id is True"),
         (({0: device()}, "rtu"), r"unit id is 0.*1\.\.247 on a serial line"),
-        (({},), "devices is {}"),
+        (({},), "devices is empty"),
         (([device()],), "must be a mapping"),
         (({1: 3},), "one of devices is 3; it must be a Device or a Slave"),
         (({1: device()}, "tls"), "transport is 'tls'"),
@@ -653,7 +653,7 @@ def test_arguments_out_of_range_are_named(arguments, message):
     [
         ({"port": 65536}, "port is 65536"),
         ({"host": ""}, "host is ''"),
-        ({"serial_port": "x"}, "nothing else does"),
+        ({"serial_port": "x"}, "only for RTU"),
     ],
 )
 def test_keywords_out_of_range_are_named(keywords, message):

@@ -79,7 +79,7 @@ def test_written_values_are_read_back():
 def test_impossible_requests_get_the_exception_of_the_standard(pdu, response):
     slave = Slave(device())
     assert slave.answer(bytes.fromhex(pdu)).hex() == response
-    # Nothing was written in part.
+    # Nothing was partly written.
     assert vars(slave.device) == vars(device())
 
 
@@ -103,7 +103,7 @@ def test_an_injected_exception_and_silence_execute_nothing():
 
 
 class Scripted:
-    """A device that does what the test wants."""
+    """A device that does what the test needs."""
 
     def __init__(self, act):
         self.act = act

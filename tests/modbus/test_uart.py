@@ -151,23 +151,23 @@ def test_an_idle_line_has_no_characters(nothing):
     steps=st.lists(st.tuples(st.floats(0, 5e-3), st.floats(-10, 10)), max_size=60),
     serial=LINES,
 )
-def test_no_levels_make_the_decoder_fail(steps, serial):
+def test_the_decoder_survives_any_levels(steps, serial):
     time, level = np.cumsum([s[0] for s in steps]), [s[1] for s in steps]
     found = read(time, level, serial)
     assert set(found.code) <= {0, ParityError.code, FormError.code}
     assert len(found.data) == found.time.size == found.code.size
     bits = 10 + (serial.character[1] != "N")
-    # The next start bit comes half a bit or more after the sample of a stop bit of 1.
+    # The next start bit follows the sample of a stop bit of 1 by at least half a bit.
     least = (bits - 1) / serial.bit_rate
     assert (np.diff(found.time) >= least).all()
 
 
-#: Before the stop bit 0 and 1, with either parity.
+#: Bytes with 0 or 1 before the stop bit, for either parity.
 WORST = [0x00, 0xFF, 0x80, 0x7F, 0x01, 0xFE, 0x81, 0x7E]
 
 
 def reads(deviation, line, phase):
-    """Return whether a receiver reads bytes, back to back, from a sender of another rate."""
+    """Return whether a receiver reads successive bytes from a sender with another bit rate."""
     sender = SerialLine(line.bit_rate * (1 + deviation), line.character)
     for first in WORST:
         data = bytes([first, *WORST])
@@ -195,7 +195,7 @@ def test_the_tolerance_is_where_a_simulated_receiver_begins_to_fail(character):
         (lambda: SerialLine(9600).waveform(b"", start=float("nan")), "start is nan"),
         (lambda: read([0, 1], [1], SerialLine(9600)), "shape"),
         (lambda: read([[0]], [[1]], SerialLine(9600)), "shape"),
-        (lambda: read([1, 0], [1, 0], SerialLine(9600)), "time falls"),
+        (lambda: read([1, 0], [1, 0], SerialLine(9600)), "time decreases"),
         (lambda: read([0, np.nan], [1, 0], SerialLine(9600)), "finite"),
         (lambda: read([0, 1], [1, np.inf], SerialLine(9600)), "finite"),
         (lambda: read(["a"], [1], SerialLine(9600)), "numbers"),

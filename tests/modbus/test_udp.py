@@ -8,7 +8,7 @@ from shipnet.modbus.udp import LossyPath, compare, replies, transaction_ids
 
 
 class Scripted:
-    """A path on which one answer is late and everything else is in time."""
+    """A path on which one answer is late and all others are in time."""
 
     def __init__(self, late, delay, lateness):
         self.late, self.delay, self.lateness = late, delay, lateness
@@ -25,9 +25,9 @@ class Scripted:
 
 @pytest.mark.parametrize("late", [0, 3, 40, 99])
 def test_one_late_answer_mismatches_all_that_follow_if_ids_are_0_and_none_if_they_count(late):
-    # It comes 0.01 s after the time-out of 0.5 s, and so before the answer to the next request.
+    # It arrives 0.01 s after the time-out of 0.5 s, so before the answer to the next request.
     reply_to, dropped = replies([0] * 100, Scripted(late, delay=0.01, lateness=0.49), 0.5, None)
-    # Each request takes the answer to the previous one.
+    # Each request accepts the answer to the previous one.
     assert reply_to.tolist() == [*range(late), -1, *range(late, 99)]
     assert dropped == 0
     counted, dropped = replies(transaction_ids(100), Scripted(late, 0.01, 0.49), 0.5, None)
@@ -61,7 +61,7 @@ def test_without_faults_all_ways_to_check_are_equal():
 
 
 def test_an_id_returns_after_65536_requests():
-    # All but the first are lost; its reply comes during request 65536, which has the same id.
+    # All but the first are lost; its reply arrives during request 65536, which has the same id.
     class Lost:
         answers = False
 
@@ -95,7 +95,7 @@ def test_the_path_loses_delays_and_duplicates_as_often_as_its_probabilities_say(
 
 def test_a_duplicated_request_is_answered_twice_and_the_second_answer_is_left_over():
     reply_to, _ = replies([0, 0], LossyPath(duplicated=1.0), 0.5, np.random.default_rng(1))
-    # Two copies there, each answered, each answer duplicated: three too many for the next request.
+    # Two copies arrive, each is answered, and each answer is duplicated: three are left over.
     assert reply_to.tolist() == [0, 0]
 
 

@@ -1,4 +1,4 @@
-"""Faults on the wire of a real server: the bytes of each, in order, and nobody else waits."""
+"""Faults on the wire of a real server: their bytes and order, and that no other client waits."""
 
 import asyncio
 import re
@@ -24,7 +24,7 @@ PDU = READ.response([350, 412]).pdu
 RTU, TCP = Adu(1, PDU), Adu(1, PDU, 7)
 BEFORE = READ.response([1, 2]).pdu
 
-#: How long a test waits for what must come [s]; it only ends a test that has failed.
+#: How long a test waits for what must arrive [s]; it only ends a test that has failed.
 PATIENCE = 60.0
 
 
@@ -109,7 +109,7 @@ def test_at_most_one_fault_hits_an_answer_with_the_stated_probability():
     wire = Wire([WireFault("short", 0.3), WireFault("double", 0.2)], 1)
     sizes = np.array([len(wire.pieces(RTU)[0][1]) for _ in range(4000)])
     assert set(sizes) == {4, 9, 18}
-    # Three standard deviations of a share of 4000 are at most 0.024.
+    # Three standard deviations of a fraction of 4000 answers are at most 0.024.
     assert abs((sizes == 4).mean() - 0.3) < 0.024 and abs((sizes == 18).mean() - 0.2) < 0.024
     again = Wire([WireFault("short", 0.3), WireFault("double", 0.2)], 1)
     assert [len(again.pieces(RTU)[0][1]) for _ in range(4000)] == sizes.tolist()
@@ -213,7 +213,7 @@ def connected(stack, server):
 
 
 def hits(share, *wanted):
-    """Return a seed whose first draws are as wanted: hit or missed."""
+    """Return a seed whose first draws hit or miss as requested."""
     for seed in range(10_000):
         draws = np.random.default_rng(seed).random(len(wanted)) < share
         if draws.tolist() == list(wanted):

@@ -25,7 +25,7 @@ from shipnet.remote_control.faults import LostPacket
 from shipnet.remote_control.packet import code_weights, crc_residual
 from shipnet.remote_control.packet_format import Shares
 
-#: What a count may differ from its expectation: once in a million by chance.
+#: Probability with which a correct count may fail a test by chance.
 RARE = 1e-6
 
 
@@ -47,12 +47,12 @@ def test_markers_pass_as_many_packets_as_in_the_closed_form(reading, n_items, ra
 
 @pytest.mark.parametrize(
     ("reading", "numbers", "share"),
-    # Claims chung1998-019: 240 of 264 and of 336 bits; with the numbers checked about 60 %.
+    # Claim chung1998-019: 240 of 264 and of 336 bits; about 60 % if the numbers are checked.
     [("A", "any", 240 / 264), ("B", "any", 240 / 336)],
 )
 def test_a_single_inverted_bit_passes_markers_as_often_as_all_of_them_say(reading, numbers, share):
     assert MarkerFormat(reading, 10, numbers).undetected_flips(10) == share
-    # The closed form at a small rate is the same share of what is hit.
+    # The closed form at a small rate gives the same fraction of the disturbed packets.
     shares = MarkerFormat(reading, 10, numbers).error_shares(10, 1e-9)
     assert shares.undetected / (shares.detected + shares.undetected) == pytest.approx(share)
 
@@ -67,8 +67,8 @@ def test_a_check_of_the_numbers_detects_most_of_their_bits(numbers):
     assert trial.undetected / trial.sent < form.error_shares(10, 1e-3).undetected
 
 
-def test_no_crc_code_word_has_fewer_than_four_bits_and_the_fours_are_counted():
-    # Two routes to the words of weight four: pairs with equal sums, and the residual at a small p.
+def test_no_crc_code_word_has_a_weight_below_four_and_those_of_four_are_counted():
+    # Two ways to count words of weight four: pairs with equal sums, and the residual at a small p.
     size = 20
     frame = np.zeros(size + 2, np.uint8)
     check = int(MODBUS.of(frame[:size]))
@@ -94,7 +94,7 @@ def test_the_residual_of_a_crc_is_a_share_and_two_to_the_minus_sixteen_for_noise
 
 def test_the_crc_passes_as_many_packets_as_its_weights_predict():
     form = MarkerFormat(crc=True, n_numbers=1)
-    # One item at a rate with which the markers are often whole.
+    # One item, at a rate that often leaves the markers intact.
     trial = form.transmit(1, 0.03, 2_000_000, np.random.default_rng(2024))
     expected = form.error_shares(1, 0.03).undetected
     assert trial.undetected > 3
@@ -120,7 +120,7 @@ def test_no_single_inverted_bit_passes_the_stuffed_packet_whatever_its_values(n_
     flipped[np.arange(len(flipped)), bit >> 3] ^= (0x80 >> (bit & 7)).astype(np.uint8)
     assert form.decode_batch(rows).accepted.all()
     assert not form.decode_batch(flipped).accepted.any()
-    # So of the estimate only packets with two inverted bits and more are left.
+    # So the estimate consists only of packets with two or more inverted bits.
     two = 1 - (1 - 1e-6) ** bits - bits * 1e-6 * (1 - 1e-6) ** (bits - 1)
     assert form.error_shares(n_items, 1e-6).undetected == pytest.approx(two / 2**16, rel=1e-3)
 
@@ -141,13 +141,13 @@ def test_every_size_and_rate_can_be_simulated(n, rate, count, name):
 
 
 def simulate_switch(form, n_items, rate, period, interval, sending, packets, rng):
-    """Return the share of packets after which the receiver shows a wrong position."""
+    """Return the fraction of packets after which the receiver shows a wrong position."""
     outcome = form.outcomes(n_items, rate, packets, rng)
     if sending == "changed":
         position = np.arange(packets) % 2
     else:
         position = np.cumsum(rng.poisson(period / interval, packets)) % 2
-    # What is shown is what the last packet left that was accepted; 0 before the first.
+    # The receiver shows the position from the last accepted packet, and 0 before the first one.
     taken = np.maximum.accumulate(np.where(outcome != 1, np.arange(packets), -1))
     shown = np.where(taken >= 0, np.where(outcome[taken] == 2, -1, position[taken]), 0)
     return float((shown != position).mean())
@@ -162,7 +162,7 @@ def test_a_switch_is_stale_as_long_as_in_the_closed_form(check, sending, n_items
     share = simulate_switch(form, n_items, rate, 0.1375, interval, sending, n, rng)
     shares = form.error_shares(n_items, rate)
     expected = switch_staleness(shares, 0.1375, interval, sending).share
-    # Neighbouring packets depend on each other over 1 / (1 - d) of them: a wide margin of 3 %.
+    # Neighbouring packets are correlated over 1 / (1 - d) packets, so the margin is a wide 3 %.
     assert share == pytest.approx(expected, rel=0.03)
 
 
@@ -183,7 +183,7 @@ def test_a_stale_switch_waits_as_long_as_a_walk_from_failure_to_success():
     assert np.mean(waits) * 50.0 == pytest.approx(duration, rel=0.02)
 
 
-def test_markers_miss_the_same_share_whatever_the_items_and_a_crc_misses_none():
+def test_markers_miss_the_same_fraction_for_any_number_of_items_and_a_crc_misses_none():
     table = compare_checks([1, 10, 40], [1e-4], packets=50_000, rng=2024).table()
     assert (table.low <= table.expected).all() and (table.expected <= table.high).all()
     markers = table[table.check == "markers"]
@@ -213,7 +213,7 @@ def test_a_lost_packet_costs_the_predicted_cycle_and_turn():
     failed = next(packet for packet in run.packets if packet.outcome == "lost")
     seen = next(u.time for u in run.updates if (u.station, u.number, u.value) == ("RCS", 1, 1))
     assert seen - failed.end == pytest.approx(best.stale_time, rel=1e-4)
-    # As printed, RCS waits until its counters run out: four seconds and more.
+    # As printed, RCS waits until its counters reach the limit, which takes over four seconds.
     printed = simulate(replace(link, turn_timeout=None), move, faults=lost, until=9)
     assert 4.3 < printed.delays("SS").delay_s[0] < 4.9
 

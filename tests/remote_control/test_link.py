@@ -29,12 +29,12 @@ def full(**fields):
 
 
 def ticks(run, station):
-    """Return how many ticks a station had counted at most when a sign of life came."""
+    """Return the largest number of ticks that a station had counted when a heartbeat arrived."""
     return max(ticks for _, name, _, ticks in run.heartbeats if name == station)
 
 
 def silences(run, station):
-    """Return how long a slave heard nothing after each of its own packets."""
+    """Return how long a slave received no heartbeat after each of its own packets."""
     signs = np.array([time for time, name, *_ in run.heartbeats if name == station])
     ends = np.array([packet.end for packet in run.packets if packet.source == station])
     place = np.searchsorted(signs, ends, side="right")
@@ -42,7 +42,7 @@ def silences(run, station):
     return signs[place[heard]] - ends[heard]
 
 
-# The facts' table: packet and quiet time of both readings, 10-bit characters [s].
+# Packet, cycle and idle times of both interpretations, with 10-bit characters [s].
 FACTS = [
     (9600, 0.0344, 0.0437, 0.138, 0.175, 0.071, 0.090),
     (2400, 0.1375, 0.175, 0.55, 0.70, 0.28, 0.36),
@@ -56,7 +56,7 @@ def test_packet_cycle_and_quiet_time_of_both_readings(row):
     systems = [System(MarkerFormat(reading), bit_rate=row[0]) for reading in "AB"]
     names = ("packet_time", "cycle_time", "idle_time")
     ours = [getattr(system, name) for name in names for system in systems]
-    # Printed to two or three digits.
+    # The table has two or three digits.
     assert ours == pytest.approx(row[1:], rel=0.02)
 
 
@@ -99,14 +99,14 @@ def test_the_most_ticks_are_reached_by_some_phase_and_exceeded_by_none():
 
 
 def test_a_station_that_sends_stores_no_bytes():
-    # RCS gives up after 10 ms and sends to the other slave, while the answer of 34 ms comes in.
+    # RCS gives up after 10 ms and sends to the other slave while the answer of 34 ms arrives.
     traffic = simulate(full(turn_timeout=0.01), until=1.0).traffic()
     answers = traffic[traffic.target == "RCS"]
     assert len(answers) > 3 and (answers.outcome == "lost").all()
 
 
 @pytest.mark.parametrize(("rule", "ticks"), [(PRINTED, 44), (INTENDED, 30)])
-def test_a_counter_runs_out_at_its_tick_and_again_after_as_many(rule, ticks):
+def test_a_counter_fails_at_its_tick_and_again_after_as_many_ticks(rule, ticks):
     counter = Counter(rule)
     failures = [k for k in range(1, 3 * ticks + 1) if counter.step()]
     assert failures == [ticks, 2 * ticks, 3 * ticks] == [rule.n_ticks * k for k in (1, 2, 3)]
@@ -123,7 +123,7 @@ def test_a_dead_master_is_noticed_within_the_detection_time(rule):
             heard = max(time for time, name, *_ in run.heartbeats if name == slave)
             failed = run.alarms().query("station == @slave").time_s.iloc[0]
             low, high = rule.detection_time
-            # A slave that still sends its own packet counts later, by that packet.
+            # A slave that is still sending counts later, by the time of that packet.
             assert low < failed - heard <= high + system.packet_time + rule.tick
 
 
@@ -148,7 +148,7 @@ def cascades(system, n=20):
     rng = np.random.default_rng(7)
     alarms = 0
     for _ in range(n):
-        # SS dies while RCS talks with BCS, so that no half packet spoils the next exchange.
+        # SS dies during an exchange of RCS with BCS, so no partial packet spoils the next exchange.
         died = 10 * system.cycle_time + system.packet_time
         run = simulate(system, until=died + 6, faults=[DeadStation("SS", start=died)], rng=rng)
         first = run.alarms().query("station == 'RCS'").time_s.min()
@@ -186,10 +186,10 @@ def test_no_failure_in_the_cycle_silences_bcs_longer_than_the_bound(change, bit_
         run = simulate(system, until=died + 16, faults=[DeadStation("SS", start=died)], rng=rng)
         pairs |= set(zip(run.alarms().station, run.alarms().partner, strict=True))
         longest = max(longest, silences(run, "BCS").max())
-    # Half an answer in the ring spoils that of BCS in some of the runs: the bound is nearly met.
+    # In some runs a partial answer in the ring spoils that of BCS: the bound is nearly attained.
     assert seen.longest - 2 * system.master.tick <= longest <= seen.longest + 1e-9
     assert (seen.alarm == "never") == (("BCS", "RCS") not in pairs)
-    # Only a turn that ends before the counters run out keeps RCS from failing BCS, which lives.
+    # RCS declares the healthy BCS failed, unless the turn ends before the counters reach the limit.
     assert (("RCS", "BCS") in pairs) == (system.turn_timeout is None)
 
 
@@ -203,9 +203,9 @@ def test_a_lost_packet_leaves_a_switch_stale_until_it_moves_again_unless_values_
     corrected = simulate(full(master=patient), until=12, faults=faults, changes=changes).delays(
         "SS"
     )
-    # The second move brings the switch back to where SS still shows it.
+    # The second move returns the switch to the position that SS still shows.
     assert np.isnan(stale.delay_s[0]) and stale.delay_s[1] == 0
-    # RCS waits 1.1 s for the packet that was lost, then has it in the next cycle.
+    # RCS waits 1.1 s for the lost packet, and receives the values in the next cycle.
     assert 1.0 < corrected.delay_s[0] < 1.1 + 2 * full().response_time()
 
 

@@ -31,7 +31,7 @@ def sorted_items(items):
 
 
 def flipped(rows, bits):
-    """Return the rows, each with the bits of these places turned over."""
+    """Return the rows, each with the bits at these places inverted."""
     spread = np.unpackbits(rows, axis=1)
     np.put_along_axis(spread, bits, 1 - np.take_along_axis(spread, bits, 1), 1)
     return np.packbits(spread, axis=1)
@@ -134,7 +134,7 @@ def test_all_bytes_of_an_endless_packet_are_discarded_at_its_zero():
 def test_the_parser_recovers_after_any_noise(form, noise, items):
     parser = form.parser()
     parser.feed(noise)
-    # An open packet of noise can swallow as many bytes as the longest packet has.
+    # An incomplete packet of noise can swallow as many bytes as the longest packet has.
     found = [one for _ in range(50) for one in parser.feed(form.encode({0: 1}))]
     assert found[-1] == ((0, 1),)
     assert parser.feed(form.encode({1: 2}))[-1] == ((1, 2),)
@@ -167,13 +167,13 @@ def test_stream_and_batch_agree_with_decode_on_disturbed_packets(form, items, da
         (MarkerFormat("A"), 240, 264),
         (MarkerFormat("A", numbers="rising"), 160, 264),
         (MarkerFormat("B"), 240, 336),
-        (MarkerFormat("A", 1), 24, 48),  # a datum a packet: the third reading
+        (MarkerFormat("A", 1), 24, 48),  # one value per packet: the third interpretation
         (MarkerFormat("A", crc=True), 0, 280),
         (CobsFormat(numbers="any"), 0, 272),
     ],
 )
 def test_single_flips_that_pass_are_those_that_hit_no_marker(form, passed, bits):
-    # Closed form: every bit of number, low and high byte passes, where nothing checks it.
+    # Closed form: every bit of number, low and high byte passes if it is not checked.
     n = form.n_numbers
     row = form.encode_batch(range(n), np.random.default_rng(3).integers(0, 0x10000, (1, n)))
     damaged = flipped(np.repeat(row, 8 * row.shape[1], 0), np.arange(8 * row.shape[1])[:, None])
@@ -181,14 +181,13 @@ def test_single_flips_that_pass_are_those_that_hit_no_marker(form, passed, bits)
     assert form.decode_batch(damaged).accepted.sum() == passed
 
 
-def test_the_crc_sees_every_two_flips_of_ten_data_and_the_markers_do_not():
+def test_the_crc_detects_any_two_flips_in_ten_values_and_the_markers_do_not():
     pairs = np.array(list(itertools.combinations(range(33 * 8), 2)))
     row = MarkerFormat().encode_batch(range(10), np.full((1, 10), 1000))
     passed = (
         MarkerFormat().decode_batch(flipped(np.repeat(row, len(pairs), 0), pairs)).accepted.mean()
     )
-    # Both bits outside the markers; a number of ours does not become 0xEE by two flips but by
-    # three or more.
+    # Both bits must be outside the markers; our numbers become 0xEE only by three or more flips.
     assert passed == pytest.approx(240 * 239 / (264 * 263))
     for form in (MarkerFormat(crc=True), CobsFormat()):
         row = form.encode_batch(range(10), np.full((1, 10), 1000))
@@ -242,7 +241,7 @@ def test_stuffed_bytes_have_no_zero_and_are_unstuffed_again(data):
 
 @pytest.mark.parametrize(
     ("plain", "stuffed"),
-    # The first is the example of S. Cheshire and M. Baker, 1999; the others are by hand.
+    # The first is the example of S. Cheshire and M. Baker, 1999; the others are derived by hand.
     [
         (
             "45 00 00 2c 4c 79 00 00 40 06 4f 37",
@@ -262,14 +261,14 @@ def test_stuffed_bytes_are_those_published(plain, stuffed):
 @given(data=st.binary(min_size=1, max_size=255))
 def test_unstuffed_bytes_are_stuffed_to_the_same_bytes(data):
     formed, plain = unstuff(row(data))
-    # One row is undone byte by byte, several along their distances.
+    # A single row is unstuffed byte by byte, several rows together along their distances.
     twice, both = unstuff(np.repeat(row(data), 2, axis=0))
     assert twice.tolist() == 2 * formed.tolist()
     if formed[0]:
         assert stuff(plain).tobytes() == data and (both == plain).all()
 
 
-def test_two_bytes_imitate_as_often_as_counted():
+def test_random_bytes_equal_a_marker_as_often_as_in_the_closed_form():
     markers = {PACKET_START, DATA_START, PACKET_END}
     pairs = itertools.product(range(256), repeat=2)
     assert sum(not markers.isdisjoint(pair) for pair in pairs) == MarkerFormat.false_sync(2) * 65536
@@ -315,12 +314,12 @@ def test_repeating_recovers_a_lost_packet_and_the_printed_rule_does_not(repeat, 
         (lambda: MarkerFormat().encode([(0, 1)]), "items is"),
         (lambda: stuff(row(bytes(255))), "length of data is 255"),
         (lambda: MarkerFormat().encode_batch([0, 1], [[1, 2, 3]]), "shapes"),
-        (lambda: MarkerFormat().encode_batch([1, 0], [[1, 2]]), "rise"),
+        (lambda: MarkerFormat().encode_batch([1, 0], [[1, 2]]), "rising order"),
         (lambda: MarkerFormat().encode_batch([0, 10], [[1, 2]]), r"numbers .* 0\.\.9"),
         (lambda: MarkerFormat().encode_batch([0, 1], [[1, np.nan]]), "values must be"),
         (lambda: MarkerFormat().encode_batch([0, 1], [[1, 2], [3]]), "equal length"),
         (lambda: MarkerFormat().decode_batch([[1, 2]]), "uint8"),
-        (lambda: changed_items([1, 2], [1]), "sending has 2 values, sended 1; it must be"),
+        (lambda: changed_items([1, 2], [1]), "sending has 2 values, sended 1; the numbers must be"),
         (lambda: System(repeat=11), "repeat is 11"),
         (lambda: changed_items(["a"], [1]), r"sending\[0\] is 'a'"),
         (lambda: MarkerFormat().parser().feed(204), "data is 204; it must be bytes"),
@@ -352,8 +351,8 @@ def test_a_trace_names_each_byte_as_the_parser_reads_it():
     words = ["number", "low byte", "high byte"]
     packet = ["start of the packet", "start of the data"]
     assert steps.taken_as.tolist() == [
-        "passed over", *packet, *words, *words, "end of the packet",
-        "passed over", "passed over", *packet, "end of the packet",
+        "discarded", *packet, *words, *words, "end of the packet",
+        "discarded", "discarded", *packet, "end of the packet",
     ]  # fmt: skip
     assert steps.place.tolist() == [(122 + k) % 128 for k in range(len(stream))]
 
@@ -375,7 +374,7 @@ def test_the_trace_of_a_byte_stuffed_packet_names_its_zeros():
         "CRC", "end of the packet",
     ]  # fmt: skip
     broken = form.trace(b"\x07\0" + packet[:3])
-    assert broken.taken_as.tolist() == 2 * ["passed over"] + 3 * ["not complete"]
+    assert broken.taken_as.tolist() == 2 * ["discarded"] + 3 * ["not complete"]
 
 
 @streams

@@ -37,7 +37,7 @@ def drain(ring):
 
 
 class Printed:
-    """The text's four variables, moved as Figs 7 to 9 are described, and nothing else."""
+    """The four variables of the paper, which change only as described for Figs 7 to 9."""
 
     def __init__(self, size, empty_is_data):
         self.size, self.empty_is_data = size, empty_is_data
@@ -104,7 +104,7 @@ def test_the_ring_behaves_as_the_four_printed_variables(rule, size, operations):
 @pytest.mark.parametrize("rule", RULES)
 @given(size=st.integers(2, 9), operations=OPERATIONS)
 def test_lost_and_stale_bytes_equal_those_of_a_queue(rule, size, operations):
-    # Every byte is told apart by its count from the first; the ring itself cannot see these.
+    # The test identifies every byte by its number, counted from the first; the ring cannot see it.
     ring, count, taken, due_from = Ring(size, rule), 0, [], 0
     for operation in operations:
         if operation is not None:
@@ -187,7 +187,7 @@ def test_all_interleavings_of_a_small_ring_are_among_the_states_explored(size):
                 stored.store(0xCC)
                 met.add((*ring.state, ring.unread, step.action, step.lost, step.stale))
                 following += [after, stored]
-            # Rings that are alike in all that counts go on alike.
+            # Rings with the same state, unread bytes and cells develop in the same way.
             level = list({(*r.state, r.unread, r.cells): r for r in following}.values())
         assert {row for row in met if row[4] <= 4 * size} <= explored
 
@@ -233,7 +233,7 @@ def test_after_the_repair_every_ring_of_packets_is_in_order(form):
         given_up.append(ring.extract().lost - no)
         assert ring.case in ("b", "d") and ring.unread == ring.seems_unread
         assert ring.cells[ring.state.get_no] == 0xCC
-    # Half a ring at most, and on average half a packet until the next one begins.
+    # At most half a ring, and on average half a packet until the next one begins.
     assert np.mean(given_up) == pytest.approx(32.5 + (len(packet) - 1) / 2)
     assert max(given_up) == 64 + len(packet) - 1
 
@@ -251,7 +251,7 @@ def test_a_repair_that_finds_no_packet_ends_with_an_empty_ring(cells):
 def test_twenty_of_128_places_break_a_value_as_printed_and_none_with_wrapped_indices(form):
     items = dict.fromkeys(range(10), 4660)
     printed = extraction(items, form)
-    # By hand: item k's number stands at offset + first + k * step; 126 and 127 are bad.
+    # By hand: the number of item k is at offset + first + k * step; places 126 and 127 are bad.
     first, step = (2, 3) if form.reading == "A" else (2, 4)
     bad = [
         sum((offset + first + k * step) % 128 in (126, 127) for k in range(10))

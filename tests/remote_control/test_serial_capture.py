@@ -38,7 +38,7 @@ def test_recorded_lines_are_read(name, rate, character, data, errors, glitches):
 
 
 def test_sentences_of_a_gps_receiver_have_the_right_check_sums():
-    # A witness that no framing knows: NMEA 0183 ends each sentence with the XOR of its characters.
+    # A check independent of framing: NMEA 0183 ends each sentence with the XOR of its characters.
     lines = read_capture(recording("gps.sr")).data.split(b"\r\n")
     sentences = [line for line in lines if line[:1] == b"$" and line[-3:-2] == b"*"]
     assert len(sentences) > 15
@@ -72,7 +72,7 @@ def test_our_model_of_a_receiver_reads_the_same_characters(name):
 
 
 def saved(tmp_path, data, line, per_bit, off=0.0, gap=None, turned=False, seed=1):
-    """Write what a logic analyser records of a sender whose clock is off."""
+    """Write a logic analyser's recording of a sender with an inaccurate clock."""
     sender = SerialLine(line.bit_rate * (1 + off), line.character)
     rng = np.random.default_rng(seed)
     parts = [data[k : k + 8] for k in range(0, len(data), 8)]
@@ -122,7 +122,7 @@ def test_seven_data_bits_are_detected_and_five_are_read_if_stated(tmp_path):
 def test_a_receiver_at_the_nominal_rate_fails_at_the_limit_of_the_formula(character, tmp_path):
     line = SerialLine(9600, character)
     low, high = line.clock_tolerance()
-    # An edge is seen up to a sample late: 1/50 of a bit, over the 9.5 or 10.5 to the stop bit.
+    # An edge is recorded up to one sample late: 1/50 bit, over 9.5 or 10.5 bits to the stop bit.
     room = 1.5 / 50 / (line.character_bits - 0.5)
     for off, right in (
         (low + room, True),
@@ -159,7 +159,7 @@ def test_glitches_are_removed_and_counted(tmp_path):
     assert str(count // 2) + " glitches" in repr(capture)
 
 
-# What is not a serial line ----------------------------------------------------------------------
+# Signals that are not serial --------------------------------------------------------------------
 
 
 def refused(file, *arguments, **options):
