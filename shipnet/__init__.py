@@ -1,8 +1,8 @@
-"""Field buses of a ship, computed, and five papers about them, recomputed.
+"""Models of a ship's field buses, and recalculations of five papers about them.
 
 Each package has a small public front: ``from shipnet import asi, can``, then
-``asi.cycle_time(31)``. Quantities are in SI base units unless a name says otherwise:
-``*_ms`` and the like occur in tables and printed text only.
+``asi.cycle_time(31)``. Quantities are in SI base units unless a name says otherwise; names such as
+``*_ms`` occur only in tables and printed text.
 """
 
 import lazy_loader

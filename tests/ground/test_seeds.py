@@ -1,4 +1,4 @@
-"""A seed of a wrong type is an error that names it, in every function of two fronts that draws."""
+"""Every function of two fronts that draws random numbers names a seed of a wrong type."""
 
 import pytest
 
