@@ -163,7 +163,7 @@ class Answer(NamedTuple):
     forms: Mapping[str, Callable[[str], object]] = {}
 
     def json(self, command: str) -> str:
-        """Return the answer of a command as JSON, numbers in SI units."""
+        """Return the answer of a command as JSON, with numbers in SI units."""
         from shipnet import __version__
 
         data = {

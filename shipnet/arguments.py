@@ -109,7 +109,7 @@ def _met(rules: Sequence[_Rule], value: Any, failed: bool = False) -> bool:
 
 
 def _fault(name: str, value: Any, rules: Sequence[_Rule], failed: bool) -> str:
-    """Return the fault of a value, or of the first wrong one in a collection."""
+    """Return the message for a wrong value, or for the first wrong value in a collection."""
     for rule in rules:
         if rule.within and isinstance(value, Collection) and not isinstance(value, str | bytes):
             for part in value.values() if isinstance(value, Mapping) else value:

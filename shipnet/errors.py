@@ -90,7 +90,7 @@ class SilenceError(FrameError, code=11):
 
 
 class StuffError(FrameError, code=12):
-    """Six equal bits in succession, where the sixth had to be a stuff bit."""
+    """Six equal bits in succession, where the sixth should have been a stuff bit."""
 
 
 class FormError(FrameError, code=13):

@@ -54,7 +54,7 @@ def points_of(grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]]) -
     else:
         points = [dict(point) for point in grid]
     if not points:
-        raise ArgumentError("the grid has no point")
+        raise ArgumentError("the grid has no points")
     if any(point.keys() != points[0].keys() for point in points):
         raise ArgumentError("the points of the grid have different arguments")
     return points
@@ -335,7 +335,7 @@ class _Folder:
 
 
 def _fingerprint(what: object) -> str:
-    """Return a check sum of a study that is the same in every session."""
+    """Return a checksum of a study that is the same in every session."""
     digest = sha256()
     pickler = pickle.Pickler(SimpleNamespace(write=digest.update), protocol=5)
     # Without its memo, equal parts give the same bytes whether or not they are one object.

@@ -241,7 +241,7 @@ def read_sheet(
     """Read a CSV file or a sheet of an Excel workbook, detected by content.
 
     By default this is the visible sheet with the best row of titles, which a remark names. Formulas
-    have the values saved with them; merged cells are repeated in each of their rows. `is_titles`
+    give the values saved with them; merged cells are repeated in each of their rows. `is_titles`
     and `what` are as in `parse_sheet`.
     """
     source, data = str(path), read_bytes(path)
@@ -292,7 +292,7 @@ def _workbook(
             found = _table(source, book, chosen, worths[chosen][1])
             return replace(found, remarks=(Remark(said, detail=not (rest and name is None)),))
     where = f"the sheets {', '.join(shown)}" if name is None else f"the sheet {name}"
-    more = f"; hidden: {', '.join(book.hidden)}" if name is None and book.hidden else ""
+    more = f"; read only if named: {', '.join(book.hidden)}" if name is None and book.hidden else ""
     raise InputError(source, f"has no row of {what}, on {where}{more}")
 
 

@@ -50,7 +50,7 @@ class Actuator:
         1e5, 1e8, "Pa", "Pressure at which the relief valve begins to open", 125e5
     )
     relief_slope: Quantity = _number(
-        1e-14, 1e-6, "m3/(s Pa)", "Flow through the relief valve per excess pressure", 2e-10
+        1e-14, 1e-6, "m3/(s Pa)", "Flow through the relief valve per unit of excess pressure", 2e-10
     )
     restrictor: Quantity = _number(
         1e-15, 1e-3, "m3/(s sqrt(Pa))",

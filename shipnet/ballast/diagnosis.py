@@ -274,7 +274,7 @@ class Diagnosis:
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
-        """The active code of the highest priority, or ``normal``; shape (n_times, n_valves)."""
+        """The active code with the highest priority, or ``normal``; shape (n_times, n_valves)."""
         silent = np.logical_and.reduce([np.isnan(self.samples[name]) for name in self.base.names])
         return self.base.top_codes(self.active, silent)
 

@@ -94,7 +94,7 @@ class _History(NamedTuple):
 
 
 def _orders(block: _Block, day: int, rng: np.random.Generator) -> list[Command]:
-    """Return the commands of a day, alternately to open and to close."""
+    """Return the commands of a day, which open and close the valves in turn."""
     spread = np.sort(rng.uniform(0, _LAST - _APART * block.strokes, block.strokes))
     times = day * _DAY + np.round(spread + _APART * np.arange(block.strokes), 1)
     orders = []
@@ -222,7 +222,7 @@ def write_fleet(
     faults_per_year : float, default 2
         Mean number of faults per valve and year of healthy operation, 0..50, drawn from `FAULTS`.
     strokes : int, default 6
-        Commands per day, alternately to open and to close the valves of a block, 0..100.
+        Commands per day, 0..100, which open and close the valves of a block in turn.
     idle_step : float, default 60
         Time between two readings while no motor of the block runs, 1..3600 [s]; otherwise 0.1 s.
     seed : int, default 2024

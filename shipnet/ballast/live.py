@@ -258,7 +258,7 @@ def _remote(make: Callable[..., TestBed]) -> Iterator[Step]:
 
 
 def _pc(make: Callable[..., TestBed]) -> Iterator[Step]:
-    """Command every valve from the PC, in frames of Modbus/TCP, and fill the tank."""
+    """Command every valve from the PC, in Modbus/TCP frames, and fill the tank."""
     bed = make()
     registers = bed.station.registers
 

@@ -245,7 +245,7 @@ class MasterRun:
 
     @property
     def oldest(self) -> float:
-        """Greatest age of a status of any valve while it was shown [s]."""
+        """Greatest age of any valve's status while it was shown [s]."""
         shown = self.answers[["unit", "read_s", "shown_s"]]
         if shown["unit"].nunique() < self.n_valves:
             return inf
@@ -264,7 +264,7 @@ class MasterRun:
         """Return the readings of one valve as the master received them, one instant per scan.
 
         The last command counts as active while the current shows that the motor runs and the
-        commanded position is not reached.
+        commanded position has not been reached.
         """
         unit, target = check_whole("valve", valve, 1, self.n_valves), np.nan
         for write in self.writes:

@@ -121,9 +121,9 @@ class Command:
     ) -> list[Command]:
         """Return a random plan in which all valves open and close in turn, one group at a time.
 
-        Each valve gets `operations` commands up to the time `until` [s], in groups of `group`
-        valves 30 s apart, because while any motor runs all valves are read at 10 Hz. The paper
-        prints no plan; this one is our assumption.
+        Each valve gets `operations` commands up to the time `until` [s]. Groups of `group` valves
+        follow each other after 30 s: while any motor runs, all valves are read at 10 Hz, so motors
+        should run together. The paper prints no plan; this one is our assumption.
         """
         valves = check_whole("n_valves", n_valves, 1, 10_000)
         times = check_whole("operations", operations, 1, 1000)

@@ -31,7 +31,7 @@ from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
 
 #: What the numbers are based on.
-BASIS = "simulated faults, made to fit the rules: finding them verifies the code, not the method"
+BASIS = "faults simulated to fit the rules: this verifies the code but does not validate the method"
 
 #: A year [s].
 _YEAR = 365.25 * 86400
@@ -39,7 +39,7 @@ _YEAR = 365.25 * 86400
 #: Standard deviation of the logarithm of pump leak, restrictor and bearing torque among valves.
 _SPREAD = 0.02
 
-#: Times of a trial at which valves open, close, and it ends [s]; a motor may run for 20 s.
+#: Times in a trial [s]: opening, closing and end; a motor may run for 20 s.
 _OPEN, _CLOSE, _END = 5.0, 35.0, 65.0
 
 #: Instants per block: the readings of 3328 valves then take 27 MB.
@@ -208,7 +208,8 @@ def fault_trials(
         each = np.broadcast_to(np.asarray(severity, float), valves)
     except (TypeError, ValueError):
         raise ArgumentError(
-            f"severity is {severity!r}; it must be 0..1, one value or one for each of {valves}"
+            f"severity is {severity!r}; it must be 0..1, one value or one for each of {valves} "
+            "valves"
         ) from None
     severities = np.tile(each, len(wanted))
     base = rule_base()
@@ -385,7 +386,7 @@ class FleetReport:
     Notes
     -----
     The indices are those of `Trials`, with times counted from the beginning of the fault. A fault
-    may show only during strokes, so a fault is isolated when its own code first becomes the top
+    may show only during strokes, so it counts as isolated when its own code first becomes the top
     fault of its valve. *True-detection rate*: the fraction of the fault's duration for which its
     valve has a top fault.
 

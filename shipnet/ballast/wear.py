@@ -333,7 +333,7 @@ class Trend:
 
     @property
     def text(self) -> str:
-        """The test for a trend in one line."""
+        """The result of the test for a trend, in one line."""
         found = "a trend" if self.found else "no trend"
         return f"{found} in {self.n} points (p = {self.p_value:.2g})"
 

@@ -268,7 +268,7 @@ RULES = (
          "SOLAS II-1/51: a stand-by supply of the alarm system"),
     Rule("supply changes over", "supplies", "the supply changes over within 2 s",
          "change-over", "s", 2.0, "power_switch_over", _itself,
-         "SOLAS II-1/51: automatic, without a number"),
+         "SOLAS II-1/51: automatic, no time limit given"),
     Rule("memory", "memory", "only non-volatile memory",
          "volatile memories (1 if any)", "", 0, "volatile", _itself, _NONE_FOUND),
     Rule("standard protocol", "protocols", "the protocol is an open international standard",

@@ -60,7 +60,7 @@ class Point:
     )  # fmt: skip
     unit: str = ""
     signal: str = ""
-    alarm: Literal["high", "low", ""] = choice(("high", "low", ""), "Side of the alarm", default="")
+    alarm: Literal["high", "low", ""] = choice(("high", "low", ""), "Kind of alarm", default="")
     service: str = ""
 
     def __post_init__(self) -> None:
@@ -108,7 +108,7 @@ class PointList(tuple[Point, ...]):
     Raises
     ------
     ArgumentError
-        If there is no point, one is of another class, or a tag occurs twice.
+        If there is no point, an element is not a `Point`, or a tag occurs twice.
 
     Examples
     --------

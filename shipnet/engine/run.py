@@ -54,7 +54,7 @@ class Cpu:
         return np.asarray(left + self.length * begun, dtype=np.int64)
 
     def queue(self, due: Integers, work: int) -> Integers:
-        """Return the start times of jobs that wait for each other, in CPU time for `at` [ns].
+        """Return the start times of jobs that wait for each other, in the CPU time of `at` [ns].
 
         `due` must be in rising order; `work` is the CPU time per job.
         """
@@ -543,7 +543,7 @@ class Run:
         for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
             tags.setdefault(message, []).append(point.tag)
         for message, own in tags.items():
-            # A state is good from each answer, and bad if it ends before the next answer.
+            # An answer may make points good; they turn bad if their limit passes before the next.
             fine, end = good[:, message], good_until[:, message]
             time = np.stack([self.views.seen, end], axis=1)
             state = np.stack([fine, fine & (end == until)], axis=1)

@@ -80,8 +80,8 @@ def serve(
     rng : optional
         Source of the synthetic values, for `numpy.random.default_rng`.
     **options
-        Options of `shipnet.modbus.serve`: transport, host, port, wire_faults, and for a serial line
-        serial_port and line.
+        Options of `shipnet.modbus.serve`: transport, host, port, wire_faults, and, for a serial
+        line, serial_port and line.
 
     Returns
     -------

@@ -311,7 +311,7 @@ class _Line:
             self.draws = iter(rng.random((most, 2 * len(self.losses))).tolist())
 
     def ask(self, start: int) -> tuple[int, bool, int]:
-        """Send a request; return outcome, receipt by the box, and time at which the AMS continues.
+        """Send a request; return its outcome, whether the box received it, when the AMS continues.
 
         A cable must be intact while it carries a frame; a box must work from the request onwards.
         """
@@ -341,7 +341,7 @@ class _Line:
 def _follow(
     system: System, horizon: int, phase: int, lines: list[_Line]
 ) -> list[tuple[int, int, int, int, bool]]:
-    """Return the requests of a port with one line, or with a choice of two."""
+    """Return the requests of a port that has one line, or a choice of two lines."""
     period = nanoseconds(system.poll_period)
     rows = []
     number, now, order = 0, phase, lines

@@ -501,8 +501,8 @@ class System:
         .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
 
         In the printed design any frame of a box restarts its timer, so a box that dies within a
-        round leaves values of the previous round valid. In the corrected design the AMS marks by
-        age.
+        round leaves values of the previous round valid. In the corrected design the AMS marks
+        values by age.
         """
         if self.coding == "corrected":
             return StalenessFlag(self.age_limit, self.age_limit)
@@ -529,7 +529,7 @@ class System:
         character.
         """
         if self.polled == "both":
-            raise ArgumentError("polled is 'both'; only a system that polls one channel switches")
+            raise ArgumentError("polled is 'both'; it must be 'one' for a switch-over")
         request = self.poll.line.frame_time(8)
         lost = (1 + self.retries) * (request + self.timeout)
         broken = max(self._in_vain(1 + self.retries, 1))
