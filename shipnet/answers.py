@@ -15,15 +15,15 @@ from shipnet.tables import as_workbook
 #: Columns that all findings have, in this order; others may follow.
 COLUMNS = ("rule", "object", "value", "low", "high", "unit", "verdict", "why", "source")
 
-#: Verdicts on a rule; one that cannot be judged is not verified.
+#: Verdicts on a rule; a rule that cannot be judged is "not verified".
 VERDICTS = ("met", "violated", "not verified")
 
 
 class Findings:
     """The findings of a check, one row per rule and object, with the columns `COLUMNS`.
 
-    `low` and `high` are the limits, NaN if there is none. A bool column `graded` marks met rules
-    that have a margin.
+    `low` and `high` are the limits, NaN if there is none. An optional bool column `graded` marks
+    met rules that have a margin.
     """
 
     def __init__(self, table: pd.DataFrame) -> None:
@@ -54,8 +54,8 @@ class Findings:
     def worst(self) -> pd.DataFrame:
         """Return the worst row of each rule, ordered by its margin.
 
-        The `margin` is the distance to the limit over the limit, negative beyond it. It is NaN if a
-        rule has no number, or is met and not graded; such rules come last if met, else first.
+        The `margin` is the relative distance to the limit, negative beyond it. It is NaN if a rule
+        has no number, or is met but not graded; such rules come last if met, otherwise first.
         """
         import numpy as np
 
@@ -119,12 +119,12 @@ class Utilisation(NamedTuple):
     Attributes
     ----------
     bus_time : float
-        Share of the time in which a frame is on the wire, without silences; on CAN with the 3 bits
-        of intermission.
+        Fraction of the time in which a frame is on the wire, without silences; on CAN, the 3 bits
+        of intermission count too.
     capacity_used : float
-        Larger used share of the addresses or stations, and of the time; above 1 the bus is
-        overloaded. With a polling master, the share of time is the interval between two polls of a
-        point over its required update period; on CAN it is the bus time.
+        The larger of two used fractions, of the addresses or stations and of the time; above 1 the
+        bus is overloaded. With a polling master, the fraction of time is the interval between two
+        polls of a point divided by its required update period; on CAN it is the bus time.
     worst_response : float
         Longest time from a change at a point until the host has it [s], including the wait for the
         next poll, or on CAN for the next period of the message.
@@ -142,15 +142,15 @@ class Utilisation(NamedTuple):
         )
 
 
-#: Suffixes of the files that every answer can be saved in; no suffix means a folder.
+#: Suffixes of the files to which every answer can be saved; no suffix means a folder.
 FORMS = (".csv", ".xlsx", ".json", ".png", ".svg")
 
 
 class Answer(NamedTuple):
     """The result of a command as text, as data and as a figure.
 
-    A ``.csv`` file contains the first of the `tables`, a workbook or folder all of them. `forms`
-    has the functions that write files with other suffixes.
+    A ``.csv`` file contains only the first of the `tables`; a workbook or folder contains all.
+    `forms` maps other suffixes to the functions that write such files.
     """
 
     ok: bool | None
@@ -163,7 +163,7 @@ class Answer(NamedTuple):
     forms: Mapping[str, Callable[[str], object]] = {}
 
     def json(self, command: str) -> str:
-        """Return the answer of a command as JSON, numbers in SI units."""
+        """Return the answer of a command as JSON, with numbers in SI units."""
         from shipnet import __version__
 
         data = {
@@ -181,7 +181,7 @@ class Answer(NamedTuple):
         return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
 
     def save(self, file: str, command: str) -> None:
-        """Save the answer in the form of the file's suffix."""
+        """Save the answer in the format given by the file's suffix."""
         suffix = Path(file).suffix.lower()
         if suffix in self.forms:
             self.forms[suffix](file)
@@ -206,7 +206,7 @@ def _rows(table: pd.DataFrame) -> Any:
 
 
 def check_output(file: str, forms: Sequence[str]) -> None:
-    """Raise, before a long computation, if a file cannot be saved."""
+    """Raise ArgumentError, before a long computation, if the file could not be saved afterwards."""
     if Path(file).suffix.lower() not in ("", *forms):
         raise ArgumentError(
             f"-o is {file!r}; its suffix must be one of {', '.join(forms)}, or none for a folder"

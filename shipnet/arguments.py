@@ -1,4 +1,4 @@
-"""Checks of arguments against the annotations of functions."""
+"""Checks of arguments against a function's annotations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 class _Rule(NamedTuple):
-    """The values of a type: a test before a call, a description, and a test after a failed call."""
+    """Legal values of a type: a test before the call, a description, a test after a failed call."""
 
     test: Callable[[Any], bool]
     legal: str
@@ -31,10 +31,10 @@ class _Rule(NamedTuple):
 
 
 def checked(made: T) -> T:
-    """Check the arguments of a function, or of a class and its public methods, by annotation.
+    """Make a function, or a class's public methods, check arguments against their annotations.
 
-    The function checks numbers itself, because it knows their ranges. If it fails without naming an
-    argument, an error names the first of a wrong type. Declared fields check themselves.
+    A function checks numbers itself, because it knows their ranges. If it fails without naming an
+    argument, the error names the first argument of a wrong type. Declared fields check themselves.
     """
     if not isinstance(made, type):
         return _checked(made, ())  # type: ignore[no-any-return] # it is called as before
@@ -62,7 +62,7 @@ def _checked(function: Any, skipped: Collection[str]) -> Any:
     names = tuple(parameters)
 
     known: dict[str, list[_Rule]] = {}
-    #: The types that are known to be legal before a call, by name and by place.
+    #: Types already found legal, by the argument's name and by its position.
     passed: dict[str, set[type]] = {}
     places: list[set[type] | None] = []
 
@@ -82,7 +82,7 @@ def _checked(function: Any, skipped: Collection[str]) -> Any:
             known.update({name: _rules(one.annotation, scope) for name, one in given.items()})
             passed.update({name: set() for name, one in known.items() if not _numbers(one)})
             places.extend(map(passed.get, names))
-        for types, name, value in zip(places, names, args):  # noqa: B905 # what strict= costs counts
+        for types, name, value in zip(places, names, args):  # noqa: B905 # strict= costs time
             if types is not None and type(value) not in types:
                 check(name, value, False)
         for name, value in options.items():
@@ -109,7 +109,7 @@ def _met(rules: Sequence[_Rule], value: Any, failed: bool = False) -> bool:
 
 
 def _fault(name: str, value: Any, rules: Sequence[_Rule], failed: bool) -> str:
-    """Return the fault of a value, or of the first wrong one in a collection."""
+    """Return the message for a wrong value, or for the first wrong value in a collection."""
     for rule in rules:
         if rule.within and isinstance(value, Collection) and not isinstance(value, str | bytes):
             for part in value.values() if isinstance(value, Mapping) else value:
@@ -124,7 +124,7 @@ def _legal(rules: Sequence[_Rule]) -> str:
 
 
 def _numbers(rules: list[_Rule]) -> bool:
-    """Return whether the rules accept everything until a call failed."""
+    """Return whether the rules accept every value until a call has failed."""
     return not rules or any(rule.test is _anything for rule in rules)
 
 
@@ -165,7 +165,7 @@ def _parts(annotation: Any, scope: dict[str, Any]) -> Iterator[Any]:
 
 
 class _Names(dict[str, Any]):
-    """The names of a module and of its package's front, which it may import for types only."""
+    """The names in a module and in its package's front, which it may import only for types."""
 
     def __missing__(self, name: str) -> Any:
         if name in dir(_front(self)):
@@ -193,7 +193,7 @@ def _rule(kind: Any, scope: dict[str, Any]) -> _Rule | None:
         wanted = [name for name, one in vars(origin).items() if name[0] != "_" and callable(one)]
         has = lambda value: all(hasattr(value, name) for name in wanted)  # noqa: E731
         return _Rule(has, f"{article} {origin.__name__}") if wanted else None
-    if origin.__name__ == "ndarray":  # of numbers, except for a few of text
+    if origin.__name__ == "ndarray":  # arrays contain numbers, rarely text
         return None if "str_" in str(inner) else _NAMED["npt.ArrayLike"]
     if issubclass(origin, Mapping):
         return _collection(Mapping, "a mapping", _rules(inner[-1], scope) if inner else [])
@@ -204,7 +204,7 @@ def _rule(kind: Any, scope: dict[str, Any]) -> _Rule | None:
     if issubclass(origin, Enum):
         return _Rule(lambda value: _is_member(origin, value), f"{article} {origin.__name__}")
     if origin.__subclasses__() and origin.__name__ not in dir(_front(scope)):
-        return None  # only classes that a user knows are checked here
+        return None  # base classes outside the front are not checked
     return _Rule(_of(origin), f"{article} {origin.__name__}", of_type=True)
 
 
@@ -244,7 +244,7 @@ def _is_number(value: Any) -> bool:
 
 def _is_array(value: Any) -> bool:
     """Return whether a value is an array of numbers that are not all NaN."""
-    import numpy as np  # not needed by most programs that check an argument
+    import numpy as np  # few programs that check an argument need it
 
     try:
         array = np.asarray(value)
@@ -254,7 +254,7 @@ def _is_array(value: Any) -> bool:
 
 
 def _may_be_array(value: Any) -> bool:
-    """Return whether a value may become an array, whose content is checked then."""
+    """Return whether a value may become an array; its content is checked after a failed call."""
     if isinstance(value, str | bytes):
         return False
     return isinstance(value, Number | Iterable) or hasattr(value, "__array__")
@@ -264,7 +264,7 @@ def _of(*kinds: type) -> Callable[[Any], bool]:
     return lambda value: isinstance(value, kinds)
 
 
-#: Rules by type, or by name where the type would import a library that a call may not need.
+#: Rules by type, or by a type's name if importing the type would load a library needlessly.
 _NAMED: Mapping[Any, _Rule] = {
     NoneType: _Rule(_of(NoneType), "None", of_type=True),
     str: _Rule(_of(str), "text", of_type=True),

@@ -1,4 +1,4 @@
-"""Names of kinds of arrays, and reading of long ones in parts."""
+"""Names for types of arrays, and reading of long arrays in parts."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ Complexes: TypeAlias = npt.NDArray[np.complex128]
 Floats: TypeAlias = npt.NDArray[np.float64]
 Indices: TypeAlias = npt.NDArray[np.intp]
 Integers: TypeAlias = npt.NDArray[np.int64]
-#: Octets, and registers of 16 bits.
+#: 8-bit bytes, and 16-bit registers.
 Bytes: TypeAlias = npt.NDArray[np.uint8]
 Words: TypeAlias = npt.NDArray[np.uint16]
 
 
 def parts_of(u: Floats, length: int = 2**20) -> Iterator[tuple[int, Floats]]:
-    """Yield parts of samples with their offsets; of a mapped file, one at a time is in memory."""
+    """Yield parts of samples with their offsets; only one part of a mapped file is in memory."""
     for low in range(0, len(u), length):
         yield low, u[low : low + length]
         release(u)
 
 
 def release(u: npt.NDArray[np.generic]) -> None:
-    """Release the memory of the parts of a mapped file that were read; do nothing otherwise."""
+    """Release the memory of a mapped file's parts that were read; do nothing for other arrays."""
     base: object = u
     while isinstance(base, np.ndarray):
         base = base.base

@@ -43,7 +43,7 @@ def as_faults(faults: Any, *kinds: type) -> tuple[Any, ...]:
     try:
         several = (faults,) if isinstance(faults, kinds) else tuple(faults)
     except TypeError:
-        raise ArgumentError(f"faults is {faults!r}; it must be some of {known}") from None
+        raise ArgumentError(f"faults is {faults!r}; it must be one or more of {known}") from None
     for fault in several:
         if not isinstance(fault, kinds):
             raise ArgumentError(f"one of faults is {fault!r}; it must be one of {known}")

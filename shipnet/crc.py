@@ -1,7 +1,7 @@
 """Cyclic redundancy checks of one message, or of many at once.
 
-A table of 256 entries shifts the register by whole bytes. In a reflected algorithm the lowest bit
-of a byte comes first, and the register runs backwards.
+With a table of 256 entries, the register is shifted by whole bytes. In a reflected algorithm the
+lowest bit of a byte comes first, and the register is shifted right instead of left.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Crc:
     name: str = text("Name in the catalogue")
     width: int = whole(8, 64, "bit", "Width of the register")
     polynomial: int = whole(0, 2**64 - 1, help="Polynomial")
-    init: int = whole(0, 2**64 - 1, help="Register at the beginning", default=0)
-    xorout: int = whole(0, 2**64 - 1, help="Added to the register at the end", default=0)
+    init: int = whole(0, 2**64 - 1, help="Initial value of the register", default=0)
+    xorout: int = whole(0, 2**64 - 1, help="XORed with the register at the end", default=0)
     reflected: bool = switch("Whether the lowest bit comes first", default=False)
 
     def _reversed(self, value: int) -> int:
@@ -47,7 +47,7 @@ class Crc:
 
     @cached_property
     def _table(self) -> list[int]:
-        """The register after each byte, from a register of 0."""
+        """The register after each possible byte, starting from 0."""
         entries = []
         for byte in range(256):
             register = 0
@@ -66,7 +66,7 @@ class Crc:
         """Return the check value of bytes, of bits in the order sent, or of each row of an array.
 
         Bits are a str of 0 and 1; an array has shape (..., n_bytes). If the register starts at 0,
-        as for CAN, leading zeros do not count, so rows may be padded in front.
+        as for CAN, leading zeros do not count, so rows may be padded at the front.
 
         >>> CAN.of("0" + f"{0x7C0:011b}" + "0000001" + f"{0x7D:08b}")
         30
@@ -79,7 +79,7 @@ class Crc:
         if isinstance(data, str):
             if odd := set(data) - set("01"):
                 raise SymbolError(f"data has {min(odd)!r} among its bits; bits are 0 or 1")
-            # Bits beyond whole bytes are first, so that the rest can be shifted by bytes.
+            # The bits in excess of whole bytes are shifted first, so that the rest are whole bytes.
             whole = len(data) % 8
             for bit in data[:whole]:
                 register = self._shifted(register, int(bit))
@@ -115,8 +115,8 @@ class Crc:
     def undetected(self, payload: int = 6, flips: int = 2) -> int:
         """Return how many patterns of one or two wrong bits the check does not detect.
 
-        All bits of 1..16 bytes of payload and of the CRC are tried. On CAN they are those before
-        stuffing: on the wire, two wrong bits can shift all bits between two stuff bits.
+        All bits of the payload (1..16 bytes) and of the CRC are tried. On CAN these are the bits
+        before stuffing: on the wire, two wrong bits can shift all bits between two stuff bits.
 
         The 64 single and 2016 double errors of a request of 8 bytes:
 
@@ -130,10 +130,10 @@ class Crc:
         return int((counts * (counts - 1) // 2).sum())
 
     def syndromes(self, n_bytes: int) -> npt.NDArray[np.int64]:
-        """Return the error of the check value for each single wrong bit of bytes and their CRC.
+        """Return the change of the check value due to each single wrong bit of bytes and their CRC.
 
-        Several wrong bits add up modulo 2. The bits of the bytes come first, then those of the CRC,
-        the lowest first.
+        The changes due to several wrong bits add modulo 2. The bits of the bytes come first, then
+        those of the CRC, lowest first.
         """
         size = check_whole("n_bytes", n_bytes, 0, 4096)
         flips = np.packbits(np.eye(8 * size, dtype=np.uint8), axis=1)

@@ -70,7 +70,7 @@ def path(name: str) -> Path:
 
 @checked
 def read(name: str) -> pd.DataFrame:
-    """Return a table among the data files as text, empty cells as empty strings.
+    """Return a table from the data files as text; empty cells become empty strings.
 
     Nothing is converted, because a printed ``0.40`` is not ``0.4`` and ``03`` is not 3.
 
@@ -89,7 +89,7 @@ def read(name: str) -> pd.DataFrame:
     ArgumentError
         If there is no such file.
     InputError
-        If the file is a recording or empty, or a row has more cells than the titles.
+        If the file is a recording or empty, or a row has more cells than there are titles.
 
     Examples
     --------

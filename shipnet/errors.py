@@ -1,6 +1,6 @@
 """Errors in bits and bytes, arguments and files.
 
-Where a scalar function raises a `FrameError`, a batch function returns its `code`; 0 is no fault.
+Where a scalar function raises a `FrameError`, a batch function returns its `code`, 0 for no fault.
 """
 
 import re
@@ -15,7 +15,7 @@ __all__ = [
     "SymbolError", "UnknownCallError", "load_extra", "name_of",
 ]  # fmt: skip
 
-#: Longest fault, message and quoted value [characters]; the middle of longer ones is left out.
+#: Length limits of a fault, a message and a quoted value [characters]; the middle is cut out.
 _FAULT, _MESSAGE, _QUOTED = 300, 3000, 80
 
 #: A value that a message quotes.
@@ -90,15 +90,15 @@ class SilenceError(FrameError, code=11):
 
 
 class StuffError(FrameError, code=12):
-    """Six equal bits in succession, where the sixth had to be a stuff bit."""
+    """Six equal bits in succession, where the sixth should have been a stuff bit."""
 
 
 class FormError(FrameError, code=13):
-    """A bit that the format fixes has the other value."""
+    """A bit whose value the format fixes has the other value."""
 
 
 class CrcError(FrameError, code=14):
-    """The check sequence received is not the one computed."""
+    """The received check sequence differs from the computed one."""
 
 
 class AcknowledgeError(FrameError, code=15):
@@ -114,7 +114,7 @@ class MismatchError(FrameError, code=17):
 
 
 class ArgumentError(ValueError):
-    """An argument is illegal; the message has its name, its value and the legal range."""
+    """An argument is illegal; the message gives its name, its value and the legal range."""
 
     code = 7
 
@@ -139,13 +139,13 @@ class InputError(ValueError):
     >>> print(InputError("scope.csv", "row 7, column 2: 'x' is not a number", "row 9 is empty"))
     scope.csv: row 7, column 2: 'x' is not a number; row 9 is empty
 
-    The message has the first ten; those that differ only in their rows are joined:
+    The message contains the first ten faults; those that differ only in their rows are joined:
 
     >>> print(InputError("list.csv", *(f"row {n}, column y: is empty" for n in (2, 3, 4, 9))))
     list.csv: rows 2 to 4 and 9, column y: is empty
     """
 
-    #: Most faults in one message.
+    #: Maximum number of faults in one message.
     shown = 10
 
     def __init__(self, file: str, *faults: str, more: int = 0) -> None:
@@ -155,7 +155,7 @@ class InputError(ValueError):
         self.more = more
 
     def lines(self, most: int | None = None) -> list[str]:
-        """Return up to `most` groups of faults, one per line, and the number of the others.
+        """Return up to `most` groups of faults, one per line, and the number of the rest.
 
         The faults of a group differ only in their rows and in the first value that they quote. With
         `most`, a line has at most 300 characters.
@@ -194,7 +194,7 @@ _PLACED = re.compile(
     r"(row|line) (\d{1,9})([,:].*)", re.DOTALL,
 )  # fmt: skip
 
-#: Most runs of rows, and most different values, in a message.
+#: Maximum number of runs of rows, and of different values, in a message.
 _RUNS, _VALUES = 5, 5
 
 
@@ -258,6 +258,5 @@ def load_extra(module: str, package: str, extra: str = "bus") -> Any:
         if problem.name != module:
             raise
         raise ImportError(
-            f"{package} is not installed; this installs it: python -m pip install "
-            f'"shipnet[{extra}]"'
+            f'{package} is not installed; install it with: python -m pip install "shipnet[{extra}]"'
         ) from None

@@ -1,6 +1,6 @@
 """Fields that declare their range, unit and meaning in one place.
 
-The check, its error text, the documentation, the settings file and the widget follow from the
+The check, its error text, the documentation, the settings file and the widget are derived from the
 declaration. The functions ``check_...`` check one argument in the same way.
 """
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-#: One value, or one per tree of a Monte Carlo.
+#: One value, or one per tree of a Monte Carlo simulation.
 Quantity: TypeAlias = "float | npt.NDArray[np.float64]"
 
 
@@ -41,7 +41,7 @@ def check_quantity(what: str, value: Any, unit: str, *, low: float = 0.0, high: 
     # A network has hundreds of these numbers, so a legal one must be checked in a microsecond.
     if type(value) in (float, int) and low <= value <= high:
         return float(value)
-    import numpy as np  # not needed by most programs that check a number
+    import numpy as np  # few programs that check a number need it
 
     legal = _legal(low, high, unit)
     try:
@@ -84,7 +84,7 @@ def check_trees(what: str, known: int | None, *values: Quantity | None) -> int |
 
 
 def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> int:
-    """Return a whole number such as 3 or 3.0 as an int, or raise unless it is within its range.
+    """Return a whole number such as 3 or 3.0 as an int, or raise if not whole or out of range.
 
     `why` ends the message. A bool is not a number here.
     """
@@ -98,7 +98,7 @@ def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> in
 
 
 def check_choice(name: str, value: Any, options: Iterable[str]) -> str:
-    """Return a value, or raise unless it is one of several strings."""
+    """Return a value, or raise if it is not one of the given strings."""
     known = tuple(options)
     if not (isinstance(value, str) and value in known):
         legal = ", ".join(map(repr, known))
@@ -107,7 +107,7 @@ def check_choice(name: str, value: Any, options: Iterable[str]) -> str:
 
 
 def check_kind(name: str, value: Any, kind: type[T]) -> T:
-    """Return a value, or raise unless it is of a class."""
+    """Return a value, or raise if it is not an instance of the class."""
     if not isinstance(value, kind):
         article = "an" if kind.__name__[0] in "AEIOaeio" else "a"
         raise ArgumentError(f"{name} is {value!r}; it must be {article} {kind.__name__}")
@@ -115,8 +115,8 @@ def check_kind(name: str, value: Any, kind: type[T]) -> T:
 
 
 def check_rng(rng: Any) -> np.random.Generator:
-    """Return the generator that `numpy.random.default_rng` makes of a seed, or raise."""
-    import numpy as np  # not needed by most programs that check a number
+    """Return the generator that `numpy.random.default_rng` makes from a seed, or raise."""
+    import numpy as np  # few programs that check a number need it
 
     try:
         return np.random.default_rng(rng)
@@ -133,8 +133,8 @@ def check_rng(rng: Any) -> np.random.Generator:
 class Kind:
     """The base of all kinds of fields.
 
-    `help` explains the field, `label` is the text beside its control, and None is legal if it is
-    `optional`.
+    `help` explains the field, `label` is the text beside its control, and `optional` makes None
+    legal.
     """
 
     help: str = ""
@@ -162,7 +162,7 @@ class Kind:
 class Number(Kind):
     """A number; `shown` is the range of its slider.
 
-    `missing` makes NaN legal, and `many` an array with one value per tree of a Monte Carlo.
+    `missing` makes NaN legal; `many` allows an array with one value per Monte Carlo tree.
     """
 
     low: float
@@ -181,7 +181,7 @@ class Number(Kind):
         if self.many:
             return check_quantity(name, value, self.unit, low=self.low, high=self.high)
         if type(value) is float and self.low <= value <= self.high:
-            return value  # most are legal, and sets have thousands of them
+            return value  # most are legal, and a message set has thousands
         plain = isinstance(value, Real) and not isinstance(value, bool)
         if self.missing and plain and isnan(value):
             return float(value)
@@ -203,7 +203,7 @@ class Number(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Whole(Kind):
-    """A whole number; the earlier field `at_most` limits it, and a `typed` one has no slider."""
+    """A whole number; a field named by `at_most` limits it, and a `typed` one has no slider."""
 
     low: int
     high: int
@@ -278,7 +278,7 @@ class Text(Kind):
         if not isinstance(value, str):
             raise ArgumentError(f"{name} is {value!r}; it must be text")
         if len(value) > self.most:
-            raise ArgumentError(f"{name} has {len(value)} characters; it may have {self.most}")
+            raise ArgumentError(f"{name} has {len(value)} characters; the limit is {self.most}")
         return value
 
 
@@ -301,7 +301,7 @@ class Series(Kind):
             if one not in self.known:
                 raise ArgumentError(f"one of {name} is {one!r}; it must be one of {self.known}")
         if len(value) > self.most:
-            raise ArgumentError(f"there are {len(value)} {name}; there may be {self.most}")
+            raise ArgumentError(f"there are {len(value)} {name}; the limit is {self.most}")
         return value
 
 
@@ -369,7 +369,7 @@ def whole(low: int, high: int, unit: str = "", help: str = "", **options: Any) -
 
 
 def choice(options: Mapping[Any, str] | Iterable[Any], help: str = "", **others: Any) -> Any:
-    """Declare a `Choice` of several values; a mapping has the text shown for each."""
+    """Declare a `Choice` of several values; a mapping gives the text shown for each."""
     if not isinstance(options, Mapping):
         options = {value: str(value) for value in options}
     return _declare(Choice, options=options, help=help, **others)
@@ -386,7 +386,7 @@ def text(help: str = "", **options: Any) -> Any:
 
 
 def series(known: Iterable[str], **options: Any) -> Any:
-    """Declare a `Series` of strings, which buttons extend."""
+    """Declare a `Series` of strings, to which buttons add."""
     return _declare(Series, known=tuple(known), **options)
 
 
@@ -405,7 +405,7 @@ def declared(kind: type) -> dict[str, Kind]:
 
 @cache
 def _declared(kind: type) -> tuple[tuple[str, Kind], ...]:
-    """Return the same as pairs, looked up once per class."""
+    """Return the declarations as pairs, looked up once per class."""
     return tuple(declared(kind).items())
 
 

@@ -1,4 +1,4 @@
-"""Exact confidence intervals for counted events: shares of trials, and rates.
+"""Exact confidence intervals for counted events: fractions of trials, and rates.
 
 They use `scipy.special`, because `scipy.stats` takes a second to load.
 """
@@ -15,7 +15,7 @@ from shipnet.errors import ArgumentError
 def share_interval(
     hits: npt.ArrayLike, trials: npt.ArrayLike, *, confidence: float = 0.95
 ) -> tuple[Floats, Floats]:
-    """Return the Clopper-Pearson interval for a share; without trials it is 0..1.
+    """Return the Clopper-Pearson interval for a fraction of trials; without trials it is 0..1.
 
     C. J. Clopper, E. S. Pearson, "The use of confidence or fiducial limits", Biometrika 26 (1934),
     404-413.

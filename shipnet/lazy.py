@@ -1,4 +1,4 @@
-"""Slow libraries, imported at their first use: pandas takes half a second, matplotlib more."""
+"""Slow libraries, imported on first use: pandas takes half a second, matplotlib more."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def points_of(grid: Mapping[str, Sequence[Any]] | Iterable[Mapping[str, Any]]) -
     else:
         points = [dict(point) for point in grid]
     if not points:
-        raise ArgumentError("the grid has no point")
+        raise ArgumentError("the grid has no points")
     if any(point.keys() != points[0].keys() for point in points):
         raise ArgumentError("the points of the grid have different arguments")
     return points
@@ -70,7 +70,7 @@ def compute(
     folder: str | os.PathLike[str] | None = None,
     progress: bool | Progress | None = None,
 ) -> list[Any]:
-    """Call a function for every task, here, in processes or on a Dask cluster, with the same bits.
+    """Call a function for every task, in one or more processes or on Dask, with equal results.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def compute(
     tasks : iterable
         The arguments of the calls.
     seed : int, optional
-        0..2^63 - 1; each task gets a random generator that depends on the seed and its place.
+        0..2^63 - 1; each task gets a random generator that depends on seed and task number.
     client : None, int, str or distributed.Client, optional
         Where the tasks run: 1 for this process, 2..1024 for that many processes, the address of a
         Dask scheduler or its client. By default this process, then one process per core if that
@@ -105,7 +105,7 @@ def compute(
     InputError
         If the folder contains the results of other tasks, or cannot be written.
     ImportError
-        If processes or Dask are asked for and not installed.
+        If processes or Dask are requested but their packages are not installed.
     ConnectionError
         If the scheduler is lost.
     RuntimeError
@@ -113,9 +113,9 @@ def compute(
 
     Notes
     -----
-    Another worker takes over the tasks of a lost one. Results are the same bit for bit for the same
-    version of numpy on processors of the same kind. Each worker should use one thread for linear
-    algebra: processes started here, and Dask's own workers, have ``OMP_NUM_THREADS=1``.
+    Another worker takes over the tasks of a lost one. Results are identical bit for bit with the
+    same version of numpy on processors of the same kind. Each worker should use one thread for
+    linear algebra: processes started here, and Dask's own workers, have ``OMP_NUM_THREADS=1``.
 
     Examples
     --------
@@ -166,7 +166,7 @@ def _run(
 
     begin, results = perf_counter(), []
     for index, job in zip(indices, jobs, strict=True):
-        # As SeedSequence(seed).spawn() for this place, without making the others.
+        # The child that SeedSequence(seed).spawn() would make for this place, without the others.
         own = () if seed is None else (np.random.SeedSequence(seed, spawn_key=(index,)),)
         try:
             results.append(function(job, *map(np.random.default_rng, own)))
@@ -215,7 +215,7 @@ def _executor(client: Any) -> tuple[Executor, int, type[Exception]]:
         return pool, client, BrokenProcessPool
     lost = load_extra("distributed", "distributed", "cluster").KilledWorker
     try:
-        workers = sum(client.nthreads().values())  # they may come and go
+        workers = sum(client.nthreads().values())  # workers may come and go
     except OSError as problem:
         raise ConnectionError(_GONE) from problem
     return client.get_executor(pure=False), max(1, workers), lost
@@ -229,7 +229,7 @@ def _spread(
     keep: Callable[[Sequence[int], Sequence[Any]], None],
     each: float | None,
 ) -> None:
-    """Compute the tasks in chunks, and those of lost workers again."""
+    """Compute the tasks in chunks, and repeat those of lost workers."""
     pending: dict[Future[Any], list[int]] = {}
     losses = 0
     try:
@@ -335,7 +335,7 @@ class _Folder:
 
 
 def _fingerprint(what: object) -> str:
-    """Return a check sum of a study that is the same in every session."""
+    """Return a checksum of a study that is the same in every session."""
     digest = sha256()
     pickler = pickle.Pickler(SimpleNamespace(write=digest.update), protocol=5)
     # Without its memo, equal parts give the same bytes whether or not they are one object.

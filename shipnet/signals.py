@@ -16,13 +16,13 @@ from shipnet.fields import record, whole
 
 Kind = Literal["DI", "DO", "AI", "AO"]
 
-#: Digital and analogue, inputs and outputs, as the host sees them.
+#: Digital and analogue inputs and outputs, as seen by the host.
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A kind of point, with the conductors of its own and those that a group shares."""
+    """A kind of point, with its own conductors and those that a group shares."""
 
     meaning: str
     conductors: int
@@ -30,23 +30,23 @@ class Signal:
     kind: Kind = "DI"
 
 
-#: The kinds of points. The connection determines the `conductors`, not a cable catalogue.
+#: The kinds of points. Their `conductors` follow from the connection, not from a catalogue.
 SIGNALS: Mapping[str, Signal] = {
-    "contact": Signal("switch or limit contact, both wires its own", 2),
+    "contact": Signal("switch or limit contact with two wires of its own", 2),
     "contact_common": Signal("contact with a common return for its group", 1, 1),
-    "namur": Signal("NAMUR proximity switch on two wires", 2),
-    "proximity_3wire": Signal("proximity switch with its supply and its output", 3),
-    "solenoid": Signal("coil of a valve or relay, both wires its own", 2, 0, "DO"),
+    "namur": Signal("NAMUR proximity switch with two wires", 2),
+    "proximity_3wire": Signal("proximity switch with supply and output wires", 3),
+    "solenoid": Signal("coil of a valve or relay with two wires of its own", 2, 0, "DO"),
     "solenoid_common": Signal("coil with a common return for its group", 1, 1, "DO"),
     "rtd_2wire": Signal("resistance thermometer, two wires", 2, 0, "AI"),
     "rtd_3wire": Signal("resistance thermometer, three wires", 3, 0, "AI"),
     "rtd_4wire": Signal("resistance thermometer, four wires", 4, 0, "AI"),
     "thermocouple": Signal("thermocouple, compensating pair", 2, 0, "AI"),
-    "current_loop": Signal("4-20 mA transmitter fed by its loop", 2, 0, "AI"),
-    "current_loop_3wire": Signal("4-20 mA transmitter on three wires", 3, 0, "AI"),
+    "current_loop": Signal("4-20 mA transmitter powered by its loop", 2, 0, "AI"),
+    "current_loop_3wire": Signal("4-20 mA transmitter with three wires", 3, 0, "AI"),
     "current_loop_4wire": Signal("4-20 mA transmitter with a supply of its own", 4, 0, "AI"),
-    "voltage_input": Signal("voltage such as 0-10 V, fed elsewhere", 2, 0, "AI"),
-    "potentiometer": Signal("potentiometer with its supply and its wiper", 3, 0, "AI"),
+    "voltage_input": Signal("voltage such as 0-10 V from a device with its own supply", 2, 0, "AI"),
+    "potentiometer": Signal("potentiometer with supply and wiper wires", 3, 0, "AI"),
     "serial": Signal("value of a serial device, its pair counted for each value", 2, 0, "AI"),
     "analogue_output": Signal("4-20 mA set point to a positioner or drive", 2, 0, "AO"),
 }
@@ -65,7 +65,7 @@ def spellings(of: str) -> Mapping[str, tuple[tuple[str, str], ...]]:
 
 
 def plain(text: str) -> str:
-    """Return a name without case, blanks and punctuation, so that spellings compare equal."""
+    """Return a name in lower case without blanks or punctuation, for comparing spellings."""
     return "".join(re.findall(r"[^\W_]+", text.casefold()))
 
 
@@ -121,17 +121,17 @@ class Saving:
     496 -> 2 conductors: 0.40 % left, 99.60 % saved
     """
 
-    hardwired: int = whole(1, 10**12, help="Conductors where each point is wired on its own")
-    bus: int = whole(0, 10**12, help="Conductors of the bus in their place")
+    hardwired: int = whole(1, 10**12, help="Conductors if each point is wired separately")
+    bus: int = whole(0, 10**12, help="Conductors of the bus that replaces them")
 
     @property
     def left(self) -> float:
-        """Conductors on the bus per conductor hardwired."""
+        """Conductors of the bus per hardwired conductor."""
         return self.bus / self.hardwired
 
     @property
     def saved(self) -> float:
-        """Share of the hardwired conductors that the bus saves."""
+        """Fraction of the hardwired conductors that the bus saves."""
         return 1 - self.left
 
     def __str__(self) -> str:

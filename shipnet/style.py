@@ -1,7 +1,7 @@
 """The style of all figures and tables.
 
-Theory is a line, data are markers, a printed value is a dashed grey line, and a limit is a dashed
-red line with its name.
+Theory is drawn as a line, data as markers, a printed value as a dashed grey line, and a limit as a
+dashed red line with its name.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["FIELD", "LIMIT", "PAPER", "axes", "bare", "box", "use"]
 PAPER = {"color": "0.45", "linestyle": "--"}
 LIMIT = {"color": "#c0392b", "linestyle": "--"}
 
-# Okabe-Ito colours, distinct with any common colour vision, light enough to write on.
+# Okabe-Ito colours, distinct for colour-blind readers too, and light enough for black text.
 FIELD = {
     "frame": "#d9d9d9",
     "control": "#cc9fc0",
@@ -31,9 +31,9 @@ FIELD = {
 
 
 def use() -> None:
-    """Apply the suite's style to all later figures and tables.
+    """Apply the style of `shipnet` to all later figures and tables.
 
-    Tables show whole cells; a notebook's figures have twice the dots, for a projector.
+    Tables show cells in full; a notebook's figures have twice the resolution, for a projector.
 
     Examples
     --------
@@ -56,7 +56,7 @@ def use() -> None:
 
 @checked
 def axes(ax: Axes | None = None, **options: Any) -> Axes:
-    """Return the axes given, or those of a new figure with options of `pyplot.subplots`."""
+    """Return the given axes, or those of a new figure with options of `pyplot.subplots`."""
     if ax is None:
         import matplotlib.pyplot as plt
 
@@ -65,7 +65,7 @@ def axes(ax: Axes | None = None, **options: Any) -> Axes:
 
 
 def limit(ax: Axes, level: float, name: str) -> None:
-    """Draw a limit as a horizontal line with its name right of the axes."""
+    """Draw a limit as a horizontal line with its name to the right of the axes."""
     ax.axhline(level, color=LIMIT["color"], linestyle=LIMIT["linestyle"])
     ax.text(
         1.01, level, name, transform=ax.get_yaxis_transform(), color=LIMIT["color"], va="center",
@@ -92,7 +92,7 @@ def logarithmic(axis: Any) -> None:
 def box(
     ax: Axes, x: float, y: float, width: float, height: float, text: str = "", **look: Any
 ) -> None:
-    """Draw a rectangle by its lower left corner, with a text in its middle."""
+    """Draw a rectangle, placed by its lower left corner, with text in its middle."""
     from matplotlib.patches import Rectangle
 
     ax.add_patch(Rectangle((x, y), width, height, **look))
@@ -110,7 +110,7 @@ def bare(ax: Axes, x: tuple[float, float], y: tuple[float, float]) -> Axes:
 
 
 def save(draw: Callable[[Axes], object], file: str) -> None:
-    """Save a figure in the suite's style, drawn by a function of the axes."""
+    """Save a figure in the style of `shipnet`, drawn by a function of the axes."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 

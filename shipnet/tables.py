@@ -1,7 +1,7 @@
 """Tables from CSV files of any spreadsheet and from Excel workbooks, as rows of text.
 
 A workbook is not trusted: formulas are never evaluated, a part with a DTD is refused, and sizes are
-bounded. Written text never becomes a formula.
+bounded. Text that is written never becomes a formula.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ERRORS = ("#DIV/0!", "#N/A", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
 #: Largest file that is read, and largest unpacked workbook [bytes].
 _LARGEST, _UNPACKED = 2**24, 2**28
 
-#: Most cells of a sheet, including gaps.
+#: Maximum number of cells in a sheet, including gaps.
 _CELLS = 2**22
 
 #: Characters of a row whose cells are empty.
@@ -50,7 +50,7 @@ _TOP = 50
 class Remark:
     """A remark on how a table was read, and the rows that it concerns.
 
-    With a `doubt`, the rows may mean something else; a `detail` is shown in the full table only.
+    With a `doubt`, the rows may mean something else; a `detail` is shown only in the full table.
     """
 
     what: str
@@ -69,8 +69,8 @@ class Remark:
 class Sheet:
     """A row of titles and the rows below it, as stripped text.
 
-    Rows are numbered from 1, as in a spreadsheet: `top` has the titles; those in `above` are filled
-    too, those in `hidden` and `struck` are hidden or struck out. `odd` describes a cell that is
+    Rows are numbered from 1, as in a spreadsheet: `top` is the row of titles, `above` the filled
+    rows before it, `hidden` and `struck` those hidden or struck out. `odd` describes a cell that is
     neither text nor a plain number, by row and column from 0. `separator` is ``""`` in a workbook.
     """
 
@@ -130,7 +130,7 @@ def read_bytes(path: str | PathLike[str]) -> bytes:
             data = stream.read(_LARGEST + 1)
     except OSError as error:
         raise InputError(str(path), f"cannot be read: {error.strerror or error}") from None
-    except ValueError as error:  # no system can have this path: it contains a zero byte
+    except ValueError as error:  # no system accepts this path: it contains a zero byte
         raise InputError(str(path), f"cannot be read: {error}") from None
     if len(data) > _LARGEST:
         raise InputError(str(path), f"is larger than {_LARGEST} bytes; expected a table")
@@ -176,8 +176,8 @@ def parse_sheet(
 ) -> Sheet:
     """Split text into rows of cells separated by commas, semicolons or tabs.
 
-    The row of titles is the one of the first 50 for which `is_titles` is highest, by default the
-    first that is not blank. An error calls it `what`.
+    The row of titles is the one among the first 50 for which `is_titles` is highest, by default the
+    first that is not blank. Error messages call it `what`.
     """
     if "\0" in text:
         raise InputError(source, "is not text: it contains zero bytes; expected a CSV file")
@@ -241,7 +241,7 @@ def read_sheet(
     """Read a CSV file or a sheet of an Excel workbook, detected by content.
 
     By default this is the visible sheet with the best row of titles, which a remark names. Formulas
-    have the values saved with them; merged cells are repeated in each of their rows. `is_titles`
+    give the values saved with them; merged cells are repeated in each of their rows. `is_titles`
     and `what` are as in `parse_sheet`.
     """
     source, data = str(path), read_bytes(path)
@@ -263,7 +263,7 @@ _SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 def read_sheets(
     path: str | PathLike[str], is_titles: Callable[[Sequence[str]], float]
 ) -> list[Sheet]:
-    """Return every sheet of a workbook that has a row of such titles; none of other files."""
+    """Return every sheet of a workbook that has a row of such titles; none for other files."""
     source, data = str(path), read_bytes(path)
     if data[:4] != b"PK\x03\x04":
         return []
@@ -292,16 +292,14 @@ def _workbook(
             found = _table(source, book, chosen, worths[chosen][1])
             return replace(found, remarks=(Remark(said, detail=not (rest and name is None)),))
     where = f"the sheets {', '.join(shown)}" if name is None else f"the sheet {name}"
-    more = (
-        f"; hidden, to be named: {', '.join(book.hidden)}" if name is None and book.hidden else ""
-    )
+    more = f"; read only if named: {', '.join(book.hidden)}" if name is None and book.hidden else ""
     raise InputError(source, f"has no row of {what}, on {where}{more}")
 
 
 def _best_row(
     book: _Workbook, title: str, is_titles: Callable[[Sequence[str]], float]
 ) -> tuple[float, int]:
-    """Return the grade and the number of a sheet's best row of titles."""
+    """Return the `is_titles` value and the number of a sheet's best row of titles."""
     best = (0.0, 0)
     for number, cells, _ in book.rows(title):
         if number > _TOP:
@@ -407,7 +405,7 @@ class _Workbook:
 
 @contextmanager
 def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
-    """Open a workbook; any fault of it becomes an InputError."""
+    """Open a workbook; raise any fault in it as an InputError."""
     try:
         import openpyxl
     except ImportError:
@@ -431,7 +429,7 @@ def _opened(data: bytes, source: str) -> Iterator[_Workbook]:
 
 
 def _check_parts(archive: ZipFile) -> None:
-    """Raise unless the parts of a workbook can be unpacked, are small and have no DTD."""
+    """Raise if a part of a workbook cannot be unpacked, is too large or has a DTD."""
     unpacked = 0
     for name in archive.namelist():
         with archive.open(name) as part:
@@ -450,13 +448,13 @@ def _check_parts(archive: ZipFile) -> None:
 #: numbers.
 _EAST_ASIAN_DATES = {*range(27, 37), *range(50, 59)}
 
-#: A number format with letters, quoted or after a backslash.
+#: A number format with literal letters, which are quoted or follow a backslash.
 _WORDS = re.compile(r'"[^"]*[^\W\d_][^"]*"|\\[^\W\d_]')
 
 
 @cache
 def _format(code: str) -> str:
-    """Return ``"words"`` for a format with letters, a format of zeros itself, else nothing."""
+    """Return ``"words"`` for a format with letters, a format of zeros unchanged, or else ``""``."""
     first = code.partition(";")[0]
     return "words" if _WORDS.search(first) else first if re.fullmatch("00+", first) else ""
 
@@ -518,17 +516,17 @@ def _cell(value: Any) -> str:
 #: Text that a spreadsheet may read as a formula.
 _FORMULA = re.compile(r"'*[=+\-@]")
 
-#: Widest column of a workbook, and the number of rows that decide how wide a column is.
+#: Maximum width of a column, and the number of rows that determine a column's width.
 _WIDEST, _LOOKED_AT = 60, 200
 
 
 def no_formula(text: str) -> str:
-    """Return text for a CSV file, after an apostrophe if it looks like a formula."""
+    """Return text for a CSV file, with an apostrophe in front if it looks like a formula."""
     return f"'{text}" if _FORMULA.match(text) else text
 
 
 def as_csv(table: pd.DataFrame) -> bytes:
-    """Return a table as a CSV file in UTF-8 with a mark, without which Excel garbles Korean."""
+    """Return a table as CSV in UTF-8 with a byte order mark; without it, Excel garbles Korean."""
     cells = table.map(_joined).map(lambda cell: no_formula(cell) if isinstance(cell, str) else cell)
     written = cells.to_csv(index=False, lineterminator="\n", float_format="%.10g")
     return written.encode("utf-8-sig")
@@ -572,5 +570,5 @@ def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
 
 
 def _joined(cell: object) -> object:
-    """Return a cell, with several names joined to one text."""
+    """Return a cell, with several names joined into one text."""
     return "; ".join(map(str, cell)) if isinstance(cell, tuple) else cell

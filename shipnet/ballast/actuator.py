@@ -40,7 +40,7 @@ class Actuator:
 
     displacement: Quantity = _number(1e-9, 1e-3, "m3/rev", "Oil per revolution of the pump", 2.4e-6)
     speed: Quantity = _number(
-        0.1, 500, "1/s", "Speed of the motor at any load: four poles at 50 Hz", 1450 / 60
+        0.1, 500, "1/s", "Motor speed, the same at any load: four poles at 50 Hz", 1450 / 60
     )
     pump_leak: Quantity = _number(
         1e-18, 1e-6, "m3/(s Pa)", "Laminar leak of the pump: 94.5 % efficiency at 90 bar",
@@ -50,26 +50,26 @@ class Actuator:
         1e5, 1e8, "Pa", "Pressure at which the relief valve begins to open", 125e5
     )
     relief_slope: Quantity = _number(
-        1e-14, 1e-6, "m3/(s Pa)", "Flow through the relief valve per excess pressure", 2e-10
+        1e-14, 1e-6, "m3/(s Pa)", "Flow through the relief valve per unit of excess pressure", 2e-10
     )
     restrictor: Quantity = _number(
         1e-15, 1e-3, "m3/(s sqrt(Pa))",
         "Flow through the lock valve per square root of its pressure drop", 54.8e-6 / sqrt(88e5),
     )  # fmt: skip
-    piston_area: Quantity = _number(1e-5, 1.0, "m2", "Area of the piston, 100 mm across", 7.85e-3)
+    piston_area: Quantity = _number(1e-5, 1.0, "m2", "Piston area (100 mm diameter)", 7.85e-3)
     pinion_radius: Quantity = _number(1e-3, 1.0, "m", "Radius of the pinion", 0.04)
     piston_leak: Quantity = _number(1e-18, 1e-6, "m3/(s Pa)", "Laminar leak past the piston", 1e-13)
     trapped: Quantity = _number(
-        0, 1, "", "Fraction of the load's pressure that the lock valve holds at rest", 0.0
+        0, 1, "", "Fraction of the load pressure that the lock valve holds at rest", 0.0
     )
     bearing_torque: Quantity = _number(
         1e-3, inf, "N m", "Friction of bearings and packing; inf for a stuck valve", 55.0
     )
     seating_torque: Quantity = _number(
-        0, 1e6, "N m", "Friction of the seat, in the closed valve", 15.0
+        0, 1e6, "N m", "Friction of the seat when the valve is closed", 15.0
     )
     dynamic_torque: Quantity = _number(
-        0, 1e6, "N m", "Torque of the flow, which closes the valve", 20.0
+        0, 1e6, "N m", "Torque of the flow, in the closing direction", 20.0
     )
     no_load_current: Quantity = _number(0, 1e3, "A", "Magnetising current of the motor", 0.7)
     torque_constant: Quantity = _number(1e-3, 1e4, "N m/A", "Shaft torque per active current", 4.15)
@@ -77,7 +77,7 @@ class Actuator:
     friction: Quantity = _number(0, 1e4, "N m", "Additional torque that the pump needs", 0.0)
     voltage: Quantity = _number(1, 1e4, "V", "Line voltage, three phases", 400.0)
     no_load_loss: Quantity = _number(
-        0, 1e5, "W", "Losses of the motor in iron, bearings and fan at any load", 60.0
+        0, 1e5, "W", "Motor losses that do not depend on the load: iron, bearings, fan", 60.0
     )
     heat_capacity: Quantity = _number(1, 1e7, "J/K", "Heat capacity of the motor", 4000.0)
     cooling: Quantity = _number(
@@ -87,7 +87,7 @@ class Actuator:
         -40, 100, "degC", "Ambient temperature of the motor; IACS UR M40, machinery spaces", 45.0
     )
     duty: Quantity = _number(
-        0, 1, "", "Fraction of time the motor ran before: type S3 15 % of IEC 60034-1", 0.15
+        0, 1, "", "Fraction of time the motor ran earlier: duty type S3 15 % of IEC 60034-1", 0.15
     )
     motor_time: Quantity = _number(
         0.1, 3600, "s", "Running time after which the controller stops a motor", 20.0
@@ -130,7 +130,7 @@ _NODES = 48
 
 
 class Hydraulics(NamedTuple):
-    """State of the oil."""
+    """State of the oil: pressures [Pa] and flow [m3/s]."""
 
     pump_pressure: Floats
     cylinder_pressure: Floats
@@ -151,7 +151,7 @@ def load_pressure(
 
 
 def hydraulics(actuator: Actuator, load: npt.ArrayLike) -> Hydraulics:
-    """Return pressures and flow for a load."""
+    """Return pressures and flow for a load pressure [Pa]."""
     return Oil(actuator).state(load)
 
 
@@ -159,8 +159,8 @@ class Oil:
     """The hydraulics of an actuator; values that do not depend on the load are computed once."""
 
     # The oil is assumed to be stiff, so pressures follow the load at once. The pump delivers
-    # D n - K p with the relief valve closed, and D n - (K + K_r) p + K_r p_r with it open; the
-    # smaller flow is right at any pressure. A flow q through the restrictor needs the pressure
+    # D n - K p with the relief valve closed, and D n - (K + K_r) p + K_r p_r with it open; at any
+    # pressure the smaller flow is correct. A flow q through the restrictor needs the pressure
     # s^2 = (q/C)^2, so each balance is a quadratic equation in s: K s^2 + b s = c.
     def __init__(self, actuator: Actuator) -> None:
         a = actuator
@@ -176,7 +176,7 @@ class Oil:
             self._blocked = np.minimum(self._blocked, a.restrictor * s / a.piston_leak)
 
     def state(self, load: npt.ArrayLike) -> Hydraulics:
-        """Return pressures and flow for a load."""
+        """Return pressures and flow for a load pressure [Pa]."""
         wanted = np.asarray(load, float)
         cylinder = np.minimum(wanted, self._blocked)
         drop = np.asarray(np.inf)
@@ -195,8 +195,8 @@ def velocity(actuator: Actuator, opening: npt.ArrayLike, direction: npt.ArrayLik
 
 
 def stroke_time(actuator: Actuator, direction: int = 1) -> Floats:
-    """Return the stroke time of a valve from end to end, to open (1) or to close (-1)."""
-    # Two panels: the seat, whose torque decays within a few hundredths, needs its own nodes.
+    """Return the end-to-end stroke time of a valve that opens (1) or closes (-1) [s]."""
+    # Two panels, because the seat torque decays within a few hundredths and needs its own nodes.
     edge = 10 * _SEAT
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     x = np.concatenate([edge * (nodes + 1) / 2, edge + (1 - edge) * (nodes + 1) / 2])

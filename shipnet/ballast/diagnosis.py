@@ -1,7 +1,7 @@
 """Readings of valves over time, and their diagnosis by the rule table.
 
-Finding the faults of our own simulator verifies the code, because those faults are made to fit the
-rules. It does not validate the method.
+The faults are those of our own simulator and are made to fit the rules. Finding them verifies the
+code but does not validate the method.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from shipnet.fuzzy.firing import METHODS
 from shipnet.fuzzy.rules import Decision, Firing, RuleBase
 from shipnet.lazy import Axes, pd
 
-#: Full scale of each sensor in the operating display, in its unit.
+#: Full scale of each sensor on the operating display, in the sensor's unit.
 _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
 
 #: Time after the end of a command during which codes count as its result [s]; our choice.
@@ -49,13 +49,13 @@ class Run:
     readings : ndarray of float, shape (n_times, 5, n_valves)
         FP, OP [bar], MC [A], OT [degC], VPos [%].
     speed : ndarray of float, shape (n_times, n_valves)
-        Change of VPos, up or down, within the last second [%/s].
+        Absolute change of VPos within the last second [%/s].
     ran : ndarray of float, shape (n_times, n_valves)
-        Time that the motor has been running in its direction [s]; NaN while it is off.
+        Time for which the motor has been running in its present direction [s]; NaN while it is off.
     moving, active : ndarray of bool, shape (n_times, n_valves)
         True while the valve turns, and while a command is in progress.
     opening : ndarray of float, shape (n_times, n_valves)
-        True opening, 0..1, which no sensor reads.
+        True opening, 0..1, without errors of the position sensor.
     movements : tuple of Movement
         Motor runs that have ended.
 
@@ -83,7 +83,7 @@ class Run:
 
     @cached_property
     def DVPos(self) -> Floats:
-        """Speed of VPos [%/s]; NaN unless the motor has run for the whole last second."""
+        """Speed of VPos [%/s]; NaN unless the motor has run throughout the last second."""
         return stroke_speed(self.speed, self.ran)
 
     @cached_property
@@ -236,15 +236,15 @@ class Diagnosis:
     """The diagnosis of every valve at every instant, as returned by `Run.diagnose`.
 
     The `run` was diagnosed with the rules of `base`. `samples` are the values of each variable,
-    shape (n_times, n_valves), NaN where it is not evaluated; `active` are the active codes in the
+    shape (n_times, n_valves), NaN where it is not evaluated; `active` marks the active codes in the
     order of ``base.codes``, shape (n_times, n_valves, n_rules). `before` and `tail` connect the
     diagnoses of consecutive runs.
 
     Notes
     -----
-    V2 means no change of position. Except for ``crisp``, it is evaluated only while a command is
-    active and after the motor has run for a second; otherwise a healthy valve at rest would appear
-    to have a leaking piston. ``midpoint`` is equivalent to ``fuzzy`` with threshold 0.5.
+    V2 fires if the position does not change. Except with ``crisp``, it is evaluated only during a
+    command, after the motor has run for a second; otherwise a healthy valve at rest would appear to
+    have a leaking piston. ``midpoint`` is equivalent to ``fuzzy`` with threshold 0.5.
 
     Examples
     --------
@@ -274,7 +274,7 @@ class Diagnosis:
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
-        """The active code of the highest priority, or ``normal``; shape (n_times, n_valves)."""
+        """The active code with the highest priority, or ``normal``; shape (n_times, n_valves)."""
         silent = np.logical_and.reduce([np.isnan(self.samples[name]) for name in self.base.names])
         return self.base.top_codes(self.active, silent)
 
@@ -333,8 +333,8 @@ class Diagnosis:
     def explain(self, valve: int, time: float) -> str:
         """Return one sentence that explains the diagnosis of a valve at a time [s].
 
-        The sentence describes the last instant up to that time. A code whose rule has fired in too
-        few instants is not active yet.
+        The sentence describes the last instant at or before that time. A code whose rule has fired
+        in too few instants is not active yet.
         """
         if not self.time.size:
             raise ArgumentError(f"time is {time!r}; the run has no instants")
@@ -403,7 +403,7 @@ def diagnose_run(
     threshold: float = 0.5,
     earlier: Tail | None = None,
 ) -> Diagnosis:
-    """Diagnose all valves at all instants of a run, which may continue that of `earlier`."""
+    """Diagnose all valves at all instants of a run, which may continue the run of `earlier`."""
     base = rules if rules is not None else rule_base()
     check_choice("method", method, METHODS)
     window = check_whole("n", n, 1, 1000)
@@ -417,7 +417,7 @@ def diagnose_run(
     n_times = run.time.size
     active = np.empty((n_times, run.n_valves, len(base.rules)), bool)
     size = max(_AT_ONCE // run.n_valves, window)
-    # The loop also runs once without instants, so that wrong arguments are refused.
+    # Without instants the loop still runs once, so that wrong arguments are refused.
     for start in range(0, max(n_times, 1), size):
         first = max(kept + start - window + 1, 0)
         part = {name: x[first : kept + start + size] for name, x in samples.items()}
@@ -441,7 +441,7 @@ def diagnose(
     threshold: float = 0.5,
     **values: float,
 ) -> Decision:
-    """Diagnose readings of a valve.
+    """Diagnose a valve from its readings.
 
     Parameters
     ----------
@@ -452,9 +452,9 @@ def diagnose(
         How the rules are evaluated: with ramps, with comparisons as printed, or with comparisons in
         the middle of the ramps.
     threshold : float, default 0.5
-        Lowest strength at which a rule fires, above 0 and up to 1.
+        Lowest firing strength at which a code is active, above 0 and up to 1.
     **values : float
-        Readings by keyword, besides or instead of `readings`.
+        Readings as keyword arguments, in addition to or instead of `readings`.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Labelled sensor data of a fleet over months, as Parquet files for research on diagnosis.
 
-The data are synthetic: our own simulator produces the faults and the sensor readings. A task
-simulates a block of valves for all days. The valves of a block are commanded together, so that
+The data are synthetic: our own simulator produces the faults and the sensor readings. Each task
+simulates one block of valves for all days. The valves of a block are commanded together, so that
 numpy can advance them together.
 """
 
@@ -34,7 +34,7 @@ _DAY = 86400.0
 #: Midnight before the first day.
 _EPOCH = np.datetime64("2026-01-01", "ms")
 
-#: Time of day before which commands end, so that no motor runs at midnight [s]; shortest time
+#: Time of day by which all commands are given, so that no motor runs at midnight [s]; shortest time
 #: between commands [s]; and fraction of the valves that each command moves.
 _LAST, _APART, _SHARE = 82_800.0, 60.0, 0.9
 
@@ -57,7 +57,7 @@ class _Block(NamedTuple):
 
 
 class _History(NamedTuple):
-    """The faults of a valve, one after another, and the steps of each."""
+    """The successive faults of a valve, and the steps in which each grows."""
 
     rows: list[tuple[str, float, float, float]]
     steps: list[tuple[float, str, float]]
@@ -94,7 +94,7 @@ class _History(NamedTuple):
 
 
 def _orders(block: _Block, day: int, rng: np.random.Generator) -> list[Command]:
-    """Return the commands of a day, alternately to open and to close."""
+    """Return the commands of a day, which open and close the valves in turn."""
     spread = np.sort(rng.uniform(0, _LAST - _APART * block.strokes, block.strokes))
     times = day * _DAY + np.round(spread + _APART * np.arange(block.strokes), 1)
     orders = []
@@ -107,7 +107,7 @@ def _orders(block: _Block, day: int, rng: np.random.Generator) -> list[Command]:
 def _days(
     block: _Block, plant: Plant, rng: np.random.Generator
 ) -> Iterator[tuple[int, Run, Diagnosis]]:
-    """Simulate and diagnose each day from midnight to the last reading before the next."""
+    """Simulate and diagnose each day from midnight to the last reading before the next midnight."""
     earlier = None
     pause = max(round(block.idle_step / plant.step), 1)
     size = 2 * round(_DAY / plant.step / pause) + 1000 * (block.strokes + 1)
@@ -125,7 +125,7 @@ def _days(
 
 
 def _written(block: _Block, rng: np.random.Generator) -> dict[str, int]:
-    """Write the files of a block and return their counts; this is the task."""
+    """Write the files of a block and return its counts; this function runs as a task."""
     history = [_History.drawn(block.days, block.faults_per_year, rng) for _ in range(block.valves)]
     faults = [fault for valve, mine in enumerate(history, 1) for fault in mine.faults(valve)]
     system = spread_valves(block.valves, rng)
@@ -171,7 +171,7 @@ def _written(block: _Block, rng: np.random.Generator) -> dict[str, int]:
 
 
 class _Writer:
-    """Writes tables of a block as complete files that are marked as synthetic."""
+    """Writes the tables of a block as complete files marked as synthetic."""
 
     def __init__(self, block: _Block) -> None:
         from shipnet import __version__
@@ -208,21 +208,21 @@ def write_fleet(
     client: Any = None,
     progress: bool | Progress | None = None,
 ) -> pd.DataFrame:
-    """Simulate a fleet with faults for months, and write it as labelled Parquet files by day.
+    """Simulate months of a fleet with faults, and write labelled Parquet files for each day.
 
     Parameters
     ----------
     folder : path
-        Folder for the files. After an interruption, the same call continues there; a different call
-        is refused.
+        Folder for the files. After an interruption, the same call resumes; a call with other
+        arguments is refused.
     valves : int, default 1000
         Number of valves, 1..100000; one worker simulates a block of 50.
     days : int, default 365
         Number of days, 1..3650.
     faults_per_year : float, default 2
-        Mean number of faults per valve and healthy year, 0..50; each is one of `FAULTS`.
+        Mean number of faults per valve and year of healthy operation, 0..50, drawn from `FAULTS`.
     strokes : int, default 6
-        Commands per day, alternately to open and to close the valves of a block, 0..100.
+        Commands per day, 0..100, which open and close the valves of a block in turn.
     idle_step : float, default 60
         Time between two readings while no motor of the block runs, 1..3600 [s]; otherwise 0.1 s.
     seed : int, default 2024
@@ -246,11 +246,11 @@ def write_fleet(
     -----
     ``samples/day=2026-01-01/block-0000.parquet`` has one row per valve and reading: ``valve``,
     ``time`` in UTC, the channels with their units, whether the motor is ``running`` and a command
-    ``active``, and the truth: the ``label``, the code of the present fault or empty, and its
-    ``severity``, 0..1. ``strokes/`` has one row per run of a motor with the diagnosis by the rule
-    table, ``faults/`` one per fault: its start, the duration of its growth, in five steps, and its
-    repair. Every file states in its metadata that it is synthetic: finding these faults verifies a
-    method, but does not validate it.
+    ``active``, and the truth: ``label``, the code of the present fault or empty, and its
+    ``severity``, 0..1. ``strokes/`` has one row per motor run, with the diagnosis by the rule
+    table; ``faults/`` has one row per fault: its start, the duration of its growth (in five steps),
+    and its repair. Every file states in its metadata that it is synthetic: finding these faults
+    verifies a method but does not validate it.
 
     Examples
     --------

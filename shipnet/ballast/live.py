@@ -42,14 +42,14 @@ class _Image(ValveRegisters):
         self.station, self.unit = station, unit
 
     def status(self, time: float) -> Sequence[int]:
-        """Return the last status that arrived; exception 11 before the first."""
+        """Return the last status that arrived; raise exception 11 before the first one."""
         for status in reversed(self.station.shown):
             if status.unit == self.unit:
                 return status.registers
         raise DeviceError(ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND)
 
     def command(self, value: int, time: float) -> None:
-        """Forward a command to the slave, and return any exception."""
+        """Forward a command to the slave, and raise the exception that it returns, if any."""
         response = self.station.write(value, self.unit).response
         if not response:
             raise DeviceError(ExceptionCode.GATEWAY_TARGET_FAILED_TO_RESPOND)
@@ -59,8 +59,8 @@ class _Image(ValveRegisters):
 
 def gateway(station: Station) -> dict[int, Slave]:
     """Return the valves that the master serves to a PC; section 3.5 of the paper."""
-    # The paper does not print whether the master asks the slave. Here it answers from memory,
-    # because a scan keeps the line busy.
+    # The paper does not say whether the master asks the slave. Here it answers from memory, because
+    # scans keep the line busy.
     return {unit: Slave(_Image(station, unit), functions={4, 6}) for unit in station.slaves}
 
 
@@ -97,7 +97,7 @@ class TestBed:
     fault : str, optional
         Code of the fault that the simulator on valve 5 imitates; none if omitted.
     opening : float, default 0
-        Opening of all valves at the beginning, 0..1.
+        Initial opening of all valves, 0..1.
     bit_rate : float, default 9600
         Bit rate of the line [bit/s], with 8E1 characters; the paper prints 2400 to 115200 bit/s.
     rng : Generator, int or None, optional
@@ -204,9 +204,9 @@ def acceptance_tests(*, bit_rate: float = 9600.0, rng: Any = None) -> pd.DataFra
     Notes
     -----
     The paper says that all tests passed, but prints neither steps nor criteria; we chose them. A
-    fault is found if its code is among those active after the command, because the rules are
-    nested. The slave's status contains one code; the step passes if this is the fault's code, or
-    the code of a rule that implies it.
+    fault counts as found if its code is among those active after the command: the rules are nested,
+    so other codes may be active too. The slave's status contains only one code; the step passes if
+    this is the fault's code, or the code of a rule that implies it.
 
     Examples
     --------
@@ -258,7 +258,7 @@ def _remote(make: Callable[..., TestBed]) -> Iterator[Step]:
 
 
 def _pc(make: Callable[..., TestBed]) -> Iterator[Step]:
-    """Command every valve from the PC, in frames of Modbus/TCP, and fill the tank."""
+    """Command every valve from the PC, in Modbus/TCP frames, and fill the tank."""
     bed = make()
     registers = bed.station.registers
 
@@ -318,7 +318,7 @@ def _diagnosis_of(make: Callable[..., TestBed], code: str | None) -> Iterator[St
 
 
 def _rows(base: RuleBase, code: str) -> list[int]:
-    """Return the row of a code, then the rows of rules that fire only if the code's rule does."""
+    """Return the row of a code, then those of rules that fire only if the code's rule fires."""
     own = set(base.rule(code).antecedent)
     rows = [row for row, rule in enumerate(base.rules, 1) if own <= set(rule.antecedent)]
     return sorted(rows, key=lambda row: base.codes[row - 1] != code)
@@ -356,11 +356,11 @@ def serve(
     rng : Generator, int or None, optional
         Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
     watchdog : float, optional
-        A motor stops when its valve has had no request for this long, 0.1..3600 [s] of model time;
-        never if omitted.
+        A motor stops if its valve has received no request for this model time, 0.1..3600 [s]; never
+        if omitted.
     **options
-        Options of `shipnet.modbus.serve`: transport, host, port, wire_faults, and for a serial
-        line serial_port and line.
+        Options of `shipnet.modbus.serve`: transport, host, port, wire_faults, and, for a serial
+        line, serial_port and line.
 
     Returns
     -------
@@ -384,14 +384,14 @@ def serve(
     return serve_slaves(valve_slaves(plant), clock=real_clock(factor), **options)
 
 
-#: A callable from unit id and request to the response, such as a `Link` or `ModelValves`.
+#: Takes a unit id and a request and returns the response, such as a `Link` or `ModelValves`.
 Ask: TypeAlias = Callable[[int, Request], Response]
 
 _MBAP = 7
 
 
 class Link:
-    """A connection to a server; it is called with a unit id and a request."""
+    """A connection to a server, called with a unit id and a request."""
 
     def __init__(self, address: str, port: int, timeout: float = 1.0) -> None:
         self.where, self._last = f"{address}, port {port}", 0
@@ -409,7 +409,7 @@ class Link:
                 head = self._receive(_MBAP)
                 body = self._receive(int.from_bytes(head[4:6], "big") - 1)
                 adu = decode(head + body, "tcp")
-                # The response to a request that timed out is skipped.
+                # A late response to an earlier request, which timed out, is skipped.
                 if adu.transaction_id == self._last:
                     return Response.parse(adu.pdu, request)
         except (OSError, FrameError) as problem:
@@ -488,7 +488,7 @@ class Client:
     Raises
     ------
     OSError
-        If there is no answer when the client is created or used; the message is a sentence.
+        If the server does not answer when the client is created or used.
 
     Examples
     --------
@@ -546,7 +546,7 @@ class Client:
         return f"valve {unit}: {said}"
 
     def read(self) -> Readout:
-        """Read all valves; a valve that answers with an exception has no values."""
+        """Read all valves; a valve that answers with an exception gets no values."""
         words, units = [], []
         for unit in range(1, self.n_valves + 1):
             response = self._ask(unit, READ_STATUS)
@@ -569,7 +569,7 @@ class Client:
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """The answers of valves: `rows` of `Status.table` by valve, NaN without an answer."""
+    """The answers of valves: `rows` of `Status.table`, by valve; NaN without an answer."""
 
     rows: pd.DataFrame
 

@@ -35,7 +35,7 @@ from shipnet.modbus.polling import Poll
 from shipnet.modbus.simulation import LOST, A, Master, Try
 from shipnet.modbus.slave import Slave, answer
 
-#: States of a valve on the screen; the first that applies counts.
+#: States of a valve on the screen; the first that applies is shown.
 STATES = ("silent", "not seen", "fault", "moving", "open", "closed", "part open")
 
 #: Colour of each state on the screen, in the order of the legend.
@@ -115,7 +115,7 @@ class Screen:
 
     @classmethod
     def of(cls, rows: pd.DataFrame, *, silent: Bools, age: Floats, time: float) -> Screen:
-        """Return the screen for the last statuses, rows of `Status.table`; NaN without a status."""
+        """Return the screen for the last statuses: rows of `Status.table`, NaN if there is none."""
         position = rows["VPos_percent"].to_numpy()
         fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
         conditions = [
@@ -164,7 +164,7 @@ class Screen:
             hatch=[_HATCHES.get(state, "") for state in states],
         )  # fmt: skip
         part = 0.62 * np.clip(np.nan_to_num(position), 0, 100) / 100
-        # A closed valve still has a strip of colour.
+        # A closed valve still shows a strip of colour.
         ax.bar(x, np.maximum(part, 0.05), 0.84, y, color=[STATE_COLOURS[state] for state in states])
         ax.bar(x[framed], 0.62, 0.84, y[framed], fill=False, edgecolor="k", linewidth=2)
         ax.set(xlim=(-0.6, wide - 0.4), ylim=(-0.35, rows - 0.25), xticks=[])
@@ -196,9 +196,9 @@ class Screen:
 class MasterRun:
     """What a master received from its valves, as returned by `simulate` for a system with a poll.
 
-    It has the statuses `shown`, the commands as `writes` and the polls as `tries`, each in order of
-    time, and ends at `duration` [s]. A poll has start, valve counted from 0, port, kind, and
-    whether it was answered.
+    It contains the statuses received (`shown`), the commands sent (`writes`) and the polls
+    (`tries`), each in order of time, and ends at `duration` [s]. Each poll gives its start, the
+    valve counted from 0, port, kind, and whether it was answered.
 
     Examples
     --------
@@ -245,7 +245,7 @@ class MasterRun:
 
     @property
     def oldest(self) -> float:
-        """Greatest age of a status of any valve while it was shown [s]."""
+        """Greatest age of any valve's status while it was shown [s]."""
         shown = self.answers[["unit", "read_s", "shown_s"]]
         if shown["unit"].nunique() < self.n_valves:
             return inf
@@ -264,7 +264,7 @@ class MasterRun:
         """Return the readings of one valve as the master received them, one instant per scan.
 
         The last command counts as active while the current shows that the motor runs and the
-        commanded position is not reached.
+        commanded position has not been reached.
         """
         unit, target = check_whole("valve", valve, 1, self.n_valves), np.nan
         for write in self.writes:
@@ -352,13 +352,13 @@ class Station(Master):
             self._next = (self._next + 1) % self.n
             self._skipped = 0 if self.time > before else self._skipped + 1
             if self._skipped == self.n:
-                # No slave can be reached: nothing happens before the next try is due.
+                # No slave can be reached: nothing happens until the next attempt is due.
                 self.time = min(max(self.last_failure + self.rule.recheck, before), time)
                 self._skipped = 0
         self.plant.run_until(self.time)
 
     def command(self, action: str | float, unit: int) -> Write:
-        """Send a command now and wait for its answer: an action, a mode, or a position [%]."""
+        """Send an action, a mode or a position [%] as a command now, and wait for the answer."""
         if unit not in self.slaves:
             raise ArgumentError(f"unit is {unit!r}; it must be 1..{self.n}")
         if action == "stop":
@@ -427,8 +427,8 @@ def scan_fleet(
     cuts = [fault for fault in several if not isinstance(fault, ValveFault)]
     if len(shares) > 1 and (several or system.actuator.n_valves or np.ndim(system.opening)):
         raise ArgumentError(
-            f"n_valves is {system.n_valves}; faults, actuators and openings need one master, with "
-            f"1..{MAX_UNIT} valves"
+            f"n_valves is {system.n_valves}; with faults, or an actuator or opening per valve, it "
+            f"must be 1..{MAX_UNIT}, for one master"
         )
     known = [command.mask(system.n_valves) for command in orders]
     noise = None if rng is None else check_rng(rng)

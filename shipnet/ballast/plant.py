@@ -41,7 +41,7 @@ from shipnet.fields import (
     record,
 )  # fmt: skip
 
-#: The commands besides a position.
+#: The commands other than a position.
 ACTIONS = ("open", "close", "stop")
 
 #: Time between the commands of two groups [s]: longer than the longest motor run.
@@ -121,9 +121,9 @@ class Command:
     ) -> list[Command]:
         """Return a random plan in which all valves open and close in turn, one group at a time.
 
-        Each valve gets `operations` commands up to the time `until` [s], in groups of `group`
-        valves 30 s apart, because while any motor runs all valves are read at 10 Hz. The paper
-        prints no plan; this one is our assumption.
+        Each valve gets `operations` commands up to the time `until` [s]. Groups of `group` valves
+        follow each other after 30 s: while any motor runs, all valves are read at 10 Hz, so motors
+        should run together. The paper prints no plan; this one is our assumption.
         """
         valves = check_whole("n_valves", n_valves, 1, 10_000)
         times = check_whole("operations", operations, 1, 1000)
@@ -231,7 +231,7 @@ class Fault(TimedFault):
 
     @classmethod
     def parse(cls, fault: str, n_valves: int = 247) -> Fault:
-        """Return the fault named by a text such as ``3:V1:0.8``: valve, code and severity."""
+        """Return the fault that a text such as ``3:V1:0.8`` describes: valve, code, severity."""
         parts, most = fault.split(":"), check_whole("n_valves", n_valves, 1, 10_000)
         try:
             if len(parts) not in (2, 3):
@@ -312,10 +312,10 @@ class Movement(NamedTuple):
 class Plant:
     """The valves at the present time, which only moves forward.
 
-    The state is opening and motor temperature. Commands and faults take effect at the first reading
-    at or after their time. Between two readings a valve turns at its mid-step speed, and it stops
-    exactly at its target, not at the next reading. Limit switches act at the true ends; a commanded
-    position is compared with the reading of the potentiometer.
+    The state of a valve is its opening and its motor temperature. Commands and faults take effect
+    at the first reading at or after their time. Between two readings a valve turns at its mid-step
+    speed, and it stops exactly at its target, not at the next reading. Limit switches act at the
+    true ends; a commanded position is compared with the reading of the potentiometer.
     """
 
     def __init__(self, system: System | int = 1, faults: Any = (), rng: Any = None) -> None:
@@ -340,7 +340,7 @@ class Plant:
         self._load: Floats | None
         self._driven: Hydraulics | None
         self._change()
-        # The valve was healthy in earlier strokes, except that cooling may have been missing.
+        # Earlier strokes were those of a healthy valve, possibly without cooling of its motor.
         before = replace(self._healthy, cooling=self._actuator.cooling)
         self.temperature = np.broadcast_to(steady_temperature(before), n).copy()
         self.readings, self._measured, self._stale = np.zeros((5, n)), -1, True
@@ -356,7 +356,7 @@ class Plant:
 
     @property
     def run_time(self) -> Floats:
-        """Time that each motor has been running at this reading [s]; NaN if it is off."""
+        """Time for which each motor has been running at this reading [s]; NaN if it is off."""
         return np.where(self.running, (self.ran - 1) * self.step, np.nan)
 
     def ticks(self, time: float) -> int:
@@ -425,7 +425,7 @@ class Plant:
         return readings
 
     def _cooling(self, ticks: int, heat: npt.ArrayLike) -> tuple[Floats, Floats]:
-        """Return the final temperatures, and the remaining fraction of the difference from them."""
+        """Return the final temperatures, and the fraction of the gap to them that remains."""
         cooling = np.asarray(self._actuator.cooling)
         aim = np.asarray(self._actuator.ambient + heat / cooling)
         return aim, np.exp(-cooling * (ticks * self.step) / self._actuator.heat_capacity)
@@ -455,7 +455,7 @@ class Plant:
         to_target = np.maximum(way * (self._target - self.readings[_VPOS]) / 100, 0.0)
         distance = np.fmin(to_limit, to_target)  # NaN without a target
         arrives = self.running & (speed * dt >= distance) & (speed > 0)
-        # A reading that is past the target stops even a valve that cannot move.
+        # A reading past the target stops the motor even if the valve cannot move.
         arrives |= self.running & (distance <= 0)
         lasted = np.where(self.running, dt, 0.0)
         if np.count_nonzero(arrives):
@@ -505,7 +505,7 @@ class Plant:
         busy, resting = self._busy, np.asarray(a.trapped)
         if busy or np.count_nonzero(resting):
             load = self._loaded()
-            # The lock valve also holds the load of a stuck valve, if it is finite.
+            # The lock valve also holds the load of a stuck valve if that load is finite.
             kept = np.where(resting > 0, np.where(np.isfinite(load), load, 0.0) * resting, 0.0)
             truth[1] = kept / 1e5
             if busy:

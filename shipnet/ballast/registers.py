@@ -24,7 +24,7 @@ from shipnet.fields import check_scalar, check_whole, choice, record
 from shipnet.lazy import pd
 
 #: Interpretations of the codes of Table 2: column of the data file, and base of its numbers. The
-#: first one is used: it has the position codes 6 and 10, with auto added to close and open.
+#: first one is used: its position codes are 6 and 10, the sums of auto and close or open.
 CODE_READINGS = {
     "flag sum": ("code_flag_sum", 10),
     "one bit": ("code_one_bit", 10),
@@ -57,7 +57,7 @@ def command_codes(reading: str = "flag sum") -> dict[Code, int]:
 FIRST_REGISTER, N_REGISTERS = 0x4020, 4
 
 #: The largest number of steps in a byte, and the byte for a missing value. The paper names no such
-#: byte; without it, a dead sensor reads as the end of its scale.
+#: byte; without it, a dead sensor would read as the end of its scale.
 HIGHEST, MISSING = 0xFE, 0xFF
 
 
@@ -100,7 +100,7 @@ _TIME_STEP = 0.1
 #: Step of each reading, shape (5, 1).
 _STEPS = np.array([[scale.step] for scale in SCALES])
 
-#: Greatest number of steps, and the value sent for NaN; the operating time is last; (6, 1) each.
+#: Largest numbers of steps, and values sent for NaN, shape (6, 1); the operating time is last.
 _HIGHEST = {last: np.array([[HIGHEST]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
 _MISSING = {last: np.array([[MISSING]] * len(SCALES) + [[last]]) for last in (0xFF, 0xFFFF)}
 
@@ -154,10 +154,10 @@ class RegisterMap:
 
     status: str = choice(
         ("table 3", "table 2"),
-        "Places of Manual, Auto, Close and Open in the low byte of 0x4020: Bit2 to Bit5 as in "
-        "table 3, or Bit0 to Bit3 as in the response of table 2. The fault number, whose place "
-        "neither prints, is then in the high byte of 0x4021 or in Bit4 to Bit7; the operating time "
-        "has the other 8 bits of 0x4021, or all 16", default="table 3",
+        "Bits of Manual, Auto, Close and Open in 0x4020: Bit2 to Bit5 as in table 3, or Bit0 to "
+        "Bit3 as in the response of table 2. Neither prints the place of the fault number: with "
+        "table 3 it is the high byte of 0x4021, which leaves the low byte to the operating time; "
+        "with table 2 it is Bit4 to Bit7, and the time has all of 0x4021", default="table 3",
     )  # fmt: skip
 
     def encode(
@@ -229,7 +229,7 @@ class RegisterMap:
     def table(self) -> pd.DataFrame:
         """Return the register, the step and the largest error of each reading.
 
-        The error includes both converter and register, within the scales of both.
+        The error is that of converter and register together, for readings within both scales.
         """
         rows = [
             (

@@ -16,7 +16,7 @@ from shipnet.lazy import pd
 #: The versions of the test values, and their names in the data file.
 VERSIONS = {"printed": "printed", "corrected": "meant"}
 
-#: Assumed values of the sensors that a row does not print.
+#: Choices for the value of a sensor that a row does not print.
 FILLS = ("absent", "normal", "physical")
 
 
@@ -27,7 +27,7 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
     Parameters
     ----------
     slow_stroke : float, optional
-        Shortest time of a slow stroke [s], 1..3600. This argument adds a variable ``Time``, the
+        Time above which a stroke is slow [s], 1..3600. This argument adds a variable ``Time``, the
         running time of the motor, and a rule T1 of the lowest rank, with a ramp of 1 s. The rule is
         ours: the table has no fault for a slow valve, but prints a stroke of up to 10 s.
 
@@ -96,8 +96,8 @@ def rule_vectors(version: str = "corrected", *, fill: str = "absent") -> pd.Data
     version : {"corrected", "printed"}, default "corrected"
         With the misprints corrected, or as printed.
     fill : {"absent", "normal", "physical"}, default "absent"
-        The reading of a sensor that a row does not print: none; its normal value; or the value in
-        the plant's state that the row describes.
+        Reading of a sensor whose value a row does not print: none, its normal value, or its value
+        in the state of the plant that the row describes.
 
     Returns
     -------

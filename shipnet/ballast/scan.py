@@ -48,7 +48,7 @@ def status_poll(
         Bit rate [bit/s] of a line with 8E1 characters, or the settings of the line. The paper
         prints neither.
     processing : float, default 0
-        Time that slave and master need per transaction besides the silences [s].
+        Time that slave and master need per transaction in addition to the silences [s].
     timeout : float, default 1
         Response time-out of the master [s].
     retries : int, default 0
@@ -118,8 +118,8 @@ class System:
         place = np.asarray(self.opening, float)
         if place.shape not in ((), (count,)) or not ((place >= 0) & (place <= 1)).all():
             raise ArgumentError(
-                f"opening is {self.opening!r}; it must be 0..1, one for all or one for each of "
-                f"{count} valves"
+                f"opening is {self.opening!r}; it must be 0..1, one value for all valves or "
+                f"one for each of {count}"
             )
         object.__setattr__(self, "n_valves", count)
 
@@ -156,7 +156,7 @@ class System:
         rows = {}
         for rate in BIT_RATES:
             serial = SerialLine(rate, given.line.character)
-            # With this time-out, any processing time is possible; nothing times out here.
+            # Such a long time-out permits any processing time; nothing times out here.
             read = status_poll(serial, processing=given.processing, timeout=3600)
             scan = read.scan_time(largest)
             rows[rate] = masters, scan, scan + read.shortest_timeout, read.max_slaves(_SCREEN)

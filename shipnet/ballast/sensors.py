@@ -101,7 +101,7 @@ class Sensors:
             object.__setattr__(self, name, five)
         for name, low, high, noise in zip(_NAMES, self.low, self.high, self.noise, strict=True):
             if not low < high:
-                raise ArgumentError(f"scale of {name} is {low:g}..{high:g}; its ends must rise")
+                raise ArgumentError(f"scale of {name} is {low:g}..{high:g}; low must be below high")
             if not 0 <= noise < np.inf:
                 raise ArgumentError(f"noise of {name} is {noise:g}; it must be 0 or more")
         if self.bits is not None and not np.isfinite([self.low, self.high]).all():

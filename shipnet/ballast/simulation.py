@@ -94,7 +94,7 @@ def simulate(
     if valves.poll is not None:
         return scan_fleet(valves, commands, several, until, rng)
     if others := [fault for fault in several if not isinstance(fault, Fault)]:
-        raise ArgumentError(f"one of faults is {others[0]!r}; the system has no line, give a poll")
+        raise ArgumentError(f"one of faults is {others[0]!r}; without a poll there is no line")
     return simulate_valves(valves, commands, faults, until, idle_step, rng)
 
 
@@ -118,7 +118,7 @@ def simulate_valves(
 def record(
     plant: Plant, orders: list[Command], events: list[int], last: int, pause: int, size: int
 ) -> Iterator[Run]:
-    """Advance the plant to its last tick, and yield its readings."""
+    """Advance the plant to its last tick; yield its readings in runs of up to `size` instants."""
     n, window = plant.n_valves, ceil(WINDOW / plant.step - 1e-6)
     before, since = np.empty((0, n)), np.empty(0)
     due = given = 0

@@ -121,7 +121,7 @@ class ValveDevice(ValveRegisters):
 
     # Figures 9 and 10 of the paper: the master commands in auto mode, the switches in manual mode,
     # and a write starts the motor. Our interpretation: the write is answered when the movement
-    # starts, and after code Manual every movement is refused.
+    # starts, and after the code Manual every movement is refused.
     def __init__(self, plant: Plant, valve: int = 0, monitor: Monitor | None = None) -> None:
         self.plant = plant
         self.valve = check_whole("valve", valve, 0, plant.n_valves - 1)

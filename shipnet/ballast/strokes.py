@@ -35,14 +35,14 @@ CHANNELS = (
 #: The condition of a healthy actuator.
 HEALTHY = "healthy"
 
-#: Points per stroke. The actuator has stopped by `_STOPPED`; the supply runs until `_HELD`.
+#: Points per stroke, point by which the actuator has stopped, and point where the supply stops.
 POINTS, _STOPPED, _HELD = 600, 200, 250
 
-#: Fractions of the travel: for speed and pressures in motion, and for bursts, common at the ends.
+#: Ranges of the travel for speed and pressures, and for bursts, which are common at the ends.
 _STEADY, _INNER = (0.2, 0.8), (0.25, 0.8)
 
-#: Points of the running median above which a burst is measured, and the value added before the
-#: logarithm, because a quiet point may have the value 0 [count].
+#: Width of the running median above which a burst is measured [points], and the value added before
+#: the logarithm [count], because a quiet point may have the value 0.
 _NEAR, _FLOOR = 17, 0.3
 
 #: A limit is the largest of the healthy actuators' quantiles; above it a term rises to 1 within a
@@ -109,12 +109,12 @@ class Strokes:
         """Return one row of features per stroke, in points and raw counts.
 
         ``opening`` is True if the angle rose. ``dead_time`` lasts until 2 % of the travel,
-        ``stroke_time`` from 5 to 95 %. From 20 to 80 %: the median difference of the two
-        chamber pressures, ``moving_difference``; the ``roughness`` of the speed; and the median of
-        each ``vibration``, a decimal logarithm. A ``burst`` is the largest excess of the vibration
-        over its surroundings between 25 and 80 %, at ``burst_place``. At rest: the
-        ``holding_pressure``, its ``decay``, and the ``supply_ripple``. ``flow_opening`` and
-        ``flow_closing`` are the speed per root of the holding pressure, NaN in the other direction.
+        ``stroke_time`` from 5 to 95 %. From 20 to 80 %: the median difference between the chamber
+        pressures, ``moving_difference``; the ``roughness`` of the speed; and the median of each
+        ``vibration``, a decimal logarithm. A ``burst`` is the largest excess of the vibration over
+        its surroundings between 25 and 80 %, at ``burst_place``. At rest: the ``holding_pressure``,
+        its ``decay``, and the ``supply_ripple``. ``flow_opening`` and ``flow_closing`` are the
+        speed over the square root of the pressure, NaN in the other direction.
         """
         return self._features.copy()
 
@@ -173,10 +173,10 @@ class Strokes:
         return pd.DataFrame(columns)
 
     def rules(self, without: str = "") -> RuleBase:
-        """Return rules whose limits come from the healthy actuators, `without` one.
+        """Return rules whose limits come from the healthy actuators, except `without`.
 
-        A limit is the largest of their 98 % quantiles. The crisp rule fires above it; the graded
-        term rises from there, and the fuzzy rule fires from its middle.
+        A limit is the largest of their 98 % quantiles. The crisp rule fires above the limit. The
+        fuzzy term rises from the limit, and its rule fires from the middle of the rise.
         """
         features = self._features
         healthy = features[(features["condition"] == HEALTHY) & (features["actuator"] != without)]
@@ -185,7 +185,7 @@ class Strokes:
         if limits.isna().any():
             missing = ", ".join(limits.index[limits.isna()])
             raise ArgumentError(
-                f"without is {without!r}; no other healthy actuator has {missing} for the limits"
+                f"without is {without!r}; no other healthy actuator has {missing} to set limits"
             )
         variables, rules = [], []
         for place, (code, (name, top, width, flag, says)) in enumerate(_RULES.items(), start=1):
@@ -201,12 +201,13 @@ class Strokes:
         *,
         judges: Mapping[str, Judge] | None = None,
     ) -> pd.DataFrame:
-        """Return the number of reported strokes of each actuator, by rules fitted without it.
+        """Return how many strokes of each actuator are reported by rules fitted without it.
 
         Limits come from the healthy actuators of `reference`, by default the shipped recording,
         except the one under test. `judges` are other methods by name: each is called once per
-        actuator and returns a mask of those to report. Its arguments are the features of all other
-        actuators of `reference`, healthy or not, and the features of the actuator's own strokes.
+        actuator and returns a mask of strokes to report. Its arguments are the features of all
+        other actuators of `reference`, healthy or not, and the features of the actuator's own
+        strokes.
 
         Indexed by ``method``, ``report`` (a flag of the rules, or any), ``actuator`` and
         ``condition``: ``strokes``, those ``reported``, and the fraction ``rate`` with its 95 %
@@ -251,9 +252,9 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
     Parameters
     ----------
     path : path, optional
-        An ``.npz`` file like the shipped recording, which is read if omitted: ``values`` of shape
-        (strokes, 600, 7), the names of its ``channels``, and for each stroke the ``actuator``, its
-        ``condition``, ``healthy`` or a fault, and the number of the ``stroke``.
+        An ``.npz`` file in the form of the shipped recording, which is read if omitted: ``values``
+        of shape (strokes, 600, 7), the names of its ``channels``, and for each stroke the
+        ``actuator``, its ``condition`` (``healthy`` or a fault) and the number of the ``stroke``.
 
     Returns
     -------
@@ -267,11 +268,11 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
 
     Notes
     -----
-    The shipped recording was made by others on rotary actuators of the kind that turns ship
-    valves, 15 000 in-lbf [1]_: three healthy, one with a damaged gear and one with a leaking
-    seal. Each stroke of 3000 samples was reduced to 600 points, the mean of five samples or, for
-    accelerations, ten times their standard deviation. Values are raw counts; the units and the
-    sampling period are not published.
+    Others made the shipped recording on rotary actuators (15 000 in-lbf) like those that turn ship
+    valves [1]_: three healthy, one with a damaged gear and one with a leaking seal. Each stroke of
+    3000 samples was reduced to 600 points, each the mean of five samples or, for accelerations, ten
+    times their standard deviation. Values are raw counts; the units and the sampling period are not
+    published.
 
     References
     ----------
@@ -279,7 +280,7 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
 
     Examples
     --------
-    Percentage of strokes reported by rules that were fitted without the actuator:
+    Percentage of strokes reported by rules that were fitted without that actuator:
 
     >>> strokes = read_strokes()
     >>> fuzzy = strokes.scores().loc["fuzzy", "any"]
@@ -314,5 +315,5 @@ def read_strokes(path: str | PathLike[str] | None = None) -> Strokes:
 
 @cache
 def _shipped() -> Strokes:
-    """Return the shipped recording, so that its features are computed once."""
+    """Return the shipped recording, cached so that its features are computed only once."""
     return read_strokes()

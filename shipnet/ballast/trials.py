@@ -1,7 +1,7 @@
 """The quality of the diagnosis: trials with each fault, false alarms, and a fleet over time.
 
 The faults are those of our own simulator and are made to fit the rules: a high rate verifies the
-code; it does not validate the method.
+code but does not validate the method.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
 
-#: Statement of the basis of the numbers.
-BASIS = "own simulator, faults made to fit the rules: verifies code, does not validate the method"
+#: What the numbers are based on.
+BASIS = "faults simulated to fit the rules: this verifies the code but does not validate the method"
 
 #: A year [s].
 _YEAR = 365.25 * 86400
@@ -39,7 +39,7 @@ _YEAR = 365.25 * 86400
 #: Standard deviation of the logarithm of pump leak, restrictor and bearing torque among valves.
 _SPREAD = 0.02
 
-#: Durations of the phases of a trial: rest, open, rest, close, rest [s]. A motor may run for 20 s.
+#: Times in a trial [s]: opening, closing and end; a motor may run for 20 s.
 _OPEN, _CLOSE, _END = 5.0, 35.0, 65.0
 
 #: Instants per block: the readings of 3328 valves then take 27 MB.
@@ -69,7 +69,7 @@ class Trials:
     rows : pandas.DataFrame
         One row per trial and method: ``method``, ``fault``, ``valve``, ``severity``; the codes
         ``active`` at any time, and their ``top_fault``; whether any code was active (``detected``),
-        the fault's own code was (``named``), and that code was on top (``isolated``);
+        the fault's own code was active (``named``), and it was the top fault (``isolated``);
         ``detection_time_s`` and ``isolation_time_s`` from the first command, 0 if before it, NaN if
         never.
 
@@ -88,7 +88,7 @@ class Trials:
 
     Examples
     --------
-    With the motor off, a position far too high is also a switch error, which ranks higher:
+    With the motor off, a position far too high also counts as a switch error, which ranks higher:
 
     >>> trials = fault_trials(["S1", "Pos3"], n_valves=9, methods=["fuzzy"], rng=2024)
     >>> trials.confusion().loc["Pos3"].to_dict()
@@ -99,7 +99,7 @@ class Trials:
 
     @property
     def basis(self) -> str:
-        """The basis of the numbers, in one sentence."""
+        """What the numbers are based on, in one line."""
         return BASIS
 
     def __repr__(self) -> str:
@@ -115,10 +115,10 @@ class Trials:
     def rates(self) -> pd.DataFrame:
         """Return how often faults were found, indexed by method and fault.
 
-        Columns: number ``n``; fractions ``detected``, ``named`` and ``isolated`` with the ends
-        ``_low`` and ``_high`` of their 95 % intervals; ``isolability``, ``sensitivity``, and median
-        ``detection_time_s`` and ``isolation_time_s``. For ``normal`` valves, ``detected`` is the
-        fraction with a false alarm and ``isolated`` the fraction without one.
+        Columns: number of trials ``n``; fractions ``detected``, ``named`` and ``isolated`` with the
+        ends ``_low`` and ``_high`` of their 95 % intervals; ``isolability``, ``sensitivity``, and
+        median ``detection_time_s`` and ``isolation_time_s``. For ``normal`` valves, ``detected`` is
+        the fraction with a false alarm and ``isolated`` the fraction without one.
         """
         groups = self.rows.groupby(["method", "fault"], sort=False)
         table = pd.DataFrame({"n": groups.size()})
@@ -169,7 +169,7 @@ def fault_trials(
     methods: Iterable[str] = METHODS,
     rng: Any,
 ) -> Trials:
-    """Open and close valves with each fault once, and diagnose them.
+    """Open and close valves once with each fault, and diagnose them.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def fault_trials(
     severity : float or array_like of float, shape (n_valves,), default 1
         Severity of the faults, 0..1.
     methods : iterable of str, optional
-        Methods of diagnosis, for the same readings: ``crisp``, ``midpoint`` and ``fuzzy`` if
+        Methods of diagnosis, applied to the same readings: ``crisp``, ``midpoint`` and ``fuzzy`` if
         omitted.
     rng : Generator, int or None
         Source of the valves' differences and of the sensors' noise, for `numpy.random.default_rng`.
@@ -208,7 +208,8 @@ def fault_trials(
         each = np.broadcast_to(np.asarray(severity, float), valves)
     except (TypeError, ValueError):
         raise ArgumentError(
-            f"severity is {severity!r}; it must be 0..1, one or one for each of {valves} valves"
+            f"severity is {severity!r}; it must be 0..1, one value or one for each of {valves} "
+            "valves"
         ) from None
     severities = np.tile(each, len(wanted))
     base = rule_base()
@@ -250,7 +251,7 @@ def fault_trials(
 
 
 def _diagnosed(runs: Iterable[Run], methods: Iterable[str]) -> Iterator[dict[str, Diagnosis]]:
-    """Diagnose consecutive blocks by every method."""
+    """Diagnose consecutive blocks with every method."""
     tails: dict[str, Tail] = {}
     for run in runs:
         found = {
@@ -295,7 +296,7 @@ def false_alarms(
     pandas.DataFrame
         Indexed by ``method``: ``commands``; the number of periods with an alarm, ``alarmed``, and
         their fraction ``per_command`` with ``_low`` and ``_high``; ``valve_years``, the ``alarms``
-        in them (a top fault that follows normal), and ``per_valve_year`` with ``_low`` and
+        in them (changes from normal to a top fault), and ``per_valve_year`` with ``_low`` and
         ``_high``; and ``false_detection_rate``, the fraction of the time during which a fault is
         reported.
 
@@ -371,7 +372,7 @@ class FleetReport:
     duration : float
         Duration [s].
     n_samples : int
-        Diagnosed readings of all five sensors of a valve.
+        Number of diagnosed readings, each of all five sensors of a valve.
     injected : list of Fault
         The faults.
     commands : DataFrame
@@ -385,9 +386,9 @@ class FleetReport:
     Notes
     -----
     The indices are those of `Trials`, with times counted from the beginning of the fault. A fault
-    may show only during strokes, so a fault is isolated when its own code first becomes the top
-    fault of its valve. *True-detection rate*: the fraction of the duration of the fault
-    during which its valve has a top fault.
+    may show only during strokes, so it counts as isolated when its own code first becomes the top
+    fault of its valve. *True-detection rate*: the fraction of the fault's duration for which its
+    valve has a top fault.
 
     Examples
     --------
@@ -429,7 +430,7 @@ class FleetReport:
                         command, alarm - command,
                     )
                 )  # fmt: skip
-        # A table without rows needs the same types.
+        # An empty table needs the same types.
         return pd.DataFrame(rows, columns=list(_FAULT_COLUMNS)).astype(_FAULT_COLUMNS)
 
     def _reported(self, low: float, high: float, signals: pd.DataFrame) -> float:
@@ -439,7 +440,7 @@ class FleetReport:
         return float(spans[~signals["top_fault"].isin([NORMAL, UNKNOWN])].sum())
 
     def false_alarms(self) -> pd.DataFrame:
-        """Return the alarms of valves without a fault so far; columns as `alarms`."""
+        """Return the alarms of valves that had no fault so far, with the columns of `alarms`."""
         begin = np.full(self.n_valves, np.inf)
         for fault in self.injected:
             sick = fault.severities(self.n_valves) > 0
@@ -480,7 +481,7 @@ class FleetReport:
         return float(low), float(high)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the times at which each fault appeared and was reported, and its valve moved."""
+        """Draw when each fault appeared, when it was reported, and when its valve was moved."""
         ax = style.axes(ax)
         faults, commands = self.faults(), self.commands
         hour = 3600.0

@@ -1,4 +1,4 @@
-"""Pumps that wear out, as synthetic data, and their remaining life, predicted from a trend.
+"""Synthetic data of pumps that wear out, and their remaining life predicted from a trend.
 
 The law of wear, its rates and the noise are assumptions, and one predictor uses that law, so the
 results are an upper bound on the accuracy possible on a ship.
@@ -91,7 +91,7 @@ class Wear:
         usual = Actuator()
         rates = median * np.exp(sigma * generator.standard_normal(n))
         exponent = rates * np.arange(strokes)[:, np.newaxis]
-        # With a leak above this, no oil reaches the cylinder.
+        # The leak is limited to a value at which no oil reaches the cylinder.
         leak = usual.pump_leak * np.exp(np.minimum(exponent, 12.0))
         pressure = mid_pressure(leak)
         grid = np.linspace(0.0, float(exponent.max(initial=0.0)) + 1e-9, _GRID)
@@ -167,12 +167,12 @@ class Wear:
         return table.rename_axis("strokes")
 
     def compare_predictors(self, parts: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)) -> pd.DataFrame:
-        """Compare the remaining life from each predictor with the true remaining life.
+        """Compare the remaining life that each predictor gives with the true one.
 
         Indexed by ``predictor`` and by the ``part`` of the true life at which it predicts: the
-        number of ``valves``; the fraction with a trend, ``found``; quantiles of predicted over true
-        life; the fraction ``within_20`` percent; and the fraction whose interval ``covers`` the
-        true life.
+        number of ``valves``; the fraction with a trend, ``found``; quantiles of the ratio of
+        predicted to true life; the fraction ``within_20`` percent of it; and the fraction whose
+        interval ``covers`` it.
         """
         index, rows = [], []
         for predictor in PREDICTORS:
@@ -333,7 +333,7 @@ class Trend:
 
     @property
     def text(self) -> str:
-        """The test for a trend in one line."""
+        """The result of the test for a trend, in one line."""
         found = "a trend" if self.found else "no trend"
         return f"{found} in {self.n} points (p = {self.p_value:.2g})"
 
@@ -407,7 +407,7 @@ def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) 
     )
 
 
-#: A fuzzy set of FP [bar] from its normal value down to the limit of rule P2; our choice.
+#: A fuzzy set that rises from FP's normal value [bar] to the limit of rule P2; our choice.
 WORN = Term("worn", (-inf, -inf, 2.5, 90.0), "x < 2.5", "worn")
 
 #: Indicators from which the remaining life can be predicted.

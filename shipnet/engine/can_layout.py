@@ -23,14 +23,14 @@ from shipnet.lazy import pd
 #: Data bytes of a classic CAN frame; ISO 11898-1.
 _FRAME = 8
 
-#: Step of the identifiers from box to box, and the highest 11-bit identifier.
+#: Distance between the first identifiers of two boxes, and the highest 11-bit identifier.
 _ID_STEP, _HIGHEST_ID = 0x100, 0x7FF
 
 
 @checked
 @record
 class CanLayout:
-    """The mapping of points to CAN frames: box k sends identifiers from 0x100 k up, k = 1..7.
+    """The mapping of points to CAN frames: box k, 1 to 7, sends identifiers from 0x100 k upwards.
 
     The identifiers, and therefore the priorities, are assumed: JB1 before JB2 before JB3. If `bits`
     does not divide 64, some values are split between two frames; `table` shows which.

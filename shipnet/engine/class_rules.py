@@ -145,7 +145,7 @@ class Description:
                 names = {link: tuple(names) for link, names in given.items()}
                 object.__setattr__(self, name, names)
         if self.routes is not None and set(self.routes) != set(self.links or ()):
-            raise ArgumentError("routes must name the same links as links")
+            raise ArgumentError("routes and links must name the same links")
 
     @classmethod
     def printed(cls) -> Description:
@@ -175,8 +175,8 @@ _Outcome = tuple[float, str]
 class Rule:
     """A class rule as the paper quotes it: the requirement on an object, its measure and its limit.
 
-    `compute` is called with a system and the value of its field named `known`. The limit is the
-    highest permitted value, or the lowest with `at_least`; `elsewhere` says what public texts
+    `compute` is called with a system and the value of the field that `known` names. The limit is
+    the highest permitted value, or the lowest with `at_least`; `elsewhere` says what public texts
     require on the same matter.
     """
 
@@ -251,7 +251,7 @@ def _repeats(system: Description, protocols: tuple[str, ...]) -> _Outcome:
     # A CAN controller repeats a frame until it succeeds; ISO 11898-1. A Modbus master may retry.
     asked = [name for name in protocols if name != "CAN"]
     if not asked:
-        return inf, "CAN repeats by itself"
+        return inf, "CAN repeats frames by itself"
     if system.poll is None or not system.retries_known:
         return nan, f"retries of {asked[0]} are not described"
     return system.poll.retries, f"retries of {asked[0]}"
@@ -268,9 +268,9 @@ RULES = (
          "SOLAS II-1/51: a stand-by supply of the alarm system"),
     Rule("supply changes over", "supplies", "the supply changes over within 2 s",
          "change-over", "s", 2.0, "power_switch_over", _itself,
-         "SOLAS II-1/51: automatic, without a number"),
+         "SOLAS II-1/51: automatic, no time limit given"),
     Rule("memory", "memory", "only non-volatile memory",
-         "volatile memories (1 is some)", "", 0, "volatile", _itself, _NONE_FOUND),
+         "volatile memories (1 if any)", "", 0, "volatile", _itself, _NONE_FOUND),
     Rule("standard protocol", "protocols", "the protocol is an open international standard",
          "protocols without a standard", "", 0, "protocols", _standard,
          f"{_CIRCULAR} 4.6.4: standardised interfaces"),
@@ -281,13 +281,13 @@ RULES = (
     Rule("links routed apart", "links", "the cables of the links are routed apart",
          "links that share no space", "", 2, "points", _routes,
          f"{_CIRCULAR} 4.6.2: as much separation as practical", at_least=True),
-    Rule("answer", "poll", "data are answered within 2 s",
+    Rule("answer", "poll", "requests are answered within 2 s",
          "request and response", "s", 2.0, "poll", _answer,
          f"{_DNV}: alarms presented within 2 s; BV Pt C Ch 3 Sec 3: 5 s"),
     Rule("CRC", "protocols", "transmission is verified by a CRC",
-         "single and double bit errors unseen (CAN: before bit stuffing)", "", 0, "protocols",
+         "single and double bit errors missed (CAN: before bit stuffing)", "", 0, "protocols",
          _crc, f"{_CIRCULAR} 4.6.1: the link checks itself"),
-    Rule("retransmission", "protocols", "what went wrong is sent again",
+    Rule("retransmission", "protocols", "failed transmissions are repeated",
          "repeats", "", 1, "protocols", _repeats, _NONE_FOUND, at_least=True),
 )  # fmt: skip
 
@@ -304,7 +304,7 @@ def check(system: Description) -> Findings:
     Returns
     -------
     Findings
-        One row per rule, also with the columns ``asks`` and ``measure``; ``source`` says what
+        One row per rule, with the additional columns ``asks`` and ``measure``; ``source`` says what
         public texts require on the same matter.
 
     Examples

@@ -33,9 +33,9 @@ class CanBreak(EngineFault):
 
     Notes
     -----
-    A break splits the bus in two, each part with one of the two terminators. Both parts still work,
-    which is an **assumption** that suits short cables and low bit rates. Frames queued or on the
-    bus at the break, or at its repair, are lost. An isolated box receives no acknowledgement.
+    A break splits the bus into two parts, each with one of the two terminators. Both parts still
+    work, which is an **assumption** that suits short cables and low bit rates. Frames queued or on
+    the bus at the break, or at its repair, are lost. An isolated box receives no acknowledgement.
 
     Examples
     --------
@@ -153,7 +153,7 @@ class LostCanFrames(EngineFault):
     0.1
     """
 
-    words = "CAN frames lost of"
+    words = "lost CAN frames of"
 
     probability: float = number(
         0, 1, "", "Probability that one receiver loses one frame", default=0.5, kw_only=True
@@ -170,7 +170,7 @@ class LostModbusFrames(EngineFault):
     0.2
     """
 
-    words = "Modbus frames lost on"
+    words = "lost Modbus frames on"
     at = "channel"
 
     request: float = number(

@@ -43,7 +43,7 @@ def pt100_resistance(temperature: npt.ArrayLike) -> float | Floats:
 
 
 def pt100_temperature(resistance: npt.ArrayLike) -> float | Floats:
-    """Return the temperature [degC] of a Pt100: closed form from 0 degC up, Newton's rule below."""
+    """Return the temperature [degC] of a Pt100: closed form above 0 degC, Newton's method below."""
     low, high = (float(pt100_resistance(end)) for end in PT100)
     r = _within("resistance", resistance, low, high, "ohm")
     t = (-_A + np.sqrt(_A**2 - 4 * _B * (1 - r / _R0))) / (2 * _B)
@@ -121,8 +121,8 @@ class InputCard:
     margin: float = number(
         0, 1, "",
         "Extension of the amplifier's window beyond each end of the range, as a fraction of the "
-        "span. As printed, it is 0: 4..20 mA map to 0..5 V. With 0.125, 2..22 mA do, and a failure "
-        "can be distinguished from a value", default=0.0, kw_only=True,
+        "span. As printed, it is 0: 4..20 mA map to 0..5 V. With 0.125, 2..22 mA do, so that "
+        "failures can be distinguished from values", default=0.0, kw_only=True,
     )  # fmt: skip
 
     @property
@@ -234,7 +234,7 @@ class InputCard:
         return np.asarray((c > low) & (c < high))
 
     def accuracy(self) -> pd.DataFrame:
-        """Return resolution and conversion error of each kind of analogue input, one row each.
+        """Return the resolution and the conversion error of each kind of analogue input.
 
         ``step_low`` and ``step_high`` are the steps at the ends of the range. Only quantisation is
         counted: sensors and amplifiers are ideal.

@@ -32,15 +32,15 @@ _TASKS = {
 #: Legend labels of tasks with the same name as a bus or a device.
 _LABELS = {name: f"{name} interrupt" for name in ("CAN", "timer", "Modbus")}
 
-#: Frames on the bus, by sender.
+#: Greys of the frames on the bus, by sender.
 _SENDERS = ("0.25", "0.55", "0.8")
 
-#: Most bars in one figure, tiles per row of the screen, and size of the tiles' text [1/72 inch].
+#: Maximum number of bars, tiles per row of the screen, and size of the tiles' text [1/72 inch].
 _MOST_BARS, _TILES, _SIZE = 5000, 9, 9
 
 
 def plot_timeline(table: pd.DataFrame, *, ax: Axes | None) -> Axes:
-    """Draw the work of CPUs and lines as rows of bars; each CAN sender has its own grey."""
+    """Draw the work of CPUs and lines as rows of bars; each CAN sender has one shade of grey."""
     ax = style.axes(ax)
     if not 1 <= len(table) <= _MOST_BARS:
         raise ArgumentError(f"table has {len(table)} rows; it must be 1..{_MOST_BARS}")
@@ -94,7 +94,7 @@ def plot_ages(
     for name, value in (limits or {}).items():
         style.limit(ax, value, name)
     ax.set(xlabel="time [s]", ylabel="age [s]")
-    ax.margins(y=0.2)  # clear of the bars
+    ax.margins(y=0.2)  # keep the line clear of the bars
     ax.set_ylim(bottom=0)
     if label or len(bad):
         style.legend(ax)
@@ -196,9 +196,9 @@ def plot_system(
     for where, text in failed:
         x, y = spots[where]
         if where in counts:
-            y -= 0.35  # below the box, whose name stays readable
+            y -= 0.35  # below the box, so that its name stays readable
         ax.plot([x], [y], marker="X", markersize=11, color=LIMIT["color"], zorder=4)
-        on_cable = where in ("1", "2")  # beside the cable, whose name is below
+        on_cable = where in ("1", "2")  # beside the cable, because its name is below
         ax.annotate(
             text, (x, y), (-9, 0) if on_cable else (0, -10),
             textcoords="offset points", color=LIMIT["color"],

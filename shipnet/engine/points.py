@@ -24,7 +24,7 @@ Condition = Literal["RTD", "4-20 mA", "switch"]
 #: Inputs of a junction box: a resistance thermometer, a current loop, a contact.
 CONDITIONS: tuple[Condition, ...] = ("RTD", "4-20 mA", "switch")
 
-#: Columns of a point file; any other column holds remarks.
+#: Columns of a point file; other columns are ignored.
 _COLUMNS = ("tag", "box", "condition", "quantity", "low", "high", "unit", "signal", "alarm",
             "service")  # fmt: skip
 
@@ -48,19 +48,19 @@ class Point:
 
     tag: str
     box: str
-    condition: Condition = choice(CONDITIONS, "Kind of its signal")
+    condition: Condition = choice(CONDITIONS, "Kind of signal")
     quantity: str
     low: float = number(
-        -1e300, 1e300, "", "Lower end of the range; 0 for a switch, from -200 for a thermometer",
+        -1e300, 1e300, "", "Lower end of the range; 0 for a switch, -200 or more for a thermometer",
         default=0.0,
     )  # fmt: skip
     high: float = number(
-        -1e300, 1e300, "", "Upper end of the range; 1 for a switch, up to 850 for a thermometer",
+        -1e300, 1e300, "", "Upper end of the range; 1 for a switch, 850 or less for a thermometer",
         default=1.0,
     )  # fmt: skip
     unit: str = ""
     signal: str = ""
-    alarm: Literal["high", "low", ""] = choice(("high", "low", ""), "Alarmed side", default="")
+    alarm: Literal["high", "low", ""] = choice(("high", "low", ""), "Kind of alarm", default="")
     service: str = ""
 
     def __post_init__(self) -> None:
@@ -92,7 +92,7 @@ class Point:
 
     @property
     def cylinder(self) -> int | None:
-        """Number of the cylinder that `service` names, such as ``cyl 3``; None without one."""
+        """Number of the cylinder in `service`, such as 3 in ``cyl 3``; None if there is none."""
         found = re.search(r"\bcyl (\d+)\b", self.service)
         return int(found[1]) if found else None
 
@@ -108,7 +108,7 @@ class PointList(tuple[Point, ...]):
     Raises
     ------
     ArgumentError
-        If there is no point, one is of another class, or a tag occurs twice.
+        If there is no point, an element is not a `Point`, or a tag occurs twice.
 
     Examples
     --------
@@ -287,7 +287,7 @@ def _read(path: str | PathLike[str]) -> PointList:
             faults.append(f"row {line}: {error}")
         tag = row.get("tag", "")
         if tag in tags:
-            faults.append(f"row {line}: tag {tag!r} is taken")
+            faults.append(f"row {line}: tag {tag!r} occurs twice")
         tags.add(tag)
     if faults or not points:
         raise InputError(sheet.source, *(faults or ["has no points; expected one per row"]))

@@ -1,6 +1,6 @@
 """The registers of a junction box: the coding of values, and the address map.
 
-lee2012 marks a missing value by 0xFF (section III.2.c) but prints neither width nor scale of a
+lee2012 marks a missing value with 0xFF (section III.2.c) but prints neither width nor scale of a
 value. Each polled box has all points, its own and those that it received on CAN, in the order of
 the points.
 """
@@ -62,8 +62,8 @@ class Coding:
     step: float | Literal["full scale", "decimal"]
     error: int = whole(0, 0xFFFF, "", "Content that marks a missing value")
     bits: int = whole(
-        2, 16, "", "Bits in use; unless the step is the full scale, the highest one is the sign in "
-        "two's complement, extended over the whole register", default=16,
+        2, 16, "", "Bits in use; unless the step is the full scale, values are signed, in two's "
+        "complement that fills the whole register", default=16,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -93,7 +93,7 @@ class Coding:
         try:
             missing = np.broadcast_to(bad, v.shape) | np.isnan(v)
         except ValueError:
-            raise ArgumentError(f"failed has shape {bad.shape}, values {v.shape}") from None
+            raise ArgumentError(f"failed has shape {bad.shape}; values have {v.shape}") from None
         step, zero = self._scale(known)
         low, high = self._bounds(known)
         with np.errstate(over="ignore"):
@@ -182,7 +182,7 @@ CODINGS = {
 
 # The address map -------------------------------------------------------------------------------
 
-#: Most registers that one request reads.
+#: Maximum number of registers that one request reads.
 _REQUEST = 125
 
 

@@ -49,12 +49,12 @@ class Cpu:
         return np.asarray(time - taken, dtype=np.int64)
 
     def at(self, left: Integers) -> Integers:
-        """Return when this CPU time is reached, before interrupts that begin then [ns]."""
+        """Return when this CPU time is reached, before any interrupt that begins then [ns]."""
         begun = np.searchsorted(self._left, left, side="left")
         return np.asarray(left + self.length * begun, dtype=np.int64)
 
     def queue(self, due: Integers, work: int) -> Integers:
-        """Return the start times of jobs that wait for each other, in CPU time for `at` [ns].
+        """Return the start times of jobs that wait for each other, in the CPU time of `at` [ns].
 
         `due` must be in rising order; `work` is the CPU time per job.
         """
@@ -86,8 +86,8 @@ NEVER = -1 << 62
 class Rounds(NamedTuple):
     """Rounds of one box's loop, by number [ns]; `NEVER` for steps that did not happen.
 
-    A round begins at `work`, in CPU time for `Cpu.at`. Its values are ready at `converted`, and its
-    frames are queued for the bus at `queued`.
+    A round begins at `work`, in the CPU time of `Cpu.at`. Its values are ready at `converted`, and
+    its frames are queued for the bus at `queued`.
     """
 
     work: Integers
@@ -116,7 +116,7 @@ class Frames(NamedTuple):
 
 
 def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
-    """Return the CPU times at which a timer marks a sender that was `heard` at some times [ns]."""
+    """Return the CPU times at which the timer marks a sender, given when it was `heard` [ns]."""
     limit = nanoseconds(system.stale_limit)
     silent = np.diff(heard, append=heard[-1:] + limit + 1) > limit
     return cpu.until(heard[silent] + limit)
@@ -297,9 +297,9 @@ class Timeline:
     def table(self) -> pd.DataFrame:
         """Return one row per stretch of work.
 
-        ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``), ``task`` (``convert``, ``send``,
-        ``CAN``, ``timer``, ``Modbus``; the sender of a frame; ``request``, ``response``),
-        ``start_ms`` and ``end_ms``.
+        ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``), ``task`` (of a box ``convert``,
+        ``send``, ``CAN``, ``timer`` or ``Modbus``, of CAN the sender, of a channel ``request`` or
+        ``response``), ``start_ms`` and ``end_ms``.
         """
         return self._table.copy()
 
@@ -417,7 +417,7 @@ class Run:
         check_scalar("start", start, "s", -1.0, 1e6)
         check_scalar("stop", stop, "s", -1.0, 1e6 + 60)
         if not start < stop <= start + 60:
-            raise ArgumentError(f"stop is {stop!r} s; it must be in the 60 s after {start!r} s")
+            raise ArgumentError(f"stop is {stop!r} s; it must be up to 60 s after {start!r} s")
         span = nanoseconds(start), nanoseconds(stop)
         rows: dict[str, _Slices] = {}
         for box, name in enumerate(self.system.boxes):
@@ -438,7 +438,7 @@ class Run:
     def screen(self, time: float, values: SyntheticValues | None = None) -> Screen:
         """Return the screen of the AMS at a time between the first answer and the end [s].
 
-        Without `values` of the sensors, synthetic ones with the seed 2024 are shown.
+        Without `values`, the screen shows synthetic ones with the seed 2024.
         """
         known = values or SyntheticValues(self.system.points, 2024)
         seen = self.views.seen
@@ -449,7 +449,7 @@ class Run:
                 f"time is {time} s; it must be {first / 1e9:g}..{self.end / 1e9:g} s"
             )
         if known.points != self.system.points:
-            raise ArgumentError("values are of other points than the run; they must be the same")
+            raise ArgumentError("values are of other points than those of the run")
         row = int(np.searchsorted(seen, now, side="right")) - 1
         printed = self.system.coding == "printed"
         rows = []
@@ -543,7 +543,7 @@ class Run:
         for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
             tags.setdefault(message, []).append(point.tag)
         for message, own in tags.items():
-            # A state is good from each answer, and bad if it ends before the next answer.
+            # An answer may make points good; they turn bad if their limit passes before the next.
             fine, end = good[:, message], good_until[:, message]
             time = np.stack([self.views.seen, end], axis=1)
             state = np.stack([fine, fine & (end == until)], axis=1)

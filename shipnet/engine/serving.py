@@ -41,7 +41,7 @@ UNITS = (2, 3)
 #: Function codes of a junction box; lee2012, section IV.1.a.
 FUNCTIONS = frozenset({3})
 
-#: Unit id of the registers that inject faults, and the first register of a sensor.
+#: Unit id of the registers that inject faults, and the address of the first sensor's register.
 FAULT_UNIT, _SENSORS = 247, 100
 
 #: Faults that a real server can show: faults of parts, then faults of sensors, in the order of
@@ -80,8 +80,8 @@ def serve(
     rng : optional
         Source of the synthetic values, for `numpy.random.default_rng`.
     **options
-        Options of `shipnet.modbus.serve`: transport, host, port, wire_faults, and for a serial line
-        serial_port and line.
+        Options of `shipnet.modbus.serve`: transport, host, port, wire_faults, and, for a serial
+        line, serial_port and line.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def serve(
 
 
 def parse_fault(system: System, words: str) -> EngineFault:
-    """Return the lasting fault named by a text such as ``2:dead``."""
+    """Return the lasting fault that a text such as ``2:dead`` describes."""
     where, _, what = words.rpartition(":")
     unit = {str(unit): channel for channel, unit in enumerate(UNITS)}.get(where)
     for kind in _WORDS.get(what, ()):
@@ -188,7 +188,7 @@ class FaultRegisters:
         return content
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """End the present faults of the places, and begin the faults that are written."""
+        """End the present faults at these places, and begin the faults that are written."""
         rows = self._rows(table, address, len(values))
         if any(value > len(kinds) for value, (_, kinds) in zip(values, rows, strict=True)):
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_VALUE)

@@ -34,8 +34,8 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.lazy import pd
 
-#: Most frames sent and read in one run; they take some gigabytes of memory. Each poll reads the
-#: newest frame of every message.
+#: Maximum number of frames sent and read in one run; they take some gigabytes of memory. Each poll
+#: reads the newest frame of every message.
 _MOST_FRAMES = 20_000_000
 
 #: Time from the start of a lasting fault to the end of its run [s]; a design whose marks take
@@ -52,7 +52,7 @@ def simulate(
     phases: Mapping[str, float] | None = None,
     rng: Any = None,
 ) -> Run:
-    """Simulate the system from the first poll on, with clocks that all run at the same rate.
+    """Simulate the system from the first poll onwards, with clocks that all run at the same rate.
 
     Parameters
     ----------
@@ -63,8 +63,8 @@ def simulate(
     until : float
         The last poll begins before this time, 0.001..1e6 [s].
     phases : mapping of str to float, optional
-        Start of a round of each box and, under ``"AMS"``, of the first poll, 0..100 [s]. All
-        others are 0, or random if `rng` is given.
+        Start of a round of each box and, under ``"AMS"``, of the first poll, 0..100 [s]. Phases not
+        given are 0, or random if `rng` is given.
     rng : optional
         Source of random numbers, for `numpy.random.default_rng`; required if frames are lost.
 
@@ -96,7 +96,7 @@ def simulate(
     horizon = nanoseconds(check_scalar("until", until, "s", 1e-3, 1e6))
     wrong = system.check_faults(faults)
     if rng is None and any(isinstance(f, LostCanFrames | LostModbusFrames) for f in wrong):
-        raise ArgumentError("rng is None; frames are lost at random, so there must be one")
+        raise ArgumentError("rng is None; it is required because frames are lost at random")
     chance = None if rng is None else check_rng(rng)
     begins = _phases(system, phases or {}, chance)
     frames = sum(horizon / period for period in system.period_ns[system.sender].tolist())
@@ -145,7 +145,7 @@ def _phases(
     periods = dict(zip(system.boxes, system.period_ns.tolist(), strict=True))
     periods["AMS"] = nanoseconds(system.poll_period)
     if strange := sorted(set(given) - set(periods)):
-        raise ArgumentError(f"phases name {strange}; they must be of {', '.join(periods)}")
+        raise ArgumentError(f"phases name {strange}; known names are {', '.join(periods)}")
     found = {}
     for name, period in periods.items():
         drawn = 0 if rng is None else int(rng.integers(period))
@@ -311,7 +311,7 @@ class _Line:
             self.draws = iter(rng.random((most, 2 * len(self.losses))).tolist())
 
     def ask(self, start: int) -> tuple[int, bool, int]:
-        """Send a request; return outcome, receipt by the box, and time at which the AMS continues.
+        """Send a request; return its outcome, whether the box received it, when the AMS continues.
 
         A cable must be intact while it carries a frame; a box must work from the request onwards.
         """
@@ -341,7 +341,7 @@ class _Line:
 def _follow(
     system: System, horizon: int, phase: int, lines: list[_Line]
 ) -> list[tuple[int, int, int, int, bool]]:
-    """Return the requests of a port with one line, or with a choice of two."""
+    """Return the requests of a port that has one line, or a choice of two lines."""
     period = nanoseconds(system.poll_period)
     rows = []
     number, now, order = 0, phase, lines
@@ -487,8 +487,8 @@ def single_failures(
 
     Notes
     -----
-    The verdicts come from the bounds of `System.failure_bounds`; all other columns come from the
-    simulations, which use true ages of values; these are not available to the AMS.
+    The bounds and the verdicts come from `System.failure_bounds`; all other columns come from the
+    simulations and use the true ages of values, which are not available to the AMS.
 
     Examples
     --------
@@ -513,7 +513,7 @@ def _fault_run(system: System, fault: EngineFault | None, rng: np.random.Generat
     settled = max(system.staleness_flag().after, RULE) + 3 * system.poll_period
     start, stop = (10.0, inf) if fault is None else (fault.start, fault.stop)
     end = start + max(2 * settled, _LENGTH) if stop == inf else stop + settled
-    # A small delay of the fault avoids special phases between the fault and the clocks.
+    # A random delay of the fault avoids a special phase between the fault and the clocks.
     late = float(rng.uniform(0, system.poll_period))
     moved = [] if fault is None else [replace(fault, start=start + late, stop=stop + late)]
     return simulate(system, faults=moved, until=end, rng=rng)

@@ -142,7 +142,7 @@ class FailureBounds(NamedTuple):
 
 
 class StalenessFlag(NamedTuple):
-    """Longest time that a silent box goes unnoticed: from its failure, and as a value's age [s]."""
+    """Longest time for which a silent box goes unnoticed: from its failure, and as an age [s]."""
 
     after: float
     oldest: float
@@ -230,11 +230,11 @@ class System:
     def __post_init__(self) -> None:
         check_scalar("timeout", self.timeout, "s", self.shortest_timeout, LONGEST)
         if not 2 <= len(self.boxes) <= 7:
-            raise ArgumentError(f"points lie in {len(self.boxes)} boxes; it must be 2..7")
+            raise ArgumentError(f"points are in {len(self.boxes)} boxes; there must be 2..7")
         if self.polled == "both" and self.coding == "printed":
             raise ArgumentError(
-                "polled is 'both' with coding 'printed'; without ages the AMS cannot tell which "
-                "of two values is the newer: it must be one, or the coding corrected"
+                "polled is 'both' with coding 'printed'; it must be 'one', or coding 'corrected', "
+                "because without ages the AMS cannot tell which of two values is newer"
             )
         check_whole("registers", self.registers, 1, 125, " of one request")
         if self.polled == "both" and self.poll.time > self.poll_period:
@@ -454,7 +454,7 @@ class System:
         if longest > nanoseconds(spacing):
             raise ArgumentError(
                 f"poll_period is {self.poll_period:g} s; a round of a loop takes "
-                f"{longest / 1e9:g} s, so that two polls meet it"
+                f"{longest / 1e9:g} s, so two polls can fall in it"
             )
         response = can_response[self.message_of]
         box, offset = self.box_of, self.offset_ns
@@ -501,8 +501,8 @@ class System:
         .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
 
         In the printed design any frame of a box restarts its timer, so a box that dies within a
-        round leaves values of the previous round valid. In the corrected design the AMS marks by
-        age.
+        round leaves values of the previous round valid. In the corrected design the AMS marks
+        values by age.
         """
         if self.coding == "corrected":
             return StalenessFlag(self.age_limit, self.age_limit)
@@ -529,7 +529,7 @@ class System:
         character.
         """
         if self.polled == "both":
-            raise ArgumentError("polled is 'both'; only a system that polls one channel switches")
+            raise ArgumentError("polled is 'both'; it must be 'one' for a switch-over")
         request = self.poll.line.frame_time(8)
         lost = (1 + self.retries) * (request + self.timeout)
         broken = max(self._in_vain(1 + self.retries, 1))
@@ -540,7 +540,7 @@ class System:
         return SwitchOver(lost, answer, loss, max(self._gaps(1)))
 
     def _in_vain(self, tries: int, broken: int) -> list[float]:
-        """Return the duration of some unanswered tries on one channel [s].
+        """Return the possible durations of some unanswered tries on one channel [s].
 
         Up to `broken` of them end with a broken or damaged response, which the AMS notices when the
         whole response is due; the other tries get no response.
@@ -568,7 +568,7 @@ class System:
         """Return the greatest age shown as good while the AMS leaves a failing channel 1 [s]."""
         before, after = self._gaps(broken)
         healthy, ports = self.suspended_ns, np.isin(np.arange(len(self.boxes)), self.ports)
-        # If a round of a loop takes longer than a poll, several requests can meet it.
+        # If a round of a loop takes longer than a poll, several requests can fall in it.
         crowded = int(self.loop_ns.max()) + self.service_ns > nanoseconds(self.poll.time)
         times = 2 + self.retries if crowded else 1
         both = times * self.service_ns * ports.astype(np.int64)
@@ -634,7 +634,7 @@ class System:
         shortest = self.shortest_timeout
         low, high = (tries * (request + timeout) for timeout in (shortest, LONGEST))
         check_scalar("time", time, "s", low, high)
-        # At both ends, rounding must not produce a time-out that is out of range.
+        # Rounding must not produce a time-out beyond either end of its range.
         return min(max(time / tries - request, shortest), LONGEST)
 
     # Failures
@@ -665,8 +665,8 @@ class System:
     def single_faults(self, start: float = 10.0) -> tuple[EngineFault, ...]:
         """Return all lasting single faults that begin at a time [s].
 
-        They are: each cable, port, box and CAN node failed, half of the frames of each box and
-        channel lost, and the first sensor of each box stuck.
+        They are the failure of each cable, port, box and CAN node, the loss of half the frames of
+        each box and channel, and a stuck first sensor in each box.
         """
         first = tuple(own[0].tag for own in self.points.by_box().values())
         places = {**self.places, "sensor": first}

@@ -98,7 +98,7 @@ def test_labels_belong_to_the_valves_with_the_fault(fleet):
     assert (strokes["top_fault"][strokes["label"] == ""] == "normal").all()
 
 
-def test_a_fault_begins_grows_ends_and_may_come_next_to_midnight():
+def test_a_fault_begins_grows_and_ends_even_near_midnight():
     steps = [(0.0, "", 0.0), (DAY - 0.1, "V1", 1.0), (2 * DAY, "", 0.0), (2 * DAY + 5, "P2", 0.4)]
     history = _History([], [*steps, (3 * DAY, "", 0.0)])
     code, severity = history.at(np.array([0, DAY - 0.2, DAY - 0.1, 2 * DAY, 2 * DAY + 5, 4 * DAY]))
@@ -144,7 +144,7 @@ def test_every_file_says_that_it_is_synthetic(fleet):
     folder, _ = fleet
     for file in folder.rglob("*.parquet"):
         about = pq.read_schema(file).metadata
-        assert about[b"synthetic"].startswith(b"own simulator, faults made to fit the rules")
+        assert about[b"synthetic"].startswith(b"faults simulated to fit the rules")
         assert about[b"made_by"] == f"shipnet {__version__}".encode()
         assert (about[b"seed"], about[b"faults_per_year"]) == (b"2024", b"50.0")
 

@@ -146,7 +146,7 @@ def test_a_valve_that_reverses_beside_a_running_one_moves_as_it_would_alone():
     assert alone.samples["OP"][51, 0] < alone.samples["OP"][49, 0] - 0.1
 
 
-def test_an_idle_day_is_one_reading_a_second_and_events_are_not_missed():
+def test_an_idle_day_has_one_reading_per_second_and_misses_no_event():
     run = simulate(1, [Command("open", 300.25)], until=600, idle_step=1.0)
     steps = np.diff(run.time)
     assert steps.max() == pytest.approx(1.0)
@@ -235,7 +235,7 @@ def test_faults_of_one_valve_add_up():
     assert twice.pump_leak == pytest.approx(faulty(Actuator(), [Fault("P2")], 1)[0].pump_leak)
 
 
-def test_every_fault_of_the_rule_table_is_there_and_changes_what_exists():
+def test_every_fault_of_the_rule_table_exists_and_changes_existing_numbers():
     assert len(FAULTS) == 12
     names = {field.name for field in fields(Actuator)} | {"FP", "OP", "MC", "OT", "VPos"}
     assert {change.target for _, changes in FAULTS.values() for change in changes} <= names

@@ -74,7 +74,7 @@ def test_reported_strokes_equal_those_of_an_independent_program(scores):
     )
 
 
-def test_only_the_graded_rules_meet_the_goal(scores):
+def test_only_the_fuzzy_rules_meet_the_goal(scores):
     rate = scores["rate"].xs("any", level="report")
     healthy = rate.xs("healthy", level="condition")
     assert healthy["fuzzy"].max() <= 0.05 < healthy["crisp"].max()

@@ -156,7 +156,7 @@ def test_missing_points_and_those_without_a_logarithm_are_left_out():
 @pytest.mark.parametrize(
     "points", [[20, 18.1, 16, 14.2, 12, 10], [10, 12, 14.2, 16, 18.1, 20], [20] * 6, [20, 21] * 3]
 )
-def test_a_limit_that_has_been_passed_leaves_no_life(points, logarithmic):
+def test_a_limit_already_reached_leaves_no_life(points, logarithmic):
     trend = fit_trend(np.arange(6), points, logarithmic=logarithmic)
     assert remaining_life(trend, 5.0, now=5) == (0.0, 0.0, 0.0)
 

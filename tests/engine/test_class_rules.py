@@ -146,7 +146,7 @@ def test_wrong_descriptions_are_refused():
         (lambda: Description(POINTS, protocols="CAN"), "protocols is 'CAN'"),
         (lambda: Description(POINTS, protocols=()), r"protocols is \(\)"),
         (lambda: Description(POINTS, poll=1), "poll is 1"),
-        (lambda: Description(POINTS, routes={"1": ("a",)}), "routes must name"),
+        (lambda: Description(POINTS, routes={"1": ("a",)}), "routes and links must name"),
         (lambda: Redundancy(POINTS, cpus=5), "cpus is 5"),
         (lambda: Description(POINTS, protocols=("CAN", 5)), "one of protocols is 5"),
         (lambda: Description(POINTS, links={"1": "JB1"}), "each link must have a tuple"),

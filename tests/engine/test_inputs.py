@@ -116,7 +116,7 @@ def test_a_broken_wire_alarms_a_closed_contact_and_hides_an_open_one():
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.05, 0.125]), st.integers(6, 16))
-def test_a_value_comes_back_within_the_error_of_the_table(seed, margin, bits):
+def test_a_value_is_recovered_within_the_error_of_the_table(seed, margin, bits):
     card = InputCard(POINTS, bits=bits, margin=margin)
     values = LOW + (HIGH - LOW) * np.random.default_rng(seed).random((4, 99))
     values[:, ~ANALOGUE] = values[:, ~ANALOGUE].round()

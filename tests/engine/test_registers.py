@@ -57,7 +57,7 @@ def test_the_corrected_coding_never_sends_its_mark_for_a_value():
 
 @CODING
 @given(seed=st.integers(0, 2**32 - 1))
-def test_a_value_comes_back_within_half_a_step_or_as_missing(coding, seed):
+def test_a_value_is_recovered_within_half_a_step_or_as_missing(coding, seed):
     values = readings(np.random.default_rng(seed), 3)
     registers = coding.encode(POINTS, values)
     back = coding.decode(POINTS, registers)

@@ -139,7 +139,7 @@ def test_a_long_run_equals_its_parts():
         (lambda: System(retries=-1), "retries is -1"),
         (lambda: System(firmware=None), "firmware is None"),
         (lambda: System(points=()), "points are empty"),
-        (lambda: System(points=System().points[:10]), r"1 boxes; it must be 2\.\.7"),
+        (lambda: System(points=System().points[:10]), r"1 boxes; there must be 2\.\.7"),
         (lambda: System.corrected(poll_period=0.3), "a poll takes 0.3"),
         (lambda: simulate(System(), until=0), "until is 0"),
         (lambda: simulate(System(), until=float("nan")), "until is nan"),

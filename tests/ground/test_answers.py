@@ -18,7 +18,7 @@ def findings(*verdicts):
         ([], True, "nothing was checked"),
     ],
 )
-def test_findings_are_summed_up(verdicts, ok, line):
+def test_findings_are_summarised_in_one_line(verdicts, ok, line):
     found = findings(*verdicts)
     assert (found.ok, found.verdict, len(found)) == (ok, line, len(verdicts))
     assert repr(found) == f"<Findings: {line}>"

@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 from shipnet.crc import CAN, MODBUS, Crc
 from shipnet.errors import ArgumentError, SymbolError
 
-# Two that the standard library computes too: one of each direction, one with a final addition.
+# Two that the standard library computes too: one per direction, one with a final XOR.
 XMODEM = Crc("CRC-16/XMODEM", 16, 0x1021)
 ISO_HDLC = Crc("CRC-32/ISO-HDLC", 32, 0x04C11DB7, 0xFFFFFFFF, 0xFFFFFFFF, reflected=True)
 ALL = [CAN, MODBUS, XMODEM, ISO_HDLC]
-#: What the catalogue gives over b"123456789".
+#: Check values of b"123456789" in the catalogue.
 CHECKS = [0x059E, 0x4B37, 0x31C3, 0xCBF43926]
 
 
 def remainder(algorithm, bits):
-    """Divide the message by the polynomial as one learns it on paper, bits as they are sent."""
+    """Return the remainder of a long division by the polynomial, bits in the order sent."""
     width = algorithm.width
     first = f"{algorithm.init:0{width}b}"
     message = [int(bit) for bit in bits] + [0] * width
@@ -44,7 +44,7 @@ def test_each_algorithm_gives_its_check_value(check, value):
     ("check", "peer"), [(XMODEM, lambda data: binascii.crc_hqx(data, 0)), (ISO_HDLC, zlib.crc32)]
 )
 @given(data=st.binary(max_size=40))
-def test_the_engine_agrees_with_the_standard_library(check, peer, data):
+def test_check_values_agree_with_the_standard_library(check, peer, data):
     assert check.of(data) == check.of(np.frombuffer(data, np.uint8)) == peer(data)
 
 
@@ -59,12 +59,12 @@ def test_any_number_of_bits_leaves_the_remainder_of_a_long_division(check, bits)
     ("message", "line"),
     [("01030000000A", "C5CD"), ("1103006B0003", "7687"), ("0207", "4112"), ("018402", "C2C1")],
 )
-def test_known_modbus_frames_end_in_their_check(message, line):
+def test_known_modbus_frames_end_with_their_check_value(message, line):
     assert MODBUS.of(bytes.fromhex(message)).to_bytes(2, "little").hex().upper() == line
 
 
 @pytest.mark.parametrize("check", ALL)
-def test_rows_give_what_single_messages_give(check):
+def test_rows_give_the_same_as_single_messages(check):
     rows = np.random.default_rng(1).integers(0, 256, (3, 40, 12), dtype=np.uint8)
     assert check.of(rows).tolist() == [[check.of(row.tobytes()) for row in own] for own in rows]
 
@@ -75,7 +75,7 @@ def test_leading_zeros_do_not_count_for_can():
 
 
 @pytest.mark.parametrize(("check", "first"), [(CAN, 0), (MODBUS, 0xFFFF)])
-def test_nothing_gives_the_first_register(check, first):
+def test_an_empty_message_gives_the_initial_register(check, first):
     assert check.of(b"") == check.of("") == first
     assert check.of(np.empty((2, 0), np.uint8)).tolist() == [first] * 2
     assert check.of(np.empty((0, 5), np.uint8)).shape == (0,)
@@ -97,9 +97,9 @@ def test_other_data_are_refused(data, error, message):
 
 @pytest.mark.parametrize("check", [CAN, MODBUS])
 @pytest.mark.parametrize("flips", [1, 2])
-def test_no_one_or_two_wrong_bits_pass_a_crc(check, flips):
+def test_a_crc_detects_any_one_or_two_wrong_bits(check, flips):
     assert check.undetected(flips=flips) == 0
-    # The second route: bit by bit, over two bytes.
+    # Check this another way: bit by bit, over two bytes.
     data = b"\x01\x02"
     good = check.of(data)
     missed = 0

@@ -63,15 +63,15 @@ class Line:
         ({"kind": ["line"]}, r"kind is \['line'\]; it must be one of"),
         ({"closed": 1}, "closed is 1; it must be True or False"),
         ({"name": 5}, "name is 5; it must be text"),
-        ({"name": "abcdef"}, "name has 6 characters; it may have 5"),
+        ({"name": "abcdef"}, "name has 6 characters; the limit is 5"),
         ({"actions": ["add"]}, r"actions is \['add'\]; it must be a tuple"),
         ({"actions": ("move",)}, "one of actions is 'move'"),
-        ({"actions": ("add",) * 3}, "there are 3 actions; there may be 2"),
+        ({"actions": ("add",) * 3}, "there are 3 actions; the limit is 2"),
         ({"limit": 2}, "limit is 2; it must be 0..1"),
         ({"kind": "star", "closed": True}, "a star cannot be closed"),
     ],
 )
-def test_a_record_refuses_what_is_not_legal(given, message):
+def test_a_record_refuses_illegal_values(given, message):
     with pytest.raises(ArgumentError, match=f"^{message}" if given != {} else message):
         Line(**{"length": 1.0} | given)
 

@@ -9,14 +9,14 @@ from shipnet.intervals import event_interval, share_interval
 
 @pytest.mark.parametrize(("hits", "n"), [(0, 1), (0, 2048), (3, 7), (7, 7), (100, 2048)])
 @pytest.mark.parametrize("confidence", [0.5, 0.95, 0.999])
-def test_the_interval_of_a_share_is_that_of_the_exact_test(hits, n, confidence):
+def test_the_interval_of_a_fraction_is_that_of_the_exact_test(hits, n, confidence):
     low, high = share_interval(hits, n, confidence=confidence)
     peer = binomtest(hits, n).proportion_ci(confidence, method="exact")
     assert (low, high) == pytest.approx((peer.low, peer.high), abs=1e-9)
 
 
 @pytest.mark.parametrize("events", [0, 1, 4, 250])
-def test_the_ends_of_a_rate_leave_half_the_rest_on_either_side(events):
+def test_the_interval_of_a_rate_has_equal_tail_probabilities(events):
     low, high = event_interval(events, 3.0, confidence=0.9)
     assert poisson.cdf(events, 3.0 * high) == pytest.approx(0.05)
     if events:
@@ -25,7 +25,7 @@ def test_the_ends_of_a_rate_leave_half_the_rest_on_either_side(events):
         assert low == 0
 
 
-def test_intervals_of_rows_and_of_nothing():
+def test_intervals_of_arrays_and_without_trials():
     low, high = share_interval([0, 1, 0], [0, 2, 4])
     assert low[0] == 0
     assert high[0] == 1
@@ -33,7 +33,7 @@ def test_intervals_of_rows_and_of_nothing():
 
 
 @pytest.mark.parametrize("confidence", [0.0, 1.0, float("nan"), 95, None])
-def test_a_confidence_that_cannot_be_is_named(confidence):
+def test_an_impossible_confidence_is_named(confidence):
     for interval in (share_interval, event_interval):
         with pytest.raises(ArgumentError, match=f"confidence is {confidence}"):
             interval(1, 2, confidence=confidence)

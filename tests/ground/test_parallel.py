@@ -1,4 +1,4 @@
-"""One interface for tasks: the same results here, in processes, on Dask, after losses and stops."""
+"""Tasks: the same results here, in processes, on Dask, after lost workers and after stops."""
 
 import io
 import json
@@ -24,7 +24,7 @@ MODULE = sys.modules["shipnet.parallel"]  # `shipnet.compute` is a function of i
 
 
 def drawn(task, rng):
-    """Return what the task draws; it needs no import of this file where it runs."""
+    """Return what the task draws; workers need not import this file."""
     return [task, *rng.standard_normal(3)]
 
 
@@ -46,12 +46,12 @@ def dask():
 
 
 def by_value(function, *arguments):
-    """Return a function that travels by value: workers cannot import this file."""
+    """Return a function that is pickled by value, because workers cannot import this file."""
     return lambda task, *rng: function(*arguments, task, *rng)
 
 
 def stop_one(client, done):
-    """Kill the first worker of a cluster, once, when a result has come and some are left."""
+    """Kill the first worker of a cluster, once, when some results have arrived, not all."""
 
     def look(count, total):
         if 0 < count < total and not done:
@@ -71,7 +71,7 @@ def test_results_come_in_the_order_of_the_tasks():
     assert compute(abs, iter([-1]), client=1) == [1]
 
 
-def test_random_numbers_depend_on_the_place_of_a_task_alone():
+def test_random_numbers_depend_only_on_the_place_of_a_task():
     import numpy as np
 
     children = np.random.SeedSequence(7).spawn(4)
@@ -174,14 +174,14 @@ def test_long_work_goes_to_processes_after_the_first_task(monkeypatch):
 
 
 @pytest.mark.parametrize("left", [0.0, 3.9, 5.0])
-def test_what_saves_little_stays_here(monkeypatch, left):
+def test_work_that_saves_little_stays_in_this_process(monkeypatch, left):
     loky = type("loky", (), {"cpu_count": staticmethod(lambda: 2)})
     monkeypatch.setattr(MODULE, "load_extra", lambda *_: loky)
     assert MODULE._processes_for(left, abs) is None
     assert MODULE._processes_for(8.1, abs) == 2
 
 
-def test_without_the_extra_work_stays_here_and_a_cluster_is_refused(monkeypatch):
+def test_without_the_extra_work_stays_in_this_process_and_a_cluster_is_refused(monkeypatch):
     for module in ("loky", "distributed"):
         monkeypatch.setitem(sys.modules, module, None)
     assert MODULE._processes_for(1e6, abs) is None
@@ -190,7 +190,7 @@ def test_without_the_extra_work_stays_here_and_a_cluster_is_refused(monkeypatch)
             compute(abs, range(3), client=client)
 
 
-# Going on after a stop ------------------------------------------------------------------------
+# Resuming after a stop -------------------------------------------------------------------------
 
 
 class Stop(Exception):
@@ -205,7 +205,7 @@ def stopped_at(last):
     return look
 
 
-def test_a_stopped_study_goes_on_where_it_stopped(tmp_path):
+def test_a_stopped_study_resumes_where_it_stopped(tmp_path):
     expected = json.loads(json.dumps(compute(drawn, range(10), seed=3)))
     with pytest.raises(Stop):
         compute(drawn, range(10), seed=3, folder=tmp_path, progress=stopped_at(4))
@@ -214,7 +214,7 @@ def test_a_stopped_study_goes_on_where_it_stopped(tmp_path):
         drawn, range(10), seed=3, folder=tmp_path, progress=lambda *state: told.append(state)
     )
     assert found == expected and told == [(n, 10) for n in range(4, 11)]
-    # All is there now.
+    # All results are there now.
     assert compute(drawn, range(10), seed=3, folder=tmp_path, progress=stopped_at(1)) == expected
 
 
@@ -235,7 +235,7 @@ def test_a_torn_file_is_computed_again(tmp_path, monkeypatch):
     assert told[0] == (1, 6) and told[-1] == (6, 6)
 
 
-def test_a_stop_on_dask_loses_what_was_in_work_only(dask, tmp_path):
+def test_a_stop_on_dask_loses_only_the_tasks_in_progress(dask, tmp_path):
     task, expected = partial(pow, 3), [3**n for n in range(40)]
     with pytest.raises(Stop):
         compute(task, range(40), client=dask, folder=tmp_path, progress=lambda *_: stop())
@@ -254,14 +254,14 @@ def stop():
     "change",
     [{"function": inverse}, {"tasks": range(4)}, {"seed": 2}, {"tasks": [0, 1, 3]}],
 )
-def test_another_study_does_not_fit_into_the_folder(tmp_path, change):
+def test_the_folder_of_another_study_is_refused(tmp_path, change):
     study = {"function": drawn, "tasks": range(3), "seed": 1}
     compute(**study, folder=tmp_path)
     with pytest.raises(InputError, match="another function, other tasks"):
         compute(**study | change, folder=tmp_path)
 
 
-def test_a_folder_knows_its_study_in_another_session(tmp_path):
+def test_a_folder_recognises_its_study_in_another_session(tmp_path):
     # Equal strings that are one object here and two there pickle differently.
     one = "".join(["a", "b"])
     shared, apart = [one, one], [one, "".join(["a", "b"])]
@@ -269,7 +269,7 @@ def test_a_folder_knows_its_study_in_another_session(tmp_path):
     assert MODULE._fingerprint(shared) == MODULE._fingerprint(apart)
 
 
-def test_results_that_json_cannot_hold_are_refused_with_a_folder(tmp_path):
+def test_results_that_json_cannot_store_are_refused_with_a_folder(tmp_path):
     with pytest.raises(ArgumentError, match=r"result of tasks \[0\] cannot be stored.*numbers"):
         compute(set, [[1]], folder=tmp_path)
     (back,) = compute(tuple, [[1, float("nan"), None]], folder=tmp_path / "new")
@@ -291,7 +291,7 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path):
     assert file.read_text() == "one"
 
 
-# What is told ---------------------------------------------------------------------------------
+# Progress and errors --------------------------------------------------------------------------
 
 
 class Terminal(io.StringIO):
@@ -315,7 +315,7 @@ def test_the_bar_is_drawn_on_a_terminal_after_a_while_or_on_demand(
 
 
 @pytest.mark.parametrize("client", [None, 2, "dask"])
-def test_a_failure_says_in_which_task(client, request):
+def test_a_failure_names_its_task(client, request):
     if client:
         cluster()
     where = request.getfixturevalue("dask") if client == "dask" else client
@@ -338,7 +338,7 @@ def test_a_failure_says_in_which_task(client, request):
         ({"progress": "x"}, "progress is .x."),
     ],
 )
-def test_what_is_not_a_study_is_refused(change, message):
+def test_illegal_arguments_are_refused(change, message):
     with pytest.raises(ArgumentError, match=message):
         compute(**{"function": abs, "tasks": [1]} | change)
 

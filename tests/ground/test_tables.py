@@ -30,7 +30,7 @@ def workbook(path, *sheets):
     return path
 
 
-def test_a_workbook_gives_the_points_that_its_cells_hold(tmp_path):
+def test_a_workbook_gives_the_points_in_its_cells(tmp_path):
     heading = [["Project", "Hull 1234"], [], ["Revision", datetime.date(2026, 1, 2)]]
     path = workbook(tmp_path / "list.xlsx", ("Cover", heading), ("Points", heading + LIST))
     points = read_iolist(path).points
@@ -38,7 +38,7 @@ def test_a_workbook_gives_the_points_that_its_cells_hold(tmp_path):
     assert points[["x_m", "y_m", "z_m"]].values.tolist() == [[1.5, 2, 3], [-1, 0, 2.25]]
     assert points["update_ms"].tolist() == [500, 1000]
     assert read_iolist(path, sheet="Points").points.equals(points)
-    # The name of the file does not decide.
+    # The name of the file does not matter.
     (tmp_path / "list.csv").write_bytes(path.read_bytes())
     assert read_iolist(tmp_path / "list.csv").points.equals(points)
 
@@ -51,7 +51,7 @@ def test_the_example_ship_is_the_same_from_a_workbook(tmp_path):
     assert IoList.from_table(ship).points.equals(ship)
 
 
-def test_dates_errors_and_truths_in_a_workbook_are_faults(tmp_path):
+def test_dates_errors_and_booleans_in_a_workbook_are_faults(tmp_path):
     rows = [LIST[0], ["LS-1", "DI", "contact", datetime.datetime(1905, 7, 2), True, 3, "1,5"],
             [datetime.date(2026, 1, 2), "DI", "contact", 1, 2, "#REF!", 1],
             ["#N/A", *LIST[1][1:]]]  # fmt: skip
@@ -81,13 +81,13 @@ def test_a_formula_is_never_evaluated(tmp_path):
     )
 
 
-def test_what_stands_beside_the_table_is_not_used(tmp_path):
+def test_cells_beside_the_table_are_not_used(tmp_path):
     rows = [LIST[0], [*LIST[1], None, "checked by K."], LIST[2]]
     iolist = read_iolist(workbook(tmp_path / "list.xlsx", ("list", rows)))
     assert iolist.remarks == ("not used: cells beside the table: 1 row (2)",)
 
 
-def test_sheets_that_are_not_there_are_named(tmp_path):
+def test_missing_sheets_are_named(tmp_path):
     path = workbook(tmp_path / "list.xlsx", ("Cover", [["x"]]), ("Points", LIST))
     with pytest.raises(InputError, match="has no sheet 'points'; it has Cover, Points"):
         read_iolist(path, sheet="points")
@@ -123,7 +123,7 @@ def archive(**files):
     ],
     ids=["torn", "ods", "xls", "binary", "large"],
 )  # fmt: skip
-def test_what_is_no_table_is_refused(data, message, tmp_path):
+def test_files_that_are_not_tables_are_refused(data, message, tmp_path):
     path = tmp_path / "list.xlsx"
     path.write_bytes(data)
     with pytest.raises(InputError, match=message):
@@ -148,7 +148,7 @@ def test_a_broken_workbook_gives_a_sheet_or_an_input_error(
     with zipfile.ZipFile(workbook(path, ("Points", LIST))) as book:
         parts = {name: book.read(name) for name in book.namelist()}
     part = sorted(parts)[part % len(parts)]
-    # Something else stands for a few bytes of one part, or the end of the file is lost.
+    # A few bytes of one part are replaced, or the end of the file is lost.
     whole, place = parts[part], round(start * len(parts[part]))
     parts[part] = whole[:place] + new + whole[place + round(6 * stop) :]
     data = archive(**parts)
@@ -199,11 +199,11 @@ def test_a_hidden_sheet_is_read_only_by_its_name(tmp_path):
     del book["Rev A"]
     book.create_sheet("Cover").append(["Hull 1234"])
     book.save(path)
-    with pytest.raises(InputError, match=r"on the sheets Cover; hidden, to be named: Rev B$"):
+    with pytest.raises(InputError, match=r"on the sheets Cover; read only if named: Rev B$"):
         read_iolist(path)
 
 
-def test_sheets_that_hold_such_a_table_too_are_told(tmp_path):
+def test_other_sheets_with_such_a_table_are_reported(tmp_path):
     other = [LIST[0], ["FO-1", *LIST[1][1:]]]
     path = workbook(
         tmp_path / "list.xlsx", ("Cover", [["Hull 1234"]]), ("Bilge", LIST), ("Fuel", [[], *other]),
@@ -215,7 +215,7 @@ def test_sheets_that_hold_such_a_table_too_are_told(tmp_path):
     assert read_iolist(path, sheet="Fuel").points["tag"].tolist() == ["FO-1"]
 
 
-def test_cells_that_are_merged_downwards_hold_the_same_in_each_row(tmp_path):
+def test_cells_merged_downwards_are_repeated_in_each_row(tmp_path):
     titles = ["Tag", "System", "Type", "x", "y", "z", "JB", "Remarks", "More"]
     points = [[f"LS-{n}", None, "DI", n, 0, 0, None, None, None] for n in range(1, 5)]
     points[0][1], points[0][6], points[2][6] = "Bilge", "JB1", "JB2"
@@ -231,7 +231,7 @@ def test_cells_that_are_merged_downwards_hold_the_same_in_each_row(tmp_path):
     assert read["note"].tolist() == ["", "aft", "aft", ""]
 
 
-def test_a_title_that_is_merged_downwards_is_no_point(tmp_path):
+def test_a_title_merged_downwards_is_not_a_point(tmp_path):
     path = workbook(tmp_path / "list.xlsx", ("Points", [LIST[0], [None] * 7, *LIST[1:]]))
     book = openpyxl.load_workbook(path)
     book["Points"].merge_cells("A1:A2")

@@ -1,4 +1,4 @@
-"""Excel workbooks: what their cells become, and files that nobody should have sent."""
+"""Excel workbooks: what their cells become, and malformed files."""
 
 import tracemalloc
 import warnings
@@ -102,7 +102,7 @@ def saved(*sheets):
 
 
 def by_openpyxl(data):
-    """Return text and oddity of every cell that holds something, as another reader has it."""
+    """Return text and oddity of every cell with content, as openpyxl reads it."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         book = openpyxl.load_workbook(BytesIO(data), data_only=True)
@@ -167,14 +167,14 @@ def test_rows_keep_the_numbers_that_excel_shows():
     ]  # fmt: skip
 
 
-def test_what_a_sheet_says_of_its_size_does_not_matter():
+def test_the_size_that_a_sheet_states_does_not_matter():
     content = parts("<row r='7'><c r='C7'><v>1</v></c></row>")
     for size in ("A1", "A1:XFD1048576"):
         said = {name: part.replace('ref="A1"', f'ref="{size}"') for name, part in content.items()}
         assert read(packed(said)) == [(7, ["", "", "1"], {})]
 
 
-def test_merged_cells_hold_something_only_once():
+def test_merged_cells_have_content_only_once():
     book = openpyxl.Workbook()
     book.active.append(["wide", None, "c"])
     book.active.merge_cells("A1:B3")
@@ -187,7 +187,7 @@ def test_merged_cells_hold_something_only_once():
     assert not any(cells.get(2, [])) and not any(cells.get(3, []))
 
 
-def test_sheets_come_in_their_order_hidden_ones_too_and_charts_do_not():
+def test_sheets_are_listed_in_order_with_hidden_ones_and_without_charts():
     book = openpyxl.Workbook()
     book.active.title = "First"
     chart = BarChart()
@@ -231,7 +231,7 @@ def test_a_formula_is_the_value_that_was_saved_with_it(cell, text, odd):
         ("<t/>", ""),
     ],
 )
-def test_a_text_is_what_excel_shows_of_it(string, text):
+def test_a_text_is_what_excel_shows(string, text):
     assert one("<c t='s'><v>0</v></c>", strings=f"<si>{string}</si>") == (text, "")
     assert one(f"<c t='inlineStr'><v>7</v><is>{string}</is></c>") == (text, "")
 
@@ -266,7 +266,7 @@ def test_a_number_is_a_date_by_its_format(code, number, text, odd):
     assert one("<c s='0'><v>2010</v></c>", styles=STYLES(code, number)) == ("2010", "")
 
 
-def test_days_count_from_where_the_workbook_says():
+def test_days_count_from_the_first_day_of_the_workbook():
     cell, styles = "<c s='1'><v>{}</v></c>".format, STYLES("", 14)
     # Excel's own calendar has a 29 February 1900: 59 is the day before it, 61 the day after.
     assert [one(cell(day), styles=styles)[0][:10] for day in (1, 59, 60, 61)] == [
@@ -275,7 +275,7 @@ def test_days_count_from_where_the_workbook_says():
     assert one(cell(0.75), styles=styles)[0] == "18:00:00"
     late = "<workbookPr date1904='1'/>"
     assert one(cell(1), styles=styles, settings=late)[0] == "1904-01-02 00:00:00"
-    # What no calendar has is an error, never a number.
+    # A day that no calendar has is an error, never a number.
     assert one(cell(1e9), styles=styles) == ("#VALUE!", ERROR)
 
 
@@ -290,7 +290,7 @@ def test_two_cells_far_apart_cost_little_memory(monkeypatch):
         _, most = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    # Below four bytes for each row between them.
+    # A few bytes for each row between them.
     assert most < 8e5
     assert tables._CELLS == 2**22
     monkeypatch.setattr(tables, "_CELLS", 2**16)
@@ -313,7 +313,7 @@ def test_a_part_that_declares_entities_is_refused():
         rows("<row><c t='str'><v>&a;</v></c></row>")
 
 
-def test_an_archive_that_lies_about_its_sizes_unpacks_no_more_than_it_says(monkeypatch):
+def test_an_archive_with_false_sizes_unpacks_no_more_than_it_states(monkeypatch):
     content = parts("<row/>") | {"xl/worksheets/sheet1.xml": " " * 1_000_000}
     data = packed(content)
     said = (1_000_000).to_bytes(4, "little")

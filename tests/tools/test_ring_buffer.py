@@ -135,5 +135,5 @@ def test_an_action_too_many_is_refused_in_a_sentence():
     page = ReceiveRing().explore()
     page._controls.put(ReceiveRing(actions=2000 * ("byte",)))
     page.buttons["store a byte"].click()
-    assert page.note == "there are 2001 actions; there may be 2000"
+    assert page.note == "there are 2001 actions; the limit is 2000"
     assert len(page.inputs.actions) == 2000

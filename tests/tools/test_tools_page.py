@@ -194,7 +194,7 @@ def test_a_button_changes_fields_without_controls_and_reports_failure(seen):
     for _ in range(4):
         page.buttons["a"].click()
     assert page.inputs.done == ("a", "a", "a")
-    assert page.note == "there are 4 done; there may be 3"
+    assert page.note == "there are 4 done; the limit is 3"
     page.buttons["again"].click()
     assert page.note == "" and len(seen) == 5
     page.buttons["crash"].click()
