@@ -279,7 +279,7 @@ def test_no_bad_file_ends_in_a_traceback(name, suffix, tmp_path, capsys):
 def test_settings_are_set_by_name(points, capsys):
     assert main(design(points, "--set", "detour=1.5", "--set", "asi.tree=false")) == 0
     out = capsys.readouterr().out
-    assert "not the default: detour 1.5 (1.15)" in out and "asi.tree false (true)" in out
+    assert "changed: detour 1.5 (default 1.15)" in out and "asi.tree false (default true)" in out
     assert main(design(points, "--set", "detuor=1.5")) == 2
     assert "'detuor'; the nearest is detour" in capsys.readouterr().err
     assert main(design(points, "--set", "detour")) == 2
@@ -306,7 +306,7 @@ def test_numbers_take_prefixes_of_si(text, value):
         (["design", "list.csv", "-o", "all.doc"], ".svg, .html, or none for a folder"),
         (["can", "none.csv"], "none.csv: cannot be read: No such file"),
         (["can", "a\0b"], "cannot be read: embedded null"),
-        (["can", "list.csv", "--rates", "5k", "--log", "a.log"], "exclude each other"),
+        (["can", "list.csv", "--rates", "5k", "--log", "a.log"], "cannot be combined"),
         (["can", "list.csv", "--column", "Every"], "--column is 'Every'; it must be TITLE=NAME"),
         (["can", "list.csv", "--period", "inf"], "period is inf"),
         ([*MODBUS, "--slaves", "0"], "n_slaves is 0; it must be a whole number 1..247"),

@@ -282,7 +282,7 @@ def test_the_engine_explorer_marks_a_dead_box_late(page, app):
 def test_the_ring_explorer_is_stepped_by_its_buttons(page, app):
     tool = Tool.opened(page, app, "ring_buffer")
     tool.moves(tool.button("store a packet").click, "byte 3 of packet 3", "3 bytes stored")
-    tool.comes_back(tool.button("one back").click, "byte 3 of packet 3", "3 bytes stored")
+    tool.comes_back(tool.button("undo").click, "byte 3 of packet 3", "3 bytes stored")
     tool.is_pictured("ring_buffer")
 
 

@@ -178,7 +178,7 @@ def test_a_thousand_faulty_rows_are_all_kept_and_reported_briefly():
         (GOOD, "has no points"),
         ("type,x,y,z\nDI,1,2,3", "no column tag"),
         ("tag,x,y,z,update\nLS,1,2,3,4", "no column signal and no column type"),
-        ("tag,type,x,y\nLS,DI,1,2", "no column z_m; expected x_m, y_m, z_m or none"),
+        ("tag,type,x,y\nLS,DI,1,2", "no column z_m; expected x_m, y_m, z_m, or none"),
         ("tag,type,Tag no,home run\nLS,DI,1,2", "'tag' and 'Tag no' both mean tag"),
         ("tag,type,home run\nLS,DI,12,5", "row 2 has 4 cells; expected 3"),
         ('tag,type,home run\n"LS,DI,12', "is not a CSV file: unexpected end of data, in row 2"),
@@ -253,7 +253,7 @@ def test_a_box_has_one_place_and_needs_it_only_once():
 
 def test_a_cable_shorter_than_the_distance_to_its_box_is_doubtful():
     head = "tag,type,x,y,z,box,box x,box y,box z,to box\n"
-    said = "the cable to the box is shorter than the straight distance, but kept: 1 row (2)"
+    said = "the length to the box is used, but is shorter than the straight distance: 1 row (2)"
     assert said not in IoList.parse(f"{head}a,DI,0,0,0,B,3,4,0,4.9").remarks
     assert said in IoList.parse(f"{head}a,DI,0,0,0,B,3,4,0,4.7").remarks
 

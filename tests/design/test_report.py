@@ -109,7 +109,7 @@ def test_a_long_list_has_its_points_in_the_tables_and_a_bounded_report():
     # 25 pages of A4 for 1 000 points: a page takes about 45 rows, or one sheet of a drawing.
     found = ship(1000).compare((20, 0, 4), ["home runs", "junction boxes", "CAN", "Modbus RTU"])
     page = found.html()
-    assert "writes have all 1000 points" in Page(page).text
+    assert "contain all 1000 points" in Page(page).text
     assert page.count("<tr>") < 420
     assert len(pictures(page)) <= 4 + 2 * len(found.designs)
     for option, design in found.designs.items():
@@ -160,7 +160,7 @@ def test_points_that_do_not_fit_are_listed_with_their_reason(page):
     found = far.compare((0, 0, 4), ["home runs", "AS-i"])
     words = Page(found.html()).text
     assert found.table()["points_left_out"].tolist() == [0, 1]
-    assert "AS-i leaves 1 of 2 points out: B " in words
+    assert "AS-i leaves out 1 of 2 points: B " in words
     assert all(reason in words for reason in found.reasons()["text"])
     assert "does not fit" in words
     assert "Every point fits in every option." in Page(page).text

@@ -64,7 +64,7 @@ def test_all_wrong_values_are_reported_before_anything_is_planned(monkeypatch):
     assert str(error.value) == (
         "asi.inputs is 9; it must be a whole number 1..4; detour is 0.5; it must be 1..10"
     )
-    with pytest.raises(ArgumentError, match="there is no 'detuor'; the nearest is detour"):
+    with pytest.raises(ArgumentError, match="there is no setting 'detuor'; the nearest is detour"):
         LIST.study({"detuor": [1.0]}, SITE, WAYS)
     with pytest.raises(ArgumentError, match="no point"):
         LIST.study({"detour": []}, SITE, WAYS)

@@ -27,7 +27,7 @@ def test_pairs_shorten_the_cycle_and_wait_for_every_other(slaves, pairs, shared)
     assert sum(slave.half == "B" for slave in tool.plan.slaves) == shared
     cycle = 1e3 * float(cycle_time(slaves, pairs=shared))
     assert tool.numbers["cycle"] == f"{cycle:.2f} ms"
-    assert tool.numbers["each slave polled after"] == f"{cycle * (2 if shared else 1):.2f} ms"
+    assert tool.numbers["each slave polled every"] == f"{cycle * (2 if shared else 1):.2f} ms"
     assert tool.ok
 
 

@@ -109,7 +109,7 @@ def test_the_buttons_do_what_they_say():
     page = ReceiveRing().explore()
     assert list(page.buttons) == [
         *(label for label, _ in ACTIONS.values()),
-        "one back",
+        "undo",
         "start again",
     ]
     size, rule = page.controls["size"], page.controls["rule"]
@@ -125,7 +125,7 @@ def test_the_buttons_do_what_they_say():
     assert "2 bytes lost" in page.text and "12 bytes" not in page.text
     size.value = 128
     assert "nothing to repair" in page.text
-    page.buttons["one back"].click()
+    page.buttons["undo"].click()
     assert "to the end of packet 3" in page.text
     page.buttons["start again"].click()
     assert "nothing done yet" in page.text
