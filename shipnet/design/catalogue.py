@@ -39,7 +39,7 @@ class Range(NamedTuple):
 
     @classmethod
     def around(cls, nominal: float, status: str) -> Range:
-        """Return the range around a nominal value; its width depends on the status (see `SPREAD`)."""
+        """Return the range around a nominal value; `SPREAD` gives half its width for the status."""
         return cls(nominal * (1 - SPREAD[status]), nominal, nominal * (1 + SPREAD[status]))
 
 

@@ -220,7 +220,7 @@ class Drawn(NamedTuple):
 
 @dataclass
 class _Segment:
-    """A segment under construction: number of repeaters before it, and length of cable in it [m]."""
+    """A segment under construction: number of repeaters before it, and length of its cable [m]."""
 
     depth: int
     used: float = 0.0

@@ -289,7 +289,7 @@ _HEAD = """\
 _EXAMPLES: Mapping[str, str] = {
     "columns": '# Titles of the list and their columns:\n# [columns]\n# "KKS code" = "tag"',
     "signals": '# Words for signals and their meanings:\n# [signals]\n# "TIT" = "rtd_3wire"',
-    "frames": "# Frames and their x in m, interpolated between them:\n# [frames]\n# 0 = 0.0\n# 30 = 18.0",
+    "frames": "# Frames and their x in m (interpolated):\n# [frames]\n# 0 = 0.0\n# 30 = 18.0",
     "decks": "# Decks and their z in m:\n# [decks]\n# DK3 = 8.0",
 }
 
