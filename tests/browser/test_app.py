@@ -341,7 +341,7 @@ def test_the_ship_design_compares_a_list_of_ones_own_and_gives_its_report(page, 
     # It is seen although the foot of the page is not.
     assert note.bounding_box()["y"] + note.bounding_box()["height"] <= 1000
     tool.says("99 points: ")
-    expect(note).to_contain_text("still the previous ones")
+    expect(note).to_contain_text("have not changed")
     expect(tool.verdict).to_have_css("filter", "grayscale(1)")
     tool.load("load a list", "own.csv", GOOD)
     tool.says("9 points: ")

@@ -21,7 +21,7 @@ LIST = "tag,signal,x,y,z\n" + "".join(f"LS-{n},contact,{10 + 3 * n},{n % 3},1\n"
 EVERY = st.sampled_from(names())
 
 
-def test_every_value_has_a_name_and_only_those():
+def test_every_value_has_a_name_and_every_name_a_value():
     settings = Settings()
     expected = {f"assumptions.{name}" for name in Assumptions()}
     for own in (own for own in fields(settings) if own.name not in ("assumptions", "reading")):
@@ -38,12 +38,12 @@ def test_every_value_has_a_name_and_only_those():
 def test_every_value_has_a_meaning_and_a_legal_range(name):
     assert len(kind_of(name).help) > 5 and not re.search("`|]_", kind_of(name).help)
     assert len(legal(name)) > 3
-    # What is not legal is refused in the same words.
+    # An illegal value is refused in the same words.
     _, faults = Settings().tried({name: "no such thing"})
     assert faults == [f"{name} is 'no such thing'; it must be {legal(name)}"]
 
 
-#: For each value, one more that is legal.
+#: Another legal value for each setting.
 OTHERS = {
     "detour": 1.3, "tails": 0, "host_time": 0.25, "spare": 0.5, "redundant": True, "update": 2,
     "fed": False, "feeder": "MI1P075", "can.bit_rates": [125_000], "modbus.bit_rates": [9600],
@@ -73,7 +73,7 @@ def test_printed_settings_are_read_back_unchanged():
     text = everything.text()
     again = Settings.parse(text)
     assert again == everything and again.text() == text
-    # The file is one of whole tables, which another reader of TOML knows too.
+    # The file has whole tables, which any TOML reader accepts.
     tables = tomllib.loads(text)
     assert tables["asi"]["length"] == everything.asi.length
     assert tables["assumptions"]["labour_rate"] == [55, 60.5, 70]
@@ -206,7 +206,7 @@ def test_any_text_is_read_as_settings_or_raises_an_input_error(text):
     assert Settings.parse(basis.text()) == basis
 
 
-def test_an_editor_may_save_it_as_it_likes(tmp_path):
+def test_any_encoding_and_line_ending_of_an_editor_is_read(tmp_path):
     path = tmp_path / "own.toml"
     for data in (
         "detour = 1.5\r\ntails = 3\r\n".encode("utf-8-sig"), "detour=1.5\ntails=3".encode("utf-16"),
