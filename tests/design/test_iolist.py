@@ -246,7 +246,7 @@ def test_a_box_has_one_place_and_needs_it_only_once():
     assert points["box_x_m"].tolist()[:2] == [1.0, 1.0] and np.isnan(points["box_x_m"][2])
     found = faults(f"{head}a,DI,9,JB1,1,2,3\nb,DI,9,JB1,1,2,4\nc,DI,9,JB1,1,,")
     assert found == (
-        "row 3, column box x: box 'JB1' has another position in row 2; expected 1, 2, 3 m",
+        "row 3, column box x: box 'JB1' has a different position in row 2; expected 1, 2, 3 m",
         "row 4, column box y and box z: is empty; expected box x, box y, box z, or none",
     )
 

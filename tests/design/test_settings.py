@@ -326,10 +326,10 @@ def test_settings_are_equal_by_their_values():
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[assumptions]\ngland = 8\ndetour = 1.3", "no 'assumptions.detour'; there is detour$"),
-        ("labour_rate = 60", "no 'labour_rate'; there is assumptions.labour_rate$"),
+        ("[assumptions]\ngland = 8\ndetour = 1.3", "no setting 'assumptions.detour'; use detour$"),
+        ("labour_rate = 60", "no setting 'labour_rate'; use assumptions.labour_rate$"),
         ("length = 60", "no setting 'length'; use asi.length or modbus.length$"),
-        ("[can]\nlenght = 60", "no 'can.lenght'; see shipnet design --show-settings$"),
+        ("[can]\nlenght = 60", "no setting 'can.lenght'; see shipnet design --show-settings$"),
     ],
 )
 def test_a_name_in_the_wrong_table_is_reported_with_its_right_place(text, said):
