@@ -174,4 +174,4 @@ def test_the_program_says_where_it_listens_and_stops_upon_an_interrupt(options):
 
 def test_an_engine_has_no_watchdog_of_a_valve(capsys):
     assert main(["serve", "engine", "--port", "0", "--watchdog", "2"]) == 2
-    assert "--watchdog stops the motor of a valve" in capsys.readouterr().err
+    assert "--watchdog applies to ballast only" in capsys.readouterr().err
