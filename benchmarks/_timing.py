@@ -1,14 +1,14 @@
-"""How the benchmarks measure."""
+"""How the benchmarks measure time."""
 
 from time import perf_counter
 from timeit import timeit
 
 
 def seconds(function, repeats=None, timer=perf_counter):
-    """Return the shortest of several times: the one least disturbed by other work.
+    """Return the shortest of several times, which is the least disturbed by other work.
 
-    The timer `process_time` does not count other work at all, nor what a child process does.
-    Without `repeats` a function is called three times, and on until 0.1 s or 1000 calls are over.
+    The timer `process_time` counts neither other programs nor child processes. Without `repeats`,
+    the function is called at least three times, until 0.1 s or 1000 calls are reached.
     """
     times = []
     total = 0.0

@@ -1,6 +1,6 @@
-"""How fast a recorded line voltage is decoded: against real time, and beside a plain loop.
+"""How fast a recorded line voltage is decoded, compared with real time and with a plain loop.
 
-The memory is that of a process that decodes a file of 1 GB.
+Memory is measured in a process that decodes a file of 1 GB.
 """
 
 import subprocess
@@ -18,12 +18,12 @@ from shipnet.asi.capture import decode
 from shipnet.asi.modulation import Modulation
 
 RATE = 10e6
-LOOPED = 0.02  # seconds of the record that the loop gets; its time is scaled up
+LOOPED = 0.02  # seconds of the recording for the loop; its time is scaled up
 BIT = 6e-6
 
 
 def record(duration, rate):
-    """Return a full bus: 31 slaves, 156 us a transaction, noise of 0.05 V, on 30 V."""
+    """Return a full bus: 31 slaves, 156 us per transaction, 0.05 V of noise on 30 V."""
     step = 1 / rate
     words, one = [], []
     for address in range(1, 32):
@@ -42,7 +42,7 @@ def record(duration, rate):
 
 
 def plain_decode(u, dt):
-    """Decode as a first script would: sample by sample, with a fixed threshold, parity only."""
+    """Decode as a simple script would: sample by sample, with a fixed threshold and parity only."""
     mean = sum(u) / len(u)
     pulses, loud, sign, top, at = [], False, 0, 0.0, 0
     for k, sample in enumerate(u):
@@ -74,14 +74,14 @@ import re, sys
 from pathlib import Path
 from shipnet import asi
 capture = asi.decode(sys.argv[1], sample_interval=float(sys.argv[2]))
-# getrusage would give the memory of the process that started this one, if that had more.
+# getrusage would report the memory of the parent process if that used more.
 status = Path("/proc/self/status").read_text()
 print(capture.telegrams, int(re.search(r"VmHWM:\s*(\d+)", status)[1]) / 1024)
 """
 
 
 def memory(kind, rate):
-    """Return how many telegrams a file of 1 GB holds, and the MiB that decoding it takes."""
+    """Return the number of telegrams in a file of 1 GB and the MiB needed to decode it."""
     u = (1000 * record(0.31, rate)[0]).astype(kind)
     length = 10**9 // u.itemsize
     with tempfile.TemporaryDirectory() as folder:
@@ -109,18 +109,18 @@ def main():
     ours = seconds(lambda: decode(u, 1 / RATE))
     loop = seconds(lambda: plain_decode(part, 1 / RATE)) / LOOPED
     print(f"1 s of a full bus at {RATE / 1e6:g} MS/s, {capture.telegrams} telegrams")
-    print(f"{'':<24}{'time [s]':>10}{'of real time':>14}")
+    print(f"{'':<24}{'time [s]':>10}{'x real time':>14}")
     for name, time in {"decode": ours, "plain loop": loop}.items():
         print(f"{name:<24}{time:>10.2f}{1 / time:>13.2f}x")
-    print(f"decode is faster by {loop / ours:.0f}x")
+    print(f"decode is {loop / ours:.0f}x as fast as the loop")
     for rate in (1e6, 100e6):
         u, _ = record(0.5, rate)
         times = 0.5 / seconds(partial(decode, u, 1 / rate))
-        print(f"decode at {rate / 1e6:g} MS/s: {times:.2f}x of real time")
+        print(f"decode at {rate / 1e6:g} MS/s: {times:.2f}x real time")
     for kind, rate in (("float64", 10e6), ("float32", 100e6), ("int16", 10e6)):
         telegrams, peak = memory(kind, rate)
         what = f"1 GB of {kind} at {rate / 1e6:g} MS/s, {telegrams:.0f} telegrams"
-        print(f"{what}: {peak:.0f} MiB at most")
+        print(f"{what}: peak memory {peak:.0f} MiB")
 
 
 if __name__ == "__main__":

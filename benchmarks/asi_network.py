@@ -1,8 +1,8 @@
-"""An AS-i line of 62 slaves: telegram by telegram, and the same loop in SimPy.
+"""Simulate an AS-i line of 62 slaves telegram by telegram, compared with the same loop in SimPy.
 
-Both poll 31 addresses, one half a cycle, ask one slave for its status, and ask at a vacant
-address; a lost request or response is repeated at once. The disturbances are the same, and so
-must be the cycle times. Rates are requests a second; a line itself carries about 6400.
+In each cycle both poll one slave of each of 31 addresses, read the status of one slave, and poll
+a vacant address; a lost request or response is repeated at once. Both get the same disturbances
+and must give the same cycle times. Rates are requests per second; a real line carries about 6400.
 """
 
 from unittest.mock import patch
@@ -19,13 +19,13 @@ except ImportError:
     simpy = None
 
 CYCLES = 2000
-RATE = 1e-3  # of requests, and of responses, each
+RATE = 1e-3  # of lost requests, and of lost responses
 LABELS = [f"{address}{half}" for address in range(1, 32) for half in "AB"]
 SLAVES = [Slave(label, "S-7.A.E") for label in LABELS]
 
 
 def with_simpy(disturbances):
-    """Return the cycle times of a SimPy process a slave and one for the master."""
+    """Return the cycle times from one SimPy process per slave and one for the master."""
     environment = simpy.Environment()
     mailboxes = [simpy.Store(environment) for _ in LABELS]
     replies = simpy.Store(environment)
@@ -82,7 +82,7 @@ def with_simpy(disturbances):
 
 
 def simulated(disturbances):
-    """Simulate with disturbances that are given instead of drawn."""
+    """Simulate with given disturbances instead of random ones."""
     ahead = iter(range(0, 10**9, 256))
 
     def given(rng, n_cycles, rates, attempts):
@@ -99,12 +99,12 @@ def simulated(disturbances):
 def main():
     rng = np.random.default_rng(2024)
     drawn = draw_disturbances(rng, CYCLES, [(RATE, RATE)] * len(LABELS), 2)
-    # A run of a few cycles tells the start-up, which the other model does without.
+    # The summary leaves out the start-up, which the SimPy model does not have.
     run = simulated(drawn)
     requests, real = run.summary.requests, run.cycle_times.sum()
     taken = {"telegram by telegram": seconds(lambda: simulated(drawn))}
     if simpy is None:
-        print("SimPy is not installed: no comparison with it")
+        print("SimPy is not installed, so it is not compared")
     else:
         assert np.allclose(with_simpy(drawn), run.cycle_times, rtol=0, atol=1e-12)
         taken["SimPy"] = seconds(lambda: with_simpy(drawn), 3)

@@ -1,8 +1,8 @@
-"""How long a plan of 62 slaves takes to check, beside a dense solution of its network."""
+"""How long it takes to check a plan of 62 slaves, compared with a dense solution of its network."""
 
 import os
 
-# One core is promised, so one is measured: numpy reads this when it is loaded.
+# The targets are for one core; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 
@@ -16,7 +16,7 @@ from shipnet.line.waveform import F_MAX, laplace_grid
 
 
 def dense_transfer(network, root, s):
-    """Solve the nodal equations of a network, as a first script would."""
+    """Solve the nodal equations of a network as a simple script would."""
     matrix = np.zeros((len(s), len(network.nodes), len(network.nodes)), dtype=complex)
     conductance, per_henry, capacitance = network.shunts()[..., 0]
     each = range(len(network.nodes))

@@ -1,8 +1,8 @@
-"""How many telegrams a second the receiver decodes on one core, beside a plain loop, in one run."""
+"""How many telegrams per second the receiver decodes on one core, compared with a plain loop."""
 
 import os
 
-# One core is promised, so one is measured: numpy reads this when it is loaded.
+# The targets are for one core; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import math
@@ -17,12 +17,12 @@ from shipnet.asi.telegram import RESPONSES
 DT = 250e-9
 SAMPLES = 256
 NUMBER = 50_000
-SAMPLE = 500  # what the loops get; their time is scaled up
+SAMPLE = 500  # sample for the loops; their times are scaled up
 BITS = 7
 
 
 def plain_receive(u, matched):
-    """Decode one response as a first script would: lists, loops, and the main checks only."""
+    """Decode one response as a simple script would: with lists, loops and only the main checks."""
     per_slot = round(HALF_BIT / DT)
     if matched:
         half = per_slot // 2
@@ -57,7 +57,7 @@ def main():
     rng = np.random.default_rng(2024)
     t = np.arange(SAMPLES) * DT
     bits = Modulation(RESPONSES).bits[rng.integers(0, 16, NUMBER)]
-    # 40 uH times the slope of the current: pulses of 1.6 V on an ideal line, with some noise.
+    # 40 uH times the slope of the current gives pulses of 1.6 V on an ideal line; add noise.
     u = -40e-6 * np.gradient(Modulation(bits).current(t, start=5e-6), DT, axis=-1)
     u += rng.normal(0, 0.03, u.shape)
     slots = receive(u, DT, BITS).slots

@@ -1,4 +1,4 @@
-"""How much faster the batch functions are than a loop over single telegrams, in one run."""
+"""How much faster the batch functions are than a loop over single telegrams."""
 
 import numpy as np
 from _timing import seconds
@@ -6,11 +6,11 @@ from _timing import seconds
 from shipnet.asi import Request, Requests
 
 NUMBER = 1_000_000
-SAMPLE = 20_000  # what the loops get; their time is scaled up
+SAMPLE = 20_000  # sample for the loops; their times are scaled up
 
 
 def plain_parse(word):
-    """Decode a data exchange as a first script would: with shifts, and no error but parity."""
+    """Decode a data exchange as a simple script would: with shifts and only a parity check."""
     if bin(word >> 1).count("1") % 2:
         raise ValueError("parity")
     return word >> 7 & 31, word >> 2 & 15

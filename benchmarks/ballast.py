@@ -1,7 +1,7 @@
-"""How much faster many valves are than a loop over them, and than differential equations.
+"""How much faster many valves at once are than a loop over them, or differential equations.
 
-All in one run. The equations have compliance of the oil and mass besides, so theirs is the cost of
-the second route, not of a slower way to the same numbers; how far both are apart is printed too.
+The equations also include the compliance of the oil and the mass, so they are a more detailed
+model, not just a slower way to the same numbers. The difference between the two is printed too.
 """
 
 import sys
@@ -36,7 +36,7 @@ def stroke():
 
 
 def day(n_valves):
-    """Let a day pass with a command an hour to every valve; return how many readings it has."""
+    """Simulate a day with an hourly command to every valve; return the number of instants."""
     hours = range(24)
     orders = [Command(("open", "close")[hour % 2], 3600.0 * hour) for hour in hours]
     run = blocks(n_valves, orders, until=86400, rng=np.random.default_rng(1))
@@ -53,16 +53,16 @@ def main():
     ode = stroke()
     n = ode.time.size
     apart = np.abs(ode.opening - ideal.opening[:n, 0]).max()
-    print(f"opening by the equations is within {100 * apart:.2f} % of a stroke of the closed form")
+    print(f"equations and closed form differ by at most {100 * apart:.2f} % of a stroke")
 
     all_valves, single, equations = seconds(many), seconds(one), seconds(stroke, 2)
     report("256 valves, 20 s at 10 Hz, with noise", all_valves, "a loop", N * single)
-    report("256 valves, one stroke", all_valves, "equations, 256 such", N * equations)
+    report("256 valves, one stroke", all_valves, "equations, 256 times", N * equations)
 
     readings = day(1)
     time = seconds(lambda: day(N), 1)
     note = (
-        f"   {readings} instants, {readings * N / time / 1e6:.1f} million valve readings a second"
+        f"   {readings} instants, {readings * N / time / 1e6:.1f} million valve readings per second"
     )
     report("256 valves, a day in blocks", time, note=note)
 

@@ -1,10 +1,10 @@
-"""How fast a CAN bus is simulated: event by event and in batches, beside simpy, in one run."""
+"""How fast a CAN bus is simulated, event by event and in batches, compared with SimPy."""
 
 import os
 from functools import partial
 from time import process_time
 
-# One core is promised, so one is measured: numpy reads this when it is loaded.
+# The targets are for one core; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 
@@ -22,7 +22,7 @@ SINGLE, LOOPED, BATCH, SETS = 60.0, 10.0, 3.0, 2000  # seconds simulated; sets o
 
 
 def peer(messages, duration):
-    """Return frames sent and the longest responses [us], with a process for each message."""
+    """Return frames sent and longest response times [us], with one SimPy process per message."""
     horizon = round(duration * 1e6)
     environment = simpy.Environment()
     bus = simpy.PriorityResource(environment, capacity=1)
@@ -51,7 +51,7 @@ def peer(messages, duration):
 def main():
     number = len(PERIODS_MS)
     rng = np.random.default_rng(2024)
-    # No two releases of different messages at one instant: there the peer decides by chance.
+    # No two messages are released at the same instant: SimPy would pick their order arbitrarily.
     offsets = rng.permuted(np.tile(np.arange(number), (SETS, 1)), axis=1) * 0.293e-3
     messages = MessageSet(
         Message(f"m{k}", k, 8, ms / 1e3, offset=offset, bits=int(bits))
@@ -68,7 +68,7 @@ def main():
     assert np.rint(batch.max_response[0] * 1e6).astype(int).tolist() == longest
 
     frames = sum(sent) / LOOPED
-    noise = faults.BitErrors(1e-5)  # one frame in a thousand
+    noise = faults.BitErrors(1e-5)  # about one frame in a thousand
     rates = {
         "simpy": LOOPED / seconds(lambda: peer(messages, LOOPED)),
         "simulate": SINGLE / seconds(lambda: simulate(messages, BIT_RATE, until=SINGLE)),
@@ -79,7 +79,7 @@ def main():
         / seconds(lambda: simulate_batch(messages, BIT_RATE, offsets=offsets, until=BATCH)),
     }
     print(f"{number} messages at 125 kbit/s, load {run.load:.0%}; batch of {SETS} sets of offsets")
-    print(f"{'':<16}{'simulated [s/s]':>16}{'frames [1/s]':>14}{'to simpy':>10}")
+    print(f"{'':<16}{'simulated [s/s]':>16}{'frames [1/s]':>14}{'x simpy':>10}")
     for name, rate in rates.items():
         print(f"{name:<16}{rate:>16.0f}{rate * frames:>14.3g}{rate / rates['simpy']:>9.1f}x")
 

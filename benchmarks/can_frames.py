@@ -1,4 +1,4 @@
-"""How much faster many CAN frames are measured at once than in loops over single ones."""
+"""How much faster many CAN frames are measured at once than in loops over single frames."""
 
 import numpy as np
 from _timing import seconds
@@ -7,11 +7,11 @@ from shipnet.can.frame import Frame
 from shipnet.can.lengths import measure_frames
 
 NUMBER = 1_000_000
-SAMPLE = 5_000  # what the loops get; their time is scaled up
+SAMPLE = 5_000  # sample for the loops; their times are scaled up
 
 
 def plain_length(number, data):
-    """Count the bits of a frame with 8 bytes as a first script would: on whole numbers."""
+    """Count the bits of a frame with 8 data bytes as a simple script would: with integers."""
     message, size = (number << 7 | 8) << 64 | int.from_bytes(data, "big"), 83
     register = 0
     for place in range(size - 1, -1, -1):

@@ -1,4 +1,4 @@
-"""Worst-case response times of CAN, beside two plain programs in floats that find the same."""
+"""Worst-case response times of CAN, compared with two plain float programs that give the same."""
 
 import math
 from functools import partial
@@ -13,12 +13,12 @@ seconds = partial(shortest, timer=process_time)
 BIT_RATE = 250_000
 BIT = 1 / BIT_RATE
 
-#: What a float needs beneath a ceiling, so that an exact multiple does not count once more [s].
+#: Tolerance subtracted before rounding up, so that an exact multiple is not counted twice [s].
 DUST = 1e-12
 
 
 def message_set(n, load, rng):
-    """Return n messages with periods of 5 ms and more, of a given load."""
+    """Return n messages with random periods, scaled to a given load."""
     dlc = rng.integers(0, 9, size=n)
     period = rng.choice([5, 10, 20, 25, 50, 100, 200, 500, 1000], size=n)
     factor = ((55 + 10 * dlc) * BIT / (period * 1e-3)).sum() / load
@@ -30,7 +30,7 @@ def message_set(n, load, rng):
 
 
 def plain(messages):
-    """Compute as the equations are printed, in floats."""
+    """Compute the response times with the published equations in floats."""
     rows = [((55 + 10 * m.dlc) * BIT, m.period, m.jitter) for m in messages]
     responses = []
     for m, (c, t, j) in enumerate(rows):
@@ -60,22 +60,22 @@ def plain(messages):
 
 
 class EventModel:
-    """Period and jitter behind the two functions of compositional analysis."""
+    """The two functions of compositional analysis, from a period and a jitter."""
 
     def __init__(self, period, jitter, frame):
         self.period, self.jitter, self.frame = period, jitter, frame
 
     def eta_plus(self, window):
-        """Return the most events in a window."""
+        """Return the largest number of events in a window."""
         return math.ceil((window + self.jitter) / self.period - DUST / self.period)
 
     def delta_min(self, q):
-        """Return the shortest distance of the first event and the q-th one, counted from 1."""
+        """Return the shortest time from the first event to the q-th, counted from 1."""
         return max(0.0, (q - 1) * self.period - self.jitter)
 
 
 def busy_window(messages):
-    """Compute by busy windows of event models, one window an instance, until one closes."""
+    """Compute with busy windows of event models, one window per instance, until one closes."""
     tasks = [EventModel(m.period, m.jitter, (55 + 10 * m.dlc) * BIT) for m in messages]
     responses = []
     for place, task in enumerate(tasks):

@@ -1,7 +1,7 @@
-"""Two workers of a Dask cluster against one: rare errors, and a fleet as Parquet files.
+"""Two workers of a Dask cluster compared with one: rare errors, and a fleet as Parquet files.
 
-Wall seconds mean something on an idle machine only. Processor seconds of one worker over those of
-the busier of two say how evenly the work is shared on any. Turns alternate, and workers are warm.
+Wall times are meaningful only on an idle machine. The CPU time of one worker divided by that of
+the busier of two shows how evenly the work is shared, on any machine. Workers are warmed up first.
 """
 
 import os
@@ -30,7 +30,7 @@ def fleet(client, folder, valves=400, days=10):
 
 
 def busy(client):
-    """Return the processor seconds of each worker so far."""
+    """Return the CPU time that each worker has used so far [s]."""
     return client.run(process_time)
 
 
@@ -39,7 +39,7 @@ def main():
         "rare errors": (rates, partial(rates, n=20_000)),
         "fleet": (fleet, partial(fleet, valves=100, days=1)),
     }
-    print(f"load of the machine before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+    print(f"machine load before the run: {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     for turn in range(TURNS):
         for name, (job, warm) in jobs.items():
             wall, cpu, results = {}, {}, []
@@ -64,7 +64,7 @@ def main():
             assert results[0].equals(results[1])
             print(
                 f"turn {turn + 1}, {name}: one worker {wall[1]:.1f} s, {cpu[1]:.1f} s of CPU; "
-                f"two {wall[2]:.1f} s, the busier {cpu[2]:.1f} s; "
+                f"two workers {wall[2]:.1f} s, the busier {cpu[2]:.1f} s of CPU; "
                 f"{wall[1] / wall[2]:.2f}x wall, {cpu[1] / cpu[2]:.2f}x CPU",
                 flush=True,
             )

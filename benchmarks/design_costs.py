@@ -1,6 +1,6 @@
-"""How fast costs are drawn: all draws of all options at once, and draw by draw as a loop does it.
+"""How fast random costs are computed: all draws of an option at once, or one by one in a loop.
 
-Both get the same quantiles of the same assumptions, and their costs are compared before the times.
+Both get the same quantiles of the same assumptions, and must give the same costs.
 """
 
 import numpy as np
@@ -11,12 +11,12 @@ from shipnet.design.costs import CABLE_RANGES, Model, draw, quantities, tornado
 from shipnet.design.plant import Plant
 
 DRAWS = 10_000
-SAMPLE = 100  # what the loop gets; its time is scaled up
+SAMPLE = 100  # sample for the loop; its time is scaled up
 POINTS = (350, 2000)
 
 
 def loop(model, levels):
-    """Add the total cost up for one draw after the other, assumption by assumption."""
+    """Add up the total cost of each draw in turn, assumption by assumption."""
     names, costs = list(levels), []
     for u in np.array(list(levels.values())).T:
         at = {
@@ -66,7 +66,7 @@ def main():
         print(f"{one_by_one / at_once:>9.0f}x")
         print(f"  {'figures of one option':<36}", end="")
         print(f"{seconds(lambda o=options: quantities(o['AS-i'])):>9.3f} s")
-        print(f"  {'tornado of both':<36}{seconds(lambda o=options: tornado(o)):>9.3f} s")
+        print(f"  {'tornado of both options':<36}{seconds(lambda o=options: tornado(o)):>9.3f} s")
 
 
 if __name__ == "__main__":

@@ -1,14 +1,14 @@
-"""How fast every single failure of a plan is looked at, beside networkx failure by failure.
+"""How fast all single failures of a plan are evaluated, compared with a loop over networkx.
 
-Both get the same plan of 2000 points, one line a bus. The loop takes one cable or one box out of
-the graph of cables, asks networkx what the cabinet still reaches, and puts it back; it gets a
-sample, whose answers are compared before the times, and its time is scaled up. It knows nothing of
-supplies and shorts, so AS-i, whose cable brings both, is left out; ours does more in its time.
+Both get the same plan of 2000 points, with one line per bus. The loop removes one cable or one box
+from the graph of cables, asks networkx what the cabinet still reaches, and puts it back. The loop
+gets a sample; its answers must be the same, and its time is scaled up. It ignores supplies and
+short circuits, which ours also covers; AS-i, where both matter, is therefore left out.
 """
 
 import os
 
-# One core is promised, so one is measured: numpy reads this when it is loaded.
+# The targets are for one core; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 
@@ -23,12 +23,12 @@ from shipnet.design.layout import Site
 from shipnet.design.planning import plan
 
 POINTS = 2000
-SAMPLE = 100  # failures that the loop gets
+SAMPLE = 100  # number of failures for the loop
 OPTIONS = ("home runs", "junction boxes", "CAN", "Modbus RTU")
 
 
 def ship(n):
-    """Points spread over a ship."""
+    """Return points spread over a ship."""
     rng = np.random.default_rng(1)
     places = rng.uniform([0, -12, 0], [180, 12, 20], (n, 3)).round(1)
     signals = rng.choice(["contact", "rtd_3wire", "solenoid"], n)
@@ -39,7 +39,7 @@ def ship(n):
 
 
 def graph_of(design):
-    """Return cables and housings as edges; feeders bring power, and hold nothing together."""
+    """Return a graph with cables and housings as edges, without feeders, which carry power only."""
     graph = nx.MultiGraph()
     graph.add_nodes_from(design.devices["device"])
     for inside in design.devices[design.devices["at"] != ""].itertuples():
@@ -51,7 +51,7 @@ def graph_of(design):
 
 
 def lost_by(design, graph, points, failure):
-    """Return how many points a failure takes along, by asking the graph without it."""
+    """Return how many points the cabinet no longer reaches after a failure."""
     if failure.failure == "device":
         gone = list(graph.edges(failure.failed, keys=True))
     else:
@@ -64,7 +64,7 @@ def lost_by(design, graph, points, failure):
 
 def main():
     iolist = ship(POINTS)
-    print(f"every single failure of {POINTS} points, networkx scaled up")
+    print(f"all single failures of {POINTS} points; networkx time scaled up")
     for option in OPTIONS:
         design = plan(iolist, Site((26, 6, 14)), option)
         cuts = single_failures(design)

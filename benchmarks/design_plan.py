@@ -1,8 +1,8 @@
-"""How long plans take, and what clusters and assignments save beside a plain greedy loop."""
+"""How long plans take, and what clusters and assignments save compared with a greedy loop."""
 
 import os
 
-# One core is promised, so one is measured: numpy reads this when it is loaded.
+# The targets are for one core; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 from itertools import pairwise
@@ -22,7 +22,7 @@ CABINET = (26.0, 6.0, 14.0)
 
 
 def ship(n):
-    """Contacts of a ship around n / 25 places."""
+    """Return points of a ship, clustered around n / 25 places."""
     rng = np.random.default_rng(2026)
     middles = rng.uniform([0, -12, 0], [180, 12, 16], (n // 25, 3))
     places = middles[rng.integers(0, len(middles), n)] + rng.normal(0, [3, 2, 1], (n, 3))
@@ -33,7 +33,7 @@ def ship(n):
 
 
 def by_clusters(places):
-    """Groups of PORTS places: zones within reach, then assignments of least distance."""
+    """Group PORTS places each: zones within reach, then assignments of least total distance."""
     labels = np.empty(len(places), dtype=int)
     zone = zones(places, reach=REACH, most=400)
     found = 0
@@ -46,7 +46,7 @@ def by_clusters(places):
 
 
 def by_greed(places):
-    """The plain loop: the first place left, then the nearest ones that all others reach."""
+    """Group greedily: the first place left, then the nearest ones within reach of all others."""
     left = list(range(len(places)))
     labels = np.empty(len(places), dtype=int)
     group = 0
@@ -64,7 +64,7 @@ def by_greed(places):
 
 
 def nearest_next(ways):
-    """The plain order of a trunk: always on to the nearest device that is left."""
+    """Return a greedy order for a trunk: always go to the nearest device that is left."""
     order, left = [0], set(range(1, len(ways)))
     while left:
         order.append(min(left, key=lambda place: ways[order[-1], place]))
@@ -73,7 +73,7 @@ def nearest_next(ways):
 
 
 def metres(places, labels):
-    """Wires from each place to the median of its group."""
+    """Return the total length of the wires from each place to the median of its group."""
     middles = pd.DataFrame(places).groupby(labels).transform("median").to_numpy()
     return abs(places - middles).sum()
 
@@ -88,7 +88,7 @@ def main():
             f"{len(iolist):>6}", *(f"{name} {time:.2f}" for name, time in times.items()), sep="  "
         )
 
-    print("\nmodules of 4 ports: time, groups, wires to them")
+    print("\nmodules of 4 ports: time, groups, total wire length")
     for n in (353, 2000):
         places = example.places if n == 353 else ship(n).places
         result = {}
@@ -102,7 +102,7 @@ def main():
         print(f"{'':>6}  greedy/clusters: time {ratios[0]:.1f}, groups {ratios[1]:.2f}, "
               f"wires {ratios[2]:.2f}")  # fmt: skip
 
-    print("\ntrunks past n devices: time and way")
+    print("\ntrunks past n devices: time and length")
     rng = np.random.default_rng(7)
     for n in (15, 31, 62):
         sums = np.zeros((2, 2))
@@ -117,7 +117,7 @@ def main():
                 )
         print(f"{n:>6}  chain {1e3 * sums[0, 0] / 20:.2f} ms, {sums[0, 1] / 20:.0f} m   "
               f"nearest next {1e3 * sums[1, 0] / 20:.2f} ms, {sums[1, 1] / 20:.0f} m   "
-              f"way {sums[1, 1] / sums[0, 1]:.2f}x")  # fmt: skip
+              f"length {sums[1, 1] / sums[0, 1]:.2f}x")  # fmt: skip
 
 
 if __name__ == "__main__":

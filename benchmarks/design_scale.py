@@ -1,12 +1,12 @@
-"""How a whole design grows: plans, failures, rules, costs and report of all options.
+"""How the time of a whole design grows: plans, failures, rules, costs and report of all options.
 
-CPU seconds on one core, without imports, beside the goals on two cores; peak memory of the process
-so far. Sizes may be given: `python benchmarks/design_scale.py 1000 20000 100000`.
+CPU seconds on one core, without imports, next to the goals for two cores; peak memory of the
+process so far. You can give the sizes: `python benchmarks/design_scale.py 1000 20000 100000`.
 """
 
 import os
 
-# One core is measured: numpy reads this when it is loaded.
+# Measure one core: numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import resource
@@ -21,12 +21,12 @@ from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.rules import RuleSet
 
-#: CPU seconds and MB by number of points.
+#: Goals in CPU seconds and MB for each number of points.
 GOALS = {1_000: (3, 1500), 20_000: (40, 1500), 100_000: (240, 5000)}
 
 
 def whole(n):
-    """Return the seconds of each part."""
+    """Return the CPU time of each part [s]."""
     iolist, rules, spent, designs = ship(n), RuleSet.published("DNV"), {}, []
     begin = process_time()
     for option in OPTIONS:
@@ -42,7 +42,7 @@ def whole(n):
 
 
 def main():
-    whole(200)  # loads what is loaded late
+    whole(200)  # first call: triggers lazy imports
     sizes = [int(size) for size in sys.argv[1:]] or [1000, 4000, 20_000]
     totals = []
     for n in sizes:
@@ -55,7 +55,7 @@ def main():
             print(f"  {what:<24}{seconds:8.2f} s")
     powers = np.diff(np.log(totals)) / np.diff(np.log(sizes))
     for n, power in zip(sizes[1:], powers, strict=True):
-        print(f"up to {n} points the time grows with the power {power:.2f}")
+        print(f"up to {n} points the time grows as n^{power:.2f}")
 
 
 if __name__ == "__main__":

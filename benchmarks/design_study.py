@@ -1,4 +1,4 @@
-"""What of a comparison takes the time, and a study of several one by one and on all cores."""
+"""Where a comparison spends its time, and how fast a study runs one by one and on all cores."""
 
 from time import perf_counter
 
@@ -41,11 +41,11 @@ def main():
     for what, time in times.items():
         print(f"{what:<32}{time:>10.3f}")
 
-    # The first use of worker processes also starts them.
+    # The first use of worker processes includes starting them.
     workers = loky.cpu_count()
     runs = {
         "one by one": lambda: iolist.study(GRID, site, client=1, progress=False),
-        f"{workers} processes, started": lambda: iolist.study(
+        f"{workers} processes, with start": lambda: iolist.study(
             GRID, site, client=workers, progress=False
         ),
         f"{workers} processes": lambda: iolist.study(GRID, site, client=workers, progress=False),

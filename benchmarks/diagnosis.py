@@ -1,7 +1,7 @@
-"""Diagnosis of a fleet beside a loop over scikit-fuzzy's control simulation, and over ourselves.
+"""Diagnosis of a fleet, compared with loops over scikit-fuzzy's control simulation and our own.
 
-The readings are of valves that open and close; both loops get a few of them, and their time is
-scaled. The day is that of 256 valves with a command an hour, simulated block by block.
+The readings are from valves that open and close; both loops get a few of them. The day is that of
+256 valves with one command per hour, simulated block by block.
 """
 
 import warnings
@@ -21,7 +21,7 @@ BASE = rule_base()
 
 
 def control_loop(rows):
-    """Return firing strengths by ControlSystemSimulation.compute, sample by sample."""
+    """Return firing strengths from ControlSystemSimulation.compute, sample by sample."""
     from skfuzzy import control
 
     system = BASE.to_skfuzzy()
@@ -41,7 +41,7 @@ def own_loop(rows):
 
 
 def day():
-    """Diagnose a day of a fleet; return readings, and seconds of plant and of diagnosis."""
+    """Diagnose a day of a fleet; return readings and the seconds of simulation and of diagnosis."""
     orders = [Command(("open", "close")[hour % 2], 3600.0 * hour) for hour in range(24)]
     faults = [Fault("V1", start=30000.0, valves=4), Fault("P2", start=50000.0, valves=71)]
     tail, spent, readings = None, 0.0, 0
@@ -62,7 +62,7 @@ def main():
     diagnosis = diagnose_run(run)
     size = run.time.size * N
 
-    # scikit-fuzzy takes no missing value: instants at which all channels count.
+    # scikit-fuzzy accepts no missing values, so use instants at which all channels have one.
     valve = 0
     known = np.flatnonzero(~np.isnan(diagnosis.samples["DVPos"][:, valve]))[:FEW]
     rows = [
@@ -71,7 +71,7 @@ def main():
     exact = diagnosis.firing(valve + 1).strength[known]
     assert np.abs(control_loop(rows) - exact).max() < 1e-12
     assert np.array_equal(own_loop(rows), exact)
-    # What is decided is that of the whole array at once, and of dead bands.
+    # Blocks and dead bands must give the same decisions as the whole array at once.
     whole = BASE.fire(diagnosis.samples, "midpoint").decide(k=3, n=5).active
     assert np.array_equal(whole, diagnosis.active)
 
@@ -79,7 +79,7 @@ def main():
         f"diagnose_run, {reading}": seconds(lambda r=reading: diagnose_run(run, method=r)) / size
         for reading in METHODS
     }
-    per_sample["strengths, a sample at a time"] = seconds(lambda: own_loop(rows)) / len(rows)
+    per_sample["strengths, sample by sample"] = seconds(lambda: own_loop(rows)) / len(rows)
     per_sample["ControlSystemSimulation, the same"] = seconds(lambda: control_loop(rows), 2) / len(
         rows
     )
@@ -91,7 +91,7 @@ def main():
     readings, plant, spent = day()
     print(
         f"a day of {N} valves: {readings / 1e6:.1f} million valve readings, plant {plant:.1f} s, "
-        f"diagnosis {spent:.1f} s ({readings / spent / 1e6:.1f} million a second)"
+        f"diagnosis {spent:.1f} s ({readings / spent / 1e6:.1f} million per second)"
     )
 
 

@@ -1,6 +1,6 @@
-"""A day of the engine system of lee2012, against a walk from event to event over a short stretch.
+"""A simulated day of the engine system of lee2012, compared with an event-by-event simulation.
 
-Both give the same samples to the nanosecond, which the tests check; here it is only the time.
+The latter simulates a short time, scaled up. The tests check that both give the same samples.
 """
 
 import sys
@@ -30,5 +30,5 @@ for name, system in (("printed", System()), ("corrected", System.corrected())):
     frames = float(np.sum(DAY * 1e9 / system.period_ns[system.sender]))
     print(
         f"{name}: a day, {frames / 1e6:.1f} M CAN frames, 99 points: {ours:.1f} s; "
-        f"a walk from event to event would take {walk:.0f} s ({walk / ours:.0f} times as long)"
+        f"an event-by-event simulation would take {walk:.0f} s ({walk / ours:.0f} times as long)"
     )

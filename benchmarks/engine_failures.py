@@ -1,4 +1,4 @@
-"""Compare the bounds of single failures of the engine system with random phases."""
+"""Compare the bounds for single failures of the engine system with runs at random phases."""
 
 import argparse
 from dataclasses import replace
@@ -17,7 +17,7 @@ SYSTEMS = {
 
 
 def main() -> None:
-    """Simulate, and print per system and kind of fault the greatest part of its bound."""
+    """Simulate, and print the largest fraction of each bound by system and kind of fault."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=10_000)
     runs = parser.parse_args().runs
@@ -29,7 +29,7 @@ def main() -> None:
         faults = [f for f in system.single_faults() if f.at != "sensor"]
         fault = faults[rng.integers(len(faults))]
         if fault.at == "channel" and rng.random() < 0.5:
-            # A response that breaks off near its end is the worst of all.
+            # The worst case is a response that breaks off near its end.
             start = 5 + system.poll.time - system.serial.t35 - rng.uniform(0, 0.01)
             phases = {"AMS": 5 % system.poll_period}
         else:
@@ -48,9 +48,9 @@ def main() -> None:
         kind = type(fault).__name__ + (" 2" if fault.where == "2" else "")
         key = (name, kind)
         found[key] = np.maximum(found.get(key, [0, 0, 0]), parts).tolist()
-        if max(parts) > 1 + 1e-8:  # Times are rounded to nanoseconds.
+        if max(parts) > 1 + 1e-8:  # times are rounded to nanoseconds
             print("EXCEEDED", name, failed, parts)
-    print(f"{runs} runs; greatest part of the bounds on answer, gap and oldest value")
+    print(f"{runs} runs; largest fraction of the bounds on answer, gap and oldest value")
     for (name, kind), parts in sorted(found.items()):
         print(f"{name:20} {kind:20} " + " ".join(f"{part:6.3f}" for part in parts))
 

@@ -1,4 +1,4 @@
-"""How much faster the values of an engine are coded in one batch than row by row, in one run."""
+"""How much faster the values of an engine are coded in one batch than row by row."""
 
 import numpy as np
 from _timing import seconds
@@ -6,8 +6,8 @@ from pymodbus.client.mixin import ModbusClientMixin
 
 from shipnet.engine import InputCard, RegisterMap, read_points
 
-ROWS = 20_000  # one a second: five and a half hours
-SAMPLE = 200  # what the loops get; their time is scaled up
+ROWS = 20_000  # one per second: five and a half hours
+SAMPLE = 200  # sample for the loops; their times are scaled up
 
 
 def main():
@@ -19,7 +19,7 @@ def main():
     values[:, switches] = values[:, switches].round()
     card, registers = InputCard(points), RegisterMap(points)
 
-    # The 80 analogue values as pymodbus codes them, and ours without the switches.
+    # Compare the 80 analogue values with pymodbus; leave out the switches.
     analogue = [k for k in range(len(points)) if not switches[k]]
 
     def pymodbus_row(row):
@@ -28,7 +28,7 @@ def main():
 
     ours = registers.encode(values[:SAMPLE])[:, analogue]
     peer = [pymodbus_row(row) for row in values[:SAMPLE, analogue].tolist()]
-    assert (ours == peer).mean() > 0.99  # of halves, round() takes the even neighbour
+    assert (ours == peer).mean() > 0.99  # round() rounds halves to the even neighbour
 
     some = values[:SAMPLE, analogue].tolist()
     per_row = {

@@ -1,7 +1,7 @@
-"""A day of 256 valves, simulated and diagnosed in blocks: time, peak memory, and what is found.
+"""A day of 256 valves, simulated and diagnosed in blocks: time, peak memory and findings.
 
-The peer is the same day with all of it held at once instead of in blocks, measured over an hour and
-in a process of its own, for a peak never falls. A second figure is the day's share of diagnosis.
+For comparison, an hour is held in memory at once instead of in blocks. It runs in a process of
+its own, because a peak never falls. The simulation's share of the day's time is printed too.
 """
 
 import subprocess
@@ -19,7 +19,7 @@ DAY, N = 86400.0, 256
 
 
 def peak():
-    """Return the most memory that this process has had [MB]; Linux counts in kB, macOS in byte."""
+    """Return the peak memory of this process [MB]; Linux counts in kB, macOS in bytes."""
     return getrusage(RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 
 
@@ -45,7 +45,7 @@ def simulated_only():
 
 
 def alone(*arguments):
-    """Run a part in a process of its own and return what it prints."""
+    """Run a part in its own process and return what it prints."""
     return subprocess.check_output([sys.executable, __file__, *arguments], text=True).strip()
 
 
@@ -60,11 +60,11 @@ def main():
     report, time = day()
     memory = peak()
     print(report)
-    print(f"time {time:.1f} s, {report.n_samples / time / 1e6:.2f} million samples a second")
+    print(f"time {time:.1f} s, {report.n_samples / time / 1e6:.2f} million samples per second")
     print(f"of which simulation {simulated_only() / time:.0%}")
     print(f"peak memory {memory:.0f} MB")
     small, large = float(alone("hour", "2000")), float(alone("hour", "1000000"))
-    print(f"an hour at once takes {large / small:.1f}x the memory of blocks, {large:.0f} MB")
+    print(f"an hour held at once takes {large / small:.1f}x the memory of blocks, {large:.0f} MB")
     print(report.summary().round(1).to_string())
 
 

@@ -1,6 +1,6 @@
-"""Firing strengths of the rules of kim2014, beside loops of scikit-fuzzy and simpful.
+"""Firing strengths of the rules of kim2014, compared with loops over scikit-fuzzy and simpful.
 
-simpful is left out where it is not installed.
+simpful is left out if it is not installed.
 """
 
 import sys
@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tests.fuzzy.skfuzzy_control import control_strengths
 
 NUMBER = 1_000_000
-FEW = 200  # what the loops get; their time is scaled up
+FEW = 200  # sample for the loops; their times are scaled up
 
 
 def control_loop(base):
@@ -67,7 +67,7 @@ def simpful_loop(base):
             simpful.TrapezoidFuzzySet(*np.clip(term.corners, v.low - 1, v.high + 1), term=term.name)
             for term in v.terms
         ]
-        # simpful knows no variable of one term.
+        # simpful does not accept a variable with only one term.
         sets += [
             simpful.TrapezoidFuzzySet(v.high + 2, v.high + 3, v.high + 4, v.high + 5, term="_")
         ]
@@ -111,7 +111,7 @@ def main():
     }
     loops = {"ControlSystemSimulation in a loop": control_loop(base)}
     if find_spec("simpful"):
-        with redirect_stdout(StringIO()):  # it prints which model it takes the rules for
+        with redirect_stdout(StringIO()):  # simpful prints which kind of model it assumes
             loops["simpful in a loop"] = simpful_loop(base)
     for name, loop in loops.items():
         assert np.abs(np.array(loop(rows), dtype=float) - exact).max() < 1e-12
@@ -124,7 +124,7 @@ def main():
     for name, time in per_sample.items():
         print(f"{name:<40}{1 / time:>12.3g}{time / per_sample['RuleBase.fire']:>11.1f}x")
     if "simpful in a loop" not in loops:
-        print("simpful is not installed: left out")
+        print("simpful is not installed, so it is left out")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,12 @@
-"""How eight main jobs grow with their size: time, memory, exponents, a peer beside them.
+"""How the time and memory of eight main jobs grow with their size, compared with other programs.
 
-It prints a table and writes it with a figure as one page, build/growth.html. Times are processor
-seconds of one core, memory is what Python and numpy hold at most.
+The program prints a table and writes it with a figure to build/growth.html. Times are CPU seconds
+on one core; memory is the peak that Python and numpy allocate.
 """
 
 import os
 
-# One core is measured: numpy reads this when it is loaded.
+# Measure one core: numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import tracemalloc
@@ -86,21 +86,21 @@ def valves(n):
     return lambda: run_fleet(n, plan, until=7200, rng=1)
 
 
-#: Job, what its size counts, sizes, the peer's name, its sizes.
+#: Job: its function, the unit of its size, our sizes, the peer's name, the peer's sizes.
 JOBS = {
     "receive AS-i responses": (receiver, "telegrams", (1e3, 1e4, 1e5), "plain loop", (100, 1e3)),
     "decode a capture at 10 MS/s": (capture, "ms", (10, 100, 1000), "plain loop", (30, 100)),
     "waveforms of a new AS-i line": (tree, "slaves", (4, 16, 62), "", ()),
     "simulate a CAN bus": (bus, "s", (10, 100, 1000), "simpy", (3, 10)),
     "CAN response times": (response, "messages", (30, 100, 300), "plain loop", (30, 100)),
-    "check sums of Modbus frames": (checks, "frames", (1e3, 1e4, 1e5), "pymodbus", (1e3, 1e4)),
+    "checksums of Modbus frames": (checks, "frames", (1e3, 1e4, 1e5), "pymodbus", (1e3, 1e4)),
     "plan and compare designs": (design, "points", (250, 1000, 4000), "", ()),
     "two hours of valves, diagnosed": (valves, "valves", (16, 64, 256), "", ()),
 }
 
 
 def measured(make, sizes, **options):
-    """Return processor seconds, the least of some, and the most memory [MB] by size."""
+    """Return rows of size, shortest CPU time of several runs [s] and peak memory [MB]."""
     rows = []
     for size in sizes:
         job, times = make(int(size), **options), []
@@ -116,7 +116,7 @@ def measured(make, sizes, **options):
 
 
 def power(rows, column):
-    """Return the exponent between the last two sizes."""
+    """Return the growth exponent between the last two sizes."""
     return float(np.diff(np.log(rows[-2:, column]))[0] / np.diff(np.log(rows[-2:, 0]))[0])
 
 
@@ -124,7 +124,7 @@ def main():
     figure = Figure(figsize=(11, 5.5), layout="constrained")
     axes, table = figure.subplots(2, 4).flat, []
     for ax, (name, (make, unit, sizes, peer, few)) in zip(axes, JOBS.items(), strict=True):
-        make(int(sizes[0]))()  # loads what is loaded late
+        make(int(sizes[0]))()  # first call: triggers lazy imports
         ours = measured(make, sizes)
         theirs = measured(make, few, loop=True) if peer else None
         row = {
@@ -133,7 +133,7 @@ def main():
             "memory exponent": power(ours, 2), "peer": peer or "-",
         }  # fmt: skip
         if peer:
-            # At the peer's largest size, between ours on straight lines of the logarithms.
+            # Our time at the peer's largest size, interpolated linearly in logarithms.
             own = np.exp(np.interp(np.log(few[-1]), *np.log(ours[:, :2]).T))
             row["faster than peer"] = f"{theirs[-1, 1] / own:.1f}x"
         table.append(row)
@@ -149,7 +149,7 @@ def main():
     drawn = StringIO()
     figure.savefig(drawn, format="svg")
     page = pd.DataFrame(table).fillna("-")
-    title = f"How eight jobs grow: measured on {date.today()}, processor seconds of one core"
+    title = f"How eight jobs grow, measured on {date.today()} in CPU seconds on one core"
     PAGE.parent.mkdir(exist_ok=True)
     svg = drawn.getvalue()
     PAGE.write_text(

@@ -1,4 +1,4 @@
-"""How fast Modbus frames are made and read: ours, pymodbus and minimalmodbus, in one run."""
+"""How fast Modbus frames are made and read by shipnet, pymodbus and minimalmodbus."""
 
 import minimalmodbus
 import numpy as np
@@ -11,12 +11,12 @@ from shipnet.crc import MODBUS
 from shipnet.modbus.pdu import Request, Response, decode
 
 NUMBER = 1_000_000
-SAMPLE = 3_000  # what the loops get; their time is scaled up
+SAMPLE = 3_000  # sample for the loops; their times are scaled up
 REGISTERS = 38  # all points of the largest junction box of lee2012
 
 
 def report(title, per_item):
-    """Print rates, and each one against the first of its kind."""
+    """Print each rate, and its ratio to the first one."""
     print(f"{title:<44}{'per second':>12}{'first is faster by':>20}")
     first = next(iter(per_item.values()))
     for name, time in per_item.items():

@@ -1,4 +1,4 @@
-"""Redundant Modbus loops beside a graph library and a process-based simulator, same answers."""
+"""Redundant Modbus loops, compared with a graph library and SimPy, which give the same answers."""
 
 from functools import partial
 from itertools import combinations
@@ -15,7 +15,7 @@ LINE = SerialLine(9600)
 
 
 def seconds(function, repeats=3):
-    """Return the shortest of several times, and what the function returned."""
+    """Return the shortest of several times and the function's result."""
     times = []
     for _ in range(repeats):
         begin = perf_counter()
@@ -25,7 +25,7 @@ def seconds(function, repeats=3):
 
 
 def graph_counts(n, pairs):
-    """Count who is lost by two breaks, by components of a graph."""
+    """Count the slaves lost by two breaks, from the components of a graph."""
     lost = []
     for i, j in pairs:
         graph = nx.path_graph(n + 2)
@@ -36,7 +36,7 @@ def graph_counts(n, pairs):
 
 
 def polled(loop, place, start, end):
-    """Poll a loop that breaks, with a process and its time-outs; return the successful polls."""
+    """Poll a loop that breaks in a SimPy process with time-outs; return the successful polls."""
     env, poll, answers = simpy.Environment(), loop.poll, []
     needed = poll.time - LINE.t35
     port = [0] * loop.n_slaves
@@ -69,7 +69,7 @@ def main():
         f"{len(pairs)} pairs of breaks, 247 slaves: {own * 1e3:6.1f} ms, graph {peer / own:6.0f}x"
     )
 
-    # Both stop before the slaves that have moved are tried through port A again.
+    # Both stop before the slaves that now answer through port B are tried through port A again.
     fault, end = Break(200, start=10.0), 60.0
     own, run = seconds(lambda: simulate(loop, faults=fault, until=end))
     peer, answers = seconds(partial(polled, loop, 200, 10.0, end))

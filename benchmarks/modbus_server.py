@@ -1,8 +1,8 @@
-"""How long a client waits for its answers beside one that pipelines: our server and pymodbus's.
+"""How long a client waits for answers while another one pipelines: our server and pymodbus's.
 
-Each server has a process of its own, as has the client that sends as fast as it can. It reads its
-answers, or does not, and connects again when it is disconnected. pymodbus answers none of its
-requests: it drops what comes in portions longer than a frame.
+Each server has its own process, as has the other client, which sends as fast as it can. It reads
+its answers or ignores them, and reconnects when it is disconnected. pymodbus answers none of its
+requests: it drops data that arrive in portions longer than a frame.
 """
 
 import asyncio
@@ -17,14 +17,14 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 
 from shipnet.modbus import Request, Slave, serve
 
-POLLS, LIMIT = 500, 5.0  # requests of the polling client, and how long it waits for one [s]
+POLLS, LIMIT = 500, 5.0  # requests of the polling client, and its time-out [s]
 REGISTERS = 38  # all points of the largest junction box of lee2012
 ASK = Request.read_holding_registers(0, REGISTERS).tcp(1, 1)
 ANSWER = 9 + 2 * REGISTERS
 
 
 def hold(kind, pipe):
-    """Listen, and send the port."""
+    """Start a server and send its port through the pipe."""
     if kind == "ours":
         with serve({1: Slave(holding_registers=[7] * REGISTERS)}) as server:
             pipe.send(server.port)
@@ -41,7 +41,7 @@ def hold(kind, pipe):
 
 
 def press(port, reads, answered):
-    """Send requests as fast as they are taken; count the answers that are read."""
+    """Send requests as fast as the server accepts them; count the answers that are read."""
     many = ASK * 1000
     while True:
         with socket.create_connection(("127.0.0.1", port)) as client:
@@ -62,7 +62,7 @@ def press(port, reads, answered):
 
 
 def polls(port):
-    """Return how long each answer took [s]; `LIMIT` for one that did not come."""
+    """Return how long each answer took [s], or `LIMIT` if it did not arrive."""
     times = []
     for _ in range(POLLS):
         begin = perf_counter()

@@ -1,4 +1,4 @@
-"""How much faster batches of remote-control packets are than loops over single ones, in one run."""
+"""How much faster batches of remote-control packets are than loops over single packets."""
 
 import numpy as np
 from _timing import seconds
@@ -6,7 +6,7 @@ from _timing import seconds
 from shipnet.remote_control import CobsFormat, MarkerFormat
 
 NUMBER, ITEMS = 200_000, 10
-SAMPLE = 2_000  # what the loops get; their time is scaled up
+SAMPLE = 2_000  # sample for the loops; their times are scaled up
 
 
 def main():

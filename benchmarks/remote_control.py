@@ -1,4 +1,4 @@
-"""How much faster the experiment is than a loop over single packets, in one run."""
+"""How much faster the transmission experiment is than a loop over single packets."""
 
 import numpy as np
 from _timing import seconds
@@ -11,7 +11,7 @@ NUMBER, SAMPLE = 1_000_000, 3_000
 
 
 def one_by_one(form, rate, number, rng):
-    """Send packets as a first script would: a coin for every bit, a packet at a time."""
+    """Send packets as a simple script would: one at a time, with a random number for each bit."""
     counts = [0, 0, 0]
     for _ in range(number):
         items = dict(enumerate(rng.integers(0, 1 << 16, ITEMS).tolist()))
@@ -26,7 +26,7 @@ def one_by_one(form, rate, number, rng):
 
 
 def main():
-    print(f"{'packets of 10 items':<34}{'a minute':>12}{'batch is faster by':>20}")
+    print(f"{'packets of 10 items':<34}{'per minute':>12}{'batch is faster by':>20}")
     for name, form in (
         ("markers", MarkerFormat()),
         ("markers + CRC", MarkerFormat(crc=True)),
@@ -37,7 +37,7 @@ def main():
             loop = one_by_one(form, rate, SAMPLE, rng)
             trial = form.transmit(ITEMS, rate, NUMBER, rng)
             batch = [trial.intact, trial.detected, trial.undetected]
-            # The same shares: 5 standard deviations of the smaller sample.
+            # The shares must agree within 5 standard deviations of the smaller sample.
             for few, many in zip(loop, batch, strict=True):
                 share = many / NUMBER
                 assert abs(few - SAMPLE * share) <= 5 * (SAMPLE * share * (1 - share)) ** 0.5 + 1

@@ -1,8 +1,8 @@
-"""How long a tool takes to open, and to answer a slider: first picture 1 s, update 100 ms.
+"""How long a tool takes to open (goal: 1 s) and to respond to a slider (goal: 100 ms).
 
-The first picture is that of a fresh process: interpreter, imports, page; neither Voila nor a
-browser is in it, see tools_latency.py. `update` and the picture are those of the slowest of the
-limits of every slider, cached results left out.
+The first picture is timed in a fresh process with interpreter, imports and page, but without
+Voila or a browser; see tools_latency.py. `update` and `figure` are the slowest over both ends of
+every slider, without cached results.
 """
 
 import subprocess
@@ -17,7 +17,7 @@ from shipnet.fields import Number, Whole, declared
 
 ROOT = Path(__file__).resolve().parents[1]
 EXPLORE = sorted((ROOT / "notebooks" / "explore").glob("*.ipynb"))
-#: The classes of the tools, by the names of their modules and notebooks.
+#: The classes of the tools by the name of the module, which is also that of the notebook.
 TOOLS = {
     kind.__module__.rpartition(".")[2]: kind
     for kind in (getattr(tools, name) for name in dir(tools))
@@ -26,7 +26,7 @@ TOOLS = {
 
 
 def first_picture(tool):
-    """Start Python, import the tool and make its page, as a fresh kernel does."""
+    """Start Python, import the tool and make its page, as a new kernel does."""
     name = TOOLS[tool].__name__
     program = (
         f"from shipnet import tools; p = tools.{name}().explore(); assert 'png' in p.figure.value"
@@ -35,7 +35,7 @@ def first_picture(tool):
 
 
 def cases(inputs):
-    """Yield the inputs to begin with, and each slider at its ends."""
+    """Yield the default inputs, then each slider at both ends."""
     yield {}
     for name, kind in declared(inputs).items():
         if isinstance(kind, Number | Whole) and not getattr(kind, "at_most", ""):
@@ -52,14 +52,14 @@ def forget():
 
 
 def measure(tool):
-    """Return the slowest update, and the slowest figure [s]."""
+    """Return the times of the slowest update and the slowest figure [s]."""
     kind = TOOLS[tool]
     updates, figures = [], []
     for values in cases(kind):
         try:
             view = kind(**values)._view()
         except ValueError:
-            continue  # a sentence in the page; nothing to draw
+            continue  # the page shows a message instead of a figure
         updates.append(min(repeat(lambda v=values: kind(**v).result, forget, number=1, repeat=3)))
         figures.append(seconds(lambda v=view: v.figure, 1))
     return max(updates), max(figures)

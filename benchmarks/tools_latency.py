@@ -1,9 +1,9 @@
-"""How long the page of a tool takes in a browser: to its first picture, and to the next one.
+"""How long a tool's page takes in a browser to show its first picture and the next one.
 
-The click on a card is followed by the picture that the notebook stores, then by the tool's own;
-once with a kernel that was started before the click, once without. A key on the first slider
-that moves the picture, or on the first button, is followed by a new one. Beside the wall time
-stands the processor time of browser, server and kernel, which a busy machine changes little.
+After a click on a card, the page shows the picture stored in the notebook, then the tool's own,
+measured with a kernel started before the click and without one. A key press on the first slider
+that changes the picture, or on the first button, brings a new picture. The CPU time of browser,
+server and kernel is printed beside the wall time, because a busy machine changes it little.
 """
 
 import shutil
@@ -25,12 +25,12 @@ from tests.browser.conftest import ARGUMENTS, BROWSERS, served
 EXPLORE = app.ROOT / "notebooks" / "explore"
 TOOLS = sorted(path.stem for path in EXPLORE.glob("*.ipynb"))
 STORED, LIVE = ".shipnet-stored img", "img.shipnet-picture"
-# What Voila says of a kernel that it keeps ready.
+# Voila logs this for each kernel that it keeps ready.
 FILLED = "is filled with"
 CHANGES = 9
 LONG = 120_000
 
-# When a key went down, and when a new picture was ready to be painted.
+# Record when a key is pressed and when a new picture is ready to be painted.
 WATCH = """() => {
   window.ready = [];
   addEventListener("keydown", () => { window.pressed = performance.now(); }, true);
@@ -42,7 +42,7 @@ WATCH = """() => {
 
 
 def processor():
-    """Return the processor time of this process and all that it started [s]."""
+    """Return the CPU time of this process and its child processes [s]."""
     total = 0.0
     for process in [me := psutil.Process(), *me.children(recursive=True)]:
         try:
@@ -53,7 +53,7 @@ def processor():
 
 
 def opened(page, address, tool):
-    """Click on a card; return the time to the stored and to the live picture, and processor [s]."""
+    """Click on a card; return the times to the stored and live pictures, and the CPU time [s]."""
     page.goto(address)
     before, clicked = processor(), time.perf_counter()
     page.locator(f"a[href$='/{tool}.ipynb']").click(no_wait_after=True)
@@ -64,7 +64,7 @@ def opened(page, address, tool):
 
 
 def changed(page):
-    """Press keys; return the median time from key to picture, and of the processor [ms]."""
+    """Press keys; return the median time from key to picture, and the CPU time per key [ms]."""
     page.evaluate(WATCH)
     for fold in page.locator(".jupyter-widget-Collapse-header").all():
         fold.click()
@@ -89,7 +89,7 @@ def changed(page):
 def main():
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:
-        print("Chromium is not installed: the pages of the tools are not measured")
+        print("Chromium is not installed, so the pages of the tools are not measured")
         return
     from playwright.sync_api import sync_playwright
 
@@ -111,7 +111,7 @@ def main():
                     page = browser.new_page(viewport={"width": 1280, "height": 1000})
                     first, live, used = opened(page, address, tool)
                     said = f"{tool:<20} {first:12.2f} s {live:8.2f} s (cpu {used:4.1f} s)"
-                    # Where kernels are kept ready, another is started now.
+                    # With kernels kept ready, another one is being started now.
                     if options:
                         said += " {:6.0f} ms (cpu {:4.0f} ms)".format(*changed(page))
                     page.close()

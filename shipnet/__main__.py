@@ -23,13 +23,13 @@ _TRANSACTION = (
     ("ringing", "request_ringing", 9, 2), ("", "response_ringing", 5, 2),
 )  # fmt: skip
 
-#: Maximum rows of a table on the terminal, and length of the record in a figure [s].
+#: Maximum number of table rows on the terminal, and length of record shown in a figure [s].
 _ROWS = 40
 _SHOWN = 400e-6
 
 
 def number(text: str) -> float:
-    """Return a number that may end in an SI prefix, such as 125k or 100n."""
+    """Return the number in a text that may end in an SI prefix, such as 125k or 100n."""
     power = {"M": 6, "k": 3, "m": -3, "u": -6, "n": -9}.get(text[-1:])
     return float(text if power is None else f"{text[:-1]}e{power}")
 
@@ -54,7 +54,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
                 f"{row['id']:<15}{published:>16}  {computed:<14}{row['basis']:<11}{verdict:<20}"
                 f"{row['claim']}{unit}{instead}{condition}"
             )
-        lines += ["", "-> the correction; * under the condition in the last brackets", ""]
+        lines += ["", "->: correction; *: the verdict holds under the condition in brackets", ""]
     return Answer(
         ok=not counts["open"].any(),
         verdict=str(ledger),
@@ -159,7 +159,7 @@ def _can(arguments: argparse.Namespace) -> Answer:
     from shipnet.can.messages import BIT_RATES
 
     if arguments.log and arguments.rates:
-        raise ArgumentError("--log and --rates exclude each other")
+        raise ArgumentError("--log and --rates cannot be combined")
     for words in arguments.column:
         if "=" not in words:
             raise ArgumentError(f"--column is {words!r}; it must be TITLE=NAME")
@@ -249,9 +249,9 @@ def _serve(arguments: argparse.Namespace) -> None:
     # The models and the library load slowly, so arguments that need neither are checked first.
     engine = arguments.device == "engine"
     if arguments.udp and arguments.serial is not None:
-        raise ArgumentError("--udp and --serial exclude each other")
+        raise ArgumentError("--udp and --serial cannot be combined")
     if engine and arguments.watchdog is not None:
-        raise ArgumentError("--watchdog stops the motor of a valve; the engine has none here")
+        raise ArgumentError("--watchdog applies to ballast only, where it stops a valve's motor")
     n_valves = check_whole("--valves", arguments.valves, 1, 247)
     check_whole("--port", arguments.port, 0, 0xFFFF)
     check_scalar("--speed", arguments.speed, "", 0, 1e4)
@@ -350,7 +350,7 @@ def _parser() -> argparse.ArgumentParser:
 
     parser = argparse.ArgumentParser(
         prog="shipnet",
-        description="Field buses of a ship, and the papers that use them, recomputed.",
+        description="Simulate and design field buses of ships, and recompute papers on them.",
         epilog="example: shipnet ledger kim2023",
     )
     parser.add_argument("--version", action="version", version=f"shipnet {__version__}")
@@ -366,7 +366,7 @@ def _parser() -> argparse.ArgumentParser:
         forms = (*FORMS, *one["forms"]) if "forms" in one else ()
         made.set_defaults(run=_COMMANDS[name], output=[], json=False, forms=forms)
         if forms:
-            said = f"also write a file {', '.join(forms)}, or a folder with all tables"
+            said = f"also write the answer to a file ({', '.join(forms)}) or a folder"
             _option(made, "-o, --output FILE", said, default=[])
             _option(made, "--json", "print the answer as JSON, for programs")
         for option in one["options"]:
@@ -399,7 +399,7 @@ def _option(
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    """Run a command and write its files before printing: a reader of the output may stop early."""
+    """Run a command; write its files first, because the reader of the output may stop early."""
     for file in arguments.output:
         check_output(file, arguments.forms)
     answer = arguments.run(arguments)
@@ -419,8 +419,8 @@ def _run(arguments: argparse.Namespace) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
-    The code is 0 if the answer is good, 1 if it is bad, 2 after a user's mistake, and 130 after an
-    interrupt. A mistake is printed to standard error, with one line per fault in a file.
+    The code is 0 if the answer is good, 1 if it is bad, 2 after a user error, and 130 after an
+    interrupt. A user error is printed to standard error, with one line per fault in a file.
     """
     parsed = _parser().parse_args(arguments)
     try:

@@ -1,4 +1,4 @@
-"""The command line: one grammar for all commands, exit code 0 good, 1 bad, 2 could not be done."""
+"""The command line: one grammar for all commands; exit code 0 good, 1 bad, 2 error."""
 
 import csv
 import json
@@ -47,7 +47,7 @@ def scope(tmp_path):
 
 @pytest.fixture
 def words(points, scope, tmp_path):
-    """Return by command the words of an example whose answer is good."""
+    """Return the words of an example with a good answer for each command."""
     (tmp_path / "plan.csv").write_text(PLAN)
     can.example().save(tmp_path / "list.csv")
     return {
@@ -69,7 +69,7 @@ def test_ledger_prints_every_claim_of_the_paper(capsys):
     (row,) = [line for line in out.splitlines() if line.startswith("kim2023-074")]
     assert row.split()[1:5] == ["0.7", "7.368", "model", "erratum"]
     assert row.endswith("[%] -> 7.4 %")
-    assert "* under the condition" in out and "agrees* " in out
+    assert "*: the verdict holds under the condition" in out and "agrees* " in out
     (quoted,) = [line for line in out.splitlines() if line.startswith("kim2023-010")]
     assert quoted.split()[1:3] == ["100", "context"]
 
@@ -84,7 +84,7 @@ def test_summary_counts_only(capsys):
     assert len(lines) == 2 + 5
 
 
-def test_a_csv_file_holds_all_columns(tmp_path, capsys):
+def test_a_csv_file_contains_all_columns(tmp_path, capsys):
     file = tmp_path / "ledger.csv"
     assert main(["ledger", "icn2007", "-o", str(file)]) == 0
     with open(file, newline="", encoding="utf-8") as stream:
@@ -123,7 +123,7 @@ def test_json_is_the_answer_as_data(name, words, capsys):
     assert streams.err == ""
 
 
-def test_json_says_also_what_could_not_be_done(tmp_path, capsys):
+def test_json_also_reports_errors(tmp_path, capsys):
     file = tmp_path / "list.csv"
     file.write_text("tag,signal,x,y,z\nA,contact,far,0,0\nB,contct,1,0,0\n", encoding="utf-8")
     assert main(["design", str(file), "--json"]) == 2
@@ -166,7 +166,7 @@ def test_a_can_list_is_analysed_and_late_messages_exit_with_1(words, tmp_path, c
     assert {row["name"]: row["response_ms"] for row in responses} == pytest.approx(bound)
     slow = asked(capsys, "can", file, "--rates", "50k", code=1)
     assert slow["numbers"]["lowest_bit_rate"]["value"] is None
-    # Identifiers the other way round: the best order is named, and what it gains.
+    # In reverse order of identifiers: the best order and its benefit are reported.
     messages.ordered(reversed(messages.names)).save(file)
     found = asked(capsys, "can", file, "--rates", "125k", "250k", "1M")
     best = found["numbers"]["lowest_bit_rate_in_best_order"]["value"]
@@ -175,7 +175,7 @@ def test_a_can_list_is_analysed_and_late_messages_exit_with_1(words, tmp_path, c
     assert can.response_times(messages.ordered(order), best).met
 
 
-def test_a_log_is_held_against_a_dbc_file(tmp_path, capsys):
+def test_a_log_is_compared_with_a_dbc_file(tmp_path, capsys):
     pytest.importorskip("cantools")
     file, log = tmp_path / "ship.dbc", tmp_path / "trip.log"
     dbc = 'VERSION ""\n\nBU_: JB1\n\nBO_ 32 Speed: 4 JB1\n\nBO_ 2000 New: 8 JB1\n'
@@ -190,12 +190,12 @@ def test_a_log_is_held_against_a_dbc_file(tmp_path, capsys):
     said = {row["name"]: row["verdict"] for row in found["tables"]["messages"]}
     assert (said["Speed"], said["New"], said["0x010"]) == ("as planned", "missing", "unknown")
     assert found["numbers"]["unknown"]["value"] == 9
-    # What a log shows is a plan too.
+    # The messages of a log can also be analysed.
     assert asked(capsys, "can", log, "--period", "1", "--log", log)["ok"] is True
     assert asked(capsys, "can", log, "--period", "1", "--rates", "125k")["ok"] is True
 
 
-def test_own_titles_and_faults_of_a_dbc_file_can_be_passed_over(tmp_path, capsys):
+def test_own_titles_are_read_and_faults_of_a_dbc_file_can_be_overlooked(tmp_path, capsys):
     file = tmp_path / "list.csv"
     file.write_text("Name;CAN-ID (hex);DLC;Every;Pin\nA;10;8;20;7\n")
     assert main(["can", str(file)]) == 2
@@ -213,7 +213,7 @@ def test_own_titles_and_faults_of_a_dbc_file_can_be_passed_over(tmp_path, capsys
     assert "'New' has no cycle time" in left["fault"]
 
 
-def test_a_scan_is_that_of_the_front_and_too_slow_a_one_exits_with_1(capsys):
+def test_a_scan_agrees_with_the_library_and_a_slow_one_exits_with_1(capsys):
     found = modbus.scan(24, registers=20, bit_rate=19200, dead=2)
     words = "modbus --devices 24 --registers 20 --rate 19200 --parity E --dead 2".split()
     answer = asked(capsys, *words)
@@ -227,7 +227,7 @@ def test_a_scan_is_that_of_the_front_and_too_slow_a_one_exits_with_1(capsys):
         assert asked(capsys, *MODBUS, "--parity", parity)["numbers"]["scan_time"]["value"] == own
 
 
-def test_a_plan_that_breaks_a_rule_exits_with_1(tmp_path, capsys):
+def test_a_plan_that_violates_a_rule_exits_with_1(tmp_path, capsys):
     file = tmp_path / "plan.csv"
     file.write_text(PLAN.replace(",70,", ",101,"))
     answer, found = asked(capsys, "check", file, code=1), asi.read_plan(file).check()
@@ -240,7 +240,7 @@ def test_a_plan_that_breaks_a_rule_exits_with_1(tmp_path, capsys):
     assert "cable length: 101 m at segment at room, at most 100 m (1 violated)" in out
 
 
-#: What a user may give instead of a file.
+#: What a user may give instead of a correct file.
 FILES = {
     "a folder": None,
     "empty": b"",
@@ -269,7 +269,7 @@ def test_no_bad_file_ends_in_a_traceback(name, suffix, tmp_path, capsys):
     for words in (["can", file], ["can", good, "--log", file], ["check", file]):
         code = main(list(map(str, words)))
         error = capsys.readouterr().err
-        # A plan may be legible and wrong, and a log legible and empty.
+        # A plan may be readable but wrong, and a log readable but empty.
         legible = "check" in words and "address twice" in name
         legible |= "--log" in words and name in ("empty", "blank") and suffix != ".blf"
         assert code == (1 if legible else 2), (words, error)
@@ -279,7 +279,7 @@ def test_no_bad_file_ends_in_a_traceback(name, suffix, tmp_path, capsys):
 def test_settings_are_set_by_name(points, capsys):
     assert main(design(points, "--set", "detour=1.5", "--set", "asi.tree=false")) == 0
     out = capsys.readouterr().out
-    assert "not the default: detour 1.5 (1.15)" in out and "asi.tree false (true)" in out
+    assert "changed: detour 1.5 (default 1.15)" in out and "asi.tree false (default true)" in out
     assert main(design(points, "--set", "detuor=1.5")) == 2
     assert "'detuor'; the nearest is detour" in capsys.readouterr().err
     assert main(design(points, "--set", "detour")) == 2
@@ -293,7 +293,7 @@ def test_settings_are_set_by_name(points, capsys):
 @pytest.mark.parametrize(
     ("text", "value"), [("125k", 125e3), ("100n", 100e-9), ("1e-7", 1e-7), ("9600", 9600.0)]
 )
-def test_numbers_take_prefixes_of_si(text, value):
+def test_numbers_may_have_si_prefixes(text, value):
     assert command.number(text) == value
 
 
@@ -306,7 +306,7 @@ def test_numbers_take_prefixes_of_si(text, value):
         (["design", "list.csv", "-o", "all.doc"], ".svg, .html, or none for a folder"),
         (["can", "none.csv"], "none.csv: cannot be read: No such file"),
         (["can", "a\0b"], "cannot be read: embedded null"),
-        (["can", "list.csv", "--rates", "5k", "--log", "a.log"], "exclude each other"),
+        (["can", "list.csv", "--rates", "5k", "--log", "a.log"], "cannot be combined"),
         (["can", "list.csv", "--column", "Every"], "--column is 'Every'; it must be TITLE=NAME"),
         (["can", "list.csv", "--period", "inf"], "period is inf"),
         ([*MODBUS, "--slaves", "0"], "n_slaves is 0; it must be a whole number 1..247"),
@@ -368,7 +368,7 @@ def test_an_interrupt_exits_with_130(monkeypatch):
     assert main(["ledger"]) == 130
 
 
-def test_module_runs_as_a_program_and_into_a_closed_pipe(tmp_path):
+def test_the_module_runs_as_a_program_even_with_a_closed_pipe(tmp_path):
     program, file = [sys.executable, "-m", "shipnet"], tmp_path / "all.csv"
     assert subprocess.check_output([*program, "--version"], text=True).startswith("shipnet 0.")
     reader = subprocess.Popen(
@@ -380,5 +380,5 @@ def test_module_runs_as_a_program_and_into_a_closed_pipe(tmp_path):
     assert reader.stderr.read() == b""
     reader.stderr.close()
     assert reader.wait() == 0
-    # The file is written even if nobody reads on.
+    # The file is written even if the output is no longer read.
     assert len(file.read_text(encoding="utf-8").splitlines()) > len(ledger("lee2012"))

@@ -1,11 +1,11 @@
-"""Poll a server with a client of another make: one line per poll, its values or its error.
+"""Poll a server with another maker's client, and print one line per poll: its values or its error.
 
     python ask.py CLIENT tcp PORT POLLS TIMEOUT
     python ask.py CLIENT rtu DEVICE POLLS TIMEOUT
 
-Poll k reads two holding registers of unit 1 from address 2 k on. A client keeps its own defaults,
-but for the time-out and the bit rate, and goes on after an error as it is. `ask.c`, `ask.js` and
-`ask.go` do the same.
+Poll k reads two holding registers of unit 1, starting at address 2 k. A client keeps its own
+defaults, except for the time-out and the bit rate, and is not reset after an error. `ask.c`,
+`ask.js` and `ask.go` do the same.
 """
 
 import re
@@ -82,7 +82,7 @@ def modbus_tk(kind, place, timeout):
 
 
 def mbpoll(kind, place, timeout):
-    """Start the program anew for each poll: it asks for the same address until it ends."""
+    """Start the program anew for each poll, because it reads the same address until it ends."""
     import termios
 
     where = ["-p", place, "127.0.0.1"] if kind == "tcp" else ["-b", "19200", "-P", "none", place]
@@ -92,7 +92,7 @@ def mbpoll(kind, place, timeout):
         done = subprocess.run(
             [*words, "-o", f"{timeout:g}", *where], capture_output=True, text=True, check=False
         )
-        if kind == "rtu":  # a real port forgets what nobody reads before it is closed
+        if kind == "rtu":  # a real port discards unread bytes when it is closed
             with open(place, "rb", buffering=0) as port:
                 termios.tcflush(port, termios.TCIFLUSH)
         found = re.findall(r"^\[\d+\]:\s+(\d+)", done.stdout, re.MULTILINE)
@@ -108,7 +108,7 @@ def main(client, kind, place, polls, timeout):
     for k in range(int(polls)):
         try:
             print("ok", *ask(2 * k), flush=True)
-        except Exception as problem:  # each library has errors of its own
+        except Exception as problem:  # each library has its own exceptions
             print("error", type(problem).__name__, " ".join(str(problem).split()), flush=True)
 
 

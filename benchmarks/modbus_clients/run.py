@@ -1,10 +1,10 @@
-"""What Modbus clients of other makers believe when the wire has faults: data/modbus_clients.csv.
+"""How Modbus clients of other makers react to faults on the wire: data/modbus_clients.csv.
 
     make clients                      or  python benchmarks/modbus_clients/run.py [UV]
 
-Each client polls our server, on this machine only, while a quarter of its answers meets one fault.
-It asks for another address at each poll, so the answer to another request has wrong values. Clients
-are installed under build/clients; what the machine lacks is named, and its rows stay as they were.
+Each client polls our server on this machine, and a quarter of the answers have one kind of fault.
+Each poll reads another address, so the answer to another request has wrong values. Clients are
+installed under build/clients; one that cannot be installed is named, and its rows are kept.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ROOT = HERE.parents[1]
 TABLE = ROOT / "data" / "modbus_clients.csv"
 BUILD = ROOT / "build" / "clients"
 POLLS, TIMEOUT, SHARE, SEED = 40, 1.0, 0.25, 2024
-#: Times of faults in time-outs: a late answer comes in the middle of the next one.
+#: Durations of faults in time-outs: a late answer arrives half a time-out after the next poll.
 SECONDS = {"late": 1.5, "delay": 0.2, "gap": 0.2}
 COLUMNS = (
     "client", "version", "defaults", "transport", "fault", "timeout_s", "polls", "right", "error",
@@ -45,7 +45,7 @@ BOTH = ("tcp", "rtu")
 
 
 class Client(NamedTuple):
-    """A client: its transports, what its makers chose, its version, and how to start it."""
+    """A client: its transports, the defaults of its makers, its version, and how to start it."""
 
     name: str
     kinds: tuple[str, ...]
@@ -56,7 +56,7 @@ class Client(NamedTuple):
 
 
 def values(address: int) -> tuple[int, int]:
-    """Return what the two registers from an address on hold."""
+    """Return the values of the two registers that start at an address."""
     return 1000 + 7 * address, 1007 + 7 * address
 
 
@@ -68,7 +68,7 @@ def faults(kind: str) -> list[Name]:
 
 @contextmanager
 def serial_pair() -> Iterator[list[str]]:
-    """Yield the names of two pseudo-terminals whose bytes reach each other."""
+    """Yield the names of two pseudo-terminals that are connected to each other."""
     import tty
 
     with ExitStack() as stack:
@@ -97,7 +97,7 @@ def serial_pair() -> Iterator[list[str]]:
 def measure(
     client: Client, kind: str, fault: Name, polls: int = POLLS, timeout: float = TIMEOUT
 ) -> Counter[str]:
-    """Return how many polls of a client had which outcome."""
+    """Return the number of polls of a client with each outcome."""
     seconds = SECONDS[fault] * timeout if fault in SECONDS else None
     registers = [1000 + 7 * address for address in range(2 * polls + 2)]
     with ExitStack() as stack:
@@ -120,7 +120,7 @@ def measure(
 def _outcomes(
     words: list[str], variables: dict[str, str], polls: int, patience: float
 ) -> Counter[str]:
-    """Run a client and judge its lines; one that says nothing for so long hangs [s]."""
+    """Run a client and judge its lines; it hangs if it prints nothing for `patience` seconds."""
     found = Counter(dict.fromkeys(OUTCOMES, 0))
     with subprocess.Popen(
         words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
@@ -156,11 +156,11 @@ def _outcomes(
 
 
 class MissingError(Exception):
-    """What the machine lacks for a client."""
+    """Something that a client needs is missing on this machine."""
 
 
 def _run(*words: str | Path, **options: object) -> str:
-    """Run a program, and return what it prints."""
+    """Run a program and return what it prints."""
     try:
         done = subprocess.run(
             list(map(str, words)), check=True, text=True, stdout=subprocess.PIPE,
@@ -175,7 +175,7 @@ def _run(*words: str | Path, **options: object) -> str:
 
 
 def installed(name: str, kinds: tuple[str, ...], defaults: str) -> Client:
-    """Return a client that the environment of the tests has."""
+    """Return a client that is in the test environment."""
     command = [sys.executable, HERE / "ask.py", name]
     return Client(name, kinds, defaults, version(name), command, {})
 
@@ -217,7 +217,7 @@ def libmodbus(uv: str) -> Client:
 
 
 def mbpoll(uv: str) -> Client:
-    _run("mbpoll", "-V")  # which prints a wrong version
+    _run("mbpoll", "-V")  # fails if mbpoll is missing; the version that it prints is wrong
     release = _run("dpkg-query", "--show", "--showformat", "${Version}", "mbpoll").partition("+")[0]
     defaults = "time-out 1 s, no retries; started anew for each poll"
     return Client(
@@ -237,7 +237,7 @@ def go(uv: str) -> Client:
     return Client(name, BOTH, defaults, release, [folder / "ask"], {})
 
 
-#: Clients that the environment of the tests has, and those that are to be installed.
+#: Clients that are in the test environment, and those that must be installed.
 OWN = {
     "pymodbus": (BOTH, "time-out 3 s, 3 retries"),
     "minimalmodbus": (("rtu",), "time-out 0.05 s, no retries"),
@@ -257,7 +257,7 @@ OTHERS = {
 
 
 def verdict(found: Counter[str]) -> str:
-    """Return the worst outcome that came up."""
+    """Return the worst outcome found."""
     worst = {"wrong": "wrong value accepted", "hang": "hang", "error": "error"}
     return next((said for outcome, said in worst.items() if found[outcome]), "right value")
 
@@ -274,7 +274,7 @@ def rows(client: Client, kind: str, fault: Name) -> dict[str, object]:
 
 
 def main(uv: str = "uv") -> int:
-    """Measure every client that can be had, and write the table."""
+    """Measure every client that can be installed, and write the table."""
     clients, kept = [installed(name, *OWN[name]) for name in OWN], []
     for name, make in OTHERS.items():
         try:

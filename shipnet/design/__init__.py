@@ -1,4 +1,4 @@
-"""Design of a ship's cabling: an I/O list is planned in several ways, and the plans compared.
+"""Design of a ship's cabling: plan an I/O list in several ways, and compare the plans.
 
 review = design.read_iolist("list.xlsx").compare(cabinet=(26, 6, 14))
 print(review)

@@ -26,7 +26,7 @@ SPREAD = {"confirmed": 0.0, "estimate": 0.25, "derived": 0.5, "assumption": 0.5}
 #: The names of the three values of a range.
 LEVELS: tuple[Literal["low", "nominal", "high"], ...] = ("low", "nominal", "high")
 
-#: A value of a range: its name, or quantiles of the range's triangular distribution, (n_draws,).
+#: A level in a range: its name, or quantiles of the triangular distribution, shape (n_draws,).
 Level = Literal["low", "nominal", "high"] | Floats
 
 
@@ -39,7 +39,7 @@ class Range(NamedTuple):
 
     @classmethod
     def around(cls, nominal: float, status: str) -> Range:
-        """Return the range around a nominal value; `SPREAD` has its width for each status."""
+        """Return the range around a nominal value; `SPREAD` gives half its width for the status."""
         return cls(nominal * (1 - SPREAD[status]), nominal, nominal * (1 + SPREAD[status]))
 
 
@@ -126,7 +126,7 @@ def smallest(conductors: int, *, spare: float) -> Cable:
 
 @dataclass(frozen=True, slots=True)
 class Assumption:
-    """A price, an hour or a factor, with its unit, status and source."""
+    """A price, a number of hours or a factor, with its unit, status and source."""
 
     range: Range
     unit: str
@@ -167,7 +167,7 @@ class Assumptions(Mapping[str, Range]):
 
 
 def values_at(ranges: npt.ArrayLike, level: Level) -> Floats:
-    """Return the values of ranges (n, 3) at a level: (n,) by name, or (n_draws, n) by quantile."""
+    """Return values of ranges (n, 3) at a level, with shape (n,), or (n_draws, n) for quantiles."""
     rows = np.asarray(ranges, dtype=float).reshape(-1, 3)
     if isinstance(level, str):
         chosen: Floats = rows[:, LEVELS.index(level)]

@@ -61,7 +61,7 @@ _PLACED = re.compile(r"row (\d+)(?:, column (.*?))?(?::|(?= has)) ?(.*)", re.DOT
 
 
 def save_faults(path: str | None, file: str = "", faults: Sequence[str] = ()) -> None:
-    """Write the faults of a list as a CSV file with one row per fault."""
+    """Write the faults of a list to a CSV file with one row per fault."""
     if path is None:
         return
     with Path(path).open("w", newline="", encoding="utf-8-sig") as stream:
@@ -85,7 +85,7 @@ def _choices(texts: Sequence[str]) -> dict[str, str]:
 
 
 def _option(text: str, what: str) -> str:
-    """Return the name of an option that is given in upper or lower case."""
+    """Return the name of an option, which may be given in upper or lower case."""
     for name in OPTIONS:
         if name.casefold() == text.strip().casefold():
             return name

@@ -55,7 +55,7 @@ _ALIKE = 0.1
 #: Columns whose lowest value the conclusions state, with a label and a unit for each.
 _TOLD = (
     ("conductors_at_cabinet", "Fewest conductors at the cabinet", ""),
-    ("worst_response_ms", "Shortest response at worst", "ms"),
+    ("worst_response_ms", "Shortest worst response", "ms"),
     ("lost_by_failure", "Fewest points lost by one cable or device", ""),
 )
 
@@ -93,7 +93,7 @@ class Comparison:
     rules : RuleSet
         The rules against which the designs are checked.
     rng : numpy.random.Generator
-        Generator with which the assumptions are drawn from their ranges.
+        Generator that draws the assumptions from their ranges.
     remarks : tuple of str, optional
         Remarks from planning, such as the inferred position of the cabinet.
 
@@ -103,7 +103,7 @@ class Comparison:
     >>> points = IoList.parse("tag,signal,x,y,z\nLS-1,contact,3,2,3\nLS-2,contact,30,2,3")
     >>> found = points.compare((0, 0, 0), ["home runs", "AS-i", "CAN"])
     >>> found
-    <Comparison: cheapest that connects every point and violates no rule: home runs, 610 EUR>
+    <Comparison: cheapest design that connects every point and violates no rule: home runs, 610 EUR>
     >>> found.table()["conductors_at_cabinet"].to_dict()
     {'home runs': 4.0, 'AS-i': 2.0, 'CAN': 4.0}
     >>> more = found.add(found.plan("AS-i", settings={"asi.tree": False}, name="chain"))
@@ -180,7 +180,7 @@ class Comparison:
         return best
 
     def pareto(self, *columns: str) -> list[str]:
-        """Return the designs Pareto-optimal in some columns, by default those of `CRITERIA`."""
+        """Return the designs that are Pareto-optimal in some columns, by default in `CRITERIA`."""
         known = [check_choice("one of columns", column, self._table.columns) for column in columns]
         best = self._optimal(self._table, known or CRITERIA)
         return [str(name) for name in self._table.index[best]]
@@ -211,7 +211,7 @@ class Comparison:
         if self.best is None:
             return "every design that connects all points violates a rule"
         best, costs = self.best.name, table["total_cost_eur"]
-        said = "cheapest that connects every point and violates no rule: "
+        said = "cheapest design that connects every point and violates no rule: "
         said += f"{best}, {number(costs[best])} EUR"
         if costs.min() < costs[best]:
             least = str(costs.idxmin())
@@ -253,7 +253,7 @@ class Comparison:
         return pd.DataFrame(rows, columns=columns)
 
     def likely(self) -> pd.DataFrame:
-        """Return the median and the central 90 % interval of each design's figures over draws."""
+        """Return the median and the central 90 % interval of each figure of each design."""
         return self._likely.copy()
 
     @cached_property
@@ -315,7 +315,7 @@ class Comparison:
         for name, design in self.designs.items():
             if left := int(table["points_left_out"][name]):
                 said.append(
-                    f"{name} leaves {left} of {len(design.points)} points out{_why(design)}."
+                    f"{name} leaves out {left} of {len(design.points)} points{_why(design)}."
                 )
         said += _lengths(self.designs)
         said += _prices(self.quantities, self.designs)
@@ -337,7 +337,7 @@ class Comparison:
 
     @cached_property
     def _safe_points(self) -> list[str]:
-        """Sentences on the connection of intrinsically safe points, and the alternative's cost."""
+        """Sentences on how intrinsically safe points are connected, and the alternative's cost."""
         safe = (self.iolist.points["ex"] != "").to_numpy()
         buses = [name for name in OPTIONS[2:] if name in self.designs]
         said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
@@ -366,7 +366,7 @@ class Comparison:
 
     def __str__(self) -> str:
         changed = [
-            f"not the default: {row['name']} {shown(row['value'])} ({shown(row['default'])})"
+            f"changed: {row['name']} {shown(row['value'])} (default {shown(row['default'])})"
             + ("" if row["designs"] == "all" else f", {row['designs']}")
             for row in self.changes().to_dict("records")
         ]
@@ -429,7 +429,7 @@ def compare(
     rules : RuleSet, str or path, default "DNV"
         Rule set, name of a published rule set, or path of a file with rules.
     rng : numpy.random.Generator or int, default 2024
-        Generator, or its seed, with which the assumptions are drawn from their ranges.
+        Generator that draws the assumptions from their ranges, or its seed.
 
     Returns
     -------
@@ -439,7 +439,7 @@ def compare(
     Raises
     ------
     ArgumentError
-        If there is no design, a name occurs twice, or the designs differ in what they must share.
+        If there is no design, two have the same name, or they differ in a value that must be equal.
 
     Examples
     --------
@@ -461,7 +461,7 @@ def compared(
     named = {design.name: design for design in given}
     if not given or len(named) < len(given):
         said = ", ".join(repr(design.name) for design in given) or "none"
-        raise ArgumentError(f"designs are {said}; give one or more, each with a name of its own")
+        raise ArgumentError(f"designs are {said}; give one or more with different names")
     first = given[0]
     tags = first.points["tag"].tolist()
     for design in given[1:]:
@@ -476,7 +476,7 @@ def compared(
 
 
 def _differing(a: Design, b: Design) -> str:
-    """Return the name of the first item in which two designs may not differ but do, or ""."""
+    """Return the name of the first value that must be equal in two designs but is not, or ""."""
     if a.site.cabinet != b.site.cabinet:
         return "cabinet"
     for name in ("detour", "tails", "assumptions"):
@@ -502,7 +502,7 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
     if short := int((given < straight - ROUNDED).sum()):
         yield (
             f"{short} home run{'s' * (short > 1)} of the list {'are' if short > 1 else 'is'} "
-            "shorter than the straight distance to the cabinet, but kept."
+            "shorter than the straight distance to the cabinet; the list's length is used."
         )
     if np.abs(own - given).sum() > _ALIKE * given.sum():
         cabinet = ", ".join(f"{value:g}" for value in site.cabinet)
@@ -515,11 +515,11 @@ def _lengths(designs: Mapping[str, Design]) -> Iterator[str]:
 
 
 def _prices(quantities: Mapping[str, Quantities], designs: Mapping[str, Design]) -> Iterator[str]:
-    """Yield a sentence on the cost of the rules' response limits for each design they change."""
+    """Yield a sentence on the cost of the rules' response limits for each design affected."""
     for name, design in designs.items():
         if (loose := design.without_limits) is not None:
             more = quantities[name]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
-            yield f"Within the rules' limits on responses, {name} {_costs(more)} without them."
+            yield f"With the rules' response limits, {name} {_costs(more)} without them."
 
 
 def _costs(more: float) -> str:
@@ -530,7 +530,7 @@ def _costs(more: float) -> str:
 
 
 def _why(design: Design) -> str:
-    """Return, as text, the first reason for each limit that a design exceeds."""
+    """Return the first reason for each limit that a design exceeds, as text."""
     counts = design.reasons["limit"].value_counts()
     first = design.reasons.drop_duplicates("limit")
     said = [

@@ -24,7 +24,7 @@ from shipnet.lazy import Axes, pd
 
 
 def number(value: float) -> str:
-    """Return a number as text; one that is not whole has three significant digits."""
+    """Return a number as text, with three significant digits if it is not whole."""
     if isnan(value):
         return "-"
     if isinf(value):
@@ -386,7 +386,7 @@ def draw(designs: Mapping[str, Layout], *, rng: Rng, draws: int = 10_000) -> pd.
     models = {name: Model(design) for name, design in designs.items()}
     rng = check_rng(rng)
     n = check_whole("draws", draws, 1, 1_000_000)
-    # All assumptions are drawn, in use or not, so that another option does not change the draws.
+    # All assumptions are drawn, in use or not, so that adding an option does not change the draws.
     names = [*CABLE_RANGES, *next(iter(models.values())).assumptions]
     levels = dict(zip(names, rng.random((len(names), n)), strict=True))
     columns: dict[tuple[str, str], Floats] = {}
@@ -409,7 +409,7 @@ def likely(sample: pd.DataFrame) -> pd.DataFrame:
 @checked
 @dataclass(frozen=True, eq=False)
 class Tornado:
-    """Effect of each assumption on a figure: the figure with only this one low, and only it high.
+    """Effect of each assumption on a figure, at its low and high value with all others nominal.
 
     `Comparison.tornado` returns a tornado.
 

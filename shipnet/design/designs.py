@@ -45,7 +45,7 @@ class Design(Layout):
         response_ms, fits. A point that is left out has no bus, and a row in `reasons`.
     devices : pandas.DataFrame
         One row per cabinet, box, module, station, master, repeater or supply: device, kind,
-        segment, x_m, y_m, z_m, and at, the device whose housing contains it.
+        segment, x_m, y_m, z_m, and at (the device whose housing contains it).
     cables : pandas.DataFrame
         One row per cable: run (its name), cable (its type in the catalogue), a and b (its ends),
         segment, kind, route_m, length_m, used, conductors, at_cabinet and line.
@@ -90,7 +90,7 @@ class Design(Layout):
     def check(
         self, rules: RuleSet | str | PathLike[str] = "DNV", *, host_time: float | None = None
     ) -> Findings:
-        """Check the design against class rules; a given host time [s] overrides the settings."""
+        """Check the design against class rules; `host_time` [s] overrides the setting if given."""
         return check(self, self._failures, rules, host_time=host_time)
 
     def failures(self) -> pd.DataFrame:

@@ -28,13 +28,13 @@ from shipnet.signals import SIGNALS
 
 # Clusters of places: within reach, of equal size, or within limits -----------------------------
 
-#: Maximum places clustered at once: the tree of all distances between more needs too much memory.
+#: Maximum number of places clustered at once; the distances between more need too much memory.
 _MOST = 3000
 
-#: Maximum items divided into equal groups at once; for more this takes too long.
+#: Maximum number of items divided into equal groups at once; more would take too long.
 _MANY = 1000
 
-#: Maximum iterations that move the centres; the assignments converge within a few.
+#: Maximum number of times that the centres are moved; the assignments soon converge.
 _ROUNDS = 20
 
 Item = TypeVar("Item")
@@ -42,7 +42,7 @@ Result = TypeVar("Result")
 
 
 def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
-    """Return the cluster of each place (n, 3): at most `most` places, no two over `reach` apart."""
+    """Return the cluster of each place (n, 3): at most `most` places, all within `reach`."""
     return _zones(np.asarray(xyz, float).tobytes(), reach, most).copy()
 
 
@@ -91,7 +91,7 @@ def balanced(
 
 
 def medians(xyz: Floats, labels: Indices) -> tuple[Indices, Floats]:
-    """Return the labels in use, and the median position for each label, (n, 3)."""
+    """Return the labels in use, and the median position of each label, shape (n, 3)."""
     used, count = np.unique(labels, return_counts=True)
     end = np.cumsum(count)
     low, high = end - count + (count - 1) // 2, end - count + count // 2
@@ -108,7 +108,7 @@ def divided(
     judge: Callable[[Sequence[Item]], tuple[Result, float]],
     halve: Callable[[Item], Sequence[Item]] | None = None,
 ) -> list[tuple[list[Item], Result]]:
-    """Divide items into groups until each group meets its limits or cannot be divided."""
+    """Divide items into groups until each meets its limits or cannot be divided further."""
     waiting = [list(items)] if len(items) else []
     done = []
     while waiting:
@@ -135,7 +135,7 @@ def _apart(xyz: Floats, parts: float) -> Indices:
     if parts < inf:
         return balanced(xyz, min(ceil(parts), len(xyz)))
     labels = fcluster(linkage(xyz, "complete", "cityblock"), 2, "maxclust").astype(np.intp)
-    # If all items are in one place, they are put into two groups in turn.
+    # If all items are in one place, they are put into two groups alternately.
     return labels if len(np.unique(labels)) > 1 else np.arange(len(xyz)) % 2
 
 
@@ -178,7 +178,7 @@ def tree(away: Floats) -> list[tuple[int, int]]:
 
 
 def chain(away: Floats) -> list[int]:
-    """Return the devices in an order that makes a trunk from each device to the next short."""
+    """Return an order of the devices in which a trunk past all of them is short."""
     n = len(away)
     if n < 3:
         return list(range(n))
@@ -219,7 +219,7 @@ Place = tuple[float, float, float]
 
 
 class Laid(NamedTuple):
-    """The ends of a cable, and its given length or its fraction of the route between them."""
+    """The ends of a cable, and either its length or its fraction of the route between them."""
 
     start: Place
     end: Place
@@ -348,7 +348,7 @@ class Draft:
         )  # fmt: skip
 
     def too_slow(self, row: int, least: float, words: str) -> None:
-        """Record that a point needs faster updates than the shortest time possible, `least` [s]."""
+        """Record that a point needs an update before `least` [s], the shortest possible time."""
         tag, wanted = self.tags[row], 1e3 * float(self.need[row])
         text = f"{tag} needs an update every {wanted:g} ms; {words} {1e3 * least:.3g} ms"
         self.reason(tag, "update", 1e3 * least, wanted, "ms", text)
@@ -436,7 +436,7 @@ class Box(NamedTuple):
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
     def halved(self, need: Floats) -> list[Box]:
-        """Return two boxes here, one with the more urgent points; none for a single point."""
+        """Return two boxes at this place, one with the more urgent points; none for one point."""
         if len(self.rows) < 2:
             return []
         order = np.argsort(need[self.rows], kind="stable")
@@ -476,7 +476,7 @@ def without_place(draft: Draft, rows: Indices) -> None:
     """Record that the positions of points are unknown."""
     for row in rows:
         tag = draft.tags[row]
-        text = f"the list gives no position for {tag}, so nothing can be put near it"
+        text = f"the list gives no position for {tag}, so no device can be placed near it"
         draft.reason(tag, "place", np.nan, np.nan, "m", text)
 
 

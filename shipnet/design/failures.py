@@ -56,7 +56,7 @@ class Reach:
 
     @cached_property
     def shorts(self) -> list[tuple[list[int], list[int]]]:
-        """Runs that form one pair of a bus or supply, and the masters that its short disables."""
+        """Runs that form one pair of a bus or supply, and the masters that a short disables."""
         runs, segments = self.design.cables, self.design.segments
         buses = segments.loc[segments["bus"] != "hardwired", "segment"]
         trunk = (runs["segment"].isin(buses) & (runs["kind"] == "trunk")).to_numpy()
@@ -69,7 +69,7 @@ class Reach:
         return found
 
     def _together(self, number: Integers, pair_ends: Sequence[str]) -> list[Integers]:
-        """Group the runs of a segment and line that devices outside `pair_ends` connect."""
+        """Group the runs of each segment and line that devices outside `pair_ends` connect."""
         lines = self.design.cables.iloc[number].groupby(["segment", "line"], sort=False).ngroup()
         order = np.argsort(lines.to_numpy(), kind="stable")
         number, line = number[order], lines.to_numpy()[order]
@@ -167,7 +167,7 @@ class Reach:
 
     @cached_property
     def _wires(self) -> tuple[Integers, Integers, Integers]:
-        """Point, device and run of each connection of a point; run -1 means without a cable."""
+        """Point, device and run of each connection of a point; run -1 means no cable."""
         points, runs = self.design.points, self.design.cables
         row = {tag: n for n, tag in enumerate(points["tag"])}
         own = np.flatnonzero(self.at_point)
@@ -350,7 +350,7 @@ class Reach:
         return np.asarray(reached[:, :count] | reached[:, count:])
 
     def _feeding(self, cut: Bools, dead: Bools) -> Bools:
-        """Return True for devices that work and, if a feeder brings their mains, have mains."""
+        """Return True for devices that work and whose mains feeder, if any, is not cut."""
         fed, mains = self._mains
         feeding = ~dead
         row, place = np.nonzero(cut[:, mains])
@@ -438,7 +438,7 @@ def lost(
 
 
 def worst(failures: pd.DataFrame) -> pd.DataFrame:
-    """Return the failure of each kind that loses the most points, the cabinet's excepted."""
+    """Return the failure of each kind that loses the most points, except the cabinet's."""
     rest = failures[failures["kind"] != "cabinet"]
     ranked = rest.sort_values("points_lost", ascending=False, kind="stable")
     return ranked.drop_duplicates("failure").reset_index(drop=True)

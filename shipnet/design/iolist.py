@@ -144,7 +144,7 @@ class IoList(PointTable):
     ) -> pd.DataFrame:
         """Compare the options at every point of a grid of settings.
 
-        `grid` maps names of settings to lists of values, or is a list of points. The table has
+        `grid` maps names of settings to lists of values, or is a list of grid points. The table has
         one row per point and option, with the columns of `Comparison.table`. Long studies run on
         all cores; `client`, `folder` and `progress` are as in `shipnet.compute`.
         """
@@ -212,7 +212,7 @@ def read_iolist(
 ) -> IoList:
     """Read a yard's I/O list from a CSV file or an Excel workbook.
 
-    The titles are one or two of the first 50 rows, and include ``tag``, and ``signal`` or
+    The titles are in one or two of the first 50 rows. They include ``tag``, and ``signal`` or
     ``type``. A title or a cell may include a unit, such as ``x [mm]`` or ``24,8 m``. Repeated
     titles, subtitles, page headers, notes, and rows that are struck out or marked as deleted or
     spare are left out. `IoList.reading` reports how the file was read.

@@ -138,7 +138,7 @@ def _extended(profile: str) -> bool:
 
 
 def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> Indices:
-    """Return how many points of its kind each point's module may have; 0 if one is too slow."""
+    """Return how many points of its kind a point's module may have; 0 if even one is too slow."""
     limits, need = draft.settings.asi, draft.need[rows]
     channels, least = np.zeros(len(rows), dtype=np.intp), np.empty(len(rows))
     for output, kind, most in ((False, "DI", limits.inputs), (True, "DO", limits.outputs)):
@@ -151,7 +151,7 @@ def _channels(draft: Draft, rows: Indices, kinds: npt.NDArray[np.object_]) -> In
         least[analogue] = late
         channels[analogue & (need >= late) & (channels == 0)] = number
     for place in np.flatnonzero(channels == 0):
-        words = "on an AS-i module of its own, its response takes"
+        words = "even on an AS-i module of its own, its response takes"
         draft.too_slow(rows[place], float(least[place]), words)
     return channels
 
@@ -220,7 +220,7 @@ class Drawn(NamedTuple):
 
 @dataclass
 class _Segment:
-    """A segment being drawn: number of repeaters before it, and length of cable in it [m]."""
+    """A segment under construction: number of repeaters before it, and length of its cable [m]."""
 
     depth: int
     used: float = 0.0

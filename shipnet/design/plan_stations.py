@@ -106,14 +106,14 @@ def plan_can(draft: Draft, rows: Indices) -> None:
     limits = draft.settings.can
     slowest = min(limits.bit_rates)
     longest = min(max(map(longest_bus, limits.bit_rates)), cables()[limits.cable].longest_m)
-    most = f"a CAN segment has at most {longest:.0f} m at {slowest / 1e3:g} kbit/s"
+    most = f"a CAN segment may have at most {longest:.0f} m at {slowest / 1e3:g} kbit/s"
 
     def alone(box: Box, length: float) -> tuple[Floats, str]:
         rate = bit_rate_for(length, limits.bit_rates) or slowest
         size = np.array([2 if draft.types[row][0] == "A" else 1 for row in box.rows])
         # The frame must meet its deadline, and must not exceed the load limit.
         share = min(1 - limits.period_share, limits.period_share * limits.load)
-        words = f"alone on CAN at {rate / 1e3:g} kbit/s, it has one every"
+        words = f"even on its own CAN line at {rate / 1e3:g} kbit/s, it gets one every"
         return frame_length(size) / rate / share, words
 
     def judge(group: Sequence[Box]) -> tuple[_Segment | None, float]:
@@ -224,11 +224,11 @@ def plan_modbus(draft: Draft, rows: Indices) -> None:
         least = {
             kind: 2 * _polls(limits, registers_of([kind]), rate)[0].time for kind in set(types)
         }
-        words = f"alone on Modbus RTU at {rate} bit/s, its response takes"
+        words = f"even on its own Modbus RTU line at {rate} bit/s, its response takes"
         return np.array([least[kind] for kind in types]), words
 
     longest = _longest_section(limits, min(limits.bit_rates))
-    most_m = f"a Modbus section has at most {longest:.0f} m"
+    most_m = f"a Modbus section may have at most {longest:.0f} m"
     stations = _served(draft, rows, longest, most_m, alone)
     # The master is one unit load, and a repeater is one unit load on each side.
     most = min(limits.units, (1 + limits.repeaters) * (limits.unit_loads - 2) + 1)

@@ -24,7 +24,7 @@ from shipnet.signals import Saving as Saving
 #: Cable to a contact, one pair of 0.75 mm2, and shipboard cable for AS-i.
 _PAIR, _ASI = "MI1P075", "ASI_MARINE"
 
-#: Longest line without a repeater [m]; each repeater adds as much (kim2023, section 3.3).
+#: Longest line without a repeater [m]; each repeater adds the same length (kim2023, section 3.3).
 _SEGMENT = 100.0
 
 #: The cabinet, from which distances are measured.

@@ -94,7 +94,7 @@ class Cells:
         self._fill_down("system")
 
     def _second_line(self, below: Sequence[str]) -> list[str] | None:
-        """Return the titles joined with those in the row `below`, or None if it is not titles."""
+        """Return the titles joined with those in the row `below`, or None if it has no titles."""
         titles, above, understood = [], "", 0
         for title, cell in zip_longest(self.titles, below, fillvalue=""):
             above = title or above
@@ -136,7 +136,7 @@ class Cells:
             missing = [name for name in group if name not in self.places]
             if 0 < len(missing) < 3:
                 wanted = ", ".join(group)
-                faults.append(f"no column {' and no '.join(missing)}; expected {wanted} or none")
+                faults.append(f"no column {' and no '.join(missing)}; expected {wanted}, or none")
         if "tag" not in self.places:
             faults.append("no column tag")
         if "signal" not in self.places and "type" not in self.places:
@@ -308,7 +308,7 @@ def clean(cell: str) -> str:
 
 def _cleaned(cells: Sequence[str]) -> list[str]:
     """Return the cleaned cells of a column."""
-    # If no cell needs cleaning, one test of all suffices; cells are already stripped.
+    # If no cell needs cleaning, one test of all cells suffices; they are already stripped.
     text = "|".join(cells)
     if text.isprintable() and "  " not in text and "'" not in text:
         return list(cells)
@@ -375,7 +375,7 @@ def _place_by_frames(cells: Cells, numbers: dict[str, Floats]) -> None:
 
 
 def _check_partly(cells: Cells, names: Sequence[str]) -> Bools:
-    """Check that each point has all coordinates or none, and return a mask of those it has."""
+    """Check that each point has all coordinates or none, and return a mask of the given ones."""
     have = np.column_stack([cells.given(name) for name in names])
     for row in np.flatnonzero(have.any(axis=1) & ~have.all(axis=1)).tolist():
         missing = [name for name, one in zip(names, have[row], strict=True) if not one]
@@ -400,7 +400,7 @@ def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, Floats])
     stray = whole & (same >= 0) & (places != places[same]).any(axis=1)
     for row in np.flatnonzero(stray).tolist():
         where = ", ".join(f"{value:g}" for value in places[same[row]])
-        other = f"box {boxes[row]!r} has another position in row {cells.rows[same[row]]}"
+        other = f"box {boxes[row]!r} has a different position in row {cells.rows[same[row]]}"
         said = f", column {cells.title(_BOX[0])}: {other}; expected {where} m"
         cells.fault(row, _BOX[0], said)
     fill = (same >= 0) & ~have.any(axis=1)
@@ -409,7 +409,7 @@ def _check_boxes(cells: Cells, boxes: Sequence[str], numbers: dict[str, Floats])
     away = [numbers[own] - numbers[box] for own, box in zip(_POSITION, _BOX, strict=True)]
     straight = np.sqrt(np.square(away).sum(axis=0))
     short = numbers["to_box_m"] < straight - ROUNDED
-    cells.doubt("the cable to the box is shorter than the straight distance, but kept", short)
+    cells.doubt("the length to the box is used, but is shorter than the straight distance", short)
 
 
 # The points, or all faults of the rows ------------------------------------------------------------

@@ -108,7 +108,7 @@ def picture(svg: str, words: str) -> str:
 _FAILURES_SHOWN, _POINTS_SHOWN, _REASONS_SHOWN = 4, 100, 50
 
 #: Note on where the omitted rows are.
-_FILES = "The tables that `--tables FOLDER` writes have"
+_FILES = "The tables written by `--tables FOLDER` contain"
 
 _FAILURE_WORDS = {
     "cut": "one cable cut",
@@ -253,12 +253,12 @@ def _points(designs: Mapping[str, Design]) -> str:
 _BANNER_MORE = (
     "Computed from an I/O list under the assumptions listed below. Prices, masses and hours are "
     "estimates until replaced by a supplier's. A rule is judged only if its text, or a maker's "
-    "document with its limit, was read. No class society has reviewed this report."
+    "document with its limit, was read. No classification society has reviewed this report."
 )
 
 
 def report_html(found: Any, title: str, date: str) -> str:
-    """Return the report of `found`, a `Comparison`, whose module imports this one."""
+    """Return the report of `found`, a `Comparison` (its module imports this one)."""
     designs, takes, likely = found.designs, found.quantities, found.likely()
     annexes = [
         _what(found),
@@ -331,8 +331,8 @@ def _what(found: Any) -> str:
         f"I/O list: {iolist}, in {in_systems}.",
         *(f"{said[:1].upper()}{said[1:]}." for said in found.remarks),
         where,
-        f"The host adds {found.settings.host_time:g} s to a response if the rule includes it"
-        f"{_assumed(changes, 'host_time')}.",
+        f"The time in the host, {found.settings.host_time:g} s{_assumed(changes, 'host_time')}, is "
+        "added to a response if the rule includes it.",
     ]
     read = [
         [f"{note.what[:1].upper()}{note.what[1:]}", str(len(note.rows) or ""),
@@ -351,7 +351,7 @@ def _assumed(changes: pd.DataFrame, *names: str) -> str:
     """Return a note that values are assumed if they are defaults, otherwise ""."""
     if not {*names}.isdisjoint(changes["name"]):
         return ""
-    return ", both assumed" if len(names) > 1 else ", assumed"
+    return " (both assumed)" if len(names) > 1 else " (assumed)"
 
 
 def _changes(changes: pd.DataFrame) -> str:
@@ -390,7 +390,7 @@ def _pictures(found: Any, likely: pd.DataFrame) -> str:
         picture(ranges("conductors_at_cabinet"), "Conductors in use that enter the cabinet."),
         picture(
             svg(lambda ax: plot_pareto(dots, best, ax=ax)),
-            "Points lost by the worst failure over cost; filled dots: Pareto-optimal designs.",
+            "Points lost by the worst failure against cost; filled dots: Pareto-optimal designs.",
         ),
     ]
     if best:

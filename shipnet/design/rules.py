@@ -148,7 +148,7 @@ def _unconnected(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     out = facts.design.points["tag"][concerned & facts.left_out]
     if out.empty:
         return Outcome(0)
-    return Outcome(len(out), str(out.iloc[0]), "see the reasons of the plan")
+    return Outcome(len(out), str(out.iloc[0]), "see the plan's table of reasons")
 
 
 def _lost(failures: tuple[str, ...], kinds: tuple[str, ...] | None, none: str) -> _Compute:
@@ -368,7 +368,7 @@ _LOST_BY_A_SUPPLY = _lost(("device",), ("supply", "auxiliary supply"), "no suppl
 
 #: The measures, by their names in rules.
 MEASURES: Mapping[str, Measure] = {
-    "response": Measure("s", "longest time from a change to the host, and in the host", _response),
+    "response": Measure("s", "longest response, plus the host time if required", _response),
     "late points": Measure("points", "points slower than the list requires", _late),
     LEFT_OUT: Measure("points", "points that fit nowhere", _unconnected),
     "points lost by a cable": Measure(
@@ -400,7 +400,7 @@ MEASURES: Mapping[str, Measure] = {
         _fed(lambda t: 100 * (1 - t["lowest_v"] / t["source_v"])),
     ),
     "voltage with a short": Measure(
-        "%", "the same with the cable of the worst point shorted",
+        "%", "largest voltage drop, as above, while the worst point's cable is shorted",
         _fed(lambda t: 100 * (1 - t["shorted_v"] / t["source_v"])),
     ),
     "voltage drop": Measure(
@@ -408,7 +408,7 @@ MEASURES: Mapping[str, Measure] = {
         _fed(lambda t: t["source_v"] - t["voltage_v"]),
     ),
     "voltage above nominal": Measure(
-        "%", "excess over 24 V of a supply of stations or outputs", _supply_voltage
+        "%", "largest excess over 24 V of a supply of stations or outputs", _supply_voltage
     ),
     "supply load": Measure(
         "%", "largest current of a supply, as a percentage of its rating", _supply_load
@@ -420,7 +420,7 @@ MEASURES: Mapping[str, Measure] = {
     "spur current": Measure("A", "largest current of a point on a link", _spur_current),
     "spur length": Measure("m", "longest cable of a point on a link", _runs("drop", total=False)),
     "spurs in all": Measure(
-        "m", "total cable of all points on a segment", _runs("drop", total=True)
+        "m", "total length of all points' cables on a segment", _runs("drop", total=True)
     ),
     "trunk length": Measure("m", "longest trunk of a segment", _runs("trunk", total=True)),
     "trunk resistance": Measure(
@@ -430,14 +430,14 @@ MEASURES: Mapping[str, Measure] = {
         "%", "resistance of a CAN trunk's conductor, as a percentage of the value for its length",
         _resistance_by_length,
     ),
-    "devices of a segment": Measure("devices", "most devices, master included", _nodes),
+    "devices of a segment": Measure("devices", "largest number, including the master", _nodes),
     "load units": Measure("units", "units of 50 mA that one supply feeds", _units),
     "load units of a device": Measure(
         "units", "units of 50 mA that one device draws",
         _fed(lambda t: np.ceil(t["load_a"] / LOAD_UNIT - 1e-9)),
     ),
     "terminators": Measure(
-        "terminators", "terminators too many or too few, at two per trunk", _terminators
+        "terminators", "terminators missing or in excess of two per trunk", _terminators
     ),
     "repeats": Measure("repeats", "how often a lost message is repeated", _repeats),
 }  # fmt: skip
@@ -445,7 +445,7 @@ MEASURES: Mapping[str, Measure] = {
 
 # Class rules as data ----------------------------------------------------------------------------
 
-#: Rule sets of `data/design_rules.csv`; a class society's rules apply together with those of IMO.
+#: Rule sets of `data/design_rules.csv`; a society's rules apply together with the IMO's.
 RULE_SETS = ("DNV", "BV", "IMO", "lee2012", "supply", "NMEA 2000")
 _WITH_IMO = ("DNV", "BV")
 
@@ -487,8 +487,8 @@ class Rule:
     edition: str = text("Edition of the document", default="")
     source: str = text("The document", default="", most=1000)
     confirmed: str = choice(
-        ("no", "maker", "yes"), "Whether the rule's text was read; maker: only a maker's document "
-        "with the limit was. If no, the rule is never met", default="no",
+        ("no", "maker", "yes"), "yes: the rule's text was read; maker: only a maker's document; "
+        "no: neither was read, so the rule is never met", default="no",
     )  # fmt: skip
     note: str = text("Why no plan can show compliance", default="", most=1000)
     rule_set: str = text("Rule set of the rule", default="own")
@@ -542,7 +542,7 @@ class RuleSet:
 
     @classmethod
     def published(cls, rules: str = "DNV") -> RuleSet:
-        """Return a published rule set, such as that of a class society or of IMO, by its name."""
+        """Return a published rule set, such as that of DNV or IMO, by its name."""
         if rules not in RULE_SETS:
             raise ArgumentError(
                 f"rules is {rules!r}; it must be one of {', '.join(RULE_SETS)}, or a file"

@@ -125,7 +125,7 @@ class AsiLimits:
     reach: float = number(
         0, 1000, "m", "Largest distance between two points on a module; assumed", default=10.0
     )
-    length: float = number(1, 10e3, "m", "Cable per segment, including all branches", default=100.0)
+    length: float = number(1, 10e3, "m", "Cable per segment, including branches", default=100.0)
     repeaters: int = whole(0, 9, help="Repeaters between the master and a module", default=2)
     tree: bool = switch("Whether the cable branches; otherwise it is a daisy chain", default=True)
     cable: str = _cable(
@@ -144,7 +144,7 @@ class AsiLimits:
     conversion: float = number(
         0, 10, "s", "Conversion time of an analogue value; makers state 20 to 60 ms", default=0.06
     )
-    repetitions: int = whole(0, 1000, help="Repeated telegrams that delay a response", default=1)
+    repetitions: int = whole(0, 1000, help="Repeated telegrams in the worst response", default=1)
 
 
 @record(slots=True)
@@ -155,7 +155,7 @@ class CanLimits:
         "Bit rates to choose from; a segment uses the highest that its length allows",
         (50_000, 125_000, 250_000, 500_000),
     )
-    nodes: int = whole(2, 128, help="Nodes per segment, with the host: NMEA 2000", default=50)
+    nodes: int = whole(2, 128, help="Nodes per segment, including the host: NMEA 2000", default=50)
     load: float = number(
         0.001, 1, "", "Highest bus load; assumed, to leave room for errors", default=0.5
     )
@@ -183,8 +183,8 @@ class ModbusLimits:
         (9600, 19_200, 38_400, 57_600),
     )
     length: float = number(
-        1, 10e3, "m", "Cable between the ends or repeaters: EIA-485, 4000 ft up to 100 kbit/s, in "
-        "inverse proportion above", default=_RS485.length,
+        1, 10e3, "m", "Maximum cable between the ends or repeaters: EIA-485, 4000 ft up to 100 "
+        "kbit/s, inversely proportional to the bit rate above", default=_RS485.length,
     )  # fmt: skip
     unit_loads: int = whole(
         2, 256, help="Devices between the ends or repeaters, including the master: EIA-485",
@@ -225,7 +225,7 @@ class SupplyLimits:
     )
     loop: float = number(
         0, 1, "A", "Current of a 4-20 mA loop or output, also added per analogue channel of an "
-        "AS-i module; its upper limit, assumed", default=0.022,
+        "AS-i module; assumed at its upper limit", default=0.022,
     )  # fmt: skip
     solenoid: float = number(0, 10, "A", "Current of a coil: 6 W at 24 V, assumed", default=0.25)
     simultaneity: float = number(0, 1, "", "Fraction of coils that are on at once", default=0.6)
@@ -260,7 +260,7 @@ class _Plain:
     )  # fmt: skip
     fed: bool = switch(
         "Whether cables from the cabinet feed stations and supplies in the field; otherwise "
-        "boards beside them do, and are not counted", default=True,
+        "local distribution boards do, which are not counted", default=True,
     )  # fmt: skip
     feeder: str = _cable("hardwired", "Thinnest feeder cable, a key of the catalogue", "MI1P150")
     field_barriers: bool = switch(
@@ -268,7 +268,7 @@ class _Plain:
         "they have home runs to barriers in the cabinet", default=False,
     )  # fmt: skip
     list_lengths: bool = switch(
-        "Whether cables have the lengths in the list; otherwise lengths come from positions",
+        "Whether cables have the lengths in the list; otherwise they are computed from positions",
         default=True,
     )  # fmt: skip
 
@@ -289,7 +289,7 @@ _HEAD = """\
 _EXAMPLES: Mapping[str, str] = {
     "columns": '# Titles of the list and their columns:\n# [columns]\n# "KKS code" = "tag"',
     "signals": '# Words for signals and their meanings:\n# [signals]\n# "TIT" = "rtd_3wire"',
-    "frames": "# Frames and their x in m, with interpolation:\n# [frames]\n# 0 = 0.0\n# 30 = 18.0",
+    "frames": "# Frames and their x in m (interpolated):\n# [frames]\n# 0 = 0.0\n# 30 = 18.0",
     "decks": "# Decks and their z in m:\n# [decks]\n# DK3 = 8.0",
 }
 
@@ -345,11 +345,11 @@ class Settings(_Plain):
     >>> settings["asi.length"], settings["assumptions.gland"].nominal
     (200.0, 6)
     >>> print(settings)
-    not the defaults: detour 1.3 (1.15), asi.length 200.0 (100.0), assumptions.gland [6, 6, 6] (...)
+    changed: detour 1.3 (default 1.15), asi.length 200.0 (default 100.0), assumptions.gland ...
     >>> Settings({"asi.lenght": 90, "spare": 99})
     Traceback (most recent call last):
         ...
-    shipnet.errors.ArgumentError: there is no 'asi.lenght'; the nearest is asi.length; spare is ...
+    shipnet.errors.ArgumentError: there is no setting 'asi.lenght'; the nearest is asi.length; ...
     """
 
     boxes: BoxLimits = field(default_factory=BoxLimits)
@@ -441,8 +441,8 @@ class Settings(_Plain):
         return [name for name in names() if self[name] != _default()[name]]
 
     def __str__(self) -> str:
-        said = [f"{name} {shown(self[name])} ({shown(_default()[name])})" for name in self._changed]
-        return f"not the defaults: {', '.join(said)}" if said else "all defaults"
+        said = [f"{n} {shown(self[n])} (default {shown(_default()[n])})" for n in self._changed]
+        return f"changed: {', '.join(said)}" if said else "all defaults"
 
     def __repr__(self) -> str:
         return f"<Settings: {self}>"
@@ -529,10 +529,10 @@ def kind_of(name: str) -> Kind:
     elsewhere = [other for other in names() if other.rpartition(".")[2] == own]
     hint = "see shipnet design --show-settings"
     if elsewhere:
-        hint = f"there is {' and '.join(elsewhere)}"
+        hint = f"use {' or '.join(elsewhere)}"
     elif near:
         hint = f"the nearest is {beside[near[0]]}"
-    raise ArgumentError(f"there is no {_brief(name)}; {hint}")
+    raise ArgumentError(f"there is no setting {_brief(name)}; {hint}")
 
 
 def legal(name: str) -> str:

@@ -75,7 +75,7 @@ class Forest:
         """
         flow, drop = self.load.copy(), np.zeros(len(self.load))
         for level in reversed(self.levels):
-            np.add.at(flow, self.parent[level], flow[level])  # in fixed order: always the same bits
+            np.add.at(flow, self.parent[level], flow[level])  # in a fixed order
         along = flow + self.short if short else flow
         for level in self.levels:
             lost = self.metres[level] * self.ohms[level] * along[level]
@@ -105,7 +105,7 @@ class Forest:
 
 
 def _rooted(parent: Indices, nodes: Indices) -> tuple[Indices, tuple[Indices, ...]]:
-    """Return the root of each node, and those in `nodes` that are not roots, by level."""
+    """Return the root of each node, and the nodes in `nodes` that are not roots, by level."""
     root, depth, up = np.arange(len(parent)), np.zeros(len(parent), np.intp), parent.copy()
     while (up >= 0).any():
         root, depth = np.where(up >= 0, up, root), depth + (up >= 0)

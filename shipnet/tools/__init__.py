@@ -1,4 +1,4 @@
-"""Interactive tools: records whose fields are the controls of a page that shows an answer."""
+"""Interactive tools: each is a record whose fields are the controls of a page with the answer."""
 
 import lazy_loader
 

@@ -44,7 +44,7 @@ from shipnet.tools._view import (
 _FAULTS = 50
 
 #: Message shown if a file or a button changed nothing.
-_BEFORE = "The results above are still the previous ones."
+_BEFORE = "The results above have not changed."
 
 #: Maximum number of frames of a stepper.
 _MOST = 1000
@@ -390,7 +390,7 @@ def _control(kind: Kind, value: Any) -> widgets.Widget | None:
 
 @checked
 def draw_steps(draw: Draw, steps: Sequence[int], axes: Sequence[Axes]) -> None:
-    """Draw some frames side by side, as a static figure to precede a stepper.
+    """Draw some frames side by side, as a static figure to show before a stepper.
 
     Parameters
     ----------

@@ -113,8 +113,8 @@ class View:
 class Sheet:
     """Axes that are reused for each plot.
 
-    Ticks and layout take about half the time of a new figure. So the ticks are reused, and the
-    layout as well while the text around the axes stays the same.
+    Ticks and layout take about half the time of a new figure. So the ticks are reused, and so
+    is the layout while the text around the axes stays the same.
     """
 
     axes: Axes | None = None
@@ -191,7 +191,7 @@ class Upload:
 
 @dataclass(frozen=True)
 class Preset:
-    """Controls that set other controls; `make` returns new inputs from their record and the old."""
+    """Controls that set others; `make` returns new inputs from the controls' record and the old."""
 
     start: Any
     make: Callable[[Any, Any], Any]

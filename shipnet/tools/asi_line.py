@@ -59,7 +59,7 @@ class AsiLine(Tool):
     )  # fmt: skip
     place: float = number(
         0, 500, default=5.0, unit="m", slider=(0, 300), step=5, label="slave at",
-        help="Distance of the slave from master and supply, at most up to the end of the cable.",
+        help="Distance of the slave from master and supply; not beyond the end of the cable.",
     )  # fmt: skip
     cable: str = choice(
         list(CABLE_CHOICES), default=next(iter(CABLE_CHOICES)), label="cable",

@@ -30,7 +30,7 @@ class AsiNetwork(Tool):
     """
 
     slaves: int = whole(
-        1, 2 * ADDRESSES, default=31, label="slaves", help="More than 31 slaves share addresses."
+        1, 2 * ADDRESSES, default=31, label="slaves", help="Above 31, some slaves share an address."
     )
     pairs: int = whole(
         0, ADDRESSES, default=0, label="A/B pairs",
@@ -106,7 +106,7 @@ class AsiNetwork(Tool):
             "cycle": f"{1e3 * float(cycle.time):.2f} ms",
             "bus time": f"{cycle.bus_time:.1%}".replace("%", " %"),
             "capacity used": f"{cycle.addresses} of {ADDRESSES} addresses",
-            "each slave polled after": f"{1e3 * float(cycle.update_time()):.2f} ms",
+            "each slave polled every": f"{1e3 * float(cycle.update_time()):.2f} ms",
             "input known after": f"{1e3 * response.best:.2f} to {1e3 * response.worst:.2f} ms",
             "repetitions": f"{effect['repetitions_per_s']:.3g} per second",
             "slaves dropped": f"{effect['drops_per_h']:.3g} per hour, if failures are independent",

@@ -59,8 +59,8 @@ class CanLoad(Tool):
     )  # fmt: skip
     offsets: str = choice(
         ("not counted", "as listed", "spread"), default="not counted", label="offsets",
-        help="Whether messages of one sender share a clock, with the offsets of the list or with "
-        "offsets that keep them apart, on a grid of 1 ms. Only without errors.",
+        help="Fixed offsets between messages of one sender: not counted, as listed, or spread on "
+        "a grid of 1 ms to keep the messages apart. Only without errors.",
     )  # fmt: skip
 
     @cached_property

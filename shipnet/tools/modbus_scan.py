@@ -23,7 +23,7 @@ class ModbusScan(Tool):
     Raises
     ------
     ArgumentError
-        If a value is out of its range, or the timeout is shorter than a whole response.
+        If a value is out of its range, or the time-out is shorter than a whole response.
 
     Examples
     --------
@@ -50,10 +50,10 @@ class ModbusScan(Tool):
     )  # fmt: skip
     dead: int = whole(
         0, MAX_UNIT, default=0, at_most="slaves", label="dead slaves",
-        help="Slaves that do not answer: the master waits for the full timeout each time.",
+        help="Slaves that do not answer: the master waits for the full time-out each time.",
     )  # fmt: skip
     timeout_ms: float = number(
-        10, 5000, default=500.0, unit="ms", slider=(10, 3000), step=10, label="response timeout",
+        10, 5000, default=500.0, unit="ms", slider=(10, 3000), step=10, label="response time-out",
         help="How long the master waits for a response before it repeats the request or gives up.",
     )  # fmt: skip
     retries: int = whole(
@@ -83,7 +83,7 @@ class ModbusScan(Tool):
                 "one slave": f"{1e3 * poll.time:.1f} ms, of which {1e3 * poll.on_wire:.1f} ms "
                 f"bytes and {2e3 * poll.line.t35:.1f} ms silence",
                 "a dead slave costs": f"{1e3 * poll.timeout_time:.0f} ms",
-                "scan with all alive": f"{poll.scan_time(self.slaves):.3f} s",
+                "scan without dead slaves": f"{poll.scan_time(self.slaves):.3f} s",
                 "scan": f"{found.time:.3f} s",
                 "bus time": f"{used.bus_time:.1%}".replace("%", " %"),
                 "capacity used": f"{used.capacity_used:.1%}".replace("%", " %"),

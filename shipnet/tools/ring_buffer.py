@@ -126,7 +126,7 @@ class ReceiveRing(Tool):
 
         buttons = [
             *map(does, ACTIONS),
-            Button("one back", "Takes back the last action.", back),
+            Button("undo", "Undoes the last action.", back),
             Button("start again", "Empties the ring.", restart),
         ]
         return {"buttons": buttons}
@@ -191,7 +191,7 @@ class Game:
             if self._extract().action in ("wait", "stop"):
                 self.said = f"{taken} steps, then: {self.said}"
                 return
-        self.said = f"stopped after {2 * self.ring.size} steps: it would never end"
+        self.said = f"stopped after {2 * self.ring.size} steps, because it would never end"
 
     def _repair(self) -> None:
         trial = self.ring.copy().extract()

@@ -62,7 +62,7 @@ _MIND = (
     "nominal, with a range from all assumptions low to all high."
 )
 
-#: Mixes of options: the options of some types or categories, and the option of all other points.
+#: Mixes of options: options for some types or categories, and the option for all other points.
 MIXES: Mapping[str, tuple[Mapping[str, str], str]] = MappingProxyType(
     {
         "digital AS-i + analogue CAN": ({"DI": "AS-i", "DO": "AS-i"}, "CAN"),
@@ -159,12 +159,12 @@ class ShipDesign(Tool):
         {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
         default=0,
         unit="ms", slider=True, label="update, at most",
-        help="No point waits longer than this; reduce it to see which bus fails first.",
+        help="Limit for the update time of every point; reduce it to see which bus fails first.",
     )  # fmt: skip
     list_lengths: bool = switch(
         default=True, label="lengths of the list",
         help="Use the cable lengths in the list. If off, all lengths are "
-        "computed from positions, so that all options are compared in the same way.",
+        "computed from positions, so that all options are compared on the same basis.",
     )  # fmt: skip
     detour: float = number(
         1, 2, default=1.15, step=0.05, label="detour",
@@ -186,12 +186,12 @@ class ShipDesign(Tool):
         default="", most=20_000, rows=4,
         hint="[asi]\nlength = 200", label="other limits and prices",
         help="Lines of a settings file: bit rates, lengths, currents, load, prices, time in "
-        "the host. They override the controls. settings.toml, at the foot of the page, has all.",
+        "the host. They override the controls. settings.toml, at the foot of the page, lists all.",
     )  # fmt: skip
     picture: str = choice(
         PICTURES, default="cost", label="figure",
         help="Filled dots are Pareto-optimal in both axes. The assumptions shown "
-        "affect the cost difference between the first and the cheapest option.",
+        "affect the cost difference between the first option and the cheapest other one.",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -199,7 +199,7 @@ class ShipDesign(Tool):
         beyond = len(self.points.encode("ascii", errors="ignore"))
         size = 6 * (len(self.points) - beyond) + beyond + self.points.count("\n")
         if size > _STATE:
-            raise ArgumentError(f"the list takes {size} bytes; a state has at most {_STATE}")
+            raise ArgumentError(f"the list takes {size} bytes; a state may have at most {_STATE}")
 
     @property
     def options(self) -> tuple[str, ...]:
@@ -246,7 +246,7 @@ class ShipDesign(Tool):
         ready = {}
         if report:
             files |= {"report.html": found.html(), "tables.zip": zipped(found.files())}
-            ready = {"report": "made; the button to download it is at the foot of the page"}
+            ready = {"report": "ready; the button to download it is at the foot of the page"}
         return View(
             verdict=f"{len(found.iolist)} points: {found.verdict}",
             ok=found.ok,

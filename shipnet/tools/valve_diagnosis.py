@@ -136,7 +136,7 @@ class ValveDiagnosis(Tool):
         """Return the readings of a simulated valve, without noise.
 
         `fault` is a code of the rule table or ``"normal"``, `severity` 0..1, and `state` one of
-        `STATES`; a valve that moves starts half open and is read after 4 s.
+        `STATES`; a moving valve starts half open and is read after 4 s.
         """
         start, order, duration = STATES[check_choice("state", state, STATES)]
         check_choice("fault", fault, (NORMAL, *FAULTS))

@@ -130,7 +130,7 @@ def test_a_wrong_fault_is_reported_in_one_line(text, message, capsys):
         (["--watchdog", "0"], "--watchdog is 0"),
         (["--port", "65536"], "--port is 65536"),
         (["--bit-rate", "1"], "--bit-rate is 1 bit/s; it must be 50..1e+07"),
-        (["--udp", "--serial", "line"], "exclude each other"),
+        (["--udp", "--serial", "line"], "cannot be combined"),
         (["--serial", "line", "--character", "7E1"], "character is '7E1'"),
         (["--serial", "no-such-line"], "cannot listen on no-such-line: no such device"),
         (["--host", "256.1.1.1"], "cannot listen on 256.1.1.1, port 0: unknown host"),
@@ -174,4 +174,4 @@ def test_the_program_says_where_it_listens_and_stops_upon_an_interrupt(options):
 
 def test_an_engine_has_no_watchdog_of_a_valve(capsys):
     assert main(["serve", "engine", "--port", "0", "--watchdog", "2"]) == 2
-    assert "--watchdog stops the motor of a valve" in capsys.readouterr().err
+    assert "--watchdog applies to ballast only" in capsys.readouterr().err

@@ -282,7 +282,7 @@ def test_the_engine_explorer_marks_a_dead_box_late(page, app):
 def test_the_ring_explorer_is_stepped_by_its_buttons(page, app):
     tool = Tool.opened(page, app, "ring_buffer")
     tool.moves(tool.button("store a packet").click, "byte 3 of packet 3", "3 bytes stored")
-    tool.comes_back(tool.button("one back").click, "byte 3 of packet 3", "3 bytes stored")
+    tool.comes_back(tool.button("undo").click, "byte 3 of packet 3", "3 bytes stored")
     tool.is_pictured("ring_buffer")
 
 
@@ -341,7 +341,7 @@ def test_the_ship_design_compares_a_list_of_ones_own_and_gives_its_report(page, 
     # It is seen although the foot of the page is not.
     assert note.bounding_box()["y"] + note.bounding_box()["height"] <= 1000
     tool.says("99 points: ")
-    expect(note).to_contain_text("still the previous ones")
+    expect(note).to_contain_text("have not changed")
     expect(tool.verdict).to_have_css("filter", "grayscale(1)")
     tool.load("load a list", "own.csv", GOOD)
     tool.says("9 points: ")

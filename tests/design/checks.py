@@ -1,4 +1,4 @@
-"""The limits of each bus, counted again from the tables of a design alone."""
+"""The limits of each bus, checked again from the tables of a design alone."""
 
 import re
 from collections import Counter, defaultdict
@@ -17,7 +17,7 @@ CLOSE = 1e-6
 
 
 def check_everything(design, settings):
-    """Assert all that holds for every design."""
+    """Assert everything that must hold for every design."""
     check_tables(design)
     check_points(design, settings)
     check_connection(design)
@@ -28,7 +28,7 @@ def check_everything(design, settings):
 
 
 def check_tables(design):
-    """The tables name only devices, segments and points that exist, and each name once."""
+    """The tables name only existing devices, segments and points, and each name is unique."""
     points, devices, runs = design.points, design.devices, design.cables
     assert points["tag"].tolist() == design.iolist.points["tag"].tolist()
     assert (devices["kind"] == "cabinet").sum() == 1
@@ -71,7 +71,7 @@ def check_points(design, settings):
 
 
 def check_connection(design):
-    """Every device and every point that fits hangs on the cabinet."""
+    """Every device and every point that fits is connected to the cabinet."""
     inside = design.devices[design.devices["at"] != ""]
     fit = design.points.loc[design.points["fits"], "tag"]
     names = pd.Index([*design.devices["device"], *fit])
@@ -84,7 +84,7 @@ def check_connection(design):
 
 
 def check_lengths(design):
-    """A cable that lies alone between two places is as long as the site says."""
+    """A cable between two places has the length computed by the site."""
     places = {d.device: (d.x_m, d.y_m, d.z_m) for d in design.devices.itertuples()}
     places |= {
         p.tag: (p.x_m, p.y_m, p.z_m) for p in design.iolist.points.itertuples() if p.x_m == p.x_m
@@ -99,7 +99,7 @@ def check_lengths(design):
 
 
 class Segment:
-    """A segment with its share of each table."""
+    """A segment with its rows of each table."""
 
     def __init__(self, design, row, settings):
         self.row, self.settings, self.design = row, settings, design
@@ -122,7 +122,7 @@ class Segment:
 
 
 def check_chain(own, longest):
-    """The trunk goes from the master through each station once, and so does the second line."""
+    """The trunk runs from the master past each station once, and so does the second line."""
     lines = [own.trunk, own.second] if own.settings.redundant else [own.trunk]
     for trunk in lines:
         assert len(trunk) == own.count("station")
@@ -135,7 +135,7 @@ def check_chain(own, longest):
 
 
 def check_can(own):
-    """Bits that do not overlap, messages of one station and need, load, nodes, length."""
+    """Check bits (no overlap), station and update time per message, load, nodes and length."""
     limits = own.settings.can
     table = datasets.read("can_bus_lengths.csv").astype({"bit_rate_kbit_per_s": float})
     reach = table.loc[table["bit_rate_kbit_per_s"] * 1e3 >= own.row.bit_rate, "length_m"]
@@ -165,7 +165,7 @@ def check_can(own):
 
 
 def check_modbus(own):
-    """Unit ids, registers that do not overlap, unit loads, length, and the scan by hand."""
+    """Check unit ids, registers (no overlap), unit loads and length; compute the scan by hand."""
     limits = own.settings.modbus
     check_chain(own, limits.length * (1 + limits.repeaters))
     stations = own.count("station")
@@ -192,14 +192,14 @@ def check_modbus(own):
     scan, slowest, given_up, on_wire = 0.0, {}, 0.0, 0.0
     for unit, kinds in units.items():
         times = []
-        # Function 4: 8 bytes there, 5 and two a register back; 16: 9 and two a register, and 8.
+        # Function 4: 8 bytes, then 5 plus 2 per register; 16: 9 plus 2 per register, then 8.
         for kind, fixed in (("input", 13), ("holding", 17)):
             count = len({register for register, _ in kinds[kind]})
             if count:
                 bytes_ = fixed + 2 * count
                 on_wire += bytes_ * character
                 times.append(bytes_ * character + 2 * silence + limits.processing)
-        # A request that is written has 9 bytes and two a register, one that reads has 8.
+        # A request that writes has 9 bytes plus 2 per register, one that reads has 8.
         written = len({register for register, _ in kinds["holding"]})
         waiting = limits.timeout + limits.processing + 256 * character
         given_up += (9 + 2 * written if written else 8) * character + waiting
@@ -222,7 +222,7 @@ def check_modbus(own):
 
 
 def check_asi(own):
-    """Addresses, ports, cable between repeaters, repeaters in series, and the cycle by hand."""
+    """Check addresses, ports, cable and repeaters in series; compute the cycle by hand."""
     limits = own.settings.asi
     modules = own.points.groupby("device")
     labels, ports = {}, defaultdict(list)
@@ -243,14 +243,14 @@ def check_asi(own):
     assert len(labels) <= (62 if limits.shared else 31)
     cycle = 156e-6 * (len(on_address) + 2)
     assert abs(own.row.cycle_ms - 1e3 * cycle) < CLOSE
-    # 21 bits of each exchange, management too; nobody answers the look for a new slave.
+    # 21 bits per exchange, management included; the search for a new slave is not answered.
     bits = 21 * (len(on_address) + 1) + 14
     assert abs(bits * 6e-6 / cycle - own.row.bus_time) < 1e-9
     used = [len(on_address) / 31]
     for device, points in modules:
         (number, _), names = re.fullmatch(r"(\d+)([AB]?)", labels[device]).groups(), ports[device]
         both = 2 if len(on_address[int(number)]) > 1 else 1
-        # Seven exchanges a value; outputs of an A/B slave take two.
+        # Seven exchanges per value; outputs of an A/B slave take two.
         turns = 7 * len(names) if names[0][0] == "A" else 1
         if limits.shared and any(name[0] == "Q" for name in names):
             turns = 2
@@ -271,7 +271,7 @@ def check_asi(own):
 
 
 def _asi_parts(own):
-    """Return the cable of each electrical segment, and the most repeaters on the way to a node."""
+    """Return the cable of each electrical segment, and the most repeaters in series to a node."""
     repeaters = own.devices[own.devices["kind"] == "repeater"].set_index("device")["at"]
     graph = nx.Graph()
     line = nx.Graph()

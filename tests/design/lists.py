@@ -1,4 +1,4 @@
-"""I/O lists for the tests of design: by hand, random, and large."""
+"""I/O lists for the tests of design: handwritten, random and large."""
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ SIGNALS = ("contact", "solenoid", "rtd_3wire", "current_loop", "contact_common",
 
 
 def table(rows):
-    """A list of rows of signal, place and update need [ms]."""
+    """Return a list from rows of signal, place and update time [ms]."""
     return IoList.from_table(
         pd.DataFrame(
             [
@@ -24,7 +24,7 @@ def table(rows):
 
 
 def lists(most=14, needs=(5.0, 50.0, 200.0, 1000.0, 2000.0), span=120):
-    """Random lists; half of the points crowd in two rooms, so that groups get full."""
+    """Random lists; half of the points are in two rooms, so that groups become full."""
     anywhere = st.tuples(st.integers(0, span), st.integers(-10, 10), st.integers(0, 10))
     rooms = st.sampled_from([(30, 5, 2), (span - 10, 0, 2)])
     place = st.one_of(anywhere, rooms, rooms)
@@ -33,7 +33,7 @@ def lists(most=14, needs=(5.0, 50.0, 200.0, 1000.0, 2000.0), span=120):
 
 
 def ship(n, seed=1):
-    """A ship of so many points around n / 25 places."""
+    """Return a ship with n points around n / 25 places."""
     rng = np.random.default_rng(seed)
     middles = rng.uniform([0, -12, 0], [180, 12, 16], (max(n // 25, 1), 3))
     places = middles[rng.integers(0, len(middles), n)] + rng.normal(0, [3, 2, 1], (n, 3))

@@ -1,4 +1,4 @@
-"""A messy I/O list as a yard might write it: synthetic, drawn up by us, no ship's.
+"""A messy I/O list as a yard might write it; synthetic, not of a real ship.
 
 Page headers, titles in two rows and two languages, subtitles, groups whose system is given once,
 decimal commas, units in cells, wide digits, places by frame and deck, marks, notes and a footer.
@@ -40,7 +40,7 @@ KINDS = [("DI", "접점", "2"), ("DI", "GS", ""), ("DI", "NAMUR", ""), ("DI", "L
          ("AI", "PT100 3W", "3"), ("AI", "TIT", ""), ("AI", "TC-K", ""), ("AI", "0-10V", ""),
          ("AO", "4-20mA out", "2"), ("AI", "HART", ""), ("AI", "4-20mA 4W", "4")]  # fmt: skip
 
-#: Faulty rows by their number among the points: which cell, and what is written there.
+#: Faulty rows by the number of the point: the column of the cell, and its content.
 FAULTY = {
     17: (8, "12,5 ft"), 40: (3, "GIZMO"), 73: (2, "XX"), 110: (5, "FR 999"), 150: (8, "-4"),
     199: (4, "two"), 230: (6, "DK9"), 260: (9, "0"), 301: (7, "Q 3"), 333: (8, "1,5,0"),
@@ -50,9 +50,9 @@ FAULTY = {
 
 
 def rows(n=1000, faulty=True):
-    """Return all rows of the sheet, and by the tag of each sound point what it must become.
+    """Return the rows of the sheet, the expected point for each correct tag, and the bad rows.
 
-    What is expected is drawn here from the same numbers, not read by the package.
+    The expected points are computed here from the same numbers, not read by the package.
     """
     rng = np.random.default_rng(20)
     sheet = [["HULL 1234  I/O LIST"], ["Doc. 77-A", "", "", "Rev. C"], [], TITLES, SECOND]
@@ -94,16 +94,16 @@ def rows(n=1000, faulty=True):
 
 
 def as_csv(sheet, encoding="cp949"):
-    """Return the sheet as Excel in Korea saves it."""
+    """Return the sheet as Korean Excel saves it."""
     stream = io.StringIO()
     csv.writer(stream, delimiter=";", lineterminator="\r\n").writerows(sheet)
     return stream.getvalue().encode(encoding)
 
 
 def as_workbook(sheet, path, hidden=(), struck=(), places=()):
-    """Write the sheet behind a cover sheet, with some rows hidden and some struck out.
+    """Write the sheet after a cover sheet, with some rows hidden and some struck out.
 
-    `places` are further sheets: their name, and their rows.
+    `places` contains further sheets: their names and rows.
     """
     import openpyxl
     from openpyxl.styles import Font

@@ -1,4 +1,4 @@
-"""AS-i lines: cable and repeaters, where a supply stands, and how late a change is known."""
+"""AS-i lines: cables and repeaters, positions of supplies, and response times."""
 
 from itertools import pairwise
 
@@ -24,14 +24,14 @@ LIMITS = Settings().asi
 
 
 def between(places):
-    """Ways between places along a line."""
+    """Return the distances between places along a line."""
     x = np.asarray(places, dtype=float)
     return abs(x - x[:, None])
 
 
 @settings(max_examples=50)
 @given(st.lists(st.integers(1, 150), min_size=1, max_size=8), st.booleans())
-def test_no_segment_is_longer_than_allowed_and_nothing_is_lost(hops, tree):
+def test_no_segment_exceeds_its_length_and_no_cable_is_lost(hops, tree):
     ways = between(np.cumsum([0, *hops]))
     drawn = draw(ways, ways, Settings({"asi.length": 60, "asi.tree": tree}).asi)
     behind = {out for _, out in drawn.repeaters}
@@ -69,7 +69,7 @@ def test_the_supply_is_where_the_voltage_drop_is_least(hops, currents):
         for a, b in pairwise(range(len(places)))
     ]
     draws = {str(n): currents[n] for n in range(len(places))}
-    # A name that is not there: no place is to be preferred.
+    # This name does not exist, so no place is preferred.
     found = place_supply(pieces, draws, "none", 30.0, CABLES["as-i 1.5"].resistance)
 
     def lowest(node):
@@ -82,7 +82,7 @@ def test_the_supply_is_where_the_voltage_drop_is_least(hops, currents):
         volts = circuit.voltages
         return min(volts[node] for node in draws if draws[node] > 0 or node == found)
 
-    # The circuit is solved with its own resistances; a tenth of a millivolt is rounding.
+    # The circuit is solved with its own resistances; 0.1 mV allows for rounding.
     assert lowest(found) >= max(map(lowest, draws)) - 1e-4
 
 
@@ -98,21 +98,21 @@ def test_the_supply_stays_in_the_cabinet_while_the_voltage_allows_it():
     assert (far.segments["lowest_v"] >= 26.5).all()
 
 
-def test_a_response_is_that_of_the_published_cycles():
+def test_response_times_agree_with_the_published_cycles():
     full = Cycle(31)
-    # Alone at its address: one cycle, the answer and a repetition; shared: two cycles.
+    # Alone at its address: one cycle, the response and a repetition; shared: two cycles.
     assert response("S-0.A", full, LIMITS) == pytest.approx(5.36e-3, abs=1e-5)
     assert response("S-0.A", full, LIMITS, paired=True) == pytest.approx(10.51e-3, abs=1e-5)
     # Nord BU0090, p. 69: at most 21 ms to an A/B slave with four outputs.
     late = response("S-7.A.7", full, LIMITS, output=True, paired=True)
     assert late == pytest.approx(21e-3, rel=0.02)
-    # ifm: seven cycles a value, 5 ms each; a round of four, its own, and four conversions.
+    # ifm: seven cycles of 5 ms per value; a round of four values, then its own value once more.
     quick = Settings({"asi.conversion": 0, "asi.repetitions": 0}).asi
     five = Cycle(1, transaction=Transaction(bit_time=5e-3 / 3 / 26))
     assert response("S-7.3", five, quick, channels=4) == pytest.approx(5 * 35e-3)
 
 
-def test_the_slow_share_addresses():
+def test_slow_points_share_addresses():
     needs = [1000.0] * 31 + [8.0]
     rows = [
         ("contact", (10 + 12 * (n % 8), 12 * (n // 8), 0), need) for n, need in enumerate(needs)
@@ -123,7 +123,7 @@ def test_the_slow_share_addresses():
     assert late.iloc[-1] < 8 < late.max() <= 10.6 or len(design.segments) > 1
 
 
-def test_auxiliary_power_goes_to_outputs_and_no_further():
+def test_auxiliary_power_reaches_outputs_only():
     rows = [("solenoid", (30, 0, 0), 1000), ("contact", (60, 0, 0), 1000)]
     iolist = table(rows)
     both = plan(iolist, Site((0, 0, 0)), "AS-i")
@@ -140,7 +140,7 @@ def test_auxiliary_power_goes_to_outputs_and_no_further():
     assert "auxiliary supply" not in set(inputs.devices["kind"])
 
 
-def test_a_line_that_breaks_a_rule_of_signals_is_refused_with_the_rule():
+def test_a_line_that_violates_a_signal_rule_is_refused_with_the_rule():
     limits = Settings({"asi.voltage": 20.0})
     design = plan(table([("contact", (30, 0, 0), 1000)]), Site((0, 0, 0)), "AS-i", settings=limits)
     (reason,) = design.reasons.itertuples()
@@ -148,7 +148,7 @@ def test_a_line_that_breaks_a_rule_of_signals_is_refused_with_the_rule():
     assert (reason.limit, reason.value, reason.bound) == ("supply voltage", 20.0, 29.5)
 
 
-def test_the_cable_that_is_chosen_loses_the_voltage_of_the_line():
+def test_the_voltage_drop_is_that_of_the_chosen_cable():
     far = table([("rtd_3wire", (90 + n, 0, 0), 1000.0) for n in range(8)])
     lowest = {
         cable: plan(far, Site((0, 0, 0)), "AS-i", settings=Settings({"asi.cable": cable}))

@@ -8,7 +8,7 @@ from shipnet.design.catalogue import SPREAD, Range, cables, smallest
 from shipnet.errors import ArgumentError
 from shipnet.line.cable import CABLES
 
-#: Copper at 20 degC [ohm mm2/m] and its density [g/cm3]; steel is the heaviest of the rest.
+#: Copper at 20 degC [ohm mm2/m] and its density [g/cm3]; steel is the densest other material.
 COPPER, DENSITY, STEEL = 0.01724, 8.89, 7.85
 
 
@@ -21,14 +21,14 @@ def cable(request):
 
 
 def test_resistance_and_mass_are_physically_possible(cable):
-    # No conductor conducts better than copper of its cross-section, and none much worse.
+    # A conductor's resistance is not below that of copper, and not far above it.
     row = ROWS.loc[cable.id]
     least = 2e3 * COPPER / row["cross_section_mm2"]
     if not isnan(row["loop_resistance_ohm_per_km"]):
         assert least <= row["loop_resistance_ohm_per_km"] <= 1.35 * least
     copper = cable.conductors * row["cross_section_mm2"] * DENSITY / 1e3
     assert copper < cable.mass.low <= cable.mass.high < cable.area_mm2 * STEEL / 1e3
-    # All in all between rubber and a third of steel [g/cm3].
+    # The mean density is between that of rubber and a third of steel [g/cm3].
     assert 1.0 < 1e3 * cable.mass.nominal / cable.area_mm2 < 2.7
 
 
@@ -58,7 +58,7 @@ def test_ranges_follow_from_what_is_known(cable):
         assert row[f"status_{what}"] in SPREAD and row[f"status_{what}"] in cable.status
 
 
-def test_work_at_a_conductor_spans_the_published_minutes():
+def test_termination_time_covers_the_published_range():
     # 5 to 15 minutes, within the rounding of the nominal 0.17 h.
     span = cables()["MI1P075"].termination
     assert (60 * span.low, 60 * span.high) == pytest.approx((5, 15), rel=0.03)
@@ -80,7 +80,7 @@ def test_a_flat_cable_is_not_round():
     assert cables()["MI1P150"].area_mm2 == pytest.approx(pi * diameter**2 / 4)
 
 
-def test_the_smallest_cable_is_the_thinnest_that_is_large_enough():
+def test_the_smallest_cable_is_the_thinnest_with_enough_conductors():
     own = [c for c in cables().values() if "hardwired" in c.buses]
     for conductors in range(1, max(c.conductors for c in own) + 1):
         found = smallest(conductors, spare=0)
@@ -88,9 +88,9 @@ def test_the_smallest_cable_is_the_thinnest_that_is_large_enough():
         assert not [c for c in own if c.conductors >= conductors and c.area_mm2 < found.area_mm2]
 
 
-def test_the_reserve_is_added_and_rounded_up():
+def test_spares_are_added_and_rounded_up():
     assert [smallest(n, spare=0.2).conductors for n in (1, 2, 5, 6, 40, 61)] == [2, 4, 8, 8, 48, 74]
-    # 25 and 12 % are 28, although 25 * 1.12 is a little more than that in binary.
+    # 25 plus 12 % is 28, although 25 * 1.12 is slightly more in binary.
     assert 25 * 1.12 > 28
     assert smallest(25, spare=0.12).conductors == 28
 

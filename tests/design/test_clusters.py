@@ -1,4 +1,4 @@
-"""Clusters, groups of equal size and trunks, beside brute force and beside networkx."""
+"""Clusters, groups of equal size and trunks, compared with brute force and networkx."""
 
 from itertools import pairwise, permutations, product
 from math import inf
@@ -37,7 +37,7 @@ def test_places_within_reach_are_one_zone_unless_it_is_full():
     assert max(np.bincount(zones(places, reach=0.0, most=4))) <= 4
 
 
-def test_many_places_are_halved_and_still_keep_the_reach():
+def test_many_places_are_halved_and_still_within_reach():
     rng = np.random.default_rng(3)
     places = rng.uniform(0, 200, (4000, 3))
     labels = zones(places, reach=30.0, most=5)
@@ -53,7 +53,7 @@ def test_groups_are_of_nearly_equal_size(places, groups):
 
 
 @given(some_places(1, 8), st.data())
-def test_no_group_has_more_of_a_kind_than_ports(places, data):
+def test_no_group_has_more_points_of_a_kind_than_ports(places, data):
     kinds = data.draw(arrays(int, len(places), elements=st.integers(0, 1)))
     counts = np.bincount(kinds, minlength=2)
     groups = max(1, *(-(-count // 2) for count in counts))
@@ -62,7 +62,7 @@ def test_no_group_has_more_of_a_kind_than_ports(places, data):
         assert ((kinds == kind) & (labels == group)).sum() <= 2
 
 
-def test_the_grouping_is_as_good_as_the_best_of_all_on_separate_rooms():
+def test_grouping_by_separate_rooms_is_optimal():
     places = np.array([[x, 0.0, 0.0] for x in (0, 1, 2, 50, 51, 52, 100, 101, 102)])
     labels = balanced(places, 3)
     assert labels.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2]
@@ -109,7 +109,7 @@ def test_an_item_that_fits_nowhere_and_cannot_be_halved_is_a_group():
 
 
 @given(some_places(1, 9))
-def test_the_tree_is_as_short_as_that_of_networkx(places):
+def test_the_tree_is_as_short_as_the_one_of_networkx(places):
     ways = cdist(places, places, "cityblock")
     edges = tree(ways)
     graph = nx.Graph()
@@ -126,7 +126,7 @@ def test_the_tree_is_as_short_as_that_of_networkx(places):
 
 
 @given(some_places(1, 7))
-def test_a_chain_is_no_shorter_than_the_tree_and_near_the_best_of_all(places):
+def test_a_chain_is_not_shorter_than_the_tree_and_near_the_optimum(places):
     ways = cdist(places, places, "cityblock")
     order = chain(ways)
     assert order[0] == 0 and sorted(order) == list(range(len(places)))

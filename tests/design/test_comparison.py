@@ -1,4 +1,4 @@
-"""Options side by side, the front that no other beats, and where the cabinet stands."""
+"""Comparison of options, the Pareto front, and the position of the cabinet."""
 
 from dataclasses import replace
 
@@ -26,13 +26,13 @@ SHIP = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
 
 @given(npst.arrays(float, st.tuples(st.integers(0, 12), st.integers(1, 4)),
                    elements=st.sampled_from([0.0, 1.0, 2.0, 3.0, np.nan, np.inf])))  # fmt: skip
-def test_the_front_is_that_of_comparing_each_with_each(values):
+def test_the_front_agrees_with_pairwise_comparison(values):
     worth = np.where(np.isnan(values), np.inf, values)
     beaten = [any(all(b <= a) and any(b < a) for b in worth if b is not a) for a in worth]
     assert pareto_optimal(values).tolist() == [not each for each in beaten]
 
 
-def test_no_rows_have_no_pareto_front_and_a_single_row_is_refused():
+def test_an_empty_table_has_no_pareto_front_and_a_vector_is_refused():
     assert pareto_optimal(np.empty((0, 3))).tolist() == []
     with pytest.raises(ArgumentError, match="shape"):
         pareto_optimal([1.0, 2.0])
@@ -64,14 +64,14 @@ def test_an_option_that_leaves_points_out_is_not_on_the_front():
     both = compare([design, cheaper])
     assert both.table()["total_cost_eur"]["partly"] < both.table()["total_cost_eur"]["example"]
     assert both.pareto() == ["example"]
-    assert both.conclusions()[1] == "partly leaves 1 of 4 points out."
+    assert both.conclusions()[1] == "partly leaves out 1 of 4 points."
     assert both.tornado().between == ("example",)
     alone = compare([cheaper])
     assert alone.tornado().between == ("partly",)
     assert alone.conclusions()[0] == "No design connects all points."
 
 
-def test_options_of_the_ship_are_planned_and_weighed():
+def test_options_of_the_ship_are_planned_and_compared():
     site_list = IoList.parse(
         "tag,signal,system,x,y,z\n"
         + "\n".join(f"LS-{n},contact,Bilge,{10 + n},2,3" for n in range(9))
@@ -90,7 +90,7 @@ def test_options_of_the_ship_are_planned_and_weighed():
     assert list(more.designs) == ["CAN", "home runs"]
 
 
-def test_a_saving_counts_from_the_first_option_to_the_cheapest_other():
+def test_a_saving_is_from_the_first_option_to_the_cheapest_other():
     site_list = IoList.parse(
         "tag,signal,x,y,z\n" + "\n".join(f"L-{n},contact,{n},2,3" for n in range(9))
     )
@@ -108,7 +108,7 @@ def test_the_headline_names_the_cheapest_design_without_violations_and_its_extra
     more = number(costs[1] - costs[0])
     found = compare([one, two], rules=rules)
     assert found.best is two and found.verdict == (
-        "cheapest that connects every point and violates no rule: example, redundant, "
+        "cheapest design that connects every point and violates no rule: example, redundant, "
         f"{number(costs[1])} EUR; {more} EUR more than example, which violates 1 rule"
     )
     assert found.conclusions()[0] == f"C{found.verdict[1:]}."
@@ -128,7 +128,7 @@ def test_an_option_that_leaves_points_out_is_not_a_saving_and_gives_the_reason()
     assert turned.tornado().between == ("home runs",)
     fast = IoList.parse("tag,signal,x,y,z,update\nL-1,contact,5,2,3,1\nL-2,contact,6,2,3,1\n")
     (said,) = fast.compare(small_loop().site, ["home runs", "Modbus RTU"]).conclusions()[1:2]
-    assert said.startswith("Modbus RTU leaves 2 of 2 points out: L-1 needs an update every 1 ms;")
+    assert said.startswith("Modbus RTU leaves out 2 of 2 points: L-1 needs an update every 1 ms;")
     assert said.endswith("(and 1 more).")
 
 
@@ -147,7 +147,7 @@ def test_wrong_arguments_are_named():
     design = small_loop()
     with pytest.raises(ArgumentError, match="one or more"):
         compare([])
-    with pytest.raises(ArgumentError, match="each with a name of its own"):
+    with pytest.raises(ArgumentError, match="with different names"):
         compare([design, design])
     assert set(CRITERIA) <= set(compare([design]).table().columns)
 
@@ -169,13 +169,13 @@ def test_an_ambiguous_position_of_the_cabinet_is_reported():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_cabinet_is_found_where_the_lengths_were_measured_from(seed):
+def test_a_cabinet_is_found_at_the_origin_of_the_lengths(seed):
     rng = np.random.default_rng(seed)
     points = SHIP.points.sample(60, random_state=seed).reset_index(drop=True)
     some = replace(SHIP, points=points)
     place = rng.uniform([0, -10, 0], [180, 10, 20]).round(1)
     length = 1.15 * np.abs(some.places - place).sum(axis=1) + 5
-    # One length in ten is that of another way.
+    # One length in ten is that of another route.
     length = np.where(rng.random(60) < 0.1, 1.3 * length, length).round(1)
     found = find_cabinet(replace(some, points=points.assign(home_run_m=length)))
     assert np.abs(np.array(found.place) - place).max() <= 0.1 + 1e-9
@@ -187,7 +187,7 @@ def test_a_cabinet_cannot_be_found_without_lengths():
 
 
 def small(cabinet=(0, 0, 0), name=None, **settings):
-    """A plan of three contacts, at a cabinet and with other settings."""
+    """Return a plan of three contacts for a cabinet and some settings."""
     iolist = IoList.parse("tag,signal,x,y,z\n" + "".join(f"L-{n},DI,{n},2,3\n" for n in range(3)))
     return iolist.plan("home runs", cabinet, settings=settings, name=name)
 
@@ -201,16 +201,16 @@ def small(cabinet=(0, 0, 0), name=None, **settings):
         (small(name="b", assumptions={"gland": 5}), "assumptions"),
     ],
 )
-def test_designs_of_another_place_or_at_other_prices_are_refused(other, what):
+def test_designs_with_other_cabinets_or_prices_are_refused(other, what):
     with pytest.raises(ArgumentError, match=f"'b' and 'home runs' differ in {what}"):
         compare([small(), other])
 
 
-def test_designs_within_other_limits_are_compared_and_distinguished():
+def test_designs_with_other_limits_are_compared_and_distinguished():
     both = compare([small(), small(name="spare", spare=0.5)])
     (row,) = both.changes().to_dict("records")
     assert (row["name"], row["value"], row["designs"]) == ("spare", 0.5, "spare")
-    assert "not the default: spare 0.5 (0.2), spare" in str(both)
+    assert "changed: spare 0.5 (default 0.2), spare" in str(both)
     assert both.ok and both.best.name in both.designs and "EUR" in both.verdict
 
 
@@ -248,7 +248,7 @@ def test_the_price_of_a_response_limit_is_the_difference_from_the_plan_without_i
     more = found.quantities[option]["total_cost_eur"] - loose.quantities()["total_cost_eur"]
     assert more > 0 and design.check(rules).ok and not loose.check(rules).ok
     said = f"{option} costs {number(more)} EUR more than without them."
-    assert f"Within the rules' limits on responses, {said}" in found.conclusions()
+    assert f"With the rules' response limits, {said}" in found.conclusions()
     again = found.plan(option, name="again")
     assert again.points["response_ms"].equals(design.points["response_ms"])
     priced = design.priced(Settings({"assumptions.labour_rate": 0}))

@@ -84,12 +84,12 @@ SIZES = SIZES[["diameter_mm", "height_mm"]]
 
 
 def priced(design, **ranges):
-    """Return a design under other prices, hours or factors."""
+    """Return a design with other prices, hours or factors."""
     return design.priced(design.settings.replace({"assumptions": ranges}))
 
 
 def by_hand(design, level):
-    """Add the figures up cable by cable and device by device, with other words than the bill's."""
+    """Add up the figures cable by cable and device by device, independently of the bill."""
     assumed = {name: getattr(one, level) for name, one in Assumptions().items()}
     known = cables()
     total = dict.fromkeys(
@@ -212,7 +212,7 @@ def test_points_that_are_left_out_are_reported():
     assert "not connected" not in repr(quantities(PLANT.on_asi))
 
 
-def test_only_what_was_used_is_listed_with_its_source():
+def test_only_assumptions_in_use_are_listed_with_their_sources():
     used = quantities(PLANT.hardwired).assumptions
     assert used["name"].tolist() == [
         "cable mass of MI1P075", "cable price of MI1P075", "laying time of MI1P075",
@@ -220,7 +220,7 @@ def test_only_what_was_used_is_listed_with_its_source():
         "gland_time", "plc_digital_channel",
     ]  # fmt: skip
     assert used[["source", "status", "unit"]].map(bool).all(axis=None)
-    # Every one that is listed moves a figure, every one that is not moves none.
+    # Every listed assumption changes a figure, and no other does.
     model = Model(PLANT.hardwired)
     base = model.figures()
     moving = {
@@ -294,13 +294,13 @@ def test_the_assumptions_file_is_in_order_and_every_row_is_used():
     assert table.map(lambda cell: cell != "").all(axis=None)
     assert set(table["status"]) == {"assumed", "derived"}
     assert set(table["unit"]) == {"EUR", "EUR/h", "h", "1"}
-    # The mixed plant has every device and every channel; a digital module and stations with two
-    # lines stand in the others, and a barrier.
+    # The mixed plant has every device and every channel; the others have a digital module, stations
+    # with two lines, and a barrier.
     safe = IoList.parse("tag,signal,x,y,z\nA,4-20mA Ex ia,1,0,0").plan("home runs", (0, 0, 0))
     redundant = small_loop(redundant=True)
     others = (Model(design).names for design in (PLANT.on_asi, redundant, safe))
     assert set(table.index) <= set(Model(MIXED).names).union(*others)
-    # What a length laid may be, from the detour and the tails that the row names.
+    # The range of the laid length, from the detours and tails given in the row.
     low, nominal, high = ((k * 40 + tail) / 51 for k, tail in [(1.05, 3), (1.15, 5), (1.3, 8)])
     laid = Assumptions()["laid_length"]
     assert laid == pytest.approx((low, nominal, high), abs=0.005)
@@ -340,7 +340,7 @@ def test_the_mean_of_the_draws_is_that_of_the_closed_form(monkeypatch):
             assert abs(drawn.mean() - expected[figure]) < 4 * error, (option, figure)
 
 
-def test_draws_are_within_the_bounds_and_hardly_reach_them():
+def test_draws_are_within_their_bounds_and_rarely_near_them():
     sample = draw(OPTIONS, rng=np.random.default_rng(2024))
     for option, design in OPTIONS.items():
         bounds = quantities(design).figures
@@ -354,7 +354,7 @@ def test_draws_are_within_the_bounds_and_hardly_reach_them():
         )
 
 
-def test_a_further_option_leaves_the_draws_of_the_others_alone():
+def test_another_option_does_not_change_the_draws_of_the_others():
     alone = draw({"AS-i": PLANT.on_asi}, rng=np.random.default_rng(5), draws=10)
     both = draw(OPTIONS, rng=np.random.default_rng(5), draws=10)
     pd.testing.assert_frame_equal(alone["AS-i"], both["AS-i"])
@@ -408,7 +408,7 @@ def test_a_shared_cost_moves_the_figure_but_not_the_difference():
     assert found.top() == []
 
 
-def test_an_order_that_an_assumption_turns_is_marked():
+def test_an_assumption_that_reverses_the_order_is_marked():
     near = Plant(modules=8, contacts=4, distance=10)
     both = {"hardwired": near.hardwired, "AS-i": near.on_asi}
     assert not tornado(OPTIONS).every["order changes"].any()
@@ -424,7 +424,7 @@ def test_a_single_network_has_a_tornado_too():
     assert found.at_nominal == pytest.approx(quantities(PLANT.on_asi)["cable_mass_kg"])
 
 
-def test_the_savings_of_the_papers_come_out_of_the_figures():
+def test_the_figures_reproduce_the_savings_of_the_papers():
     far = Plant(modules=62, contacts=4)
     submarine = Plant(modules=190, contacts=1, lines=14, distance=30)
     for plant, wired, bus in ((far, 496, 2), (submarine, 380, 28)):
@@ -436,7 +436,7 @@ def test_the_savings_of_the_papers_come_out_of_the_figures():
 
 @settings(max_examples=20)
 @given(st.integers(1, 60), st.integers(1, 16), st.integers(1, 5))
-def test_networks_and_formulas_count_alike(modules, contacts, lines):
+def test_networks_and_formulas_give_the_same_counts(modules, contacts, lines):
     plant = Plant(modules, contacts, min(lines, modules))
     assert conductors_at_cabinet(plant.hardwired) == (
         hardwired_conductors({"contact": modules * contacts})
@@ -468,7 +468,7 @@ def test_a_long_line_pays_for_its_repeaters():
 
 
 def test_seventy_percent_is_one_of_many_savings_that_a_plant_can_have():
-    # kim2023-063: the plant decides, and what is counted; 0.7 is neither a floor nor a ceiling.
+    # kim2023-063: it depends on the plant and on what is counted; 0.7 is not a limit.
     def saved(**plant):
         return Plant(**plant).cost_saving(rng=np.random.default_rng(2024), draws=2000)
 
@@ -482,11 +482,11 @@ def test_seventy_percent_is_one_of_many_savings_that_a_plant_can_have():
     for table in (near, doors, far):
         assert (table["low"] <= table["median"]).all()
         assert (table["median"] <= table["high"]).all()
-        # The more of the cost is counted, the less AS-i saves of it.
+        # The more costs are counted, the smaller the fraction that AS-i saves.
         assert table["nominal"].is_monotonic_decreasing
 
 
-def test_a_saving_is_the_one_of_the_nominal_figures():
+def test_a_saving_is_computed_from_the_nominal_figures():
     table = PLANT.cost_saving(rng=np.random.default_rng(1), draws=10)
     wired, bus = (by_hand(design, "nominal") for design in OPTIONS.values())
     assert table.loc["cable", "nominal"] == pytest.approx(

@@ -1,4 +1,4 @@
-"""The tables of a design, and what a design says of itself."""
+"""The tables of a design, and its description of itself."""
 
 from dataclasses import replace
 

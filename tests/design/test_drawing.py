@@ -1,4 +1,4 @@
-"""The single-line drawing: every device once, and the trunk between them as in the tables."""
+"""The single-line drawing shows every device once, with the trunk as in the tables."""
 
 import re
 from collections import Counter
@@ -21,7 +21,7 @@ def words(svg):
 
 
 @pytest.mark.parametrize("option", OPTIONS)
-def test_every_box_station_and_repeater_is_drawn_once_with_the_length_that_leads_there(option):
+def test_every_box_station_and_repeater_is_drawn_once_with_its_cable_length(option):
     design = SHIP.plan(option, (20, 0, 4))
     said = words(single_line(design))
     kinds = design.devices["kind"]
@@ -69,7 +69,7 @@ def test_supplies_and_terminators_are_drawn_at_their_places():
 
 
 @pytest.mark.parametrize("option", ["CAN", "AS-i"])
-def test_a_supply_out_of_the_cabinet_is_drawn_beside_the_device_that_it_feeds(option):
+def test_a_supply_outside_the_cabinet_is_drawn_beside_the_device_that_it_feeds(option):
     design = SHIP.plan(option, (20, 0, 4))
     said = words(single_line(design))
     devices = design.devices.set_index("device")

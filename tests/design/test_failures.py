@@ -1,4 +1,4 @@
-"""Single failures of planned designs, against one graph search a failure."""
+"""Single failures of planned designs, compared with one graph search per failure."""
 
 from dataclasses import replace
 
@@ -25,8 +25,8 @@ JOINS = {"cabinet", "master", "gateway"}
 def searched(design, cut=(), dead=(), needs=None):
     """Walk from the cabinet and from each supply, one line at a time in each bus.
 
-    A line of AS-i carries telegrams only where it has current; `needs` holds the devices that do
-    not work without.
+    An AS-i line carries telegrams only where it is powered; `needs` contains the devices that
+    do not work without power.
     """
     devices = {row.device: row for row in design.devices.itertuples()}
     kind = {name: row.kind for name, row in devices.items()}
@@ -173,7 +173,7 @@ def random_network(rng, n_devices=9, n_points=12):
 
 
 def shorted(design, name):
-    """Return the runs that a short of one of them takes, by a walk from run to run."""
+    """Return the runs disabled by a short of one of them, found by a walk from run to run."""
     runs = design.cables.set_index("run")
     kind = design.devices.set_index("device")["kind"]
     first = runs.loc[name]
@@ -191,7 +191,7 @@ def shorted(design, name):
 
 
 def masters_at(design, runs):
-    """Return the masters of AS-i at whose terminals some trunks are."""
+    """Return the AS-i masters to which some trunks are connected."""
     kind = design.devices.set_index("device")["kind"]
     buses = design.segments.set_index("segment")["bus"]
     own = design.cables[design.cables["run"].isin(runs) & (design.cables["kind"] == "trunk")]
@@ -234,7 +234,7 @@ def test_simultaneous_failures_cost_the_points_that_a_search_finds(seed):
 
 
 def mangled(design, rng):
-    """Return a design of which some cables end elsewhere, and some devices are of another kind."""
+    """Return a design with some cable ends moved and the kinds of some devices changed."""
     devices, cables = design.devices.copy(), design.cables.copy()
     for _ in range(rng.integers(0, 6)):
         device, cable, what = (rng.integers(n) for n in (len(devices), len(cables), 4))
@@ -251,8 +251,8 @@ def mangled(design, rng):
 @pytest.mark.parametrize("option", OPTIONS)
 @settings(max_examples=3)
 @given(seed=st.integers(0, 10**6))
-def test_failures_computed_together_cost_what_each_costs_alone(option, seed):
-    """Failures of several areas are looked at together."""
+def test_failures_computed_together_give_the_same_losses_as_alone(option, seed):
+    """Failures of several areas are computed together."""
     rng = np.random.default_rng(seed)
     limits = Settings({"redundant": bool(rng.integers(2)), "fed": bool(rng.integers(4))})
     site = Site((26.0, 6.0, 14.0))
@@ -289,7 +289,7 @@ def test_a_short_costs_one_line_between_two_repeaters():
 
 
 def test_a_short_of_one_branch_costs_all_branches_of_a_master():
-    """The line leaves an AS-i master by one pair of terminals, in however many directions."""
+    """The line is connected to one pair of the master's terminals, whatever its branches."""
     iolist = IoList.parse("tag,signal,x,y,z\nA,contact,30,0,0\nB,contact,-30,0,0")
     design = plan(iolist, Site((0.0, 0.0, 0.0)), "AS-i")
     table = single_failures(design)
@@ -310,7 +310,7 @@ def test_a_short_of_a_feeder_costs_all_stations_on_the_same_supply():
         assert cuts["points_lost"].max() == costs
 
 
-def test_feeders_that_meet_in_the_cabinet_alone_are_shorted_one_by_one():
+def test_feeders_that_meet_only_in_the_cabinet_are_shorted_one_by_one():
     design = small_loop()
     supplies = pd.DataFrame({"device": ["S1", "S2"], "kind": "supply", "segment": "loop 1",
                              "x_m": 9.0, "y_m": 0.0, "z_m": 4.0, "at": ""})  # fmt: skip
@@ -337,7 +337,7 @@ def test_outputs_of_as_i_need_the_auxiliary_supply_and_inputs_do_not():
 
 
 def test_an_as_i_line_without_current_costs_everything_downstream_too():
-    """Master and repeaters live on the line they send on, as `shipnet.asi.plan` has it."""
+    """Master and repeaters are powered by the line on which they send, as in `shipnet.asi.plan`."""
     iolist = IoList.parse(
         "tag,signal,x,y,z\nA,contact,20,0,0\nB,contact,120,0,0\nC,contact,200,0,0"
     )
@@ -352,8 +352,8 @@ def test_an_as_i_line_without_current_costs_everything_downstream_too():
     assert feeders["tags"].tolist() == 2 * [("B", "C"), ("C",)]
 
 
-def test_a_repeater_beside_the_master_is_as_dead_as_its_line():
-    """The line leaves the master for one side; a repeater on its terminals serves the other."""
+def test_a_repeater_beside_the_master_fails_with_its_line():
+    """The line leaves the master on one side; a repeater at its terminals serves the other."""
     iolist = IoList.parse("tag,signal,x,y,z\nA,contact,90,0,0\nB,contact,-90,0,0")
     design = plan(iolist, Site((0, 0, 0)), "AS-i")
     devices = design.devices.set_index("device")
@@ -376,7 +376,7 @@ def test_two_lines_are_lost_only_if_both_are_cut():
     assert lost(design, cables=["trunk 1A", "trunk 1B"]) == tuple(design.points["tag"])
 
 
-def test_the_worst_of_each_kind_leaves_the_cabinet_out():
+def test_the_worst_failures_leave_out_the_cabinet():
     table = worst(single_failures(small_loop()))
     assert table["failure"].tolist() == list(FAILURES)
     assert table["points_lost"].tolist() == [4, 4, 4]

@@ -24,7 +24,7 @@ ROW = {"tag": "LS-1", "type": "DI", "signal": "contact", "conductors": "2", "x":
 
 
 def text(*rows, **changes):
-    """Return a list of one good row with changes, or of several."""
+    """Return a list of one or more correct rows with some changes."""
     stream = io.StringIO()
     writer = csv.DictWriter(stream, list(ROW), lineterminator="\n")
     writer.writeheader()
@@ -33,7 +33,7 @@ def text(*rows, **changes):
 
 
 def faults(given):
-    """Return the faults of a list, without the letters of columns behind their titles."""
+    """Return the faults of a list, without the column letters after the titles."""
     with pytest.raises(InputError) as error:
         IoList.parse(given)
     return tuple(re.sub(r" \([A-Z]\)", "", fault) for fault in error.value.faults)
@@ -42,7 +42,7 @@ def faults(given):
 def test_the_example_ship_has_the_counts_of_its_source():
     iolist = read_iolist(SHIP)
     points = iolist.points
-    # Counted from the file by other means.
+    # Counted in the file independently.
     with SHIP.open(newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     assert len(iolist) == len(rows) == 353
@@ -92,7 +92,7 @@ def test_points_are_chosen_by_a_query():
             ship.where(query)
 
 
-def test_one_list_in_many_spellings_is_one_list():
+def test_a_list_in_many_spellings_gives_the_same_points():
     plain = IoList.parse(text()).points
     heading = "Project; hull 1234\n\nsep is ;\nTag No.;I/O;Signal type;Cores;Deck X;Y pos;z [m];"
     row = "\nLS-1; digital input;CONTACT;2,0;1,0;2;3,0;JB1;9;40;0,5;cat. 2;n\n\n"
@@ -178,7 +178,7 @@ def test_a_thousand_faulty_rows_are_all_kept_and_reported_briefly():
         (GOOD, "has no points"),
         ("type,x,y,z\nDI,1,2,3", "no column tag"),
         ("tag,x,y,z,update\nLS,1,2,3,4", "no column signal and no column type"),
-        ("tag,type,x,y\nLS,DI,1,2", "no column z_m; expected x_m, y_m, z_m or none"),
+        ("tag,type,x,y\nLS,DI,1,2", "no column z_m; expected x_m, y_m, z_m, or none"),
         ("tag,type,Tag no,home run\nLS,DI,1,2", "'tag' and 'Tag no' both mean tag"),
         ("tag,type,home run\nLS,DI,12,5", "row 2 has 4 cells; expected 3"),
         ('tag,type,home run\n"LS,DI,12', "is not a CSV file: unexpected end of data, in row 2"),
@@ -246,14 +246,14 @@ def test_a_box_has_one_place_and_needs_it_only_once():
     assert points["box_x_m"].tolist()[:2] == [1.0, 1.0] and np.isnan(points["box_x_m"][2])
     found = faults(f"{head}a,DI,9,JB1,1,2,3\nb,DI,9,JB1,1,2,4\nc,DI,9,JB1,1,,")
     assert found == (
-        "row 3, column box x: box 'JB1' has another position in row 2; expected 1, 2, 3 m",
+        "row 3, column box x: box 'JB1' has a different position in row 2; expected 1, 2, 3 m",
         "row 4, column box y and box z: is empty; expected box x, box y, box z, or none",
     )
 
 
 def test_a_cable_shorter_than_the_distance_to_its_box_is_doubtful():
     head = "tag,type,x,y,z,box,box x,box y,box z,to box\n"
-    said = "the cable to the box is shorter than the straight distance, but kept: 1 row (2)"
+    said = "the length to the box is used, but is shorter than the straight distance: 1 row (2)"
     assert said not in IoList.parse(f"{head}a,DI,0,0,0,B,3,4,0,4.9").remarks
     assert said in IoList.parse(f"{head}a,DI,0,0,0,B,3,4,0,4.7").remarks
 
@@ -284,7 +284,7 @@ def test_a_table_is_checked_as_a_file_is():
         IoList.from_table(pd.DataFrame({"tag": [True], "type": "DI", "length": 3}))
 
 
-def test_a_list_of_another_form_is_refused():
+def test_a_list_in_another_form_is_refused():
     points = read_iolist(SHIP).points
     with pytest.raises(ArgumentError, match=r"no column update_ms; use IoList.from_table"):
         IoList(points.drop(columns="update_ms"), "x")
@@ -301,7 +301,7 @@ def test_every_spelling_finds_its_signal_by_kind_and_conductors():
         find_signal("qqqqqqqq")
 
 
-def test_titles_mean_what_they_should():
+def test_titles_have_their_expected_meanings():
     table = datasets.read("iolist_words.csv")
     titles = table[table["of"] == "column"]
     assert {column_of(word).name for word in titles["word"]} == set(titles["means"])
@@ -352,12 +352,12 @@ def test_any_good_list_survives_a_file(tmp_path_factory, rows):
     assert read_iolist(path).points.equals(iolist.points)
 
 
-def test_a_type_that_several_signals_have_asks_for_one_of_them():
+def test_a_type_with_several_signals_needs_one_of_them():
     with pytest.raises(InputError, match="row 2, column signal: is empty; expected one of rtd_2w"):
         IoList.parse("tag,type,x,y,z\nTE-1,AI,1,2,3")
 
 
-def test_a_signal_that_may_be_both_is_an_input_unless_the_type_says_output():
+def test_an_ambiguous_signal_is_an_input_unless_the_type_is_an_output():
     engine = read_iolist(datasets.path("synthetic_iolist_engine.csv"))
     assert engine.counts == {"rtd_3wire": 62, "contact": 19, "current_loop": 18}
     said = "signal '4-20 mA' without a type is read as an input, not an output: 18 times"

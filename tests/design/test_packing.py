@@ -1,4 +1,4 @@
-"""Messages of CAN and registers of Modbus: nothing is lost, nothing overlaps, nothing is wasted."""
+"""CAN messages and Modbus registers: nothing is lost, overlaps or is wasted."""
 
 from itertools import chain, pairwise
 from math import ceil
@@ -14,7 +14,7 @@ POINTS = st.lists(st.tuples(KINDS, st.sampled_from([0.1, 1.0])), max_size=150)
 
 
 @given(POINTS)
-def test_every_point_is_in_one_message_of_its_need_and_direction(points):
+def test_every_point_is_in_one_message_of_its_update_time_and_direction(points):
     types, needs = [kind for kind, _ in points], np.array([need for _, need in points], float)
     messages = pack(types, needs)
     assert sorted(chain.from_iterable(m.rows.tolist() for m in messages)) == list(
@@ -30,7 +30,7 @@ def test_every_point_is_in_one_message_of_its_need_and_direction(points):
 
 
 def first_fit(values, states):
-    """Frames that a plain first fit takes, the values first: as good as the best for 16 and 1."""
+    """Return the frames of a first fit, values first; this is optimal for sizes 16 and 1."""
     room = []
     for size in [16] * values + [1] * states:
         for place, left in enumerate(room):
@@ -43,7 +43,7 @@ def first_fit(values, states):
 
 
 @given(st.integers(0, 30), st.integers(0, 200))
-def test_there_are_no_more_messages_than_a_first_fit_needs(values, states):
+def test_packing_needs_at_most_the_messages_of_a_first_fit(values, states):
     messages = pack(["AI"] * values + ["DI"] * states, np.ones(values + states))
     assert len(messages) == first_fit(values, states)
 
@@ -54,12 +54,12 @@ def test_a_bit_rate_reaches_as_far_as_is_published():
     found = [bit_rate_for(length, rates) for length in (100, 100.1, 250, 500, 500.1, 1000)]
     assert found == [500_000, 250_000, 250_000, 125_000, 50_000, 50_000]
     assert bit_rate_for(1000.1, rates) is None
-    # A rate between two that are published reaches as far as the faster one.
+    # A rate between two published ones reaches as far as the higher one.
     assert [bit_rate_for(length, (200_000,)) for length in (250, 251)] == [200_000, None]
 
 
 @given(st.lists(KINDS, min_size=1, max_size=400))
-def test_every_point_has_a_register_and_every_register_is_asked(types):
+def test_every_point_has_a_register_and_every_register_is_polled(types):
     station = registers_of(types)
     places = {}
     for kind, address in zip(types, station.addresses, strict=True):
@@ -82,7 +82,7 @@ def test_every_point_has_a_register_and_every_register_is_asked(types):
 
 
 @given(st.lists(st.integers(1, 120), min_size=1, max_size=40), st.integers(3, 8))
-def test_sections_keep_their_loads_and_length(hops, unit_loads):
+def test_sections_meet_their_limits_of_load_and_length(hops, unit_loads):
     found = sections(hops, length=200, unit_loads=unit_loads)
     cuts = [0, *(place + 1 for place in found), len(hops)]
     for number, (start, end) in enumerate(pairwise(cuts)):

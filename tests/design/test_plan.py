@@ -1,4 +1,4 @@
-"""Plans keep every limit, counted again from their tables, or say why they cannot."""
+"""Plans meet every limit, checked again from their tables, or give the reason why not."""
 
 import math
 
@@ -22,7 +22,7 @@ from tests.design.lists import lists, ship, table
 SITE = Site((0.0, 0.0, 0.0))
 BUSES = OPTIONS[2:]
 
-#: Limits so low that lists of a dozen points come up against them.
+#: Limits so low that lists of a dozen points reach them.
 TIGHT = Settings(
     {
         "boxes.points": 3,
@@ -84,7 +84,7 @@ def test_the_hardwired_example_is_as_long_as_its_list_says(example):
 @pytest.mark.parametrize(
     ("option", "kind"), [("home runs", "home run"), ("junction boxes", "drop")]
 )
-def test_lengths_of_the_list_can_be_left_aside(example, option, kind):
+def test_lengths_of_the_list_can_be_ignored(example, option, kind):
     bare = IoList.from_table(example.points.drop(columns=["home_run_m", "to_box_m"]))
     site = Site((26, 6, 14))
     reckoned = plan(example, site, option, settings=Settings({"list_lengths": False})).cables
@@ -107,7 +107,7 @@ def test_every_option_has_the_same_spare_channels(example, option, spare):
     value = example.points["type"].str[0] == "A"
     bill = bill_table(design).set_index("item")["number"]
     if option == "AS-i":
-        # A module of values may be fast enough for some of its ports only; the others are spare.
+        # An analogue module may be fast enough for only some of its ports; the others are spare.
         for kind, own in (("AS-i analogue module", value), ("AS-i module", ~value)):
             inputs = example.points.loc[own, "type"].str[1] == "I"
             used = max(inputs.sum(), (~inputs).sum()) if kind == "AS-i module" else len(inputs)
@@ -118,7 +118,7 @@ def test_every_option_has_the_same_spare_channels(example, option, spare):
         assert bill[f"{of} {kind} channel"] == math.ceil(round((1 + spare) * own.sum(), 9))
 
 
-def test_a_trunk_has_its_pairs_and_their_reserve(example):
+def test_a_trunk_has_enough_pairs_and_spares(example):
     design = plan(example, Site((26, 6, 14)), "junction boxes", settings=Settings({"spare": 0.5}))
     trunks = design.cables[design.cables["kind"] == "trunk"]
     pairs = -(-example.points["conductors"] // 2)
@@ -131,7 +131,7 @@ def test_a_trunk_has_its_pairs_and_their_reserve(example):
         )
 
 
-def test_a_common_return_counts_once_a_trunk_and_once_a_home_run():
+def test_a_common_return_counts_once_per_trunk_and_once_per_home_run():
     iolist = table([("contact_common", (10, 0, 0), 1000)] * 4)
     boxes = plan(iolist, SITE, "junction boxes").cables
     assert boxes.loc[boxes["kind"] == "trunk", "used"].tolist() == [5]
@@ -159,7 +159,7 @@ def test_points_that_are_too_far_away_are_left_out_with_value_and_bound(option, 
 
 @pytest.mark.parametrize("option", BUSES)
 @pytest.mark.parametrize("signal", ["contact", "current_loop"])
-def test_points_needed_too_soon_are_left_out_but_not_their_neighbours(option, signal):
+def test_points_with_too_short_update_times_are_left_out_but_not_others(option, signal):
     iolist = table([(signal, (20, 0, 0), 0.4), (signal, (20, 0, 0), 1000)])
     design = plan(iolist, SITE, option)
     assert design.points["fits"].tolist() == [False, True]
@@ -168,7 +168,7 @@ def test_points_needed_too_soon_are_left_out_but_not_their_neighbours(option, si
 
 
 def test_a_modbus_bit_rate_above_100_kbit_s_shortens_the_line():
-    # EIA-485: 1219 m up to 100 kbit/s, and the product of both beyond: 244 m at 500 kbit/s.
+    # EIA-485: 1219 m up to 100 kbit/s; above, the product is constant: 244 m at 500 kbit/s.
     far = table([("contact", (100 * n, 0, 0), 1000) for n in (1, 4, 8)])
     slow, fast, both = (
         plan(far, SITE, "Modbus RTU", settings=Settings({"modbus.bit_rates": rates}))
@@ -177,14 +177,14 @@ def test_a_modbus_bit_rate_above_100_kbit_s_shortens_the_line():
     assert slow.fits and both.fits and both.segments["bit_rate"].tolist() == [57_600]
     assert fast.points["fits"].tolist() == [True, False, False]
     assert fast.reasons["bound"].tolist() == pytest.approx([243.8] * 2)
-    # Points that only a fast line serves in time are near enough, or are left out.
+    # Points that need a fast line are left out unless they are near enough.
     urgent = table([("contact", (x, 0, 0), 9) for x in (80, 400)])
     found = plan(urgent, SITE, "Modbus RTU", settings=Settings(
         {"modbus.bit_rates": (57_600, 1_000_000), "modbus.processing": 0}))  # fmt: skip
     assert found.points["fits"].tolist() == [True, False]
 
 
-def test_an_urgent_crowd_is_spread_over_several_segments():
+def test_many_urgent_points_are_divided_among_several_segments():
     crowd = table([("current_loop", (20, 0, 0), 60)] * 40)
     for option in ("CAN", "Modbus RTU"):
         design = plan(crowd, SITE, option, settings=Settings({"can.bit_rates": (50_000,)}))
@@ -192,15 +192,15 @@ def test_an_urgent_crowd_is_spread_over_several_segments():
         check_everything(design, Settings({"can.bit_rates": (50_000,)}))
 
 
-def test_messages_that_would_arrive_too_late_go_to_segments_of_their_own():
-    # Sent every 57 ms, due 3 ms later: at 50 kbit/s a frame takes 2.7 ms, and two come too late.
+def test_messages_that_would_be_late_go_to_segments_of_their_own():
+    # Sent every 57 ms, due 3 ms later: a frame takes 2.7 ms at 50 kbit/s, so two are too late.
     limits = Settings({"can.bit_rates": (50_000,), "can.period_share": 0.95, "can.load": 1.0})
     design = plan(table([("current_loop", (20, 0, 0), 60)] * 12), SITE, "CAN", settings=limits)
     assert design.fits and design.segments["messages"].tolist() == [1] * len(design.segments)
     check_everything(design, limits)
 
 
-def test_a_value_that_is_needed_soon_gets_a_module_with_fewer_channels():
+def test_a_value_with_a_short_update_time_gets_a_module_with_fewer_channels():
     for need, modules in ((1000, 1), (400, 2), (140, 4)):
         values = table([("current_loop", (20, 0, 0), need)] * 4)
         design = plan(values, SITE, "AS-i", settings=Settings({"spare": 0}))
@@ -217,7 +217,7 @@ def test_more_than_31_modules_share_addresses_and_then_need_two_lines():
         assert design.segments["addresses"].tolist() == addresses
         assert design.segments["slaves"].sum() == modules
         check_everything(design, limits)
-    # kim2023, section 3.3: 62 modules of four contacts, 496 conductors, are 2 on the bus.
+    # kim2023, section 3.3: 62 modules of four contacts have 496 conductors, or 2 on the bus.
     local = Settings({"fed": False, "spare": 0})
     for option, conductors in (("home runs", 496), ("AS-i", 2)):
         runs = plan(crowd(62), site, option, settings=local).cables
@@ -226,7 +226,7 @@ def test_more_than_31_modules_share_addresses_and_then_need_two_lines():
     assert len(plan(crowd(32), site, "AS-i", settings=alone).segments) == 2
 
 
-def test_a_point_without_a_place_goes_home_and_nowhere_else():
+def test_a_point_without_a_position_fits_only_on_a_home_run():
     iolist = IoList.parse("tag,signal,home run,JB\nA,contact,30,\nB,contact,40,J1")
     assert plan(iolist, SITE, "home runs").cables["length_m"].tolist() == [30, 40]
     for option in OPTIONS[1:]:
@@ -250,7 +250,7 @@ def test_a_mix_connects_each_kind_by_its_bus_and_the_first_choice_decides(exampl
     check_everything(design, Settings())
 
 
-def test_a_mix_of_one_option_is_the_plan():
+def test_a_mix_with_one_option_equals_its_plan():
     iolist = ship(40)
     for option in OPTIONS:
         one, other = plan(iolist, SITE, option), plan(iolist, SITE, option)
@@ -356,7 +356,7 @@ def test_points_without_an_update_time_have_that_of_the_settings():
 
 # Limits of rules on responses, and points that are intrinsically safe -----------------------------
 
-#: Inputs that the list wants every 5 s, and outputs.
+#: Inputs with an update time of 5 s, and outputs.
 SLOW = table([(signal, (x, 0, 2), 5000.0) for x in range(0, 60, 3)
               for signal in ("contact", "current_loop", "solenoid")])  # fmt: skip
 
@@ -390,13 +390,13 @@ def test_the_hosts_time_is_subtracted_from_a_limit_and_shorter_limits_are_ignore
     for limit, left in ((2.0, 1.5), (0.75, 0.25), (0.5, np.inf), (0.2, np.inf)):
         longest = longest_responses(within(limit), SLOW.points, 0.5)
         assert longest[inputs] == pytest.approx(left) and np.isinf(longest[~inputs]).all()
-    # A second limit that the host can keep still holds.
+    # A second limit that the host can meet still applies.
     both = RuleSet((*within(0.2), *within(2.0, "outputs")))
     assert longest_responses(both, SLOW.points, 0.5)[~inputs] == pytest.approx(1.5)
 
 
 def test_points_that_cannot_meet_a_limit_keep_the_need_of_the_list():
-    """A value takes longer on AS-i than this limit, a contact does not."""
+    """An analogue value exceeds this limit on AS-i, but a contact does not."""
     design = plan(SLOW, SITE, "AS-i", rules=within(0.55), settings=Settings({"asi.conversion": 2}))
     late = design.points["response_ms"]
     assert design.fits and not design.check(within(0.55)).ok

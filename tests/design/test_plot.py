@@ -68,7 +68,7 @@ def test_the_tornado_has_its_longest_bars_on_top(ax):
     assert ax.get_ylim() == (4.5, -0.5)
 
 
-def test_level_options_are_marked_only_if_they_are_in_the_picture(ax):
+def test_a_zero_difference_is_marked_only_if_it_is_in_the_picture(ax):
     tornado(NETWORKS, "cable_mass_kg").plot(ax)
     assert len(ax.lines) == 1
     other = Figure().subplots()
@@ -77,7 +77,7 @@ def test_level_options_are_marked_only_if_they_are_in_the_picture(ax):
     assert not other.patches
 
 
-def test_the_front_joins_the_options_that_none_beats(ax):
+def test_the_front_joins_the_pareto_optimal_options(ax):
     table = pd.DataFrame(
         {"total_cost_eur": [3.0, 1.0, 2.0], "worst response": [1.0, 3.0, 4.0]}, index=list("abc")
     )
@@ -145,7 +145,7 @@ def test_hardwired_draws_each_strand(ax):
     assert {"BV-01", "BV-02", "BV-03", "BV-04"} <= set(texts(ax))
 
 
-def test_asi_draws_one_module_a_device(ax):
+def test_asi_draws_one_module_per_device(ax):
     VALVES.plot("AS-i", ax)
     assert [text for text in texts(ax) if text.startswith("slave")] == [
         f"slave {n}" for n in (1, 2, 3, 4)

@@ -1,4 +1,4 @@
-"""I/O lists as yards write them: what is read, what is left out, what is said of it."""
+"""I/O lists as yards write them: what is read, what is left out, and what is reported."""
 
 import csv
 from collections import Counter
@@ -21,7 +21,7 @@ HEAD = "tag,type,signal,x,y,z\n"
 
 
 def notes(iolist):
-    """Return how a list was read: number of rows by what was done with them."""
+    """Return the number of rows by remark on how a list was read."""
     table = iolist.reading()
     return dict(zip(table["what"], table["count"].fillna(0), strict=True))
 
@@ -54,7 +54,7 @@ def test_only_the_bad_rows_of_a_messy_list_are_reported(form, tmp_path):
 
 
 @pytest.mark.parametrize("form", ["cp949", "workbook"])
-def test_a_messy_list_without_faults_becomes_the_points_that_were_drawn(form, tmp_path):
+def test_a_messy_list_without_faults_becomes_the_expected_points(form, tmp_path):
     sheet, expected, _ = messy.rows(faulty=False)
     path = tmp_path / "list"
     hidden, struck = (20, 21), (30,)
@@ -79,7 +79,7 @@ def test_a_messy_list_without_faults_becomes_the_points_that_were_drawn(form, tm
         assert "read: sheet IO list rev C; not read: Cover" in iolist.remarks
     else:
         assert "read as cp949, with semicolons between the cells" in iolist.remarks
-    # No row is gone without a word.
+    # No row is left out without a remark.
     told = sum(said[what] for what in said if what.startswith("left out"))
     assert told + len(iolist) + said["titles in two rows"] == sum(any(row) for row in sheet)
 
@@ -98,7 +98,7 @@ def test_a_messy_list_without_faults_becomes_the_points_that_were_drawn(form, tm
         "HULL 1234 I/O LIST\n\nRev. C,,,,page 1\n" + 30 * "\n" + "Tag,Type,Signal,X,Y,Z",
     ],
 )
-def test_titles_may_be_in_two_rows_or_languages_and_far_down(titles):
+def test_titles_may_be_in_two_rows_or_languages_and_below_other_rows(titles):
     points = IoList.parse(f"{titles}\nLS-1,DI,contact,1,2,3\nLS-2,DI,contact,4,5,6").points
     assert points["tag"].tolist() == ["LS-1", "LS-2"]
     assert points[["x_m", "y_m", "z_m"]].to_numpy().tolist() == [[1, 2, 3], [4, 5, 6]]
@@ -119,7 +119,7 @@ def test_own_titles_and_signals_come_from_the_settings():
         IoList.parse(text)
 
 
-def test_a_column_type_may_hold_signals_if_no_other_does():
+def test_a_type_column_may_contain_signals_if_no_other_does():
     rows = "tag,type,conductors\nA,PT100 3W,\nB,LIMIT SW,\nC,DI,\nD,AO,\n"
     points = IoList.parse(rows).points
     assert points["signal"].tolist() == ["rtd_3wire", "contact", "contact", "analogue_output"]
@@ -142,7 +142,7 @@ def test_own_words_without_a_meaning_are_reported():
 
 # Words for signals ----------------------------------------------------------------------------
 
-#: 76 common spellings with the type beside them, and what an engineer takes each for.
+#: 76 common spellings with the type beside them, under the meaning that an engineer expects.
 SPELLINGS = """\
 contact: DI|DI;DI NO|DI;DI NC|;Dry contact|DI;Potential free|DI;Volt-free contact|;LIMIT SW|DI
 contact: Limit switch|;Level SW|DI;Float switch|;Press. switch|DI;Temp. switch|DI;Flow switch|DI
@@ -217,7 +217,7 @@ def test_a_mark_of_intrinsic_safety_is_kept_beside_the_signal():
         ("1,5.0,3", "", None),
     ],
 )  # fmt: skip
-def test_a_number_is_read_as_it_is_meant_or_not_at_all(cell, mark, value):
+def test_a_number_is_read_correctly_or_not_at_all(cell, mark, value):
     assert read_number(cell, mark, 1.0, UNITS["length"]) == pytest.approx(value)
 
 
@@ -236,7 +236,7 @@ def test_any_cell_is_a_finite_number_or_none(cell, mark):
     assert value is None or not np.isnan(value)
 
 
-def test_a_unit_in_a_cell_wins_over_that_of_the_title():
+def test_a_unit_in_a_cell_overrides_that_of_the_title():
     text = "tag,type,home run [mm],update\nA1,DI,5000,0.5 s\nA2,DI,5 m,500\n"
     points = IoList.parse(text).points
     assert points["home_run_m"].tolist() == [5, 5] and points["update_ms"].tolist() == [500, 500]
@@ -277,7 +277,7 @@ def test_frames_and_decks_may_come_from_sheets_of_the_workbook(tmp_path):
         read_iolist(path)
 
 
-def test_without_frames_a_place_is_a_doubt_and_no_fault():
+def test_without_frames_a_place_is_a_doubt_but_not_a_fault():
     iolist = IoList.parse("tag,type,frame,deck\nA1,DI,34,DK3\nA2,DI,,\n")
     assert not iolist.located.any() and iolist.reading()["doubt"].sum() == 1
     assert site_of(iolist, None, SETTINGS)[1].startswith("2 of 2 points have neither a position")
@@ -358,7 +358,7 @@ def test_the_command_counts_groups_and_saves_all_faults(tmp_path, capsys):
         table = list(csv.DictReader(stream))
     assert [int(row["row"]) for row in table] == messy.rows()[2]
     assert table[0]["column"] == "Cable length [m] (I)" and "'12,5 ft'" in table[0]["fault"]
-    # A thousand different faults in one column are one line with every row.
+    # A thousand different faults in one column are reported in one line with all rows.
     many = "tag,type,home run\n" + "".join(f"A{n},DI,-{n}\n" for n in range(1, 1001))
     points.write_text(many, encoding="utf-8")
     assert main(["design", str(points)]) == 2

@@ -1,4 +1,4 @@
-"""The report: it stands alone, is the same twice, and no text of a user becomes markup."""
+"""The report is self-contained and reproducible, and text of a user never becomes markup."""
 
 import base64
 import re
@@ -21,7 +21,7 @@ HOSTILE = ["<script>alert(1)</script>", '"><img src=x onerror=y>', "&amp;$x^2$",
 
 
 class Page(HTMLParser):
-    """Checks that tags are closed in order, and keeps what stands between and in them."""
+    """A parser that checks that tags are closed in order, and keeps the text and attributes."""
 
     def __init__(self, page):
         super().__init__(convert_charrefs=True)
@@ -62,7 +62,7 @@ def page(comparison):
     return comparison.html()
 
 
-def test_a_report_is_a_page_that_fetches_and_runs_nothing(comparison, page):
+def test_a_report_loads_no_files_and_runs_no_scripts(comparison, page):
     parsed = Page(page)
     assert page.startswith("<!DOCTYPE html>")
     assert {"script", "link", "iframe", "object", "form"}.isdisjoint(parsed.tags)
@@ -79,7 +79,7 @@ def test_a_report_is_a_page_that_fetches_and_runs_nothing(comparison, page):
         assert not re.findall(r'href="(?!#)', figure)
 
 
-def test_the_first_page_says_what_it_is_not(page):
+def test_the_first_page_says_that_it_is_not_an_approval(page):
     words = Page(page).text
     assert words.index(BANNER) < words.index("The designs side by side")
     assert BANNER == "A design aid, not class approval."
@@ -109,7 +109,7 @@ def test_a_long_list_has_its_points_in_the_tables_and_a_bounded_report():
     # 25 pages of A4 for 1 000 points: a page takes about 45 rows, or one sheet of a drawing.
     found = ship(1000).compare((20, 0, 4), ["home runs", "junction boxes", "CAN", "Modbus RTU"])
     page = found.html()
-    assert "writes have all 1000 points" in Page(page).text
+    assert "contain all 1000 points" in Page(page).text
     assert page.count("<tr>") < 420
     assert len(pictures(page)) <= 4 + 2 * len(found.designs)
     for option, design in found.designs.items():
@@ -130,7 +130,7 @@ def test_the_same_comparison_gives_the_same_bytes(comparison, page, tmp_path):
     assert b"The cabinet is guessed." in dated.read_bytes()
 
 
-def test_no_text_of_a_list_becomes_a_tag_of_the_page():
+def test_text_of_a_list_never_becomes_markup():
     small = small_loop()
     hostile = IoList.from_table(pd.DataFrame({
         "tag": HOSTILE, "system": HOSTILE, "signal": "contact", "x": [5.0, 6, 7, 8], "y": 1.0,
@@ -160,23 +160,23 @@ def test_points_that_do_not_fit_are_listed_with_their_reason(page):
     found = far.compare((0, 0, 4), ["home runs", "AS-i"])
     words = Page(found.html()).text
     assert found.table()["points_left_out"].tolist() == [0, 1]
-    assert "AS-i leaves 1 of 2 points out: B " in words
+    assert "AS-i leaves out 1 of 2 points: B " in words
     assert all(reason in words for reason in found.reasons()["text"])
     assert "does not fit" in words
     assert "Every point fits in every option." in Page(page).text
 
 
-def test_a_picture_does_not_hide_what_is_left_out():
+def test_figures_name_options_that_leave_points_out():
     far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
                                    "y": 0.0, "z": 0.0}))  # fmt: skip
     rng = np.random.default_rng(1)
     page = far.compare(small_loop().site, ["home runs", "AS-i"], rng=rng).html()
     assert "(2 DI) of table, in no system." in Page(page).text
     named = ["AS-i (1 left out)" in figure for figure in pictures(page)[:4]]
-    assert named == [True, True, True, False]  # the last one weighs whole options only
+    assert named == [True, True, True, False]  # the last one compares complete options only
 
 
-def test_of_options_that_all_leave_points_out_no_difference_is_drawn():
+def test_no_difference_is_drawn_if_all_options_leave_points_out():
     far = IoList.from_table(pd.DataFrame({"tag": ["A", "B"], "signal": "contact", "x": [5.0, 900.0],
                                    "y": 0.0, "z": 0.0}))  # fmt: skip
     page = far.compare(small_loop().site, ["AS-i", "CAN"]).html()

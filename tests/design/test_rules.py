@@ -29,7 +29,7 @@ ONE_LINE, TWO_LINES = small_loop(), small_loop(redundant=True)
 
 
 def checked(design, rules="DNV", **more):
-    """What a check of a design comes to; a tuple is a rule set of its own."""
+    """Return the result of a check of a design; a tuple is a rule set of its own."""
     return design.check(RuleSet(rules) if isinstance(rules, tuple) else rules, **more).table()
 
 
@@ -61,7 +61,7 @@ def test_an_unread_rule_is_never_met_and_a_read_one_has_a_source(rule_set):
         assert (table["why"] != "").all()
 
 
-def test_the_same_rule_passes_once_it_is_confirmed():
+def test_a_rule_is_met_once_it_is_confirmed():
     (rule,) = (r for r in RuleSet.published("lee2012") if r.rule == "links duplicated")
     design = TWO_LINES
     assert checked(design, (rule,))["verdict"].item() == "not verified"
@@ -77,13 +77,13 @@ def test_a_limit_from_a_maker_is_judged_and_the_verdict_says_where_it_is_from():
         assert row["why"] == (
             "0.18 s to the host; the limit is from a maker's document; no standard was read for it"
         )
-    # What one rule takes from the standard, or the settings, another takes from a maker.
+    # Here the limits are from a maker's document, not from the standard or the settings.
     found = checked(ONE_LINE, "NMEA 2000")
     assert set(found["confirmed"]) == {"maker"}
     assert found.loc[found["value"].notna(), "why"].str.contains("no standard was read").all()
 
 
-def test_the_host_is_added_where_the_rule_counts_it_and_only_there():
+def test_the_host_time_is_added_only_if_the_rule_includes_it():
     rule = Rule("alarm", "response", 0.7, confirmed="yes", host=True)
     assert checked(ONE_LINE, (rule,))["value"].item() == pytest.approx(0.18 + Settings().host_time)
     assert checked(ONE_LINE, (rule,), host_time=0.53)["verdict"].item() == "violated"
@@ -116,18 +116,18 @@ def test_hardwired_points_answer_at_once():
     assert judged(changed(design, points=points), "response", 0.0)["value"] == 0.0
 
 
-def test_a_rule_counts_the_points_that_it_is_for():
+def test_a_rule_counts_only_the_points_to_which_it_applies():
     design = ONE_LINE
     outputs = design.iolist.points["type"].isin(["DO", "AO"])
     assert not outputs.any()
     row = judged(design, "response", 2.0, applies="outputs")
     assert (row["verdict"], row["why"]) == ("not verified", "the list has no such point")
-    # LS-4, of category I, hangs on the cable that costs most.
+    # LS-4, of category I, is on the cable that loses most points.
     assert judged(design, "points lost by a cable", 0.0)["value"] == 4
     assert judged(design, "points lost by a cable", 0.0, applies="essential")["value"] == 3
 
 
-def test_losses_are_those_of_the_cuts():
+def test_losses_agree_with_the_failures():
     design = TWO_LINES
     assert judged(design, "points lost by a cable", 0.0)["value"] == 1  # a drop
     stations = design.devices.query("kind == 'station'")["device"]
@@ -137,7 +137,7 @@ def test_losses_are_those_of_the_cuts():
     assert judged(design, "points lost by a device", 9.0)["object"] == "master"
 
 
-def test_two_essential_systems_on_one_line_are_one_too_many():
+def test_two_essential_systems_on_one_line_violate_the_rule():
     row = checked(ONE_LINE, "IMO").set_index("rule").loc["shared link redundant"]
     assert (row["value"], row["verdict"]) == (2, "violated")
     assert "Cooling, Fuel oil" in row["why"]  # Bilge is of category I
@@ -155,7 +155,7 @@ def test_unnamed_systems_do_not_count_as_one():
     partly = design.iolist.points.assign(system=["", "", "Fuel oil", "Bilge"])
     row = judged(changed(design, iolist=replace(unnamed, points=partly)), "systems on one link", 1)
     assert (row["value"], row["verdict"]) == (2, "violated")
-    # A cut that costs nothing costs no system, named or not.
+    # A cut without lost points loses no system, named or not.
     both = changed(TWO_LINES, iolist=unnamed)
     assert judged(both, "systems on one link", 1.0)["verdict"] == "met"
     row = judged(design, "systems on one link", 1.0, applies="category III")
@@ -222,7 +222,7 @@ def test_a_supply_changes_over_only_if_another_feeds_beside_it():
     assert (none["verdict"], none["why"]) == ("not verified", "no supply is planned")
 
 
-def test_buses_are_known_by_their_standards_and_checks():
+def test_standards_and_checksums_of_buses_are_known():
     design = ONE_LINE
     assert judged(design, "bit errors unseen", 0.0)["value"] == 0
     asi = changed(design, segments=design.segments.assign(bus="AS-i"))
@@ -256,7 +256,7 @@ def test_every_measure_has_a_result_for_every_kind_of_point(measure, applies):
     assert row["unit"] == MEASURES[measure].unit
 
 
-def test_rules_of_ones_own_are_read_in_any_order(tmp_path):
+def test_own_rules_are_read_in_any_order(tmp_path):
     file = tmp_path / "own.csv"
     file.write_text(
         "Limit;RULE;measure;Confirmed;applies\n0,5;quick;response;Yes;Inputs\n"
@@ -321,7 +321,7 @@ def test_a_file_without_rules_is_reported(text, fault, tmp_path):
     st.binary(max_size=200)
     | st.text(max_size=200).map(lambda t: ("rule,measure,limit\n" + t).encode())
 )
-def test_any_bytes_are_rules_or_an_input_error(tmp_path_factory, data):
+def test_any_bytes_are_read_as_rules_or_raise_an_input_error(tmp_path_factory, data):
     file = tmp_path_factory.getbasetemp() / "any rules.csv"
     file.write_bytes(data)
     try:

@@ -1,4 +1,4 @@
-"""What a comparison rests on, by name: read from a file, told where it is not the default."""
+"""Settings of a comparison, by name: read from a file, and reported if they are changed."""
 
 import re
 import subprocess
@@ -21,7 +21,7 @@ LIST = "tag,signal,x,y,z\n" + "".join(f"LS-{n},contact,{10 + 3 * n},{n % 3},1\n"
 EVERY = st.sampled_from(names())
 
 
-def test_every_value_has_a_name_and_only_those():
+def test_every_value_has_a_name_and_every_name_a_value():
     settings = Settings()
     expected = {f"assumptions.{name}" for name in Assumptions()}
     for own in (own for own in fields(settings) if own.name not in ("assumptions", "reading")):
@@ -38,12 +38,12 @@ def test_every_value_has_a_name_and_only_those():
 def test_every_value_has_a_meaning_and_a_legal_range(name):
     assert len(kind_of(name).help) > 5 and not re.search("`|]_", kind_of(name).help)
     assert len(legal(name)) > 3
-    # What is not legal is refused in the same words.
+    # An illegal value is refused in the same words.
     _, faults = Settings().tried({name: "no such thing"})
     assert faults == [f"{name} is 'no such thing'; it must be {legal(name)}"]
 
 
-#: For each value, one more that is legal.
+#: Another legal value for each setting.
 OTHERS = {
     "detour": 1.3, "tails": 0, "host_time": 0.25, "spare": 0.5, "redundant": True, "update": 2,
     "fed": False, "feeder": "MI1P075", "can.bit_rates": [125_000], "modbus.bit_rates": [9600],
@@ -73,7 +73,7 @@ def test_printed_settings_are_read_back_unchanged():
     text = everything.text()
     again = Settings.parse(text)
     assert again == everything and again.text() == text
-    # The file is one of whole tables, which another reader of TOML knows too.
+    # The file has whole tables, which any TOML reader accepts.
     tables = tomllib.loads(text)
     assert tables["asi"]["length"] == everything.asi.length
     assert tables["assumptions"]["labour_rate"] == [55, 60.5, 70]
@@ -139,14 +139,14 @@ def test_all_faults_are_reported_at_once_with_name_value_and_legal_range(tmp_pat
     assert error.value.faults == (
         "detour is 0.5; it must be 1..10",
         "spare is 'much'; it must be 0..10",
-        "there is no 'tials'; the nearest is tails",
+        "there is no setting 'tials'; the nearest is tails",
         "host_time is 61; it must be 0..60 s",
         f"feeder is 'ROPE'; it must be {legal('feeder')}",
         "update is nan; it must be 0.0001..3600 s",
         "asi.length is 20000; it must be 1..10000 m",
         "asi.inputs is 2.5; it must be a whole number 1..4",
         "asi.shared is 1; it must be true or false",
-        "there is no 'asi.lenght'; the nearest is asi.length",
+        "there is no setting 'asi.lenght'; the nearest is asi.length",
         f"can.bit_rates is [500000, 10]; {rates}",
         "modbus.character is '7E1'; it must be one of '8E1', '8E2', '8O1', '8O2', '8N1', '8N2'",
         f"modbus.bit_rates is []; {rates}",
@@ -154,7 +154,7 @@ def test_all_faults_are_reported_at_once_with_name_value_and_legal_range(tmp_pat
         f"assumptions.box is [1, 2]; {price}",
         f"assumptions.labour_rate is -1; {price}",
         f"assumptions.supply is true; {price}",
-        "there is no 'assumptions.crew'; see shipnet design --show-settings",
+        "there is no setting 'assumptions.crew'; see shipnet design --show-settings",
     )
     assert str(error.value).startswith(f"{path}: detour is 0.5") and "\n" not in str(error.value)
 
@@ -171,11 +171,11 @@ def test_all_faults_are_reported_at_once_with_name_value_and_legal_range(tmp_pat
         ("[" + "a." * 200_000 + "b]", "nests values more than 8 deep"),
         ("# " + "x" * 1_000_000, "has 1000002 characters; a file of settings may have 1000000"),
         ("detour = " + "9" * 10_000, "is not a TOML file: "),
-        ("asi = 5", "there is no 'asi'"),
+        ("asi = 5", "there is no setting 'asi'"),
         ("detour = 0x" + "f" * 10_000, "detour is a very large number; it must be"),
         ("detour = 1e999", "detour is inf; it must be"),
         ("detour = 1979-05-27", "detour is datetime.date(1979, 5, 27); it must be"),
-        ("detour.a = 1", "there is no 'detour.a'; see shipnet design --show-settings"),
+        ("detour.a = 1", "there is no setting 'detour.a'; see shipnet design --show-settings"),
         ("feeder = '[[[[[[[[[[' # a.b.c.d.e.f.g.h.i.j", "feeder is '[[[[[[[[[['; it must be"),
         ("feeder = [[1]]", "feeder is [[1]]; it must be one of"),
         ("[assumptions.gland]\nlow = 1", "assumptions.gland is {'low': 1}; it must be [low"),
@@ -206,7 +206,7 @@ def test_any_text_is_read_as_settings_or_raises_an_input_error(text):
     assert Settings.parse(basis.text()) == basis
 
 
-def test_an_editor_may_save_it_as_it_likes(tmp_path):
+def test_any_encoding_and_line_ending_of_an_editor_is_read(tmp_path):
     path = tmp_path / "own.toml"
     for data in (
         "detour = 1.5\r\ntails = 3\r\n".encode("utf-8-sig"), "detour=1.5\ntails=3".encode("utf-16"),
@@ -227,10 +227,10 @@ def test_wrong_parts_of_settings_are_named():
     for made, fault in (
         (lambda: Settings({"detour": 0.9}), "detour is 0.9; it must be 1..10"),
         (lambda: Settings({"host_time": -1}), "host_time is -1; it must be 0..60 s"),
-        (lambda: Settings()["x"], "there is no 'x'"),
-        (lambda: kind_of("x"), "there is no 'x'"),
-        (lambda: legal("x"), "there is no 'x'"),
-        (lambda: Settings({"x": 1, "spare": 99}), "there is no 'x'.*; spare is 99"),
+        (lambda: Settings()["x"], "there is no setting 'x'"),
+        (lambda: kind_of("x"), "there is no setting 'x'"),
+        (lambda: legal("x"), "there is no setting 'x'"),
+        (lambda: Settings({"x": 1, "spare": 99}), "there is no setting 'x'.*; spare is 99"),
     ):
         with pytest.raises(ArgumentError, match=fault):
             made()
@@ -254,10 +254,10 @@ def test_a_comparison_and_its_report_show_changed_settings():
     assert "Values that differ from the defaults." in page
     assert "<td>assumptions.can_station</td>" in page and "<td>[500, 500, 500]</td>" in page
     assert "1.4 times as long as its route, plus 5 m for both ends." in page
-    assert "The host adds 0.25 s to a response if the rule includes it." in page
+    assert "The time in the host, 0.25 s, is added to a response if the rule includes it." in page
     usual = iolist.compare((0, 0, 5), ["home runs"]).html()
     assert "Every limit, price and allowance has its default value." in usual
-    assert "5 m for both ends, both assumed." in usual
+    assert "5 m for both ends (both assumed)." in usual
 
 
 def test_the_command_takes_a_file_and_prints_one(tmp_path, capsys):
@@ -271,10 +271,8 @@ def test_the_command_takes_a_file_and_prints_one(tmp_path, capsys):
     usual = capsys.readouterr().out
     assert main([*command, "--settings", str(own), "-o", str(report)]) == 0
     out = capsys.readouterr().out
-    said = (
-        "not the default: detour 1.5 (1.15)\nnot the default: assumptions.labour_rate [70, 70, 70]"
-    )
-    assert said in out and "not the default" not in usual
+    said = "changed: detour 1.5 (default 1.15)\nchanged: assumptions.labour_rate [70, 70, 70]"
+    assert said in out and "changed: " not in usual
     assert "1.5 times as long as its route" in report.read_text(encoding="utf-8")
     (longer,), (shorter,) = (
         [float(line.split()[-1]) for line in text.splitlines() if line.startswith("cable length")]
@@ -328,10 +326,10 @@ def test_settings_are_equal_by_their_values():
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[assumptions]\ngland = 8\ndetour = 1.3", "no 'assumptions.detour'; there is detour$"),
-        ("labour_rate = 60", "no 'labour_rate'; there is assumptions.labour_rate$"),
-        ("length = 60", "no 'length'; there is asi.length and modbus.length$"),
-        ("[can]\nlenght = 60", "no 'can.lenght'; see shipnet design --show-settings$"),
+        ("[assumptions]\ngland = 8\ndetour = 1.3", "no setting 'assumptions.detour'; use detour$"),
+        ("labour_rate = 60", "no setting 'labour_rate'; use assumptions.labour_rate$"),
+        ("length = 60", "no setting 'length'; use asi.length or modbus.length$"),
+        ("[can]\nlenght = 60", "no setting 'can.lenght'; see shipnet design --show-settings$"),
     ],
 )
 def test_a_name_in_the_wrong_table_is_reported_with_its_right_place(text, said):

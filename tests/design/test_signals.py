@@ -1,4 +1,4 @@
-"""Conductors by kind of point, the same points on a bus, and how many lines slaves need."""
+"""Conductors by kind of point, the same points on a bus, and the lines that slaves need."""
 
 import numpy as np
 import pytest
@@ -19,13 +19,13 @@ def test_conductors_of_the_papers():
     assert hardwired_conductors({"rtd_3wire": 62, "current_loop": 18, "contact": 19}) == 260
 
 
-def test_common_returns_are_counted_once_a_group():
+def test_common_returns_are_counted_once_per_group():
     assert hardwired_conductors({"contact_common": 8}) == 9
     assert hardwired_conductors({"contact_common": 0}) == 0
     assert hardwired_conductors({"contact_common": 8, "contact": 1}) == 11
 
 
-def test_nothing_needs_nothing():
+def test_no_points_need_no_conductors():
     assert hardwired_conductors({}) == lines_needed(0) == 0
 
 
@@ -52,7 +52,7 @@ def test_counts_in_small_integers_do_not_overflow():
 
 
 def test_conductors_of_each_signal():
-    # A common return leaves one wire a point; a number in the name is the number of wires.
+    # A common return leaves one wire per point; a number in the name is the number of wires.
     expected = {name: 1 if name.endswith("_common") else 2 for name in SIGNALS}
     expected |= {"rtd_3wire": 3, "rtd_4wire": 4, "current_loop_4wire": 4, "potentiometer": 3}
     expected |= {"proximity_3wire": 3, "current_loop_3wire": 3}

@@ -30,7 +30,7 @@ def test_the_lengths_of_the_example_ship_end_at_its_two_cabinets():
     for cabinet, own in (("ballast control", ballast), ("engine control room", ~ballast)):
         site = Site(CABINETS[cabinet])
         length = site.length(site.route(SHIP.places, site.cabinet))
-        # Printed with one decimal: half of the last digit.
+        # The file has one decimal, so allow half of the last digit.
         assert np.abs(length - points["home_run_m"])[own].max() <= 0.0501
         assert np.abs(length - points["home_run_m"])[~own].max() > 1
     to_box = Site((0, 0, 0)).route(SHIP.places, SHIP.box_places)

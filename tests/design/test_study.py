@@ -1,4 +1,4 @@
-"""Comparisons over values of what they rest on; on a cluster, see test_parallel."""
+"""Comparisons over values of settings; for a cluster, see test_parallel."""
 
 import sys
 
@@ -19,7 +19,7 @@ GRID = {"detour": [1.0, 1.6], "boxes.points": [4, 16]}
 WAYS = ["home runs", "junction boxes", "AS-i"]
 
 
-def test_each_row_is_that_of_a_comparison_of_its_own():
+def test_each_row_agrees_with_a_separate_comparison():
     table = LIST.study(GRID, SITE, WAYS, rules="IMO", client=1)
     assert list(table.columns[:3]) == ["detour", "boxes.points", "design"]
     assert len(table) == 12
@@ -64,13 +64,13 @@ def test_all_wrong_values_are_reported_before_anything_is_planned(monkeypatch):
     assert str(error.value) == (
         "asi.inputs is 9; it must be a whole number 1..4; detour is 0.5; it must be 1..10"
     )
-    with pytest.raises(ArgumentError, match="there is no 'detuor'; the nearest is detour"):
+    with pytest.raises(ArgumentError, match="there is no setting 'detuor'; the nearest is detour"):
         LIST.study({"detuor": [1.0]}, SITE, WAYS)
     with pytest.raises(ArgumentError, match="no point"):
         LIST.study({"detour": []}, SITE, WAYS)
 
 
-def test_a_mistake_of_a_comparison_says_at_which_point():
+def test_an_error_in_a_comparison_names_the_grid_point():
     with pytest.raises(ArgumentError, match="option is 'DALI'") as error:
         LIST.study({"detour": [1.0]}, SITE, ["DALI"])
     assert error.value.__notes__ == ["in task 0: {'detour': 1.0}"]

@@ -1,4 +1,4 @@
-"""What supplies give and what arrives, against the solver for cables and by hand."""
+"""Voltages and currents of supplies and devices, compared with the cable solver and by hand."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ SITE = Site((0.0, 0.0, 0.0))
 
 
 def solved(design):
-    """The voltage at every device that a feeder reaches, by the solver for cables."""
+    """Return the voltage at every device that a feeder reaches, from the cable solver."""
     settings = design.settings
     supplies = design.devices[design.devices["kind"].isin(["supply", "auxiliary supply"])]
     feeders = design.cables[design.cables["kind"] == "feeder"]
@@ -60,7 +60,7 @@ def solved(design):
 
 @hypothesis_settings(max_examples=20)
 @given(lists(), st.sampled_from(["AS-i", "CAN", "Modbus RTU"]), st.booleans())
-def test_the_voltages_are_those_of_the_solver_for_cables(iolist, option, redundant):
+def test_the_voltages_agree_with_the_cable_solver(iolist, option, redundant):
     design = plan(iolist, SITE, option, settings=Settings({"redundant": redundant}))
     expected = solved(design)
     table = supply_tables(design)[1]
@@ -73,7 +73,7 @@ def test_the_voltages_are_those_of_the_solver_for_cables(iolist, option, redunda
 
 @pytest.mark.parametrize("loop", [0.022, 0.03])
 def test_an_as_i_line_has_the_voltages_of_its_plan(loop):
-    # The planner solved each line with repeaters and supplies; here they are found in its tables.
+    # The planner solved each line with repeaters and supplies; here the tables are solved.
     design = plan(ship(400), SITE, "AS-i", settings=Settings({"supply.loop": loop}))
     supplies = supply_tables(design)[0]
     lines = supplies[supplies["kind"] == "supply"].groupby("segment")
@@ -87,11 +87,11 @@ def test_an_as_i_line_has_the_voltages_of_its_plan(loop):
 
 
 def test_a_chain_by_hand():
-    # Two stations: the first draws 0.5 + 0.022 A, the second 0.5 + 0.6 x 0.25 A; one channel more
-    # may be shorted, 1.7 A.
+    # Two stations: the first draws 0.5 + 0.022 A, the second 0.5 + 0.6 x 0.25 A; a shorted
+    # channel adds 1.7 A.
     iolist = table([("current_loop", (40, 0, 0), 1000), ("solenoid", (100, 0, 0), 1000)])
     site = Site((0.0, 0.0, 0.0), detour=1.0, tails=0.0)
-    # With 1.5 mm2, 26 ohm/km, 24 - 8.6 V would arrive; 2.5 mm2 has 15.96 ohm/km.
+    # With 1.5 mm2 (26 ohm/km), the drop would be 8.6 V; 2.5 mm2 has 15.96 ohm/km.
     assert 40 * 26e-3 * (1.172 + 1.7) + 60 * 26e-3 * (0.65 + 1.7) > 6
     first = 24 - 40 * 15.96e-3 * (0.522 + 0.65)
     second = first - 60 * 15.96e-3 * 0.65
@@ -108,8 +108,8 @@ def test_a_chain_by_hand():
 
 
 def test_a_long_chain_of_stations_has_supplies_along_it():
-    # A station with coils every 23 m: with 1.5 mm2 from one supply, the last would get far less
-    # than nothing, which nobody said.
+    # A station with coils every 23 m: with 1.5 mm2 from one supply, the voltage of the last one
+    # would be far below zero.
     rows = [("solenoid", (23 * (n // 8), 0, 0), 1000) for n in range(8, 8 * 32)]
     design = plan(table(rows), SITE, "CAN", settings=Settings({"boxes.points": 8}))
     assert design.fits and len(design.segments) == 1
@@ -119,7 +119,7 @@ def test_a_long_chain_of_stations_has_supplies_along_it():
     once = plan(table(rows), SITE, "CAN", settings=Settings({"boxes.points": 8, **idle}))
     (bare,) = supply_tables(once.priced(Settings({"boxes.points": 8})))[0].to_dict("records")
     assert bare["lowest_v"] < -100 and bare["length_m"] > 700 and bare["cross_section_mm2"] == 1.5
-    # More supplies, each with its mains from the cabinet and a cable to its station, all counted.
+    # Each further supply has mains from the cabinet and a cable to its station, all counted.
     supplies = supply_tables(design)[0]
     assert len(supplies) > 1 and (supplies["lowest_v"] >= 18).all()
     assert (supplies["current_a"] + 1.7 <= 20).all()
@@ -163,7 +163,7 @@ def test_feeders_are_as_thin_as_the_limits_allow(option, redundant):
 
 @pytest.mark.parametrize("option", ["CAN", "Modbus RTU", "AS-i"])
 def test_thicker_feeders_and_more_supplies_are_weighed_by_price(option, monkeypatch):
-    # The costs are those of the bill, which knows nothing of how the planner weighs.
+    # The costs are those of the bill, which does not depend on how the planner chooses.
     def planned(price):
         known = read_assumptions()
         given = replace(known["supply"], range=Range(price, price, price))
@@ -179,13 +179,13 @@ def test_thicker_feeders_and_more_supplies_are_weighed_by_price(option, monkeypa
     nominal = read_assumptions()["supply"].range.nominal
     (cost, out), (dear, fewest), (free, most) = map(planned, (nominal, 1e6, 0.0))
     assert fewest <= out <= most and fewest < most
-    # One that only moves out of the cabinet is weighed as one more.
+    # A supply moved out of the cabinet counts as an additional one.
     assert cost < dear and cost <= free + nominal * out
 
 
 @pytest.mark.parametrize("option", ["CAN", "Modbus RTU"])
 def test_a_second_feed_from_the_far_end_would_cost_more(option):
-    """So no plan has one: a way back costs more than a thicker cable, or than a supply nearer."""
+    """So no plan has one: a cable back costs more than a thicker cable or a nearer supply."""
     design = plan(ship(400), SITE, option)
     price = {name: one.range.nominal for name, one in read_assumptions().items()}
     rate, limits = price["labour_rate"], design.settings.supply
@@ -230,7 +230,7 @@ def test_a_load_that_no_supply_serves_is_a_reason():
     design = plan(table(rows), SITE, "CAN", settings=Settings({"supply.rating": 3.0}))
     (reason,) = design.reasons.to_dict("records")
     assert reason["subject"] == "CAN box 1" and reason["limit"] == "supply"
-    # 0.5 A, 8 coils of 0.25 A of which 6 in 10 are on, and 1.7 A.
+    # 0.5 A, 60 % of 8 coils of 0.25 A, and 1.7 A.
     assert (reason["value"], reason["bound"], reason["unit"]) == (pytest.approx(3.4), 3.0, "A")
     assert "CAN box 1 draws 3.4 A" in reason["text"]
     assert not design.points["fits"].any()
@@ -239,12 +239,12 @@ def test_a_load_that_no_supply_serves_is_a_reason():
 def test_the_cable_of_the_worst_point_counts():
     iolist = table([("solenoid", (10, 0, 0), 1000), ("solenoid", (30, 0, 0), 1000)])
     (row,) = supply_tables(plan(iolist, SITE, "CAN"))[1].to_dict("records")
-    # The box is half way between; 10 m with detour and tails to either coil, and it is on alone.
+    # The box is halfway: 10 m plus detour and tails to each coil; only one coil is on.
     assert row["voltage_v"] - row["lowest_v"] == pytest.approx((1.15 * 10 + 5) * 52e-3 * 0.25)
 
 
 def boat(values=None, *, tails=1.0, places=((10, 0, 0), (40, 0, 0)), each=1):
-    """A CAN design that meets every rule of NMEA 2000, and of supplies."""
+    """Return a CAN design that meets every rule of NMEA 2000 and of supplies."""
     small = {"supply.station": 0.1, "supply.solenoid": 0.1, "boxes.reach": 3, "tails": tails}
     rows = [("solenoid", place, 1000) for place in places for _ in range(each)]
     site = Site((0.0, 0.0, 0.0), detour=1.0, tails=tails)
@@ -252,12 +252,12 @@ def boat(values=None, *, tails=1.0, places=((10, 0, 0), (40, 0, 0)), each=1):
 
 
 def priced(**values):
-    """The same boat under other loads, as if nobody had planned for them."""
+    """Return the same boat with other loads, for which it was not planned."""
     return boat().priced(boat().settings.replace({f"supply.{k}": v for k, v in values.items()}))
 
 
-#: For each rule a design that violates it, and what is computed there. The feeders are 11 m and
-#: 31 m of 26 ohm/km, and a cable to a point has 1 m of 52 ohm/km.
+#: A design that violates each rule, and the computed value. The feeders are 11 m and 31 m of
+#: 26 ohm/km, and a cable to a point is 1 m of 52 ohm/km.
 VIOLATIONS = {
     "voltage": (lambda: priced(solenoid=10.0),
                 (11 * 26e-3 * 12.2 + 31 * 26e-3 * 6.1 + 52e-3 * 10) / 0.24),
@@ -318,7 +318,7 @@ def test_the_resistance_of_a_trunk_is_that_of_its_cable():
 @pytest.mark.parametrize(
     ("far", "cable", "ohms", "listed"),
     [
-        (30, "CAN_2x2x025", 80, 70),  # its 30 m and 10 m are 40 m of trunk, the last of its row
+        (30, "CAN_2x2x025", 80, 70),  # 30 m plus 10 m are 40 m of trunk, the last length of its row
         (30.1, "CAN_2x2x025", 80, 60),
         (290, "CAN_2x2x034", 54, 60),
         (590, "CAN_5_0p75", 26, 40),
@@ -359,6 +359,6 @@ def test_every_signal_has_a_load_or_none():
 
 @pytest.mark.parametrize("name", ["voltage", "drop", "rating", "simultaneity", "solenoid", "short"])
 @pytest.mark.parametrize("value", [-1, np.nan, np.inf, "much"])
-def test_a_supply_that_cannot_be_is_refused(name, value):
+def test_an_impossible_supply_is_refused(name, value):
     with pytest.raises(ArgumentError, match=f"supply.{name} is"):
         Settings({f"supply.{name}": value})

@@ -1,4 +1,4 @@
-"""What a yard builds from: every cable, core, device and point, read back from the files."""
+"""Tables for a yard: every cable, core, device and point, read back from the files."""
 
 import csv
 import re
@@ -35,7 +35,7 @@ def read(path):
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    """A comparison of all options, its folder and its report."""
+    """Return a comparison of all options, its folder and its report."""
     made = SHIP.compare((20, 0, 4))
     folder = tmp_path_factory.mktemp("tables")
     made.save(folder)
@@ -43,9 +43,7 @@ def found(tmp_path_factory):
 
 
 @pytest.mark.parametrize("option", OPTIONS)
-def test_the_schedule_adds_up_to_the_kilometres_and_the_bill_to_the_cost_of_the_report(
-    found, option
-):
+def test_the_schedule_and_the_bill_add_up_to_the_length_and_cost_in_the_report(found, option):
     cables, bill = (read(found.folder / option / f"{name}.csv") for name in ("cables", "bill"))
     metres = sum(float(row["length_m"]) for row in cables)
     cost = sum(float(row["cost_eur"]) for row in bill)
@@ -54,7 +52,7 @@ def test_the_schedule_adds_up_to_the_kilometres_and_the_bill_to_the_cost_of_the_
         row = next(row for row in found.page.split("<tr>") if f">{words}<" in row)
         shown = re.findall(r">([^<]*)</td>", row)[place].replace(",", "")
         assert float(f"{value:.3g}") == float(shown)
-    # The bill again, from the schedule and the data file.
+    # Compute the bill again from the schedule and the data file.
     price = {
         row["cable_id"]: (float(row["price_low_eur_per_m"]) + float(row["price_high_eur_per_m"]))
         / 2
@@ -149,7 +147,7 @@ def test_on_other_options_every_core_has_terminals_of_its_own(found, option):
     assert {degree for _, degree in graph.degree} == {1}
 
 
-def test_a_redundant_line_a_plant_and_a_mix_have_terminals_too():
+def test_redundant_lines_plants_and_mixes_also_have_terminals():
     check_terminals(small_loop(redundant=True))
     plant = Plant(12, contacts=4, lines=2, signal="contact_common")
     check_terminals(plant.on_asi)
@@ -170,7 +168,7 @@ def test_a_large_box_divides_its_points_among_several_trunks():
     assert returns.groupby("cable").size().to_dict() == dict.fromkeys(trunks["run"], 2)
     cabinets = [node for node in graph if node[0] == "cabinet"]
     assert len(cabinets) == trunks["used"].sum()
-    # A point has whole pairs of its own: a resistance thermometer two of them, one core spare.
+    # A point has whole pairs: a resistance thermometer has two, with one spare core.
     first = plan[(plan["cable"] == "B trunk 1") & (plan["carries"] == "P0")]
     assert first["core"].tolist() == [1, 2, 3]
     assert plan[(plan["cable"] == "B trunk 1") & (plan["core"] == 4)]["carries"].item() == "spare"
@@ -194,7 +192,7 @@ def test_a_workbook_has_the_same_tables_as_the_files(found):
                         assert text == ("" if cell is None else str(cell))
 
 
-def test_the_same_list_gives_the_same_files_and_one_point_more_no_other_names():
+def test_the_same_list_gives_the_same_files_and_another_point_changes_no_names():
     first, again = (SHIP.plan("AS-i", (20, 0, 4)).tables() for _ in range(2))
     for name, table in first.items():
         pd.testing.assert_frame_equal(table, again[name])
@@ -239,12 +237,12 @@ def test_no_cell_is_a_formula_and_every_tag_is_read_back(tmp_path):
             "tag"
         ].tolist()
     tags = [row["tag"] for row in read(tmp_path / "CAN" / "points.csv")]
-    # As `read_iolist` takes it: one apostrophe goes before what could be a formula.
+    # As in `read_iolist`, an apostrophe precedes a text that could be a formula.
     again = IoList.from_table(points.assign(tag=tags)).points["tag"]
     assert again.tolist() == iolist.points["tag"].tolist()
 
 
-def test_a_design_that_connects_nothing_has_tables_with_titles_only(tmp_path):
+def test_a_design_without_connections_has_tables_with_titles_only(tmp_path):
     far = IoList.from_table(
         pd.DataFrame({"tag": ["A"], "signal": "contact", "x": 900.0, "y": 0.0, "z": 0.0})
     )

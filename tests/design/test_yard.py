@@ -1,4 +1,4 @@
-"""From a yard's messy list to a cable schedule that could be ordered from, by the command alone."""
+"""From a yard's messy list to a cable schedule for ordering, with the command alone."""
 
 import csv
 
@@ -32,7 +32,7 @@ def yard(tmp_path):
 
 
 @pytest.mark.parametrize("form", ["list.csv", "list.xlsx"])
-def test_every_bad_row_is_named_with_its_place_and_no_sound_one(yard, form, capsys):
+def test_every_faulty_row_is_named_with_its_place_and_no_other(yard, form, capsys):
     folder, command = yard
     sheet, _, bad = messy.rows()
     if form == "list.csv":
@@ -64,7 +64,7 @@ def test_the_corrected_list_gives_a_schedule_to_order_from(yard, capsys):
         cables = read(own / "cables.csv")
         places = {row["device"]: [float(row[f"{axis}_m"]) for axis in "xyz"]
                   for row in read(own / "devices.csv")}  # fmt: skip
-        # The places of the points are those that were drawn, not those that were read.
+        # The places of the points are the expected ones, not those that were read.
         places |= {tag: [x, y, z] for tag, (_, _, x, y, z, _) in expected.items()}
         assert len({row["cable"] for row in cables}) == len(cables)
         assert sorted(row["to"] for row in cables if row["kind"] == "drop") == sorted(expected)

@@ -1,4 +1,4 @@
-"""docs/app.py: a card for each tool, and Voila's template with nothing from outside."""
+"""docs/app.py: a card for each tool, and Voila's template, which loads nothing from outside."""
 
 import re
 from base64 import b64decode
@@ -53,7 +53,7 @@ def test_the_index_lists_all_tools_and_escapes_their_text(tmp_path):
     app.build(tmp_path, tmp_path / "data")
 
 
-def test_the_template_names_nothing_outside(tmp_path):
+def test_the_template_loads_nothing_from_outside(tmp_path):
     template = app.build(EXPLORE, tmp_path)
     for path in template.iterdir():
         loads = re.findall(r"""(?:src|href)=["']?(?:https?:)?//|url\(|@import""", path.read_text())

@@ -10,7 +10,7 @@ BOOKS = ["a.ipynb", "b.ipynb", "c.ipynb"]
 
 
 class Base:
-    """Voila's manager, as far as the pool uses it; a test ends the rendering of a notebook."""
+    """The parts of Voila's manager that the pool uses; a test ends the rendering of a notebook."""
 
     fill_delay = 0.01
 
@@ -46,11 +46,11 @@ def test_the_pool_is_filled_one_by_one_and_a_page_never_waits_for_its_turn(manag
         assert made.started == ["a.ipynb"]
         assert [made.get_pool_size(name) for name in BOOKS] == [1, 0, 0]
         made.done["a.ipynb"].set_result(None)
-        # A kernel that cannot start holds up no other.
+        # A kernel that cannot start does not block others.
         await asyncio.wait([task for (task,) in made.pools.values()])
         assert made.started == BOOKS
         assert isinstance(made.pools["b.ipynb"][0].exception(), RuntimeError)
-        # One that was taken is refilled last.
+        # A kernel in use is replaced last.
         made.fill_if_needed(notebook_name="a.ipynb")
         await asyncio.sleep(0)
         assert made.get_pool_size("a.ipynb") == 0 and made.started == BOOKS

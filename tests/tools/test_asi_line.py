@@ -31,7 +31,7 @@ def test_a_terminator_loads_the_line_and_leaves_the_tolerances_of_the_pulses():
         assert not tool.ok and tool.result.ringing > 0.30
 
 
-def test_a_line_with_uneven_pulses_is_not_good_even_if_it_is_read():
+def test_a_line_with_uneven_pulses_fails_even_if_the_answer_is_read():
     far = AsiLine(length=230, place=230)
     assert far.numbers["ringing"] > "30%" and far._read() == Response(far.data).bits
     assert not far.ok and far.verdict.endswith("; the pulses are outside their tolerance")
@@ -50,7 +50,7 @@ def test_a_fault_that_no_check_finds_is_named(monkeypatch):
     assert AsiLine().verdict == said and not AsiLine().ok
 
 
-def test_the_filter_leaves_this_share_of_the_noise():
+def test_the_filter_reduces_the_noise_by_the_computed_ratio():
     noise = np.random.default_rng(1).normal(0, 1, (200, 4000))
     assert matched_filter(noise, STEP).std() == pytest.approx(FILTERED, rel=0.01)
 

@@ -17,14 +17,14 @@ def test_the_example_is_read_and_in_time():
     assert tool.numbers["lowest standard bit rate that meets all deadlines"] == "125 kbit/s"
 
 
-def test_the_responses_are_those_of_the_analysis():
+def test_the_responses_agree_with_the_analysis():
     tool = CanLoad(bit_rate=50_000)
     expected = [one.response * 1e3 for one in response_times(MessageSet.parse(EXAMPLE), 50_000)]
     assert [1e3 * one.response for one in tool.result] == pytest.approx(expected)
     assert tool.verdict == "1 of 10 may be late: speed"
 
 
-def test_too_slow_a_bus_and_errors_make_messages_late():
+def test_a_slow_bus_or_errors_make_messages_late():
     assert CanLoad(bit_rate=10_000).lowest == 125_000
     assert len(CanLoad(bit_rate=10_000).result.late) == 10
     calm, disturbed = CanLoad().result, CanLoad(errors_per_s=50).result
@@ -34,7 +34,7 @@ def test_too_slow_a_bus_and_errors_make_messages_late():
     assert CanLoad(hopeless).numbers["lowest standard bit rate that meets all deadlines"] == "none"
 
 
-def test_offsets_count_if_that_is_chosen_and_there_are_no_errors():
+def test_offsets_count_if_chosen_and_only_without_errors():
     messages = MessageSet.parse(EXAMPLE)
     longest = {}
     for way, timed in {"as listed": messages, "spread": spread_offsets(messages)}.items():

@@ -15,7 +15,7 @@ CLOSING = "CAN cable cut JB3-JB1"
 
 @pytest.mark.parametrize("design", DESIGNS)
 @pytest.mark.parametrize("fault", FAULTS)
-def test_every_fault_can_be_looked_at_in_every_design(fault, design):
+def test_every_fault_can_be_shown_in_every_design(fault, design):
     if fault == CLOSING and design != RING:
         with pytest.raises(ArgumentError, match="has no such cable"):
             EngineFaults(fault, design)
@@ -24,11 +24,11 @@ def test_every_fault_can_be_looked_at_in_every_design(fault, design):
         result = EngineFaults(fault, design, time).result
         assert len(result.table()) == 99
         assert result.old == 0 or (fault != "none" and time > START)
-    # The corrected design shows nothing old as good, but for a sensor that does not move.
+    # The corrected design shows no old value as good, except of a stuck sensor.
     assert design != CORRECTED or fault.startswith("sensor stuck") or result.old == 0
 
 
-def test_a_dead_box_looks_alive_until_it_is_marked():
+def test_a_dead_box_is_shown_as_good_until_it_is_marked():
     after = START + DESIGNS[PRINTED].staleness_flag().after
     assert EngineFaults("box dead JB2", PRINTED, START + RULE + 1).result.old == 18
     late = EngineFaults("box dead JB2", PRINTED, round(after + 0.5))

@@ -18,16 +18,16 @@ def test_scan_times_follow_from_characters_and_silences(character, slaves, regis
     assert isclose(inputs.result.time, slaves * (characters * bits / 9600 + 3e-3))
 
 
-def test_each_dead_slave_costs_its_timeouts():
+def test_each_dead_slave_costs_its_time_outs():
     alive, dead = ModbusScan(retries=2), ModbusScan(retries=2, dead=3)
     tries = 3 * 3 * (8 * 11 / 9600 + 0.5)
     assert isclose(dead.result.time, alive.result.time * 28 / 31 + tries)
-    assert dead.numbers["scan with all alive"] == alive.numbers["scan"]
+    assert dead.numbers["scan without dead slaves"] == alive.numbers["scan"]
     assert isclose(ModbusScan(dead=31).result.time, 31 * 2 * (8 * 11 / 9600 + 0.5))
 
 
 @pytest.mark.parametrize("dead", [0, 1])
-def test_one_slave_more_than_fit_is_too_slow(dead):
+def test_one_slave_too_many_is_too_slow(dead):
     most = ModbusScan(dead=dead).result.max_slaves
     assert ModbusScan(slaves=most, dead=dead).ok
     assert not ModbusScan(slaves=most + 1, dead=dead).ok
@@ -74,7 +74,7 @@ def test_the_sliders_start_where_the_inputs_do_and_errors_are_sentences():
     page.controls["timeout_ms"].value = 20.0
     assert "timeout is 0.02 s; it must be" in page.text
     page.controls["timeout_ms"].value = 100.0
-    # Fewer slaves than are said to be dead.
+    # Fewer slaves than dead ones.
     page.controls["slaves"].value = 3
     assert page.controls["dead"].value == page.controls["dead"].max == 3
     assert "scan: 0.655 s" in page.text

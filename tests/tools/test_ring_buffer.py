@@ -15,11 +15,11 @@ ALL = ("empty",)
     rule=st.sampled_from(list(RULES)),
     actions=st.lists(st.sampled_from(list(ACTIONS)), max_size=40).map(tuple),
 )
-def test_any_order_of_buttons_leaves_a_ring_that_is_accounted_for(size, rule, actions):
+def test_every_byte_is_accounted_for_in_any_order_of_buttons(size, rule, actions):
     tool = ReceiveRing(size, rule, actions)
     result, ring = tool.result, tool.result.ring
     assert ring.case in CASES and f"case {ring.case}" in tool.numbers
-    # Every byte stored is read once, lost, or still unread.
+    # Every stored byte is read once, lost, or still unread.
     assert 0 <= ring.lost + ring.unread <= ring.written
     assert result.wrong <= result.packets
     assert (result.said and "nothing done" not in result.said) or not actions
@@ -53,32 +53,32 @@ def test_the_printed_repair_loses_bytes_that_the_corrected_ring_keeps():
     assert found == [1, 2]
 
 
-def test_two_rounds_late_the_printed_ring_seems_empty():
+def test_an_uncorrected_ring_seems_empty_after_two_laps():
     actions = (*(5 * PACKET), "byte", "byte")
     late = ReceiveRing(16, "intended", (*actions, "extract")).result
     assert late.ring.unread == 32 and "known to be empty" in late.said
     assert ReceiveRing(16, "corrected", (*actions, *ALL)).result.packets == 2
 
 
-def test_a_repair_is_refused_where_none_is_due():
+def test_a_repair_is_refused_if_none_is_needed():
     result = ReceiveRing(actions=(*PACKET, "repair")).result
     assert "nothing to repair" in result.said and result.ring.unread == 6
 
 
-def test_reading_on_without_end_is_cut_off():
-    # The reader stands behind the writer's last place, and comes back to it for ever.
+def test_endless_reading_is_stopped():
+    # The reader is past the writer's last place, and returns to it endlessly.
     result = ReceiveRing(8, "printed", (*7 * ("byte",), *ALL)).result
     assert "never end" in result.said
-    # The packet in the ring is found once, and then again: that one is old.
+    # The packet in the ring is found twice; the second time it is old.
     assert (result.packets, result.wrong) == (2, 1)
 
 
-def test_more_packets_than_a_byte_can_number_are_distinguished():
+def test_more_than_256_packets_are_distinguished():
     result = ReceiveRing(8, "intended", 450 * (*PACKET, *ALL)).result
     assert (result.packets, result.wrong) == (450, 0)
 
 
-def test_a_packet_that_is_begun_is_stored_to_its_end():
+def test_a_started_packet_is_stored_to_its_end():
     assert ReceiveRing(actions=("byte", "packet")).result.ring.unread == 6
     assert ReceiveRing(actions=("packet", "packet")).result.ring.unread == 12
 
@@ -109,7 +109,7 @@ def test_the_buttons_do_what_they_say():
     page = ReceiveRing().explore()
     assert list(page.buttons) == [
         *(label for label, _ in ACTIONS.values()),
-        "one back",
+        "undo",
         "start again",
     ]
     size, rule = page.controls["size"], page.controls["rule"]
@@ -125,13 +125,13 @@ def test_the_buttons_do_what_they_say():
     assert "2 bytes lost" in page.text and "12 bytes" not in page.text
     size.value = 128
     assert "nothing to repair" in page.text
-    page.buttons["one back"].click()
+    page.buttons["undo"].click()
     assert "to the end of packet 3" in page.text
     page.buttons["start again"].click()
     assert "nothing done yet" in page.text
 
 
-def test_an_action_too_many_is_refused_in_a_sentence():
+def test_too_many_actions_are_refused_with_a_message():
     page = ReceiveRing().explore()
     page._controls.put(ReceiveRing(actions=2000 * ("byte",)))
     page.buttons["store a byte"].click()

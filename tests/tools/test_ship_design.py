@@ -1,4 +1,4 @@
-"""The ship design tool: what it compares, what it keeps, what it takes and gives as files."""
+"""The ship design tool: its comparison, its caches, and the files that it reads and writes."""
 
 import re
 from base64 import b64decode
@@ -61,7 +61,7 @@ def test_a_new_price_replans_nothing_and_a_new_limit_does(monkeypatch, small):
         _ = replace(SMALL, redundant=True).result
 
 
-def test_lengths_of_the_list_can_be_left_aside():
+def test_lengths_of_the_list_can_be_ignored():
     listed = ShipDesign(junction_boxes=False, asi=False, modbus=False)
     kept, reckoned = (replace(listed, list_lengths=keeps).result for keeps in (True, False))
     lengths = kept.table()["cable_length_km"] / reckoned.table()["cable_length_km"]
@@ -70,7 +70,7 @@ def test_lengths_of_the_list_can_be_left_aside():
     assert reckoned.designs["home runs"].cables["route_m"].notna().all()
 
 
-def test_lines_of_settings_win_over_the_controls_and_reach_plan_price_and_rules():
+def test_settings_override_the_controls_and_affect_plan_price_and_rules():
     own = "detour = 1.5\ntails = 9\nhost_time = 0.1\n[can]\nbit_rates = [50000]\n"
     found = replace(SMALL, own=f"{own}[assumptions]\nlabour_rate = 99", detour=1.1).result
     site = Site((10, 0, 8), detour=1.5, tails=9)
@@ -169,7 +169,7 @@ def test_the_name_of_a_list_is_one_line(name, source):
     assert replace(SMALL, name=name).result.iolist.source == source
 
 
-def test_no_option_at_all_is_a_sentence():
+def test_no_option_at_all_gives_a_message():
     off = dict.fromkeys(("home_runs", "junction_boxes", "asi", "can", "modbus"), False)
     with pytest.raises(ArgumentError, match="no option is on"):
         _ = replace(SMALL, **off).result
@@ -192,7 +192,7 @@ def test_every_picture_has_every_option_or_assumption(picture):
         assert min(line.get_xdata()[0] for line in filled) == cheapest
 
 
-def test_against_response_the_front_is_that_of_the_picture():
+def test_the_front_against_response_is_the_one_in_the_picture():
     ax = replace(SMALL, picture="worst_response_ms").plot(ax=Figure().subplots())
     front = np.column_stack(ax.lines[0].get_data())
     assert (np.diff(front[:, 0]) > 0).all() and (np.diff(front[:, 1]) < 0).all()
@@ -224,7 +224,7 @@ def test_a_file_is_read_as_it_was_written(encoding):
 
 
 def test_a_list_too_large_for_a_state_is_refused():
-    with pytest.raises(ArgumentError, match="a state has"):
+    with pytest.raises(ArgumentError, match="a state may have"):
         replace(SMALL, points="\u8239" * 400_000)
     most = replace(SMALL, points="\u8239" * 310_000 + "\n")
     state = write_state("ship_design", most).encode()
@@ -258,7 +258,7 @@ def test_the_examples_are_a_click_away():
     assert page.inputs == ShipDesign()
 
 
-def test_the_report_is_made_when_asked_for_and_goes_when_something_changes():
+def test_the_report_is_made_on_request_and_dropped_after_a_change():
     page = SMALL.explore()
     assert "report.html" not in page.links.value
     page.buttons["make the report"].click()

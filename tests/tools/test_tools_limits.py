@@ -1,4 +1,4 @@
-"""Every tool over the limits of each of its controls."""
+"""Every tool at the limits of each of its controls."""
 
 import importlib
 import re
@@ -22,7 +22,7 @@ from shipnet.tools._view import Sheet
 FOLDER = Path(__file__).resolve().parents[2] / "shipnet" / "tools"
 TOOLS = sorted(path.stem for path in FOLDER.glob("[a-z]*.py"))
 CSV = "name,arbitration_id,dlc,period_ms\n"
-#: Where the example of a tool is large, a small one.
+#: A small example for each tool whose own example is large.
 SMALL = {
     "ship_design": {
         "points": "tag,signal,x,y,z\n"
@@ -50,7 +50,7 @@ def is_tool(value, module):
 
 
 def limits(kind):
-    """Return the ends of what is legal, and what lies in the middle."""
+    """Return the limits of the legal values and a value between them."""
     if isinstance(kind, Number):
         return [kind.low, kind.high, (kind.low + kind.high) / 2, *([nan] if kind.missing else [])]
     if isinstance(kind, Whole):
@@ -66,7 +66,7 @@ def limits(kind):
 
 
 def computes(tool, values, figure=False):
-    """Compute; whatever goes wrong must be an error that a page can show. Return whether it did."""
+    """Return True if the tool computes; otherwise it must raise an error that a page can show."""
     try:
         view = kind_of(tool)(**(SMALL.get(tool, {}) | values))._view()
         assert view.verdict
@@ -89,7 +89,7 @@ def test_each_control_at_each_limit(tool):
 @settings(max_examples=10)
 @pytest.mark.parametrize("tool", TOOLS)
 @given(data=st.data())
-def test_any_limits_together(tool, data):
+def test_any_limits_are_computed_together(tool, data):
     kinds = declared(kind_of(tool))
     values = {name: data.draw(st.sampled_from(limits(kind))) for name, kind in kinds.items()}
     computes(tool, values)
@@ -104,7 +104,7 @@ def test_the_figure_at_the_lowest_and_the_highest_of_all(tool):
 
 
 @pytest.mark.parametrize("tool", TOOLS)
-def test_axes_that_are_used_again_show_nothing_of_the_last_plot(tool):
+def test_reused_axes_show_nothing_of_the_last_plot(tool):
     kinds = declared(kind_of(tool)).items()
     given = [{n: x} for n, kind in kinds if not isinstance(kind, Text) for x in limits(kind)]
     sheet, again = Sheet(), 0
@@ -116,7 +116,7 @@ def test_axes_that_are_used_again_show_nothing_of_the_last_plot(tool):
         axes, words, new = sheet.axes, sheet._words, Sheet()
         shown, fresh = (one.png(view.plot, 5, 4) for one in (sheet, new))
         if sheet._words == words:
-            # The layout stays as it was.
+            # The layout is unchanged.
             new.axes.set_position(sheet.axes.get_position(original=True))
             fresh = new._drawn(new.axes)
         assert shown == fresh, values
@@ -147,7 +147,7 @@ def test_sliders_stay_within_legal_values_and_start_at_the_inputs(tool):
         assert control.value == getattr(start, name)
         if isinstance(control, widgets.FloatSlider | widgets.IntSlider | widgets.BoundedIntText):
             assert kind.low <= control.min < control.max <= kind.high
-            # Each end of the slider is legal by itself, or beside the field that bounds it.
+            # Each end of the slider is legal with all other values at their defaults.
             for end in (control.min, control.max):
                 replace(start, **{name: end})
     assert controls.inputs == start
@@ -165,13 +165,13 @@ def test_every_story_is_shown_after_any_other_and_a_page_can_open_on_the_first(t
             assert page.note == "" and page.figure.value and page._look.value.endswith("?"), story
             shown[page._look.value] = page.text
         assert len(shown) == len(set(shown.values())) == 3
-        # A number that a story tells is one that the page shows, or a value of a control.
+        # Each number in a story is shown on the page or is the value of a control.
         told = re.findall(r"\d+\.\d+|\d\d+", unescape(" ".join(shown)))
         values = [{**story, "look": ""} for story in page._stories.values()]
         known = " ".join([*shown.values(), str(kind_of(tool)()), str(values)])
         assert [number for number in told if number not in known] == []
         page.stories[first].click()
-        # The valves of a server go on moving.
+        # The valves of a server keep moving.
         assert page.text == opened or tool == "valve_client"
     finally:
         page.close()

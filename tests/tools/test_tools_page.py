@@ -1,4 +1,4 @@
-"""The page that all tools share, on a tool of three fields."""
+"""The page that all tools share, tested with a tool of three fields."""
 
 import asyncio
 import json
@@ -29,7 +29,7 @@ from shipnet.tools._view import (
 )
 from tests.support import load
 
-#: What a saved state calls the tool: the module that its record is of.
+#: Name of the tool in a saved state, which is that of its record's module.
 TOOL = "test_tools_page"
 
 
@@ -103,7 +103,7 @@ def test_text_is_escaped_and_the_picture_has_alternative_text(page):
     assert 'alt="A line: 5 slaves &lt;on&gt; CAN"' in page.figure.value
 
 
-def test_a_fault_is_a_sentence_and_the_old_picture_fades(page):
+def test_a_fault_shows_a_message_and_the_old_picture_fades(page):
     page.controls["bus"].value = "AS-i"
     old = page.figure.value
     assert "A line: 5 slaves" in old and "shipnet-stale" not in page._dom_classes
@@ -208,13 +208,13 @@ def test_an_upload_changes_inputs_or_says_why_not_and_works_twice_for_a_file(see
         return replace(toy, name=content.decode())
 
     page = Page(Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
-    # A browser that sees the answer can load the next file at once: it is not emptied after that.
+    # The upload is emptied before the answer, because a browser may then load the next file.
     kept = []
     page._noted.observe(lambda _: kept.append(page.uploads["own"].value), "value")
     load(page.uploads["own"], b"", "x.txt")
     assert kept == [()]
     assert page.note == "x.txt: it is empty" and page.inputs == Toy()
-    assert "the previous ones" in page._noted.value and "shipnet-before" in page._dom_classes
+    assert "have not changed" in page._noted.value and "shipnet-before" in page._dom_classes
     load(page.uploads["own"], b"mine", "x.txt")
     assert page.note == "" and page.inputs == Toy(name="mine")
     assert "x.txt is loaded" in page._noted.value and "shipnet-before" not in page._dom_classes
@@ -330,10 +330,10 @@ def test_a_link_opens_the_page_at_its_values_and_the_page_has_the_same_link(page
         ("slaves=%00%ff", "slaves is "),
     ],
 )
-def test_a_link_that_cannot_be_is_refused_and_the_page_stays(page, seen, wrong, message):
+def test_an_illegal_link_is_refused_and_the_page_stays(page, seen, wrong, message):
     page.query.value = wrong
     assert re.search("^the link: " + message, page.note), page.note
-    assert "the previous ones" in page._noted.value and len(seen) == 1
+    assert "have not changed" in page._noted.value and len(seen) == 1
     assert page.inputs == Toy()
 
 
@@ -345,7 +345,7 @@ def test_text_that_is_too_long_for_a_link_has_none():
     assert write_link(Note("x" * 1900)) and write_link(Note("\xe9" * 1900)) == ""
 
 
-def test_a_page_that_says_it_is_narrow_gets_a_narrow_figure_unless_that_is_dense(page):
+def test_a_narrow_page_gets_a_narrow_figure_unless_it_is_dense(page):
     assert 'width="750" height="100"' in page.figure.value
     page.narrow.value = "yes"
     assert 'width="460" height="80"' in page.figure.value
@@ -408,7 +408,7 @@ def test_the_stepper_goes_through_its_frames_and_stops_at_both_ends():
     assert image.value[1:4] == b"PNG"
 
 
-def test_a_frame_is_drawn_once_and_only_when_looked_at():
+def test_a_frame_is_drawn_once_and_only_when_shown():
     drawn = []
     controls, _, _ = stepper(lambda k, ax: drawn.append(k), list("abcd")).children
     _, slider, _ = controls.children

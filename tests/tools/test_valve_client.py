@@ -20,7 +20,7 @@ def send(ask, valve, action):
 
 
 def seen(tool, ask):
-    """Return what the page shows of valves that answer."""
+    """Return what the page shows for valves that answer."""
     return tool.view(Client.over(ask, tool.valves).read())
 
 
@@ -61,7 +61,7 @@ def test_the_numbers_have_their_units_while_it_moves():
     }  # fmt: skip
 
 
-def test_refusals_are_sentences():
+def test_refusals_are_shown_as_messages():
     valves = ModelValves(2)
     assert send(valves, 1, "manual") == "valve 1: manual"
     assert send(valves, 1, "open") == "valve 1 refuses: server device failure"
@@ -70,7 +70,7 @@ def test_refusals_are_sentences():
     assert seen(ValveClient(valves=3, valve=3), valves).numbers == {}
 
 
-def test_over_a_socket_it_is_the_same_as_in_model_time():
+def test_a_socket_gives_the_same_results_as_model_time():
     with serve(4, speed=0, faults=[Fault("Pos3", valves=2)]) as server:
         with linked(server.port) as link:
             assert send(link, 3, "open") == "valve 3: open"
@@ -99,7 +99,7 @@ def test_a_server_that_answers_nonsense_is_reported_in_a_sentence(reply):
             with peer:
                 asked = decode(peer.recv(260), "tcp")
                 if reply == "other unit":
-                    # An answer that is not to this request, then the right one, cut off.
+                    # An answer to another request, then the right one, truncated.
                     late = tcp_frame(1, b"\x84\x01", (asked.transaction_id + 5) % 65536)
                     peer.sendall(late + late[:3])
                 elif reply != "silence":

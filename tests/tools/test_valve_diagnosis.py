@@ -23,7 +23,7 @@ def test_the_plant_sets_the_sensors_to_its_operating_point(code):
     sick, _ = faulty(Actuator(), [] if code == "normal" else [Fault(code)], 1)
     point = operating_point(sick)
     read = ValveDiagnosis.from_plant(code)
-    # Readings are near the open end, the point is half open: the flow's torque is gone.
+    # The readings are near the open end, where the flow exerts no torque; the point is half open.
     assert read.FP == pytest.approx(np.ravel(point.FP)[0], abs=0.5)
     assert read.OP == pytest.approx(np.ravel(point.OP)[0], abs=0.5)
     assert read.MC == pytest.approx(np.ravel(point.MC)[0], abs=0.02)
@@ -81,7 +81,7 @@ def test_a_value_out_of_range_is_named(field, value, message):
         ValveDiagnosis(**{field: value})
 
 
-def test_a_fault_or_state_that_there_is_not_is_named():
+def test_an_unknown_fault_or_state_is_named():
     with pytest.raises(ArgumentError, match="fault is 'V9'"):
         ValveDiagnosis.from_plant("V9")
     with pytest.raises(ArgumentError, match="state is 'flying'"):
@@ -137,7 +137,7 @@ def test_the_confusion_matrix_shows_percent_and_frames_correct_results():
     assert ax.get_xlabel() == "top-ranked fault [% of the row]"
 
 
-def test_the_trend_is_drawn_up_to_its_limit_and_no_trend_is_said():
+def test_the_trend_is_drawn_up_to_its_limit_and_a_missing_trend_is_reported():
     wear = Wear.synthetic(1, 300, spread=0.0, rng=np.random.default_rng(1))
     found = wear.predict(1, 300)
     ax = found.plot(ax=axes())
