@@ -1,7 +1,7 @@
 """Kernels forked from a process that has already loaded the libraries, if the system can fork.
 
 Most kernels take longer to load Jupyter, pandas, matplotlib and scipy than their notebook takes to
-compute. A fork has these immediately but nothing of shipnet, and each is a process of its own.
+compute. A fork has them immediately, but nothing of shipnet; each kernel is its own process.
 """
 
 from __future__ import annotations
