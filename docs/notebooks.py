@@ -132,7 +132,7 @@ def execute(path: Path, tries: int = 3) -> Executed:
             extra_arguments=["--log-level=ERROR"],
             on_cell_execute=lambda cell, cell_index: started.append((cell_index, cell)),
         )
-        # With another backend set, no figure would reach the notebook.
+        # If another backend is set, no figure reaches the notebook.
         client.execute(env={k: v for k, v in os.environ.items() if k != "MPLBACKEND"})
     except Exception as error:  # any error is reported for this notebook, and the others go on
         # A port that was free when the client chose it can be in use when the kernel opens it.
@@ -167,7 +167,7 @@ def _executed(paths: list[Path]) -> Iterator[Executed]:
     if len(paths) < 2:
         yield from map(execute, paths)
         return
-    # Spawned, not forked: the same on every platform, and a fork would copy pytest's threads.
+    # Spawned workers behave alike on every platform; forked ones would copy pytest's threads.
     workers = min(len(paths), os.cpu_count() or 1)
     spawn = get_context("spawn")
     with ProcessPoolExecutor(workers, spawn, initializer=kernels.fork) as pool:
