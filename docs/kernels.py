@@ -93,7 +93,7 @@ def _serve() -> None:
     # Garbage collection in a kernel skips what is loaded, so that its memory is not copied.
     gc.freeze()
     signal.signal(signal.SIGCHLD, _bury)
-    # Ctrl-C is for the program that starts the kernels.
+    # Ctrl-C must stop only the program that starts the kernels.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     while line := sys.stdin.readline():
         if not os.fork():
