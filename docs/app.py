@@ -27,9 +27,9 @@ ROOT = Path(__file__).resolve().parent.parent
 SOURCE = ROOT / "docs" / "voila"
 STYLE = ROOT / "shipnet" / "tools" / "page.css"
 
-# Whether Voila runs each notebook before its page is requested.
+# Option that says whether Voila runs each notebook before its page is requested.
 PREHEAT = "--preheat_kernel"
-# An extension for JupyterLab, which raises an error here.
+# Turns off an extension for JupyterLab that raises an error here.
 NOT_NEEDED = "--VoilaConfiguration.extension_denylist=@jupyter-notebook/lab-extension"
 # Kernels whose pages are closed end after 120 s.
 CULL = ("--MappingKernelManager.cull_idle_timeout=120", "--MappingKernelManager.cull_interval=30")

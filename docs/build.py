@@ -86,7 +86,7 @@ def papers_table(names: Iterable[str]) -> str:
 
 
 def api_pages(root: Path) -> Iterator[tuple[str, str]]:
-    """Yield (name, text) of a page for shipnet, and of one for the public API of each package."""
+    """Yield (name, text) of the page for shipnet and of one page per package for its public API."""
     package = importlib.import_module("shipnet")
     public = {name: getattr(package, name) for name in sorted(dir(package))}
     shown = [name for name, value in public.items() if isinstance(value, types.ModuleType)]
@@ -233,7 +233,7 @@ UNREAD = [
         "design_rules.csv",
         "confirmed",
         "yes",
-        "quoted from a paper, a summary or a maker's document",
+        "quoted from a paper, a summary or a manufacturer's document",
     ),
     ("EMC levels", "emc_levels.csv", "confirmed", "yes", "from memory; the standard was not read"),
     ("cables", "estimated_cables.csv", "status_price", "confirmed", "price assumed"),
@@ -259,7 +259,7 @@ def _condition(claim: dict[str, Any]) -> str:
 def _erratum(claim: dict[str, Any]) -> str:
     """Return the table row of one erratum, with a link to its claim."""
     printed, computed = _values(claim)
-    # A computed number is the correction; a wrong statement is corrected by its note.
+    # A computed number is the correction; a wrong statement is corrected in the note.
     computed = "" if isinstance(claim["computed"], bool) else computed
     instead, *rest = filter(None, [claim["corrected"] or computed, claim["note"]])
     where = f'<a href="ledger.html#{claim["id"]}">{claim["id"]}</a>'
@@ -316,7 +316,7 @@ def sources(root: Path) -> dict[str, bytes]:
     pages = [path for kind in ("md", "png", "svg") for path in docs.rglob(f"*.{kind}")]
     files = {path.relative_to(docs).as_posix(): path.read_bytes() for path in pages}
     for path in copies.rglob("*.ipynb"):
-        if path.parent.name != "solutions":  # for teachers, who have the notebooks
+        if path.parent.name != "solutions":  # not in the book; teachers use the notebooks
             files[f"notebooks/{path.relative_to(copies).as_posix()}"] = path.read_bytes()
     for path in (root / "notebooks").rglob("README.md"):
         files[path.relative_to(root).as_posix()] = path.read_bytes()
@@ -389,7 +389,7 @@ def main(root: Path = ROOT, *, stored: bool = False) -> int:
 
 
 if __name__ == "__main__":
-    gc.disable()  # it takes two fifths of the time of Sphinx and frees almost nothing
+    gc.disable()  # garbage collection takes two fifths of Sphinx's time and frees almost nothing
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--stored", action="store_true", help="do not execute notebooks")
     sys.exit(main(stored=parser.parse_args().stored))

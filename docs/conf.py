@@ -19,7 +19,7 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "mathml", "captions"]
 # The notebooks already contain their outputs.
 nb_execution_mode = "off"
 nb_merge_streams = True
-# The default is require.js from a CDN; the book works offline.
+# The default would load require.js from a CDN, but the book must work offline.
 nb_ipywidgets_js = {}
 
 myst_enable_extensions = ["amsmath", "dollarmath"]

@@ -53,7 +53,7 @@ TIME = "{time}"
 
 
 def sources(root: Path = ROOT, numbers: list[str] | None = None) -> list[Path]:
-    """Return the sources of the lessons with these numbers, or of all."""
+    """Return the sources of the lessons with these numbers, or of all lessons."""
     found = sorted((root / LESSONS / "source").glob("[0-9][0-9]_*.md"))
     return [path for path in found if not numbers or path.name[:2] in numbers]
 
@@ -76,7 +76,7 @@ def read(path: Path) -> NotebookNode:
             raise ValueError(f"{path.name}, cell {number}: no stub line above the solution")
         if marked != ("exercise" in tags(cell) and cell.cell_type == "code"):
             raise ValueError(
-                f"{path.name}, cell {number}: solutions and `exercise` tags go together"
+                f"{path.name}, cell {number}: a solution and an `exercise` tag must go together"
             )
     parts = measure(notebook)
     in_class, home = minutes_of(parts)
@@ -191,7 +191,7 @@ def solutions_edition(lesson: NotebookNode) -> NotebookNode:
             if cell.cell_type == "markdown" and cell.source.startswith("## "):
                 inside = cell.source.startswith("## Exercises")
             if inside or "setup" in tags(cell):
-                # The edition is one folder deeper.
+                # The solutions are one folder deeper, so relative links need another `../`.
                 text = re.sub(r"\]\((?!#|\w+:)", "](../", cell.source)
                 yield copy_of(cell, text if cell.cell_type == "markdown" else solved(cell.source))
 

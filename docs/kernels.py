@@ -1,7 +1,7 @@
 """Kernels forked from a process that has already loaded the libraries, if the system can fork.
 
 Most kernels take longer to load Jupyter, pandas, matplotlib and scipy than their notebook takes to
-compute. A fork has these immediately but nothing of shipnet, and each is a process of its own.
+compute. A fork has them immediately, but not shipnet; each kernel is a process of its own.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def _server() -> Any:
 
 def _serve() -> None:
     """Fork a kernel for each line of the standard input, and print its process id."""
-    # While loading, pyplot reads its backend from here, and pandas checks for a notebook.
+    # While they load, pyplot reads this variable, and pandas checks whether it is in a notebook.
     os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"
     builtins.get_ipython = lambda: SimpleNamespace(kernel=None)
     for name in LIBRARIES:
@@ -93,7 +93,7 @@ def _serve() -> None:
     # Garbage collection in a kernel skips what is loaded, so that its memory is not copied.
     gc.freeze()
     signal.signal(signal.SIGCHLD, _bury)
-    # Ctrl-C is for the program that starts the kernels.
+    # Ctrl-C must stop only the program that starts the kernels.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     while line := sys.stdin.readline():
         if not os.fork():

@@ -104,7 +104,7 @@ def small(picture: str) -> str:
     file = BytesIO()
     for method in (Image.Quantize.FASTOCTREE, Image.Quantize.MAXCOVERAGE):
         colours = image.quantize(method=method, dither=Image.Dither.NONE)
-        # The first method gives smaller files, but can merge the page with pale areas.
+        # The first method makes smaller files, but can map white and pale areas to one colour.
         if min(colours.convert("RGB").getpixel((0, 0))) >= 254:
             break
     colours.save(file, "png", optimize=True)
@@ -132,7 +132,7 @@ def execute(path: Path, tries: int = 3) -> Executed:
             extra_arguments=["--log-level=ERROR"],
             on_cell_execute=lambda cell, cell_index: started.append((cell_index, cell)),
         )
-        # With another backend set, no figure would reach the notebook.
+        # If another backend is set, no figure reaches the notebook.
         client.execute(env={k: v for k, v in os.environ.items() if k != "MPLBACKEND"})
     except Exception as error:  # any error is reported for this notebook, and the others go on
         # A port that was free when the client chose it can be in use when the kernel opens it.
@@ -167,7 +167,7 @@ def _executed(paths: list[Path]) -> Iterator[Executed]:
     if len(paths) < 2:
         yield from map(execute, paths)
         return
-    # Spawned, not forked: the same on every platform, and a fork would copy pytest's threads.
+    # Spawned workers behave alike on every platform; forked ones would copy pytest's threads.
     workers = min(len(paths), os.cpu_count() or 1)
     spawn = get_context("spawn")
     with ProcessPoolExecutor(workers, spawn, initializer=kernels.fork) as pool:
@@ -178,7 +178,7 @@ def _executed(paths: list[Path]) -> Iterator[Executed]:
 def run(root: Path, *, stored: bool = False) -> int:
     """Bring build/notebooks up to date; return the number of notebooks that failed.
 
-    With `stored`, none is executed: the copies have the stored outputs, which the tests compare.
+    If `stored`, no notebook is executed: the copies have the stored outputs, which tests compare.
     """
     copies = root / "build" / "notebooks"
     marks: dict[Path, str] = {}
@@ -191,7 +191,7 @@ def run(root: Path, *, stored: bool = False) -> int:
         if copy.is_file() and mark.is_file() and mark.read_text() == now:
             continue
         if stored:
-            # Without a mark, the next run executes it.
+            # Without a mark, the next run executes the notebook.
             mark.unlink(missing_ok=True)
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(path, copy)
@@ -354,7 +354,7 @@ def _strings(source: str) -> str:
 
 
 def _module(file: Path) -> str:
-    """Return the module of a file of the package; for other files than Python, their folder's."""
+    """Return the module of a Python file of the package; for other files, that of their folder."""
     parts = file.with_suffix("").parts if file.suffix == ".py" else file.parts[:-1]
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 

@@ -29,7 +29,7 @@ REVEAL = TEMPLATE / "vendor" / "reveal-5.2.1"
 HIDDEN = {"setup", "widget", "exercise", "check"}
 #: Number of lines of code that a class can read on a slide.
 MOST_LINES = 8
-#: The minutes of a section, which the speaker view shows instead.
+#: The line with the minutes of a section; the speaker view shows them, not the slide.
 MINUTES = re.compile(r"^\*\d+ minutes?\.\*\n*", re.MULTILINE)
 #: Where a Markdown cell is split into several slides.
 PART = re.compile(r"^(?=###? |\*\*Questions\*\*)", re.MULTILINE)

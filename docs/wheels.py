@@ -57,7 +57,7 @@ def commands(uv: str, folder: Path, system: str, python: str) -> list[list[str]]
     listed = str(folder / "requirements.txt")
     tags = [part for tag in TAGS[system] for part in ("--platform", tag)]
     return [
-        # Without the overrides in pyproject.toml, which pip ignores when it installs the wheels.
+        # Omit the overrides in pyproject.toml: pip ignores them when it installs the wheels.
         [
             *(uv, "pip", "compile", "--quiet", "--no-config", "--no-header", "--generate-hashes"),
             *("--extra", "notebooks", "--constraint", "requirements.lock"),

@@ -64,6 +64,7 @@ def test_a_title_begins_with_a_verb_and_links_lead_somewhere(page):
         "Check",
         "Compare",
         "Decode",
+        "Find",
         "Hand",
         "Read",
         "Run",

@@ -1,4 +1,4 @@
-"""Add an alternative text to each figure of a notebook, and a class to its tables of claims."""
+"""Add an alternative text to each figure of a notebook, and a CSS class to its tables of claims."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CLAIMS = "<th>the paper says</th>"
 
 
 class Captions(SphinxTransform):
-    """Use each figure's caption as its alternative text, and let its height follow from its width.
+    """Use each figure's caption as its alternative text; derive a picture's height from its width.
 
     myst-nb would use the digest of the file as the text. Tables of claims get a CSS class.
     """

@@ -1,4 +1,4 @@
-"""Formulas as MathML, converted when the book is built: the pages need no script and no network."""
+"""Convert formulas to MathML when the book is built; the pages need no script and no network."""
 
 from __future__ import annotations
 
