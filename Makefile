@@ -3,7 +3,7 @@
 # make notebooks  execute the notebooks and show what would change; ACCEPT=1 stores it
 # make lessons    derive the editions of the lessons whose source changed, and their slides
 # make nbval      test the notebooks that your changes affect, or NB=path, under strict nbval
-# make renew      update check sums, counts of claims and the README after a change of data
+# make renew      update checksums, counts of claims and the README after a change of data
 # make dist       build the wheel and the source distribution under dist/
 # make coverage   show which lines the unit tests do not run
 # make handout    write build/handout.zip for students, without solutions

@@ -1,8 +1,8 @@
-"""Update what is derived from the data: check sums and the counts of claims.
+"""Update what is derived from the data: checksums and the counts of claims.
 
     python docs/renew.py
 
-It rewrites the check sums in data/SOURCES.md, the counts in README.md, and the number of claims
+It rewrites the checksums in data/SOURCES.md, the counts in README.md, and the number of claims
 that a model judges in tests/papers/expected_ledger.json, which may only grow. It prints what it
 changed.
 """
@@ -23,7 +23,7 @@ COUNTS = (
 
 
 def check_sums(text: str, data: Path) -> str:
-    """Return the table of sources with up-to-date check sums."""
+    """Return the table of sources with up-to-date checksums."""
 
     def renewed(row: re.Match[str]) -> str:
         file = data / row[1]
