@@ -8,7 +8,7 @@ from shipnet.errors import ArgumentError
 TIMES = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"].astype(float)
 
 
-def test_published_times_hang_together():
+def test_published_times_are_consistent():
     assert TIMES["bit"] == BIT_TIME * 1e6
     assert TIMES["request"] == 14 * TIMES["bit"]
     assert TIMES["response"] == 7 * TIMES["bit"]

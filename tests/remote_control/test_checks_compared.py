@@ -50,7 +50,7 @@ def test_markers_pass_as_many_packets_as_in_the_closed_form(reading, n_items, ra
     # Claims chung1998-019: 240 of 264 and of 336 bits; with the numbers checked about 60 %.
     [("A", "any", 240 / 264), ("B", "any", 240 / 336)],
 )
-def test_a_single_inverted_bit_passes_markers_as_often_as_all_of_them_say(reading, numbers, share):
+def test_markers_miss_the_counted_fraction_of_single_inverted_bits(reading, numbers, share):
     assert MarkerFormat(reading, 10, numbers).undetected_flips(10) == share
     # The closed form at a small rate is the same share of what is hit.
     shares = MarkerFormat(reading, 10, numbers).error_shares(10, 1e-9)
