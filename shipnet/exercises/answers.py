@@ -23,13 +23,13 @@ import numpy as np
 
 T = TypeVar("T")
 
-#: Time limit of a student's function [s].
+#: Time limit for a student's function [s].
 LIMIT = 10.0
 
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
 
-#: Report for an answer about which nothing more specific is certain.
+#: Report if nothing more specific can be said about an answer.
 NOT_YET = "not right yet"
 
 #: Powers of ten by which the SI prefixes from pico to tera differ.
@@ -55,7 +55,7 @@ class Answer(Protocol):
         """Return an answer in a standard form, or raise Misread if this is impossible."""
 
     def fault(self, answer: Any) -> str | None:
-        """Return how an answer from `read` differs, or None if it is right."""
+        """Return what is wrong with an answer from `read`, or None if it is right."""
 
 
 def shown(value: object) -> str:
@@ -64,7 +64,7 @@ def shown(value: object) -> str:
         value = value.item()
     try:
         return f"{value:.6g}" if isinstance(value, float) else _SHORT.repr(value)
-    except Exception:  # the student's own code may compute it
+    except Exception:  # repr() may be the student's own code
         return type(value).__name__
 
 
@@ -92,7 +92,7 @@ def _number(given: object, unit: str) -> float:
 
 
 def _prefix(number: float, right: float, unit: str, tolerance: float) -> str | None:
-    """Return how a number with the right digits differs from the right one."""
+    """Return how a number with the right digits differs from the right number."""
 
     def near(factor: float) -> bool:
         return math.isclose(number, factor * right, rel_tol=tolerance)
@@ -108,7 +108,7 @@ def _prefix(number: float, right: float, unit: str, tolerance: float) -> str | N
     for power in _PREFIXES:
         if near(10.0**power):
             where = f"{10 ** abs(power)} times too {'large' if power > 0 else 'small'}"
-            return f"the digits are right, but it is {where}: which unit is it in?"
+            return f"the digits are right, but the number is {where}: which unit is it in?"
     return None
 
 
@@ -119,7 +119,7 @@ def _rounded(number: float, right: float) -> bool:
     for digits in (2, 3):
         step = 10.0 ** (math.floor(math.log10(abs(right))) + 1 - digits)
         on_grid = math.isclose(number, round(number / step) * step, rel_tol=1e-9)
-        # Some programs round half a step up, others to even.
+        # Some programs round halves up, others to the nearest even digit.
         if on_grid and abs(number - right) <= step / 2 * (1 + 1e-9):
             return True
     return False
@@ -138,9 +138,9 @@ class Number:
         return _number(given, self.unit)
 
     def fault(self, answer: float) -> str | None:
-        """Return how a number differs, or None if it is right."""
+        """Return what is wrong with a number, or None if it is right."""
         scale = abs(self.value) or 1.0
-        # The last bits of a product may differ.
+        # The last bits of a floating-point product may differ.
         if abs(answer - self.value) <= self.tolerance * scale * (1 + 1e-9):
             return None
         if fact := _prefix(answer, self.value, self.unit, self.tolerance):
@@ -157,7 +157,7 @@ class Whole(Number):
     """A count."""
 
     def fault(self, answer: float) -> str | None:
-        """Return how a count differs, or None if it is right."""
+        """Return what is wrong with a count, or None if it is right."""
         if math.isclose(answer, self.value, rel_tol=1e-9):
             return None
         if answer != round(answer):
@@ -183,7 +183,7 @@ class Bits:
         return bits
 
     def fault(self, answer: str) -> str | None:
-        """Return how bits differ, or None if they are right."""
+        """Return what is wrong with some bits, or None if they are right."""
         if answer == self.value:
             return None
         return f"these {len(answer)} bits are {NOT_YET}"
@@ -211,11 +211,12 @@ class Bytes:
         raise _other("bytes are expected, such as '01 0A'", given)
 
     def fault(self, answer: bytes) -> str | None:
-        """Return how bytes differ, or None if they are right."""
+        """Return what is wrong with some bytes, or None if they are right."""
         if answer == self.value:
             return None
         if len(answer) != len(self.value):
-            return f"these {len(answer)} bytes are {NOT_YET}"
+            what = "this byte is" if len(answer) == 1 else f"these {len(answer)} bytes are"
+            return f"{what} {NOT_YET}"
         wrong = [k for k, byte in enumerate(self.value, start=1) if answer[k - 1] != byte]
         which, verb = ("byte", "is") if len(wrong) == 1 else ("bytes", "are")
         return f"{which} {', '.join(map(str, wrong))} {verb} {NOT_YET}"
@@ -246,7 +247,7 @@ class Words:
         return word
 
     def fault(self, answer: object) -> str | None:
-        """Report that words differ, or return None if they are right."""
+        """Return a report if some words are wrong, or None if they are right."""
         return None if answer == self.value else NOT_YET
 
 
@@ -305,12 +306,12 @@ def _limited(name: str, work: Callable[[], T]) -> T:
         except BaseException as error:
             failed.append(error)
 
-    # A thread works on every system and from any thread; a signal works in the main one only.
+    # A thread works on every system and from any thread; a signal only in the main thread.
     thread = Thread(target=run, name=name, daemon=True)
     thread.start()
     thread.join(LIMIT)
     if thread.is_alive():
-        # This ends the loop, which would otherwise use a core until the kernel stops.
+        # End the student's loop, which would otherwise use a core until the kernel stops.
         ident = ctypes.c_ulong(thread.ident or 0)
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ident, ctypes.py_object(SystemExit))
         raise Misread(f"{name} did not end within {LIMIT:g} s: does every loop in it end?")
@@ -324,7 +325,7 @@ def _call(name: str, case: tuple[Any, ...]) -> str:
 
 
 def _place(function: Callable[..., Any], trace: TracebackType | None) -> str:
-    """Return the last executed line of the function."""
+    """Return a phrase that names the last executed line of the function."""
     code = getattr(function, "__code__", None)
     lines = [
         (line, linecache.getline(code.co_filename, line).strip())

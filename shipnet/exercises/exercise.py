@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Student:
-    """A student, whose own numbers are derived from the name."""
+    """A student; the numbers in the exercises are derived from the name."""
 
     name: str
 
@@ -48,7 +48,7 @@ def student(name: str) -> Student:
     Returns
     -------
     Student
-        Student for `given` and `check`; case and surrounding spaces of the name are ignored.
+        Student to pass to `given` and `check`; case and surrounding spaces are ignored.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def student(name: str) -> Student:
     return Student(plain)
 
 
-#: Marks the general hint, for a wrong answer that no other hint explains.
+#: Marks the general hint, given for a wrong answer that no other hint explains.
 ANY = object()
 
 #: The right answer for a student's numbers, and the wrong answer that each hint explains.

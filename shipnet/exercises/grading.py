@@ -1,9 +1,9 @@
 """Grading of notebooks that students handed in, for the command `shipnet grade`.
 
-A student's cells run in a separate process, which returns values of names and results of functions.
-Answers are checked in this process, where no notebook can change the checks. The separate process
-has an empty folder, no input, and limits on time, memory and file size. It does not protect the
-computer against an attack.
+A student's cells run in a separate process, which returns values of variables and results of
+functions. Answers are checked in this process, where no notebook can change the checks. The other
+process has an empty folder, no input, and limits on time, memory and file size. It does not protect
+the computer against an attack.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 class _Session:
-    """The process that runs a student's cells; if a cell ends it, it restarts without that cell."""
+    """The process that runs a student's cells; it restarts without any cell that ended it."""
 
     def __init__(self, cells: list[str], folder: str) -> None:
         #: By cell number: why the process ended in the cell, and the error that the cell raised.
@@ -280,7 +280,7 @@ class _HandIn:
         self.flags += [f"check of {key} edited" for key in sorted(edited - self.checks.keys())]
 
     def solving(self, key: str) -> int:
-        """Return the number of the cell that assigns the checked name, or -1."""
+        """Return the index of the cell that assigns the checked name, or -1 if there is none."""
         name, number = self.checks[key]
         for before in range(number, -1, -1):
             for node in _nodes(self.cells[before]):
@@ -392,7 +392,7 @@ def as_html(file: str, grades: pd.DataFrame, verdicts: pd.DataFrame) -> None:
 
 
 def _flag_copies(handed: list[_HandIn]) -> None:
-    """Flag notebooks with the same name or the same long solution as another one."""
+    """Flag notebooks with the same name or the same long solution as another notebook."""
     same: defaultdict[tuple[str, str], list[_HandIn]] = defaultdict(list)
     for one in handed:
         if one.name and "name unchanged" not in one.flags:

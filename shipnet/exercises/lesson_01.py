@@ -10,7 +10,7 @@ from shipnet.exercises.exercise import ANY, Solution, solution
 
 _TURNED = str.maketrans("01", "10")
 
-#: Five-bit words except palindromes and 11110, which `_differential` gives the same levels.
+#: Five-bit words; palindromes and 11110 (same levels in `_differential`) are left out.
 _WORDS = tuple(
     word for word in (f"{k:05b}" for k in range(32)) if word != word[::-1] and word != "11110"
 )
@@ -31,7 +31,7 @@ def _differential(bits: str) -> str:
 
 @solution("ex-01-1", bits=_WORDS)
 def levels(bits: str) -> Solution:
-    """Levels of some bits on the line."""
+    """Levels of the given bits on the line."""
     right = _levels(bits)
     return Bits(right), {
         "in the middle of the bit, a 0 falls and a 1 rises; do yours?": right.translate(_TURNED),
@@ -59,7 +59,7 @@ def telegram_time(n_bits: int, rate: int) -> Solution:
     }
 
 
-#: Telegrams for tests: the shortest, without and with a pulse between the bits, and real ones.
+#: Telegrams for tests: the shortest ones, with and without extra pulses, and realistic ones.
 _TRIED = [("0",), ("01",), ("00",), ("0011001",), ("00101010111011",), ("0111",)]
 
 
@@ -95,7 +95,7 @@ def pulses() -> Solution:
 
 @solution("ex-01-4", limit=range(400, 1201, 40))
 def highest_rate(limit: int) -> Solution:
-    """Bit rate at which the spectrum has its first zero at a limit in kHz."""
+    """Bit rate at which the spectrum has its first zero at a limit [kHz]."""
     return Number(limit / 4, "kbit/s"), {
         "that is the rate of half-bits; how many half-bits does a bit have?": limit / 2,
         "that is the limit itself; how long are a half-bit and a bit?": limit,

@@ -27,10 +27,10 @@ _ECHOES = {
 }
 
 
-# With four of the five, each mistake below gives a different answer.
+# With only four of the five ends, each mistake below gives a different answer.
 @solution("ex-02-1", echoes=tuple(permutations(_ECHOES, 4)))
 def cable_ends(echoes: tuple[float, ...]) -> Solution:
-    """Ends of the cables that return some echoes."""
+    """Ends of the cables that return the given echoes."""
     right = tuple(_ECHOES[echo] for echo in echoes)
 
     def taken(*ends: str) -> tuple[str, ...]:
@@ -69,7 +69,7 @@ def echo_time(length: int, delay: float, place: int) -> Solution:
         "that is when the echo arrives; when does the signal arrive?": (2 * length - place)
         * per_metre,
         "you used the speed of light in air; your cable has its own delay": 2 * beyond / 299.79,
-        "Draw the paths of signal and echo: how many metres longer is the echo's?": ANY,
+        "Draw the paths of signal and echo: how many metres longer is the echo's path?": ANY,
     }
 
 
@@ -134,7 +134,7 @@ def _read(length: int, delay: float) -> bool:
 
 
 def _last(good: Callable[[int, float], bool], delay: float) -> int:
-    """Return the last length before the first one that is not good."""
+    """Return the last length before the first at which `good` is false."""
     length = _START
     while good(length + _STEP, delay):
         length += _STEP
@@ -143,10 +143,10 @@ def _last(good: Callable[[int, float], bool], delay: float) -> int:
 
 @solution("ex-02-4", delay=tuple(k / 10 for k in range(45, 85, 2)))
 def longest_cable(delay: float) -> Solution:
-    """Last length before the first one that is out of tolerance."""
+    """Last length before the first at which a tolerance is violated."""
     longest = _last(_in_tolerance, delay)
     return Whole(longest, "m"), {
-        "at this length every answer is still received, but is the ringing in tolerance?": (
+        "at this length every response is received, but is the ringing within tolerance?": (
             _last(_read, delay)
         ),
         "both tolerances are also met at the next length: continue": longest - _STEP,

@@ -17,7 +17,7 @@ _TURNED = str.maketrans("01", "10")
 # Palindromes such as 0110 are left out: they would hide a wrong order.
 @solution("ex-03-1", bits=tuple(f"{data:04b}" for data in range(1, 15) if data not in (6, 9)))
 def telegram(bits: str) -> Solution:
-    """Telegram with some data bits."""
+    """Telegram with the given data bits."""
     right = frame(bits)
     parity = right[-2]
     return Bits(right), {
@@ -99,8 +99,8 @@ def _distance(words: Sequence[str]) -> int:
     return min(_between(combinations(words, 2)))
 
 
-#: Sets of words for tests: two words, nearest words not adjacent, answers of a slave, opposites;
-#: then random sets, which a function that compares only some of the pairs gets wrong.
+#: Sets of words for tests: two words, nearest words not adjacent, responses of a slave, inverted
+#: words; then random sets, with which a function that compares only some of the pairs fails.
 _TRIED = [
     (["000", "111"],),
     (["0000", "1111", "0001"],),
@@ -115,7 +115,7 @@ _TRIED = [
 
 @solution("ex-03-3")
 def distance() -> Solution:
-    """Hamming distance of some words."""
+    """Hamming distance of the given words."""
     return Function(_distance, _TRIED, lambda right: Whole(right, "places")), {
         "a word does not differ from itself: compare different words only": lambda words: 0,
         "compare all pairs, not only neighbours": lambda words: min(_between(pairwise(words))),
@@ -145,7 +145,7 @@ def distance() -> Solution:
 
 @solution("ex-03-4", hits=(5, 8, 10, 20, 30, 40), years=(5, 10, 20, 25))
 def crc_width(hits: int, years: int) -> Solution:
-    """Fewest bits of a CRC with which fewer than one disturbed message passes in `years`."""
+    """Width of the shortest CRC that lets fewer than one disturbed message pass in `years`."""
     messages = hits * 365 * years
     width = ceil(log2(messages))
     return Whole(width, "bits"), {

@@ -71,7 +71,7 @@ def _stuffed(
     return out
 
 
-#: The fifth entry gets a stuff bit after its last bit; in the third, one starts the next run.
+#: The fifth entry gets a stuff bit after its last bit; in the third, a stuff bit starts a run.
 _TRIED = [
     *(("0110",), ("11111",), ("000001111",), ("0000000000",), ("0111110000011111",), ("",)),
     *(("00000111110",), ("1111000011110000",), ("000000",)),
@@ -80,7 +80,7 @@ _TRIED = [
 
 @solution("ex-05-2")
 def stuffed() -> Solution:
-    """Bits with their stuff bits."""
+    """Bits with the stuff bits inserted."""
     return Function(stuff, _TRIED, Bits), {
         "a stuff bit is itself the first bit of the next run": (
             lambda bits: _stuffed(bits, counted=0)
@@ -113,7 +113,7 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
     right = 1e3 * response_times(messages, _RATE)["yours"].response
     stop, speed, yours, log = 1e3 * frame_length([1, 4, n_bytes, 8]) / _RATE
     bare = 1e3 * frame_length([1, 4, n_bytes, 8], stuffing="none") / _RATE
-    # With frames without stuff bits, stop is sent once or twice.
+    # If frames had no stuff bits, stop would be sent once or twice.
     once = bare[3] + bare[0] + bare[1]
     return Number(right, "ms"), {
         "a less urgent frame may have just started: which one blocks, and for how long?": (
@@ -133,8 +133,8 @@ def response(stop_ms: float, n_bytes: int) -> Solution:
     }
 
 
-#: Sets that meet all deadlines in only one order, which is not that of the deadlines; found by
-#: search. For each message: bytes, period and deadline [ms].
+#: Sets that meet all deadlines in only one order, which is not the order of the deadlines; found
+#: by search. For each message: bytes, period and deadline [ms].
 _SETS = (
     ((5, 2.5, 2.5), (8, 2.0, 2.0), (1, 4.75, 2.75)),
     ((5, 2.0, 2.0), (7, 2.5, 2.5), (1, 4.25, 2.75)),
@@ -175,7 +175,7 @@ def slack(messages: str) -> Solution:
         "that is one of the slacks in the right order; is it the smallest?": (
             sorted(right.values())[1]
         ),
-        "that is a deadline less a frame's duration; where is the wait?": min(
+        "that is a deadline minus a frame's duration; where is the wait?": min(
             1e3 * (one.deadline - one.frame_time(_RATE)) for one in known
         ),
     }

@@ -30,7 +30,7 @@ def unread(ring: dict[str, int]) -> Solution:
         "the difference is below zero: what do the different flags mean?": ring["no"]
         - ring["get_no"],
         "those are the free places; has the writer passed the end?": ring["get_no"] - ring["no"],
-        "one lap of the ring too many": found.seems_unread + _SIZE,
+        "that is one lap of the ring too many": found.seems_unread + _SIZE,
         "the ring has 128 places, numbered from 0 to 127": found.seems_unread - 1,
         "the byte at `no` has not been written yet": found.seems_unread + 1,
         "those lie before the ring's end; how many lie at its beginning?": _SIZE - ring["get_no"],
@@ -88,7 +88,7 @@ def _counting(most: int, least: int = 0) -> Callable[[str, int], int]:
 
 
 def _emptied(events: str, size: int) -> int:
-    """Count as if a write to a full ring emptied it first."""
+    """Count lost bytes as if a write to a full ring emptied it first."""
     waiting = lost = 0
     for event in events:
         if event == "r":
@@ -100,7 +100,7 @@ def _emptied(events: str, size: int) -> int:
     return lost
 
 
-#: No events; just full; one byte too many; reads of an empty ring; losses around a read.
+#: Events for tests: none, just full, a byte too many, reads when empty, losses around a read.
 _TRIED = [
     ("", 4),
     ("wwww", 4),
@@ -144,7 +144,7 @@ def _places(needed: int) -> int:
 # Without the bytes already waiting, the next smaller power of two would be enough.
 @solution("ex-07-4", rate=(4800, 9600, 19200), pause_ms=(125, 250), waiting=(33, 36, 39, 42))
 def free_places(rate: int, pause_ms: int, waiting: int) -> Solution:
-    """Free places of the smallest ring with room for the bytes of a pause and those waiting."""
+    """Free places of the smallest ring that holds the waiting bytes and those of a pause."""
     coming = rate * pause_ms // (1000 * _CHARACTER)
     needed = waiting + coming
     size = _places(needed)

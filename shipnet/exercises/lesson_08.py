@@ -46,7 +46,7 @@ def between_cuts(n: int, first: int, second: int) -> Solution:
     age=(0.3, 0.4, 0.6, 0.7),
 )
 def oldest(period: float, timeout: int, retries: int, age: float) -> Solution:
-    """Age of values on the screen when the first answer on the second cable ends."""
+    """Age of values on the screen when the first response on the second cable ends."""
 
     def old(retries: int) -> float:
         poll = Poll(_STATUS, _LINE, timeout=timeout / 1e3, retries=retries)
@@ -55,21 +55,21 @@ def oldest(period: float, timeout: int, retries: int, age: float) -> Solution:
     right = old(retries)
     return Number(right, "s"), {
         "that is the gap; how old were the values when it began?": right - age,
-        "how long is it until the next request? The cut came just after an answer": right - period,
+        "how long is it until the next request? The cut came just after a response": right - period,
         "each retry waits for its own time-out": old(0),
         "each failed try takes a request and a time-out: how long is the request?": (
             right - (1 + retries) * _REQUEST
         ),
-        "count from the end of one answer to the end of the next": (right + _POLL.time),
+        "count from the end of one response to the end of the next": (right + _POLL.time),
         "the first try fails too: how many requests are sent on the first cable?": old(retries - 1),
         "`retries` requests follow the first one: how many are sent on the first cable?": (
             old(retries + 1)
         ),
-        "Draw the time from one answer to the next: first a pause, then each failed try": ANY,
+        "Draw the time from one response to the next: first a pause, then each failed try": ANY,
     }
 
 
-#: Loops for tests: no cut, one, two, at both ports, not in order, two in the same place.
+#: Loops for tests: no cut, one, two; cuts at both ports, out of order, and in the same place.
 _TRIED: list[tuple[int, list[int]]] = [
     (40, []),
     (40, [12]),
@@ -104,7 +104,7 @@ def lost_valves() -> Solution:
 
 @solution("ex-08-4", n=range(20, 46))
 def timeout(n: int) -> Solution:
-    """Time-out with which a round and two failed polls take the 2 s of the rule."""
+    """Time-out with which one round and two failed polls take the rule's 2 s exactly."""
     left = RULE - _POLL.scan_time(n)
     return Number(1e3 * (left / 2 - _REQUEST), "ms"), {
         "how many failed polls can one cut cause before all valves downstream of it are moved?": 1e3

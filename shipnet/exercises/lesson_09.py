@@ -23,7 +23,7 @@ def _firing(readings: Mapping[str, Any], method: str) -> list[list[str]]:
 
 
 def _cases() -> tuple[dict[str, float], ...]:
-    """Return readings where 2 to 4 rules hold, but not the same with ramps or by one term only."""
+    """Return readings with 2 to 4 rules that hold; ramps or single terms give other rules."""
     values = ((1.8, 118, 128), (0, 1.2, 4.1), (0, 2.3, 3.4), (50, 86, 95), (-3, 40, 103), (0, 2))
     every = np.array(list(product(*values)))
     readings = dict(zip(_BASE.names, every.T, strict=True))
@@ -52,7 +52,7 @@ def _mean(found: list[str]) -> frozenset[str]:
 
 @solution("ex-09-1", readings=_cases())
 def codes(readings: dict[str, float]) -> Solution:
-    """Rules that hold for some readings."""
+    """Rules that hold for the given readings."""
     found = list(_BASE.decide(readings, method="crisp").codes())
     return Words(frozenset(found), _BASE.codes), {
         "that is only the highest-ranked rule; list every rule that holds": frozenset(found[:1]),
@@ -93,7 +93,7 @@ def strength(FP: float, OP: float) -> Solution:
 
 @cache
 def _persistent(fires: str, k: int, n: int) -> str:
-    """Return at which readings the code of a hot motor is active if its rule fires as given."""
+    """Return for which readings the hot-motor code is active if its rule fires as given."""
     hot = {"OT": np.where(np.array(list(fires)) == "1", 100, 20)}
     active = _BASE.decide(hot, k=k, n=n).active[:, _BASE.codes.index("O1")]
     return "".join(map(str, active.astype(int)))
@@ -113,7 +113,7 @@ def _slices(fires: str, n: int) -> list[str]:
     return [fires[end - n : end] for end in range(1, len(fires) + 1)]
 
 
-#: Readings for tests: only one, none fires, all fire, with a gap, flickering.
+#: Readings for tests: one reading, none that fires, all firing, gaps, and flickering.
 _TRIED = [
     ("1", 1, 1),
     ("0000", 1, 3),
@@ -159,7 +159,7 @@ def persistence() -> Solution:
 
 @solution("ex-09-4", burst=(2, 3), period=(6, 7, 8), step=(50, 100, 200, 250))
 def windows(burst: int, period: int, step: int) -> Solution:
-    """Smallest k for each window at which bursts raise no alarm, and the resulting delay."""
+    """Smallest k with which bursts raise no alarm, and the resulting delay, for each window."""
     bursts = ("1" * burst + "0" * (period - burst)) * 20
     rows = []
     for n in (5, 10, 20):
@@ -184,6 +184,8 @@ def windows(burst: int, period: int, step: int) -> Solution:
         "`k` = `n` is safe, but a smaller `k` may be enough": [
             {**row, "k": row["n"], "delay": (row["n"] - 1) * step} for row in rows
         ],
-        "bursts reach this `k`; one more is needed": [{**row, "k": row["k"] - 1} for row in rows],
+        "with this `k` a burst still raises an alarm: one more is needed": [
+            {**row, "k": row["k"] - 1} for row in rows
+        ],
         "Slide a window along the pattern: how many disturbed readings are in it at most?": ANY,
     }

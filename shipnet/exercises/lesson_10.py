@@ -50,7 +50,7 @@ def conductors_left(contacts: int, lines: int) -> Solution:
 def _quantities(
     modules: int, distance: float, spacing: float, contacts: int = 2
 ) -> tuple[Quantities, Quantities]:
-    """Return the quantities of a plant with home runs and on AS-i."""
+    """Return the quantities of a plant with home runs, and those of the same plant with AS-i."""
     plant = Plant(modules=modules, contacts=contacts, distance=distance, spacing=spacing)
     return plant.hardwired.quantities(), plant.on_asi.quantities()
 
@@ -120,7 +120,7 @@ def _reviews() -> tuple[_Options, _Options]:
 
 
 def _good(options: _Options, limit: float, faults: bool = False) -> Iterator[tuple[int, int, str]]:
-    """Yield cost, loss and name of the options within a limit, without faults by default."""
+    """Yield cost, loss and name of options within a limit, by default only of faultless ones."""
     for name, (cost, lost, wrong) in options.items():
         if lost <= limit and (faults or not wrong):
             yield cost, lost, name
@@ -131,7 +131,7 @@ def _cheapest(options: _Options, limit: float, faults: bool = False) -> str:
 
 
 def _cases() -> list[tuple[_Options, int]]:
-    """Return reviews with limits: one invented, one that no plan meets, others close to a loss."""
+    """Return options with limits: an invented set, a limit no plan meets, limits near losses."""
     made_up = {"home runs": (50, 3, 0), "CAN": (40, 5, 0), "AS-i": (60, 4, 0), _POOR: (55, 2, 0)}
     long, short = _reviews()
     most = long["AS-i"][1]

@@ -1,4 +1,4 @@
-"""The five papers: every claim, recomputed where it can be, with its verdict."""
+"""The five papers: every claim, recomputed where possible, with its verdict."""
 
 import lazy_loader
 

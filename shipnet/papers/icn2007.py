@@ -60,7 +60,7 @@ def output_bits(*, profile: str) -> int:
 def same_answer(
     *, halves: tuple[Half | None, Half | None] = (None, "A"), asked: bool = False
 ) -> bool:
-    """Whether the answers, or if `asked` the requests, of a standard and an A slave are equal."""
+    """Whether a standard and an A slave have equal responses, or if `asked` equal requests."""
     requests = [Request.data_exchange(21, 0x6, half) for half in halves]
     said = [request if asked else request.answer(0x6) for request in requests]
     return said[0].bits == said[1].bits
@@ -79,7 +79,7 @@ check("icn2007-029", counter={"call": Call.RESET})(
     lambda *, call=Call.BROADCAST_RESET: not is_legal(Response, 0, call)
 )
 
-# Lost replies, dead slaves and the standby master ----------------------------------------------
+# Lost responses, dead slaves and the standby master --------------------------------------------
 
 ADDRESSES = range(1, 6)
 
@@ -90,7 +90,7 @@ def five_slaves() -> list[Slave]:
 
 
 def gap_after_silence(run: Run, slave: str) -> float:
-    """Return how long the master waits for a missing answer [bit]."""
+    """Return how long the master waits for a missing response [bit]."""
     rows = run.events()
     silent = rows.index[(rows["slave"] == slave) & (rows["outcome"] == "SilenceError")]
     start = rows["time_s"].to_numpy()
@@ -101,7 +101,7 @@ def gap_after_silence(run: Run, slave: str) -> float:
 @check("kim2023-089", repeats=True, counter={"wait": 11.0})
 @check("icn2007-038", repeats=False, counter={"wait": 11.0})
 def goes_on_after(*, repeats: bool, wait: float = 10.0) -> bool:
-    """Whether the master waits this many bit times for an answer before it goes on or repeats."""
+    """Whether the master waits this many bit times for a response, then goes on or repeats."""
     run = simulate(five_slaves(), cycles=20, faults=[DeadSlave("3", start=0.02)])
     repeated = (run.events().query("slave == '3'")["attempt"] == 1).any()
     return bool(repeated or not repeats) and round(gap_after_silence(run, "3"), 6) == wait
@@ -128,13 +128,13 @@ UNKNOWN = "01000111011111"
 
 
 def answer_to(bits: str) -> str:
-    """Return the answer of slave 3, which is synchronous, to a request."""
+    """Return the response of slave 3, which is synchronous, to a request."""
     return str(Slave("3").listen(["", bits])["answer"].iloc[-1])
 
 
 @check("icn2007-034", counter={"lost": 0})
 def repeats_what_was_done(*, lost: int = 1) -> bool:
-    """Whether a request is repeated although its slave executed it, if replies are lost."""
+    """Whether a request is repeated although its slave executed it, if responses are lost."""
     faults = [LostReply("3", start=0.02, count=lost)] if lost else []
     run = simulate(five_slaves(), cycles=20, faults=faults)
     rows = run.events()
@@ -144,7 +144,7 @@ def repeats_what_was_done(*, lost: int = 1) -> bool:
 
 @check("icn2007-039", counter={"standby": False})
 def standby_takes_over(*, standby: bool = True) -> bool:
-    """Whether data are exchanged with all slaves after the master failed."""
+    """Whether data are exchanged with all slaves after the master has failed."""
     master = Master({str(address): "S-0.F.F" for address in ADDRESSES})
     second = Standby(master) if standby else None
     run = simulate(
@@ -157,11 +157,11 @@ def standby_takes_over(*, standby: bool = True) -> bool:
 # Rates under every assumption ------------------------------------------------------------------
 
 #: Bits of a CAN data frame with an 11-bit identifier, including the intermission but not data and
-#: stuff bits, ISO 11898-1: 1 + 11 + 3 + 4 + 15 + 1 + 2 + 7 + 3; and the most data bytes in it.
+#: stuff bits, ISO 11898-1: 1 + 11 + 3 + 4 + 15 + 1 + 2 + 7 + 3; and its maximum data length [byte].
 CAN_FRAME, CAN_BYTES = 47, 8
 
 #: Modbus function 23, which writes and reads registers at once: bytes of request and response
-#: other than data, silences before both [character], bits per character, most data bytes in one
+#: other than data, silences before both [character], bits per character, maximum data bytes per
 #: direction. Modbus Application Protocol V1.1b3, section 6.17; Modbus over Serial Line V1.02.
 MODBUS_BYTES, MODBUS_SILENCE, MODBUS_CHARACTER, MODBUS_MOST = 13 + 5, 2 * 3.5, 11, 242
 
@@ -169,11 +169,11 @@ MODBUS_BYTES, MODBUS_SILENCE, MODBUS_CHARACTER, MODBUS_MOST = 13 + 5, 2 * 3.5, 1
 def rate_table() -> pd.DataFrame:
     """Return net rate and efficiency for each assumed length of a transaction."""
     pauses = {
-        "24.5 bit": (2.0, 1.5, "shortest pauses of the papers, 2 and 1.5 bit"),
-        "25 bit": (2.0, 2.0, "pauses of 2 and 2 bit: 150 us (Siemens)"),
-        "153 us": (2.5, 2.0, "25.5 bit (Bihl+Wiedemann)"),
-        "154 us": (3.0, 154 / 6 - 24, "25.7 bit (OMRON, p. 21)"),
-        "26 bit": (3.0, 2.0, "pauses of 3 and 2 bit: 156 us (OMRON, p. 5; Schneider)"),
+        "24.5 bit": (2.0, 1.5, "shortest pauses in the papers: 2 and 1.5 bit times"),
+        "25 bit": (2.0, 2.0, "both pauses 2 bit times: 150 us (Siemens)"),
+        "153 us": (2.5, 2.0, "25.5 bit times (Bihl+Wiedemann)"),
+        "154 us": (3.0, 154 / 6 - 24, "25.7 bit times (OMRON, p. 21)"),
+        "26 bit": (3.0, 2.0, "pauses of 3 and 2 bit times: 156 us (OMRON, p. 5; Schneider)"),
     }
     rows = {}
     for name, (*pair, says) in pauses.items():
@@ -188,7 +188,7 @@ def rate_table() -> pd.DataFrame:
 
 
 def _rates(one: Transaction, used: float = 1.0) -> tuple[float, float, float]:
-    """Return length [bit], net rate and efficiency if this share of transactions has user data."""
+    """Return length [bit], net rate and efficiency if this fraction of transactions has data."""
     return one.bits, 1e-3 * used * one.net_rate, 100 * used * float(one.efficiency())
 
 
@@ -202,7 +202,7 @@ def bus_efficiencies(user_bits: npt.ArrayLike) -> pd.DataFrame:
     n = np.atleast_1d(user_bits)
     if n.dtype.kind not in "iu" or not ((n >= 1) & (n <= 8 * MODBUS_MOST)).all():
         raise ArgumentError(
-            f"user_bits is {user_bits!r}; it must be whole numbers 1..{8 * MODBUS_MOST}"
+            f"user_bits is {user_bits!r}; it must contain whole numbers 1..{8 * MODBUS_MOST}"
         )
     octets = -(-n // 8)
     registers = -(-n // 16)
@@ -308,7 +308,7 @@ def bent_by_the_end(
 
 
 def arriving_share(length: float, *, cable: Cable = CABLES["as-i 1.5"]) -> float:
-    """Return the share of the example request's energy that a matched cable transmits."""
+    """Return the fraction of the example request's energy that a matched cable transmits."""
     s = 2j * np.pi * FREQUENCIES
     energy = np.abs(s * Modulation(Request.data_exchange(21, 0xE).bits).transform(s)) ** 2
     passed = np.exp(-2 * cable.propagation(s).real * length)
@@ -321,7 +321,7 @@ check("icn2007-051", counter={"pulse": "rectangle"})(
 
 
 def share_above(frequency: float, *, pulse: str = "sin2") -> float:
-    """Return the share of the example request's energy above a frequency [Hz].
+    """Return the fraction of the example request's energy above a frequency [Hz].
 
     The `pulse` is ``"sin2"``, ``"half sine"`` or ``"rectangle"``, each a half-bit long.
     """
@@ -416,7 +416,7 @@ def robust_on_any_topology(*, longest: float = 100.0) -> bool:
 
 @check("icn2007-058", counter={"power": 1})
 def current_is_the_integral(*, power: int = 2) -> bool:
-    """Whether the slope of the send current is sin to this power, within a thousandth."""
+    """Whether the slope of the send current is sin raised to this power, within a thousandth."""
     bits = Request.data_exchange(21, 0xE).bits
     t = np.arange(0.0, 2 * HALF_BIT * len(bits) + 2e-6, 20e-9)
     slope = np.gradient(Modulation(bits).current(t), t)
@@ -427,7 +427,7 @@ def current_is_the_integral(*, power: int = 2) -> bool:
 
 @check("icn2007-059", counter={"lost": 0})
 def only_one_telegram_is_repeated(*, lost: int = 1) -> bool:
-    """Whether a cycle with this many lost replies has one request more than the others."""
+    """Whether a cycle with this many lost responses has one request more than the others."""
     faults = [LostReply("3", start=0.02, count=lost)] if lost else []
     run = simulate(five_slaves(), cycles=30, faults=faults).events().query("time_s > 0.015")
     requests = run.groupby("cycle").size()

@@ -1,4 +1,4 @@
-"""The ledger: the printed values of the papers beside the computed ones, with a verdict.
+"""The ledger: the printed and the computed values of the papers' claims, with verdicts.
 
 `data/claims.csv` has the printed values and the verdicts. The *match* of a number follows from the
 two values and the printed precision; the verdict is a judgement.
@@ -71,7 +71,7 @@ class Claim:
         return self._row[name]
 
     def recompute(self, **inputs: Any) -> Any:
-        """Return the value with some inputs replaced; by default as in the ledger."""
+        """Return the value with some inputs replaced; without inputs, the value in the ledger."""
         if self.id not in REGISTRY:
             raise ArgumentError(f"claim {self.id} is not computed; its status is {self.status}")
         return REGISTRY[self.id](**inputs)
@@ -314,7 +314,7 @@ def _ours(row: Mapping[str, Any]) -> str:
 
 
 def _verdict(row: Mapping[str, Any]) -> str:
-    """Return the verdict, with its condition unless as printed, and why the values differ."""
+    """Return the verdict, its condition (unless "as printed"), and why the values differ."""
     said = str(row["verdict"] or row["kind"])
     if row["holds_under"] not in ("", AS_PRINTED):
         said += f" ({row['holds_under']})"
@@ -327,7 +327,7 @@ def _verdict(row: Mapping[str, Any]) -> str:
 
 
 def format_computed(value: object, published: str = "") -> str:
-    """Return a computed value as text, in hexadecimal if `published` is."""
+    """Return a computed value as text, in hexadecimal if `published` is hexadecimal."""
     if value is None:
         return ""
     if isinstance(value, bool):

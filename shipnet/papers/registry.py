@@ -2,8 +2,8 @@
 
 The function of a *numeric* claim returns our number, that of a *qualitative* one whether the
 statement holds. Both have named inputs, so that a test can change one and see the result change.
-Claims that differ only in their inputs share a function. A function of a single
-expression is a lambda, explained by its claim.
+Claims that differ only in their inputs share a function. A function that is a single expression is
+written as a lambda, and its claim explains it.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def check(
 ) -> Callable[[Function], Function]:
     """Register a function, with these inputs, as the check of qualitative claims.
 
-    With the inputs of `counter` the answer must be the opposite, which a test verifies.
+    With the inputs of `counter` the result must be the opposite; a test verifies this.
     """
 
     def decorate(function: Function) -> Function:
@@ -104,7 +104,7 @@ def is_legal(function: Callable[..., object], *arguments: object, **named: objec
 
 
 def drawing(paper: str, *items: str) -> Callable[[Function], Function]:
-    """Register a function of the axes as the drawing of printed figures."""
+    """Register a function that draws printed figures on given axes."""
 
     def decorate(function: Function) -> Function:
         FIGURES.update({(paper, item): function for item in items})
@@ -150,7 +150,7 @@ def figure(paper: str, item: str, ax: Axes | None = None, **inputs: Any) -> Axes
         importlib.import_module(f"shipnet.papers.{paper}.plot")
     drawn = sorted(name for key, name in FIGURES if key == paper)
     if item not in drawn:
-        legal = f"it must be one of {', '.join(drawn)}" if drawn else f"{paper} has no drawn figure"
+        legal = f"it must be one of {', '.join(drawn)}" if drawn else f"{paper} has no drawings"
         raise ArgumentError(f"item is {item!r}; {legal}")
     made: Axes = FIGURES[paper, item](ax=style.axes(ax), **inputs)
     return made

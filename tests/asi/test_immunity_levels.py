@@ -45,7 +45,7 @@ def test_unconfirmed_values_say_so():
     assert TABLE.loc[TABLE["marine"].isna(), "confirmed"].eq("no").all()
 
 
-def test_the_gaps_are_those_that_the_numbers_have():
+def test_the_gaps_follow_from_the_numbers():
     gaps = TABLE.set_index(["test", "parameter"])["gap"]
     below = gaps[gaps == "below"].index.tolist()
     assert below == [

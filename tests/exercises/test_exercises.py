@@ -390,7 +390,7 @@ def test_the_limit_of_lesson_1_is_a_zero_of_the_spectrum():
         (Bits("0011001"), "001100", "these 6 bits are not right yet"),
         (Bits("0011001"), "001x001", "'x' is not a bit"),
         (Bytes(b"\x01\x03"), "1 3", "two digits"),
-        (Bytes(b"\x01\x03"), "01", "these 1 bytes are not right yet"),
+        (Bytes(b"\x01\x03"), "01", "this byte is not right yet"),
         (Bytes(b"\x01\x03"), [1, 256], "from 0 to 255"),
         (Bytes(b"\x01\x03"), 1, "of type int"),
         (Bytes(b"\x01\x03"), "01 04", "byte 2 is not right yet"),

@@ -86,6 +86,6 @@ def test_faults_of_requests_counted_by_trying_them_all():
         assert undetected(faults, requests=True) == (2 * (apart == faults).sum(), tried)
 
 
-def test_a_watchdog_of_94_ms_survives_50():
+def test_a_watchdog_of_94_ms_tolerates_50_ms():
     assert not outputs_are_reset(silence=0.05) and not outputs_are_reset(silence=0.09)
     assert outputs_are_reset(silence=0.1)

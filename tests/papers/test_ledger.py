@@ -520,7 +520,7 @@ def test_the_ledger_of_a_paper_is_summed_up():
 
 def test_a_figure_that_is_not_drawn_is_refused():
     for paper, item in (("kim", "Fig 1"), ("kim2023", "Fig 99"), ("icn2007", "Fig 1")):
-        with pytest.raises(ArgumentError, match=r"must be one of|icn2007 has no drawn figure"):
+        with pytest.raises(ArgumentError, match=r"must be one of|icn2007 has no drawings"):
             figure(paper, item)
 
 

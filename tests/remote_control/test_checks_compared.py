@@ -50,7 +50,7 @@ def test_markers_pass_as_many_packets_as_in_the_closed_form(reading, n_items, ra
     # Claim chung1998-019: 240 of 264 and of 336 bits; about 60 % if the numbers are checked.
     [("A", "any", 240 / 264), ("B", "any", 240 / 336)],
 )
-def test_a_single_inverted_bit_passes_markers_as_often_as_all_of_them_say(reading, numbers, share):
+def test_markers_miss_the_counted_fraction_of_single_inverted_bits(reading, numbers, share):
     assert MarkerFormat(reading, 10, numbers).undetected_flips(10) == share
     # The closed form at a small rate gives the same fraction of the disturbed packets.
     shares = MarkerFormat(reading, 10, numbers).error_shares(10, 1e-9)

@@ -28,8 +28,8 @@ PRINTED = dict(zip(_TABLE["parameter"], _TABLE["value"], strict=True))
 #: Inputs of an 8259, and counters of an 8253, from Intel's data sheets.
 _INPUTS, _COUNTERS = 8, 3
 
-# Each line needs an interrupt for received bytes and its own clock; supervision needs one more of
-# each. Sending needs no interrupt, because it polls.
+# Each line needs an interrupt for received bytes and its own clock; supervision needs another
+# interrupt and clock. Sending needs no interrupt, because it polls.
 check("chung1998-001", counter={"lines": 3})(
     lambda *, lines=int(PRINTED["chips_8251"]): lines + 1 <= _INPUTS and lines + 1 <= _COUNTERS
 )
@@ -37,7 +37,7 @@ check("chung1998-001", counter={"lines": 3})(
 
 @numeric("chung1998-029")
 def serial_chips(*, hops: tuple[Hop, ...] = tuple(h for h in HOPS if h[0] == "RCS")) -> int:
-    """Serial chips, one per partner, of the station with the most partners."""
+    """Serial chips that the station with the most partners needs, one per partner."""
     return max(sum(station == source for source, _ in hops) for station in STATIONS)
 
 
@@ -87,7 +87,7 @@ def ready_bit(*, written: int = 1) -> int:
 
 # The packet --------------------------------------------------------------------------------
 
-#: Section 5: number of data in the trial.
+#: Section 5: number of data items in the trial.
 ITEMS = int(PRINTED["data_count"])
 
 #: Section 3.2: flags for the start of a packet, the start of its data and its end.
@@ -103,7 +103,7 @@ _DATUM = tuple(_FIELDS.loc[_FIELDS["kind"] == "data", "field"])
 @numeric("chung1998-038", reading="B")
 @numeric("chung1998-039", reading="C")
 def length(*, reading: Literal["A", "B", "C"], items: int = ITEMS) -> int:
-    """Bytes that carry this many data; in reading C each datum has its own packet."""
+    """Bytes that carry this many data items; in reading C each item has its own packet."""
     if reading == "C":
         return check_whole("items", items, 0, 204) * MarkerFormat("A").size(1)
     return MarkerFormat(reading, max(items, 1)).size(items)
@@ -120,7 +120,7 @@ def datum_is_number_low_high(*, order: tuple[str, ...] = _DATUM) -> bool:
 
 
 def flags_at(reading: Literal["A", "B"], items: int) -> list[tuple[int, int]]:
-    """Return the position of each flag in a packet of this many data."""
+    """Return the position of each flag in a packet of this many data items."""
     packet = MarkerFormat(reading, items).encode(dict.fromkeys(range(items), 0))
     return [(place, byte) for place, byte in enumerate(packet) if byte >= min(FLAGS)]
 
@@ -140,7 +140,7 @@ def flags_stand_in_order(*, flags: tuple[int, ...] = FLAGS) -> bool:
 
 @check("chung1998-036", counter={"numbered": False})
 def any_subset_can_be_sent(*, numbered: bool = True) -> bool:
-    """Whether each subset of ten data is stored in the right places."""
+    """Whether each subset of ten data items is stored in the right places."""
     form = MarkerFormat(n_numbers=ITEMS)
     choices = (chosen for k in range(ITEMS + 1) for chosen in combinations(range(ITEMS), k))
     for chosen in choices:
@@ -156,7 +156,7 @@ def any_subset_can_be_sent(*, numbered: bool = True) -> bool:
 def copies_stay_equal(*, lost: int = 0) -> bool:
     """Whether sending only changes keeps both tables equal if this many packets are lost.
 
-    Each of 200 packets must have 3 bytes, and 3 more per changed datum.
+    Each of 200 packets must have 3 bytes, and 3 more per changed data item.
     """
     rng = np.random.default_rng(2024)
     form = MarkerFormat(n_numbers=ITEMS)
@@ -229,7 +229,7 @@ numeric("chung1998-047")(lambda *, items=ITEMS: as_printed(items).cascade().sile
 def deaths(
     changes: Mapping[str, Mapping[str, Any]], rate: float = 600, n: int = 30
 ) -> pd.DataFrame:
-    """Count in how many of `n` failures of SS, spread over a cycle, each report of a failure comes.
+    """Count how often each failure report follows `n` failures of SS, spread over a cycle.
 
     Only RCS's report of SS is correct. There is one row per rule: `changes` maps its name to the
     fields of `System` that it changes.
@@ -262,7 +262,7 @@ def speed_has_little_effect(*, all_data: bool = False, limit: float = 1.0) -> bo
 
 @check("chung1998-065", counter={"lost": True})
 def switches_agree(*, lost: bool = False) -> bool:
-    """Whether SS shows a moved switch of the bridge within `PATIENCE`."""
+    """Whether SS shows the new state of a bridge switch within `PATIENCE`."""
     faults = [LostPacket("BCS", "RCS", start=1.0)] if lost else []
     system, move = System(MarkerFormat(n_numbers=ITEMS)), Change(1.0, "BCS", 1, 1)
     run = simulate(system, move, faults=faults, until=12.0)
@@ -271,14 +271,14 @@ def switches_agree(*, lost: bool = False) -> bool:
 
 # Error detection ---------------------------------------------------------------------------
 
-#: How long a partner may be silent, and, as we judge it, a switch may be wrong [s].
+#: How long a partner may be silent and, in our judgement, a switch value may be wrong [s].
 PATIENCE = float(PRINTED["failure_time"])
 
 
 @numeric("chung1998-018")
 @numeric("chung1998-067", items=1)
 def crc_share(*, items: int = ITEMS) -> float:
-    """Length that a CRC adds to a packet of this many data [%]."""
+    """Percentage by which a CRC lengthens a packet of this many data items."""
     plain, checked = (MarkerFormat(n_numbers=items, crc=crc).size(items) for crc in (False, True))
     return 100 * (checked - plain) / plain
 
@@ -290,7 +290,7 @@ check("chung1998-019", counter={"crc": True})(
 
 @numeric("chung1998-020")
 def imitations(*, value_bytes: int = 2 * ITEMS, flags: int = len(FLAGS)) -> float:
-    """Packets with random values in which a value byte equals a flag [%]."""
+    """Percentage of packets with random values in which a value byte equals a flag."""
     return 100 * MarkerFormat.false_sync(value_bytes, flags)
 
 
@@ -306,7 +306,7 @@ check("chung1998-074", counter={"changed": ITEMS})(
 def loss_does_no_harm(*, interval: float = 1.0) -> bool:
     """Whether values that change every `interval` [s] are correct within `PATIENCE` on average.
 
-    We assume one datum per packet and a bit error rate of 1e-5.
+    We assume one data item per packet and a bit error rate of 1e-5.
     """
     form = MarkerFormat(n_numbers=ITEMS)
     wait = switch_staleness(
@@ -317,7 +317,7 @@ def loss_does_no_harm(*, interval: float = 1.0) -> bool:
 
 @check("chung1998-069", counter={"place": 3})
 def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
-    """Whether an error in this byte costs the data of its packet, but not of the next one."""
+    """Whether an error in this byte costs the data of its packet, but not of the next packet."""
     form = MarkerFormat(n_numbers=ITEMS)
     stream = b"".join(form.encode({0: turn, 1: turn}) for turn in range(1, 6))
     hit = bytearray(stream)
@@ -329,7 +329,7 @@ def data_until_next_packet_are_lost(*, place: int = 0) -> bool:
 
 @check("chung1998-070", counter={"per_packet": 1})
 def one_error_costs_much(*, per_packet: int = 40) -> bool:
-    """Whether a wrong end flag costs over half of 40 data, with `per_packet` in each packet."""
+    """Whether a wrong end flag costs over half of 40 data items, with `per_packet` per packet."""
     data = dict.fromkeys(range(40), 1)
     form = MarkerFormat(n_numbers=40)
     parts = [dict(list(data.items())[k : k + per_packet]) for k in range(0, 40, per_packet)]

@@ -31,7 +31,7 @@ _STATIONS = {
 #: Numbers and values of a packet to draw.
 _ITEMS = {0: 1, 3: 120, 4: 0x1234}
 
-# The flow charts follow the words of sections 4 to 4.3.
+# The flow charts follow the text of sections 4 to 4.3.
 diagrams("chung1998", "Fig 5", "Fig 6", "Fig 7", "Fig 8(a)", "Fig 8(b)")
 
 
@@ -129,7 +129,7 @@ def plot_switch(runs: Mapping[str, Run], number: int, *, ax: Axes) -> Axes:
 
 @drawing("chung1998", "Fig 9")
 def _given_up(*, ax: Axes, items: int = 10) -> Axes:
-    """Draw how many bytes the repair of Fig 9 gives up, against the writer's place."""
+    """Draw how many bytes the repair of Fig 9 discards, against the writer's place."""
     places = np.arange(SIZE)
     alone = given_up()
     band = np.reshape(given_up(overrun_rings(items)), (SIZE, -1))
@@ -140,7 +140,7 @@ def _given_up(*, ax: Axes, items: int = 10) -> Axes:
     ax.plot(places, SIZE // 2 - places % (SIZE // 2), color="C0", label="half ring, closed form")
     ax.plot(places[::4], alone[::4], "o", markersize=3, color="C0", label="half ring, simulated")
     ax.axhline(0, color="C2", label="corrected ring")
-    ax.set(xlabel="no [index]", ylabel="bytes given up [byte]", xlim=(0, SIZE - 1))
+    ax.set(xlabel="no [index]", ylabel="discarded bytes [byte]", xlim=(0, SIZE - 1))
     ax.set_xticks([0, 32, 64, 96, 127])
     ax.legend(loc="center left", bbox_to_anchor=(1, 0.5))
     return ax

@@ -30,7 +30,7 @@ PAPER_EVENTS = (0, 0, 1)
 #: Bytes stored by one press of the Enter key: we assume a 16-bit integer.
 BYTES_PER_PRESS = 2
 
-#: Section 5: bytes of the ring.
+#: Section 5: size of the ring [byte].
 SIZE = int(PRINTED["ring_size"])
 
 
@@ -41,7 +41,7 @@ def states(places: int, flags: int) -> list[State]:
 
 @numeric("chung1998-033")
 def virtual_rings(*, with_flag: bool = True) -> int:
-    """Laps that the writer's variables distinguish, with their flag or without."""
+    """Laps that the writer's variables distinguish, with or without the flag."""
     ring, seen = Ring(SIZE), set()
     for _ in range(4 * SIZE):
         seen.add(ring.state[:2] if with_flag else ring.state[:1])
@@ -51,7 +51,7 @@ def virtual_rings(*, with_flag: bool = True) -> int:
 
 @numeric("chung1998-049")
 def variables(*, flags: int = 2) -> int:
-    """Variables that decide the next step, with flags of this many values."""
+    """Number of variables that decide the next step if a flag has this many values."""
     every = states(2, flags)
     return sum(
         any(
@@ -91,7 +91,7 @@ def groups_have_one_normal_case(*, rounds: int = 1) -> bool:
 
 @check("chung1998-051", counter={"leads": range(SIZE + 1, 2 * SIZE)})
 def case_c_means_an_overrun(*, leads: Sequence[int] = range(-SIZE, 2 * SIZE)) -> bool:
-    """Whether case c always means overwritten bytes; at a lead below 0 the reader is ahead."""
+    """Whether case c always means overwritten bytes; if a lead is negative, the reader is ahead."""
     return all(
         lead > SIZE
         for get_no, lead in product(range(SIZE), leads)
@@ -184,7 +184,7 @@ def full_rings(size: int = SIZE) -> Iterator[Ring]:
 
 
 def given_up(rings: Iterable[Ring] | None = None) -> list[int]:
-    """Return how many stored bytes each repair gives up, by default in `full_rings`."""
+    """Return how many stored bytes each repair discards, by default in `full_rings`."""
     found = []
     for ring in full_rings() if rings is None else rings:
         ring.extract()
@@ -209,10 +209,10 @@ def recovered(
 ) -> pd.DataFrame:
     """Return how many packets the intended and the corrected ring yield, by ``waiting`` bytes.
 
-    ``intended`` is the mean over the reader's `places`; ``stops`` is the share at which it stops.
+    ``intended`` is the mean over the reader's `places`, ``stops`` the fraction where it stops.
     """
     if not len(places):
-        raise ArgumentError("places is empty; it must contain a place")
+        raise ArgumentError("places is empty; it must contain at least one place")
     size, rows = length(reading="A"), []
     for n in waiting:
         found = [packets_found(n, "intended", get_no=place) for place in places]
@@ -227,7 +227,7 @@ def recovered(
 
 @check("chung1998-013", counter={"shift": 2})
 def repair_restores_order(*, shift: int = 1) -> bool:
-    """Whether each repair in case c restores order at the first 0xCC from SIZE >> shift or 0."""
+    """Whether a repair in case c ends in case b or d, at the first 0xCC from SIZE >> shift or 0."""
     for ring in overrun_rings(ITEMS):
         cells, no = ring.cells, ring.state.no
         ring.extract()
@@ -266,12 +266,12 @@ numeric("chung1998-061")(lambda *, size=SIZE, items=ITEMS: size / length(reading
 
 @numeric("chung1998-015")
 def abnormal_states(*, empty_is_empty: bool = True) -> int:
-    """Repairs in 100 packets, read byte by byte; as printed, reading goes on in an empty ring."""
+    """Repairs in 100 packets read byte by byte; the printed rule keeps reading an empty ring."""
     ring = Ring(SIZE, "intended" if empty_is_empty else "printed")
     repairs = 0
     for byte in MarkerFormat(n_numbers=ITEMS).stream(100 * length(reading="A")):
         ring.store(byte)
-        # One step per place, because reading on in an empty ring would never end.
+        # At most one step per place, because the printed rule reads an empty ring for ever.
         for _ in range(SIZE):
             step = ring.extract()
             repairs += step.action == "repair"

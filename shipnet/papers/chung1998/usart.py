@@ -74,10 +74,10 @@ def send(usart: Usart, data: bytes, *, printed: bool, poll: float = 20e-6) -> Se
     """Send bytes by the loop as printed, which writes while the chip is not ready, or as intended.
 
     The printed loop is ``while((inportb(C8251) & 0x01) != 0x01) { outportb(D8251, ch); }``. It
-    never writes to an idle chip. On a busy one it overwrites the waiting byte until it happens to
+    never writes to an idle chip. On a busy chip it overwrites the waiting byte until it happens to
     read the status while the buffer is empty; if it never does, ArgumentError is raised.
 
-    The intended loop waits, then writes once. `poll` is the time to read the status, and to write a
+    The intended loop waits, then writes once. `poll` is the time to read the status or to write a
     byte [s]; the paper does not give it.
     """
     step = check_scalar("poll", poll, "s", 1e-7, 1.0)

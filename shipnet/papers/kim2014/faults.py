@@ -80,7 +80,7 @@ def sensors_with_limit(*, limit: float = 2.5) -> int:
 
 @check("kim2014-037", counter={"ramps": True})
 def infers_by_degrees(*, ramps: bool = False) -> bool:
-    """Whether a rule can fire in part, as printed or with the ramps that we assume."""
+    """Whether a rule can fire partially, as printed or with the ramps that we assume."""
     sweep = {"FP": np.linspace(110, 130, 201), "OP": np.full(201, 4.0)}
     found = BASE.fire(sweep, "fuzzy" if ramps else "crisp").strength
     return bool(((found > 0) & (found < 1)).any())
@@ -132,8 +132,8 @@ def is_right(code: str, codes: str) -> bool:
 def reading_table() -> pd.DataFrame:
     """Return how many of the 13 rows are right, as printed and corrected, in every reading.
 
-    A row is right if its own rule ``fires``, fires by ``fuzzy`` strengths, or ranks first by ``our
-    ranking`` or in ``table order``; ``not`` lists the rows whose rule does not fire.
+    The columns are criteria: a row's own rule ``fires``, fires by ``fuzzy`` strengths, or ranks
+    first by ``our ranking`` or in ``table order``; ``not`` lists the rows whose rule does not fire.
     """
     rows = {}
     for version, reading in product(("printed", "corrected"), READINGS):
@@ -164,7 +164,7 @@ def fired_table(version: str = "printed") -> pd.DataFrame:
 def through_registers(code: str) -> str:
     """Return the top fault of a corrected row whose readings were sent in registers.
 
-    What the row does not print follows from the state that it describes; the speed is not sent.
+    Values that are not printed follow from the state that the row describes; speed is not sent.
     """
     tests = rule_vectors(fill="physical").loc[[code]]
     names = [channel.name for channel in CHANNELS]
@@ -217,7 +217,7 @@ check("kim2014-069", counter={"codes": ("G1", "P1", "P2", "V1", "V2", "O1")})(
 def wear_is_estimated(*, predictor: str = "leak", part: float = 0.5) -> bool:
     """Whether the remaining life of most of 30 synthetic pumps is predicted to within 20 %.
 
-    The prediction is made after this part of their lives, from the leak or the stroke time.
+    The prediction is made after this fraction of their lives, from the leak or the stroke time.
     """
     compared = Wear.synthetic(30, 1000, rng=2024).compare_predictors(parts=(part,))
     return bool(compared["within_20"].loc[predictor, part] > 0.5)
@@ -249,7 +249,7 @@ NEAR = 2.0
 
 
 class Picture(NamedTuple):
-    """A fleet as its master sees it, and the fleet itself."""
+    """A fleet as its master shows it, and the fleet itself."""
 
     seen: MasterRun
     plant: Plant
@@ -304,7 +304,7 @@ def broken_loops(
     unbroken: list[Break] = []
     cases = {"no break": (System(n_valves, status_poll(9600)), unbroken)}
     for move, timeout in product(MOVES, (1.0, 0.1)):
-        name = f"{'one by one' if move == 'slave' else 'all beyond'}, time-out {timeout:g} s"
+        name = f"{'one by one' if move == 'slave' else 'all downstream'}, time-out {timeout:g} s"
         poll = status_poll(9600, timeout=timeout)
         cases[name] = (System(n_valves, poll, move=move), [Break(n_valves // 2, start=start)])
     pictures = {}

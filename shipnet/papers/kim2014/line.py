@@ -63,7 +63,7 @@ numeric("kim2014-047")(lambda *, bits=8: slaves_of_a_master(bits=bits) + 1)
 
 @numeric("kim2014-003")
 def selectable_ids(*, positions: int = 10, pins: int = 2) -> int:
-    """Byte values that two dials and the DIP pins, which are the hundreds, can select."""
+    """Byte values that two dials and the DIP pins, which set the hundreds, can select."""
     settings = product(range(2**pins), range(positions), range(positions))
     return len({100 * pin + 10 * tens + units for pin, tens, units in settings} & {*range(256)})
 
@@ -73,7 +73,7 @@ def selectable_ids(*, positions: int = 10, pins: int = 2) -> int:
 #: Common rates within the limits that sections 3.2 and 3.3 print [bit/s].
 RATES = scan.BIT_RATES
 
-#: What a master moves to the other port at once when a loop breaks.
+#: What a master moves to its other port when a slave does not answer.
 MOVES: tuple[Literal["slave", "downstream"], ...] = ("slave", "downstream")
 
 
@@ -108,7 +108,7 @@ def every_slave_has_two_ways(*, dead: Literal["A", "B", ""] = "", slaves: int = 
 
 @check("kim2014-051", counter={"at_end": False})
 def sensors_are_seen_before_the_reply(*, at_end: bool = True, movement: float = 10.0) -> bool:
-    """Whether a valve is polled while it moves if it replies at the end, or at the start."""
+    """Whether a moving valve is polled if it responds at the end, or the start, of the movement."""
     table = answer_table(SerialLine(9600), 5, movement, timeout=2 * movement)
     row = table.loc["at the end" if at_end else "at the start"]
     return bool(row["answered"] and row["polls_while_moving"] > 0)
@@ -172,7 +172,7 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
 
 @check("kim2014-056", counter={"late": 0.02})
 def identifier_zero_is_enough(*, late: float = 0.0) -> bool:
-    """Whether all answers are matched to their queries if all ids are 0 and this share is late."""
+    """Whether all responses match their queries if all ids are 0 and this fraction is late."""
     units = np.tile(np.arange(1, 6), 200)
     path = LossyPath(late=late, lateness=0.6)
     return bool(compare(units, path, rng=2024).loc["nothing", "mismatched"] == 0)
@@ -180,7 +180,7 @@ def identifier_zero_is_enough(*, late: float = 0.0) -> bool:
 
 @check("kim2014-057", counter={"widths": (2, 2, 1, 2)})
 def header_has_these_fields(*, widths: tuple[int, ...] = (2, 2, 2, 1)) -> bool:
-    """Whether the header's fields identifier, 0, length of the rest and unit id are this wide."""
+    """Whether the header's identifier, 0, length of the rest and unit id have these widths."""
     identifier, unit = 0x1501, 17
     request = Request.read_input_registers(0x4020, 4)
     pdu, adu = request.pdu, request.tcp(unit, identifier)

@@ -37,7 +37,7 @@ def _hydraulics(*, n_valves: int = 4, ax: Axes) -> Axes:
         ax.text(x, low - 0.32, text, ha="center", va="top")
     pipe: dict[str, Any] = {"color": "#b8860b", "lw": 1.6, "zorder": 0, "label": "_pipe"}
     for x in places:
-        # A pipe to open and a pipe to close, to every valve.
+        # Every valve has a pipe to open it and a pipe to close it.
         for shift in (-0.07, 0.07):
             ax.plot([1 + shift + (x - 1) * 0.25, x + shift], [1.67, low + 0.35], **pipe)
     bus: dict[str, Any] = {"color": "C0", "lw": 1.2, "label": "_bus"}
@@ -115,9 +115,9 @@ def _tcp_frame(*, frame: bytes = _QUERY.tcp(1, 0x1501), ax: Axes) -> Axes:
 
 @drawing("kim2014", "Fig 10")
 def _command(*, ax: Axes) -> Axes:
-    """Draw how a slave executes a command, as printed, and when it should reply."""
+    """Draw how a slave executes a command, as printed, and when it should respond."""
     blocks = diagram("kim2014", "Fig 10", ax=ax)
-    # Not there yet: back to the start.
+    # If the valve has not arrived, the loop starts again.
     x, y = blocks["there"][2:]
     left = x - HALF[0] - 0.35
     ax.plot([x - HALF[0], left, left], [y, y, 2.35], color="0.3", lw=1)

@@ -32,7 +32,7 @@ from shipnet.modbus.slave import Slave
 from shipnet.modbus.uart import SerialLine
 from shipnet.papers.registry import check, is_legal, numeric
 
-# The messages of Tables 2 and 3, byte for byte: as printed, and by the standard.
+# The messages of Tables 2 and 3, byte for byte: as printed, and according to the standard.
 
 #: The messages that write a register, and those that read several.
 _TABLES = {
@@ -40,7 +40,7 @@ _TABLES = {
     "read": datasets.read("kim2014_table3_read_registers.csv"),
 }
 
-#: Printed texts of fields that have no number; they are 0 here.
+#: Printed texts of fields that have no number; the fields are 0 here.
 _ZERO = ("0.0.0.0", "Position 0-100%", "see bits")
 
 
@@ -54,7 +54,7 @@ def printed_adu(message: str) -> bytes:
     return adu
 
 
-#: The same messages by the standard.
+#: The same messages according to the standard.
 STANDARD = {
     "write query": Request.write_single_register(COMMAND_REGISTER, 0).tcp(1, 0),
     "write response": Request.write_single_register(COMMAND_REGISTER, 0).tcp(1, 0),
@@ -215,15 +215,15 @@ def registers_in_order(
     return all(re.search(what, found) for what, found in zip(contents, text, strict=True))
 
 
-# The answer to a command: at once, or, as the paper prints it, when the valve has arrived.
+# The response to a command: at once or, as the paper prints, when the valve has arrived.
 
 
 def answer_table(
     serial: SerialLine, n_slaves: int, movement: float, *, timeout: float = 1.0, retries: int = 0
 ) -> pd.DataFrame:
-    """Compare an answer at the start of a movement with one at its end.
+    """Compare a response at the start of a movement with one at its end.
 
-    The third row has the shortest time-out that is sufficient for an answer at the end.
+    The third row has the shortest time-out that is sufficient for a response at the end.
     """
     moving = check_scalar("movement", movement, "s", 0, 3600)
     scan = status_poll(serial).scan_time(check_whole("n_slaves", n_slaves, 1, MAX_UNIT))
@@ -234,11 +234,11 @@ def answer_table(
     ]
     for wait in (timeout, patient):
         write = replace(write, timeout=wait)
-        # Time from the end of the first try to the end of the answer, and the tries in it.
+        # Time from the end of the first try to the end of the response, and the tries until then.
         late = write.shortest_timeout + moving
         tries = 1 + max(ceil((late - wait) / write.unanswered_time), 0)
         answered = tries <= retries + 1
-        # The answer interrupts the last try, which is not waited for in full.
+        # The response cuts the last wait short.
         cost = write.time + moving if answered else write.timeout_time
         polls = max(ceil((moving - cost) / scan), 0)
         rows.append((wait, cost, min(tries, retries + 1), answered, scan + cost, polls))
@@ -253,7 +253,7 @@ _VPOS = [channel.name for channel in CHANNELS].index("VPos")
 
 
 def _status(readings: list[list[float]], **flags: bool) -> tuple[int, bool]:
-    """Return register 0x4020 by Table 2, and whether the position is too large for it."""
+    """Return register 0x4020 as in Table 2, and whether the position is too large for it."""
     packed = RegisterMap(status="table 2").encode(readings, **flags)
     return int(packed.registers[0, 0]), bool(packed.saturated[0, _VPOS])
 

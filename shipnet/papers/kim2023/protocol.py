@@ -111,7 +111,7 @@ def masters_before_2_1(*, half: Half | None = None) -> bool:
 
 @check("kim2023-043", counter={"half": "B"})
 def a_slave_like_standard(*, half: Half = "A") -> bool:
-    """Whether this half gets the same requests as a standard slave with data bit 3 equal to 1."""
+    """Whether an A or B slave gets the same requests as a standard slave with data bit 3 = 1."""
     for call in Call:
         if "s" in call.rule.layout(extended=True).lower():
             standard = Request(call, 21, 8 if call.rule.extended else 0)
@@ -168,7 +168,7 @@ check("kim2023-056", counter={"item": "Table 5"})(lambda *, item="Table 7": diff
 
 @check("kim2023-052", counter={"shift": 1})
 def references_fit(*, shift: int = 0) -> bool:
-    """Whether the text's words on each table that it cites occur in that table's caption."""
+    """Whether the words with which the text cites each table occur in that table's caption."""
     said = {1: "EMC", 2: "steps", 4: "(detail)", 5: "Slave data map", 6: "I/O configuration"}
     return all(word in _captions()[f"Table {number + shift}"] for number, word in said.items())
 
@@ -241,7 +241,7 @@ def differences(item: str) -> pd.DataFrame:
 @numeric("kim2023-001", "icn2007-010", halves=("A", "B"))
 @numeric("icn2007-036", halves=(None,))
 def slaves_per_master(*, halves: tuple[Half | None, ...]) -> int:
-    """Addresses, or halves of them, that a data request can have."""
+    """Number of addresses, or of A and B halves of them, that a data request can have."""
     return sum(
         is_legal(Request, Call.DATA_EXCHANGE, address, 0, half)
         for address in range(256)
@@ -256,14 +256,14 @@ def slaves_per_master(*, halves: tuple[Half | None, ...]) -> int:
 @numeric("kim2023-002", slaves=62, inputs=4)
 @numeric("kim2023-072", slaves=190, inputs=1)
 def hardwired_strands(*, slaves: int, inputs: int) -> int:
-    """Two wires per input contact of each module."""
+    """Strands without a bus: two wires per input contact of each module."""
     return conductors_at_cabinet(Plant(slaves, inputs).hardwired)
 
 
 @numeric("kim2023-003", lines=1)
 @numeric("kim2023-073", lines=14)
 def asi_strands(*, lines: int) -> int:
-    """Two wires per line, which has one master."""
+    """Strands with AS-i: two wires per line; each line has one master."""
     return conductors_at_cabinet(Plant(62, 4, lines=lines).on_asi)
 
 
@@ -404,7 +404,7 @@ CHIP_EDGES = tuple(
 @numeric("kim2023-020", unit=1e-6)
 @numeric("icn2007-005", unit=1e-3)
 def bit_time(*, unit: float) -> float:
-    """Length of a bit in this unit [s]."""
+    """Duration of a bit in multiples of `unit` [s]."""
     return Transaction().bit_time / unit
 
 
@@ -413,7 +413,7 @@ numeric("kim2023-022")(lambda: 1e6 * Transaction().bit_time / 2)
 
 
 def master_pause_of_chip(*, edge: float) -> float:
-    """Pause between request and response, from a chip's delay between two edges."""
+    """Pause between request and response [bit], from a chip's delay between two edges."""
     return edge / BIT_TIME - 1
 
 
@@ -454,7 +454,7 @@ SAMPLES = 20.0
 
 
 def least_cycles(bits: int, *, bits_per_cycle: int = 4) -> int:
-    """Return the number of cycles of a message that uses every bit of each cycle."""
+    """Return how many cycles a message takes if it uses every bit of each cycle."""
     return -(-bits // bits_per_cycle)
 
 

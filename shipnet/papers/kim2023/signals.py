@@ -50,7 +50,7 @@ check("kim2023-087", counter={"zero": (0, 1)})(
 
 @check("kim2023-088", "icn2007-009", counter={"sign": 1})
 def first_pulse(*, sign: int = -1) -> bool:
-    """Whether the first pulse of every response has this sign and is the start bit's."""
+    """Whether the first pulse of every response has this sign and belongs to the start bit."""
     trains = Modulation(RESPONSES).pulses.signs
     return bool((trains[:, 0] == 0).all() and (trains[:, 1] == sign).all())
 
@@ -80,7 +80,7 @@ def train_of(heights: npt.ArrayLike) -> Floats:
 
 @check("kim2023-023", counter={"difference": 0.65})
 def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
-    """Whether every response is read if its pulses differ by this share of the largest.
+    """Whether every response is read if its pulses differ by this fraction of the largest.
 
     The first pulse, largest or smallest, sets the threshold at 45 % or 55 % of itself.
     """
@@ -94,9 +94,9 @@ def copes_with_amplitudes(*, difference: float = 0.35) -> bool:
 
 @check("kim2023-024", counter={"overshoot": 0.4})
 def copes_with_overshoot(*, overshoot: float = 0.3) -> bool:
-    """Whether every response is read if all slots without a pulse ring by this share.
+    """Whether every response is read if ringing reaches this fraction of the largest pulse.
 
-    The first pulse, which sets the threshold, is 65 % of the largest.
+    All slots without a pulse ring. The first pulse, 65 % of the largest, sets the threshold.
     """
     sent = Modulation(RESPONSES).bits
     pulses = np.pad(Modulation(sent).pulses.signs, ((0, 0), (0, 2))).astype(float)
@@ -161,7 +161,7 @@ def error_classes(*, faults: int = 3) -> int:
 
 
 def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
-    """Return how many faults of this many slots leave a telegram valid, and how many there are.
+    """Return how many errors in this many slots leave a telegram valid, and how many there are.
 
     Each slot changes to one of its two other values, in each of the 16 responses (15 slots from the
     start pulse) or 2048 `requests` (29 slots).
@@ -170,7 +170,7 @@ def undetected(faults: int, *, requests: bool = False) -> tuple[int, int]:
     words = Modulation([frame(f"{data:0{size}b}") for data in range(2**size)]).pulses.signs
     slots = np.pad(words, ((0, 0), (0, 2)))[:, 1:]
     n = slots.shape[1]
-    # The checks accept only these telegrams, so a fault passes if it turns one into another.
+    # The checks accept only these telegrams: an error passes if one telegram becomes another.
     passed = sum(int(((slots != word).sum(axis=1) == faults).sum()) for word in slots)
     return passed, len(slots) * comb(n, faults) * 2**faults
 
@@ -185,7 +185,7 @@ check("kim2023-061", counter={"faults": 4})(lambda *, faults=1: undetected(fault
 def supply_decides(
     *, supplies: tuple[float, float] = (30.0, 230.0), deviations: tuple[float, float] = (0.6, 0.6)
 ) -> bool:
-    """Whether the supply's voltage changes how many telegrams noise destroys."""
+    """Whether the supply's voltage changes the number of telegrams that noise destroys."""
     near, receiver = line(100, slaves=(5,)).waveform(), RECEIVERS["noise-proof"]
     lost = []
     for supply, deviation in zip(supplies, deviations, strict=True):

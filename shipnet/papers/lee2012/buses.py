@@ -135,13 +135,13 @@ def request_fields(*, widths: tuple[int, ...] = _WIDTHS["request"]) -> bool:
 
 @numeric("lee2012-029")
 def byte_count_width() -> int:
-    """Bytes of a response other than its function code and its registers."""
+    """Bytes of a response's PDU other than its function code and its registers."""
     return len(answer(POINTS).pdu) - 1 - 2 * POINTS
 
 
 @numeric("lee2012-079")
 def data_width(*, registers: int = 1) -> int:
-    """Data bytes of a response with this many registers; Fig 4(b) draws one."""
+    """Data bytes of a response with this many registers; Fig 4(b) shows one register."""
     pdu = answer(registers).pdu
     return len(pdu) - 1 - byte_count_width()
 
@@ -226,7 +226,7 @@ numeric("lee2012-098")(lambda *, widths=_WIDTHS["response"]: sum(widths))
 
 @numeric("lee2012-057")
 def time_to_response(*, request: int = 8, response: int = 8, rate: float = BIT_RATE) -> float:
-    """Time from the start of a request to the end of the drawn response, no processing [us]."""
+    """Time from the start of a request to the drawn response's end, without processing [us]."""
     line = _serial(rate)
     return 1e6 * (line.frame_time(request) + line.t35 + line.frame_time(response))
 
@@ -249,7 +249,7 @@ def identifier_bits(*, extended: bool = False) -> int:
 
 @check("lee2012-037", counter={"disturbed": (100e-6,)})
 def destroys_both(*, disturbed: tuple[float, ...] = ()) -> bool:
-    """Whether frames that begin together destroy each other and are sent again, as on CSMA/CD."""
+    """Whether frames that begin together destroy each other and are sent again, as with CSMA/CD."""
     run = simulate(TOGETHER, 125e3, until=0.5, faults=[ErrorAt(time) for time in disturbed])
     return bool((run.events()["retries"] > 0).any())
 
@@ -276,7 +276,7 @@ numeric("lee2012-043")(lambda *, bits=16: len(CanLayout(read_points(), bits).mes
 
 @numeric("lee2012-044")
 def time_per_update(*, bits: int = 16, bit_rate: float = 125e3) -> float:
-    """Bus time of one update of all points, with the most stuff bits [ms]."""
+    """Bus time of one update of all points, with the maximum number of stuff bits [ms]."""
     return 1e3 * float(CanLayout(read_points(), bits).volume()["worst_bits"]["all"]) / bit_rate
 
 

@@ -58,8 +58,8 @@ numeric("lee2012-007")(
 
 
 @numeric("lee2012-008", per_horsepower_hour=126.0)  # fuel
-@numeric("lee2012-010", per_horsepower_hour=0.7)  # cylinder oil, at least
-@numeric("lee2012-070", per_horsepower_hour=1.1)  # and at most
+@numeric("lee2012-010", per_horsepower_hour=0.7)  # cylinder oil, lower bound
+@numeric("lee2012-070", per_horsepower_hour=1.1)  # cylinder oil, upper bound
 def per_kilowatt_hour(per_horsepower_hour: float) -> float:
     """Consumption per kilowatt hour, from the consumption per metric horsepower hour."""
     return per_horsepower_hour * 1e3 / _METRIC_HORSEPOWER
@@ -67,7 +67,7 @@ def per_kilowatt_hour(per_horsepower_hour: float) -> float:
 
 @numeric("lee2012-011")
 def cylinders(*, power_class: float = 13000.0, pressure: float = PRESSURE) -> float:
-    """Number of cylinders that the power class needs."""
+    """Number of cylinders that the power class requires."""
     return power_class / power(pressure=pressure, cylinders=1)
 
 
@@ -99,7 +99,7 @@ _DOUBLE_ROW = "2"
 def printed_points(*, double_row: bool = True) -> PointList:
     """Return the 99 points of Table 3, or 89 without its possible duplicate row.
 
-    The current loops stay, because in section IV.1.b the I/V converter serves the exhaust gas.
+    The current loops are kept, because in section IV.1.b the I/V converter serves the exhaust gas.
     """
     rows = datasets.read("synthetic_iolist_engine.csv")["printed_row"].astype(str)
     points = zip(read_points(), rows, strict=True)
@@ -111,7 +111,7 @@ def printed_points(*, double_row: bool = True) -> PointList:
 @numeric("lee2012-015", column="jb", value="JB3")
 @numeric("lee2012-018", column="condition", value="S/W")
 def listed_points(*, column: str, value: str) -> int:
-    """Points that Table 3 lists for a box, or with a switch."""
+    """Points that Table 3 lists for a box, or as switches."""
     return int(TABLE_3.loc[TABLE_3[column] == value, "quantity_points"].sum())
 
 
@@ -193,7 +193,7 @@ check("lee2012-052", counter={"quantities": 20})(
 
 @check("lee2012-088", counter={"offset": False})
 def amplifier_fills_the_range(*, offset: bool = True, low: float = 1.0, high: float = 5.0) -> bool:
-    """Whether an amplifier, with an offset or without, maps `low` to `high` [V] to 0 to 5 V."""
+    """Whether an amplifier, with or without an offset, maps `low`..`high` to 0..5 V [V]."""
     gain, shift = (5.0 / (high - low), low) if offset else (5.0 / high, 0.0)
     return bool(np.allclose(gain * (np.array([low, high]) - shift), [0, 5]))
 

@@ -1,4 +1,4 @@
-"""Sections II, III.2.c and IV.2: answers, switch-over, silent boxes, class rules, scope traces."""
+"""Sections II, III.2.c and IV.2: responses, switch-over, dead boxes, class rules, scope traces."""
 
 from __future__ import annotations
 
@@ -68,14 +68,14 @@ def shown_within(*, limit: float = 1.0, update_period: float = 0.0) -> bool:
 
 @check("lee2012-055", counter={"printed": 133e-3})
 def switch_over_is_possible(*, printed: float = 133e-6) -> bool:
-    """Whether a request and the shortest wait for its answer fit into the printed time [s]."""
+    """Whether a request and the shortest wait for its response fit into the printed time [s]."""
     request = LINE.frame_time(len(read(1).pdu) + 3)
     return printed >= request + LINE.t35
 
 
 @check("lee2012-056", counter={"timeout": 1.5})
 def switches_in_time(*, timeout: float = System().timeout) -> bool:
-    """Whether a complete answer arrives within the 2 s of the rule after a channel is lost."""
+    """Whether a complete response arrives within the 2 s of the rule after a channel is lost."""
     return System(timeout=timeout).switch_over().loss <= RULE
 
 
@@ -114,7 +114,7 @@ def healthy_boxes_are_not_marked(*, update_period: float = System().update_perio
 
 @numeric("lee2012-047")
 def interrupts(*, silent_box: bool = True) -> int:
-    """Kinds of interrupt in the loop of JB1, with one box silent or none."""
+    """Kinds of interrupt in the loop of JB1, with or without a silent box."""
     faults = [DeadBox("JB2", start=10.0)] if silent_box else []
     work = simulate(System(), faults=faults, until=20).timeline(0, 20).table()
     return len(set(work.loc[work["row"] == "JB1", "task"]) - {"convert", "send"})
@@ -124,7 +124,7 @@ def interrupts(*, silent_box: bool = True) -> int:
 
 Trace = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 
-#: The response of 8 bytes that Fig 4(b) draws, with a count of two bytes.
+#: The response of 8 bytes that Fig 4(b) draws, with a byte count that is two bytes long.
 _DRAWN = bytes([JB1, 3, 0, 2, 0, 100, 0, 0])
 
 
