@@ -29,7 +29,7 @@ LIMIT = 10.0
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
 
-#: Report if nothing more specific can be said about an answer.
+#: Report used if nothing more specific can be said about an answer.
 NOT_YET = "not right yet"
 
 #: Powers of ten by which the SI prefixes from pico to tera differ.

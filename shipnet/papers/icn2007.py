@@ -262,7 +262,7 @@ def pulse_height(
 ) -> float:
     """Return the height of the pulses at the master in the middle of a long telegram [V].
 
-    The pulses of equal bits are half a bit apart, others one bit apart. The sender is
+    The pulses of equal bits are half a bit apart, those of alternating bits one bit. The sender is
     at `place` [m], master and supply are at 0, and the `terminator` [ohm] is at the far end.
     """
     plan = line(length, slaves=(place,), terminator=terminator)

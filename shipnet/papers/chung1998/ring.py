@@ -227,7 +227,7 @@ def recovered(
 
 @check("chung1998-013", counter={"shift": 2})
 def repair_restores_order(*, shift: int = 1) -> bool:
-    """Whether a repair in case c ends in case b or d, at the first 0xCC from SIZE >> shift or 0."""
+    """Whether each repair of case c ends in b or d, at the first 0xCC from SIZE >> shift or 0."""
     for ring in overrun_rings(ITEMS):
         cells, no = ring.cells, ring.state.no
         ring.extract()

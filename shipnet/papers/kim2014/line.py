@@ -172,7 +172,7 @@ def conversation(position: int = 40, times: Sequence[float] = (0.5, 2.0, 5.0)) -
 
 @check("kim2014-056", counter={"late": 0.02})
 def identifier_zero_is_enough(*, late: float = 0.0) -> bool:
-    """Whether all responses match their queries if all ids are 0 and this fraction is late."""
+    """Whether each response matches its query if identifiers are 0 and this fraction is late."""
     units = np.tile(np.arange(1, 6), 200)
     path = LossyPath(late=late, lateness=0.6)
     return bool(compare(units, path, rng=2024).loc["nothing", "mismatched"] == 0)

@@ -99,7 +99,7 @@ _DOUBLE_ROW = "2"
 def printed_points(*, double_row: bool = True) -> PointList:
     """Return the 99 points of Table 3, or 89 without its possible duplicate row.
 
-    The current loops are kept, because in section IV.1.b the I/V converter serves the exhaust gas.
+    The current loops are kept, because in section IV.1.b they measure the exhaust gas temperature.
     """
     rows = datasets.read("synthetic_iolist_engine.csv")["printed_row"].astype(str)
     points = zip(read_points(), rows, strict=True)
@@ -193,7 +193,7 @@ check("lee2012-052", counter={"quantities": 20})(
 
 @check("lee2012-088", counter={"offset": False})
 def amplifier_fills_the_range(*, offset: bool = True, low: float = 1.0, high: float = 5.0) -> bool:
-    """Whether an amplifier, with or without an offset, maps `low`..`high` to 0..5 V [V]."""
+    """Whether an amplifier, with or without an offset, maps `low` to `high` [V] onto 0 to 5 V."""
     gain, shift = (5.0 / (high - low), low) if offset else (5.0 / high, 0.0)
     return bool(np.allclose(gain * (np.array([low, high]) - shift), [0, 5]))
 
