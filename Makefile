@@ -23,7 +23,7 @@ BIN := .venv/bin
 PY  := $(BIN)/python
 
 export OMP_NUM_THREADS := 1
-# This environment has its own font list; a stale one would cause warnings in the notebooks.
+# This environment has its own font list; a stale list of another would cause warnings in notebooks.
 export MPLCONFIGDIR := $(CURDIR)/.venv/matplotlib
 # No Python interpreter is ever downloaded.
 export UV_PYTHON_DOWNLOADS := never
