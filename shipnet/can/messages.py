@@ -326,7 +326,7 @@ class MessageSet(Named[Message]):
         return stream.getvalue()
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write a CSV file that `read_messages` can read; DBC and Excel suffixes are rejected."""
+        """Write a CSV file that `read_messages` can read; DBC and Excel suffixes are refused."""
         if (suffix := Path(path).suffix.lower()) in (".dbc", ".xls", ".xlsm", ".xlsx"):
             raise ArgumentError(
                 f"path is {str(path)!r}; a CSV file cannot have the suffix {suffix}; to write a "
@@ -362,7 +362,7 @@ def bus_load(
     bit_rate : float or array_like of float
         Bit rate, 1000..1000000 [bit/s].
     stuffing : {"none", "mean", "attainable", "worst"}, default "worst"
-        Stuff bits counted, as in `frame_length`; a message with ``bits`` has that length.
+        Stuff bits counted, as in `frame_length`; if a message has ``bits``, that is its length.
 
     Returns
     -------
