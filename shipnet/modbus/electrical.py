@@ -35,7 +35,7 @@ class Interface(NamedTuple):
     length: float
     bit_rate: float
     product: float
-    #: Conductors for both directions without the screen, including a common one if balanced.
+    #: Conductors for both directions without the screen, including a common conductor if balanced.
     wires: int
     source: str
 

@@ -85,7 +85,7 @@ def check_registers(
 ) -> tuple[int, ...]:
     """Return registers as a tuple; raise an error unless there are 1..most, each 0..65535."""
     values = _sequence(name, registers, most)
-    # Plain integers are checked all at once; only others are checked one by one.
+    # Plain integers are checked all at once, other values one by one.
     if {type(value) for value in values} == {int} and 0 <= min(values) and max(values) <= 0xFFFF:
         return values
     return tuple(check_whole(f"{name}[{k}]", v, 0, 0xFFFF) for k, v in enumerate(values))
@@ -331,7 +331,7 @@ class Response(_Framed):
     quantity : int, optional
         Number of coils (1..1968) or registers (1..123) written by code 15 or 16.
     exception : ExceptionCode, optional
-        Reason of a refusal: 1..6, 8, 10 or 11. None in a normal response.
+        Reason for a refusal: 1..6, 8, 10 or 11. None in a normal response.
 
     Examples
     --------

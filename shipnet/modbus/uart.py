@@ -150,7 +150,7 @@ class Characters(NamedTuple):
 
     #: Edge of the start bit, as the receiver saw it [s].
     time: Floats
-    #: The byte, whatever its code.
+    #: The byte, even if it has an error.
     value: Bytes
     #: 0, or the code of `ParityError` or `FormError`; `shipnet.errors.name_of` names it.
     code: Integers
