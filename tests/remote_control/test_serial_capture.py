@@ -37,7 +37,7 @@ def test_recorded_lines_are_read(name, rate, character, data, errors, glitches):
     assert data in (None, capture.data)
 
 
-def test_sentences_of_a_gps_receiver_have_the_right_check_sums():
+def test_sentences_of_a_gps_receiver_have_the_right_checksums():
     # A check independent of framing: NMEA 0183 ends each sentence with the XOR of its characters.
     lines = read_capture(recording("gps.sr")).data.split(b"\r\n")
     sentences = [line for line in lines if line[:1] == b"$" and line[-3:-2] == b"*"]
