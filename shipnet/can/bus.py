@@ -313,7 +313,7 @@ def _chances(
         yield _BLOCK - tried, []
 
 
-_CELLS = 40_000  #: Messages times sets simulated at once, such that the data fit in a core's cache.
+_CELLS = 40_000  #: Product of messages and sets simulated at once; the data fit in a core's cache.
 
 
 def send_batch(

@@ -1,7 +1,7 @@
 """Response times if the messages of a sender share a clock, and offsets that shorten them.
 
-Times are whole ticks. The phases between clocks are unknown, so every other clock is assumed at its
-worst phase; only the message's own clock is examined instance by instance.
+Times are whole ticks. The phases between clocks are unknown, so every other clock is assumed to be
+at its worst phase; only the message's own clock is examined instance by instance.
 """
 
 from __future__ import annotations

@@ -180,7 +180,7 @@ def _settle(constant: int, streams: Sequence[_Stream], start: float, tau: int) -
     return math.inf
 
 
-#: Maximum product of releases and messages, and minimum number of messages, for one array.
+#: Maximum product of releases and messages, and minimum number of messages, to solve in one array.
 _MOST_CELLS, _FEW = 2_000_000, 20
 
 #: Blocking, busy period, and response of each instance of a message.

@@ -229,7 +229,7 @@ class RuleBase:
         return ax
 
     def _overlap_counts(self, method: str) -> Integers:
-        """Count the regions in which each pair of rules fires; the diagonal counts single rules."""
+        """Count the regions in which each pair of rules fires; the diagonal is for single rules."""
         table = self.regions(method)[list(self.names)]
         fires = self.fire(table, method).strength.astype(np.int64)
         return fires.T @ fires
@@ -427,7 +427,7 @@ class Decision:
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
-        """The active code of the highest priority, or ``normal``; ``unknown`` without sensors."""
+        """The active code of highest priority, or ``normal``; ``unknown`` if no sensor has a value."""
         return self.firing.base.top_codes(self.active, self.firing.missing.all(axis=-1))
 
     def codes(self, *index: int) -> tuple[str, ...]:

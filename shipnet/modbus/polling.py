@@ -187,7 +187,7 @@ class Scan:
         return f"{said}, {'at most' if self.ok else 'more than'} {self.limit:g} s"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per common bit rate and for that of the scan, indexed by ``bit_rate``.
+        """Return a row for each common bit rate and for that of the scan, indexed by ``bit_rate``.
 
         The columns contain `time`, `slave_time`, `dead_time` and `bus_time`, with a limit also
         ``max_slaves`` and ``met``. Bit rates at which a response exceeds the time-out are left out.
