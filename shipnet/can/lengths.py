@@ -112,7 +112,7 @@ def frame_length(
     size = np.asarray(dlc)
     whole = size.dtype.kind in "iu" or (size.dtype.kind == "f" and bool((size % 1 == 0).all()))
     if not whole or (size.size and not (0 <= size.min() and size.max() <= 8)):
-        raise ArgumentError(f"dlc is {dlc!r}; it must be whole numbers 0..8")
+        raise ArgumentError(f"dlc is {dlc!r}; expected whole numbers 0..8")
     long = np.asarray(extended)
     if long.dtype.kind != "b":
         raise ArgumentError(f"extended is {extended!r}; it must be True or False")

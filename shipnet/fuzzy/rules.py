@@ -427,7 +427,7 @@ class Decision:
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
-        """The active code of highest priority, or ``normal``; ``unknown`` if no sensor has a value."""
+        """Active code of highest priority, or ``normal``; ``unknown`` if no sensor has a value."""
         return self.firing.base.top_codes(self.active, self.firing.missing.all(axis=-1))
 
     def codes(self, *index: int) -> tuple[str, ...]:

@@ -168,7 +168,7 @@ class _TcpHandler(_Handler, BufferedProtocol):
                 self.transport.resume_reading()
                 return
             self.last_request = self.loop.time()
-            with suppress(FrameError):  # of another protocol
+            with suppress(FrameError):  # frames of other protocols are ignored
                 self.reply(decode(frame, "tcp"))
         self.transport.pause_reading()
         self.in_turn = True

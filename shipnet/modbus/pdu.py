@@ -95,7 +95,7 @@ def check_coils(coils: Iterable[bool], most: int, name: str = "coils") -> tuple[
     """Return coils as a tuple of bool; raise an error unless there are 1..most, each 0 or 1."""
     values = _sequence(name, coils, most)
     for k, value in enumerate(values):
-        if type(value).__name__ not in ("bool", "bool_"):  # of Python and NumPy
+        if type(value).__name__ not in ("bool", "bool_"):  # types of Python and NumPy
             check_whole(f"{name}[{k}]", value, 0, 1)
     return tuple(bool(value) for value in values)
 

@@ -139,7 +139,7 @@ def compare(
     if asked.ndim != 1 or not 1 <= asked.size <= _MOST or asked.dtype.kind not in "iu":
         raise ArgumentError(f"units is {units!r}; it must be a row of 1..{_MOST} whole numbers")
     if asked.min() < 0 or asked.max() > 255:
-        raise ArgumentError(f"units reach from {asked.min()} to {asked.max()}; they must be 0..255")
+        raise ArgumentError(f"units range from {asked.min()} to {asked.max()}; they must be 0..255")
     wait = check_scalar("timeout", timeout, "s", 1e-9, 3600)
     seed = int(check_rng(rng).integers(2**63))
     n = len(asked)
