@@ -66,7 +66,7 @@ class Message:
         0, 2**29 - 1, "",
         "Identifier, up to 0x7FF unless `extended`; the lowest has the highest priority",
     )  # fmt: skip
-    dlc: int = whole(0, 8, "", "Data bytes")
+    dlc: int = whole(0, 8, "", "Number of data bytes")
     period: float = number(1e-6, 1e5, "s", "Shortest time between two events that trigger it")
     deadline: float = number(
         1e-6, 1e5, "s", "Longest time from the event to the end of the frame; the period by "

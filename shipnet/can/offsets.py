@@ -231,7 +231,7 @@ def spread_offsets(messages: MessageSet, step: float = 1e-3) -> MessageSet:
             )
         slots = math.lcm(*(int(periods[place]) // grain for place in mine))
         if slots > 10**6:
-            raise ArgumentError(f"step is {step:g} s; {sender!r} repeats after {slots} steps, over 1e6")
+            raise ArgumentError(f"step is {step:g} s, but {sender!r} repeats after {slots} steps")
         # Load around each slot: the frames in it and, with decreasing weight, in the slots near it.
         far = np.minimum(np.arange(slots), slots - np.arange(slots))
         near, load = np.fft.rfft(1 / (1 + far)), np.zeros(slots)

@@ -252,7 +252,7 @@ class System:
 
     packet_format: PacketFormat = part(
         PacketFormat,
-        "Form of the packets, a MarkerFormat or a CobsFormat; its ``n_numbers`` is the number of "
+        "Packet format, a MarkerFormat or a CobsFormat; its ``n_numbers`` is the number of "
         "items, the same on all hops", default_factory=MarkerFormat,
     )  # fmt: skip
     bit_rate: float = number(1, 10e6, "bit/s", "Bit rate", default=9600.0)
