@@ -1,7 +1,7 @@
 """CAN: frames, messages and their response times, a simulated bus, logs and cables.
 
-Times are in seconds and bit rates in bit/s; table columns name their units. The package python-can
-is also imported as ``can``: give one of the two another name.
+Times are in seconds and bit rates in bit/s; table columns name their units. python-can is also
+imported as ``can``: import one of the two under another name.
 """
 
 import lazy_loader

@@ -47,10 +47,10 @@ def read_messages(
         which requires cantools; or a log that `read_log` accepts. A CSV file is separated by
         commas, semicolons or tabs, and is in UTF-8, UTF-16 with a byte-order mark, or Windows-1252.
     columns : mapping of str to str, optional
-        Columns for titles that are not recognised, such as ``{"Every": "period_ms"}``. Required
-        are ``name``, ``arbitration_id``, ``dlc`` and ``period_ms``; ``deadline_ms``, ``jitter_ms``,
-        ``offset_ms``, ``extended``, ``sender`` and ``bits`` are optional; ``note`` marks a column
-        to ignore. Common titles such as ``Cycle time [s]`` and ``CAN-ID (hex)`` are recognised.
+        Maps other titles to columns, such as ``{"Every": "period_ms"}``. The columns ``name``,
+        ``arbitration_id``, ``dlc`` and ``period_ms`` are required; ``deadline_ms``, ``jitter_ms``,
+        ``offset_ms``, ``extended``, ``sender``, ``bits`` are optional; ``note`` marks a column to
+        ignore. Common titles such as ``Cycle time [s]`` and ``CAN-ID (hex)`` are recognised.
     period : float, optional
         Period of messages that have none in the file, 1e-6..1e5 [s].
     strict : bool, default True
@@ -73,8 +73,8 @@ def read_messages(
 
     Notes
     -----
-    If there is no column ``extended``, an identifier above 0xFFFF or with eight hexadecimal digits
-    has 29 bits. In a DBC file the period is ``GenMsgCycleTime`` [ms]; 0 means none. Signals are
+    If there is no column ``extended``, identifiers above 0xFFFF or with eight hexadecimal digits
+    count as 29-bit. In a DBC file the period is ``GenMsgCycleTime`` [ms]; 0 means none. Signals are
     checked but not stored.
 
     A message found in a log is named after its identifier. Its period is the mean time between two
@@ -106,8 +106,8 @@ class Analysis:
 
     `responses` contains the response times by bit rate, lowest first. `lowest` is the lowest bit
     rate at which the given order meets all deadlines, `lowest_in_best_order` the lowest at which
-    any order does; each is infinite if there is none. `best` is the best order at the latter rate
-    or, if it is infinite, at the highest rate examined.
+    any order does; each is infinite if there is no such rate. `best` is the best order at the
+    latter rate or, if it is infinite, at the highest rate examined.
 
     Examples
     --------
@@ -127,9 +127,9 @@ class Analysis:
         """Return one row per bit rate, lowest rate first, indexed by ``bit_rate_kbit_per_s``.
 
         ``load_percent`` is the bus load with the longest frames. ``late`` counts the messages that
-        may be late; ``first_late`` is the most urgent of them. ``critical`` is the message whose
-        response is the largest percentage of its deadline, ``critical_percent``.
-        ``some_order`` is True if some priority order meets all deadlines.
+        may be late; ``first_late`` is the most urgent of them. ``critical`` is the message with the
+        largest ratio of response to deadline, ``critical_percent``. ``some_order`` is True if some
+        priority order meets all deadlines.
         """
         rows = []
         for rate, found in self.responses.items():
@@ -150,7 +150,7 @@ class Analysis:
 
     @property
     def ok(self) -> bool:
-        """True if all deadlines are met at one or more of the bit rates."""
+        """True if at least one of the bit rates meets all deadlines."""
         return self.lowest < math.inf
 
     @property
@@ -306,7 +306,7 @@ def compare(
               \text{faster if they last less than } n T (1 - \epsilon) - D
 
     where :math:`\epsilon` = 1.58 % is the largest relative error of a clock on the bus (Bosch, "CAN
-    Specification" 2.0, 1991, part B, section 9). A jitter above :math:`D` is used in place of it.
+    Specification" 2.0, 1991, part B, section 9). A jitter above :math:`D` replaces it.
 
     Parameters
     ----------
@@ -314,7 +314,7 @@ def compare(
         The planned messages, or a file or another log that contains them.
     log : Log or path
         The log or its file; all its buses are included. Without time stamps, only missing messages,
-        unknown messages and other lengths are found.
+        unknown messages and unexpected lengths are found.
     period : float, optional
         Period of planned messages that have none in the file, 1e-6..1e5 [s].
 

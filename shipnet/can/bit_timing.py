@@ -59,9 +59,9 @@ def bit_timings(
 
     Notes
     -----
-    Phase segment 2 has at least two quanta and no more than phase segment 1; the jump width exceeds
-    neither [1]_. With prescaler 1 the controller samples one quantum early and only once, as in the
-    table of [2]_; otherwise it samples three times (bit SMP).
+    Phase segment 2 has at least two quanta and is not longer than phase segment 1, and the jump
+    width is not longer than either [1]_. With prescaler 1 the controller samples each bit once, a
+    quantum early, as in the table of [2]_; otherwise it samples three times (bit SMP).
 
     With N quanta per bit, two cases limit the relative error of each clock: reading an error frame,
     and ten bits between resynchronisations [3]_. The propagation segment must cover the propagation
@@ -156,8 +156,8 @@ def longest_bus(bit_rate: float) -> float:
 
     Notes
     -----
-    The lengths are from the documentation of the Beckhoff BX5100, from 20 m at 1 Mbit/s (with
-    optocouplers) to 5000 m at 10 kbit/s. `bit_timings` returns the length for your own settings.
+    The documentation of the Beckhoff BX5100 lists lengths from 20 m at 1 Mbit/s (with optocouplers)
+    to 5000 m at 10 kbit/s. `bit_timings` returns the length for your own settings.
 
     Examples
     --------

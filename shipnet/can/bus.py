@@ -298,7 +298,7 @@ _BLOCK = 4096  #: Number of random numbers drawn at once.
 def _chances(
     rates: list[float], bits: int, rng: np.random.Generator
 ) -> Iterator[tuple[int, list[int]]]:
-    """Yield a number of undisturbed attempts, and where each fault hits the next attempt [bit].
+    """Yield numbers of undisturbed attempts, and the bit at which each fault hits the next attempt.
 
     Faults after the first `bits` bits of an attempt are ignored. The list may be empty.
     """
@@ -313,13 +313,13 @@ def _chances(
         yield _BLOCK - tried, []
 
 
-_CELLS = 40_000  #: Messages times sets simulated at once; their data fit into a core's cache.
+_CELLS = 40_000  #: Product of messages and sets simulated at once; the data fit in a core's cache.
 
 
 def send_batch(
     first: Integers, period: Integers, length: Integers, horizon: int
 ) -> tuple[Integers, Integers, Integers]:
-    """Return the longest response, the sum of responses and the frames sent, by message and set."""
+    """Return the longest response, the sum of responses and the frames sent per message and set."""
     # In ticks of their greatest common divisor, times often fit into 32 bits.
     tick = int(np.gcd.reduce(np.r_[first.ravel(), period, length, horizon]))
     parts = np.array_split(first // tick, max(1, round(first.size / _CELLS)), axis=1)

@@ -1,7 +1,7 @@
 """CAN frames decoded from recorded levels or voltages of a line, including faulty frames.
 
-Only edges are processed: in each step, a receiver as in ISO 11898, with one sample as time quantum,
-advances by one edge in all frames at once.
+Only edges are processed: in each step, a receiver as in ISO 11898, with one sample as its time
+quantum, advances by one edge in all frames at once.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ from shipnet.line.scope_file import Edges, bit_time, read_edges
 #: Bit rates tried if none is given: the rates of CANopen, NMEA 2000 and vehicles.
 _RATES = (*BIT_RATES, 100e3 / 3, 250e3 / 3, 2e6 / 21, 100e3, 200e3, 400e3, 800e3)
 _TRIED = 40_000  #: Number of edges used to compare bit rates.
-_FEWEST = 1.9  #: Fewest samples per bit: 2, less a margin for inaccurate clocks.
-_IDLE = 9.5  #: Fewest recessive bits before a start of frame: 10, less a margin of half a bit.
+_FEWEST = 1.9  #: Minimum number of samples per bit: 2, less a margin for inaccurate clocks.
+_IDLE = 9.5  #: Minimum number of recessive bits before a start of frame: 10, less a margin.
 _EDGES, _BITS = 160, 176  #: Limits of edges and bits per frame; the longest frame has 157 bits.
 _JUMP = 0.2  #: Largest resynchronisation at one edge [bit].
 _PLACES = (0.0, 0.42, -0.42)  #: Positions of the start of frame that are tried within its sample.
 
 #: Relative bit times tried for ambiguous edges; samples per bit from which no edge is ambiguous.
 _CLOCKS, _CLEAR = (1 - 0.0015, 1.0, 1 + 0.0015), 4
-_FRAMES, _FAULTS = 2**18, 1000  #: Largest numbers of frames read and of faults described.
+_FRAMES, _FAULTS = 2**18, 1000  #: Maximum numbers of frames read and of faults described.
 
 
 class _Rows(NamedTuple):
@@ -65,7 +65,7 @@ class _Rows(NamedTuple):
 
 
 def read_rows(line: Bytes, known: Integers) -> _Rows:
-    """Decode one frame per column; its first `known` bits were recorded; errors as in `decode`."""
+    """Decode one frame per column from its first `known` bits, with the errors of `decode`."""
     width, n = line.shape
     every = np.arange(n)
     bits = np.zeros((width + 1, n), dtype=np.uint8)
@@ -156,9 +156,9 @@ class _Line:
     def receive(self, chosen: Indices, clock: float) -> tuple[Integers, Floats, Bools]:
         """Return the bits before each edge, the misfits, and a mask of the ambiguous frames.
 
-        The bits have the axes edge, way and frame; each way assumes a different position of the
-        start of frame within its sample. The misfit sums up how far the edges lie outside the
-        samples with their bit boundaries. A frame is ambiguous if an edge is over 0.2 bit off.
+        The bits have the axes edge, start and frame; each start is an assumed position of the start
+        of frame within its sample. The misfit adds up the distances of the edges from the bit
+        boundaries, less half a sample each. In an ambiguous frame an edge is over 0.2 bit off.
         """
         places, count = self.edges.places, self.count[chosen]
         most, bit, half = int(count.max(initial=1)), self.bit * clock, self.edges.width / 2
@@ -274,7 +274,7 @@ def _too_few(file: str, rate: float, dt: float) -> InputError:
 class Capture:
     """Frames decoded from a recorded line, as returned by `read_capture`.
 
-    `log` contains the correct frames, each with the time from the first sample to its end; its
+    `log` contains the correct frames, timed from the first sample to the end of each frame; its
     `Log.faults` describe the first 1000 faulty frames. `bit_rate` is the given or detected bit rate
     [bit/s], `duration` the length of the record [s], and `channel` the name of the decoded channel.
 
@@ -299,7 +299,7 @@ class Capture:
         counts from start to end of frame, including ``stuff_bits``; ``error`` is ``ok`` or the name
         of a class in `shipnet.errors`; ``place`` is the first wrong bit, or -1 without an error.
         ``second_reading`` marks frames that are correct only if an ambiguous edge is assigned to
-        the other bit; they may hide a wrong bit.
+        the other bit; such a frame may hide a wrong bit.
         """
         return self._table.copy()
 

@@ -30,7 +30,7 @@ from shipnet.fields import check_scalar, check_whole
 from shipnet.lazy import Axes
 
 CRC_BITS = CRC.width  #: Bits of the CRC sequence.
-INTERMISSION = 3  #: Fewest recessive bits between two frames.
+INTERMISSION = 3  #: Minimum number of recessive bits between two frames.
 
 #: Fields after the CRC sequence, and their bits if a receiver acknowledges the frame.
 TAIL = (("CRC delimiter", "1"), ("ACK slot", "0"), ("ACK delimiter", "1"), ("EOF", "1111111"))
@@ -304,7 +304,7 @@ def decode(bits: str) -> Frame:
     Returns
     -------
     Frame
-        The frame. Its `bits` equal the given bits, except perhaps the last bit of the end of frame.
+        The frame. Only the last bit of the end of frame may differ from the given bits.
 
     Raises
     ------

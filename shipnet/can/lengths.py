@@ -1,6 +1,6 @@
 """Lengths of CAN frames: bounds, mean lengths, and the exact lengths of millions of frames.
 
-Frames are measured byte by byte: a table gives the stuff bits for each state and byte.
+Frames are measured byte by byte: a table gives the number of stuff bits for each state and byte.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def frame_length(
     -----
     In the bound of Davis et al. (2007), a run of equal bits may begin with a stuff bit. Tindell and
     Burns (1994) overlooked this and divided by 5; `response_times` has the references. No frame
-    reaches the bound, because reserved bits and CRC cannot be chosen: the longest standard frame
+    reaches the bound, because its reserved bits and CRC are not free: the longest standard frame
     has 133 bits. Real data are not random: eight zero bytes get 15 stuff bits, not the mean of 3.3.
 
     Examples
@@ -112,7 +112,7 @@ def frame_length(
     size = np.asarray(dlc)
     whole = size.dtype.kind in "iu" or (size.dtype.kind == "f" and bool((size % 1 == 0).all()))
     if not whole or (size.size and not (0 <= size.min() and size.max() <= 8)):
-        raise ArgumentError(f"dlc is {dlc!r}; it must be whole numbers 0..8")
+        raise ArgumentError(f"dlc is {dlc!r}; expected whole numbers 0..8")
     long = np.asarray(extended)
     if long.dtype.kind != "b":
         raise ArgumentError(f"extended is {extended!r}; it must be True or False")

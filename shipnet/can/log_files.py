@@ -30,7 +30,7 @@ from shipnet.can.log import Log, impossible
 from shipnet.can.messages import said
 from shipnet.errors import InputError, load_extra
 
-_BLOCK, _ROWS = 1 << 22, 1 << 16  #: Numbers of bytes and of rows processed at once.
+_BLOCK, _ROWS = 1 << 22, 1 << 16  #: Number of bytes, and of rows, processed at once.
 _FAULTS = 1000  #: Largest number of faults recorded per file.
 
 #: Kinds of valid records other than classic CAN frames, and data lengths used only by CAN FD.
@@ -55,7 +55,7 @@ _DTYPES: tuple[Any, ...] = (float, str, np.int64, bool, bool, np.uint8, np.uint8
 
 
 class _Found:
-    """The records read from a file so far; `unit` is what their places count, such as ``line``."""
+    """The records read from a file so far; `unit` is the unit of their places, such as ``line``."""
 
     def __init__(self, unit: str) -> None:
         self.unit = unit
@@ -349,7 +349,7 @@ def _candump(line: str) -> _Row:
 
 
 def _seconds(text: str) -> float:
-    """Return a time stamp of candump: seconds, or a date in UTC."""
+    """Parse a candump time stamp, seconds or a UTC date, and return it in seconds."""
     if re.match(r"\d{4}-\d\d-\d\d ", text):
         return datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp()
     if not _DECIMAL.fullmatch(text.strip()):
@@ -495,7 +495,7 @@ def _read_foreign(kind: str, file: Path) -> _Found:
                 message = next(messages)
             except StopIteration:
                 break
-            # The readers may raise any exception of their parsers, and then end.
+            # A reader may raise any exception of its parser, and cannot continue after it.
             except Exception as problem:
                 found.fault(stream.line, said(problem))
                 if stream.ended:
@@ -532,7 +532,7 @@ def _read_blf(file: Path) -> _Found:
     found, data = _Found("frame"), file.read_bytes()
     start = int.from_bytes(data[4:8], "little")
     if not 144 <= start <= len(data):
-        found.fault(0, f"its header has {start} bytes in a file of {len(data)}", "after frame 0")
+        found.fault(0, f"its header length is {start}; expected 144..{len(data)}", "after frame 0")
         return found
     size, count, tail = int.from_bytes(data[16:24], "little"), 0, b""
     if size > len(data):
@@ -562,7 +562,7 @@ def _read_blf(file: Path) -> _Found:
                 try:
                     found.add(count, _object_row(part_kind, part, begin))
                 except StructError:
-                    found.fault(count, f"an object of {len(part)} bytes is not a frame")
+                    found.fault(count, f"a frame object of {len(part)} bytes cannot be decoded")
         tail = inner[parts.place :]
         if left <= 0:
             fault(f"its containers unpack to more than {_RATIO} times its size")
@@ -635,7 +635,7 @@ def _unpacked(container: bytes, most: int, fault: Callable[[str], None]) -> byte
     if method == 0:
         return container[32:]
     if method != 2:
-        fault(f"a container is packed with the unknown method {method}")
+        fault(f"a container uses the unknown compression method {method}")
         return b""
     stream = zlib.decompressobj()
     try:

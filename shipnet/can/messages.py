@@ -66,7 +66,7 @@ class Message:
         0, 2**29 - 1, "",
         "Identifier, up to 0x7FF unless `extended`; the lowest has the highest priority",
     )  # fmt: skip
-    dlc: int = whole(0, 8, "", "Data bytes")
+    dlc: int = whole(0, 8, "", "Number of data bytes")
     period: float = number(1e-6, 1e5, "s", "Shortest time between two events that trigger it")
     deadline: float = number(
         1e-6, 1e5, "s", "Longest time from the event to the end of the frame; the period by "
@@ -326,7 +326,7 @@ class MessageSet(Named[Message]):
         return stream.getvalue()
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write a CSV file that `read_messages` can read; DBC and Excel suffixes are rejected."""
+        """Write a CSV file that `read_messages` can read; DBC and Excel suffixes are refused."""
         if (suffix := Path(path).suffix.lower()) in (".dbc", ".xls", ".xlsm", ".xlsx"):
             raise ArgumentError(
                 f"path is {str(path)!r}; a CSV file cannot have the suffix {suffix}; to write a "
@@ -362,7 +362,7 @@ def bus_load(
     bit_rate : float or array_like of float
         Bit rate, 1000..1000000 [bit/s].
     stuffing : {"none", "mean", "attainable", "worst"}, default "worst"
-        Stuff bits counted, as in `frame_length`; a message with ``bits`` has that length.
+        Stuff bits counted, as in `frame_length`; if a message has ``bits``, that is its length.
 
     Returns
     -------

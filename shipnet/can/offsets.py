@@ -1,7 +1,7 @@
 """Response times if the messages of a sender share a clock, and offsets that shorten them.
 
-Times are whole ticks. The phases between clocks are unknown, so every other clock is assumed at its
-worst phase; only the message's own clock is examined instance by instance.
+Times are whole ticks. The phases between clocks are unknown, so every other clock is assumed to be
+at its worst phase; only the message's own clock is examined instance by instance.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class _Clock:
         self._gone = np.r_[0, np.cumsum(frame[which[late]])]
 
     def before(self, time: Integers) -> Integers:
-        """Return the work that is released before a time even with the largest jitter."""
+        """Return the work that is released before a time whatever the jitter."""
         gone: Integers = self._gone[np.searchsorted(self.latest, time)]
         return gone
 
@@ -113,7 +113,7 @@ class _Clock:
 
 
 def _staircase(curves: list[tuple[Integers, Integers]]) -> tuple[Integers, Integers]:
-    """Return the window lengths at which a sum of curves grows, and the work below each length."""
+    """Return the window lengths at which a sum of curves grows, and the sum below each length."""
     if not curves:
         return np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
     length, step = (np.concatenate(column) for column in zip(*curves, strict=True))
@@ -131,7 +131,7 @@ def _within(streams: Streams, span: int) -> list[int] | None:
         higher = members.get(clock, [])
         blocking = int(streams.frame[m + 1 :].max(initial=0))
         own = _Clock(streams, [*higher, m], span)
-        # Higher-priority releases of this clock must cover the hyperperiod with the message.
+        # `above` must cover the hyperperiod of `own`, which also includes this message.
         above = _Clock(streams, higher, span + jitter, own.hyperperiod) if higher else None
         others = [curve for number, curve in curves.items() if number != clock]
         curves[clock] = own.curve(span)

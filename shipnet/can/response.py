@@ -62,7 +62,7 @@ class Assumptions:
 _MOST_STEPS = 200_000
 
 
-#: Periodic frames in ticks: period, duration, and the longest time by which the first may be early.
+#: Periodic frames in ticks: period, duration, and how early the first may be released.
 _Stream = tuple[int, int, int]
 
 
@@ -180,7 +180,7 @@ def _settle(constant: int, streams: Sequence[_Stream], start: float, tau: int) -
     return math.inf
 
 
-#: Largest matrix of releases times messages, and fewest messages, that are solved in one array.
+#: Maximum product of releases and messages, and minimum number of messages, to solve in one array.
 _MOST_CELLS, _FEW = 2_000_000, 20
 
 #: Blocking, busy period, and response of each instance of a message.
@@ -195,7 +195,7 @@ def _solve_together(bus: Bus) -> list[_Solved] | None:
     period, frame, jitter = streams = np.array(bus.streams).T
     place, tau = np.arange(number), bus.bit
     blocking = np.r_[np.maximum.accumulate(frame[:0:-1])[::-1], 0]
-    # A first guess, doubled until no busy period is longer.
+    # A first guess, which is doubled until no busy period is longer.
     span = int((frame.sum() + blocking[0]) * max(1.2, 0.7 / (1 - load)))
     while (events := int(-(-(span + jitter + tau) // period).sum())) * number < _MOST_CELLS:
         busy = _first_gaps(streams, jitter, span, blocking, place + 1)
@@ -325,7 +325,7 @@ class ResponseTimes(Named[ResponseTime]):
         return f"ResponseTimes({len(self)} messages, {late}, critical: {self.critical})"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per message, indexed by name, including its share of the bus load."""
+        """Return one row per message, indexed by name, including the bus load that it causes."""
         messages = [one.message for one in self._items]
         table = pd.DataFrame(
             {

@@ -23,7 +23,7 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar
 from shipnet.lazy import Axes, pd
 
-#: Largest number of frames that a run may release; they occupy some gigabytes of memory.
+#: Maximum number of frames that a run may release; they take several gigabytes of memory.
 MOST_FRAMES = 20_000_000
 
 
@@ -174,7 +174,7 @@ def simulate(
     Notes
     -----
     A frame ends with its 3 bits of intermission, as in response-time analysis. Jitter delays each
-    release by a uniformly random time, and frames of one message stay in order. All nodes detect an
+    release by a uniformly random time, but frames of one message stay in order. All nodes detect an
     error at the same time; it destroys the frame, and the sender sends it again. An error-passive
     node waits for 8 more bits after its own frames. A node whose counter reaches 256 is bus off
     until it has received 128 sequences of 11 recessive bits (Bosch, "CAN specification 2.0", 1991,

@@ -67,7 +67,7 @@ class Ramps:
         within = np.minimum(np.maximum(x, self._low), self._high)
         signed = within[self._variable]
         signed *= self._sign
-        # fmax replaces NaN with the foot, so its strength is 0. Narrow ramps cannot overflow.
+        # fmax replaces NaN with the foot, which has strength 0. Narrow ramps cannot overflow.
         part = np.fmax(signed, self._foot)
         np.minimum(part, self._shoulder, out=part)
         part -= self._foot
@@ -90,7 +90,7 @@ def compare(
     used = {pair for rule in rules for pair in rule.antecedent}
     holds = {}
     for values, variable in zip(x, variables, strict=True):
-        # A comparison as written has no universe to clip to.
+        # Values are clipped to the universe only for comparisons in the middle of the ramps.
         seen = np.clip(values, variable.low, variable.high) if midpoint else values
         for term in variable.terms:
             if (variable.name, term.name) in used:
@@ -101,7 +101,7 @@ def compare(
 
 
 def persistent(fires: Bools, k: int, n: int) -> Bools:
-    """Return where a rule fired in `k` or more of the last `n` rows; nothing fires before row 0."""
+    """Return where a rule fired in `k` or more of the last `n` rows; no rule fires before row 0."""
     window = check_whole("n", n, 1, 10**6)
     least = check_whole("k", k, 1, window)
     if window == 1:
@@ -153,7 +153,7 @@ def control_system(variables: Sequence[Variable], rules: Sequence[Rule]) -> Any:
                 corners = np.clip(term.corners, universe[0] - 1, universe[-1] + 1)
                 antecedents[variable.name][term.name] = trapmf(universe, corners)
     made = []
-    # Rules with the same consequent would hide each other; fault numbers must not be averaged.
+    # Each rule has its own consequent, because rules that share one would hide each other.
     for rule in rules:
         consequent = control.Consequent(np.array([0.0, 0.5, 1.0]), rule.code)
         consequent["on"] = np.array([0.0, 0.5, 1.0])

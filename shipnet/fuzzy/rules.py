@@ -32,7 +32,7 @@ from shipnet.lazy import Axes, pd
 #: Samples processed together, so that their arrays fit in the cache.
 _BLOCK = 8192
 
-#: Largest numbers of regions that are computed, and of columns of a matrix drawn with numbers.
+#: Maximum numbers of regions computed, and of columns in a matrix drawn with numbers.
 _MOST_REGIONS, _MOST_NUMBERS = 10**6, 20
 
 
@@ -46,7 +46,7 @@ class RuleBase:
     variables : sequence of Variable
         One or more variables with different names.
     rules : sequence of Rule
-        One or more, with different codes and priorities; their terms must exist. Numbered from 1.
+        One or more, numbered from 1, with different codes and priorities; their terms must exist.
 
     Examples
     --------
@@ -132,7 +132,7 @@ class RuleBase:
         return [(self[name], self[name][term]) for name, term in rule.antecedent]
 
     def top_codes(self, active: Bools, silent: npt.ArrayLike = False) -> npt.NDArray[np.object_]:
-        """Return each row's top active code; otherwise ``unknown`` if `silent`, else ``normal``."""
+        """Return each row's top active code; if none, ``unknown`` if `silent`, else ``normal``."""
         places = [self.codes.index(code) for code in self.ranking]
         ranked = active[..., places]
         first = np.where(ranked.any(axis=-1), ranked.argmax(axis=-1), len(places))
@@ -212,7 +212,7 @@ class RuleBase:
         return pd.DataFrame(rows, columns=["a", "b", "relation"])
 
     def plot_overlaps(self, ax: Axes | None = None) -> Axes:
-        """Draw the percentage of the row rule's regions in which the column's rule also fires."""
+        """Draw in what percentage of the regions of a row's rule the column's rule also fires."""
         ax = style.axes(ax)
         count = self._overlap_counts("crisp").astype(float)
         alone = np.diag(count)[:, None]
@@ -224,12 +224,12 @@ class RuleBase:
         draw_matrix(ax, share, written)
         ax.set_xticks(range(len(self.codes)), self.codes)
         ax.set_yticks(range(len(self.codes)), self.codes)
-        ax.set_xlabel("fires too, in percent of the regions")
+        ax.set_xlabel("also fires [% of the regions]")
         ax.set_ylabel("when this fires")
         return ax
 
     def _overlap_counts(self, method: str) -> Integers:
-        """Count the regions in which each pair of rules fires; the diagonal counts single rules."""
+        """Count the regions in which each pair of rules fires; the diagonal is for single rules."""
         table = self.regions(method)[list(self.names)]
         fires = self.fire(table, method).strength.astype(np.int64)
         return fires.T @ fires
@@ -427,7 +427,7 @@ class Decision:
 
     @cached_property
     def top(self) -> npt.NDArray[np.object_]:
-        """The active code of the highest priority, or ``normal``; ``unknown`` without sensors."""
+        """Active code of highest priority, or ``normal``; ``unknown`` if no sensor has a value."""
         return self.firing.base.top_codes(self.active, self.firing.missing.all(axis=-1))
 
     def codes(self, *index: int) -> tuple[str, ...]:

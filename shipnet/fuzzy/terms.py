@@ -54,7 +54,7 @@ class Interval:
         point = self.low == self.high and self.low_closed and self.high_closed
         if not (self.low < self.high or point) or (self.low, self.high) == (-inf, inf):
             raise ArgumentError(
-                f"low is {self.low:g}, high {self.high:g}; low must be below high, and one finite"
+                f"low is {self.low:g}, high {self.high:g}; low must be lower and one must be finite"
             )
 
     def __str__(self) -> str:
@@ -143,9 +143,7 @@ class Term:
         left, right = corners[:2], corners[2:]
         open_ends = (left == (-inf, -inf), right == (inf, inf))
         if list(corners) != sorted(corners) or all(open_ends):
-            raise ArgumentError(
-                f"corners are {corners}; they must be in rising order, and one side finite"
-            )
+            raise ArgumentError(f"corners are {corners}; they must rise, with one side finite")
         closed = (() if open_ends[0] else left) + (() if open_ends[1] else right)
         if not all(isfinite(corner) for corner in closed):
             raise ArgumentError(
@@ -157,7 +155,7 @@ class Term:
     def midpoint(self) -> Interval:
         """The values with a membership of 0.5 or more."""
         a, b, c, d = self.corners
-        # Equal corners are kept: inf - inf would be NaN, and a step holds at its edge.
+        # Equal corners, of a step or an open shoulder, are kept as they are.
         low, high = (x if x == y else (x + y) / 2 for x, y in ((a, b), (c, d)))
         return Interval(low, high, a > -inf, d < inf)
 
@@ -194,7 +192,8 @@ class Variable:
     low, high : float
         Ends of the universe, the values that a sensor can report.
     terms : tuple of Term
-        One or more with different names; shoulder and comparison of each must reach the universe.
+        One or more terms with different names; the shoulder and the comparison of each must reach
+        into the universe.
     english : str, default ""
         Label in figures.
 

@@ -30,12 +30,12 @@ class Interface(NamedTuple):
     #: Largest numbers of drivers and receivers on a line; for RS-485 with one unit load each.
     drivers: int
     receivers: int
-    #: Longest line [m], highest bit rate [bit/s], and highest product of both, infinite if both
-    #: limits apply together.
+    #: Longest line [m], highest bit rate [bit/s], and highest product of both, infinite if a line
+    #: may reach both limits.
     length: float
     bit_rate: float
     product: float
-    #: Conductors for both directions without the screen, including a common one if balanced.
+    #: Conductors for both directions without the screen, including a common conductor if balanced.
     wires: int
     source: str
 

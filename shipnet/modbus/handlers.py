@@ -20,13 +20,13 @@ from shipnet.modbus.wire import Wire
 
 Respond = Callable[[Adu], Answer]
 
-_QUOTA = 4  #: Requests of one client that are answered before all others get their turn.
-_READ = 4096  #: Bytes read from a client at once; no more are read until they are answered.
+_QUOTA = 4  #: Number of requests of one client answered before the others have their turn.
+_READ = 4096  #: Bytes read from a client at once; no more are read until these are answered.
 
-#: Delayed answers of one client, and of all senders of datagrams, beyond which requests wait and
-#: datagrams are lost.
+#: Maximum numbers of delayed responses to one client, and to all senders of datagrams; beyond them,
+#: requests wait and datagrams are dropped.
 _HELD_BACK, _ALL_HELD_BACK = 256, 1 << 15
-_UNSENT = 1 << 16  #: Unread answers at which a client is disconnected [byte]: 250 of the longest.
+_UNSENT = 1 << 16  #: Size of unread responses at which a client is disconnected [byte].
 _APART = 1e-6  #: Time between timers that must fire in order [s].
 
 #: Largest number of TCP connections, and the time after which an idle one is closed [s].
@@ -58,18 +58,18 @@ class Listener:
 
 
 class _Handler:
-    """A connection, a serial port, or all datagrams."""
+    """Base class for the requests of a connection, a serial port, or all senders of datagrams."""
 
     transport: Any = None
 
-    #: Most bytes (serial: writes) that may wait in the transport before answers are dropped.
+    #: Maximum number of bytes (serial: writes) in the transport; beyond it, responses are dropped.
     unsent = _UNSENT
 
     def __init__(self, listener: Any) -> None:
         self.listener, self.loop = listener, get_running_loop()
         self.received = b""
         self.held_back: Counter[Any] = Counter()
-        self.free = 0.0  # when the last answer has left a faulty wire
+        self.free = 0.0  # time at which the last response has left the faulty wire
 
     def connection_made(self, transport: Any) -> None:
         """Start."""
@@ -82,7 +82,7 @@ class _Handler:
         self.listener.handlers.discard(self)
 
     def reply(self, request: Adu, to: Any = None, wait: float = 0.0) -> None:
-        """Send the answer when it is due."""
+        """Send the response when it is due."""
         held = self.held_back
         if held[to] >= _HELD_BACK or held.total() >= _ALL_HELD_BACK:
             return
@@ -92,7 +92,7 @@ class _Handler:
         adu = Adu(request.unit_id, answer.pdu, request.transaction_id)
         delay = wait + answer.delay
         if self.listener.wire is not None:
-            # Answers stay in order: a slave works on one request at a time.
+            # Responses stay in order: a slave works on one request at a time.
             due = max(self.loop.time(), self.free) + delay
             for silence, data in self.listener.wire.pieces(adu):
                 due += silence + _APART
@@ -123,7 +123,7 @@ class _Handler:
 
 
 class _TcpHandler(_Handler, BufferedProtocol):
-    """A connection that reads a limited number of bytes at a time, and answers in turns."""
+    """A TCP connection that reads a limited number of bytes at a time, and answers in turns."""
 
     def __init__(self, listener: TcpListener) -> None:
         super().__init__(listener)
@@ -161,21 +161,21 @@ class _TcpHandler(_Handler, BufferedProtocol):
             if not self._is_open():
                 return
             if self.held_back[None] >= _HELD_BACK:
-                self.transport.pause_reading()  # sending an answer starts the next turn
+                self.transport.pause_reading()  # sending a response starts the next turn
                 return
             frame = self._next_frame()
             if not frame:
                 self.transport.resume_reading()
                 return
             self.last_request = self.loop.time()
-            with suppress(FrameError):  # of another protocol
+            with suppress(FrameError):  # frames of other protocols are ignored
                 self.reply(decode(frame, "tcp"))
         self.transport.pause_reading()
         self.in_turn = True
         self.loop.call_soon(self._take_turn)
 
     def _next_frame(self) -> bytes:
-        """Take a whole frame, if any, off the stream; an illegal length closes the connection."""
+        """Return the next whole frame, if any; an illegal length closes the connection."""
         if len(self.received) < _HEAD:
             return b""
         length = int.from_bytes(self.received[4:6], "big")
@@ -222,7 +222,7 @@ class _UdpHandler(_Handler, DatagramProtocol):
 
 
 class _RtuHandler(_Handler, Protocol):
-    """A serial port: bytes with a correct CRC are a frame; after a silence, others are dropped."""
+    """A serial port: bytes with a correct CRC form a frame; a silence discards all others."""
 
     unsent = 4
 
@@ -233,7 +233,7 @@ class _RtuHandler(_Handler, Protocol):
     def data_received(self, data: bytes) -> None:
         """Collect bytes until they form a frame, or until the line is silent."""
         self.timer.cancel()
-        # One byte too many shows that it is not a frame.
+        # A byte beyond the longest frame shows that these bytes are not a frame.
         self.received = (self.received + data)[: MAX_PDU + RTU_BYTES + 1]
         try:
             adu = decode(self.received)

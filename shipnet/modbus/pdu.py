@@ -85,7 +85,7 @@ def check_registers(
 ) -> tuple[int, ...]:
     """Return registers as a tuple; raise an error unless there are 1..most, each 0..65535."""
     values = _sequence(name, registers, most)
-    # Plain integers are checked all at once; only others are checked one by one.
+    # Plain integers are checked all at once, other values one by one.
     if {type(value) for value in values} == {int} and 0 <= min(values) and max(values) <= 0xFFFF:
         return values
     return tuple(check_whole(f"{name}[{k}]", v, 0, 0xFFFF) for k, v in enumerate(values))
@@ -95,7 +95,7 @@ def check_coils(coils: Iterable[bool], most: int, name: str = "coils") -> tuple[
     """Return coils as a tuple of bool; raise an error unless there are 1..most, each 0 or 1."""
     values = _sequence(name, coils, most)
     for k, value in enumerate(values):
-        if type(value).__name__ not in ("bool", "bool_"):  # of Python and NumPy
+        if type(value).__name__ not in ("bool", "bool_"):  # types of Python and NumPy
             check_whole(f"{name}[{k}]", value, 0, 1)
     return tuple(bool(value) for value in values)
 
@@ -331,7 +331,7 @@ class Response(_Framed):
     quantity : int, optional
         Number of coils (1..1968) or registers (1..123) written by code 15 or 16.
     exception : ExceptionCode, optional
-        Reason of a refusal: 1..6, 8, 10 or 11. None in a normal response.
+        Reason for a refusal: 1..6, 8, 10 or 11. None in a normal response.
 
     Examples
     --------

@@ -31,7 +31,7 @@ class Poll:
 
     Examples
     --------
-    Four input registers of each of 247 slaves at 9600 bit/s; then one of them is dead:
+    Read four input registers of each of 247 slaves at 9600 bit/s, without and with a dead slave:
 
     >>> poll = Poll(Request.read_input_registers(0, 4), SerialLine(9600))
     >>> round(poll.time * 1e3, 2), round(poll.scan_time(247), 2)
@@ -112,7 +112,7 @@ class Poll:
 
 
 def _most(polls: Sequence[Poll], period: float, dead: int) -> int:
-    """Return how many slaves, including dead ones, get all these requests within a period."""
+    """Return how many slaves, including dead ones, can get all these requests within a period."""
     alive, silent = sum(poll.time for poll in polls), sum(poll.timeout_time for poll in polls)
     # The margin allows for rounding if a period is a whole number of transactions.
     fit = floor((period - dead * silent) / alive * (1 + 1e-12) + 1e-12)
@@ -187,7 +187,7 @@ class Scan:
         return f"{said}, {'at most' if self.ok else 'more than'} {self.limit:g} s"
 
     def table(self) -> pd.DataFrame:
-        """Return one row per common bit rate and for that of the scan, indexed by ``bit_rate``.
+        """Return a row for each common bit rate and for that of the scan, indexed by ``bit_rate``.
 
         The columns contain `time`, `slave_time`, `dead_time` and `bus_time`, with a limit also
         ``max_slaves`` and ``met``. Bit rates at which a response exceeds the time-out are left out.
@@ -249,11 +249,11 @@ def scan(
     character : str, default "8E1"
         Data bits, parity and stop bits.
     processing : float, default 0
-        Time that a slave takes to prepare its answer, 0..3600 [s].
+        Time that a slave takes to prepare its response, 0..3600 [s].
     dead : int, default 0
         Number of slaves that do not answer, 0..n_slaves.
     timeout : float, default 1
-        Response time-out, from the time of a response up to 3600 [s].
+        Response time-out, at most 3600 [s] and not shorter than a response takes.
     retries : int, default 0
         Number of retries if a slave does not answer, 0..100.
     limit : float, optional

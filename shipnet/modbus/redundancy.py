@@ -26,7 +26,7 @@ _SERVED = {
     "-": ("X", "0.75", "lost"),
 }
 
-_NUMBERED = 40  #: More slaves than this are drawn without their numbers.
+_NUMBERED = 40  #: Larger numbers of slaves are drawn without labels.
 
 #: One fault of a redundant line, or several.
 Faults = Fault | Iterable[Fault]
@@ -103,7 +103,7 @@ class Loop:
     if each slave is moved by itself (left), or those downstream are moved with it (right). The
     latter is one G longer for all moved slaves but the last, and one G shorter if none is moved. On
     an open line a lost slave costs G instead of 2 G. The worst moment for a fault is the end of the
-    slave's answer; all values are attained.
+    slave's response; each of these gaps can occur.
 
     Examples
     --------
@@ -128,7 +128,7 @@ class Loop:
     """
 
     n_slaves: int = whole(1, MAX_UNIT, help="Number of slaves; slave 1 is next to port A")
-    poll: Poll = part(Poll, "Request that each slave gets")
+    poll: Poll = part(Poll, "Request sent to each slave")
     closed: bool = switch(
         "Whether the line continues from the last slave to port B; if not, the master has only "
         "port A", default=True, kw_only=True,
@@ -138,16 +138,16 @@ class Loop:
         "every slave and port connected to it", default=False, kw_only=True,
     )  # fmt: skip
     move: Literal["slave", "downstream"] = choice(
-        ("slave", "downstream"), "Which slaves move to the other port after a poll without an "
-        "answer, including its retries: only the silent one, or also all downstream of it on the "
+        ("slave", "downstream"), "Which slaves move to the other port after a poll without a "
+        "response, including its retries: only the silent one, or also all downstream of it on the "
         "same port. A slave that is silent there too is lost and no longer polled",
         default="slave", kw_only=True,
     )  # fmt: skip
     recheck: float = number(
-        1e-3, 1e6, "s", "Time since the last failed try, at least one scan, after which the master "
-        "tries the next slave that is lost or served through B: one request through A without "
-        "retries, then for a lost slave one through B. If it answers through A, it is served from "
-        "there, and the next one is tried in the same scan", default=60.0, kw_only=True,
+        1e-3, 1e6, "s", "Time from the last failed attempt, at least one scan, until the master "
+        "tries the next slave that is lost or served through B. It sends one request through A, "
+        "without retries; if the slave is lost, it then sends one through B. A slave that answers "
+        "through A stays there; the next is tried in the same scan", default=60.0, kw_only=True,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -202,11 +202,11 @@ class Loop:
         return Reach(n, last_a, first_b, frozenset(dead))
 
     def worst_gap(self, faults: Faults) -> Floats:
-        """Return each slave's longest time between two answers that the faults can cause [s].
+        """Return each slave's longest time between two responses that the faults can cause [s].
 
         All faults are assumed to begin together and to last; their times are ignored. The gap of a
         lost slave is infinite. The gap of a moved slave is also its longest switch-over time, from
-        the fault to the first answer.
+        the fault to the first response.
         """
         served = np.array(self.reach(faults).served)
         stay, moved, lost = (int((served == port).sum()) for port in "AB-")

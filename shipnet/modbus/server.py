@@ -174,15 +174,15 @@ def serve(
     serial_port : str, optional
         Serial port for RTU, such as ``"/dev/ttyUSB0"``.
     line : SerialLine, default 9600 bit/s and 8E1
-        Settings of that port; answers are sent after t3.5. A Linux pseudo-terminal has no parity:
+        Settings of that port; responses are sent after t3.5. A Linux pseudo-terminal has no parity:
         use ``SerialLine(9600, "8N1")``.
     speed : float, default 1
-        Model seconds per real second, from the start of the server, 0..1e6.
+        Simulated seconds per real second, from the start of the server, 0..1e6.
     clock : callable, optional
-        Function that returns the model time [s] for the devices, in place of `speed`. A slave's
+        Function that returns the simulated time [s] for the devices, in place of `speed`. A slave's
         delay is in real seconds.
     wire_faults : WireFault or iterable of WireFault, optional
-        Faults of answers over TCP or a serial line; an answer has at most one of them.
+        Faults of responses over TCP or a serial line; a response has at most one of them.
     rng : optional
         Random generator for `wire_faults`, as `numpy.random.default_rng` accepts it.
 
@@ -201,16 +201,16 @@ def serve(
 
     Notes
     -----
-    Frames of other protocols, invalid datagrams and RTU frames with a wrong CRC get no answer; an
+    Frames of other protocols, invalid datagrams and RTU frames with a wrong CRC get no response; an
     illegal length field closes the TCP connection, because the next frame cannot be found. On a
     serial line an incomplete frame is dropped after a silence of 50 ms, long enough for adapters
     and drivers that pass on bytes in portions.
 
     Up to 128 TCP connections can be open; any further one is closed at once. A connection without
     requests is closed after 10 minutes. TCP clients take turns of at most four requests. A client
-    that leaves 64 KiB of answers unread is disconnected; one with 256 delayed answers must wait.
-    Datagrams share one queue, which drops them when it is full. Further datagrams are dropped at
-    256 delayed answers per sender, or 32768 in all.
+    that leaves 64 KiB of responses unread is disconnected; with 256 delayed responses, its requests
+    wait. Datagrams share one queue, which drops them when it is full, and also if 256 responses to
+    their sender, or 32768 in all, are delayed.
 
     Examples
     --------

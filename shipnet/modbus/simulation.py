@@ -21,7 +21,7 @@ from shipnet.modbus.redundancy import Faults, Loop, line_faults
 
 A, B, LOST = range(3)  #: Ports, or none.
 
-#: Kinds of a try: in its turn, at once on the other port, or to recheck what failed.
+#: Kinds of a try: in its turn, at once on the other port, or to recheck a lost or moved slave.
 KINDS = ("poll", "switch", "probe")
 _POLL, _SWITCH, _PROBE = range(3)
 
@@ -167,8 +167,8 @@ class Run:
     def events(self) -> pd.DataFrame:
         """Return one row per try: ``start_s``, ``end_s`` (when the next may begin), ``slave``, ``port``.
 
-        ``kind`` is poll, switch (the other port is asked at once) or probe (what failed is tried
-        again), and ``answered`` says whether the whole response arrived.
+        ``kind`` is poll, switch (the other port is asked at once) or probe (a slave that is lost or
+        served through B is tried again), and ``answered`` says whether the whole response arrived.
         """  # noqa: E501
         start, slave, port, kind, answered = self._columns
         poll = self.system.poll
@@ -192,7 +192,7 @@ class Run:
 
     @cached_property
     def _answers(self) -> tuple[Floats, Integers]:
-        """End times and slaves of the responses, slave by slave."""
+        """End times and slaves of the responses, grouped by slave."""
         start, slave, _, _, answered = self._columns
         order = np.flatnonzero(answered)
         order = order[np.argsort(slave[order], kind="stable")]
@@ -206,7 +206,7 @@ class Run:
 
     @cached_property
     def gaps(self) -> Floats:
-        """Longest time without an answer for each slave, up to the end of the run [s]."""
+        """Longest time without a response from each slave, up to the end of the run [s]."""
         time, slave = self._answers
         last = np.flatnonzero(np.diff(slave, append=-1))
         longest = np.full(self.system.n_slaves, self.until)
@@ -218,7 +218,7 @@ class Run:
         return longest
 
     def table(self) -> pd.DataFrame:
-        """Return one row per slave: its port, its answers and its longest time without one.
+        """Return one row per slave: its port, number of responses and longest time without one.
 
         ``port`` is the one that serves the slave at the end, ``"-"`` if it is lost.
         """
@@ -296,7 +296,7 @@ def simulate(system: Loop, *, faults: Faults = (), until: float) -> Run:
     Returns
     -------
     Run
-        The tries and their consequences.
+        The tries and their outcomes.
 
     Notes
     -----

@@ -1,4 +1,4 @@
-"""Simulated slaves: their values, and their answers as bytes."""
+"""Simulated slaves: their values, and their responses as bytes."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class DeviceError(Exception):
 
 @runtime_checkable
 class Device(Protocol):
-    """Any object that can be read and written by address; it raises `DeviceError` as a refusal.
+    """Any object that can be read and written by address; it raises `DeviceError` to refuse.
 
     Examples
     --------
@@ -70,7 +70,7 @@ class Device(Protocol):
     """
 
     def read(self, table: Table, address: int, quantity: int, time: float) -> Sequence[int]:
-        """Return `quantity` values of a table at a model time [s]."""
+        """Return `quantity` values of a table at a simulated time [s]."""
         ...
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
@@ -110,7 +110,7 @@ class Registers:
             raise DeviceError(ExceptionCode.ILLEGAL_DATA_ADDRESS) from None
 
     def write(self, table: Table, address: int, values: Sequence[int], time: float) -> None:
-        """Write all values, or none and refuse with exception 2 or 3."""
+        """Write all values, or refuse with exception 2 or 3 and write none."""
         new = dict(enumerate(values, address))
         memory: dict[int, int] = getattr(self, table)
         if not new.keys() <= memory.keys():
@@ -166,9 +166,9 @@ class Slave:
     functions : collection of int, optional
         Function codes served, by default all of `FunctionCode`; exception 1 refuses others.
     delay : float, default 0
-        Time before the answer is sent, 0..3600 [s]. The request is executed at once.
+        Time before the response is sent, 0..3600 [s]. The request is executed at once.
     exception : ExceptionCode, optional
-        Exception with which every served request is answered instead of executed.
+        Exception that is returned for every served request, which is then not executed.
     silent : bool, default False
         Whether the slave ignores all requests.
 
@@ -235,12 +235,12 @@ class Slave:
         return f"Slave({type(self.device).__name__}, delay {self.delay:g} s{refusal}{silent})"
 
     def answer(self, request: Request | bytes, time: float = 0.0) -> bytes:
-        """Execute a request at a model time [s] and return the response PDU.
+        """Execute a request at a simulated time [s] and return the response PDU.
 
         The PDU is empty if the slave is silent or the function code is 0 or above 127. Exceptions
         follow the order of "MODBUS application protocol" V1.1b3, section 6: 1 for the function
         code, 3 for an illegal field or length, then that of the device. If the device fails
-        otherwise, the answer is exception 4, and ``shipnet.modbus.server`` logs the failure.
+        otherwise, the response is exception 4, and ``shipnet.modbus.server`` logs the failure.
         """
         pdu = request.pdu if isinstance(request, Request) else request
         if not isinstance(pdu, bytes | bytearray | memoryview):
@@ -258,7 +258,7 @@ class Slave:
             exception = refusal.exception
         except FrameError:
             exception = ExceptionCode.ILLEGAL_DATA_VALUE
-        # The bus gets an answer whatever error the device's code raises.
+        # A response is sent whatever error the device's code raises.
         except Exception:
             logging.getLogger("shipnet.modbus.server").exception("the device failed")
             exception = ExceptionCode.SERVER_DEVICE_FAILURE
@@ -278,7 +278,7 @@ class Slave:
 def answer(
     slaves: Mapping[int, Slave], adu: Adu, time: float = 0.0, *, serial: bool = False
 ) -> Answer:
-    """Return the response to a request to one of several slaves at a model time [s].
+    """Return the response of one of several slaves to a request at a simulated time [s].
 
     Unit id 0 is a broadcast: all slaves execute a write, and none answers ("MODBUS over serial
     line" V1.02, section 2.1). If TCP slaves include 0, both 0 and 255 mean the server itself

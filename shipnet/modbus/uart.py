@@ -150,7 +150,7 @@ class Characters(NamedTuple):
 
     #: Edge of the start bit, as the receiver saw it [s].
     time: Floats
-    #: The byte, whatever its code.
+    #: The byte, even if it has an error.
     value: Bytes
     #: 0, or the code of `ParityError` or `FormError`; `shipnet.errors.name_of` names it.
     code: Integers
@@ -195,12 +195,12 @@ class Waveform:
         value = np.asarray(self.level, dtype=np.float64)
         if at.ndim != 1 or at.shape != value.shape:
             raise ArgumentError(
-                f"time has shape {at.shape}, level {value.shape}; both must be rows of one length"
+                f"time has shape {at.shape}, level {value.shape}; both must be equally long rows"
             )
         if not (np.isfinite(at).all() and np.isfinite(value).all()):
             raise ArgumentError("time and level must be finite")
         if (np.diff(at) < 0).any():
-            raise ArgumentError("time decreases; it must not")
+            raise ArgumentError("time decreases; it must not decrease")
         object.__setattr__(self, "time", at)
         object.__setattr__(self, "level", value)
 

@@ -1,4 +1,4 @@
-"""Modbus in datagrams: what late replies do if nothing shows which request they answer.
+"""Modbus in datagrams: the effect of late responses that do not show which request they answer.
 
 Only the transaction id and the unit id of a frame are modelled, in simulated time.
 """
@@ -59,9 +59,9 @@ def transaction_ids(n: int) -> list[int]:
 def replies(
     marks: Sequence[int], path: LossyPath, timeout: float, rng: np.random.Generator
 ) -> tuple[Integers, int]:
-    """Return the request whose reply each request accepts, and how many replies are dropped.
+    """Return the request whose response each request accepts, and the number of dropped responses.
 
-    A request accepts a reply to any request with the same mark; -1 stands for a time-out.
+    A request accepts a response to any request with the same mark; -1 stands for a time-out.
     """
     n = len(marks)
     there = path.transit(n, rng)
@@ -93,7 +93,7 @@ def compare(
     timeout: float = 0.5,
     rng: Any = None,
 ) -> pd.DataFrame:
-    r"""Compare masters that check different fields of a reply, on the same network.
+    r"""Compare masters that check different fields of a response, on the same network.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def compare(
     path : LossyPath
         The network, in both directions.
     timeout : float, default 0.5
-        Time-out of a reply, 1e-9..3600 [s].
+        Response time-out, 1e-9..3600 [s].
     rng : int or numpy.random.Generator, optional
         Random generator; all rows of the table use the same datagrams.
 
@@ -110,17 +110,17 @@ def compare(
     -------
     pandas.DataFrame
         One row per field that is checked: ``nothing``, ``unit id``, ``transaction id``. Columns:
-        ``mismatched`` (accepted a reply to another request), ``wrong_unit`` (from another unit),
-        ``timeouts`` and ``dropped`` (replies not accepted).
+        ``mismatched`` (accepted a response to another request), ``wrong_unit`` (from another unit),
+        ``timeouts`` and ``dropped`` (responses not accepted).
 
     Notes
     -----
-    The header in tables 2 and 3 of kim2014 begins with 0.0.0.0: transaction id 0. A reply after its
-    time-out then looks like the next reply; an id as in "MODBUS messaging on TCP/IP" V1.0b, section
-    4.4.1, would prevent this. Let a round trip take r and a late one r + L, with L < T < r + L for
-    a time-out T, and let requests follow at once. The next request accepts the late reply; its own
-    reply arrives later and is accepted by the following request, and so on. So one late reply to
-    request j of n, counted from 0, mismatches all later requests,
+    The header in tables 2 and 3 of kim2014 begins with 0.0.0.0: transaction id 0. A response after
+    its time-out then looks like the next one; an id as in "MODBUS messaging on TCP/IP" V1.0b,
+    section 4.4.1, would prevent this. Let a round trip take r and a late one r + L, with L < T < r
+    + L for a time-out T, and let requests follow at once. The next request accepts the late
+    response; its own response arrives later and is accepted by the following request, and so on. So
+    one late response to request j of n, counted from 0, mismatches all later requests,
 
     .. math:: n - 1 - j
 
@@ -139,7 +139,7 @@ def compare(
     if asked.ndim != 1 or not 1 <= asked.size <= _MOST or asked.dtype.kind not in "iu":
         raise ArgumentError(f"units is {units!r}; it must be a row of 1..{_MOST} whole numbers")
     if asked.min() < 0 or asked.max() > 255:
-        raise ArgumentError(f"units reach from {asked.min()} to {asked.max()}; they must be 0..255")
+        raise ArgumentError(f"units range from {asked.min()} to {asked.max()}; they must be 0..255")
     wait = check_scalar("timeout", timeout, "s", 1e-9, 3600)
     seed = int(check_rng(rng).integers(2**63))
     n = len(asked)

@@ -1,4 +1,4 @@
-"""Faults of a server's answers on their way to a client."""
+"""Faults of a server's responses on their way to a client."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Name = Literal[
     "wrong-unit", "wrong-function", "wrong-count", "wrong-crc", "wrong-transaction",
 ]  # fmt: skip
 
-#: Faults that take time, and their default durations [s]: `late` exceeds usual time-outs.
+#: Faults with a duration, and its default [s]; that of `late` exceeds usual time-outs.
 _SECONDS = {"late": 5.0, "delay": 0.5, "gap": 0.5}
 
 #: Faults of fields that only one kind of frame has.
@@ -28,25 +28,25 @@ _ONLY = {
 
 _GARBAGE = 4
 
-Piece = tuple[float, bytes]  #: The silence before a piece of an answer [s], and its bytes.
+Piece = tuple[float, bytes]  #: The silence before a piece of a response [s], and its bytes.
 
 
 @checked
 @record
 class WireFault:
-    """A fault of some of a server's answers; `serve` takes any number of them.
+    """A fault of some responses of a server; `serve` takes any number of faults.
 
     Notes
     -----
-    ``late``: the answer comes `seconds` late. ``delay``: a random time up to `seconds` late.
-    ``gap``: a silence of `seconds` splits it. ``double``: it comes twice without a pause.
-    ``previous``: the previous answer, to any client, replaces it. ``short``: only its first half
+    ``late``: the response is `seconds` late. ``delay``: a random time up to `seconds` late.
+    ``gap``: a silence of `seconds` splits it. ``double``: it is sent twice without a pause.
+    ``previous``: the previous response, to any client, replaces it. ``short``: only its first half
     is sent. ``garbage-before``, ``garbage-after``: four random bytes precede or follow it.
 
     Others change a field. ``wrong-count``: the byte count of a read is 2 too low. ``wrong-unit``,
     ``wrong-function``, ``wrong-transaction``: the field names the next unit, another function code
     or the next transaction. ``wrong-crc``: the data do not match the CRC. These four also flip the
-    last bit of the data, so that a client that accepts the answer shows a wrong value.
+    last bit of the data, so that a client that accepts the response shows a wrong value.
 
     Examples
     --------
@@ -60,8 +60,8 @@ class WireFault:
     (0.0, '01 03 04 01') (0.5, '5e 01 9c 9b e4')
     """
 
-    name: Name = choice(get_args(Name), "What happens; see Notes")
-    probability: float = number(0, 1, "", "Fraction of the answers with this fault", default=1.0)
+    name: Name = choice(get_args(Name), "Kind of fault; see Notes")
+    probability: float = number(0, 1, "", "Fraction of responses with this fault", default=1.0)
     seconds: float | None = number(
         0, 3600, "s", "Duration of late (default 5), delay and gap (0.5)", default=None,
         optional=True,
@@ -95,7 +95,7 @@ class WireFault:
             raise ArgumentError(f"wire fault {fault!r}: {error}") from None
 
     def pieces(self, answer: Adu, previous: Adu | None = None, rng: Any = None) -> list[Piece]:
-        """Return the silence before each piece of an answer [s], and its bytes."""
+        """Return the silence before each piece of a response [s], and its bytes."""
         frame, seconds, random = _frame(answer), self.seconds or 0.0, check_rng(rng)
         unit, pdu, half = answer.unit_id, answer.pdu, len(frame) // 2
         other = replace(answer, pdu=pdu[:-1] + bytes([pdu[-1] ^ 1]))
@@ -136,14 +136,14 @@ def _frame(adu: Adu) -> bytes:
 
 
 class Wire:
-    """The wire of a server, which chooses a fault for each answer at random."""
+    """The wire of a server, which chooses a fault for each response at random."""
 
     def __init__(self, faults: Iterable[WireFault], rng: Any) -> None:
         self.faults, self.rng = tuple(faults), check_rng(rng)
         self.previous: Adu | None = None
 
     def pieces(self, answer: Adu) -> list[Piece]:
-        """Return the silence before each piece of an answer [s], and its bytes."""
+        """Return the silence before each piece of a response [s], and its bytes."""
         previous, self.previous = self.previous, answer
         draw = self.rng.random()
         for fault in self.faults:
@@ -165,7 +165,7 @@ def check_faults(faults: WireFault | Iterable[WireFault], transport: str) -> tup
     total = sum(fault.probability for fault in several)
     if total > 1 + 1e-9:
         raise ArgumentError(
-            f"the probabilities of wire_faults add up to {total:g}; an answer has at most one "
+            f"the probabilities of wire_faults add up to {total:g}; a response has at most one "
             "fault, so they must not exceed 1 in total"
         )
     return several

@@ -143,7 +143,7 @@ class Comparison:
 
 
 class Staleness(NamedTuple):
-    """How a receiver follows a switch of two positions.
+    """How well a receiver follows a switch with two positions.
 
     `share` is the fraction of the time in which it shows a position other than the one sent in the
     last packet; `duration` is the mean time from a failed packet to the correct position [s].
@@ -187,10 +187,10 @@ def switch_staleness(shares: Shares, period: float, interval: float, sending: Se
 class Recommendation:
     """The recommended way to send a number of values, and why.
 
-    `sending` is "changed" or "cyclic"; RCS ends a turn without an answer after `turn_timeout` [s];
-    `refresh_time` is the mean time to receive every value once [s]; `wrong_per_year`
-    counts packets accepted with errors (an upper estimate if byte-stuffed); `stale_time` is the
-    mean time that a switch is wrong after a failed packet [s].
+    `sending` is "changed" or "cyclic"; RCS ends a turn without a response after `turn_timeout` [s];
+    `refresh_time` is the mean time to receive every value once [s]; `wrong_per_year` counts packets
+    accepted with errors (an upper estimate if byte-stuffed); `stale_time` is the mean time that a
+    switch position is wrong after a failed packet [s].
     """
 
     check: str
@@ -213,10 +213,10 @@ def candidates(n_items: int, system: System, rate: float, stale_time: float) -> 
     """Return all ways to send 1..84 values per station, one row each, as `recommend` compares them.
 
     A discarded packet also causes a wait of one turn, but affects no other packet. There is no row
-    for a check and size whose answer takes longer than a turn. If the items are split among several
-    packets, all are as long as the longest and each cycle carries one packet per station, so that
-    updating all values takes as many cycles as there are packets. If only changes are sent, a
-    packet is as long as if all items changed at once; its failures are those of one-item packets.
+    for a check and size whose response takes longer than a turn. If the items are split among
+    several packets, all are as long as the longest and each cycle carries one packet per station,
+    so that updating all values takes as many cycles as there are packets. If only changes are sent,
+    a packet is as long as if all items changed at once; its failures are those of one-item packets.
     """
     n = check_whole("n_items", n_items, 1, MOST_STUFFED)
     p = check_scalar("rate", rate, "", 0, 0.1)
@@ -234,11 +234,11 @@ def candidates(n_items: int, system: System, rate: float, stale_time: float) -> 
             for sending in ways:
                 changed = sending == "changed"
                 shares = form.error_shares(1 if changed else per_packet, p)
-                # One packet per interval if only changes are sent, or four packets per cycle.
+                # One packet per interval if only changes are sent, else four per cycle.
                 packets = 1 / _INTERVAL if changed else 4 / cycle
                 timeout = cycle / 2 if base.turn_timeout is None else base.turn_timeout
-                # The wait for a lost answer exceeds the time of an answer by this time. If a turn
-                # ends before the answer arrives, nothing is received at all.
+                # A lost response delays the cycle by this time. If a turn ends before the response
+                # arrives, nothing is received at all.
                 longer = timeout - cycle / 4
                 if longer <= 0:
                     continue
@@ -279,14 +279,14 @@ def recommend(
         Number of values that each station sends, 1..84.
     system : System, optional
         Only bit rate, character, processing and ``turn_timeout`` are used; by default the paper's
-        link. Without a ``turn_timeout``, a turn ends after half a cycle, twice the time of an
-        answer; waiting until the counters reach the limit, as printed, would leave a switch wrong
-        for 4.4 s longer.
+        link. Without a ``turn_timeout``, a turn ends after half a cycle, twice the time of a
+        response; waiting until the counters reach the limit, as printed, would show a wrong
+        position for 4.4 s longer.
     rate : float, default 1e-5
         Bit error rate, 0..0.1; our assumption, because the paper states none.
     stale_time : float, default 3
         Longest mean time that a switch is shown in a wrong position after a failed packet,
-        1e-3..1e9 [s], including the wait of RCS for the lost answer; the default equals the time
+        1e-3..1e9 [s], including the wait of RCS for the lost response; the default equals the time
         for which a failed partner may go unnoticed.
 
     Returns
@@ -314,12 +314,12 @@ def recommend(
     table = candidates(n_items, system or System(), rate, stale_time)
     good = table[table["meets"]]
     if table.empty:
-        raise ArgumentError("turn_timeout is shorter than the shortest answer, that of one item")
+        raise ArgumentError("turn_timeout is shorter than the shortest response, that of one item")
     if good.empty:
         failed = (~table[["errors_ok", "stale_ok", "alarm_ok"]]).sum().astype(int)
         raise ArgumentError(
             f"n_items is {n_items}: of {len(table)} ways to send them, {failed['errors_ok']} let "
-            f"too many errors pass, {failed['stale_ok']} leave a switch wrong for too long, and "
+            f"too many errors pass, {failed['stale_ok']} show a wrong position for too long, and "
             f"{failed['alarm_ok']} raise false alarms"
         )
     best = good.sort_values("refresh_s", kind="stable").iloc[0]
@@ -329,7 +329,7 @@ def recommend(
     why = (
         f"markers alone would accept {wrong:.2g} wrong packets per year, this accepts {most}"
         f"{best['wrong_per_year']:.2g}; a switch is correct again {best['stale_s']:.2g} s after "
-        f"a failed packet on average, if RCS ends a turn without an answer after "
+        f"a failed packet on average, if RCS ends a turn without a response after "
         f"{best['turn_timeout_s']:.2g} s"
     )
     check, per_packet = str(best["check"]), int(best["per_packet"])

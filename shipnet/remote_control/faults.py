@@ -57,7 +57,7 @@ class Stall(Fault):
 
 @record
 class LostPacket(Fault):
-    """A packet is lost on the line: the first that its sender begins between `start` and `stop`.
+    """A packet is lost: the first one that its sender begins between `start` and `stop`.
 
     Examples
     --------

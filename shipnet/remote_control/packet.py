@@ -162,7 +162,7 @@ class MarkerFormat(PacketFormat):
         .. math:: P_u = (1 - p)^{8 m} \left( 1 - P_e - (1 - p)^{24 n} \right)
 
         unless a number turns into the last marker, with the probability P_e. With a CRC, the other
-        bits must also be a code word, see `crc_residual`; this upper bound is less than a
+        bits must also form a code word, see `crc_residual`; this upper bound is less than a
         thousandth too high. A check of the numbers is ignored; it would only lower the fraction.
         """
         head, lead = len(self.head), len(self.lead)
@@ -172,7 +172,7 @@ class MarkerFormat(PacketFormat):
         intact = (1 - p) ** (8 * len(markers))
         if self.crc:
             return intact * crc_residual(end + 1, p, markers)
-        # The sum is written so that it does not cancel for small p.
+        # The sum is written so that its terms do not cancel for small p.
         changed = -float(np.expm1(24 * n_items * np.log1p(-p)))
         if not lead:
             apart = np.bitwise_count(np.arange(n_items, dtype=np.uint8) ^ np.uint8(PACKET_END))
@@ -386,7 +386,7 @@ class CobsFormat(PacketFormat):
         """Return an estimate, usually too high, of the fraction accepted with errors."""
         # Undetected single-bit errors are counted by trying every bit. Two or more inverted bits
         # are treated as noise, of which a fraction of 2**-16 passes. Of four million pairs of
-        # inverted bits none passed.
+        # inverted bits, none passed.
         bits = 8 * self.size(n_items)
         single = bits * p * (1 - p) ** (bits - 1)
         return self.undetected_flips(n_items) * single + max(hit - single, 0.0) * 2.0**-_CRC_BITS
@@ -404,7 +404,7 @@ class CobsFormat(PacketFormat):
 
 
 class CobsParser:
-    """Reads a stream: the bytes between two zeros are a packet or are discarded."""
+    """Reads a stream: the bytes between two zeros form a packet or are discarded."""
 
     def __init__(self, packet_format: CobsFormat) -> None:
         self.discarded = 0
@@ -436,7 +436,7 @@ class CobsParser:
 def crc_residual(n_bytes: int, rate: float, known: tuple[int, ...] = ()) -> float:
     r"""Return the probability that CRC-16/MODBUS accepts data and check bytes that have errors.
 
-    Bytes at the `known` places have no errors. By MacWilliams' identity, with the number B of words
+    Bytes at the `known` places are error-free. By MacWilliams' identity, with the number B of words
     of weight w in the dual code of a code of L bits (T. Fujiwara, T. Kasami, S. Lin, IEEE Trans.
     Communications 37 (1989) 986-989):
 

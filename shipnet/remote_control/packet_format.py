@@ -29,7 +29,7 @@ NumberCheck = Literal["any", "known", "rising"]
 #: Packets processed at a time.
 _CHUNK = 1 << 16
 
-#: The fault of a refused packet; the text about numbers continues with the legal numbers.
+#: The fault of a rejected packet; the text about numbers continues with the legal numbers.
 _FAULTS: Mapping[type[FrameError], str] = {
     LengthError: "has a length that fits no number of items",
     FormError: "does not have the form of a packet",
@@ -133,7 +133,7 @@ class PacketFormat:
     def decode(self, packet: bytes | bytearray) -> Items:
         """Return numbers and values of one packet.
 
-        Raises `LengthError`, `FormError`, `CrcError` or `FieldError` (a number is refused).
+        Raises `LengthError`, `FormError`, `CrcError` or `FieldError` (a number is rejected).
         """
         data = check_bytes("packet", packet)
         found = self.decode_batch(np.frombuffer(data, np.uint8)[np.newaxis])

@@ -1,8 +1,8 @@
 """The receive ring: an interrupt stores bytes, a task extracts them later.
 
 Writer and reader each have a place (``no``, ``get_no``) and a flag that changes at the end of the
-ring (``ring_f``, ``ring_get_f``). Together they count to twice the size of the ring, and show the
-unread bytes in one of four cases:
+ring (``ring_f``, ``ring_get_f``). Place and flag together count to twice the size of the ring, and
+show the unread bytes in one of four cases:
 
 - a: same flags, ``no < get_no``: the reader seems to have passed the writer;
 - b: same flags, ``no >= get_no``: in order, or empty;

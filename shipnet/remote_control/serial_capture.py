@@ -28,7 +28,7 @@ _FORMS = tuple((data, parity) for data in (8, 7) for parity in "NEO")
 #: Number of edges used to compare guesses, and the longest glitch [bit].
 _HEAD, _GLITCH = 600, 1 / 3
 
-#: Fewest samples per bit, and most edges in a record.
+#: Minimum number of samples per bit, and maximum number of edges in a record.
 _FEWEST, _EDGES = 2.0, 2**22
 
 
@@ -41,7 +41,7 @@ class _Reading(NamedTuple):
 
 
 def _read(places: Floats, first: int, bit: float, size: int) -> _Reading:
-    """Sample characters of `size` bits between start and stop bit, each from its own start."""
+    """Sample characters of `size` bits between start and stop bit, each from its own start bit."""
     falls = places[first ^ 1 :: 2]
 
     def level(times: Floats) -> Integers:
@@ -87,7 +87,7 @@ def _tuned(places: Floats, first: int, bit: float, size: int) -> float:
 
 
 def _without_glitches(places: Floats, bit: float) -> Floats:
-    """Return the edges without pairs that are closer than a glitch."""
+    """Return the edges without pairs that are closer together than the longest glitch."""
     if not (np.diff(places) < _GLITCH * bit).any():
         return places
     kept: list[float] = []
@@ -132,7 +132,7 @@ def _found(
             wrong = np.logical_or(*_faults(reading, parity)).mean()
             gone = (len(head) - len(clean)) / len(head)
             score = wrong + gone + 2 * max(0.0, off - 0.5 * edges.width / own - 0.02)
-            # A bit of half the length also fits, and without parity only stop bits can fail.
+            # Half the bit time also fits, and without parity only stop bits can be wrong.
             score += -0.5 * np.log2(own / runs.max()) + 0.02 * (parity == "N") - 0.01 * data
             best = min(best, (score, own, (data, parity)))
     return best[1:]

@@ -470,7 +470,7 @@ class _Simulation:
             self._leave(station, turn)
 
     def _leave(self, station: Station, turn: int) -> None:
-        """Let a station that gets no answer send as soon as its task can."""
+        """End the wait for a response: let the station send as soon as its task is free."""
         if self.now < station.busy_until:
             self._at(station.busy_until, partial(self._leave, station, turn))
         elif station.turn == turn and station.state is State.RECEIVING:

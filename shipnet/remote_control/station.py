@@ -39,7 +39,7 @@ def changed_items(sending: Sequence[int], sended: Sequence[int]) -> dict[int, in
     """
     if len(sending) != len(sended):
         raise ArgumentError(
-            f"sending has {len(sending)} values, sended {len(sended)}; the numbers must be equal"
+            f"sending has {len(sending)} values, sended {len(sended)}; they must be equally long"
         )
     pairs = zip(_values("sending", sending), _values("sended", sended), strict=True)
     return {number: value for number, (value, last) in enumerate(pairs) if value != last}

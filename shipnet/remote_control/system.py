@@ -50,7 +50,7 @@ class Value:
 
     @property
     def routes(self) -> tuple[tuple[str, ...], ...]:
-        """The stations on the value's route; a tuple per source and other station that uses it."""
+        """The stations on the value's route; one tuple per pair of source and other user."""
         # BCS and SS have no line between them: values from one to the other go through RCS.
         users = (*self.sources, *self.readers)
         pairs = [(a, b) for a in self.sources for b in users if a != b]
@@ -210,12 +210,12 @@ class Counter:
 class Cascade(NamedTuple):
     """The silence that BCS observes while RCS waits for a dead SS; times in seconds.
 
-    The pairs are the shortest and the longest time, depending on the timers, in the first turn of
-    an SS that died while it was silent: the time that RCS waits for an answer, the time that BCS
-    receives nothing, from its last byte to the next 0xDD, and the time that the counters of BCS run
-    meanwhile. `longest` is a bound on the time that BCS receives nothing, over every moment of
-    death and all later turns. `alarm` says whether BCS also declares RCS failed, although RCS is
-    alive: "certain" (in the first turn), "possible" or "never".
+    The pairs contain the shortest and the longest time, depending on the timers, in the first turn
+    of an SS that died while it was silent. `wait` is the time that RCS waits for a response,
+    `silent` the time that BCS receives nothing, from its last byte to the next 0xDD, and `counted`
+    the time that the counters of BCS run meanwhile. `longest` bounds the time that BCS receives
+    nothing, whenever SS dies and in all later turns. `alarm` says whether BCS also declares RCS
+    failed, although RCS is alive: "certain" (in the first turn), "possible" or "never".
     """
 
     wait: tuple[float, float]
@@ -252,13 +252,13 @@ class System:
 
     packet_format: PacketFormat = part(
         PacketFormat,
-        "Form of the packets, a MarkerFormat or a CobsFormat; its ``n_numbers`` is the number of "
+        "Packet format, a MarkerFormat or a CobsFormat; its ``n_numbers`` is the number of "
         "items, the same on all hops", default_factory=MarkerFormat,
     )  # fmt: skip
     bit_rate: float = number(1, 10e6, "bit/s", "Bit rate", default=9600.0)
     character_bits: int = whole(
         10, 11, "bit",
-        "Bits on the line per byte, without or with a parity bit (or a second stop bit); chung1998 "
+        "Bits per byte on the line: 10, or 11 with a parity bit or a second stop bit; chung1998 "
         "does not say which", default=10,
     )  # fmt: skip
     repeat: int = whole(
@@ -268,14 +268,14 @@ class System:
     )  # fmt: skip
     processing: float = number(
         0, 10, "s",
-        "Time from the last byte of a packet to the first byte of the answer; Fig. 2 shows such a "
-        "time but prints no number", default=0.0,
+        "Time from the last byte of a packet to the first byte of the response; Fig. 2 shows "
+        "such a time but prints no number", default=0.0,
     )  # fmt: skip
     master: Supervision = part(Supervision, "Rule of RCS", default_factory=Supervision)
     slave: Supervision = part(Supervision, "Rule of BCS and SS", default_factory=Supervision)
     turn_timeout: float | None = number(
         1e-3, 3600, "s",
-        "Time after which RCS goes on to the next partner without an answer; as printed, it waits "
+        "Time after which RCS goes on to the next partner without a response; as printed, it waits "
         "until it declares the partner failed", default=None, optional=True,
     )  # fmt: skip
     ring_size: int = whole(2, 4096, "byte", "Size of the receive ring", default=128)
@@ -380,10 +380,10 @@ class System:
         .. math:: T_i' = t + P + W + b \, t_c
 
         where the wait W of RCS ends when its counters reach the limit or its turn ends. An SS that
-        dies within its answer leaves part of a packet in the ring of RCS. This part can spoil the
-        answer of BCS, and RCS then waits for both slaves; `Cascade.longest` assumes that this
-        always happens. RCS can even declare BCS failed, unless the turn ends before the counters
-        reach the limit.
+        dies within its response leaves part of a packet in the ring of RCS. This part can corrupt
+        the response of BCS, and RCS then waits in vain for both slaves; `Cascade.longest` assumes
+        that this always happens. RCS can even declare BCS failed, unless the turn ends before the
+        counters reach the limit.
         """
         packet, process, rule = self.packet_time, self.processing, self.master
         # RCS has already counted for SS since its last 0xDD.
@@ -413,9 +413,9 @@ class System:
     def overrun_stall(self) -> tuple[float, float]:
         r"""Return the shortest and longest stall of a slave's task that overruns its ring [s].
 
-        The stall begins at the worst moment, as a packet begins. RCS waits for W without an answer,
-        and then sends again after an exchange with the other slave, until the k-th packet after the
-        first fills the ring:
+        The stall begins at the worst moment, as a packet begins. RCS waits for W without a
+        response, and then sends again after an exchange with the other slave, until the k-th packet
+        after the first fills the ring:
 
         .. math:: S = k (W + 3 P + 2 t) + (R - k L - 1) \, t_c, \quad k = \lceil R / L \rceil - 1
 

@@ -46,7 +46,7 @@ def test_two_senders_part_where_their_bits_first_differ(one, other):
     assert max(stopped or 0 for stopped in arbitrate([one, other]).stopped) == place
 
 
-def test_a_standard_data_frame_beats_the_extended_one_that_begins_like_it_by_rtr():
+def test_by_its_rtr_a_standard_data_frame_beats_an_extended_one_that_begins_alike():
     contest = arbitrate([Frame(0x555 << 18, extended=True), Frame(0x555)])
     assert contest.stopped == (12, None)
     # A remote frame also sends a recessive RTR, and wins one bit later by its IDE bit.

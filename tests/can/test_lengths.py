@@ -152,7 +152,7 @@ def test_the_means_of_all_formats_are_those_of_the_reference():
 
 @pytest.mark.parametrize("dlc", [-1, 9, 2.5, None, True, "8", [1, 9], float("nan")])
 def test_a_wrong_number_of_bytes_is_refused(dlc):
-    with pytest.raises(ArgumentError, match=r"dlc is .*; it must be whole numbers 0\.\.8"):
+    with pytest.raises(ArgumentError, match=r"dlc is .*; expected whole numbers 0\.\.8"):
         frame_length(dlc)
 
 

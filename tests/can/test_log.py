@@ -133,7 +133,7 @@ def test_a_damaged_other_format_names_its_line_or_frame(tmp_path):
     assert len(kept.faults) == 1
     blf = tmp_path / "bus.blf"
     blf.write_bytes(b"LOGGnothing")
-    with pytest.raises(InputError, match=r"bus\.blf: after frame 0: its header has"):
+    with pytest.raises(InputError, match=r"bus\.blf: after frame 0: its header length"):
         read_log(blf)
 
 

@@ -101,7 +101,7 @@ def test_a_scan_takes_as_long_as_its_transactions_one_by_one(poll, n, data):
 
 
 @given(poll=POLLS, n=st.integers(1, 247), data=st.data())
-def test_the_most_slaves_fit_and_one_more_does_not(poll, n, data):
+def test_the_maximum_number_of_slaves_fits_and_one_more_does_not(poll, n, data):
     dead = data.draw(st.integers(0, n))
     assert poll.max_slaves(poll.scan_time(n, dead=dead), dead=dead) == n
     period = data.draw(st.floats(0.01, 100))

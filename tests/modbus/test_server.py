@@ -203,7 +203,7 @@ def test_noise_is_dropped_after_silence(line, noise):
             wait_for(answered)
 
 
-def test_answers_in_tcp_and_udp_are_the_bytes_of_our_encoders():
+def test_responses_in_tcp_and_udp_are_the_bytes_of_our_encoders():
     devices = {k: device(k) for k in (0, 1, 200, 247)}
     for kind, sort in (("tcp", socket.SOCK_STREAM), ("udp", socket.SOCK_DGRAM)):
         with serve(devices, kind) as server, raw(server, sort) as client:
@@ -217,7 +217,7 @@ def test_answers_in_tcp_and_udp_are_the_bytes_of_our_encoders():
             assert receive(client, 9) == tcp_frame(248, b"\xc1\x0b", 7)
 
 
-def test_delayed_answers_keep_their_transaction_ids_and_their_addresses():
+def test_delayed_responses_keep_their_transaction_ids_and_their_addresses():
     slow = {1: Slave(device(1), delay=0.2), 2: device(2)}
     with serve(slow) as server, raw(server) as client:
         start = monotonic()
@@ -252,7 +252,7 @@ class Gate:
         raise AssertionError
 
 
-def test_a_late_answer_is_taken_for_that_of_the_next_valve_if_ids_are_0_and_dropped_if_they_count():
+def test_a_late_response_is_taken_for_the_next_valve_if_ids_are_0_and_dropped_if_they_count():
     gate = Gate(100)
     with serve({1: gate, 2: device(200)}, "udp") as server:
         with raw(server, socket.SOCK_DGRAM) as master:
@@ -287,7 +287,7 @@ def test_a_broadcast_is_executed_and_not_answered():
     assert devices[2].device.holding_registers[0] == 10  # it serves no writes
 
 
-def test_a_hundred_clients_at_once_get_their_own_answers():
+def test_a_hundred_clients_at_once_get_their_own_responses():
     with serve({k: device(k) for k in range(1, 101)}) as server, ExitStack() as stack:
         clients = [stack.enter_context(raw(server)) for _ in range(100)]
         for turn in range(3):
@@ -380,7 +380,7 @@ def test_clients_take_turns_with_one_that_sends_as_fast_as_it_can():
 
 
 @pytest.mark.parametrize("kind", ["tcp", "udp"])
-def test_the_number_of_delayed_answers_per_client_is_limited(kind):
+def test_the_number_of_delayed_responses_per_client_is_limited(kind):
     book = []
     slow = Slave(Journal(1, book), delay=3600)
     sort = {"tcp": socket.SOCK_STREAM, "udp": socket.SOCK_DGRAM}[kind]
@@ -405,7 +405,7 @@ def is_closed(client):
         return True
 
 
-def test_a_client_without_requests_is_disconnected_but_not_while_its_answer_is_delayed(
+def test_a_client_without_requests_is_disconnected_but_not_while_its_response_is_delayed(
     monkeypatch,
 ):
     monkeypatch.setattr(handlers, "_IDLE", 0.05)
@@ -493,7 +493,7 @@ FRAMES = st.one_of(
 
 @settings(max_examples=40)
 @given(frames=st.lists(FRAMES, min_size=1, max_size=4))
-def test_no_bytes_of_one_client_keep_another_from_its_answer(hosts, frames):
+def test_no_bytes_of_one_client_keep_another_from_its_response(hosts, frames):
     for server, kind in zip(hosts, (socket.SOCK_STREAM, socket.SOCK_DGRAM), strict=True):
         with raw(server, kind) as hostile, raw(server, kind) as client:
             try:
@@ -520,7 +520,7 @@ def test_devices_get_the_time_of_the_given_clock():
             assert receive(client, 11)[-2:] == shown.to_bytes(2, "big")
 
 
-def test_everything_is_closed_at_the_end_even_with_answers_outstanding():
+def test_everything_is_closed_at_the_end_even_with_responses_outstanding():
     before = threading.active_count()
     server = serve({1: Slave(device(), delay=60)})
     with server:
@@ -541,7 +541,7 @@ def test_everything_is_closed_at_the_end_even_with_answers_outstanding():
             server.__enter__()  # and it may listen again
 
 
-def test_unsent_answers_do_not_keep_the_server_from_stopping():
+def test_unsent_responses_do_not_keep_the_server_from_stopping():
     ask = tcp_frame(1, Request.read_holding_registers(0, 125).pdu, 1) * 20
     before = threading.active_count()
     with serve({1: Slave(holding_registers=[0] * 125)}) as server, raw(server) as client:

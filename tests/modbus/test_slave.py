@@ -131,7 +131,7 @@ def test_a_device_that_fails_is_answered_with_exception_4(act, caplog):
     assert "the device failed" in caplog.text
 
 
-def test_a_device_gets_model_time_and_chooses_its_exception():
+def test_a_device_gets_simulated_time_and_chooses_its_exception():
     def act(n, time):
         if time < 4:
             raise DeviceError(5)

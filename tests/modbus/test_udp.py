@@ -24,7 +24,7 @@ class Scripted:
 
 
 @pytest.mark.parametrize("late", [0, 3, 40, 99])
-def test_one_late_answer_mismatches_all_that_follow_if_ids_are_0_and_none_if_they_count(late):
+def test_one_late_response_mismatches_all_that_follow_if_ids_are_0_and_none_if_they_count(late):
     # It arrives 0.01 s after the time-out of 0.5 s, so before the answer to the next request.
     reply_to, dropped = replies([0] * 100, Scripted(late, delay=0.01, lateness=0.49), 0.5, None)
     # Each request accepts the answer to the previous one.
@@ -93,7 +93,7 @@ def test_the_path_loses_delays_and_duplicates_as_often_as_its_probabilities_say(
     assert path.transit(0, np.random.default_rng(1)).shape == (0, 2)
 
 
-def test_a_duplicated_request_is_answered_twice_and_the_second_answer_is_left_over():
+def test_a_duplicated_request_is_answered_twice_and_the_second_response_is_left_over():
     reply_to, _ = replies([0, 0], LossyPath(duplicated=1.0), 0.5, np.random.default_rng(1))
     # Two copies arrive, each is answered, and each answer is duplicated: three are left over.
     assert reply_to.tolist() == [0, 0]

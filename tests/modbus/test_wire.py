@@ -69,7 +69,7 @@ def test_a_wrong_crc_belongs_to_other_data():
     assert sent("wrong-crc", RTU) == (good[:6] + b"\x9d" + good[7:]).hex(" ")
 
 
-def test_garbage_is_four_bytes_before_or_after_the_answer():
+def test_garbage_is_four_bytes_before_or_after_the_response():
     good = RTU.rtu.hex(" ")
     before, after = sent("garbage-before", RTU), sent("garbage-after", RTU)
     assert before.endswith(good) and after.startswith(good)
@@ -77,7 +77,7 @@ def test_garbage_is_four_bytes_before_or_after_the_answer():
     assert before[:11] == after[-11:]  # one seed
 
 
-def test_faults_of_timing_delay_or_split_the_answer():
+def test_faults_of_timing_delay_or_split_the_response():
     assert WireFault("late").pieces(RTU) == [(5.0, RTU.rtu)]
     assert WireFault("late", seconds=0).pieces(TCP) == [(0.0, TCP.tcp)]
     gap = WireFault("gap", seconds=0.25).pieces(TCP)
@@ -101,11 +101,11 @@ def test_faults_of_timing_delay_or_split_the_answer():
         ("previous", TCP, TCP),
     ],
 )
-def test_short_answers_first_ones_and_ends_of_ranges(name, answer, changed):
+def test_short_responses_first_ones_and_ends_of_ranges(name, answer, changed):
     assert sent(name, answer) == changed.tcp.hex(" ")
 
 
-def test_at_most_one_fault_hits_an_answer_with_the_stated_probability():
+def test_at_most_one_fault_hits_a_response_with_the_stated_probability():
     wire = Wire([WireFault("short", 0.3), WireFault("double", 0.2)], 1)
     sizes = np.array([len(wire.pieces(RTU)[0][1]) for _ in range(4000)])
     assert set(sizes) == {4, 9, 18}
@@ -183,7 +183,7 @@ def test_the_program_refuses_in_one_line(device, words, message, capsys):
         ("engine", 2, Request.read_holding_registers(0, 3)),
     ],
 )
-def test_the_program_serves_answers_with_a_fault(device, unit, request_sent):
+def test_the_program_sends_responses_with_a_fault(device, unit, request_sent):
     with running("serve", device, "--port", "0", "--wire-fault", "wrong-unit:1") as program:
         port = int(re.search(r"port (\d+) \(TCP\)", program.stdout.readline())[1])
         with socket.create_connection(("127.0.0.1", port), PATIENCE) as client:
@@ -221,7 +221,7 @@ def hits(share, *wanted):
     raise AssertionError
 
 
-def test_a_late_answer_is_not_overtaken_and_keeps_no_other_client_waiting():
+def test_a_late_response_is_not_overtaken_and_keeps_no_other_client_waiting():
     late, seed = WireFault("late", 0.5, 1.0), hits(0.5, True, False, False)
     slave = Slave(holding_registers=[10, 11, 12])
     with ExitStack() as stack:
@@ -239,7 +239,7 @@ def test_a_late_answer_is_not_overtaken_and_keeps_no_other_client_waiting():
         assert monotonic() - begin >= 0.99
 
 
-def test_many_answers_after_a_late_one_come_in_order():
+def test_many_responses_after_a_late_one_come_in_order():
     late, seed = WireFault("late", 0.001, 0.3), hits(0.001, True)
     n = 400  # more than are held back for one client
     with ExitStack() as stack:
@@ -252,7 +252,7 @@ def test_many_answers_after_a_late_one_come_in_order():
     assert [int.from_bytes(data[11 * k + 9 :][:2], "big") for k in range(n)] == list(range(n))
 
 
-def test_a_gap_splits_an_answer():
+def test_a_gap_splits_a_response():
     with ExitStack() as stack:
         slave = Slave(holding_registers=[10])
         gap = WireFault("gap", seconds=0.3)
@@ -264,7 +264,7 @@ def test_a_gap_splits_an_answer():
         assert monotonic() - begin >= 0.29
 
 
-def test_the_previous_answer_may_be_that_of_another_client():
+def test_the_previous_response_may_be_that_of_another_client():
     with ExitStack() as stack:
         slave = Slave(holding_registers=[10, 11])
         fault = WireFault("previous")
@@ -276,7 +276,7 @@ def test_the_previous_answer_may_be_that_of_another_client():
         assert received(other, 11) == "00 01 00 00 00 05 01 03 02 00 0a"
 
 
-def test_a_client_may_leave_before_a_late_answer():
+def test_a_client_may_leave_before_a_late_response():
     async def leave():
         late = WireFault("late", seconds=0.05)
         with serve({1: Slave(holding_registers=[10])}, wire_faults=late) as server:

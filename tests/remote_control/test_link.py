@@ -90,7 +90,7 @@ def test_a_healthy_simulated_link_has_the_times_of_the_closed_forms(system, seed
         assert system.max_ticks - 2 <= ticks(run, slave) <= system.max_ticks
 
 
-def test_the_most_ticks_are_reached_by_some_phase_and_exceeded_by_none():
+def test_the_maximum_number_of_ticks_is_reached_in_some_phase_and_exceeded_in_none():
     system = full(bit_rate=600)
     seen = set()
     for seed in range(25):
