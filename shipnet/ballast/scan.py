@@ -25,7 +25,7 @@ from shipnet.modbus.uart import SerialLine
 #: paper.
 BIT_RATES = (2400, 4800, 9600, 19200, 38400, 57600, 115200)
 
-#: The request of a scan to each valve: input registers 0x4020 to 0x4023.
+#: The request that a scan sends to each valve: input registers 0x4020 to 0x4023.
 READ_STATUS = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 
 #: Limit for the "display of fully updated screen views" in DNV-OS-D202 [s].
@@ -156,7 +156,7 @@ class System:
         rows = {}
         for rate in BIT_RATES:
             serial = SerialLine(rate, given.line.character)
-            # Such a long time-out permits any processing time; nothing times out here.
+            # With so long a time-out any processing time is allowed; nothing times out here.
             read = status_poll(serial, processing=given.processing, timeout=3600)
             scan = read.scan_time(largest)
             rows[rate] = masters, scan, scan + read.shortest_timeout, read.max_slaves(_SCREEN)
@@ -165,7 +165,7 @@ class System:
         return table.rename_axis("bit_rate")
 
     def valve_addresses(self) -> pd.DataFrame:
-        """Return the master and the unit id of each valve, divided evenly and in order."""
+        """Return the master and unit id of each valve; valves are divided evenly and in order."""
         shares = np.array_split(np.arange(self.n_valves), -(-self.n_valves // MAX_UNIT))
         rows = [
             (master, unit)

@@ -94,7 +94,7 @@ def simulate(
     if valves.poll is not None:
         return scan_fleet(valves, commands, several, until, rng)
     if others := [fault for fault in several if not isinstance(fault, Fault)]:
-        raise ArgumentError(f"one of faults is {others[0]!r}; without a poll there is no line")
+        raise ArgumentError(f"one of faults is {others[0]!r}; it requires a system with a poll")
     return simulate_valves(valves, commands, faults, until, idle_step, rng)
 
 

@@ -47,7 +47,7 @@ def test_a_slave_that_finds_nothing_or_reports_another_row_does_not_pass(monkeyp
 def test_a_broken_system_does_not_pass(monkeypatch):
     monkeypatch.setattr("shipnet.ballast.slave.ValveDevice.turn", lambda *_: None)
     failed = [step.step for step in _manual(Bed) if not step.passed]
-    assert failed == [f"S{unit} switched to open" for unit in range(1, 6)]
+    assert failed == [f"S{unit} opened by switch" for unit in range(1, 6)]
 
 
 def test_the_tank_rises_by_the_closed_form():
