@@ -427,8 +427,8 @@ def scan_fleet(
     cuts = [fault for fault in several if not isinstance(fault, ValveFault)]
     if len(shares) > 1 and (several or system.actuator.n_valves or np.ndim(system.opening)):
         raise ArgumentError(
-            f"n_valves is {system.n_valves}; with faults, or an actuator or opening per valve, there "
-            f"can be only one master, so it must be 1..{MAX_UNIT}"
+            f"n_valves is {system.n_valves}; with faults, or an actuator or opening per valve, "
+            f"only one master is simulated, so it must be 1..{MAX_UNIT}"
         )
     known = [command.mask(system.n_valves) for command in orders]
     noise = None if rng is None else check_rng(rng)

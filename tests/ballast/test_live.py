@@ -113,7 +113,7 @@ def test_received_readings_are_multiples_of_the_register_steps():
     [
         (lambda: Bed(fault="X"), "fault is 'X'"),
         (lambda: Recorder(Plant()).run, "nothing has been recorded"),
-        (lambda: Bed().station.seen.received(1), "it has sent no status"),
+        (lambda: Bed().station.seen.received(1), "no status was received"),
         (lambda: Bed().station.seen.received(6), "valve is 6"),
         (lambda: Bed().device(6), r"unit is 6; it must be a whole number 1\.\.5"),
     ],

@@ -347,7 +347,7 @@ def test_an_unknown_scheduler_is_named(monkeypatch):
     cluster()
     monkeypatch.setattr(MODULE, "_ANSWER", 0.3)
     for address in ("tcp://127.0.0.1:1", "nowhere://x", ""):
-        with pytest.raises(ArgumentError, match=f"client is {address!r}; no scheduler answers"):
+        with pytest.raises(ArgumentError, match=f"client is {address!r}; no scheduler responds"):
             compute(abs, [1], client=address)
 
 
