@@ -22,8 +22,8 @@ VERDICTS = ("met", "violated", "not verified")
 class Findings:
     """The findings of a check, one row per rule and object, with the columns `COLUMNS`.
 
-    `low` and `high` are the limits, NaN if there is none. An optional bool column `graded` marks
-    met rules that have a margin.
+    `low` and `high` are the limits, NaN if there is none. An optional bool column `graded` is True
+    for met rules that have a margin.
     """
 
     def __init__(self, table: pd.DataFrame) -> None:
@@ -48,11 +48,11 @@ class Findings:
         return f"{total}, {', '.join(parts) if parts else 'all met'}"
 
     def table(self) -> pd.DataFrame:
-        """Return every finding: one row per rule and object, as a copy."""
+        """Return a copy of all findings: one row per rule and object."""
         return self._table.copy()
 
     def worst(self) -> pd.DataFrame:
-        """Return the worst row of each rule, ordered by margin.
+        """Return the worst row of each rule, in order of margin.
 
         The `margin` is the relative distance to the limit, negative beyond it. It is NaN if a rule
         has no numeric value, or is met but not graded; such rows come last if the rule is met, and
@@ -123,12 +123,12 @@ class Utilisation(NamedTuple):
         Fraction of the time during which a frame is on the wire. Silences do not count, but on CAN
         the 3 bits of intermission do.
     capacity_used : float
-        The larger of two fractions: of the addresses or stations in use, and of the time in use.
-        Above 1, the bus is overloaded. The second is the bus time on CAN; with a polling master, it
-        is the interval between two polls of a point divided by its required update period.
+        The larger of two fractions: addresses or stations in use, and time in use. Above 1, the bus
+        is overloaded. The time in use is the bus time on CAN; with a polling master, it is the
+        interval between two polls of a point divided by its required update period.
     worst_response : float
-        Longest time from a change at a point until the host has it [s], including the wait for the
-        next poll, or on CAN for the next period of the message.
+        Longest time from a change at a point until the host has the new value [s], including the
+        wait for the next poll, or on CAN for the next period of the message.
     """
 
     bus_time: float
@@ -207,7 +207,7 @@ def _rows(table: pd.DataFrame) -> Any:
 
 
 def check_output(file: str, forms: Sequence[str]) -> None:
-    """Raise ArgumentError, before a long computation, if its result could not be saved there."""
+    """Before a long computation, raise ArgumentError if its result could not be saved to `file`."""
     if Path(file).suffix.lower() not in ("", *forms):
         raise ArgumentError(
             f"-o is {file!r}; its suffix must be one of {', '.join(forms)}, or none for a folder"

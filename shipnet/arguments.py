@@ -104,7 +104,7 @@ def _checked(function: Any, skipped: Collection[str]) -> Any:
 
 
 def _met(rules: Sequence[_Rule], value: Any, failed: bool = False) -> bool:
-    """Return whether a value meets one of the rules, before a call or after it failed."""
+    """Return whether a value meets one of the rules, before a call or after the call has failed."""
     return any(((failed and rule.after) or rule.test)(value) for rule in rules)
 
 
@@ -124,7 +124,7 @@ def _legal(rules: Sequence[_Rule]) -> str:
 
 
 def _numbers(rules: list[_Rule]) -> bool:
-    """Return whether the rules accept every value before a call; it is tested if the call fails."""
+    """Return whether the rules accept all values before a call, and test them only if it fails."""
     return not rules or any(rule.test is _anything for rule in rules)
 
 

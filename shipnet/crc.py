@@ -98,7 +98,7 @@ class Crc:
 
     def _rows(self, rows: npt.NDArray[Any]) -> npt.NDArray[np.unsignedinteger]:
         if rows.dtype != np.uint8 or rows.ndim == 0:
-            raise ArgumentError(f"data is {rows.ndim}-D {rows.dtype}; it must be rows of uint8")
+            raise ArgumentError(f"data is {rows.dtype}, {rows.ndim}-D; it must be rows of uint8")
         kind = np.dtype(f"u{next(n for n in (2, 4, 8) if self.width <= 8 * n)}")
         table = np.array(self._table, dtype=kind)
         register = np.full(rows.shape[:-1], self._reversed(self.init), dtype=kind)

@@ -15,7 +15,7 @@ __all__ = [
     "SymbolError", "UnknownCallError", "load_extra", "name_of",
 ]  # fmt: skip
 
-#: Length limits of a fault, a message and a quoted value [characters]; the middle is cut out.
+#: Length limits of a fault, a message and a quoted value [characters]; the excess is cut out.
 _FAULT, _MESSAGE, _QUOTED = 300, 3000, 80
 
 #: A value that a message quotes.

@@ -86,7 +86,7 @@ def check_trees(what: str, known: int | None, *values: Quantity | None) -> int |
 def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> int:
     """Return a whole number such as 3 or 3.0 as an int, or raise if not whole or out of range.
 
-    `why` ends the message. A bool is not a number here.
+    `why` ends the message. A bool does not count as a number.
     """
     try:
         whole = None if isinstance(value, bool) else index(value)

@@ -36,7 +36,7 @@ _WORTHWHILE, _CHUNK = 4.0, 1.0
 #: Consecutive losses of workers, without a result between them, that end the computation.
 _MOST_LOSSES = 5
 
-#: Time-out of a scheduler, and delay of the progress bar [s].
+#: Time-out for connecting to a scheduler, and delay of the progress bar [s].
 _ANSWER, _PATIENCE = 10, 2.0
 
 _GONE = "the Dask scheduler was lost; with a folder, the same call resumes where it stopped"
@@ -80,14 +80,14 @@ def compute(
     tasks : iterable
         The arguments of the calls.
     seed : int, optional
-        0..2^63 - 1; each task gets a random generator that depends on seed and task number.
+        Seed, 0..2^63 - 1; each task gets a random generator that depends on seed and task number.
     client : None, int, str or distributed.Client, optional
         Where the tasks run: 1 for this process, 2..1024 for that many processes, the address of a
         Dask scheduler, or its client. By default, tasks run in this process, then in one process
         per core if that saves over 4 s. Processes and Dask need ``pip install "shipnet[cluster]"``.
     folder : path, optional
-        Folder for results as JSON, so that the same call resumes after a stop. Results must be
-        numbers, text, lists or dicts; a tuple becomes a list.
+        Folder in which results are saved as JSON, so that the same call resumes after a stop.
+        Results must be numbers, text, lists or dicts; a tuple becomes a list.
     progress : bool or callable, optional
         Called as ``progress(done, total)`` when results arrive. True shows a bar, False none; by
         default, a bar appears on a terminal after 2 s.

@@ -47,7 +47,7 @@ SIGNALS: Mapping[str, Signal] = {
     "current_loop_4wire": Signal("4-20 mA transmitter with a supply of its own", 4, 0, "AI"),
     "voltage_input": Signal("voltage such as 0-10 V from a device with its own supply", 2, 0, "AI"),
     "potentiometer": Signal("potentiometer with supply and wiper wires", 3, 0, "AI"),
-    "serial": Signal("value of a serial device, whose pair counts for each value", 2, 0, "AI"),
+    "serial": Signal("value of a serial device; its pair is counted for each value", 2, 0, "AI"),
     "analogue_output": Signal("4-20 mA set point to a positioner or drive", 2, 0, "AO"),
 }
 
@@ -126,7 +126,7 @@ class Saving:
 
     @property
     def left(self) -> float:
-        """Fraction of the hardwired conductors that the bus needs."""
+        """Conductors on the bus as a fraction of the hardwired ones."""
         return self.bus / self.hardwired
 
     @property

@@ -119,7 +119,7 @@ def titled(
 
 
 def in_order(faults: Iterable[tuple[int, str]]) -> list[str]:
-    """Return the faults in the order of their rows, each with its row."""
+    """Return the faults in the order of their rows, each with its row number."""
     return [f"row {number}{fault}" for number, fault in sorted(faults, key=itemgetter(0))]
 
 
@@ -241,8 +241,8 @@ def read_sheet(
     """Read a CSV file or a sheet of an Excel workbook, detected by content.
 
     By default, the visible sheet with the best row of titles is read; a remark names it. Formulas
-    give the values saved with them; merged cells are repeated in each of their rows. `is_titles`
-    and `what` are as in `parse_sheet`.
+    are read as the values saved with them; merged cells are repeated in each of their rows.
+    `is_titles` and `what` are as in `parse_sheet`.
     """
     source, data = str(path), read_bytes(path)
     if data[:4] == b"PK\x03\x04":
@@ -486,7 +486,7 @@ def _odd(value: Any, text: str) -> str:
 
 
 def frame_sheet(table: pd.DataFrame, source: str = "table") -> Sheet:
-    """Return a DataFrame as a sheet with rows from number 0, to be checked like a file."""
+    """Return a DataFrame as a sheet, its rows numbered from 0, to be checked like a file."""
     titles = tuple(" ".join(str(title).split()) for title in table.columns)
     cells = table.astype(object).where(table.notna(), None)
     odd: dict[tuple[int, int], str] = {}

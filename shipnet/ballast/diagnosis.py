@@ -288,7 +288,7 @@ class Diagnosis:
 
     @cached_property
     def alarm_times(self) -> Floats:
-        """Time at which each code first became active [s]; (n_valves, n_rules), NaN if never."""
+        """Times at which codes first became active [s], shape (n_valves, n_rules); NaN if never."""
         if not self.time.size:
             return np.full(self.active.shape[1:], np.nan)
         return np.where(self.active.any(axis=0), self.time[self.active.argmax(axis=0)], np.nan)

@@ -356,8 +356,8 @@ def serve(
     rng : Generator, int or None, optional
         Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
     watchdog : float, optional
-        A motor stops if its valve has received no request for this simulated time, 0.1..3600 [s];
-        it never does if omitted.
+        Simulated time without a request after which the motor of a valve stops, 0.1..3600 [s]; no
+        limit if omitted.
     **options
         Options of `shipnet.modbus.serve`: transport, host, port, wire_faults, and, for a serial
         line, serial_port and line.

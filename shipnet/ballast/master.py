@@ -53,7 +53,7 @@ _NUMBERED = 20
 #: A valve within this distance of an end counts as open or closed [%]; our assumption.
 _END = 1.0
 
-#: A motor runs at this current or more [A]: two steps of its register, as one may be noise.
+#: Current from which a motor counts as running [A]: two steps of its register, to exclude noise.
 LEAST_CURRENT = 0.15
 
 
@@ -115,7 +115,7 @@ class Screen:
 
     @classmethod
     def of(cls, rows: pd.DataFrame, *, silent: Bools, age: Floats, time: float) -> Screen:
-        """Return the screen for each valve's last status, a row of `Status.table`; NaN if none."""
+        """Return the screen; `rows` are the last statuses as in `Status.table`, NaN if none."""
         position = rows["VPos_percent"].to_numpy()
         fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
         conditions = [
@@ -294,7 +294,7 @@ class MasterRun:
         )
 
     def _last(self, times: Floats) -> Integers:
-        """Return the index of the status shown for each valve; one past the last if none."""
+        """Return the index of the status shown for each valve; ``len(shown)`` if there is none."""
         unit, shown = (self.answers[name].to_numpy() for name in ("unit", "shown_s"))
         found = np.full((times.size, self.n_valves), len(self.shown))
         for k in range(self.n_valves):

@@ -28,9 +28,8 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
     ----------
     slow_stroke : float, optional
         Time above which a stroke is slow [s], 1..3600. If given, the rule base also has a variable
-        ``Time``, the running time of the motor, and a rule T1, the lowest in priority, with a ramp
-        of 1 s. The rule is ours: the table prints strokes of up to 10 s, but no fault for a slow
-        valve.
+        ``Time``, the running time of the motor, and a rule T1 of lowest priority, with a ramp of 1
+        s. The rule is ours: the table prints strokes of up to 10 s, but no fault for a slow valve.
 
     Returns
     -------
@@ -83,7 +82,7 @@ def _term(row: dict[str, str]) -> Term:
 
 
 def _rows(name: str) -> list[dict[str, str]]:
-    """Return the rows of a data file; reading without pandas saves a server from loading it."""
+    """Return the rows of a data file; a server need not load pandas for this."""
     with datasets.path(name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 

@@ -102,11 +102,11 @@ class System:
     step: float = number(1e-3, 1, "s", "Time between two readings while a motor runs", default=0.1)
     move: Literal["slave", "downstream"] = choice(
         ("slave", "downstream"),
-        "Slaves that the master moves to its other port when a slave does not answer: that slave "
-        "only, or also all slaves downstream of it", default="slave",
+        "Slaves that the master moves to its other port when a slave does not respond: that "
+        "slave only, or also all slaves downstream of it", default="slave",
     )  # fmt: skip
     watchdog: float | None = number(
-        0.1, 3600, "s", "A motor stops after this time without a request; never if omitted",
+        0.1, 3600, "s", "Time without a request after which a motor stops; no limit if omitted",
         default=None, optional=True,
     )  # fmt: skip
 
@@ -135,7 +135,7 @@ class System:
         return Loop(self.n_valves, self.poll, move=self.move)
 
     def worst_age(self, *, commands: int = 0) -> float:
-        """Return the greatest age of a shown position while all valves answer [s].
+        """Return the greatest age of a shown position while all valves respond [s].
 
         `commands` is the number of commands sent within one scan.
         """

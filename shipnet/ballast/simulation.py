@@ -32,7 +32,7 @@ def blocks(
     rng: Any = None,
     size: int = 2000,
 ) -> Iterator[Run]:
-    """Simulate valves in consecutive runs, because one long run does not fit into memory."""
+    """Simulate valves in consecutive runs, because one long run may not fit into memory."""
     plant = Plant(system, faults, rng)
     last = plant.ticks(check_scalar("until", until, "s", 0, 1e8))
     idle = check_scalar("idle_step", idle_step, "s", plant.step, 3600)

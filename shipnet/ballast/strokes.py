@@ -38,7 +38,7 @@ HEALTHY = "healthy"
 #: Points per stroke, point by which the actuator has stopped, and point at which the supply stops.
 POINTS, _STOPPED, _HELD = 600, 200, 250
 
-#: Ranges of the travel for speed and pressures, and for bursts, which are common at the ends.
+#: Ranges of the travel for speed and pressures, and for bursts; at the ends, bursts are common.
 _STEADY, _INNER = (0.2, 0.8), (0.25, 0.8)
 
 #: Width of the running median above which a burst is measured [points], and the value added before
@@ -112,9 +112,10 @@ class Strokes:
         ``stroke_time`` from 5 to 95 %. The features from 20 to 80 % are ``moving_difference``, the
         median difference between the chamber pressures; the ``roughness`` of the speed; and the
         median of each ``vibration``, a decimal logarithm. A ``burst`` is the largest excess of the
-        vibration over its surroundings between 25 and 80 %, at ``burst_place``. The features at
-        rest are ``holding_pressure``, its ``decay``, and ``supply_ripple``. ``flow_opening`` and
-        ``flow_closing`` are the speed divided by the square root of the pressure, NaN in the other.
+        vibration over its surroundings between 25 and 80 %; it occurs at ``burst_place``. The
+        features at rest are ``holding_pressure``, its ``decay``, and ``supply_ripple``.
+        ``flow_opening`` and ``flow_closing`` are the speed divided by the square root of the
+        pressure, NaN in the other direction.
         """
         return self._features.copy()
 

@@ -372,7 +372,7 @@ class FleetReport:
     duration : float
         Duration [s].
     n_samples : int
-        Number of diagnosed readings, each of all five sensors of a valve.
+        Number of samples diagnosed; a sample is one reading of all five sensors of a valve.
     injected : list of Fault
         The faults.
     commands : DataFrame

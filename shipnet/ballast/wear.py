@@ -28,7 +28,7 @@ from shipnet.lazy import Axes, pd
 #: The longest stroke of a healthy valve [s]: row 0 of the rule table.
 LIMIT = 10.0
 
-#: Number of leaks for which stroke times are computed; interpolating between them errs by 1e-6 s.
+#: Number of leaks for which stroke times are computed; the interpolation error is 1e-6 s.
 _GRID = 2001
 
 

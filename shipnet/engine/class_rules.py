@@ -265,7 +265,7 @@ RULES = (
          "points lost by a dead CPU", "", 0, "cpus", _lost, _NONE_FOUND),
     Rule("supply duplicated", "supplies", "the power supply is duplicated",
          "points lost by a dead supply", "", 0, "supplies", _lost,
-         "SOLAS II-1/51: a stand-by supply of the alarm system"),
+         "SOLAS II-1/51: a stand-by supply for the alarm system"),
     Rule("supply changes over", "supplies", "the supply changes over within 2 s",
          "change-over", "s", 2.0, "power_switch_over", _itself,
          "SOLAS II-1/51: automatic, no time limit given"),

@@ -268,9 +268,9 @@ class Ages:
     def table(self) -> pd.DataFrame:
         """Return one row per response of a box.
 
-        The columns are ``seen_s``, ``until_s`` (the next response), ``good_until_s`` (shown as good
-        until then), ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good.
-        Ages are NaN if the point is marked at once.
+        Columns: ``seen_s``, ``until_s`` (the next response), ``good_until_s`` (shown as good until
+        then), ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good. Ages
+        are NaN if the point is marked at once.
         """
         return self._table.copy()
 
@@ -297,9 +297,9 @@ class Timeline:
     def table(self) -> pd.DataFrame:
         """Return one row per uninterrupted piece of work.
 
-        ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``), ``task`` (of a box ``convert``,
-        ``send``, ``CAN``, ``timer`` or ``Modbus``, of CAN the sender, of a channel ``request`` or
-        ``response``), ``start_ms`` and ``end_ms``.
+        Columns: ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``), ``task`` (for a box
+        ``convert``, ``send``, ``CAN``, ``timer`` or ``Modbus``, for CAN the sender, for a channel
+        ``request`` or ``response``), ``start_ms`` and ``end_ms``.
         """
         return self._table.copy()
 
@@ -417,7 +417,7 @@ class Run:
         check_scalar("start", start, "s", -1.0, 1e6)
         check_scalar("stop", stop, "s", -1.0, 1e6 + 60)
         if not start < stop <= start + 60:
-            raise ArgumentError(f"stop is {stop!r} s; it must be up to 60 s after {start!r} s")
+            raise ArgumentError(f"stop is {stop!r} s; it must be at most 60 s after {start!r} s")
         span = nanoseconds(start), nanoseconds(stop)
         rows: dict[str, _Slices] = {}
         for box, name in enumerate(self.system.boxes):
@@ -438,7 +438,7 @@ class Run:
     def screen(self, time: float, values: SyntheticValues | None = None) -> Screen:
         """Return the screen of the AMS at a time between the first response and the end [s].
 
-        Without `values`, the screen shows synthetic ones with the seed 2024.
+        Without `values`, the screen shows synthetic values drawn with the seed 2024.
         """
         known = values or SyntheticValues(self.system.points, 2024)
         seen = self.views.seen
@@ -543,7 +543,7 @@ class Run:
         for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
             tags.setdefault(message, []).append(point.tag)
         for message, own in tags.items():
-            # A response may make points good; they turn bad if their limit passes before the next.
+            # A response makes points good; they turn bad if their limit passes before the next one.
             fine, end = good[:, message], good_until[:, message]
             time = np.stack([self.views.seen, end], axis=1)
             state = np.stack([fine, fine & (end == until)], axis=1)

@@ -252,7 +252,7 @@ class JunctionBox:
         return values
 
     def _heard(self, sender: int, now: int) -> int | None:
-        """Return when this box last received frames of another box [ns], None if never."""
+        """Return when this box last received frames from another box [ns]; None if never."""
         if sender == self.box:
             return now
         borders = sorted({0, *(t for fault in self.faults for t in fault.span if 0 < t <= now)})

@@ -145,7 +145,7 @@ def _phases(
     periods = dict(zip(system.boxes, system.period_ns.tolist(), strict=True))
     periods["AMS"] = nanoseconds(system.poll_period)
     if strange := sorted(set(given) - set(periods)):
-        raise ArgumentError(f"phases name {strange}; known names are {', '.join(periods)}")
+        raise ArgumentError(f"phases has unknown names {strange}; known are {', '.join(periods)}")
     found = {}
     for name, period in periods.items():
         drawn = 0 if rng is None else int(rng.integers(period))
@@ -199,7 +199,7 @@ class _Table:
         self.done = cpu.at(cpu.queue(sent.arrival[rows], work) + work)
 
     def read(self, time: Integers) -> tuple[Integers, Integers]:
-        """Return every message's round at some times, -1 if missing or marked, and `known`."""
+        """Return each message's round at some times, -1 if missing or marked, and `known` times."""
         system, box = self.system, self.box
         number = np.full((time.size, system.sender.size), -1)
         known = np.full((time.size, system.sender.size), NEVER)

@@ -117,9 +117,9 @@ class Firmware:
 class SwitchOver(NamedTuple):
     """Times of a switch-over to the other channel [s].
 
-    `request` and `answer` begin at the unanswered request and end at the first request, and at the
-    end of its response, on the other channel. `loss` runs from the loss of the channel to that
-    response; `gap` is the time between two responses. Both are worst cases.
+    `request` and `answer` begin at the unanswered request: `request` ends at the first request on
+    the other channel, `answer` at the end of its response. `loss` runs from the loss of the channel
+    to that response; `gap` is the time between two responses. Both are worst cases.
     """
 
     request: float
@@ -216,7 +216,7 @@ class System:
         default="one",
     )
     coding: Literal["printed", "corrected"] = choice(
-        ("printed", "corrected"), "How old values are marked", default="printed"
+        ("printed", "corrected"), "How values that are too old are marked", default="printed"
     )
     stale_limit: float = number(
         0.01, LONGEST, "s", "Silence after which a box is marked in the printed coding",
@@ -568,7 +568,7 @@ class System:
         """Return the greatest age shown as good while the AMS leaves a failing channel 1 [s]."""
         before, after = self._gaps(broken)
         healthy, ports = self.suspended_ns, np.isin(np.arange(len(self.boxes)), self.ports)
-        # If a round of a loop takes longer than a poll, several requests can fall in it.
+        # If a round of a loop takes longer than a poll, several requests can fall in one round.
         crowded = int(self.loop_ns.max()) + self.service_ns > nanoseconds(self.poll.time)
         times = 2 + self.retries if crowded else 1
         both = times * self.service_ns * ports.astype(np.int64)

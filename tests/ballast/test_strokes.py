@@ -113,7 +113,7 @@ def test_limits_use_no_faulty_stroke(strokes, condition):
     assert fewer.rules() == strokes.rules()
 
 
-def test_no_rule_sees_the_third_pressure(strokes, scores):
+def test_no_rule_uses_the_third_pressure(strokes, scores):
     quiet = strokes.values.copy()
     quiet[..., 3] = 0
     silent = Strokes(quiet, strokes.actuator, strokes.condition, strokes.stroke)
