@@ -1,4 +1,4 @@
-"""Findings of a check, utilisation of a bus, and the answer of a command."""
+"""Findings of a check, utilisation of a bus, and the result of a command."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ VERDICTS = ("met", "violated", "not verified")
 class Findings:
     """The findings of a check, one row per rule and object, with the columns `COLUMNS`.
 
-    `low` and `high` are the limits, NaN if there is none. An optional bool column `graded` marks
-    met rules that have a margin.
+    `low` and `high` are the limits, NaN if there is none. An optional bool column `graded` is True
+    for met rules that have a margin.
     """
 
     def __init__(self, table: pd.DataFrame) -> None:
@@ -39,7 +39,7 @@ class Findings:
 
     @property
     def verdict(self) -> str:
-        """All findings in one line."""
+        """Summary of the findings in one line."""
         counts = self._table["verdict"].value_counts()
         total = f"{len(self._table)} check{'s' if len(self._table) != 1 else ''}"
         if not len(self._table):
@@ -48,14 +48,15 @@ class Findings:
         return f"{total}, {', '.join(parts) if parts else 'all met'}"
 
     def table(self) -> pd.DataFrame:
-        """Return every finding: one row per rule and object, as a copy."""
+        """Return a copy of all findings: one row per rule and object."""
         return self._table.copy()
 
     def worst(self) -> pd.DataFrame:
-        """Return the worst row of each rule, ordered by its margin.
+        """Return the worst row of each rule, in order of margin.
 
         The `margin` is the relative distance to the limit, negative beyond it. It is NaN if a rule
-        has no number, or is met but not graded; such rules come last if met, otherwise first.
+        has no numeric value, or is met but not graded; such rows come last if the rule is met, and
+        first otherwise.
         """
         import numpy as np
 
@@ -78,7 +79,7 @@ class Findings:
 
     @property
     def broken(self) -> list[str]:
-        """One line per violated or not verified rule, with the worst object."""
+        """One line per rule that is violated or not verified, with its worst object."""
         lines = []
         for rule, row in self.worst().iterrows():
             if row["verdict"] == "met":
@@ -114,20 +115,20 @@ class Findings:
 
 
 class Utilisation(NamedTuple):
-    """How far a bus is used, in three numbers that mean the same for every bus.
+    """Utilisation of a bus, as three numbers that have the same meaning for every bus.
 
     Attributes
     ----------
     bus_time : float
-        Fraction of the time in which a frame is on the wire, without silences; on CAN, the 3 bits
-        of intermission count too.
+        Fraction of the time during which a frame is on the wire. Silences do not count, but on CAN
+        the 3 bits of intermission do.
     capacity_used : float
-        The larger of two used fractions, of the addresses or stations and of the time; above 1 the
-        bus is overloaded. With a polling master, the fraction of time is the interval between two
-        polls of a point divided by its required update period; on CAN it is the bus time.
+        The larger of two fractions: addresses or stations in use, and time in use. Above 1, the bus
+        is overloaded. The time in use is the bus time on CAN; with a polling master, it is the
+        interval between two polls of a point divided by its required update period.
     worst_response : float
-        Longest time from a change at a point until the host has it [s], including the wait for the
-        next poll, or on CAN for the next period of the message.
+        Longest time from a change at a point until the host has the new value [s], including the
+        wait for the next poll, or on CAN for the next period of the message.
     """
 
     bus_time: float
@@ -142,7 +143,7 @@ class Utilisation(NamedTuple):
         )
 
 
-#: Suffixes of the files to which every answer can be saved; no suffix means a folder.
+#: File suffixes in which every result can be saved; no suffix means a folder.
 FORMS = (".csv", ".xlsx", ".json", ".png", ".svg")
 
 
@@ -163,7 +164,7 @@ class Answer(NamedTuple):
     forms: Mapping[str, Callable[[str], object]] = {}
 
     def json(self, command: str) -> str:
-        """Return the answer of a command as JSON, with numbers in SI units."""
+        """Return the result of a command as JSON, with numbers in SI units."""
         from shipnet import __version__
 
         data = {
@@ -181,7 +182,7 @@ class Answer(NamedTuple):
         return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
 
     def save(self, file: str, command: str) -> None:
-        """Save the answer in the format given by the file's suffix."""
+        """Save the result in the format given by the file's suffix."""
         suffix = Path(file).suffix.lower()
         if suffix in self.forms:
             self.forms[suffix](file)
@@ -206,7 +207,7 @@ def _rows(table: pd.DataFrame) -> Any:
 
 
 def check_output(file: str, forms: Sequence[str]) -> None:
-    """Raise ArgumentError, before a long computation, if the file could not be saved afterwards."""
+    """Before a long computation, raise ArgumentError if its result could not be saved to `file`."""
     if Path(file).suffix.lower() not in ("", *forms):
         raise ArgumentError(
             f"-o is {file!r}; its suffix must be one of {', '.join(forms)}, or none for a folder"

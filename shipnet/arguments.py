@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 class _Rule(NamedTuple):
-    """Legal values of a type: a test before the call, a description, a test after a failed call."""
+    """Legal values of a type: test before the call, description, and test after a failed call."""
 
     test: Callable[[Any], bool]
     legal: str
@@ -33,8 +33,8 @@ class _Rule(NamedTuple):
 def checked(made: T) -> T:
     """Make a function, or a class's public methods, check arguments against their annotations.
 
-    A function checks numbers itself, because it knows their ranges. If it fails without naming an
-    argument, the error names the first argument of a wrong type. Declared fields check themselves.
+    Functions check numbers themselves, because they know the ranges. If one fails without naming an
+    argument, the error names the first of a wrong type. Declared fields have their own checks.
     """
     if not isinstance(made, type):
         return _checked(made, ())  # type: ignore[no-any-return] # it is called as before
@@ -48,7 +48,7 @@ def checked(made: T) -> T:
 
 
 def _checked(function: Any, skipped: Collection[str]) -> Any:
-    """Return a function that checks its arguments, or the function if there is nothing to check."""
+    """Return a function that checks its arguments; the same one if there is nothing to check."""
     parameters = signature(function).parameters
     given = {
         name: one
@@ -104,7 +104,7 @@ def _checked(function: Any, skipped: Collection[str]) -> Any:
 
 
 def _met(rules: Sequence[_Rule], value: Any, failed: bool = False) -> bool:
-    """Return whether a value meets one of the rules, before a call or after it failed."""
+    """Return whether a value meets one of the rules, before a call or after the call has failed."""
     return any(((failed and rule.after) or rule.test)(value) for rule in rules)
 
 
@@ -124,7 +124,7 @@ def _legal(rules: Sequence[_Rule]) -> str:
 
 
 def _numbers(rules: list[_Rule]) -> bool:
-    """Return whether the rules accept every value until a call has failed."""
+    """Return whether the rules accept all values before a call, and test them only if it fails."""
     return not rules or any(rule.test is _anything for rule in rules)
 
 
@@ -133,13 +133,13 @@ def _anything(value: Any) -> bool:
 
 
 def _rules(annotation: Any, scope: dict[str, Any]) -> list[_Rule]:
-    """Return the rules of an annotation; none if one of its parts cannot be tested."""
+    """Return the rules of an annotation; an empty list if one of its parts cannot be tested."""
     rules = [_rule(part, scope) for part in _parts(annotation, scope)]
     return [] if None in rules else [rule for rule in rules if rule is not None]
 
 
 def _parts(annotation: Any, scope: dict[str, Any]) -> Iterator[Any]:
-    """Yield the types of a union; those that only type checkers import become Any."""
+    """Yield the types of a union; a type that is imported only by type checkers becomes Any."""
     if isinstance(annotation, str):
         parts, depth = [""], 0
         for sign in annotation.strip(" '\""):
@@ -165,7 +165,7 @@ def _parts(annotation: Any, scope: dict[str, Any]) -> Iterator[Any]:
 
 
 class _Names(dict[str, Any]):
-    """The names in a module and in its package's front, which it may import only for types."""
+    """Names of a module and of its package's public API, which it may import only for types."""
 
     def __missing__(self, name: str) -> Any:
         if name in dir(_front(self)):
@@ -174,12 +174,12 @@ class _Names(dict[str, Any]):
 
 
 def _front(scope: Mapping[str, Any]) -> ModuleType:
-    """Return the package that a module belongs to."""
+    """Return the package to which a module belongs."""
     return import_module(".".join(scope["__name__"].split(".")[:2]))
 
 
 def _rule(kind: Any, scope: dict[str, Any]) -> _Rule | None:
-    """Return the rule of a type, None if it cannot be tested."""
+    """Return the rule of a type; None if the type cannot be tested."""
     origin, inner = get_origin(kind) or (NoneType if kind is None else kind), get_args(kind)
     if origin is Literal:
         legal = f"one of {', '.join(map(repr, inner))}"
@@ -193,7 +193,7 @@ def _rule(kind: Any, scope: dict[str, Any]) -> _Rule | None:
         wanted = [name for name, one in vars(origin).items() if name[0] != "_" and callable(one)]
         has = lambda value: all(hasattr(value, name) for name in wanted)  # noqa: E731
         return _Rule(has, f"{article} {origin.__name__}") if wanted else None
-    if origin.__name__ == "ndarray":  # arrays contain numbers, rarely text
+    if origin.__name__ == "ndarray":  # arrays of text are not checked
         return None if "str_" in str(inner) else _NAMED["npt.ArrayLike"]
     if issubclass(origin, Mapping):
         return _collection(Mapping, "a mapping", _rules(inner[-1], scope) if inner else [])
@@ -204,7 +204,7 @@ def _rule(kind: Any, scope: dict[str, Any]) -> _Rule | None:
     if issubclass(origin, Enum):
         return _Rule(lambda value: _is_member(origin, value), f"{article} {origin.__name__}")
     if origin.__subclasses__() and origin.__name__ not in dir(_front(scope)):
-        return None  # base classes outside the front are not checked
+        return None  # base classes outside the public API are not checked
     return _Rule(_of(origin), f"{article} {origin.__name__}", of_type=True)
 
 
@@ -244,7 +244,7 @@ def _is_number(value: Any) -> bool:
 
 def _is_array(value: Any) -> bool:
     """Return whether a value is an array of numbers that are not all NaN."""
-    import numpy as np  # few programs that check an argument need it
+    import numpy as np  # slow to import, and rarely needed here
 
     try:
         array = np.asarray(value)
@@ -254,7 +254,7 @@ def _is_array(value: Any) -> bool:
 
 
 def _may_be_array(value: Any) -> bool:
-    """Return whether a value may become an array; its content is checked after a failed call."""
+    """Return whether a value may become an array; its content is tested only if a call fails."""
     if isinstance(value, str | bytes):
         return False
     return isinstance(value, Number | Iterable) or hasattr(value, "__array__")

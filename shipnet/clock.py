@@ -21,8 +21,8 @@ def nanoseconds(time: float) -> int:
 class Fault:
     """A fault that begins and ends, the base of each package's faults."""
 
-    start: float = number(0, 1e9, "s", "When it begins", default=0.0, kw_only=True)
-    stop: float = number(0, inf, "s", "When it ends, later than `start`", default=inf, kw_only=True)
+    start: float = number(0, 1e9, "s", "Start of the fault", default=0.0, kw_only=True)
+    stop: float = number(0, inf, "s", "End of the fault, after `start`", default=inf, kw_only=True)
 
     def __post_init__(self) -> None:
         if not self.start < self.stop:

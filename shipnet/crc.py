@@ -78,7 +78,7 @@ class Crc:
         register, table = self._reversed(self.init), self._table
         if isinstance(data, str):
             if odd := set(data) - set("01"):
-                raise SymbolError(f"data has {min(odd)!r} among its bits; bits are 0 or 1")
+                raise SymbolError(f"data contains {min(odd)!r}; bits must be 0 or 1")
             # The bits in excess of whole bytes are shifted first, so that the rest are whole bytes.
             whole = len(data) % 8
             for bit in data[:whole]:
@@ -98,7 +98,7 @@ class Crc:
 
     def _rows(self, rows: npt.NDArray[Any]) -> npt.NDArray[np.unsignedinteger]:
         if rows.dtype != np.uint8 or rows.ndim == 0:
-            raise ArgumentError(f"data must be rows of uint8, but are {rows.dtype}, {rows.ndim}-d")
+            raise ArgumentError(f"data is {rows.dtype}, {rows.ndim}-D; it must be rows of uint8")
         kind = np.dtype(f"u{next(n for n in (2, 4, 8) if self.width <= 8 * n)}")
         table = np.array(self._table, dtype=kind)
         register = np.full(rows.shape[:-1], self._reversed(self.init), dtype=kind)
@@ -113,7 +113,7 @@ class Crc:
         return checks
 
     def undetected(self, payload: int = 6, flips: int = 2) -> int:
-        """Return how many patterns of one or two wrong bits the check does not detect.
+        """Return the number of patterns of one or two wrong bits that the check does not detect.
 
         All bits of the payload (1..16 bytes) and of the CRC are tried. On CAN these are the bits
         before stuffing: on the wire, two wrong bits can shift all bits between two stuff bits.

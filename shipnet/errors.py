@@ -15,7 +15,7 @@ __all__ = [
     "SymbolError", "UnknownCallError", "load_extra", "name_of",
 ]  # fmt: skip
 
-#: Length limits of a fault, a message and a quoted value [characters]; the middle is cut out.
+#: Length limits of a fault, a message and a quoted value [characters]; the excess is cut out.
 _FAULT, _MESSAGE, _QUOTED = 300, 3000, 80
 
 #: A value that a message quotes.
@@ -102,7 +102,7 @@ class CrcError(FrameError, code=14):
 
 
 class AcknowledgeError(FrameError, code=15):
-    """No receiver answered in the acknowledge slot."""
+    """No receiver acknowledged the frame."""
 
 
 class FieldError(FrameError, code=16):
@@ -199,12 +199,12 @@ _RUNS, _VALUES = 5, 5
 
 
 def _joined(parts: Sequence[str]) -> str:
-    """Return parts as an enumeration."""
+    """Join parts with commas and a final "and"."""
     return " and ".join([*([", ".join(parts[:-1])] if parts[1:] else []), parts[-1]])
 
 
 def listed(numbers: Iterable[int], runs_shown: int | None = _RUNS) -> str:
-    """Return the numbers of rows as text to follow "row": `` 3``, ``s 2 to 9 and 12``."""
+    """Return row numbers as text that follows "row": `` 3``, ``s 2 to 9 and 12``."""
     runs: list[list[int]] = []
     for number in sorted(set(numbers)):
         if runs and number == runs[-1][-1] + 1:

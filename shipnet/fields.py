@@ -41,7 +41,7 @@ def check_quantity(what: str, value: Any, unit: str, *, low: float = 0.0, high: 
     # A network has hundreds of these numbers, so a legal one must be checked in a microsecond.
     if type(value) in (float, int) and low <= value <= high:
         return float(value)
-    import numpy as np  # few programs that check a number need it
+    import numpy as np  # slow to import, and rarely needed here
 
     legal = _legal(low, high, unit)
     try:
@@ -86,7 +86,7 @@ def check_trees(what: str, known: int | None, *values: Quantity | None) -> int |
 def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> int:
     """Return a whole number such as 3 or 3.0 as an int, or raise if not whole or out of range.
 
-    `why` ends the message. A bool is not a number here.
+    `why` ends the message. A bool does not count as a number.
     """
     try:
         whole = None if isinstance(value, bool) else index(value)
@@ -116,7 +116,7 @@ def check_kind(name: str, value: Any, kind: type[T]) -> T:
 
 def check_rng(rng: Any) -> np.random.Generator:
     """Return the generator that `numpy.random.default_rng` makes from a seed, or raise."""
-    import numpy as np  # few programs that check a number need it
+    import numpy as np  # slow to import, and rarely needed here
 
     try:
         return np.random.default_rng(rng)
@@ -181,7 +181,7 @@ class Number(Kind):
         if self.many:
             return check_quantity(name, value, self.unit, low=self.low, high=self.high)
         if type(value) is float and self.low <= value <= self.high:
-            return value  # most are legal, and a message set has thousands
+            return value  # most values take this fast path
         plain = isinstance(value, Real) and not isinstance(value, bool)
         if self.missing and plain and isnan(value):
             return float(value)
@@ -203,7 +203,7 @@ class Number(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Whole(Kind):
-    """A whole number; a field named by `at_most` limits it, and a `typed` one has no slider."""
+    """A whole number, limited by the field named by `at_most`; if `typed`, it has no slider."""
 
     low: int
     high: int
@@ -386,7 +386,7 @@ def text(help: str = "", **options: Any) -> Any:
 
 
 def series(known: Iterable[str], **options: Any) -> Any:
-    """Declare a `Series` of strings, to which buttons add."""
+    """Declare a `Series` of strings, each added by a button."""
     return _declare(Series, known=tuple(known), **options)
 
 

@@ -1,6 +1,6 @@
 """Independent tasks, computed one by one, in processes or on a Dask cluster, with the same results.
 
-A task's random numbers depend only on its place, and results are in the order of the tasks.
+A task's random numbers depend only on seed and task number; results are in the order of the tasks.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _WORTHWHILE, _CHUNK = 4.0, 1.0
 #: Consecutive losses of workers, without a result between them, that end the computation.
 _MOST_LOSSES = 5
 
-#: Time-out of a scheduler, and delay of the progress bar [s].
+#: Time-out for connecting to a scheduler, and delay of the progress bar [s].
 _ANSWER, _PATIENCE = 10, 2.0
 
 _GONE = "the Dask scheduler was lost; with a folder, the same call resumes where it stopped"
@@ -80,17 +80,17 @@ def compute(
     tasks : iterable
         The arguments of the calls.
     seed : int, optional
-        0..2^63 - 1; each task gets a random generator that depends on seed and task number.
+        Seed, 0..2^63 - 1; each task gets a random generator that depends on seed and task number.
     client : None, int, str or distributed.Client, optional
         Where the tasks run: 1 for this process, 2..1024 for that many processes, the address of a
-        Dask scheduler or its client. By default this process, then one process per core if that
-        saves more than 4 s. Processes and Dask need ``pip install "shipnet[cluster]"``.
+        Dask scheduler, or its client. By default, tasks run in this process, then in one process
+        per core if that saves over 4 s. Processes and Dask need ``pip install "shipnet[cluster]"``.
     folder : path, optional
-        Folder for results as JSON, so that the same call resumes after a stop. Results must be
-        numbers, text, lists or dicts; a tuple becomes a list.
+        Folder in which results are saved as JSON, so that the same call resumes after a stop.
+        Results must be numbers, text, lists or dicts; a tuple becomes a list.
     progress : bool or callable, optional
         Called as ``progress(done, total)`` when results arrive. True shows a bar, False none; by
-        default a terminal shows one after 2 s.
+        default, a bar appears on a terminal after 2 s.
 
     Returns
     -------
@@ -100,8 +100,8 @@ def compute(
     Raises
     ------
     ArgumentError
-        If an argument is out of its range, no scheduler answers, or a result cannot be stored in
-        the folder. An error of the function gets a note that names the task.
+        If an argument is out of its range, no scheduler responds, or a result cannot be stored in
+        the folder. An error in the function gets a note that names the task.
     InputError
         If the folder contains the results of other tasks, or cannot be written.
     ImportError
@@ -113,7 +113,7 @@ def compute(
 
     Notes
     -----
-    Another worker takes over the tasks of a lost one. Results are identical bit for bit with the
+    Another worker takes over the tasks of a lost worker. Results are identical bit for bit with the
     same version of numpy on processors of the same kind. Each worker should use one thread for
     linear algebra: processes started here, and Dask's own workers, have ``OMP_NUM_THREADS=1``.
 
@@ -166,7 +166,7 @@ def _run(
 
     begin, results = perf_counter(), []
     for index, job in zip(indices, jobs, strict=True):
-        # The child that SeedSequence(seed).spawn() would make for this place, without the others.
+        # The child that SeedSequence(seed).spawn() would make for this task, without the others.
         own = () if seed is None else (np.random.SeedSequence(seed, spawn_key=(index,)),)
         try:
             results.append(function(job, *map(np.random.default_rng, own)))
@@ -185,7 +185,7 @@ def _checked(client: Any, stack: ExitStack) -> Any:
         try:
             return stack.enter_context(distributed.Client(client, timeout=_ANSWER))
         except (OSError, ValueError, TypeError) as problem:
-            raise ArgumentError(f"client is {client!r}; no scheduler answers there") from problem
+            raise ArgumentError(f"client is {client!r}; no scheduler responds there") from problem
     try:
         return check_whole("client", client, 1, 1024)
     except ArgumentError:
@@ -208,14 +208,14 @@ def _processes_for(left: float, function: Callable[..., Any]) -> int | None:
 
 
 def _executor(client: Any) -> tuple[Executor, int, type[Exception]]:
-    """Return the executor, its number of workers, and the error of a lost worker."""
+    """Return the executor, its number of workers, and the error that reports a lost worker."""
     if isinstance(client, int):
         loky = load_extra("loky", "loky", "cluster")
         pool = loky.get_reusable_executor(client, env={"OMP_NUM_THREADS": "1"})
         return pool, client, BrokenProcessPool
     lost = load_extra("distributed", "distributed", "cluster").KilledWorker
     try:
-        workers = sum(client.nthreads().values())  # workers may come and go
+        workers = sum(client.nthreads().values())  # this number may change
     except OSError as problem:
         raise ConnectionError(_GONE) from problem
     return client.get_executor(pure=False), max(1, workers), lost
@@ -235,7 +235,7 @@ def _spread(
     try:
         while todo or pending:
             pool, workers, lost = _executor(client)
-            # One running and one waiting chunk per worker, shorter ones near the end.
+            # Each worker has one running and one waiting chunk; chunks get shorter near the end.
             while todo and len(pending) < 2 * workers:
                 size = 1 if each is None else min(_CHUNK / each, len(todo) / (4 * workers))
                 indices = [todo.popleft() for _ in range(min(max(1, int(size)), len(todo)))]
@@ -307,7 +307,7 @@ class _Folder:
             raise InputError(str(folder), f"cannot be used: {problem.strerror}") from problem
 
     def add(self, new: dict[int, Any]) -> dict[int, Any]:
-        """Add results, write them every second, and return them as they would be read again."""
+        """Add results, write them every second, and return them as if read from the file."""
         try:
             text = json.dumps({str(index): value for index, value in new.items()})
         except (TypeError, ValueError) as problem:
@@ -338,7 +338,7 @@ def _fingerprint(what: object) -> str:
     """Return a checksum of a study that is the same in every session."""
     digest = sha256()
     pickler = pickle.Pickler(SimpleNamespace(write=digest.update), protocol=5)
-    # Without its memo, equal parts give the same bytes whether or not they are one object.
+    # Without its memo, pickle gives equal parts the same bytes, whether or not they are one object.
     pickler.fast = True
     plain: dict[type, Any] = {MappingProxyType: lambda proxy: (dict, (dict(proxy),))}
     pickler.dispatch_table = {**copyreg.dispatch_table, **plain}

@@ -47,7 +47,7 @@ SIGNALS: Mapping[str, Signal] = {
     "current_loop_4wire": Signal("4-20 mA transmitter with a supply of its own", 4, 0, "AI"),
     "voltage_input": Signal("voltage such as 0-10 V from a device with its own supply", 2, 0, "AI"),
     "potentiometer": Signal("potentiometer with supply and wiper wires", 3, 0, "AI"),
-    "serial": Signal("value of a serial device, its pair counted for each value", 2, 0, "AI"),
+    "serial": Signal("value of a serial device; its pair is counted for each value", 2, 0, "AI"),
     "analogue_output": Signal("4-20 mA set point to a positioner or drive", 2, 0, "AO"),
 }
 
@@ -104,7 +104,7 @@ ASI_PAIR = 2
 
 
 def hardwired_conductors(points: Mapping[str, int]) -> int:
-    """Count the conductors when every point is wired to the control panel, by kind of point."""
+    """Count the conductors of hardwired points, given the number of points of each kind."""
     return sum(
         int(number) * SIGNALS[kind].conductors + SIGNALS[kind].common * (number > 0)
         for kind, number in points.items()
@@ -113,7 +113,7 @@ def hardwired_conductors(points: Mapping[str, int]) -> int:
 
 @record(slots=True)
 class Saving:
-    """The conductors of points when hardwired and on a bus.
+    """Numbers of conductors if points are hardwired, and if they are on a bus.
 
     Examples
     --------
@@ -126,7 +126,7 @@ class Saving:
 
     @property
     def left(self) -> float:
-        """Conductors of the bus per hardwired conductor."""
+        """Conductors on the bus as a fraction of the hardwired ones."""
         return self.bus / self.hardwired
 
     @property

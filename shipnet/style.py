@@ -47,7 +47,7 @@ def use() -> None:
     pd.set_option("display.max_colwidth", None, "display.max_rows", 200)
     with as_file(files("shipnet") / "shipnet.mplstyle") as sheet:
         plt.style.use(sheet)
-    # Without a shell, the function below would create one.
+    # Without an IPython shell, the function below would create one.
     if "IPython" in sys.modules and sys.modules["IPython"].get_ipython():
         from matplotlib_inline.backend_inline import set_matplotlib_formats
 

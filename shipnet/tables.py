@@ -50,7 +50,7 @@ _TOP = 50
 class Remark:
     """A remark on how a table was read, and the rows that it concerns.
 
-    With a `doubt`, the rows may mean something else; a `detail` is shown only in the full table.
+    With `doubt`, the rows may have been misunderstood; a `detail` is shown only in the full table.
     """
 
     what: str
@@ -119,7 +119,7 @@ def titled(
 
 
 def in_order(faults: Iterable[tuple[int, str]]) -> list[str]:
-    """Return the faults in the order of their rows, each with its row."""
+    """Return the faults in the order of their rows, each with its row number."""
     return [f"row {number}{fault}" for number, fault in sorted(faults, key=itemgetter(0))]
 
 
@@ -240,9 +240,9 @@ def read_sheet(
 ) -> Sheet:
     """Read a CSV file or a sheet of an Excel workbook, detected by content.
 
-    By default this is the visible sheet with the best row of titles, which a remark names. Formulas
-    give the values saved with them; merged cells are repeated in each of their rows. `is_titles`
-    and `what` are as in `parse_sheet`.
+    By default, the visible sheet with the best row of titles is read; a remark names it. Formulas
+    are read as the values saved with them; merged cells are repeated in each of their rows.
+    `is_titles` and `what` are as in `parse_sheet`.
     """
     source, data = str(path), read_bytes(path)
     if data[:4] == b"PK\x03\x04":
@@ -263,7 +263,7 @@ _SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 def read_sheets(
     path: str | PathLike[str], is_titles: Callable[[Sequence[str]], float]
 ) -> list[Sheet]:
-    """Return every sheet of a workbook that has a row of such titles; none for other files."""
+    """Return every sheet of a workbook that has a row of such titles; [] for other files."""
     source, data = str(path), read_bytes(path)
     if data[:4] != b"PK\x03\x04":
         return []
@@ -389,7 +389,7 @@ class _Workbook:
         """Return merged cells, as first row, last row and column from 0, and hidden rows."""
         from openpyxl.worksheet.cell_range import CellRange
 
-        # openpyxl omits both when it reads row by row, which saves memory.
+        # In its row-by-row mode, which saves memory, openpyxl skips merged cells and hidden rows.
         found, hidden = [], set()
         with self._archive.open(self._book[title]._worksheet_path) as part:
             for _, element in ElementTree.iterparse(part):
@@ -486,7 +486,7 @@ def _odd(value: Any, text: str) -> str:
 
 
 def frame_sheet(table: pd.DataFrame, source: str = "table") -> Sheet:
-    """Return a DataFrame as a sheet with rows from 0, so that it is checked like a file."""
+    """Return a DataFrame as a sheet, its rows numbered from 0, to be checked like a file."""
     titles = tuple(" ".join(str(title).split()) for title in table.columns)
     cells = table.astype(object).where(table.notna(), None)
     odd: dict[tuple[int, int], str] = {}
@@ -516,7 +516,7 @@ def _cell(value: Any) -> str:
 #: Text that a spreadsheet may read as a formula.
 _FORMULA = re.compile(r"'*[=+\-@]")
 
-#: Maximum width of a column, and the number of rows that determine a column's width.
+#: Maximum width of a column [characters], and the number of rows that determine the width.
 _WIDEST, _LOOKED_AT = 60, 200
 
 
@@ -556,7 +556,7 @@ def as_workbook(tables: Mapping[str, pd.DataFrame]) -> bytes:
 
         sheet.freeze_panes = "A2"
         rows = table.astype(object).where(table.notna(), None).map(_joined)
-        rows = rows.replace({inf: "inf", -inf: "-inf"})  # a workbook has no such number
+        rows = rows.replace({inf: "inf", -inf: "-inf"})  # a workbook cannot store infinity
         for place, title in enumerate(table.columns, 1):
             shown = [title, *rows.iloc[:_LOOKED_AT, place - 1]]
             width = max(len(str(cell)) for cell in shown) + 2

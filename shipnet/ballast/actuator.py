@@ -63,10 +63,10 @@ class Actuator:
         0, 1, "", "Fraction of the load pressure that the lock valve holds at rest", 0.0
     )
     bearing_torque: Quantity = _number(
-        1e-3, inf, "N m", "Friction of bearings and packing; inf for a stuck valve", 55.0
+        1e-3, inf, "N m", "Friction torque of bearings and packing; inf for a stuck valve", 55.0
     )
     seating_torque: Quantity = _number(
-        0, 1e6, "N m", "Friction of the seat when the valve is closed", 15.0
+        0, 1e6, "N m", "Friction torque of the seat when the valve is closed", 15.0
     )
     dynamic_torque: Quantity = _number(
         0, 1e6, "N m", "Torque of the flow, in the closing direction", 20.0
@@ -87,7 +87,7 @@ class Actuator:
         -40, 100, "degC", "Ambient temperature of the motor; IACS UR M40, machinery spaces", 45.0
     )
     duty: Quantity = _number(
-        0, 1, "", "Fraction of time the motor ran earlier: duty type S3 15 % of IEC 60034-1", 0.15
+        0, 1, "", "Earlier duty cycle of the motor: duty type S3 15 % of IEC 60034-1", 0.15
     )
     motor_time: Quantity = _number(
         0.1, 3600, "s", "Running time after which the controller stops a motor", 20.0
@@ -97,7 +97,8 @@ class Actuator:
         lengths = {len(value) for value in self._arrays()}
         if len(lengths) > 1:
             raise ArgumentError(
-                f"actuator has numbers for {' and for '.join(map(str, sorted(lengths)))} valves"
+                f"actuator has numbers for {' and for '.join(map(str, sorted(lengths)))} valves; "
+                "all arrays must have the same length"
             )
         most = np.sqrt(3) * np.asarray(self.voltage) / (2 * pi * np.asarray(self.speed))
         if np.any(self.torque_constant > most):
@@ -125,7 +126,7 @@ class Actuator:
 #: Opening over which the seating torque decays, as a fraction of the quarter turn; our assumption.
 _SEAT = 0.03
 
-#: Nodes of the quadrature over a stroke; with 48 the error of the seat's exponential is 1e-9.
+#: Quadrature nodes per panel; with 48, the error due to the seat's exponential is 1e-9.
 _NODES = 48
 
 
@@ -159,9 +160,9 @@ class Oil:
     """The hydraulics of an actuator; values that do not depend on the load are computed once."""
 
     # The oil is assumed to be stiff, so pressures follow the load at once. The pump delivers
-    # D n - K p with the relief valve closed, and D n - (K + K_r) p + K_r p_r with it open; at any
-    # pressure the smaller flow is correct. A flow q through the restrictor needs the pressure
-    # s^2 = (q/C)^2, so each balance is a quadratic equation in s: K s^2 + b s = c.
+    # D n - K p with the relief valve closed, and D n - (K + K_r) p + K_r p_r with it open; the
+    # smaller of the two flows is always the correct one. A flow q through the restrictor needs the
+    # pressure s^2 = (q/C)^2, so each balance is a quadratic equation in s: K s^2 + b s = c.
     def __init__(self, actuator: Actuator) -> None:
         a = actuator
         pumped = np.asarray(a.displacement) * a.speed
@@ -196,7 +197,7 @@ def velocity(actuator: Actuator, opening: npt.ArrayLike, direction: npt.ArrayLik
 
 def stroke_time(actuator: Actuator, direction: int = 1) -> Floats:
     """Return the end-to-end stroke time of a valve that opens (1) or closes (-1) [s]."""
-    # Two panels, because the seat torque decays within a few hundredths and needs its own nodes.
+    # Two panels: the seat torque decays within hundredths of the stroke and needs its own nodes.
     edge = 10 * _SEAT
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     x = np.concatenate([edge * (nodes + 1) / 2, edge + (1 - edge) * (nodes + 1) / 2])

@@ -30,7 +30,7 @@ from shipnet.lazy import Axes, pd
 #: Full scale of each sensor on the operating display, in the sensor's unit.
 _FULL = {"FP": 160.0, "OP": 10.0, "MC": 6.0, "OT": 150.0, "VPos": 100.0}
 
-#: Time after the end of a command during which codes count as its result [s]; our choice.
+#: Time after a command ends during which codes are still attributed to it [s]; our choice.
 _SETTLE = 5.0
 
 #: Number of readings whose firing strengths are in memory at once: 25 MB for 12 rules.
@@ -53,7 +53,7 @@ class Run:
     ran : ndarray of float, shape (n_times, n_valves)
         Time for which the motor has been running in its present direction [s]; NaN while it is off.
     moving, active : ndarray of bool, shape (n_times, n_valves)
-        True while the valve turns, and while a command is in progress.
+        True while the valve turns (`moving`), and while a command is in progress (`active`).
     opening : ndarray of float, shape (n_times, n_valves)
         True opening, 0..1, without errors of the position sensor.
     movements : tuple of Movement
@@ -142,7 +142,7 @@ class Run:
     ) -> Diagnosis:
         """Diagnose all valves at all instants, by default with the rules of the paper.
 
-        A code is active if its rule fired in `k` or more of the last `n` instants. `method` is
+        A code is active if its rule fired at `k` or more of the last `n` instants. `method` is
         ``fuzzy``, ``midpoint`` or ``crisp``. Only ``crisp``, the rule table as printed, evaluates
         DVPos while no command is active.
         """
@@ -288,7 +288,7 @@ class Diagnosis:
 
     @cached_property
     def alarm_times(self) -> Floats:
-        """Time at which each code first became active [s]; (n_valves, n_rules), NaN if never."""
+        """Times at which codes first became active [s], shape (n_valves, n_rules); NaN if never."""
         if not self.time.size:
             return np.full(self.active.shape[1:], np.nan)
         return np.where(self.active.any(axis=0), self.time[self.active.argmax(axis=0)], np.nan)
@@ -334,7 +334,7 @@ class Diagnosis:
         """Return one sentence that explains the diagnosis of a valve at a time [s].
 
         The sentence describes the last instant at or before that time. A code whose rule has fired
-        in too few instants is not active yet.
+        at too few instants is not active yet.
         """
         if not self.time.size:
             raise ArgumentError(f"time is {time!r}; the run has no instants")

@@ -246,10 +246,10 @@ def write_fleet(
     -----
     ``samples/day=2026-01-01/block-0000.parquet`` has one row per valve and reading: ``valve``,
     ``time`` in UTC, the channels with their units, whether the motor is ``running`` and a command
-    ``active``, and the truth: ``label``, the code of the present fault or empty, and its
-    ``severity``, 0..1. ``strokes/`` has one row per motor run, with the diagnosis by the rule
-    table; ``faults/`` has one row per fault: its start, the duration of its growth (in five steps),
-    and its repair. Every file states in its metadata that it is synthetic: finding these faults
+    ``active``, and the truth: ``label`` (code of the present fault, or empty) and ``severity``
+    (0..1). ``strokes/`` has one row per motor run, with the diagnosis by the rule table;
+    ``faults/`` has one row per fault: its start, the duration of its growth (in five steps), and
+    its repair. Every file states in its metadata that it is synthetic: finding these faults
     verifies a method but does not validate it.
 
     Examples

@@ -42,7 +42,7 @@ class _Image(ValveRegisters):
         self.station, self.unit = station, unit
 
     def status(self, time: float) -> Sequence[int]:
-        """Return the last status that arrived; raise exception 11 before the first one."""
+        """Return the last status that arrived; raise exception 11 if none has arrived yet."""
         for status in reversed(self.station.shown):
             if status.unit == self.unit:
                 return status.registers
@@ -59,8 +59,8 @@ class _Image(ValveRegisters):
 
 def gateway(station: Station) -> dict[int, Slave]:
     """Return the valves that the master serves to a PC; section 3.5 of the paper."""
-    # The paper does not say whether the master asks the slave. Here it answers from memory, because
-    # scans keep the line busy.
+    # The paper does not say whether the master then polls the slave. Here the master responds from
+    # memory, because its scans keep the line busy.
     return {unit: Slave(_Image(station, unit), functions={4, 6}) for unit in station.slaves}
 
 
@@ -90,7 +90,7 @@ class Step(NamedTuple):
 class TestBed:
     """The test bed of Figure 15: five valves, line, master, gateway to a PC, and a tank on valve 3.
 
-    Its time advances with `wait`; `level` is the level of the tank [m].
+    `wait` advances the time; `level` is the level of the tank [m].
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ class TestBed:
         return self.recorder.run
 
     def serve(self, **options: Any) -> Server:
-        """Return a real server for a ``with`` block; it answers a PC as the master does."""
+        """Return a real server for a ``with`` block; it responds to a PC as the master does."""
         return serve_slaves(self.gateway, clock=lambda: self.time, **options)
 
 
@@ -229,7 +229,7 @@ def _manual(make: Callable[..., TestBed]) -> Iterator[Step]:
         device.local = True
         device.turn("open", bed.time)
         bed.wait(_STROKE + _SETTLE / 2)
-        yield _at(f"S{unit} switched to open", bed.position(unit), 100)
+        yield _at(f"S{unit} opened by switch", bed.position(unit), 100)
         refused = bed.command(unit, "close")
         yield _same(f"S{unit} closed by the master", "server device failure", refused)
         device.turn("close", bed.time)
@@ -241,7 +241,7 @@ def _manual(make: Callable[..., TestBed]) -> Iterator[Step]:
         yield _at(f"S{unit} stopped on its way", bed.position(unit), held)
         device.turn("close", bed.time)
         bed.wait(_STROKE)
-        yield _at(f"S{unit} switched to close", bed.position(unit), 0)
+        yield _at(f"S{unit} closed by switch", bed.position(unit), 0)
 
 
 def _remote(make: Callable[..., TestBed]) -> Iterator[Step]:
@@ -263,7 +263,7 @@ def _pc(make: Callable[..., TestBed]) -> Iterator[Step]:
     registers = bed.station.registers
 
     def ask(unit: int, request: Request) -> bytes:
-        """Return the frame that answers a request; its transaction id is the unit id."""
+        """Return the frame of the response to a request; its transaction id is the unit id."""
         pdu = answer(bed.gateway, Adu(unit, request.pdu), bed.time).pdu
         return Adu(unit, pdu, transaction_id=unit).tcp
 
@@ -309,7 +309,7 @@ def _diagnosis_of(make: Callable[..., TestBed], code: str | None) -> Iterator[St
     said = " ".join(found) or NORMAL
     step = f"{FAULTS[code][0]} ({code})" if code else "nothing wrong"
     yield Step(step, expected, said, expected in said.split())
-    # The slave also detects the fault itself, and reports the row of the table in its status.
+    # The slave also detects the fault itself, and reports its row of the rule table.
     seen = bed.screen()[_SIMULATOR]
     shown = f"fault {seen['fault']}" if seen["state"] == "fault" else str(seen["state"])
     right = [f"fault {row}" for row in _rows(base, code)] if code else ["open"]
@@ -350,14 +350,14 @@ def serve(
     n_valves : int, default 64
         Number of valves, 1..247; their unit ids start at 1.
     faults : Fault or iterable of Fault, optional
-        Faults of the valves, in model time.
+        Faults of the valves, in simulated time.
     speed : float, default 1
-        Model seconds per real second, 0..1e4.
+        Simulated seconds per real second, 0..1e4.
     rng : Generator, int or None, optional
         Source of the sensors' noise, for `numpy.random.default_rng`; no noise if omitted.
     watchdog : float, optional
-        A motor stops if its valve has received no request for this model time, 0.1..3600 [s]; never
-        if omitted.
+        Simulated time without a request after which the motor of a valve stops, 0.1..3600 [s]; no
+        limit if omitted.
     **options
         Options of `shipnet.modbus.serve`: transport, host, port, wire_faults, and, for a serial
         line, serial_port and line.
@@ -384,7 +384,7 @@ def serve(
     return serve_slaves(valve_slaves(plant), clock=real_clock(factor), **options)
 
 
-#: Takes a unit id and a request and returns the response, such as a `Link` or `ModelValves`.
+#: A function that takes a unit id and a request and returns the response, such as a `Link`.
 Ask: TypeAlias = Callable[[int, Request], Response]
 
 _MBAP = 7
@@ -431,7 +431,7 @@ class Link:
 
 @checked
 class ModelValves:
-    """Valves without a server; the caller sets the model time.
+    """Valves without a server; the caller sets the simulated time.
 
     Parameters
     ----------
@@ -445,7 +445,7 @@ class ModelValves:
     Attributes
     ----------
     time : float
-        Model time [s]; it may only increase.
+        Simulated time [s]; it may only increase.
 
     Examples
     --------
@@ -488,7 +488,7 @@ class Client:
     Raises
     ------
     OSError
-        If the server does not answer when the client is created or used.
+        If the server does not respond when the client is created or used.
 
     Examples
     --------
@@ -546,7 +546,7 @@ class Client:
         return f"valve {unit}: {said}"
 
     def read(self) -> Readout:
-        """Read all valves; a valve that answers with an exception gets no values."""
+        """Read all valves; a valve that responds with an exception gets no values."""
         words, units = [], []
         for unit in range(1, self.n_valves + 1):
             response = self._ask(unit, READ_STATUS)
@@ -569,7 +569,7 @@ class Client:
 
 @dataclass(frozen=True, eq=False)
 class Readout:
-    """The answers of valves: `rows` of `Status.table`, by valve; NaN without an answer."""
+    """Responses of the valves: `rows` of `Status.table`, by valve; NaN without a response."""
 
     rows: pd.DataFrame
 
@@ -580,7 +580,7 @@ class Readout:
         return Screen.of(self.rows, silent=silent, age=np.where(silent, np.inf, 0.0), time=0.0)
 
     def numbers(self, valve: int) -> dict[str, str]:
-        """Return the values of one valve as text with units; empty if it did not answer."""
+        """Return the values of one valve as text with units; empty if it did not respond."""
         row = self.rows.loc[valve]
         if pd.isna(row["fault"]):
             return {}

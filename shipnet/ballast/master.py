@@ -1,4 +1,4 @@
-"""The master: it scans its valves, sends commands in between, and shows what it received.
+"""The master: it scans its valves, sends commands between polls, and shows what it received.
 
 All data pass through the slaves' registers, and each transfer takes as long as its frames on the
 line. `shipnet.modbus` provides the two ports and their faults.
@@ -47,13 +47,13 @@ STATE_COLOURS = {
 #: Hatches of states that an operator must notice even without colours.
 _HATCHES = {"fault": "xxxx", "silent": "...."}
 
-#: With more valves per row than this, bars show neither position nor number.
+#: Maximum number of valves per row at which bars still show position and number.
 _NUMBERED = 20
 
-#: A valve within this distance of an end counts as open or closed [%]; not printed.
+#: A valve within this distance of an end counts as open or closed [%]; our assumption.
 _END = 1.0
 
-#: Least current of a running motor [A]: two steps of its register, because one may be noise.
+#: Current from which a motor counts as running [A]: two steps of its register, to exclude noise.
 LEAST_CURRENT = 0.15
 
 
@@ -95,7 +95,7 @@ class Screen:
     shown : pandas.DataFrame
         Indexed by ``valve``: ``position_percent`` and ``age_s`` (NaN and inf before the first
         status), ``fault`` as the slave reports it, and ``state``. A valve is silent if it did not
-        answer the last request.
+        respond to the last request.
     time : float
         Time [s].
 
@@ -115,7 +115,7 @@ class Screen:
 
     @classmethod
     def of(cls, rows: pd.DataFrame, *, silent: Bools, age: Floats, time: float) -> Screen:
-        """Return the screen for the last statuses: rows of `Status.table`, NaN if there is none."""
+        """Return the screen; `rows` are the last statuses as in `Status.table`, NaN if none."""
         position = rows["VPos_percent"].to_numpy()
         fault = rows["fault"].fillna(0).to_numpy().astype(np.int64)
         conditions = [
@@ -145,7 +145,7 @@ class Screen:
     def plot(
         self, selected: int | None = None, ax: Axes | None = None, *, columns: int = 32
     ) -> Axes:
-        """Draw a bar per valve, coloured by its state; the selected one is framed.
+        """Draw one bar per valve, coloured by its state; the selected bar is framed.
 
         Bars that are wide enough show the position and the number of the valve.
         """
@@ -197,12 +197,12 @@ class MasterRun:
     """What a master received from its valves, as returned by `simulate` for a system with a poll.
 
     It contains the statuses received (`shown`), the commands sent (`writes`) and the polls
-    (`tries`), each in order of time, and ends at `duration` [s]. Each poll gives its start, the
-    valve counted from 0, port, kind, and whether it was answered.
+    (`tries`), each in order of time, and ends at `duration` [s]. Each poll is a tuple: its start,
+    its valve (counted from 0), its port, its kind, and whether the valve responded.
 
     Examples
     --------
-    A master with 50 valves at 9600 bit/s opens one; its position is up to one scan old:
+    A master with 50 valves at 9600 bit/s opens one; the position shown is up to one scan old:
 
     >>> from shipnet.ballast.scan import System, status_poll
     >>> from shipnet.ballast.simulation import simulate
@@ -249,7 +249,7 @@ class MasterRun:
         shown = self.answers[["unit", "read_s", "shown_s"]]
         if shown["unit"].nunique() < self.n_valves:
             return inf
-        # A status is shown until the valve's next one; its last status is shown until the end.
+        # A status is shown until the next one of its valve arrives, the last one until the end.
         until = shown.groupby("unit")["shown_s"].shift(-1).fillna(self.duration)
         return float((until - shown["read_s"]).max())
 
@@ -274,7 +274,7 @@ class MasterRun:
                 target = ends.get(code, float(position))
         rows = self.answers[self.answers["unit"] == unit]
         if rows.empty:
-            raise ArgumentError(f"valve is {unit}; it has sent no status")
+            raise ArgumentError(f"valve is {unit}; no status was received from it")
         time = rows["read_s"].to_numpy()
         readings = rows[[c.column for c in CHANNELS]].to_numpy()[:, :, np.newaxis]
         running, place = readings[:, 2] >= LEAST_CURRENT, readings[:, 4]
@@ -294,7 +294,7 @@ class MasterRun:
         )
 
     def _last(self, times: Floats) -> Integers:
-        """Return the index of the status shown for each valve; past the end if there is none."""
+        """Return the index of the status shown for each valve; ``len(shown)`` if there is none."""
         unit, shown = (self.answers[name].to_numpy() for name in ("unit", "shown_s"))
         found = np.full((times.size, self.n_valves), len(self.shown))
         for k in range(self.n_valves):
@@ -323,7 +323,7 @@ class Station(Master):
 
     # Section 3.3 of the paper: the command goes out between two polls, and the scan continues after
     # its echo. Our assumptions: a command is sent once, through the port that serves the slave,
-    # because without an answer the master does not know whether the valve moves; the slave takes
+    # because without a response the master does not know whether the valve moves; the slave takes
     # its readings at the end of the request.
     def __init__(self, plant: Plant, faults: Iterable[Fault] = ()) -> None:
         self.plant, system = plant, plant.system
@@ -358,15 +358,15 @@ class Station(Master):
         self.plant.run_until(self.time)
 
     def command(self, action: str | float, unit: int) -> Write:
-        """Send an action, a mode or a position [%] as a command now, and wait for the answer."""
+        """Send an action, a mode or a position [%] as a command now; wait for the response."""
         if unit not in self.slaves:
             raise ArgumentError(f"unit is {unit!r}; it must be 1..{self.n}")
         if action == "stop":
-            raise ArgumentError("action is 'stop'; Table 2 has no code for it, use 'manual'")
+            raise ArgumentError("action is 'stop'; Table 2 has no code for it; use 'manual'")
         return self.write(self.registers.encode_command(action, self._position.get(unit, 0)), unit)
 
     def write(self, value: int, unit: int) -> Write:
-        """Send a value for the command register now and wait for its answer."""
+        """Send a value for the command register now, and wait for the response."""
         port = self.port[unit - 1]
         begin, poll = self.time, self._command
         arrives = begin + poll.line.frame_time(poll.request_size)
@@ -381,11 +381,11 @@ class Station(Master):
         return self.writes[-1]
 
     def attempt(self, slave: int, port: int, kind: int) -> bool:
-        """Poll a slave for its status; return whether it answered."""
+        """Poll a slave for its status; return whether it responded."""
         start, unit, line = self.time, slave + 1, self.rule.poll.line
         read = start + line.frame_time(self.rule.poll.request_size)
         pdu = b""
-        # The slave takes its readings before the plant advances beyond them.
+        # Let the slave take its readings before the plant advances beyond them.
         if self.paths.hold(start, read, slave, port):
             pdu = answer(self.slaves, Adu(unit, READ_STATUS.pdu), read, serial=True).pdu
         if not super().attempt(slave, port, kind):
@@ -420,15 +420,15 @@ def operate(
 def scan_fleet(
     system: System, commands: Iterable[Command], faults: Iterable[Fault], until: float, rng: Any
 ) -> MasterRun:
-    """Simulate the valves of a system and their masters, each with its share of the valves."""
+    """Simulate a system's valves and its masters, among which the valves are divided."""
     shares = system.valve_addresses()["master"].value_counts(sort=False).tolist()
     orders, several = list(commands), list(faults)
     own = [fault for fault in several if isinstance(fault, ValveFault)]
     cuts = [fault for fault in several if not isinstance(fault, ValveFault)]
     if len(shares) > 1 and (several or system.actuator.n_valves or np.ndim(system.opening)):
         raise ArgumentError(
-            f"n_valves is {system.n_valves}; with faults, or an actuator or opening per valve, it "
-            f"must be 1..{MAX_UNIT}, for one master"
+            f"n_valves is {system.n_valves}; with faults, or an actuator or opening per valve, "
+            f"only one master is simulated, so it must be 1..{MAX_UNIT}"
         )
     known = [command.mask(system.n_valves) for command in orders]
     noise = None if rng is None else check_rng(rng)

@@ -1,8 +1,8 @@
 """Valves with their commands and faults, simulated step by step.
 
 The effects of a fault are our assumption: the paper describes the symptoms, not the defect. At
-severity 1 they satisfy the rule of the fault, so a diagnosis that finds them verifies the code, not
-the rules.
+severity 1 the effects satisfy the rule of the fault, so a diagnosis that finds the fault verifies
+the code, not the rules.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
 @checked
 @record
 class Command:
-    """A command to some valves.
+    """A command to one or more valves.
 
     The `action` is ``open``, ``close``, ``stop`` or a position to go to, 0..100 [%]; `valves` are
     numbers from 1, and None means all.
@@ -122,8 +122,8 @@ class Command:
         """Return a random plan in which all valves open and close in turn, one group at a time.
 
         Each valve gets `operations` commands up to the time `until` [s]. Groups of `group` valves
-        follow each other after 30 s: while any motor runs, all valves are read at 10 Hz, so motors
-        should run together. The paper prints no plan; this one is our assumption.
+        start 30 s apart: while any motor runs, all valves are read at 10 Hz, so motors should run
+        together. The paper prints no plan; this one is our assumption.
         """
         valves = check_whole("n_valves", n_valves, 1, 10_000)
         times = check_whole("operations", operations, 1, 1000)
@@ -145,8 +145,8 @@ class Command:
         return plan
 
 
-#: How severity s changes a number: linearly, as a power, towards infinity, or by an amount.
-#: Severity 0 leaves the number unchanged, to the last bit.
+#: How severity s changes a number: linearly, as a power, towards infinity, or by addition. A
+#: severity of 0 leaves the number unchanged to the last bit.
 _LAWS = {
     "linear": lambda number, value, s: number * (1 + (value - 1) * s),
     "power": lambda number, value, s: number * value**s,
@@ -194,7 +194,7 @@ _SENSORS = {channel.name: place for place, channel in enumerate(CHANNELS)}
 @checked
 @record
 class Fault(TimedFault):
-    """A fault of some valves.
+    """A fault of one or more valves.
 
     The `valves` are numbers from 1, and None means all. When a fault ends, a valve stays where the
     fault left it. A motor without cooling from time 0 starts as warm as earlier strokes would have
@@ -207,7 +207,7 @@ class Fault(TimedFault):
     ('P2', 0.5, (3,))
     """
 
-    code: str = choice(tuple(FAULTS), "Code of the rule table")
+    code: str = choice(tuple(FAULTS), "Code in the rule table")
     severity: float | Floats = number(
         0, 1, "", "0 is healthy; an array has one value for each of `valves`", default=1.0,
         many=True,
@@ -325,7 +325,7 @@ class Plant:
         self.faults: tuple[Any, ...] = as_faults(faults, Fault)
         self._rng = None if rng is None else check_rng(rng)
         times = {time for fault in self.faults for time in (fault.start, fault.stop)} - {inf}
-        #: Numbers of the readings at which a fault begins or ends.
+        #: Indices of the readings at which a fault begins or ends.
         self.changes = sorted(map(self.ticks, times))
         n = self.n_valves
         self.tick = 0
@@ -340,7 +340,7 @@ class Plant:
         self._load: Floats | None
         self._driven: Hydraulics | None
         self._change()
-        # Earlier strokes were those of a healthy valve, possibly without cooling of its motor.
+        # In earlier strokes the valve was healthy, except that its motor may not have been cooled.
         before = replace(self._healthy, cooling=self._actuator.cooling)
         self.temperature = np.broadcast_to(steady_temperature(before), n).copy()
         self.readings, self._measured, self._stale = np.zeros((5, n)), -1, True
@@ -352,7 +352,7 @@ class Plant:
 
     @property
     def _busy(self) -> bool:
-        return bool(np.count_nonzero(self.running))  # five times as fast as any()
+        return bool(np.count_nonzero(self.running))  # five times faster than any()
 
     @property
     def run_time(self) -> Floats:
@@ -360,7 +360,7 @@ class Plant:
         return np.where(self.running, (self.ran - 1) * self.step, np.nan)
 
     def ticks(self, time: float) -> int:
-        """Return the number of the first reading at or after a time."""
+        """Return the index of the first reading at or after a time."""
         return ceil(time / self.step - 1e-6)
 
     def order(self, command: Command) -> None:
@@ -425,7 +425,7 @@ class Plant:
         return readings
 
     def _cooling(self, ticks: int, heat: npt.ArrayLike) -> tuple[Floats, Floats]:
-        """Return the final temperatures, and the fraction of the gap to them that remains."""
+        """Return the final temperatures, and the remaining fraction of the difference from them."""
         cooling = np.asarray(self._actuator.cooling)
         aim = np.asarray(self._actuator.ambient + heat / cooling)
         return aim, np.exp(-cooling * (ticks * self.step) / self._actuator.heat_capacity)
@@ -520,7 +520,7 @@ class Plant:
     def _change(self) -> None:
         """Apply the present faults."""
         for fault in self.faults:
-            fault.severities(self.n_valves)  # reject an unknown valve before the fault is due
+            fault.severities(self.n_valves)  # refuse an unknown valve before the fault is due
         now = self.tick * self.step + 1e-6 * self.step
         due = [fault for fault in self.faults if fault.start <= now < fault.stop]
         self._actuator, self._offsets = faulty(self._healthy, due, self.n_valves)

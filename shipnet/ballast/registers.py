@@ -24,7 +24,7 @@ from shipnet.fields import check_scalar, check_whole, choice, record
 from shipnet.lazy import pd
 
 #: Interpretations of the codes of Table 2: column of the data file, and base of its numbers. The
-#: first one is used: its position codes are 6 and 10, the sums of auto and close or open.
+#: first is used: its position codes are 6 and 10, the code for auto plus that for close or open.
 CODE_READINGS = {
     "flag sum": ("code_flag_sum", 10),
     "one bit": ("code_one_bit", 10),
@@ -57,7 +57,7 @@ def command_codes(reading: str = "flag sum") -> dict[Code, int]:
 FIRST_REGISTER, N_REGISTERS = 0x4020, 4
 
 #: The largest number of steps in a byte, and the byte for a missing value. The paper names no such
-#: byte; without it, a dead sensor would read as the end of its scale.
+#: byte; without it, a dead sensor would seem to read the end of its scale.
 HIGHEST, MISSING = 0xFE, 0xFF
 
 
@@ -155,9 +155,9 @@ class RegisterMap:
     status: str = choice(
         ("table 3", "table 2"),
         "Bits of Manual, Auto, Close and Open in 0x4020: Bit2 to Bit5 as in table 3, or Bit0 to "
-        "Bit3 as in the response of table 2. Neither prints the place of the fault number: with "
-        "table 3 it is the high byte of 0x4021, which leaves the low byte to the operating time; "
-        "with table 2 it is Bit4 to Bit7, and the time has all of 0x4021", default="table 3",
+        "Bit3 as in the response of table 2. Neither table prints the place of the fault number. "
+        "With table 3 it is the high byte of 0x4021, and the operating time is the low byte; "
+        "with table 2 it is Bit4 to Bit7, and the time fills 0x4021", default="table 3",
     )  # fmt: skip
 
     def encode(
@@ -262,7 +262,7 @@ class RegisterMap:
 
 
 def check_action(action: Any, words: Iterable[str]) -> str | float:
-    """Return one of these actions, or a position to move to [%]; raise for anything else."""
+    """Return an action if it is one of the words or a position [%]; raise for anything else."""
     if isinstance(action, str) and action in words:
         return action
     plain = isinstance(action, Real) and not isinstance(action, bool)

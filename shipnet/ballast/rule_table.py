@@ -27,9 +27,9 @@ def rule_base(slow_stroke: float | None = None) -> RuleBase:
     Parameters
     ----------
     slow_stroke : float, optional
-        Time above which a stroke is slow [s], 1..3600. This argument adds a variable ``Time``, the
-        running time of the motor, and a rule T1 of the lowest rank, with a ramp of 1 s. The rule is
-        ours: the table has no fault for a slow valve, but prints a stroke of up to 10 s.
+        Time above which a stroke is slow [s], 1..3600. If given, the rule base also has a variable
+        ``Time``, the running time of the motor, and a rule T1 of lowest priority, with a ramp of 1
+        s. The rule is ours: the table prints strokes of up to 10 s, but no fault for a slow valve.
 
     Returns
     -------
@@ -75,14 +75,14 @@ def _paper() -> RuleBase:
 
 
 def _term(row: dict[str, str]) -> Term:
-    """Return the term of a row, in which an empty corner is an open shoulder."""
+    """Return the term of a row; an empty corner means an open shoulder."""
     a, b = (float(row[corner] or -inf) for corner in ("left_foot", "left_shoulder"))
     c, d = (float(row[corner] or inf) for corner in ("right_shoulder", "right_foot"))
     return Term(row["term"], (a, b, c, d), row["crisp"], row["english"])
 
 
 def _rows(name: str) -> list[dict[str, str]]:
-    """Return the rows of a data file, without pandas, so that a server need not load it."""
+    """Return the rows of a data file; a server need not load pandas for this."""
     with datasets.path(name).open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
 
@@ -107,7 +107,7 @@ def rule_vectors(version: str = "corrected", *, fill: str = "absent") -> pd.Data
 
     Examples
     --------
-    The position of S2 contradicts its rule as printed:
+    As printed, the position of S2 contradicts its rule:
 
     >>> [rule_vectors(version).loc["S2", "VPos"].item() for version in ("printed", "corrected")]
     [305.0, -5.0]

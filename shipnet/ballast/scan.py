@@ -25,7 +25,7 @@ from shipnet.modbus.uart import SerialLine
 #: paper.
 BIT_RATES = (2400, 4800, 9600, 19200, 38400, 57600, 115200)
 
-#: The request of a scan to each valve: input registers 0x4020 to 0x4023.
+#: The request that a scan sends to each valve: input registers 0x4020 to 0x4023.
 READ_STATUS = Request.read_input_registers(FIRST_REGISTER, N_REGISTERS)
 
 #: Limit for the "display of fully updated screen views" in DNV-OS-D202 [s].
@@ -102,11 +102,11 @@ class System:
     step: float = number(1e-3, 1, "s", "Time between two readings while a motor runs", default=0.1)
     move: Literal["slave", "downstream"] = choice(
         ("slave", "downstream"),
-        "Slaves that the master moves to its other port when a slave does not answer: that slave "
-        "only, or also all slaves downstream of it", default="slave",
+        "Slaves that the master moves to its other port when a slave does not respond: that "
+        "slave only, or also all slaves downstream of it", default="slave",
     )  # fmt: skip
     watchdog: float | None = number(
-        0.1, 3600, "s", "A motor stops after this time without a request; never if omitted",
+        0.1, 3600, "s", "Time without a request after which a motor stops; no limit if omitted",
         default=None, optional=True,
     )  # fmt: skip
 
@@ -135,7 +135,7 @@ class System:
         return Loop(self.n_valves, self.poll, move=self.move)
 
     def worst_age(self, *, commands: int = 0) -> float:
-        """Return the greatest age of a shown position while all valves answer [s].
+        """Return the greatest age of a shown position while all valves respond [s].
 
         `commands` is the number of commands sent within one scan.
         """
@@ -156,7 +156,7 @@ class System:
         rows = {}
         for rate in BIT_RATES:
             serial = SerialLine(rate, given.line.character)
-            # Such a long time-out permits any processing time; nothing times out here.
+            # With so long a time-out any processing time is allowed; nothing times out here.
             read = status_poll(serial, processing=given.processing, timeout=3600)
             scan = read.scan_time(largest)
             rows[rate] = masters, scan, scan + read.shortest_timeout, read.max_slaves(_SCREEN)
@@ -165,7 +165,7 @@ class System:
         return table.rename_axis("bit_rate")
 
     def valve_addresses(self) -> pd.DataFrame:
-        """Return the master and the unit id of each valve, divided evenly and in order."""
+        """Return the master and unit id of each valve; valves are divided evenly and in order."""
         shares = np.array_split(np.arange(self.n_valves), -(-self.n_valves // MAX_UNIT))
         rows = [
             (master, unit)

@@ -68,9 +68,9 @@ class Sensors:
     low, high : tuple of float
         Ends of the scales; by default 0..160 bar, 0..10 bar, 0..6 A, 0..150 degC, -20..120 %.
     noise : tuple of float
-        Standard deviations, 0 or more; by default 0.5 bar, 0.03 bar, 0.02 A, 0.3 degC, 0.1 %.
+        Standard deviations of the noise; by default 0.5 bar, 0.03 bar, 0.02 A, 0.3 degC, 0.1 %.
     bits : int or None, default 12
-        Resolution of the converter, 1..24; None means no quantisation.
+        Resolution of the converter, 1..24 bits; None means no quantisation.
 
     Notes
     -----
@@ -105,7 +105,7 @@ class Sensors:
             if not 0 <= noise < np.inf:
                 raise ArgumentError(f"noise of {name} is {noise:g}; it must be 0 or more")
         if self.bits is not None and not np.isfinite([self.low, self.high]).all():
-            raise ArgumentError("low and high must be finite for a converter with bits")
+            raise ArgumentError("low and high must be finite unless bits is None")
 
     @property
     def step(self) -> Floats:

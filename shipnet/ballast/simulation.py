@@ -32,7 +32,7 @@ def blocks(
     rng: Any = None,
     size: int = 2000,
 ) -> Iterator[Run]:
-    """Simulate valves in consecutive runs, because one long run does not fit into memory."""
+    """Simulate valves in consecutive runs, because one long run may not fit into memory."""
     plant = Plant(system, faults, rng)
     last = plant.ticks(check_scalar("until", until, "s", 0, 1e8))
     idle = check_scalar("idle_step", idle_step, "s", plant.step, 3600)
@@ -94,7 +94,7 @@ def simulate(
     if valves.poll is not None:
         return scan_fleet(valves, commands, several, until, rng)
     if others := [fault for fault in several if not isinstance(fault, Fault)]:
-        raise ArgumentError(f"one of faults is {others[0]!r}; without a poll there is no line")
+        raise ArgumentError(f"one of faults is {others[0]!r}; it requires a system with a poll")
     return simulate_valves(valves, commands, faults, until, idle_step, rng)
 
 

@@ -1,6 +1,6 @@
 """A valve as a Modbus slave: registers, switches, diagnosis and watchdog.
 
-Each request includes the model time, so the same slave works in a real server and in a simulation.
+Each request includes the simulated time, so the slave works in a real server and in simulations.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from shipnet.modbus.frame import MAX_UNIT
 from shipnet.modbus.pdu import ExceptionCode
 from shipnet.modbus.slave import DeviceError, Slave, Table
 
-#: A code is found if its rule fired in 3 or more of the last 5 readings.
+#: A code counts as found if its rule fired in 3 or more of the last 5 readings.
 _LEAST, _WINDOW = 3, 5
 
 
@@ -50,7 +50,7 @@ class Monitor:
         return int(self._ranked[found.argmax()]) + 1 if np.count_nonzero(found) else 0
 
     def forget(self, valve: int) -> None:
-        """Clear the codes found for a valve, and restart the count."""
+        """Clear the codes found for a valve, and restart the count of readings."""
         self.found[valve] = False
         for fired in self._fired:
             fired[valve] = False
@@ -120,8 +120,8 @@ class ValveDevice(ValveRegisters):
     """One valve of a plant as a device for `shipnet.modbus.server`."""
 
     # Figures 9 and 10 of the paper: the master commands in auto mode, the switches in manual mode,
-    # and a write starts the motor. Our interpretation: the write is answered when the movement
-    # starts, and after the code Manual every movement is refused.
+    # and a write starts the motor. Our interpretation: the slave responds to the write when the
+    # movement starts, and after the code Manual it refuses every movement.
     def __init__(self, plant: Plant, valve: int = 0, monitor: Monitor | None = None) -> None:
         self.plant = plant
         self.valve = check_whole("valve", valve, 0, plant.n_valves - 1)
@@ -130,7 +130,7 @@ class ValveDevice(ValveRegisters):
         self.monitor = monitor if monitor is not None else Monitor(plant)
 
     def status(self, time: float) -> list[int]:
-        """Return the registers of the present readings."""
+        """Return the status registers for the present readings."""
         self._attend(time)
         plant, k = self.plant, self.valve
         ran = plant.time - plant.started[k] if plant.running[k] else plant.last_run[k]

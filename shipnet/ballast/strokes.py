@@ -1,4 +1,4 @@
-"""Recorded strokes of hydraulic actuators: features, rules with limits from healthy data, scores.
+"""Recorded strokes of hydraulic actuators: features, rules fitted to healthy data, and scores.
 
 The sensors of the shipped recording are not those of kim2014, so the rules use features that any
 actuator has, and their limits come from healthy actuators other than the one under test.
@@ -35,10 +35,10 @@ CHANNELS = (
 #: The condition of a healthy actuator.
 HEALTHY = "healthy"
 
-#: Points per stroke, point by which the actuator has stopped, and point where the supply stops.
+#: Points per stroke, point by which the actuator has stopped, and point at which the supply stops.
 POINTS, _STOPPED, _HELD = 600, 200, 250
 
-#: Ranges of the travel for speed and pressures, and for bursts, which are common at the ends.
+#: Ranges of the travel for speed and pressures, and for bursts; at the ends, bursts are common.
 _STEADY, _INNER = (0.2, 0.8), (0.25, 0.8)
 
 #: Width of the running median above which a burst is measured [points], and the value added before
@@ -55,8 +55,8 @@ _RULES = {
     "F2": ("flow_closing", 10.0, 0.04, "Flow", "fast for its pressure when it closes"),
 }
 
-#: Accepts the tables of known strokes and of strokes to judge; returns a mask of the latter that
-#: selects those to report.
+#: A function of two tables, the known strokes and the strokes to judge. It returns a mask of the
+#: latter that selects those to report.
 Judge = Callable[["pd.DataFrame", "pd.DataFrame"], npt.ArrayLike]
 
 
@@ -70,7 +70,7 @@ class Strokes:
     values : ndarray, shape (n, 600, 7)
         Points of each stroke: angle, three pressures, three accelerations, in raw counts.
     actuator, condition : ndarray of str, shape (n,)
-        The actuator that moved, and ``healthy`` or its fault.
+        Name of the actuator, and its condition: ``healthy`` or a fault.
     stroke : ndarray of int, shape (n,)
         Number of the stroke.
 
@@ -109,12 +109,13 @@ class Strokes:
         """Return one row of features per stroke, in points and raw counts.
 
         ``opening`` is True if the angle rose. ``dead_time`` lasts until 2 % of the travel,
-        ``stroke_time`` from 5 to 95 %. From 20 to 80 %: the median difference between the chamber
-        pressures, ``moving_difference``; the ``roughness`` of the speed; and the median of each
-        ``vibration``, a decimal logarithm. A ``burst`` is the largest excess of the vibration over
-        its surroundings between 25 and 80 %, at ``burst_place``. At rest: the ``holding_pressure``,
-        its ``decay``, and the ``supply_ripple``. ``flow_opening`` and ``flow_closing`` are the
-        speed over the square root of the pressure, NaN in the other direction.
+        ``stroke_time`` from 5 to 95 %. The features from 20 to 80 % are ``moving_difference``, the
+        median difference between the chamber pressures; the ``roughness`` of the speed; and the
+        median of each ``vibration``, a decimal logarithm. A ``burst`` is the largest excess of the
+        vibration over its surroundings between 25 and 80 %; it occurs at ``burst_place``. The
+        features at rest are ``holding_pressure``, its ``decay``, and ``supply_ripple``.
+        ``flow_opening`` and ``flow_closing`` are the speed divided by the square root of the
+        pressure, NaN in the other direction.
         """
         return self._features.copy()
 
@@ -185,7 +186,7 @@ class Strokes:
         if limits.isna().any():
             missing = ", ".join(limits.index[limits.isna()])
             raise ArgumentError(
-                f"without is {without!r}; no other healthy actuator has {missing} to set limits"
+                f"without is {without!r}; no other healthy actuator has values of {missing}"
             )
         variables, rules = [], []
         for place, (code, (name, top, width, flag, says)) in enumerate(_RULES.items(), start=1):
@@ -210,9 +211,9 @@ class Strokes:
         strokes.
 
         Indexed by ``method``, ``report`` (a flag of the rules, or any), ``actuator`` and
-        ``condition``: ``strokes``, those ``reported``, and the fraction ``rate`` with its 95 %
-        interval ``low`` to ``high``. For healthy strokes the rate is the false alarm rate. A stroke
-        without movement is reported.
+        ``condition``. Columns: the number of ``strokes``, how many were ``reported``, and the
+        fraction ``rate`` with its 95 % interval, ``low`` to ``high``. For healthy strokes the rate
+        is the false alarm rate. A stroke without movement is reported.
         """
         others = dict(judges or {})
         source = reference if reference is not None else _shipped()

@@ -69,9 +69,9 @@ class Trials:
     rows : pandas.DataFrame
         One row per trial and method: ``method``, ``fault``, ``valve``, ``severity``; the codes
         ``active`` at any time, and their ``top_fault``; whether any code was active (``detected``),
-        the fault's own code was active (``named``), and it was the top fault (``isolated``);
-        ``detection_time_s`` and ``isolation_time_s`` from the first command, 0 if before it, NaN if
-        never.
+        whether the fault's own code was active (``named``), and whether it was the top fault
+        (``isolated``); ``detection_time_s`` and ``isolation_time_s`` from the first command, 0 if
+        earlier, NaN if never.
 
     Notes
     -----
@@ -265,7 +265,7 @@ def _diagnosed(runs: Iterable[Run], methods: Iterable[str]) -> Iterator[dict[str
 def _some(name: str, words: Iterable[str], known: Collection[str]) -> list[str]:
     given = list(words)
     if not given:
-        raise ArgumentError(f"{name} is empty; it must have one or more")
+        raise ArgumentError(f"{name} is empty; it must name at least one")
     return [check_choice(f"one of {name}", word, known) for word in given]
 
 
@@ -294,11 +294,11 @@ def false_alarms(
     Returns
     -------
     pandas.DataFrame
-        Indexed by ``method``: ``commands``; the number of periods with an alarm, ``alarmed``, and
-        their fraction ``per_command`` with ``_low`` and ``_high``; ``valve_years``, the ``alarms``
-        in them (changes from normal to a top fault), and ``per_valve_year`` with ``_low`` and
-        ``_high``; and ``false_detection_rate``, the fraction of the time during which a fault is
-        reported.
+        Indexed by ``method``. Columns: ``commands``; ``alarmed``, the number of periods with an
+        alarm, and ``per_command``, their fraction, with its interval (``_low``, ``_high``);
+        ``valve_years``; ``alarms``, the changes from normal to a top fault, and ``per_valve_year``,
+        their rate, with its interval; and ``false_detection_rate``, the fraction of the time during
+        which a fault is reported.
 
     Notes
     -----
@@ -372,7 +372,7 @@ class FleetReport:
     duration : float
         Duration [s].
     n_samples : int
-        Number of diagnosed readings, each of all five sensors of a valve.
+        Number of samples diagnosed; a sample is one reading of all five sensors of a valve.
     injected : list of Fault
         The faults.
     commands : DataFrame
@@ -430,7 +430,7 @@ class FleetReport:
                         command, alarm - command,
                     )
                 )  # fmt: skip
-        # An empty table needs the same types.
+        # An empty table must have the same column types.
         return pd.DataFrame(rows, columns=list(_FAULT_COLUMNS)).astype(_FAULT_COLUMNS)
 
     def _reported(self, low: float, high: float, signals: pd.DataFrame) -> float:
@@ -440,7 +440,7 @@ class FleetReport:
         return float(spans[~signals["top_fault"].isin([NORMAL, UNKNOWN])].sum())
 
     def false_alarms(self) -> pd.DataFrame:
-        """Return the alarms of valves that had no fault so far, with the columns of `alarms`."""
+        """Return the alarms of valves that had no fault yet, with the columns of `alarms`."""
         begin = np.full(self.n_valves, np.inf)
         for fault in self.injected:
             sick = fault.severities(self.n_valves) > 0

@@ -28,7 +28,7 @@ from shipnet.lazy import Axes, pd
 #: The longest stroke of a healthy valve [s]: row 0 of the rule table.
 LIMIT = 10.0
 
-#: Number of leaks for which a stroke time is computed; the interpolation error is 1e-6 s.
+#: Number of leaks for which stroke times are computed; the interpolation error is 1e-6 s.
 _GRID = 2001
 
 
@@ -167,12 +167,12 @@ class Wear:
         return table.rename_axis("strokes")
 
     def compare_predictors(self, parts: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)) -> pd.DataFrame:
-        """Compare the remaining life that each predictor gives with the true one.
+        """Compare the remaining life that each predictor gives with the true remaining life.
 
         Indexed by ``predictor`` and by the ``part`` of the true life at which it predicts: the
         number of ``valves``; the fraction with a trend, ``found``; quantiles of the ratio of
-        predicted to true life; the fraction ``within_20`` percent of it; and the fraction whose
-        interval ``covers`` it.
+        predicted to true life; the fraction ``within_20`` percent of the true life; and the
+        fraction whose interval ``covers`` the true life.
         """
         index, rows = [], []
         for predictor in PREDICTORS:
@@ -274,7 +274,7 @@ def limit_leak() -> float:
 
     def late(log_factor: float) -> float:
         worn = replace(usual, pump_leak=usual.pump_leak * np.exp(log_factor))
-        # The stroke time of a valve that stops exceeds any limit.
+        # A valve that stops on its way has an infinite stroke time.
         return min(float(stroke_time(worn)), 1e6) - LIMIT
 
     return float(usual.pump_leak * np.exp(brentq(late, 0.0, 10.0, xtol=1e-10)))

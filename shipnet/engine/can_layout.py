@@ -53,7 +53,7 @@ class CanLayout:
         if len(sizes) > most:
             raise ArgumentError(f"there are {len(sizes)} boxes; there must be 1..{most}")
         if (largest := max(sizes.values())) > _FRAME * _ID_STEP:
-            raise ArgumentError(f"a box has {largest} bytes; its identifiers suffice for 2048")
+            raise ArgumentError(f"a box has {largest} bytes; the limit is 2048")
 
     @cached_property
     def _packed(self) -> tuple[Integers, dict[str, int]]:
@@ -136,7 +136,7 @@ class CanLayout:
 
     @cached_property
     def message_of(self) -> Integers:
-        """Number of the message in which each point begins, shape (n_points,)."""
+        """Index of the message in which each point begins, shape (n_points,)."""
         return self._message_at(self._packed[0])
 
     def _message_at(self, bit: Integers) -> Integers:

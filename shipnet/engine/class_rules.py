@@ -1,4 +1,4 @@
-"""The class rules that lee2012 quotes in section II, each checked against a description.
+"""The class rules that lee2012 quotes in section II, and the check of a system against them.
 
 A rule that needs a value missing from the description is not verified. The text of the rules was
 not available to us; `Rule.elsewhere` says what public texts require on the same matter.
@@ -80,7 +80,7 @@ class Redundancy:
 
     @classmethod
     def compare(cls, points: Iterable[Point]) -> pd.DataFrame:
-        """Return the effect of dead parts with one or two of each: one row per design and part."""
+        """Compare designs with one or two of each part: one row per design and dead part."""
         designs = {
             "one of each": (1, 1),
             "two supplies": (2, 1),
@@ -136,7 +136,7 @@ class Description:
             if given is None:
                 continue
             if not given:
-                raise ArgumentError(f"{name} is {given!r}; it must have one or more names")
+                raise ArgumentError(f"{name} is {given!r}; it must contain at least one name")
             if not isinstance(given, Mapping):
                 object.__setattr__(self, name, tuple(given))
             elif any(isinstance(names, str) for names in given.values()):
@@ -216,7 +216,7 @@ def _standard(system: Description, protocols: tuple[str, ...]) -> _Outcome:
 
 
 def _apart(system: Description, links: Mapping[str, tuple[str, ...]]) -> _Outcome:
-    """Return the largest number of links with nothing in common, and the names that links share."""
+    """Return the largest number of links with nothing in common, and the names shared by links."""
     sets = [set(touched) for touched in links.values()]
     shared: set[str] = set().union(*(a & b for a, b in combinations(sets, 2)))
     why = f"shared: {', '.join(sorted(shared))}" if shared else ""
@@ -251,7 +251,7 @@ def _repeats(system: Description, protocols: tuple[str, ...]) -> _Outcome:
     # A CAN controller repeats a frame until it succeeds; ISO 11898-1. A Modbus master may retry.
     asked = [name for name in protocols if name != "CAN"]
     if not asked:
-        return inf, "CAN repeats frames by itself"
+        return inf, "CAN controllers repeat frames by themselves"
     if system.poll is None or not system.retries_known:
         return nan, f"retries of {asked[0]} are not described"
     return system.poll.retries, f"retries of {asked[0]}"
@@ -265,7 +265,7 @@ RULES = (
          "points lost by a dead CPU", "", 0, "cpus", _lost, _NONE_FOUND),
     Rule("supply duplicated", "supplies", "the power supply is duplicated",
          "points lost by a dead supply", "", 0, "supplies", _lost,
-         "SOLAS II-1/51: a stand-by supply of the alarm system"),
+         "SOLAS II-1/51: a stand-by supply for the alarm system"),
     Rule("supply changes over", "supplies", "the supply changes over within 2 s",
          "change-over", "s", 2.0, "power_switch_over", _itself,
          "SOLAS II-1/51: automatic, no time limit given"),

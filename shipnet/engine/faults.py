@@ -33,9 +33,9 @@ class CanBreak(EngineFault):
 
     Notes
     -----
-    A break splits the bus into two parts, each with one of the two terminators. Both parts still
-    work, which is an **assumption** that suits short cables and low bit rates. Frames queued or on
-    the bus at the break, or at its repair, are lost. An isolated box receives no acknowledgement.
+    A break splits the bus into two parts, each with one of the two terminators. Both parts are
+    **assumed** to work, as they can on short cables at low bit rates. Frames queued or on the bus
+    at the break, or at its repair, are lost. An isolated box receives no acknowledgement.
 
     Examples
     --------
@@ -136,10 +136,10 @@ class ShortCircuit(EngineFault):
     Examples
     --------
     >>> print(ShortCircuit("ME-JB1-001"))
-    sensor wires short ME-JB1-001
+    sensor wires shorted ME-JB1-001
     """
 
-    words = "sensor wires short"
+    words = "sensor wires shorted"
     at = "sensor"
 
 
@@ -195,5 +195,5 @@ WIRES: dict[Literal["open", "short"], type[EngineFault]] = {
 def outages(
     faults: Iterable[EngineFault], where: str, *kinds: type[Fault]
 ) -> list[tuple[int, int]]:
-    """Return start and end [ns] of each fault of some kinds at a place, in order."""
+    """Return start and end [ns] of each fault of the given kinds at a place, in order."""
     return sorted(fault.span for fault in faults if type(fault) in kinds and fault.where == where)

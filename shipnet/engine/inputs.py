@@ -47,7 +47,7 @@ def pt100_temperature(resistance: npt.ArrayLike) -> float | Floats:
     low, high = (float(pt100_resistance(end)) for end in PT100)
     r = _within("resistance", resistance, low, high, "ohm")
     t = (-_A + np.sqrt(_A**2 - 4 * _B * (1 - r / _R0))) / (2 * _B)
-    # The formula is 2.5 K off at -200 degC; each step squares the error.
+    # This formula is wrong by 2.5 K at -200 degC; each step of Newton's method squares the error.
     cold = np.minimum(t, 0)
     for _ in range(4):
         error = 1 + _A * cold + _B * cold**2 + _C * (cold - 100) * cold**3
@@ -121,8 +121,8 @@ class InputCard:
     margin: float = number(
         0, 1, "",
         "Extension of the amplifier's window beyond each end of the range, as a fraction of the "
-        "span. As printed, it is 0: 4..20 mA map to 0..5 V. With 0.125, 2..22 mA do, so that "
-        "failures can be distinguished from values", default=0.0, kw_only=True,
+        "span. As printed, it is 0: 4..20 mA map to 0..5 V. With 0.125, 2..22 mA map to 0..5 V, so "
+        "that failures can be distinguished from values", default=0.0, kw_only=True,
     )  # fmt: skip
 
     @property
@@ -148,7 +148,7 @@ class InputCard:
                 signals[..., k] = pt100_resistance(own)
                 continue
             if np.isnan(own).any():
-                raise ArgumentError(f"value of {point.tag} is nan; a sensor always has some value")
+                raise ArgumentError(f"value of {point.tag} is nan; it must be a number")
             if point.condition == "switch":
                 if not ((own == 0) | (own == 1)).all():
                     raise ArgumentError(f"value of {point.tag} is neither 0 nor 1")
@@ -171,7 +171,7 @@ class InputCard:
         """Return the voltages at the converter [V]; a resistance or current may be infinite."""
         s = by_point(self.points, "signal", signal).astype(np.float64)
         if np.isnan(s).any():
-            raise ArgumentError("signal is nan; a sensor always has a signal")
+            raise ArgumentError("signal is nan; it must be a number")
         low, high = self.window.T
         u = self.reference * (s - low) / (high - low)
         return np.asarray(np.clip(u, 0, self.reference))
@@ -237,7 +237,7 @@ class InputCard:
         """Return the resolution and the conversion error of each kind of analogue input.
 
         ``step_low`` and ``step_high`` are the steps at the ends of the range. Only quantisation is
-        counted: sensors and amplifiers are ideal.
+        counted: sensors and amplifiers are assumed to be ideal.
         """
         rows = []
         for k, count in self.points.kinds():

@@ -69,7 +69,7 @@ class Point:
             if not isinstance(text, str) or not text.isprintable() or text != text.strip():
                 raise ArgumentError(f"{field} is {text!r}; it must be printable text")
             if not text and field in ("tag", "box"):
-                raise ArgumentError(f"{field} is empty; a point needs one")
+                raise ArgumentError(f"{field} is empty; every point must have one")
         if not self.low < self.high:
             raise ArgumentError(f"range is {self.low:g}..{self.high:g}; low must be below high")
         ends = (self.low, self.high)

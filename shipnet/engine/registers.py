@@ -1,7 +1,7 @@
 """The registers of a junction box: the coding of values, and the address map.
 
 lee2012 marks a missing value with 0xFF (section III.2.c) but prints neither width nor scale of a
-value. Each polled box has all points, its own and those that it received on CAN, in the order of
+value. Each polled box stores all points, its own and those that it received on CAN, in the order of
 the points.
 """
 
@@ -63,7 +63,7 @@ class Coding:
     error: int = whole(0, 0xFFFF, "", "Content that marks a missing value")
     bits: int = whole(
         2, 16, "", "Bits in use; unless the step is the full scale, values are signed, in two's "
-        "complement that fills the whole register", default=16,
+        "complement, and occupy the whole register", default=16,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -148,8 +148,8 @@ class Coding:
         low = np.array([point.low for point in known])
         high = np.array([point.high for point in known])
         begin, end = np.maximum(begin, low), np.minimum(end, high)
-        # The upper end of an interval belongs to the next number; the end of a range belongs to the
-        # range.
+        # The upper end of an interval belongs to the next number, except that a point's range
+        # includes its end.
         meet = (begin < end) | ((begin == end) & (begin == low))
         meet &= (number >= lowest) & (number <= highest)
         return pd.DataFrame(

@@ -123,9 +123,9 @@ def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
 
 
 class Views(NamedTuple):
-    """The AMS's data after each answer, one row per answer.
+    """The AMS's data after each response, one row per response.
 
-    `seen` is the time at which the answer was complete [ns]. For each message, `number` is the
+    `seen` is the time at which the response was complete [ns]. For each message, `number` is the
     round of its values, -1 if they are missing or marked, and `known` is the AMS's lower bound
     on their sampling time [ns].
     """
@@ -266,11 +266,11 @@ class Ages:
     _table: pd.DataFrame
 
     def table(self) -> pd.DataFrame:
-        """Return one row per answer of a box.
+        """Return one row per response of a box.
 
-        ``seen_s``, ``until_s`` (the next answer), ``good_until_s`` (shown as good until then),
-        ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good. Ages are NaN
-        if the point is marked at once.
+        Columns: ``seen_s``, ``until_s`` (the next response), ``good_until_s`` (shown as good until
+        then), ``sampled_s``, ``age_s`` when seen and ``last_age_s`` when last shown as good. Ages
+        are NaN if the point is marked at once.
         """
         return self._table.copy()
 
@@ -295,11 +295,11 @@ class Timeline:
     _table: pd.DataFrame
 
     def table(self) -> pd.DataFrame:
-        """Return one row per stretch of work.
+        """Return one row per uninterrupted piece of work.
 
-        ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``), ``task`` (of a box ``convert``,
-        ``send``, ``CAN``, ``timer`` or ``Modbus``, of CAN the sender, of a channel ``request`` or
-        ``response``), ``start_ms`` and ``end_ms``.
+        Columns: ``row`` (a box, ``CAN``, ``channel 1`` or ``channel 2``), ``task`` (for a box
+        ``convert``, ``send``, ``CAN``, ``timer`` or ``Modbus``, for CAN the sender, for a channel
+        ``request`` or ``response``), ``start_ms`` and ``end_ms``.
         """
         return self._table.copy()
 
@@ -310,7 +310,7 @@ class Timeline:
         return plot_timeline(self._table, ax=ax)
 
     def __repr__(self) -> str:
-        return f"Timeline({self.start:g}..{self.stop:g} s: {len(self._table)} stretches of work)"
+        return f"Timeline({self.start:g}..{self.stop:g} s: {len(self._table)} pieces of work)"
 
 
 @checked
@@ -417,7 +417,7 @@ class Run:
         check_scalar("start", start, "s", -1.0, 1e6)
         check_scalar("stop", stop, "s", -1.0, 1e6 + 60)
         if not start < stop <= start + 60:
-            raise ArgumentError(f"stop is {stop!r} s; it must be up to 60 s after {start!r} s")
+            raise ArgumentError(f"stop is {stop!r} s; it must be at most 60 s after {start!r} s")
         span = nanoseconds(start), nanoseconds(stop)
         rows: dict[str, _Slices] = {}
         for box, name in enumerate(self.system.boxes):
@@ -436,9 +436,9 @@ class Run:
         return Timeline(start, stop, pd.DataFrame(table, columns=columns))
 
     def screen(self, time: float, values: SyntheticValues | None = None) -> Screen:
-        """Return the screen of the AMS at a time between the first answer and the end [s].
+        """Return the screen of the AMS at a time between the first response and the end [s].
 
-        Without `values`, the screen shows synthetic ones with the seed 2024.
+        Without `values`, the screen shows synthetic values drawn with the seed 2024.
         """
         known = values or SyntheticValues(self.system.points, 2024)
         seen = self.views.seen
@@ -449,7 +449,7 @@ class Run:
                 f"time is {time} s; it must be {first / 1e9:g}..{self.end / 1e9:g} s"
             )
         if known.points != self.system.points:
-            raise ArgumentError("values are of other points than those of the run")
+            raise ArgumentError("values are for other points than those of the run")
         row = int(np.searchsorted(seen, now, side="right")) - 1
         printed = self.system.coding == "printed"
         rows = []
@@ -513,7 +513,7 @@ class Run:
         )
 
     def answers(self) -> pd.DataFrame:
-        """Return one row per ``poll``: ``time_s``, and ``answer_s``, infinite without an answer."""
+        """Return one row per ``poll``: ``time_s`` and ``answer_s``, infinite if unanswered."""
         rows = pd.DataFrame(self.attempts._asdict())
         took = np.where(rows["outcome"] == 0, nanoseconds(self.system.poll.time), np.inf)
         rows["end"] = rows["start"] + took
@@ -543,7 +543,7 @@ class Run:
         for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
             tags.setdefault(message, []).append(point.tag)
         for message, own in tags.items():
-            # An answer may make points good; they turn bad if their limit passes before the next.
+            # A response makes points good; they turn bad if their limit passes before the next one.
             fine, end = good[:, message], good_until[:, message]
             time = np.stack([self.views.seen, end], axis=1)
             state = np.stack([fine, fine & (end == until)], axis=1)

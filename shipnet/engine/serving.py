@@ -72,11 +72,11 @@ def serve(
     system : System, optional
         The system, in the printed coding; the system of lee2012 if not given.
     faults : fault or iterable of faults, optional
-        Faults in model time, except random losses. A box that is dead, or cut off from the AMS,
-        does not answer. Values of a box that is not received on CAN stay unchanged, and are marked
+        Faults in simulated time, except random losses. A box that is dead, or cut off from the AMS,
+        does not respond. Values of a box that is not received on CAN stay unchanged, and are marked
         after the system's `stale_limit`.
     speed : float, default 1
-        Model seconds per real second, 0..1e4.
+        Simulated seconds per real second, 0..1e4.
     rng : optional
         Source of the synthetic values, for `numpy.random.default_rng`.
     **options
@@ -87,8 +87,8 @@ def serve(
     -------
     Server
         Unit ids 2 and 3, one slave each. Function code 3 reads one register per point, in the order
-        of Table 3, temperatures in tenths of a degree. Unit id 247 has `fault_registers`, which
-        inject more faults while the server runs.
+        of Table 3, with temperatures in tenths of a degree. Unit id 247 has `fault_registers`,
+        which inject more faults while the server runs.
 
     Examples
     --------
@@ -127,7 +127,7 @@ def parse_fault(system: System, words: str) -> EngineFault:
         if place in system.places[kind.at]:
             return kind(place)
     raise ArgumentError(
-        f"fault is {words!r}; it must be a place and what happens to it, such as 2:dead, "
+        f"fault is {words!r}; it must be a place and a fault, such as 2:dead, "
         "JB2:bus-off, 3:cut (its Modbus channel), JB1-JB2:cut (a CAN cable) or ME-JB2-044:open "
         "(also stuck, short)"
     )
@@ -155,7 +155,7 @@ def fault_registers(system: System | None = None) -> pd.DataFrame:
     >>> from shipnet import engine
     >>> table = engine.fault_registers()
     >>> print(*table.loc[0], table.loc[100, "holds"], sep="; ")
-    JB1; 1 box dead; 1 sensor stuck, 2 sensor wire open, 3 sensor wires short
+    JB1; 1 box dead; 1 sensor stuck, 2 sensor wire open, 3 sensor wires shorted
     """
     registers = FaultRegisters(System() if system is None else system, [])
     rows = [
@@ -166,7 +166,7 @@ def fault_registers(system: System | None = None) -> pd.DataFrame:
 
 
 class FaultRegisters:
-    """The device behind `fault_registers`; it changes the boxes' list of `faults`."""
+    """The device with the `fault_registers`; it changes the list of `faults` that the boxes use."""
 
     def __init__(self, system: System, faults: list[EngineFault]) -> None:
         self.faults = faults
@@ -252,7 +252,7 @@ class JunctionBox:
         return values
 
     def _heard(self, sender: int, now: int) -> int | None:
-        """Return when this box last received frames of another box [ns], None if never."""
+        """Return when this box last received frames from another box [ns]; None if never."""
         if sender == self.box:
             return now
         borders = sorted({0, *(t for fault in self.faults for t in fault.span if 0 < t <= now)})
@@ -272,7 +272,7 @@ class JunctionBox:
 
 
 class _BoxSlave(Slave):
-    """The slave of a junction box, which does not answer while the box is silent."""
+    """The slave of a junction box, which does not respond while the box is silent."""
 
     def __init__(self, box: JunctionBox) -> None:
         super().__init__(box, functions=FUNCTIONS)

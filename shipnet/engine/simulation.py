@@ -34,8 +34,8 @@ from shipnet.errors import ArgumentError
 from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.lazy import pd
 
-#: Maximum number of frames sent and read in one run; they take some gigabytes of memory. Each poll
-#: reads the newest frame of every message.
+#: Maximum number of frames sent and read in one run; they take several gigabytes of memory. Each
+#: poll reads the newest frame of every message.
 _MOST_FRAMES = 20_000_000
 
 #: Time from the start of a lasting fault to the end of its run [s]; a design whose marks take
@@ -104,8 +104,8 @@ def simulate(
     frames += polls * system.sender.size
     if frames > _MOST_FRAMES:
         raise ArgumentError(
-            f"until is {until} s; in that time {frames:.0f} frames are sent and read; they must "
-            f"be at most {_MOST_FRAMES}"
+            f"until is {until} s; in that time {frames:.0f} frames are sent and read; the "
+            f"limit is {_MOST_FRAMES}"
         )
     attempts = ask(system, horizon, begins["AMS"], wrong, chance)
     answered = nanoseconds(system.poll.time)
@@ -145,7 +145,7 @@ def _phases(
     periods = dict(zip(system.boxes, system.period_ns.tolist(), strict=True))
     periods["AMS"] = nanoseconds(system.poll_period)
     if strange := sorted(set(given) - set(periods)):
-        raise ArgumentError(f"phases name {strange}; known names are {', '.join(periods)}")
+        raise ArgumentError(f"phases has unknown names {strange}; known are {', '.join(periods)}")
     found = {}
     for name, period in periods.items():
         drawn = 0 if rng is None else int(rng.integers(period))
@@ -199,7 +199,7 @@ class _Table:
         self.done = cpu.at(cpu.queue(sent.arrival[rows], work) + work)
 
     def read(self, time: Integers) -> tuple[Integers, Integers]:
-        """Return every message's round at some times, -1 if missing or marked, and `known`."""
+        """Return each message's round at some times, -1 if missing or marked, and `known` times."""
         system, box = self.system, self.box
         number = np.full((time.size, system.sender.size), -1)
         known = np.full((time.size, system.sender.size), NEVER)
@@ -236,7 +236,7 @@ class _Table:
 
 
 def _freshest(views: Views, channel: Integers) -> Views:
-    """Return the views after every answer, with each message from the channel with newer data."""
+    """Return the views after every response; each message is from the channel with newer data."""
     order = np.argsort(views.seen, kind="stable")
     seen, channel = views.seen[order], channel[order]
     number, known = views.number[order], views.known[order]
@@ -249,7 +249,7 @@ def _freshest(views: Views, channel: Integers) -> Views:
         better = theirs > best_known
         best_known = np.where(better, theirs, best_known)
         best_number = np.where(better, number[newest], best_number)
-    # Of answers that end at the same instant, the last one counts.
+    # Of responses that end at the same instant, the last one counts.
     last = np.append(seen[1:] > seen[:-1], True)[: seen.size]
     return Views(seen[last], best_number[last], best_known[last])
 
@@ -311,7 +311,7 @@ class _Line:
             self.draws = iter(rng.random((most, 2 * len(self.losses))).tolist())
 
     def ask(self, start: int) -> tuple[int, bool, int]:
-        """Send a request; return its outcome, whether the box received it, when the AMS continues.
+        """Send a request; return its outcome, whether the box got it, and when the AMS continues.
 
         A cable must be intact while it carries a frame; a box must work from the request onwards.
         """
@@ -354,7 +354,7 @@ def _follow(
                 if outcome == 0:
                     break
             if outcome == 0:
-                # The next poll starts on the channel that answered.
+                # The next poll starts on the channel that responded.
                 if line is not order[0]:
                     order = order[::-1]
                 break
@@ -402,7 +402,7 @@ def islands(system: System, faults: Sequence[EngineFault], time: int) -> list[li
     for place, segment in enumerate(system.segments):
         ends = place, (place + 1) % len(part)
         if not out(segment, CanBreak):
-            # The cable runs through a box, whether the box is alive or not.
+            # The cable passes through a box, whether the box works or not.
             old, new = part[ends[1]], part[ends[0]]
             part = [new if p == old else p for p in part]
     able = [k for k, box in enumerate(system.boxes) if not out(box, DeadBox, BusOff)]
@@ -476,14 +476,14 @@ def single_failures(
     Returns
     -------
     pandas.DataFrame
-        One row per fault, after a first row ``none``: ``lost`` (points without a newer value
-        while the fault lasts), ``old`` (points shown as good although older than 2 s),
-        ``oldest_s`` (greatest age shown as good; infinite if it grows without limit during a
-        lasting fault), ``bound_s`` (bound on ``oldest_s`` in any phase; infinite without a bound),
-        ``marked`` (points ever marked), ``marked_after_s`` (longest time from the fault until the
-        last of these points was first marked; NaN if none), ``noticed`` (alarms of the AMS:
-        ``link``, ``path``, ``mark`` or ``no``), ``answer_s`` (longest answer), ``answer_ok`` and
-        ``age_ok`` (whether the bounds of answer and age are at most 2 s).
+        One row per fault, after a first row ``none``: ``lost`` (points without a newer value while
+        the fault lasts), ``old`` (points shown as good although older than 2 s), ``oldest_s``
+        (greatest age shown as good; infinite if it grows without limit during a lasting fault),
+        ``bound_s`` (bound on ``oldest_s`` in any phase; infinite without a bound), ``marked``
+        (points ever marked), ``marked_after_s`` (longest time from the fault until the last of
+        these points was first marked; NaN if none), ``noticed`` (alarms of the AMS: ``link``,
+        ``path``, ``mark`` or ``no``), ``answer_s`` (longest time to a response), ``answer_ok`` and
+        ``age_ok`` (whether the bounds on this time and on the age are at most 2 s).
 
     Notes
     -----
@@ -509,7 +509,7 @@ def single_failures(
 
 
 def _fault_run(system: System, fault: EngineFault | None, rng: np.random.Generator) -> Run:
-    # Long enough for the last mark, and for two more polls.
+    # The run must last until the last mark and two more polls.
     settled = max(system.staleness_flag().after, RULE) + 3 * system.poll_period
     start, stop = (10.0, inf) if fault is None else (fault.start, fault.stop)
     end = start + max(2 * settled, _LENGTH) if stop == inf else stop + settled

@@ -117,9 +117,9 @@ class Firmware:
 class SwitchOver(NamedTuple):
     """Times of a switch-over to the other channel [s].
 
-    `request` and `answer` run from the unanswered request to the first request and to the end of
-    the answer on the other channel. `loss` runs from the loss of the channel to that answer, and
-    `gap` is the time between two answers, both in the worst case.
+    `request` and `answer` begin at the unanswered request: `request` ends at the first request on
+    the other channel, `answer` at the end of its response. `loss` runs from the loss of the channel
+    to that response; `gap` is the time between two responses. Both are worst cases.
     """
 
     request: float
@@ -131,9 +131,9 @@ class SwitchOver(NamedTuple):
 class FailureBounds(NamedTuple):
     """The worst effects of a single failure, whatever the phases of all clocks [s].
 
-    `answer` is the longest time from the first request of a poll to its answer, `gap` the longest
-    time between two answers, and `oldest` the greatest age shown as good, infinite if the age grows
-    without limit.
+    `answer` is the longest time from the first request of a poll to its response, `gap` the longest
+    time between two responses, and `oldest` the greatest age shown as good, infinite if the age
+    grows without limit.
     """
 
     answer: float
@@ -155,11 +155,11 @@ class System:
 
     Notes
     -----
-    With the `coding` "printed", a box marks all values of another box as 0xFF if it has received
-    no frame from that box for `stale_limit`. With "corrected", it also sends the age of every
-    frame, and the AMS marks each value that may be older than `age_limit`. Figure 3 may show a CAN
-    ring, which ISO 11898 does not allow; a ring is assumed to work. The AMS is assumed to
-    stay on the last channel that answered. The time-out ends at a response's *first* character.
+    With the `coding` "printed", a box marks all values of another box as 0xFF if it has received no
+    frame from that box for `stale_limit`. With "corrected", it also sends the age of every frame,
+    and the AMS marks each value that may be older than `age_limit`. Figure 3 may show a CAN ring,
+    which ISO 11898 does not allow; a ring is assumed to work. The AMS is assumed to stay on the
+    last channel that responded. The time-out ends at a response's *first* character.
 
     References
     ----------
@@ -182,7 +182,7 @@ class System:
 
     points: PointList = part(
         PointList,
-        "Measuring points, in 2..7 boxes; the first box answers on Modbus channel 1, the last on "
+        "Measuring points, in 2..7 boxes; the first box responds on Modbus channel 1, the last on "
         "channel 2. The 99 points of lee2012 if not given",
         default_factory=read_points, make=PointList,
     )  # fmt: skip
@@ -216,7 +216,7 @@ class System:
         default="one",
     )
     coding: Literal["printed", "corrected"] = choice(
-        ("printed", "corrected"), "How old values are marked", default="printed"
+        ("printed", "corrected"), "How values that are too old are marked", default="printed"
     )
     stale_limit: float = number(
         0.01, LONGEST, "s", "Silence after which a box is marked in the printed coding",
@@ -233,8 +233,8 @@ class System:
             raise ArgumentError(f"points are in {len(self.boxes)} boxes; there must be 2..7")
         if self.polled == "both" and self.coding == "printed":
             raise ArgumentError(
-                "polled is 'both' with coding 'printed'; it must be 'one', or coding 'corrected', "
-                "because without ages the AMS cannot tell which of two values is newer"
+                "polled is 'both' with coding 'printed'; set polled to 'one' or coding to "
+                "'corrected', because without ages the AMS cannot tell which of two values is newer"
             )
         check_whole("registers", self.registers, 1, 125, " of one request")
         if self.polled == "both" and self.poll.time > self.poll_period:
@@ -268,7 +268,7 @@ class System:
 
     @property
     def ports(self) -> tuple[int, int]:
-        """Numbers of the boxes that answer on channels 1 and 2."""
+        """Indices of the boxes that respond on channels 1 and 2."""
         return 0, len(self.boxes) - 1
 
     @property
@@ -325,7 +325,7 @@ class System:
 
     @cached_property
     def sender(self) -> Integers:
-        """Number of the box that sends each message, shape (n_messages,)."""
+        """Index of the box that sends each message, shape (n_messages,)."""
         return np.array([self.boxes.index(m.sender) for m in self._layout.messages()])
 
     @cached_property
@@ -336,12 +336,12 @@ class System:
 
     @property
     def message_of(self) -> Integers:
-        """Number of the message that contains each point, shape (n_points,)."""
+        """Index of the message that contains each point, shape (n_points,)."""
         return self._layout.message_of
 
     @cached_property
     def box_of(self) -> Integers:
-        """Number of the box of each point, shape (n_points,)."""
+        """Index of the box of each point, shape (n_points,)."""
         return self.sender[self.message_of]
 
     # Times of the boxes' loops
@@ -439,8 +439,8 @@ class System:
         registers to the end of the response), and their sum ``worst_s``.
 
         For the polled box's own values L is the conversion alone, and R, h and S are 0. If both
-        channels are polled, the better one counts. ArgumentError if two polls can fall in one
-        round of a loop, or the CAN bus is overloaded.
+        channels are polled, the lower age counts. ArgumentError is raised if two polls can fall in
+        one round of a loop, or the CAN bus is overloaded.
         """
         channels = self.ports if self.polled == "both" else self.ports[:1]
         return self._ages(channels, self.suspended_ns, self.can_response)
@@ -448,13 +448,13 @@ class System:
     def _ages(
         self, channels: tuple[int, ...], suspended: Integers, can_response: Floats
     ) -> pd.DataFrame:
-        """Return the ages over the best of some channels, for given delays of boxes and frames."""
+        """Return the ages over the best of the channels, for given delays of boxes and frames."""
         spacing = self.poll_spacing()
         longest = int(self.loop_ns.max()) + self.service_ns
         if longest > nanoseconds(spacing):
             raise ArgumentError(
                 f"poll_period is {self.poll_period:g} s; a round of a loop takes "
-                f"{longest / 1e9:g} s, so two polls can fall in it"
+                f"{longest / 1e9:g} s, so two polls can fall in one round"
             )
         response = can_response[self.message_of]
         box, offset = self.box_of, self.offset_ns
@@ -495,8 +495,8 @@ class System:
         .. math:: t_{after} = t_{stale} + t_{mark} + h + T + t_{response}
 
         with the time T from poll to poll. If the silent box is the polled one, the AMS first gets
-        no answer for :math:`t_{lost}`, retries included; :math:`T_{lost}` is the time from poll to
-        poll including that time:
+        no response for :math:`t_{lost}`, retries included; :math:`T_{lost}` is the time from poll
+        to poll including that time:
 
         .. math:: t_{after} \ge T + T_{lost} + t_{request} + t_{response}
 
@@ -521,7 +521,7 @@ class System:
         return StalenessFlag(after, after + float((old / 1e9 + queued).max()))
 
     def switch_over(self) -> SwitchOver:
-        """Return the delays caused by a lost channel; ArgumentError if both channels are polled.
+        """Return the delays caused by a lost channel, if the AMS polls one channel at a time.
 
         The paper measures 133 "us" from the loss of channel 1 to the request on channel 2. Read as
         milliseconds, this time consists of a request of 9.17 ms and a time-out of 123.8 ms. A
@@ -550,7 +550,7 @@ class System:
         return [n * self.poll.time + (tries - n) * silent for n in damaged]
 
     def _gaps(self, broken: int) -> tuple[float, float]:
-        """Return the longest time between two answers when channel 1 fails, and afterwards [s].
+        """Return the longest time between two responses when channel 1 fails, and afterwards [s].
 
         Up to `broken` tries per poll end with a broken response.
         """
@@ -568,7 +568,7 @@ class System:
         """Return the greatest age shown as good while the AMS leaves a failing channel 1 [s]."""
         before, after = self._gaps(broken)
         healthy, ports = self.suspended_ns, np.isin(np.arange(len(self.boxes)), self.ports)
-        # If a round of a loop takes longer than a poll, several requests can fall in it.
+        # If a round of a loop takes longer than a poll, several requests can fall in one round.
         crowded = int(self.loop_ns.max()) + self.service_ns > nanoseconds(self.poll.time)
         times = 2 + self.retries if crowded else 1
         both = times * self.service_ns * ports.astype(np.int64)
@@ -581,9 +581,9 @@ class System:
         return max(found)
 
     def failure_bounds(self, fault: EngineFault | None = None) -> FailureBounds:
-        r"""Return the worst-case effect of one fault, or none, on answers and ages, in any phase.
+        r"""Return the worst-case effect of one fault, or none, on responses and ages, in any phase.
 
-        If the channel in use fails, the AMS gets no answer for :math:`t_{lost}`: it notices a
+        If the channel in use fails, the AMS gets no response for :math:`t_{lost}`: it notices a
         broken response when the response should have ended, and the failure of each of r retries
         after its time-out.
 
@@ -591,10 +591,10 @@ class System:
 
         .. math:: t_{gap} = T + t_{lost}, \qquad A' = A - T + t_{gap}
 
-        where :math:`t_{silent}` is the time of a request and its time-out, with the time T from
-        poll to poll and the age A of `worst_age`. If frames are damaged at random, each try may
-        take :math:`t_{poll}`. A failure on the CAN bus destroys the frames of one round, so A grows
-        by one update period. A silent box has the bound of `staleness_flag`. In the printed design
+        where :math:`t_{silent}` is the time of a request and its time-out, T the time from poll to
+        poll, and A the age from `worst_age`. If frames are damaged at random, each try may take
+        :math:`t_{poll}`. A failure on the CAN bus destroys the frames of one round, so A grows by
+        one update period. A silent box has the bound of `staleness_flag`. In the printed design
         random losses on CAN have no bound: one frame keeps all values of its box valid.
         """
         answer, gap = self.poll.time, self.poll_spacing()

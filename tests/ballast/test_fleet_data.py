@@ -213,7 +213,7 @@ def test_memory_does_not_grow_with_the_days(tmp_path):
         ({"seed": -1}, "seed is -1"),
         ({"seed": None}, "seed is None"),
         ({"folder": None}, "folder is None"),
-        ({"client": "nowhere://x"}, "client is 'nowhere://x'; no scheduler answers there"),
+        ({"client": "nowhere://x"}, "client is 'nowhere://x'; no scheduler responds there"),
     ],
 )
 def test_bad_arguments_are_named(tmp_path, change, message):

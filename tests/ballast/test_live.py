@@ -47,7 +47,7 @@ def test_a_slave_that_finds_nothing_or_reports_another_row_does_not_pass(monkeyp
 def test_a_broken_system_does_not_pass(monkeypatch):
     monkeypatch.setattr("shipnet.ballast.slave.ValveDevice.turn", lambda *_: None)
     failed = [step.step for step in _manual(Bed) if not step.passed]
-    assert failed == [f"S{unit} switched to open" for unit in range(1, 6)]
+    assert failed == [f"S{unit} opened by switch" for unit in range(1, 6)]
 
 
 def test_the_tank_rises_by_the_closed_form():
@@ -113,7 +113,7 @@ def test_received_readings_are_multiples_of_the_register_steps():
     [
         (lambda: Bed(fault="X"), "fault is 'X'"),
         (lambda: Recorder(Plant()).run, "nothing has been recorded"),
-        (lambda: Bed().station.seen.received(1), "it has sent no status"),
+        (lambda: Bed().station.seen.received(1), "no status was received"),
         (lambda: Bed().station.seen.received(6), "valve is 6"),
         (lambda: Bed().device(6), r"unit is 6; it must be a whole number 1\.\.5"),
     ],

@@ -35,7 +35,7 @@ def status(client, unit):
     return RegisterMap().decode([registers])
 
 
-def test_a_server_with_a_test_clock_moves_the_valve_in_model_time(monkeypatch):
+def test_a_server_with_a_test_clock_moves_the_valve_in_simulated_time(monkeypatch):
     now = [0.0]
     monkeypatch.setattr("shipnet.ballast.live.real_clock", lambda factor: lambda: now[0])
     with serve(3) as server, connected("tcp", server.port) as client:

@@ -144,7 +144,7 @@ def test_a_screen_outside_the_run_is_refused(run, values):
     with pytest.raises(ArgumentError, match="time is 99"):
         run.screen(99, values)
     other = SyntheticValues(run.system.points[:5], np.random.default_rng(0))
-    with pytest.raises(ArgumentError, match="values are of other points"):
+    with pytest.raises(ArgumentError, match="values are for other points"):
         run.screen(5, other)
 
 

@@ -71,7 +71,7 @@ def test_results_come_in_the_order_of_the_tasks():
     assert compute(abs, iter([-1]), client=1) == [1]
 
 
-def test_random_numbers_depend_only_on_the_place_of_a_task():
+def test_random_numbers_depend_only_on_the_number_of_a_task():
     import numpy as np
 
     children = np.random.SeedSequence(7).spawn(4)
@@ -347,7 +347,7 @@ def test_an_unknown_scheduler_is_named(monkeypatch):
     cluster()
     monkeypatch.setattr(MODULE, "_ANSWER", 0.3)
     for address in ("tcp://127.0.0.1:1", "nowhere://x", ""):
-        with pytest.raises(ArgumentError, match=f"client is {address!r}; no scheduler answers"):
+        with pytest.raises(ArgumentError, match=f"client is {address!r}; no scheduler responds"):
             compute(abs, [1], client=address)
 
 
