@@ -24,7 +24,7 @@ from shipnet.lazy import pd
 # The record has one row per transaction: its start, the pause before the response, and all other
 # fields packed into one integer, which is quick to write during a simulation.
 
-#: Number of the lowest bit of each field; bits 0..15 are `PreparedRequest.code`.
+#: Position of the lowest bit of each field; bits 0..15 are `PreparedRequest.code`.
 ATTEMPT, PHASE, OUTCOME, RESPONSE, EXECUTED, STANDBY = 16, 19, 22, 26, 31, 32
 
 #: Value of the response field if there is no readable response.
@@ -164,7 +164,7 @@ class Station:
         self.lost_replies: dict[Call, int] = {}
         #: Number of active faults that disconnect the slave from the supply.
         self.cuts = 0
-        #: Numbers of the last request to the slave and of the first after it was switched on.
+        #: Counts of requests at the last one to the slave and the first after its switch-on.
         self.heard, self.since = -1, 1
         #: Index of the slave's first disturbance among the disturbances of one phase.
         self.offset = 0
@@ -175,8 +175,8 @@ class Station:
         most = transaction.timeout + REQUEST_BITS
         if not (late >= 0 and pause < most):
             raise ArgumentError(
-                f"slave {self.name} would answer {pause:g} bit times after a request; a delay "
-                f"must be at least 0, and the answer must begin within {most:g} bit times"
+                f"slave {self.name} would respond {pause:g} bit times after a request; a delay "
+                f"must be at least 0, and the response must begin within {most:g} bit times"
             )
 
 
@@ -255,7 +255,7 @@ class Channel:
         self._scheduled = 0
         self._next = _NEVER
         self._number = 0
-        #: Number of the last request corrupted by a late response; bits and start of that response.
+        #: Count of the last request corrupted by a late response; that response's bits and start.
         self._spoilt = -1
         self._ghost: tuple[str, float] | None = None
         self.locate()
@@ -284,7 +284,7 @@ class Channel:
         raise MasterStops(until)
 
     def locate(self) -> None:
-        """Update the lists of powered slaves by address; the entry after address 31 lists all."""
+        """Update the lists of powered slaves by address; a last list contains them all."""
         there = [s for s in self.stations if s.slave.powered]
         self._at = [[s for s in there if s.slave.address == address] for address in range(32)]
         self._at.append(there)

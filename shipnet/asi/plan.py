@@ -75,7 +75,7 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
     "slave, failed": ("X", LIMIT["color"], 7),
 }
 
-#: Largest number of slaves that are labelled in a drawing.
+#: Maximum number of slaves that are labelled in a drawing.
 _NAMED = 12
 
 
@@ -227,7 +227,7 @@ class Plan:
         """Return this plan extended by another plan downstream of a repeater at `node`.
 
         The repeater replaces the other plan's only master. The other plan's node names get the
-        `prefix`; its addresses increase by the highest address of this plan.
+        `prefix`; its addresses are raised by the highest address of this plan.
         """
         if len(other.masters) != 1:
             raise ArgumentError(
@@ -412,7 +412,7 @@ class Plan:
         return table.rename_axis("slave")
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return the utilisation of a one-line plan if each point needs an `update` period [s]."""
+        """Return the utilisation of a one-line plan if each point is due every `update` seconds."""
         check_scalar("update", update, "s", 1e-6, 1e6)
         times = self.response_times()
         shares = [len(self._addresses()) / ADDRESSES, *(times["update_s"] / update)]
@@ -554,7 +554,7 @@ class Comparison:
         return np.array([bool(one.within_tolerance.all()) for one in self.qualities.values()])
 
     def plot(self, ax: Axes | None = None, *, label: str = "", **line: Any) -> Axes:
-        """Plot weakest pulse and ringing against plan names if numeric, otherwise in order."""
+        """Plot weakest pulse and ringing against plan names if these are numbers, else in order."""
         names = list(self.qualities)
         numbers = all(isinstance(name, int | float | np.number) for name in names)
         x = names if numbers else range(1, len(names) + 1)
@@ -565,7 +565,7 @@ class Comparison:
         ax.plot(x, 100 * table["ringing"], color="C1", marker=".", label="ringing" + name, **line)
         style.limit(ax, 100 * TOLERANCE.evenness, "weakest pulse,\nat least")
         style.limit(ax, 100 * TOLERANCE.ringing, "ringing,\nat most")
-        ax.set(ylabel="share of the largest pulse [%]", ylim=(0, 112))
+        ax.set(ylabel="fraction of the largest pulse [%]", ylim=(0, 112))
         style.legend(ax, 2)
         return ax
 

@@ -45,7 +45,7 @@ class Standby:
 
     Its projected slaves must be given, because the four outputs of a standard slave look like the
     three outputs and the select bit of an A/B slave. `silence` must exceed a working master's
-    time-out and pause of up to 500 us. Its default is assumed, because no source states a value.
+    time-out and its longest pause, 500 us. The default is assumed: no source states a value.
 
     References
     ----------
@@ -111,7 +111,7 @@ class Summary:
         )
 
 
-#: Largest number of requests in a figure.
+#: Maximum number of requests in a figure.
 _MOST_REQUESTS = 500
 
 
@@ -213,7 +213,7 @@ class Run:
         shown = events[keep]
         if not 1 <= len(shown) <= _MOST_REQUESTS:
             raise ArgumentError(
-                f"start and stop show {len(shown)} requests; a figure shows 1 to {_MOST_REQUESTS}"
+                f"start and stop select {len(shown)} requests; a figure shows 1 to {_MOST_REQUESTS}"
             )
         slaves = shown.sort_values(["address", "half"], kind="stable")["slave"].unique()
         row = {slave: place + 1 for place, slave in enumerate(slaves)}
@@ -232,7 +232,7 @@ class Run:
                 ax.text(middle, -0.5, str(attempt), ha="center", va="bottom")
             fine, pause = one["outcome"] == "ok", one["master_pause_bit"]
             if fine and pause != pause:
-                continue  # a call without an answer
+                continue  # a call without a response
             # A missing response is drawn at its earliest possible start.
             colour = style.FIELD["information"] if fine else style.LIMIT["color"]
             look: dict[str, Any] = {"facecolor": colour, **edge}
@@ -307,7 +307,7 @@ class Run:
         leading = self.masters[0]
         worst = (1 + leading.repetitions) * leading.drop_after
         found = self._exchanges[["slave", "failed"]]
-        # A series of failures ends with a success, another slave or the record.
+        # A series of failures ends before a success, before the next slave, or with the record.
         run = (found != found.shift()).any(axis=1).cumsum()
         runs = found[found["failed"]].groupby(run)["slave"].agg(["first", "size"])
         table = pd.crosstab(runs["first"], runs["size"].clip(upper=worst))
@@ -355,7 +355,7 @@ class Run:
         )
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return the line's utilisation, without the start-up, if each point needs an `update` [s].
+        """Return the line's utilisation after start-up if each point is due every `update` seconds.
 
         The capacity follows from the longest time between two responses of a slave.
         """
@@ -393,10 +393,10 @@ class Run:
 
 
 def _values(own: pd.DataFrame, slave: Slave) -> pd.DataFrame:
-    """Return when the values of one channel were converted and when they were known."""
+    """Return when the values of one channel were converted and when the master had them."""
     try:
         needed = exchanges(slave.kind)
-    except ArgumentError:  # its transfer of values is not published
+    except ArgumentError:  # its number of exchanges is not published
         return own[:0]
     ends = own["known"].to_numpy()[needed - 1 :: needed]
     taken, known = ends[: -1 : slave.channels], ends[1 :: slave.channels]
@@ -466,8 +466,8 @@ def simulate(
 
     Notes
     -----
-    Slaves are named by their initial labels. An event during a request precedes the slave's action
-    at its end. Repeaters delay the signal; the delay of cables is neglected (0.5 us in 100 m).
+    Slaves are named by their initial labels. An event during a request takes effect before a
+    slave acts on the request. Repeaters delay the signal; the delay of cables is not simulated.
 
     Examples
     --------

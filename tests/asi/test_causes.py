@@ -145,7 +145,7 @@ def test_half_a_decoupling_and_two_supplies_are_one_impedance():
     for wave in records:
         causes = decode(wave).causes()
         assert causes.index.tolist() == [SECOND]
-        assert "one with half these values looks the same" in causes["evidence"].iloc[0]
+        assert "a supply with half these values looks the same" in causes["evidence"].iloc[0]
 
 
 def test_only_answers_from_a_shared_address_are_bad():

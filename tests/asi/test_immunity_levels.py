@@ -129,4 +129,4 @@ def test_dots_are_at_the_ratio_and_mark_gaps_and_doubts(ax):
     assert surge.get_color() == style.LIMIT["color"]
     assert surge.get_xdata()[0] < 0.5
     assert text == "no test, ship 0.5 kV"
-    assert "what a ship asks for" in texts
+    assert "required on ships" in texts

@@ -109,12 +109,12 @@ def test_faults_in_fewer_than_four_slots_are_found(faults, patterns, undetected)
 
 # The response 0-+-0+-+0-+-0+00, 0011001, with one fault each.
 BROKEN = {
-    "start": ("0+-+0-+-0+-+0-00", "slot 1 has +; the start bit's pulse is -"),
+    "start": ("0+-+0-+-0+-+0-00", "slot 1 has +; the start bit's pulse must be -"),
     "alternation": ("0-+-0+++0-+-0+00", "slot 6 has + like slot 5"),
     "pause": ("0-+-0+-+000-0+00", "slots 8 and 9 are both empty"),
-    "information": ("0-+-+0-+0-+-0+00", "slot 5 is empty; it is the middle of bit 2"),
-    "parity": ("0-+-0+-+0-0+-+00", "slots 1 to 11 have 001101 with 3 ones"),
-    "end": ("0-+-0+-+0-+-+-00", "slot 13 has -; the end bit's pulse is +"),
+    "information": ("0-+-+0-+0-+-0+00", "slot 5, the middle of bit 2, is empty"),
+    "parity": ("0-+-0+-+0-0+-+00", "slots 1 to 11 contain 001101, with 3 ones"),
+    "end": ("0-+-0+-+0-+-+-00", "slot 13 has -; the end bit's pulse must be +"),
     "length": ("0-+-0+-+0-+-0+-0", "slot 14 has -; the line must be silent after slot 13"),
 }
 
