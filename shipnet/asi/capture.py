@@ -112,7 +112,7 @@ def _pick(field: npt.NDArray[Any], index: Indices, missing: float) -> npt.NDArra
 
 def _roles(telegrams: Telegrams) -> tuple[Bools, Bools, Bools]:
     """Return three masks: telegrams that are cut off, requests, and responses to a request."""
-    # From a last pulse to the next first pulse, the pause and one more bit time pass.
+    # Between a last pulse and the next first pulse are the pause and one more bit time.
     pause = np.diff(telegrams.first, prepend=np.nan)
     pause[1:] = (telegrams.first[1:] - telegrams.last[:-1]) / BIT_TIME - 1
     broken = (telegrams.error > 0) | ~telegrams.fits

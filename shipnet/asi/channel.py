@@ -164,7 +164,7 @@ class Station:
         self.lost_replies: dict[Call, int] = {}
         #: Number of active faults that disconnect the slave from the supply.
         self.cuts = 0
-        #: Counts of requests at the last one to the slave and the first after its switch-on.
+        #: Sequence numbers of the last request to the slave and of the first after its switch-on.
         self.heard, self.since = -1, 1
         #: Index of the slave's first disturbance among the disturbances of one phase.
         self.offset = 0
@@ -255,7 +255,7 @@ class Channel:
         self._scheduled = 0
         self._next = _NEVER
         self._number = 0
-        #: Count of the last request corrupted by a late response; that response's bits and start.
+        #: Last request hit by a late response, by sequence number; that response's bits and start.
         self._spoilt = -1
         self._ghost: tuple[str, float] | None = None
         self.locate()
@@ -284,7 +284,7 @@ class Channel:
         raise MasterStops(until)
 
     def locate(self) -> None:
-        """Update the lists of powered slaves by address; a last list contains them all."""
+        """Update the lists of powered slaves by address; the last list contains them all."""
         there = [s for s in self.stations if s.slave.powered]
         self._at = [[s for s in there if s.slave.address == address] for address in range(32)]
         self._at.append(there)

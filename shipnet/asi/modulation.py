@@ -437,7 +437,7 @@ class Pulses:
 
 @lru_cache(maxsize=4096)
 def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, int]:
-    """Return the bits and error code received if `telegrams`, (bits, first slot), overlap."""
+    """Return the bits and error code received if telegrams overlap, given as (bits, first slot)."""
     total = np.zeros(2 * n_bits + 2, dtype=np.int64)
     for telegram, start in telegrams:
         pulses = Modulation(telegram).pulses.signs

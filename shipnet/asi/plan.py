@@ -412,7 +412,7 @@ class Plan:
         return table.rename_axis("slave")
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return the utilisation of a one-line plan if each point is due every `update` seconds."""
+        """Return a one-line plan's utilisation if each point needs an update every `update` [s]."""
         check_scalar("update", update, "s", 1e-6, 1e6)
         times = self.response_times()
         shares = [len(self._addresses()) / ADDRESSES, *(times["update_s"] / update)]

@@ -29,7 +29,7 @@ from shipnet.line import waveform as line_waveform
 #: Arguments that `numpy.random.default_rng` accepts.
 RNGLike = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence | int
 
-#: Voltage below which nothing is a pulse [V]: 30 % of 1.5 V, half of the smallest legal signal.
+#: Voltage below which no pulse counts [V]: 30 % of 1.5 V, half of the smallest legal signal.
 MINIMUM = 0.45
 
 #: Legal sampling intervals [s]: the longest gives three samples per half-bit, the shortest
@@ -193,14 +193,14 @@ class Receiver:
     """
 
     threshold: float = number(
-        0, 1, "", "Smallest pulse, relative to the first one; not 0 or 1", default=0.5
+        0, 1, "", "Smallest pulse, relative to the first; above 0 and below 1", default=0.5
     )
     window: float = number(
         0, 0.5, "half-bits", "Range around the middle of a slot in which the largest sample counts",
         default=0.1,
     )  # fmt: skip
     matched: bool = switch("True to filter with the shape of a pulse first", default=True)
-    minimum: float = number(0, 1e9, "V", "Voltage below which nothing is a pulse", default=MINIMUM)
+    minimum: float = number(0, 1e9, "V", "Voltage below which no pulse counts", default=MINIMUM)
     source: str = field(default="", kw_only=True, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -538,7 +538,7 @@ def _decide(
         # Nothing is received after the end of the record.
         offset = np.arange(-reach, reach + 1)[:, np.newaxis, np.newaxis]
         np.copyto(heard, level, where=np.maximum(middle, middle + offset) > last)
-    # The larger of the two signs. Slot 0, before the first pulse, does not count.
+    # Use the sign with the larger magnitude. Slot 0, before the first pulse, does not count.
     high, low = (np.ascontiguousarray(f(heard, axis=0)) for f in (np.max, np.min))
     high -= level
     np.subtract(level, low, out=low)

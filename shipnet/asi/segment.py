@@ -245,7 +245,7 @@ def quality_of(*waves: Waveform) -> Quality:
 class Segment:
     """One electrical network of a plan, with its elements."""
 
-    #: Index of its line.
+    #: Index of the line to which it belongs.
     line: int
     cables: tuple[CableRun, ...]
     masters: tuple[Master, ...]
@@ -340,7 +340,7 @@ class Segment:
         ]
 
     def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
-        """Return the quality of batches of telegrams between `head` and nodes, which may repeat."""
+        """Return the quality of batches of telegrams between `head` and nodes; nodes may repeat."""
         places = list(dict.fromkeys(nodes))
         found = quality_of(*self.waveforms(places, *words, dt=250e-9, before=5e-6, after=55e-6))
         rows = [places.index(node) for node in nodes]

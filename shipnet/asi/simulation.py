@@ -107,7 +107,7 @@ class Summary:
             f"{self.cycles} cycles of {mean:.2f} ms ({least:.2f} to {most:.2f} ms) "
             f"with {self.requests} requests\n"
             f"{self.repetitions} repetitions, {self.dropped} slaves dropped, "
-            f"{self.lost_replies} replies to executed requests lost"
+            f"{self.lost_replies} responses to executed requests lost"
         )
 
 
@@ -196,7 +196,7 @@ class Run:
         *,
         ax: Axes | None = None,
     ) -> Axes:
-        """Draw requests and responses as blocks in time, with a row for the master and each slave.
+        """Draw requests and responses as blocks over time, with rows for the master and each slave.
 
         `where` is a condition on the events, such as ``"phase == 'data_exchange'"``; `start` and
         `stop` are simulated times [s]. At most 500 requests are drawn. A wrong or missing response
@@ -355,7 +355,7 @@ class Run:
         )
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return the line's utilisation after start-up if each point is due every `update` seconds.
+        """Return the utilisation after start-up if each point needs an update every `update` [s].
 
         The capacity follows from the longest time between two responses of a slave.
         """
@@ -479,7 +479,7 @@ def simulate(
     >>> run = simulate(slaves, cycles=100, faults=spoil, rng=2024)
     >>> print(run.summary)
     100 cycles of 5.15 ms (5.14 to 5.29 ms) with 3310 requests
-    10 repetitions, 0 slaves dropped, 11 replies to executed requests lost
+    10 repetitions, 0 slaves dropped, 11 responses to executed requests lost
     """
     if cycles is None and until is None:
         raise ArgumentError("cycles and until are both None; one of them is needed")

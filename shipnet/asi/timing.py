@@ -104,7 +104,7 @@ class Transaction:
         return 2 * USER_BITS / self.duration
 
     def efficiency(self, user_bits: npt.ArrayLike = USER_BITS) -> Floats:
-        """Return the fraction of time for user data: `user_bits` in each direction."""
+        """Return the fraction of time spent on user data: `user_bits` in each direction."""
         n = np.asarray(user_bits)
         if n.dtype.kind not in "iu" or not (n >= 1).all():
             raise ArgumentError(f"user_bits is {user_bits!r}; it must be a whole number, 1 or more")
@@ -207,7 +207,7 @@ class Cycle:
 
     slaves: int = whole(0, 2 * ADDRESSES, help="Number of slaves n", default=ADDRESSES)
     pairs: int | None = whole(
-        0, ADDRESSES, help="Number of addresses that two slaves share; by default the smallest",
+        0, ADDRESSES, help="Number of addresses that two slaves share; by default the minimum",
         default=None, optional=True, kw_only=True,
     )  # fmt: skip
     transaction: Transaction = part(

@@ -423,7 +423,7 @@ def _drop(tree: Rooted, drawn: Floats, resistance: Floats) -> Floats:
 
 
 def check_node(name: object) -> None:
-    """Raise ArgumentError unless a node can be written to a file and read again by this name."""
+    """Raise ArgumentError unless a node's name can be written to a file and read again."""
     if not isinstance(name, str) or not name or name != name.strip() or not name.isprintable():
         raise ArgumentError(
             f"a node is {name!r}; it must be a printable name without leading or trailing spaces"

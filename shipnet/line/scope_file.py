@@ -241,7 +241,7 @@ def _members(
     file: str, stream: IO[bytes], archive: zipfile.ZipFile, names: dict[str, str]
 ) -> dict[str, npt.NDArray[Any]]:
     """Read arrays of an archive; raise InputError if they would unpack to too many numbers."""
-    # One-byte integers take eight bytes each when converted to float.
+    # A first check, as if each number had eight bytes; it may have as few as one.
     _check_size(file, stream, sum(archive.getinfo(name).file_size for name in names.values()) / 8)
     held = {key: _member(archive, stream, name) for key, name in names.items()}
     _check_size(file, stream, sum(array.size for array in held.values()))

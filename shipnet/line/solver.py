@@ -147,7 +147,7 @@ class _Height(NamedTuple):
 
     own: slice  # the rows of these subtrees
     line: Rows  # rows of their lines in the table of lines
-    joints: list[tuple[int, int, int]]  # row of parent, branch here, how often
+    joints: list[tuple[int, int, int]]  # row of parent, index of branch, count
 
 
 class _Subtrees(NamedTuple):
@@ -215,7 +215,7 @@ def tree_transfer(
     y_and_v = np.empty((2, rows, count, size), dtype=complex)
     terms = np.empty((4, len(table), min(count, lines.trees), size), dtype=complex)
     strips = slices(len(table), _STRIP // (terms.shape[2] * size))
-    # The node is the first axis in memory, so that each node is written in long runs.
+    # Nodes are the first axis in memory, so that the values of each are contiguous.
     z = np.empty((len(tree.order), trees, s.size), dtype=complex)
     for some, bins in product(*blocks):
         count, size = some.stop - some.start, bins.stop - bins.start

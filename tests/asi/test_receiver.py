@@ -220,7 +220,7 @@ def test_ideal_pulses_are_received(dt, matched):
 
 @pytest.mark.parametrize("matched", [True, False])
 @pytest.mark.parametrize("dt", GRIDS)
-def test_pulses_behind_a_power_supply_are_received(dt, matched):
+def test_pulses_shaped_by_a_power_supply_are_received(dt, matched):
     for word in RESPONSES:
         received = receive(supplied(word, dt), dt, 7, matched=matched)
         assert received.error == 0

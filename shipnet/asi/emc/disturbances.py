@@ -224,8 +224,8 @@ class Burst:
 
     The amplitude is the peak of a pulse between the wires, before the filter. Pulses come at a
     constant rate; sign and phase of the train are random for each telegram. A first-order low-pass
-    of 1 MHz filters each pulse, and a sample is the mean over its interval. Both preserve the area;
-    they are assumptions about a receiver. At 5 kHz, one response in five is hit. Packets of
+    of 1 MHz filters each pulse, and a sample is the mean over its interval. Both steps preserve the
+    area; they are assumptions about a receiver. At 5 kHz, one response in five is hit. Packets of
     15 ms come every 300 ms; `burst_failures` simulates them.
 
     Examples
@@ -285,7 +285,7 @@ def levels() -> pd.DataFrame:
     -------
     pandas.DataFrame
         One row per parameter of a test: both levels, their ratio, gap and sources. ``gap`` is
-        "covers", "below", "test missing" (for AS-i) or "not asked" (of ships).
+        "covers", "below", "test missing" (no AS-i test) or "not asked" (no marine test).
         ``asi_printed`` is the value in kim2023's Table 2, ``asi`` its meaning. If ``confirmed``
         is "yes", a public page of a type-tested product or of a test house gives the marine
         value; if "no", the value is general knowledge: confirm it before using it.

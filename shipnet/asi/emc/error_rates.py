@@ -393,7 +393,7 @@ def burst_failures(
     Examples
     --------
     A third of the exchanges in a packet fail, which is one in 60 over the whole test. Independent
-    failures at this rate would drop a slave every 90 days; in packets, they do so twice a minute:
+    failures at this rate would drop a slave every 90 days; in packets they do so twice per minute:
 
     >>> table = burst_failures(1 / 3, 2024, 40_000).set_index("failures")
     >>> f"{table.loc[6, 'per_h'] / 60:.1f} a minute"

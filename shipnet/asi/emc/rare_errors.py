@@ -1,8 +1,8 @@
 """Rates of telegrams lost to white noise, down to 1e-9, by importance sampling.
 
-Nearly every lost telegram satisfies linear inequalities for its noise: a pulse is below the level,
-or a gap above it. Noise is drawn around the weakest noise that satisfies each set, its *design
-point*. Each loss that the receiver finds is weighted with the ratio of the two noise densities.
+The noise of nearly every lost telegram satisfies a set of linear inequalities: a pulse is below the
+level, or a gap is above it. Noise is drawn around the weakest noise that satisfies each set, its
+*design point*. Each loss that the receiver finds is weighted with the ratio of the noise densities.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _SLIPS, _AROUND = 3, 7
 #: Spacing of the points before a telegram at which noise may pass for its first pulse [s].
 _AHEAD = 0.5e-6
 
-#: Fraction of the draws that are spread evenly over all design points, not by the pilot runs.
+#: Fraction of the draws that are spread evenly over all design points, regardless of pilot runs.
 _SPREAD = 0.1
 
 #: Limits for a sound rate: effective losses, fraction due to one loss, fraction due to noise drawn
