@@ -34,7 +34,7 @@ _BAND = 25e3, 550e3
 #: Time from the start of a window to its request [s], window length [s], and damping [nepers].
 _BEFORE, _WINDOW, _DAMPING = 5e-6, 100e-6, 3.0
 
-#: Smallest and largest number of requests from which the impedance is measured.
+#: Minimum and maximum number of requests from which the impedance is measured.
 _FEWEST, _MOST = 3, 64
 
 #: Delays of the restored telegrams that the fit of the impedance tries [s].

@@ -160,7 +160,7 @@ class Station:
         self.rates = (0.0, 0.0)
         #: True while drawn disturbances are ignored.
         self.quiet = False
-        #: Number of replies that are still to be lost, by call.
+        #: Number of responses that are still to be lost, by call.
         self.lost_replies: dict[Call, int] = {}
         #: Number of active faults that disconnect the slave from the supply.
         self.cuts = 0

@@ -59,7 +59,7 @@ class Repeater:
     """A repeater: it couples two segments and passes telegrams but no current.
 
     We found no manufacturer's figure for the delay; the default is one bit time. Two such repeaters
-    meet the time-out of 10 bit times, but three exceed it. The current is assumed to be a slave's.
+    meet the time-out of 10 bit times, but three exceed it. The current is that assumed for slaves.
 
     Examples
     --------
@@ -137,7 +137,7 @@ def telegram_voltages(
     dt = check_scalar("dt", dt, "s", 1e-9, 1e-6)
     slot = round(HALF_BIT / dt)
     if abs(slot * dt / HALF_BIT - 1) > 1e-9:
-        raise ArgumentError(f"dt is {dt} s; it must be a whole fraction of {HALF_BIT} s")
+        raise ArgumentError(f"dt is {dt} s; it must be {HALF_BIT} s divided by an integer")
     # The record has a whole number of samples; any other length would stretch its time axis.
     sizes = [ceil(round((before + steps.shape[1] * HALF_BIT + after) / dt, 6)) for steps in many]
     rows = [network.index(node, "node") for node in nodes]

@@ -113,7 +113,7 @@ class Noise:
     """
 
     def density(self, amplitude: npt.ArrayLike) -> Floats:
-        """Return the one-sided density of noise by its standard deviation [V per root hertz]."""
+        """Return the density [V per root hertz] of noise of standard deviation `amplitude` [V]."""
         return np.asarray(np.multiply(amplitude, (2 * _SPACING) ** 0.5))
 
     def voltage(
@@ -268,7 +268,7 @@ _NONE = 0.4
 def gaps(asi: Floats, marine: Floats, better: npt.NDArray[np.str_]) -> npt.NDArray[np.str_]:
     """Compare AS-i levels with marine ones; `better` is "higher", "lower" or "equal"."""
     ratio = asi / marine
-    # Levels are round numbers; a part in a million is not a gap.
+    # Levels are round numbers; a difference of one part in a million is not a gap.
     fine = np.select(
         [better == "higher", better == "lower"],
         [ratio > 1 - 1e-6, ratio < 1 + 1e-6],
