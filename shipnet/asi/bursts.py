@@ -420,7 +420,7 @@ def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
 def _distance(
     times: npt.NDArray[np.floating], edges: Floats, side: Literal["left", "right"]
 ) -> npt.NDArray[np.floating]:
-    """Return the time since the previous edge ("right") or minus that to the next ("left")."""
+    """Return the time since the last edge ("right") or the negative time to the next ("left")."""
     place = np.searchsorted(edges, times, side) - (side == "right")
     return times - edges[np.clip(place, 0, len(edges) - 1)]
 

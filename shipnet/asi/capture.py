@@ -112,7 +112,7 @@ def _pick(field: npt.NDArray[Any], index: Indices, missing: float) -> npt.NDArra
 
 def _roles(telegrams: Telegrams) -> tuple[Bools, Bools, Bools]:
     """Return three masks: telegrams that are cut off, requests, and responses to a request."""
-    # Between a last pulse and the next first pulse are the pause and one more bit time.
+    # From a telegram's last pulse to the next telegram's first: the pause plus one bit time.
     pause = np.diff(telegrams.first, prepend=np.nan)
     pause[1:] = (telegrams.first[1:] - telegrams.last[:-1]) / BIT_TIME - 1
     broken = (telegrams.error > 0) | ~telegrams.fits
@@ -730,7 +730,7 @@ def decode(
         raise ArgumentError(f"threshold is {threshold}; it must be between 0 and 1")
     for address in extended:
         if address not in range(1, 32):
-            raise ArgumentError(f"extended has {address!r}; addresses must be 1..31")
+            raise ArgumentError(f"extended contains {address!r}; addresses must be 1..31")
     found = find_telegrams(u, dt, threshold)
     table = transactions_of(found.telegrams, found.ends, extended)
     return Capture(

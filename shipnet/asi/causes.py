@@ -114,7 +114,7 @@ def restored(
 ) -> Restored:
     """Restore up to 40 ms of a record, from 1 ms before the first request at `asked` [s].
 
-    If fewer requests can be read afterwards, keep `start` and `words`, those read before.
+    If fewer requests can be read afterwards, keep the earlier ones, `start` and `words`.
     """
     low = max(0, int((asked[0] - 1e-3) / dt)) if len(asked) else 0
     sampling = Sampling.of(dt)
@@ -259,7 +259,7 @@ def line_causes(
     r, inductance, c, misfit, stray = found
     nominal = [float(part) for part in POWER_SUPPLY.shunt[:2]]
     own = [(answering + 1) * float(part) for part in DEVICE.shunt[:2]]
-    # How many parallel supplies would have the measured resistance, and the inductance.
+    # Number of parallel supplies, estimated from the resistance and from the inductance.
     damped, fed = (1 / r - own[0]) / nominal[0], (1 / inductance - own[1]) / nominal[1]
     seen = f"the line has {r:.0f} ohm in parallel with {inductance * 1e6:.0f} uH"
     usual = f"one supply has {1 / nominal[0]:.0f} ohm and {1e6 / nominal[1]:.0f} uH"

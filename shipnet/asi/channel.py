@@ -30,7 +30,7 @@ ATTEMPT, PHASE, OUTCOME, RESPONSE, EXECUTED, STANDBY = 16, 19, 22, 26, 31, 32
 #: Value of the response field if there is no readable response.
 NO_RESPONSE = 16
 
-#: Slave labels by number: bits 0..4 are the address, bits 5 and 6 the half (0 none, 1 A, 2 B).
+#: Slave labels by code: bits 0..4 are the address, bits 5 and 6 the half (0 none, 1 A, 2 B).
 LABELS = np.array([f"{code & 31}{('', 'A', 'B', '')[code >> 5]}" for code in range(1 << 7)])
 
 _OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]

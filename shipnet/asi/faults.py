@@ -73,7 +73,7 @@ class TelegramErrors(_OfSlave):
         """Set the probabilities with which the channel draws disturbances."""
         for station in stations[self.slave]:
             if station.rates != (0.0, 0.0):
-                raise ArgumentError(f"slave {self.slave} has TelegramErrors twice; one is allowed")
+                raise ArgumentError(f"slave {self.slave} has TelegramErrors twice; give only one")
             station.rates = (self.request, self.response)
             station.quiet = self.start > 0
             if station.quiet or self.stop < inf:

@@ -227,7 +227,7 @@ class Plan:
         """Return this plan extended by another plan downstream of a repeater at `node`.
 
         The repeater replaces the other plan's only master. The other plan's node names get the
-        `prefix`; its addresses are raised by the highest address of this plan.
+        `prefix`; its addresses are increased by the highest address of this plan.
         """
         if len(other.masters) != 1:
             raise ArgumentError(
@@ -320,7 +320,7 @@ class Plan:
         slaves and searches for new ones. All slaves are active at first; their inputs are random.
 
         The record shows the voltage at `node`, by default the master's, for a `duration` of
-        1e-3..0.2 s. The sampling interval `dt`, 50e-9..500e-9 s, must be an integer fraction of 3 us.
+        1e-3..0.2 s. The time step `dt`, 50e-9..500e-9 s, must be an integer fraction of 3 us.
         `weak` maps slave labels to send currents relative to 60 mA, 0..10. A `disturbance` from
         `shipnet.asi.emc` with an `amplitude` [V] is added equally at all nodes.
 
@@ -492,7 +492,7 @@ def plan_of(elements: Iterable[Element]) -> Plan:
 
 @checked
 def read_plan(path: str | PathLike[str]) -> Plan:
-    """Read a plan from a CSV file.
+    """Read a plan from a CSV file or an Excel workbook.
 
     Parameters
     ----------

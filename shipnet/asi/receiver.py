@@ -212,7 +212,7 @@ class Receiver:
         return receive(wave.u, wave.dt, wave.bits.shape[-1], **asdict(self))
 
 
-#: Receivers by name: a sensitive one may mistake noise for telegrams, the others may lose weak
+#: Receivers by name: a sensitive one may mistake noise for telegrams; the others may lose weak
 #: signals. None of the data sheets that we read states the threshold voltage of a chip.
 RECEIVERS: Mapping[str, Receiver] = MappingProxyType(
     {

@@ -147,7 +147,7 @@ def record_segment(
     labels = [slave.label for slave in segment.slaves]
     for label, strength in weak.items():
         if label not in labels:
-            raise ArgumentError(f"weak has {label!r}; the slaves are {', '.join(labels)}")
+            raise ArgumentError(f"weak contains {label!r}; the slaves are {', '.join(labels)}")
         check_scalar(f"weak[{label!r}]", strength, "", 0, 10)
     random = check_rng(rng)
     size = round(duration / dt)

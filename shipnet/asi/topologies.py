@@ -41,8 +41,8 @@ def line(
         Number of slaves, evenly spaced with the last one at the end, or the position of each,
         0..length [m]; up to 62. Addresses follow this order.
     pairs : int, optional
-        Number of addresses shared by an A and a B slave, n - 31 to n / 2 for n slaves; the last
-        slaves share. If omitted, as few as possible; all slaves are A/B slaves if any are.
+        Number of shared addresses, n - 31 to n / 2 for n slaves; the last slaves share them. If
+        omitted, as few as possible are shared, and all slaves are A/B slaves if any are.
     master, supply : float, default 0
         Positions of the master and the 30 V power supply [m].
     cable : str or shipnet.line.Cable, default "as-i 1.5"
@@ -95,7 +95,7 @@ def star(
     legs : sequence of float
         Length of each leg, with a slave at its end [m].
     along : int or sequence of float, default ()
-        Slaves on the trunk, as the `slaves` of `line`; they have the first addresses.
+        Slaves on the trunk, given like `slaves` of `line`; they have the first addresses.
     pairs, master, supply, cable, current
         As for `line`.
 

@@ -511,7 +511,7 @@ def _edges_of(
         t = _checked(file, table, time) * table.columns[time].scale
         steps = np.diff(t)
         if not (steps >= 0).all():
-            raise InputError(file, "its times do not rise")
+            raise InputError(file, "its times do not increase")
         if steps.max() > 1.5 * steps.min():
             dt = float(steps[steps > 0].min()) / 100
             changed = np.flatnonzero(np.diff(u)) + 1
@@ -623,7 +623,7 @@ def _time_column(table: _Channels) -> int | None:
     for k, column in enumerate(table.columns):
         if column.unit == "s" or re.match(r"t(ime)?\b|x-axis", column.title.lower()):
             return k
-    # Without a title, a first column that only rises is the time.
+    # Without a title, a first column that only increases is the time.
     first = table.columns[0]
     if len(table.columns) == 1 or first.title or first.unit:
         return None
@@ -642,7 +642,7 @@ def _even(file: str, table: _Channels, time: int, u: Floats) -> tuple[float, Flo
         t, u = t[::-1], u[::-1]
     dt = float(t[-1] - t[0]) / (len(t) - 1)
     if not dt > 0:
-        raise InputError(file, "its times do not rise")
+        raise InputError(file, "its times do not increase")
     quantum = table.quantum
     if quantum is None:
         largest = np.abs(t).max()

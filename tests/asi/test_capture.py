@@ -392,7 +392,7 @@ def test_any_samples_give_a_table(u, dt):
         ([0.0], 2e-6, {}, "dt is 2e-06 s"),
         ([0.0], float("nan"), {}, "dt is nan"),
         ([0.0], 1e-7, {"threshold": 1}, "threshold is 1"),
-        ([0.0], 1e-7, {"extended": [32]}, "extended has 32"),
+        ([0.0], 1e-7, {"extended": [32]}, "extended contains 32"),
     ],
 )
 def test_bad_arguments_are_named(u, dt, options, message):

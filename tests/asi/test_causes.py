@@ -216,7 +216,7 @@ def test_a_slave_that_hears_no_request_is_dropped():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"weak": {"7": 0.5}}, "weak has '7'; the slaves are 1, 2"),
+        ({"weak": {"7": 0.5}}, "weak contains '7'; the slaves are 1, 2"),
         ({"weak": {"1": -1}}, r"weak\['1'\] is -1"),
         ({"duration": 0.0}, "duration is 0 s; it must be 0.001..0.2 s"),
         ({"duration": float("nan")}, "duration is nan"),

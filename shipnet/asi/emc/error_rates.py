@@ -212,8 +212,8 @@ def count_errors(
         One row per amplitude, ``amplitude_V``: number of ``telegrams`` sent; ``failed``, those not
         received as sent; ``undetected``, failures that no check found; ``rate`` of failures with
         its 95 % Clopper-Pearson interval, ``rate_low`` and ``rate_high``; ``undetected_high``,
-        upper limit for undetected failures; and the fractions of the failed telegrams that violate
-        each check, or whose first pulse was missed (``silence``).
+        upper limit of the rate of undetected failures; and the fractions of the failed telegrams
+        that violate each check, or whose first pulse was missed (``silence``).
 
     Examples
     --------

@@ -334,7 +334,7 @@ def rare_error_rates(
 
     Examples
     --------
-    With noise of 0.3 V in 2 MHz, about two of 10^9 telegrams are lost:
+    With noise of 0.3 V in 2 MHz, about two in 10^9 telegrams are lost:
 
     >>> from shipnet import asi
     >>> wave = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
