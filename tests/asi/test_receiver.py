@@ -196,7 +196,7 @@ def test_illegal_rows_of_slots_are_refused(slots, message):
 
 def test_one_telegram_is_decoded_at_a_time():
     for read in (Pulses.decode, lambda pulses: pulses.broken):
-        with pytest.raises(ArgumentError, match=r"there are \(1, 16\) pulses; there must be one"):
+        with pytest.raises(ArgumentError, match=r"pulses have shape \(1, 16\); give one"):
             read(Pulses([[0] * 16]))
 
 

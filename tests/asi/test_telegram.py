@@ -296,10 +296,10 @@ def test_bits_of_another_type(bits):
         (lambda: Request.data_exchange(1, 1).answer(""), r"data is ''; .*whole number"),
         (lambda: Request(Call.RESET, 3, 1), r"data is 1; .*0\.\.0 in reset slave"),
         (lambda: Response(16), r"data is 16; .*0\.\.15 in a response$"),
-        (lambda: Response(0, Call.BROADCAST_RESET), r"broadcast reset, which no slave answers"),
+        (lambda: Response(0, Call.BROADCAST_RESET), r"broadcast reset, which has no response"),
         (
             lambda: Request(Call.BROADCAST_RESET, 31).answer(),
-            r"broadcast reset, which no slave answers",
+            r"broadcast reset, which has no response",
         ),
         (lambda: Request.data_exchange(1, 1).answer(), r"data is missing"),
     ],
@@ -326,7 +326,7 @@ def test_answers_of_every_call():
         assert Response.parse(answer.bits, call) == answer
         assert str(answer).startswith(f"response to {call.rule.title}: ")
     surprise = Response(3, Call.RESET)
-    assert "asks for 6" in str(surprise)
+    assert "requires 6" in str(surprise)
 
 
 FIXED = {

@@ -369,7 +369,7 @@ def test_bad_shapes_of_networks_are_refused():
         network.operating_point("p", 30, {})
     with pytest.raises(ArgumentError, match=r"has no resistance; .* needs r greater than 0$"):
         ring(cable=CABLES["can"]).operating_point("p", 30, {"q": 1})
-    with pytest.raises(ArgumentError, match="the network has no line"):
+    with pytest.raises(ArgumentError, match="the network has no cable"):
         Net().transfer("a", [1j])
     island = Net()
     island.line("a", "b", 5, CABLE)
