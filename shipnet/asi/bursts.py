@@ -30,13 +30,13 @@ SILENCE = 3.5 * HALF_BIT
 _RATE = 4e6
 
 #: Length of a piece of a record [samples], overlap of two pieces [s], and length of the intervals
-#: whose means form the baseline [s]. Telegrams do not affect these: their pulses add up to 0.
+#: whose means form the baseline [s]. Telegrams hardly change a mean: their pulses add up to 0.
 _PIECE, _OVERLAP, _STRETCH = 2**20, 240e-6, 250e-6
 
 #: Length of the zero padding at both ends of a piece, where telegrams are cut off [s].
 _MARGIN = 110e-6
 
-#: Smallest height of a pulse, relative to the largest one nearby; lower peaks are ringing. The
+#: Smallest height of a pulse, relative to the largest pulse nearby; lower peaks are ringing. The
 #: largest legal signal is 2.7 times the smallest, so all pulses of a telegram exceed this limit.
 _RINGING = 0.2
 
@@ -133,7 +133,7 @@ def resample(
     u: Floats, sampling: Sampling, room: Singles | None = None, out: Singles | None = None
 ) -> Singles:
     """Return a resampled voltage minus its median; `room` and `out` are optional buffers."""
-    # Single precision resolves 2 uV at 30 V, but filters would lose this: subtract the 30 V first.
+    # Filtering 30 V in single precision would lose small signals, so subtract the offset first.
     offset = _middle(u, 512)
     _, mean, up, down = sampling
     taps = _lowpass(mean, up, down)
@@ -162,7 +162,7 @@ def _middle(u: npt.NDArray[Any], looks: int) -> float:
 
 @cache
 def _lowpass(mean: int, up: int, down: int) -> Singles:
-    """Return a filter that attenuates noise by 60 dB where it would alias to below 0.7 MHz."""
+    """Return a low-pass that attenuates by 60 dB all frequencies that would alias below 0.7 MHz."""
     # In a record sampled below 4 MS/s, noise is already aliased; the filter only interpolates.
     half = 8 * up if up > 1 else 3 * down if down > 1 else 0
     k = np.arange(-half, half + 1)
@@ -171,7 +171,7 @@ def _lowpass(mean: int, up: int, down: int) -> Singles:
 
 
 def _flatten(x: Singles, step: float) -> None:
-    """Subtract the baseline: interpolated means of intervals, or one mean if `x` is short."""
+    """Subtract the baseline: interpolated interval means, or the overall mean if `x` is short."""
     stretch = round(_STRETCH / step)
     count = len(x) // stretch
     if count < 3:
@@ -189,7 +189,7 @@ def _flatten(x: Singles, step: float) -> None:
 
 @cache
 def _pulse(step: float) -> Singles:
-    """Return the matched filter's taps: a pulse, as in `shipnet.asi.receiver.matched_filter`."""
+    """Return the matched filter's taps, as in `shipnet.asi.receiver.matched_filter`."""
     half = int(HALF_BIT / step / 2)
     shape = np.cos(np.pi * np.arange(-half, half + 1) * step / HALF_BIT) ** 2
     return np.asarray(shape / (shape**2).sum(), np.float32)
@@ -246,7 +246,7 @@ def _fits(span: npt.NDArray[np.floating]) -> Bools:
 
 
 def _pulses(y: Singles, minimum: float) -> tuple[Indices, Floats]:
-    """Return indices and heights [V] of peaks larger than `minimum`, one peak per pulse."""
+    """Return the indices and heights [V] of peaks larger than `minimum`, one peak per pulse."""
     rises, falls = np.ones((2, len(y) + 1), dtype=bool)
     np.greater(y[1:], y[:-1], out=rises[1:-1])
     np.less(y[1:], y[:-1], out=falls[1:-1])
@@ -283,10 +283,10 @@ def _rejoin(
 
 # Reception of bursts --------------------------------------------------------------------------
 
-#: Length [s] and number of the pieces that determine the smallest pulse and the polarity.
+#: Length [s] and number of the pieces from which smallest pulse and polarity are determined.
 _SAMPLE, _SAMPLES = 2e-3, 8
 
-#: Largest number of pieces from which these are chosen, and of telegrams received together.
+#: Maximum number of pieces that `_liveliest` compares, and of telegrams received together.
 _LOOKS, _TOGETHER = 512, 2000
 
 #: Number of batches of telegrams that are merged into one.
@@ -346,7 +346,7 @@ class Found(NamedTuple):
 
 
 def find_telegrams(u: Floats, dt: float, threshold: float) -> Found:
-    """Find and receive the telegrams of a record, as `decode` describes."""
+    """Find and receive the telegrams of a record, as described in `decode`."""
     begins, ends = _edges(u, dt)
     sample = list(pieces(u, dt, length=round(_SAMPLE / dt), only=_liveliest(u, dt)))
     minimum, sign = _measure(sample, smallest_pulses(sample), threshold)
@@ -420,7 +420,7 @@ def _edges(u: Floats, dt: float) -> tuple[Floats, Floats]:
 def _distance(
     times: npt.NDArray[np.floating], edges: Floats, side: Literal["left", "right"]
 ) -> npt.NDArray[np.floating]:
-    """Return the time since the previous edge ("right"), or minus the time to the next ("left")."""
+    """Return the time since the last edge ("right") or the negative time to the next ("left")."""
     place = np.searchsorted(edges, times, side) - (side == "right")
     return times - edges[np.clip(place, 0, len(edges) - 1)]
 
@@ -438,7 +438,7 @@ def _measure(sample: list[Piece], limits: Iterator[float], threshold: float) -> 
             sign: sum(int((Pulses(sign * some).check()[1] == 0).sum()) for some in slots)
             for sign in (1, -1)
         }
-        # In a tie, the sign of the first pulses decides: it is negative unless inverted.
+        # In a tie, the first pulses decide: they are negative unless the record is inverted.
         heights = sum(int(np.sign(bursts.height).sum()) for bursts in found)
         sign = -1 if (right[-1], heights) > (right[1], 0) else 1
         if right[sign] > most:

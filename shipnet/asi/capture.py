@@ -112,12 +112,12 @@ def _pick(field: npt.NDArray[Any], index: Indices, missing: float) -> npt.NDArra
 
 def _roles(telegrams: Telegrams) -> tuple[Bools, Bools, Bools]:
     """Return three masks: telegrams that are cut off, requests, and responses to a request."""
-    # The time from the last pulse to the next first pulse is the pause plus one bit time.
+    # From a telegram's last pulse to the next telegram's first: the pause plus one bit time.
     pause = np.diff(telegrams.first, prepend=np.nan)
     pause[1:] = (telegrams.first[1:] - telegrams.last[:-1]) / BIT_TIME - 1
     broken = (telegrams.error > 0) | ~telegrams.fits
     short = telegrams.length == RESPONSE_BITS
-    # Either half of a request that is cut off may look like a response.
+    # Either part of a request that is cut off may look like a response.
     front = (telegrams.edge == 1) & (broken | short)
     asks = ~short | front
     in_time = np.append(False, asks[:-1]) & (pause <= _MASTER_PAUSE)
@@ -140,7 +140,7 @@ def _pauses(
     telegrams: Telegrams, request: Indices, response: Indices, cut: Bools
 ) -> tuple[Floats, Floats]:
     """Return the pauses after requests and after responses [bit], NaN if unknown."""
-    # The start of a telegram that is cut off at its front is unknown.
+    # The start of a telegram whose beginning is cut off is unknown.
     begins = np.where(cut & (telegrams.edge == 1), np.nan, telegrams.start)
     asked, answered = _pick(begins, request, np.nan), _pick(begins, response, np.nan)
     master = (answered - asked) / BIT_TIME - REQUEST_BITS
@@ -254,7 +254,7 @@ class Summary:
                 f"unanswered     {self.unanswered}",
                 f"slaves seen    {', '.join(self.seen) or 'none'}",
                 f"never answered {', '.join(self.missing) or 'none'}",
-                f"none at        {', '.join(self.vacant) or '-'} (the master looks for new slaves)",
+                f"no slave at    {', '.join(self.vacant) or '-'} (the master looks for new slaves)",
                 f"errors         {errors or 'none'}",
             ]
         )
@@ -285,7 +285,7 @@ def _cycle_time(transactions: pd.DataFrame, asked: pd.DataFrame) -> float:
 
 
 def _who(capture: Capture) -> pd.DataFrame:
-    """Return slave and call of each transaction, reading bad requests from the restored record."""
+    """Return each transaction's slave and call, reading bad requests from the restored record."""
     rows = capture.transactions
     address = rows["address"].astype(object).fillna(NONE).to_numpy(np.int64)
     half, calls = rows["half"].tolist(), rows["call"].tolist()
@@ -468,7 +468,7 @@ class Capture:
     def counters(self) -> pd.DataFrame:
         """Return the counters that masters and analysers show, each with value, light and meaning.
 
-        The light of the repetitions is green up to 1 % of the requests, yellow up to 5 % and red
+        The repetitions light is green up to 1 % of the requests, yellow up to 5 % and red
         above that; all other lights are green only at 0. Unknown values are NaN without a light.
 
         Examples
@@ -650,7 +650,7 @@ def _counted(capture: Capture) -> pd.DataFrame:
 
 
 def _power_fails(capture: Capture) -> float:
-    """Count how often the supply's mean over 250 us falls below `POWER_FAIL`; NaN if AC coupled."""
+    """Return how often the 250 us mean voltage falls below `POWER_FAIL`; NaN if AC coupled."""
     if np.isnan(capture.supply_voltage):
         return float("nan")
     length = max(1, min(len(capture.wave.u), round(250e-6 / capture.wave.dt)))
@@ -676,8 +676,8 @@ def decode(
     Parameters
     ----------
     record : path, Waveform or array_like of float, shape (n_t,)
-        Path of a file for `shipnet.line.Waveform.read`, a waveform, or samples of the voltage
-        between the wires [V] in either polarity, with or without the supply's 30 V; NaN for gaps.
+        A file that `shipnet.line.Waveform.read` accepts, a waveform, or samples of the voltage
+        between the wires [V] in either polarity, with or without the supply's 30 V; NaN in gaps.
     dt : float, optional
         Sampling interval, 0.1e-9..1e-6 [s]; required for an array and ignored otherwise.
     channel : str, optional
@@ -714,7 +714,7 @@ def decode(
     >>> current += Modulation("0011001").current(t, start=12.2e-5)
     >>> capture = decode(30 - 40e-6 * np.gradient(current, 1e-7), 1e-7)
     >>> print(capture.transactions["text"][0])
-    data exchange with slave 21: outputs 1110 (E); answer to data exchange: inputs 0110 (6)
+    data exchange with slave 21: outputs 1110 (E); response to data exchange: inputs 0110 (6)
     """
     if isinstance(record, str | PathLike):
         wave = Waveform.read(record, channel=channel, sample_interval=sample_interval)
@@ -730,7 +730,7 @@ def decode(
         raise ArgumentError(f"threshold is {threshold}; it must be between 0 and 1")
     for address in extended:
         if address not in range(1, 32):
-            raise ArgumentError(f"extended has {address!r}; addresses must be 1..31")
+            raise ArgumentError(f"extended contains {address!r}; addresses must be 1..31")
     found = find_telegrams(u, dt, threshold)
     table = transactions_of(found.telegrams, found.ends, extended)
     return Capture(

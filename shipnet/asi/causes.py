@@ -34,10 +34,10 @@ _BAND = 25e3, 550e3
 #: Time from the start of a window to its request [s], window length [s], and damping [nepers].
 _BEFORE, _WINDOW, _DAMPING = 5e-6, 100e-6, 3.0
 
-#: Smallest and largest number of requests from which the impedance is measured.
+#: Minimum and maximum number of requests from which the impedance is measured.
 _FEWEST, _MOST = 3, 64
 
-#: Possible delays of restored telegrams [s]; only frequencies in `_BAND` are restored.
+#: Delays of the restored telegrams that the fit of the impedance tries [s].
 _LATE = np.arange(0.5e-6, 1.5e-6, 50e-9)
 
 
@@ -114,7 +114,7 @@ def restored(
 ) -> Restored:
     """Restore up to 40 ms of a record, from 1 ms before the first request at `asked` [s].
 
-    If fewer requests can be read afterwards, keep those read before, `start` and `words`.
+    If fewer requests can be read afterwards, keep the earlier ones, `start` and `words`.
     """
     low = max(0, int((asked[0] - 1e-3) / dt)) if len(asked) else 0
     sampling = Sampling.of(dt)
@@ -251,7 +251,7 @@ def line_causes(
         silent = level < _NOTHING and not (rows["response_error"] == "ok").any()
         if silent and supply == supply and not part.short:
             said = (
-                f"{supply:.0f} V but no pulse above {_NOTHING} V: an ordinary supply without "
+                f"{supply:.0f} V, but no pulse exceeds {_NOTHING} V: an ordinary supply without "
                 "decoupling short-circuits all signals (a silent master looks the same)"
             )
             return [Found(INDUCTANCE, said)]
@@ -259,7 +259,7 @@ def line_causes(
     r, inductance, c, misfit, stray = found
     nominal = [float(part) for part in POWER_SUPPLY.shunt[:2]]
     own = [(answering + 1) * float(part) for part in DEVICE.shunt[:2]]
-    # Numbers of parallel supplies that would have the measured resistance and inductance.
+    # Number of parallel supplies, estimated from the resistance and from the inductance.
     damped, fed = (1 / r - own[0]) / nominal[0], (1 / inductance - own[1]) / nominal[1]
     seen = f"the line has {r:.0f} ohm in parallel with {inductance * 1e6:.0f} uH"
     usual = f"one supply has {1 / nominal[0]:.0f} ohm and {1e6 / nominal[1]:.0f} uH"
@@ -271,20 +271,20 @@ def line_causes(
     # A distant second supply changes the impedance less, but it lowers the signal levels.
     low = rows["response_amplitude_V"].median() < _LEAST
     if fed > (1.15 if low else 1.4) and 0.6 < damped / fed < 1.6:
-        return [Found(SECOND, f"{seen}; {usual}; one with half these values looks the same")]
+        return [Found(SECOND, f"{seen}; {usual}; a supply with half these values looks the same")]
     if fed > 1.4:
         return [Found(INDUCTANCE, f"{seen}; {usual}")]
     if misfit > _ECHOES or c > _MOST_CAPACITANCE:
         said = (
-            f"the line has {c * 1e9:.0f} nF; 100 m have at most {_MOST_CAPACITANCE * 1e9:.0f} nF; "
-            f"echoes are {misfit:.0%} of the voltage of requests"
+            f"the line has {c * 1e9:.0f} nF; a legal line of 100 m has at most "
+            f"{_MOST_CAPACITANCE * 1e9:.0f} nF; echoes are {misfit:.0%} of the voltage of requests"
         )
         return [Found(CABLE, said)]
     if damped < 0.3:
         rings = 1 / (2 * np.pi * np.sqrt(inductance * c)) / 1e3
         return [Found(INDUCTANCE, f"{seen} and rings at {rings:.0f} kHz; {usual}")]
     if max(damped, fed) < 0.65:
-        return [Found(CABLE, f"{seen}; {usual}, so it is at the end of a long cable")]
+        return [Found(CABLE, f"{seen}; {usual}, so the supply is at the end of a long cable")]
     if fed < 0.65:
         tail = inductance / r * 1e6
         return [Found(INDUCTANCE, f"{seen}, so pulses decay in {tail:.1f} us; {usual}")]
@@ -298,10 +298,10 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
     found = []
     known = slaves[(slaves["errors"] + slaves["answers"] > 1) & (slaves.index != "unknown")]
     for label, slave in known.iterrows():
-        said = f"its level is {slave['amplitude_V']:.2f} V, the median of all is {usual:.2f} V"
+        said = f"its level is {slave['amplitude_V']:.2f} V; the median of all is {usual:.2f} V"
         others = level.drop([label]).max()
         if slave["amplitude_V"] > max(_LOUDER * usual, 1.35 * others):
-            said += f"; {int(slave['errors'])} of its answers are bad, as if two slaves answered"
+            said += f"; {int(slave['errors'])} of its responses are bad, as if two slaves responded"
             found.append(Found(DUPLICATE, said, str(label)))
         elif slave["amplitude_V"] < _WEAKER * usual:
             found.append(Found(WEAK, said, str(label)))
@@ -309,11 +309,11 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
     bad = bad[(bad > 0) & ~bad.index.isin([one.slave for one in found])]
     silent = slaves.index[(slaves["answers"] == 0) & (slaves["requests"] > 2)]
     if bursts and not len(bad) and not found and len(silent) == 1:
-        said = f"no answer can be read, but there are {bursts} bursts that are not telegrams"
+        said = f"no response can be read, but there are {bursts} bursts that are not telegrams"
         return [Found(WEAK, said, str(silent[0]))]
     one = bad.index[0] if len(bad) == 1 else ""
     if one and slaves["errors"][one] == bad[one] >= 3:
-        said = f"all {int(bad[one])} bad telegrams are its answers, as if two slaves answered"
+        said = f"all {int(bad[one])} bad telegrams are its responses, as if two slaves responded"
         found.append(Found(DUPLICATE, said, str(one)))
     elif len(bad) or (bursts and not found):
         where = f"{int(bad.sum())} intermittent bad telegrams at {len(bad)} slaves"

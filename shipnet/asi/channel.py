@@ -24,13 +24,13 @@ from shipnet.lazy import pd
 # The record has one row per transaction: its start, the pause before the response, and all other
 # fields packed into one integer, which is quick to write during a simulation.
 
-#: Number of the lowest bit of each field; bits 0..15 are `PreparedRequest.code`.
+#: Position of the lowest bit of each field; bits 0..15 are `PreparedRequest.code`.
 ATTEMPT, PHASE, OUTCOME, RESPONSE, EXECUTED, STANDBY = 16, 19, 22, 26, 31, 32
 
 #: Value of the response field if there is no readable response.
 NO_RESPONSE = 16
 
-#: Slave labels by number: bits 0..4 are the address, bits 5 and 6 the half (0 none, 1 A, 2 B).
+#: Slave labels by code: bits 0..4 are the address, bits 5 and 6 the half (0 none, 1 A, 2 B).
 LABELS = np.array([f"{code & 31}{('', 'A', 'B', '')[code >> 5]}" for code in range(1 << 7)])
 
 _OUTCOMES = [name_of(code) for code in range(SilenceError.code + 1)]
@@ -160,11 +160,11 @@ class Station:
         self.rates = (0.0, 0.0)
         #: True while drawn disturbances are ignored.
         self.quiet = False
-        #: Number of replies that are still to be lost, by call.
+        #: Number of responses that are still to be lost, by call.
         self.lost_replies: dict[Call, int] = {}
         #: Number of active faults that disconnect the slave from the supply.
         self.cuts = 0
-        #: Numbers of the last request to the slave and of the first after it was switched on.
+        #: Sequence numbers of the last request to the slave and of the first after its switch-on.
         self.heard, self.since = -1, 1
         #: Index of the slave's first disturbance among the disturbances of one phase.
         self.offset = 0
@@ -175,8 +175,8 @@ class Station:
         most = transaction.timeout + REQUEST_BITS
         if not (late >= 0 and pause < most):
             raise ArgumentError(
-                f"slave {self.name} would answer {pause:g} bit times after a request; a delay "
-                f"must be at least 0, and the answer must begin within {most:g} bit times"
+                f"slave {self.name} would respond {pause:g} bit times after a request; a delay "
+                f"must be at least 0, and the response must begin within {most:g} bit times"
             )
 
 
@@ -255,7 +255,7 @@ class Channel:
         self._scheduled = 0
         self._next = _NEVER
         self._number = 0
-        #: Number of the last request corrupted by a late response; bits and start of that response.
+        #: Last request hit by a late response, by sequence number; that response's bits and start.
         self._spoilt = -1
         self._ghost: tuple[str, float] | None = None
         self.locate()
@@ -284,7 +284,7 @@ class Channel:
         raise MasterStops(until)
 
     def locate(self) -> None:
-        """Update the lists of powered slaves by address; the entry after address 31 lists all."""
+        """Update the lists of powered slaves by address; the last list contains them all."""
         there = [s for s in self.stations if s.slave.powered]
         self._at = [[s for s in there if s.slave.address == address] for address in range(32)]
         self._at.append(there)

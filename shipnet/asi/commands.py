@@ -1,4 +1,4 @@
-"""Host commands, which a master carries out with one request per cycle, in its management phase.
+"""Host commands, which a master carries out with one request per cycle in its management phase.
 
 `simulate` accepts pairs of time and command; `Run.commands` reports the outcomes.
 """

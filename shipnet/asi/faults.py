@@ -162,7 +162,7 @@ class LateAnswer(_OfSlave):
 
 @record
 class LostReply(_OfSlave):
-    """A slave that carries out requests of one kind, but whose replies are lost.
+    """A slave that carries out requests of one kind, but whose responses are lost.
 
     Examples
     --------
@@ -170,13 +170,13 @@ class LostReply(_OfSlave):
     1
     """
 
-    call: Call = part(Call, "Kind of request whose replies are lost", default=Call.DATA_EXCHANGE)
+    call: Call = part(Call, "Kind of request whose responses are lost", default=Call.DATA_EXCHANGE)
     count: int = whole(
-        1, 10**9, "", "Number of replies that are lost, beginning at `start`", default=1
+        1, 10**9, "", "Number of responses that are lost, beginning at `start`", default=1
     )
 
     def apply(self, channel: Channel, stations: Stations) -> None:
-        """Schedule the loss of the first `count` replies between `start` and `stop`."""
+        """Schedule the loss of the first `count` responses between `start` and `stop`."""
         for station in stations[self.slave]:
             for time, count in ((self.start, self.count), (self.stop, 0)):
                 if time < inf:

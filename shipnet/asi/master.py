@@ -64,7 +64,7 @@ class Master:
     )  # fmt: skip
     node: str = text("Node of the master; required in a plan", default="", kw_only=True)
     current: float = number(
-        0, 10, "A", "Current from the line; by default that assumed for slaves", default=CURRENT,
+        0, 10, "A", "Current drawn from the line; by default that of a slave", default=CURRENT,
         kw_only=True,
     )  # fmt: skip
 
@@ -78,7 +78,7 @@ class Master:
             if profile.extended != (half is not None) or key < 2:
                 raise ArgumentError(
                     f"slave {label} is projected as {profile}; the label of an A/B slave must have "
-                    "A or B, that of a standard slave neither, and the address must be 1..31"
+                    "A or B, a standard slave's must not, and the address must be 1..31"
                 )
             projected[label] = profile
         if self.protected:
@@ -225,7 +225,7 @@ SILENT, FAULTY = -1, -2
 T = TypeVar("T")
 Task: TypeAlias = Generator[PreparedRequest, int, T]
 
-#: Largest number of status requests while a slave stores its address: enough for 15 ms in the
+#: Maximum number of status requests while a slave stores its address: enough for 15 ms in the
 #: shortest cycle, which has a management request of 26 bit times and an inclusion request of 24.
 _PATIENCE = 100
 
@@ -320,7 +320,7 @@ class Command(Protocol):
 
 
 class CommandFailed(Exception):
-    """Error if a command of the host cannot be carried out; the message says why."""
+    """Raised if a command of the host cannot be carried out; the message says why."""
 
 
 class RunningMaster:

@@ -264,7 +264,7 @@ class Modulation:
         axes[3].set_title("4 voltage on the line")
         slots = np.flatnonzero(pulses)
         axes[4].stem((slots + 0.5) * HALF_BIT * 1e6, pulses.signs[slots], basefmt="0.7")
-        axes[4].set(ylabel="pulse [1]", ylim=(-1.4, 1.4), title="5 pulses that the receiver takes")
+        axes[4].set(ylabel="pulse [1]", ylim=(-1.4, 1.4), title="5 pulses at the receiver")
         return axes
 
 
@@ -340,7 +340,7 @@ class Pulses:
 
     @property
     def _columns(self) -> Signs:
-        """Signs with two half-bits of silence, shape (n_slots, ...), which is faster to process."""
+        """Signs with two half-bits of silence, in the shape (n_slots, ...) for fast processing."""
         signs, lengths = self.signs, (2 * RESPONSE_BITS, 2 * REQUEST_BITS)
         if signs.shape[-1] in lengths:
             signs = np.pad(signs, [(0, 0)] * (signs.ndim - 1) + [(0, 2)])
@@ -369,7 +369,7 @@ class Pulses:
         if pulse[0]:
             raise StartBitError(f"{slot[0]}; the first pulse belongs in slot 1")
         if pulse[1] != -1:
-            raise StartBitError(f"{slot[1]}; the start bit's pulse is -")
+            raise StartBitError(f"{slot[1]}; the start bit's pulse must be -")
         for j, k in pairwise(j for j in range(1, last + 1) if pulse[j]):
             if pulse[j] == pulse[k]:
                 raise AlternationError(
@@ -380,16 +380,16 @@ class Pulses:
                 raise PauseError(f"slots {j} and {j + 1} are both empty inside the telegram")
         for j in range(1, last + 1, 2):
             if not pulse[j]:
-                raise InformationError(f"slot {j} is empty; it is the middle of bit {j // 2}")
+                raise InformationError(f"slot {j}, the middle of bit {j // 2}, is empty")
         bits = "".join("1" if pulse[j] > 0 else "0" for j in range(1, last + 1, 2))
         ones = bits[:-1].count("1")
         if ones % 2:
             raise ParityError(
-                f"slots 1 to {last - 2} have {bits[:-1]} with {ones} ones; their number must be "
+                f"slots 1 to {last - 2} contain {bits[:-1]}, with {ones} ones; the number must be "
                 "even"
             )
         if pulse[last] != 1:
-            raise EndBitError(f"{slot[last]}; the end bit's pulse is +")
+            raise EndBitError(f"{slot[last]}; the end bit's pulse must be +")
         for j in (last + 1, last + 2):
             if pulse[j]:
                 raise LengthError(f"{slot[j]}; the line must be silent after slot {last}")
@@ -397,7 +397,7 @@ class Pulses:
 
     def _one(self, columns: Signs) -> Signs:
         if columns.ndim != 1:
-            raise ArgumentError(f"there are {self.signs.shape} pulses; there must be one telegram")
+            raise ArgumentError(f"pulses have shape {self.signs.shape}; give one telegram")
         return columns
 
     @property
@@ -437,7 +437,7 @@ class Pulses:
 
 @lru_cache(maxsize=4096)
 def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, int]:
-    """Return the bits and error code received when telegrams, each (bits, first slot), overlap."""
+    """Return the bits and error code received if telegrams overlap, given as (bits, first slot)."""
     total = np.zeros(2 * n_bits + 2, dtype=np.int64)
     for telegram, start in telegrams:
         pulses = Modulation(telegram).pulses.signs

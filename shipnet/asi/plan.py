@@ -75,7 +75,7 @@ _MARKS: dict[str, tuple[Any, str, int]] = {
     "slave, failed": ("X", LIMIT["color"], 7),
 }
 
-#: Largest number of slaves that are labelled in a drawing.
+#: Maximum number of slaves that are labelled in a drawing.
 _NAMED = 12
 
 
@@ -227,7 +227,7 @@ class Plan:
         """Return this plan extended by another plan downstream of a repeater at `node`.
 
         The repeater replaces the other plan's only master. The other plan's node names get the
-        `prefix`; its addresses increase by the highest address of this plan.
+        `prefix`; its addresses are increased by the highest address of this plan.
         """
         if len(other.masters) != 1:
             raise ArgumentError(
@@ -294,7 +294,7 @@ class Plan:
 
         `telegrams` is one telegram, or the bits of several telegrams of equal length; the default
         is all 16 responses. The voltages exclude the supply's 30 V and are the same in both
-        directions. They are sampled every `dt` [s], a whole fraction of 3 us, from `before` [s]
+        directions. They are sampled every `dt` [s], an integer fraction of 3 us, from `before` [s]
         before to `after` [s] after the telegram. The plan must have one segment with a master.
         """
         segment = self.only("waveform")
@@ -320,7 +320,7 @@ class Plan:
         slaves and searches for new ones. All slaves are active at first; their inputs are random.
 
         The record shows the voltage at `node`, by default the master's, for a `duration` of
-        1e-3..0.2 s. The sampling interval `dt`, 50e-9..500e-9 s, must be a whole fraction of 3 us.
+        1e-3..0.2 s. The time step `dt`, 50e-9..500e-9 s, must be an integer fraction of 3 us.
         `weak` maps slave labels to send currents relative to 60 mA, 0..10. A `disturbance` from
         `shipnet.asi.emc` with an `amplitude` [V] is added equally at all nodes.
 
@@ -412,7 +412,7 @@ class Plan:
         return table.rename_axis("slave")
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return the utilisation of a one-line plan if each point needs an `update` period [s]."""
+        """Return a one-line plan's utilisation if each point needs an update every `update` [s]."""
         check_scalar("update", update, "s", 1e-6, 1e6)
         times = self.response_times()
         shares = [len(self._addresses()) / ADDRESSES, *(times["update_s"] / update)]
@@ -492,7 +492,7 @@ def plan_of(elements: Iterable[Element]) -> Plan:
 
 @checked
 def read_plan(path: str | PathLike[str]) -> Plan:
-    """Read a plan from a CSV file.
+    """Read a plan from a CSV file or an Excel workbook.
 
     Parameters
     ----------
@@ -554,7 +554,7 @@ class Comparison:
         return np.array([bool(one.within_tolerance.all()) for one in self.qualities.values()])
 
     def plot(self, ax: Axes | None = None, *, label: str = "", **line: Any) -> Axes:
-        """Plot weakest pulse and ringing against plan names if numeric, otherwise in order."""
+        """Plot weakest pulse and ringing against plan names if these are numbers, else in order."""
         names = list(self.qualities)
         numbers = all(isinstance(name, int | float | np.number) for name in names)
         x = names if numbers else range(1, len(names) + 1)
@@ -565,7 +565,7 @@ class Comparison:
         ax.plot(x, 100 * table["ringing"], color="C1", marker=".", label="ringing" + name, **line)
         style.limit(ax, 100 * TOLERANCE.evenness, "weakest pulse,\nat least")
         style.limit(ax, 100 * TOLERANCE.ringing, "ringing,\nat most")
-        ax.set(ylabel="share of the largest pulse [%]", ylim=(0, 112))
+        ax.set(ylabel="fraction of the largest pulse [%]", ylim=(0, 112))
         style.legend(ax, 2)
         return ax
 

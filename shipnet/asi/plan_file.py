@@ -103,7 +103,7 @@ def read_elements(path: str | PathLike[str]) -> list[Element]:
     needed = ("kind", "node")
     known = {column: None if column in needed else "" for column in (*COLUMNS, "note")}
     rows, faults = titled(sheet, known)
-    # Check the structure only if every cable was read; otherwise devices would seem loose.
+    # Check the structure only if every cable was read; otherwise devices would seem unconnected.
     whole = not faults
     point = "."
     if sheet.separator != "," and any("," in row[column] for _, row in rows for column in _NUMBERS):
@@ -137,7 +137,7 @@ def _element(row: dict[str, str], point: str) -> tuple[Element | None, list[str]
         return None, [f"column kind: {row['kind']!r}; expected one of {', '.join(_KINDS)}"]
     make, needed, optional = _KINDS[name]
     arguments: dict[str, Any] = {}
-    faults = [f"column {column}: is empty; a {name} needs it" for column in needed.values()
+    faults = [f"column {column} is empty; a {name} needs it" for column in needed.values()
               if not row[column]]  # fmt: skip
     for argument, column in (needed | optional).items():
         try:

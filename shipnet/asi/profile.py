@@ -24,7 +24,7 @@ IO_CONFIGURATIONS: tuple[tuple[Port, ...], ...] = tuple(
     tuple(_PORTS[letter] for letter in code) for code in _CODES.split()
 )
 
-#: Meanings of the status bits S0..S3 of a slave to specification 2.1.
+#: Meanings of the status bits S0..S3 of a slave, according to specification 2.1.
 _STATUS = ("address or ID code still volatile", "periphery fault", "reserved", "memory read error")
 
 
@@ -84,7 +84,7 @@ class Profile:
         found = re.fullmatch(r"[Ss]-([0-9A-Fa-f])\.([0-9A-Fa-f])(?:\.([0-9A-Fa-f]))?", text)
         if not found:
             raise ArgumentError(
-                f"profile is {text!r}; it must look like 'S-7.A.E' or 'S-0.F', in hexadecimal"
+                f"profile is {text!r}; it must be hexadecimal, such as 'S-7.A.E' or 'S-0.F'"
             )
         return cls(*(int(code, 16) for code in found.groups() if code is not None))
 

@@ -1,7 +1,7 @@
 """Line voltage -> pulses -> bits: the receiver of a master or a slave, for many telegrams at once.
 
-It waits for the first pulse and then samples the line once every half-bit. A sample larger than
-half of the first pulse counts as a pulse. The seven checks of `shipnet.asi.modulation` follow.
+A receiver waits for the first pulse and then samples the line once every half-bit. A sample larger
+than half of the first pulse counts as a pulse. The seven checks of `shipnet.asi.modulation` follow.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ from shipnet.line import waveform as line_waveform
 #: Arguments that `numpy.random.default_rng` accepts.
 RNGLike = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence | int
 
-#: Voltage below which nothing is a pulse [V]: 30 % of 1.5 V, half of the smallest legal signal.
+#: Voltage below which no pulse counts [V]: 30 % of 1.5 V, half of the smallest legal signal.
 MINIMUM = 0.45
 
-#: Legal sampling intervals [s]: the longest gives three samples per half-bit; one below the
-#: shortest, which gives 3000 samples per pulse, would only cost time.
+#: Legal sampling intervals [s]: the longest gives three samples per half-bit, the shortest
+#: 3000; more would only cost time.
 _DT = (1e-9, 1e-6)
 
-#: Samples processed at a time, so that they and the results stay in a core's own cache.
+#: Number of samples processed at a time, so that they and the results stay in a core's own cache.
 _SAMPLES = 2**18
 
 #: Number of taps above which an FFT filters faster than matrix products.
 _LONG = 64
 
-#: Blocks multiplied at a time, so that all stay in a core's own cache.
+#: Number of blocks multiplied at a time, so that all stay in a core's own cache.
 _BLOCKS = 2**10
 
 #: The first pulse peaks within this many half-bits of the first sample above the minimum: one for
-#: the filtered pulse, which is two long, plus the delay of the supply's 78 ohm || 100 uH.
+#: the filtered pulse, which is two half-bits long, plus the delay of the supply's 78 ohm || 100 uH.
 _REACH = 1.25
 
 #: Time by which the first pulse of most telegrams has occurred [s].
@@ -93,7 +93,7 @@ class Reception(NamedTuple):
     weakest : ndarray of float, shape (...)
         Smallest pulse divided by largest pulse, after the filter if the receiver has one.
     ringing : ndarray of float, shape (...)
-        Largest voltage in slots without a pulse divided by largest pulse, likewise, from the first
+        Likewise, largest voltage in slots without a pulse divided by largest pulse, from the first
         pulse to two slots after the telegram.
     slots : ndarray of int8, shape (..., 2 n_bits + 2)
         Signs of the pulses: -1, 0 or +1.
@@ -137,7 +137,7 @@ class Reception(NamedTuple):
         seen = matched_filter(wave.u, wave.dt) if receiver.matched else wave.u
         ax.plot(t, wave.u, color="0.6", linewidth=1, label="on the line")
         if receiver.matched:
-            ax.plot(t, seen, color="C0", label="behind the filter")
+            ax.plot(t, seen, color="C0", label="after the filter")
         end = wave.span[1] * 1e6 + 21
         if np.isfinite(self.start):
             middles = wave.start + self.start + HALF_BIT * (np.arange(self.slots.size) + 0.5)
@@ -173,10 +173,10 @@ class Receiver:
     """The receiver of a master or a slave, with four settings.
 
     The threshold is relative to the first pulse, not to the largest so far, as in [1]_. A wide
-    `window` includes edges of neighbouring pulses: on a line of 150 m, 0.25 loses telegrams that
-    0.1 receives. In noise, `minimum` should be four times the standard deviation after the filter;
-    otherwise noise before a telegram is mistaken for its first pulse. `RECEIVERS` contains some
-    receivers by name, with the `source` of their numbers.
+    `window` includes edges of neighbouring pulses: on a line of 150 m, a window of 0.25 loses
+    telegrams that 0.1 receives. In noise, `minimum` should be four times the standard deviation
+    after the filter; otherwise noise before a telegram is mistaken for its first pulse. `RECEIVERS`
+    contains some receivers by name, with the `source` of their values.
 
     References
     ----------
@@ -193,14 +193,14 @@ class Receiver:
     """
 
     threshold: float = number(
-        0, 1, "", "Smallest pulse, relative to the first one; not 0 or 1", default=0.5
+        0, 1, "", "Smallest pulse, relative to the first; above 0 and below 1", default=0.5
     )
     window: float = number(
         0, 0.5, "half-bits", "Range around the middle of a slot in which the largest sample counts",
         default=0.1,
     )  # fmt: skip
     matched: bool = switch("True to filter with the shape of a pulse first", default=True)
-    minimum: float = number(0, 1e9, "V", "Voltage below which nothing is a pulse", default=MINIMUM)
+    minimum: float = number(0, 1e9, "V", "Voltage below which no pulse counts", default=MINIMUM)
     source: str = field(default="", kw_only=True, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -212,7 +212,7 @@ class Receiver:
         return receive(wave.u, wave.dt, wave.bits.shape[-1], **asdict(self))
 
 
-#: Receivers by name: a sensitive one may mistake noise for telegrams, the others may lose weak
+#: Receivers by name: a sensitive one may mistake noise for telegrams; the others may lose weak
 #: signals. None of the data sheets that we read states the threshold voltage of a chip.
 RECEIVERS: Mapping[str, Receiver] = MappingProxyType(
     {
@@ -318,7 +318,7 @@ class Waveform(line_waveform.Waveform):
     def disturbance(
         self, disturbance: Disturbance, amplitude: float, rng: np.random.Generator, size: int
     ) -> Floats:
-        """Return the voltages of a disturbance for `size` records with the times of this one."""
+        """Return the voltages of a disturbance for `size` records at the times of this waveform."""
         begin, end = self.span
         span = -self.start + begin, round(end - self.start, 12)
         return disturbance.voltage(self.t - self.start, amplitude, rng, size, span=span)
@@ -381,7 +381,7 @@ def _checked(u: npt.ArrayLike, dt: float) -> npt.NDArray[np.floating]:
 @lru_cache(maxsize=64)
 def _pulse_shape(n_t: int, dt: float) -> Floats:
     """Return the taps of the matched filter."""
-    # A short record needs only the middle of the filter, which is 0 from half a half-bit away.
+    # The filter extends half a half-bit to each side; a short record needs only its middle.
     half = min(ceil(HALF_BIT / dt / 2 - 1e-9) - 1, n_t - 1)
     q = np.arange(-half, half + 1)
     return np.asarray(np.cos(np.pi * q * dt / HALF_BIT) ** 2 * (8 / 3 * dt / HALF_BIT))
@@ -399,7 +399,7 @@ def _means(u: Floats, n_t: int) -> Floats:
         worst = int(np.argmax(np.where(np.isnan(size), np.inf, size)))
         raise ArgumentError(
             f"u has {flat[worst]} at sample {worst % u.shape[1]} of a row; voltages must be "
-            "finite, below 1e150 V"
+            "finite and below 1e150 V"
         )
     return np.asarray(u[:, :n_t] @ np.ones(n_t) / n_t)
 
@@ -441,7 +441,7 @@ def filtered(
     down: int = 1,
     out: npt.NDArray[Any] | None = None,
 ) -> npt.NDArray[Any]:
-    r"""Filter a row by multiplying its blocks with matrices; it is 0 beyond its end.
+    r"""Filter a row by block-wise matrix products; the row is 0 beyond its end.
 
     .. math:: y_i = \sum_k h_{u k - d i} \, x_k, \qquad i = 0 \ldots size - 1
     """
@@ -502,7 +502,7 @@ def _decide(
     mean = _means(u, n_t)
     minimum = max(receiver.minimum, _LEAST) * (1 + _EVEN)
     last, near = n_t - 1, int(_REACH * samples) + 1
-    # Most telegrams begin early.
+    # Most telegrams begin early, so try the first samples before the whole record.
     for end in (n_t if len(taps) > _LONG else min(n_t, int(_EARLY / dt)), n_t):
         y = _columns(u[:, :n_t], mean, taps, end, near)
         loud = np.abs(y[:, :end]) > minimum
@@ -538,7 +538,7 @@ def _decide(
         # Nothing is received after the end of the record.
         offset = np.arange(-reach, reach + 1)[:, np.newaxis, np.newaxis]
         np.copyto(heard, level, where=np.maximum(middle, middle + offset) > last)
-    # The larger of the two signs. Slot 0, before the first pulse, does not count.
+    # Use the sign with the larger magnitude. Slot 0, before the first pulse, does not count.
     high, low = (np.ascontiguousarray(f(heard, axis=0)) for f in (np.max, np.min))
     high -= level
     np.subtract(level, low, out=low)
@@ -549,7 +549,7 @@ def _decide(
     slots = np.zeros((2 * n_bits + 2, count), dtype=np.int8)
     np.multiply(2 * positive.view(np.int8) - 1, filled, out=slots[1:])
 
-    # The largest is a pulse, unless there is none.
+    # The largest sample is a pulse, unless nothing was received.
     largest = np.where(silent, np.nan, absolute.max(axis=0))
     empty = ~filled
     smallest = (absolute + 1e300 * empty).min(axis=0)
@@ -576,7 +576,7 @@ class Eye(NamedTuple):
     gaps: Floats  # half-bits without a pulse after the first pulse, shape (n_gaps, n)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw all half-bits over each other with the tolerances, as in icn2007's Fig 8."""
+        """Draw all half-bits superimposed, with the tolerances, as in icn2007's Fig 8."""
         ax = style.axes(ax)
         t = self.t * 1e6
         for rows, colour, label in [(self.pulses, "C0", "pulse"), (self.gaps, "C1", "no pulse")]:

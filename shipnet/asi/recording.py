@@ -35,7 +35,7 @@ _TIMES = Transaction()
 
 
 class _Recorder:
-    """A line on which every device receives telegrams as distorted by the cables."""
+    """A line whose devices receive telegrams that the cables have distorted."""
 
     def __init__(
         self, segment: Segment, node: str, size: int, dt: float, weak: Mapping[str, float]
@@ -83,13 +83,13 @@ class _Recorder:
         self.u[rows, start : start + telegram.shape[-1]] += telegram[..., :room]
 
     def request(self, bits: str) -> Floats:
-        """Return a request as received by the slaves and the scope, cached because most recur."""
+        """Return a request as received by slaves and scope; frequent requests are cached."""
         if bits not in self.known:
             self.known[bits] = self.telegram(self.asked, bits)
         return self.known[bits]
 
     def telegram(self, change: Floats, bits: str) -> Floats:
-        """Return the voltage of a telegram, given that of one current step."""
+        """Return the voltage of a telegram, computed from that of one current step."""
         steps = Modulation(bits).steps
         u = np.zeros((*change.shape[:-1], change.shape[-1] + len(steps) * self.slot), np.float32)
         for place in np.flatnonzero(steps) * self.slot:
@@ -147,7 +147,7 @@ def record_segment(
     labels = [slave.label for slave in segment.slaves]
     for label, strength in weak.items():
         if label not in labels:
-            raise ArgumentError(f"weak has {label!r}; the slaves are {', '.join(labels)}")
+            raise ArgumentError(f"weak contains {label!r}; the slaves are {', '.join(labels)}")
         check_scalar(f"weak[{label!r}]", strength, "", 0, 10)
     random = check_rng(rng)
     size = round(duration / dt)

@@ -35,7 +35,7 @@ def rule_limits() -> pd.DataFrame:
 
     Examples
     --------
-    Allow 20 m more of cable:
+    Allow 20 m more cable:
 
     >>> limits = rule_limits()
     >>> limits.loc["cable_length", "high"] += 20
@@ -166,7 +166,7 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
 
 @cache
 def _slowest_answer() -> float:
-    """Return the longest silence before the answer of an asynchronous slave [s]."""
+    """Return the longest silence before the response of an asynchronous slave [s]."""
     times = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
     # The time is between the middles of two bits, so one bit time of it is not silence.
     return float(times["edge to edge, asynchronous, most"]) * 1e-6 - BIT_TIME

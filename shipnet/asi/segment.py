@@ -58,8 +58,8 @@ class Supply:
 class Repeater:
     """A repeater: it couples two segments and passes telegrams but no current.
 
-    We found no maker's figure for the delay; the default is one bit time. Two such repeaters meet
-    the time-out of 10 bit times, but three exceed it. The current is assumed to equal a slave's.
+    We found no manufacturer's figure for the delay; the default is one bit time. Two such repeaters
+    meet the time-out of 10 bit times, but three exceed it. The current is that assumed for slaves.
 
     Examples
     --------
@@ -109,8 +109,8 @@ Element: TypeAlias = CableRun | Master | Supply | Slave | Terminator | Repeater
 #: the others have runs of ones or zeros, which are the most uneven. A test tries all requests.
 PROBES = ("01010101010101", "01111111111111", "00011111111111")
 
-#: Time after which the voltage of a current step has faded [s], if at most this fraction is left.
-#: With less damping [nepers], the limited bandwidth causes a smaller error.
+#: Time after which the voltage of a current step counts as faded [s], if at most this fraction is
+#: left, and damping [nepers]; small damping reduces the error of the limited bandwidth.
 _FADED, _LEFT, _DAMPING = 32e-6, 1e-6, 4.0
 
 # Telegrams as voltages -------------------------------------------------------------------------
@@ -137,7 +137,7 @@ def telegram_voltages(
     dt = check_scalar("dt", dt, "s", 1e-9, 1e-6)
     slot = round(HALF_BIT / dt)
     if abs(slot * dt / HALF_BIT - 1) > 1e-9:
-        raise ArgumentError(f"dt is {dt} s; it must be a whole fraction of {HALF_BIT} s")
+        raise ArgumentError(f"dt is {dt} s; it must be {HALF_BIT} s divided by an integer")
     # The record has a whole number of samples; any other length would stretch its time axis.
     sizes = [ceil(round((before + steps.shape[1] * HALF_BIT + after) / dt, 6)) for steps in many]
     rows = [network.index(node, "node") for node in nodes]
@@ -245,7 +245,7 @@ def quality_of(*waves: Waveform) -> Quality:
 class Segment:
     """One electrical network of a plan, with its elements."""
 
-    #: Number of its line, from 0.
+    #: Index of the line to which it belongs.
     line: int
     cables: tuple[CableRun, ...]
     masters: tuple[Master, ...]
@@ -299,7 +299,7 @@ class Segment:
 
     @cached_property
     def network(self) -> Network:
-        """Its cables and loads."""
+        """Network of its cables and loads."""
         given = [(device.node, device.load) for device in self.slaves]
         given += [(device.node, DEVICE) for device in self.masters]
         given += [(node, DEVICE) for _, node in self.ports]
@@ -340,7 +340,7 @@ class Segment:
         ]
 
     def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
-        """Return the quality of batches of telegrams between `head` and nodes, which may repeat."""
+        """Return the quality of batches of telegrams between `head` and nodes; nodes may repeat."""
         places = list(dict.fromkeys(nodes))
         found = quality_of(*self.waveforms(places, *words, dt=250e-9, before=5e-6, after=55e-6))
         rows = [places.index(node) for node in nodes]
@@ -408,7 +408,7 @@ def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
     for cable in cables:
         ends = frozenset((cable.a, cable.b))
         if ends in laid:
-            faults.append((cable, f"{cable} is there already"))
+            faults.append((cable, f"{cable} is listed twice"))
         elif not groups.join(cable.a, cable.b):
             closing.append(cable)
         laid.add(ends)

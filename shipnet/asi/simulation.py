@@ -45,7 +45,7 @@ class Standby:
 
     Its projected slaves must be given, because the four outputs of a standard slave look like the
     three outputs and the select bit of an A/B slave. `silence` must exceed a working master's
-    time-out and pause of up to 500 us. Its default is assumed, because no source states a value.
+    time-out and its longest pause, 500 us. The default is assumed: no source states a value.
 
     References
     ----------
@@ -107,11 +107,11 @@ class Summary:
             f"{self.cycles} cycles of {mean:.2f} ms ({least:.2f} to {most:.2f} ms) "
             f"with {self.requests} requests\n"
             f"{self.repetitions} repetitions, {self.dropped} slaves dropped, "
-            f"{self.lost_replies} replies to executed requests lost"
+            f"{self.lost_replies} responses to executed requests lost"
         )
 
 
-#: Largest number of requests in a figure.
+#: Maximum number of requests in a figure.
 _MOST_REQUESTS = 500
 
 
@@ -196,7 +196,7 @@ class Run:
         *,
         ax: Axes | None = None,
     ) -> Axes:
-        """Draw requests and responses as blocks in time, with a row for the master and each slave.
+        """Draw requests and responses as blocks over time, with rows for the master and each slave.
 
         `where` is a condition on the events, such as ``"phase == 'data_exchange'"``; `start` and
         `stop` are simulated times [s]. At most 500 requests are drawn. A wrong or missing response
@@ -213,7 +213,7 @@ class Run:
         shown = events[keep]
         if not 1 <= len(shown) <= _MOST_REQUESTS:
             raise ArgumentError(
-                f"start and stop show {len(shown)} requests; a figure shows 1 to {_MOST_REQUESTS}"
+                f"start and stop select {len(shown)} requests; a figure shows 1 to {_MOST_REQUESTS}"
             )
         slaves = shown.sort_values(["address", "half"], kind="stable")["slave"].unique()
         row = {slave: place + 1 for place, slave in enumerate(slaves)}
@@ -232,7 +232,7 @@ class Run:
                 ax.text(middle, -0.5, str(attempt), ha="center", va="bottom")
             fine, pause = one["outcome"] == "ok", one["master_pause_bit"]
             if fine and pause != pause:
-                continue  # a call without an answer
+                continue  # a call without a response
             # A missing response is drawn at its earliest possible start.
             colour = style.FIELD["information"] if fine else style.LIMIT["color"]
             look: dict[str, Any] = {"facecolor": colour, **edge}
@@ -307,7 +307,7 @@ class Run:
         leading = self.masters[0]
         worst = (1 + leading.repetitions) * leading.drop_after
         found = self._exchanges[["slave", "failed"]]
-        # A series of failures ends with a success, another slave or the record.
+        # A series of failures ends before a success, before the next slave, or with the record.
         run = (found != found.shift()).any(axis=1).cumsum()
         runs = found[found["failed"]].groupby(run)["slave"].agg(["first", "size"])
         table = pd.crosstab(runs["first"], runs["size"].clip(upper=worst))
@@ -355,7 +355,7 @@ class Run:
         )
 
     def utilisation(self, update: float) -> Utilisation:
-        """Return the line's utilisation, without the start-up, if each point needs an `update` [s].
+        """Return the utilisation after start-up if each point needs an update every `update` [s].
 
         The capacity follows from the longest time between two responses of a slave.
         """
@@ -393,10 +393,10 @@ class Run:
 
 
 def _values(own: pd.DataFrame, slave: Slave) -> pd.DataFrame:
-    """Return when the values of one channel were converted and when they were known."""
+    """Return when the values of one channel were converted and when the master had them."""
     try:
         needed = exchanges(slave.kind)
-    except ArgumentError:  # its transfer of values is not published
+    except ArgumentError:  # its number of exchanges is not published
         return own[:0]
     ends = own["known"].to_numpy()[needed - 1 :: needed]
     taken, known = ends[: -1 : slave.channels], ends[1 :: slave.channels]
@@ -466,8 +466,8 @@ def simulate(
 
     Notes
     -----
-    Slaves are named by their initial labels. An event during a request precedes the slave's action
-    at its end. Repeaters delay the signal; the delay of cables is neglected (0.5 us in 100 m).
+    Slaves are named by their initial labels. An event during a request takes effect before a
+    slave acts on the request. Repeaters delay the signal; the delay of cables is not simulated.
 
     Examples
     --------
@@ -479,7 +479,7 @@ def simulate(
     >>> run = simulate(slaves, cycles=100, faults=spoil, rng=2024)
     >>> print(run.summary)
     100 cycles of 5.15 ms (5.14 to 5.29 ms) with 3310 requests
-    10 repetitions, 0 slaves dropped, 11 replies to executed requests lost
+    10 repetitions, 0 slaves dropped, 11 responses to executed requests lost
     """
     if cycles is None and until is None:
         raise ArgumentError("cycles and until are both None; one of them is needed")

@@ -1,4 +1,4 @@
-"""A slave: its label, profile and receive states, and its answers to requests."""
+"""A slave: its label, profile and receive states, and its responses to requests."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def label_of(key: int, *, extended: bool) -> str:
 class Slave:
     """A slave with its address, profile and node.
 
-    ID code A in the profile makes it an A/B slave. Without an ID code 2 it predates specification
+    ID code A in the profile makes it an A/B slave. Without an ID code 2, it predates specification
     2.1 and does not answer requests for extended ID codes. If the profile is omitted, the slave
     has four inputs: ``S-0.A.F`` with A or B in the label, otherwise ``S-0.F.F``. Its default
     load on the cable is the limit in a chip's data sheet.
@@ -84,7 +84,7 @@ class Slave:
     >>> Slave("5").profile, Slave("5A").profile
     (Profile(io=0, id=15, id2=15), Profile(io=0, id=10, id2=15))
 
-    Its reactions to telegrams, of which an empty one is a pause:
+    Its reactions to telegrams; an empty telegram is a pause:
 
     >>> from shipnet import asi
     >>> request = asi.Request(asi.Call.READ_ID, 21).bits
@@ -92,7 +92,7 @@ class Slave:
     >>> heard["state"].tolist()
     ['asynchronous', 'receive', 'synchronous']
     >>> heard["answer"].tolist()
-    ['silence', '', 'answer to read ID code: 1111 (F)']
+    ['silence', '', 'response to read ID code: 1111 (F)']
     """
 
     label: str = text("Address, 1 to 31, followed by A or B for an A/B slave; 0 for a new slave")
@@ -107,7 +107,7 @@ class Slave:
         default=None, optional=True, kw_only=True,
     )  # fmt: skip
     watchdog: float = number(
-        0, inf, "s", "Time without data or parameters after which it resets itself",
+        0, inf, "s", "Time without data or parameters after which the slave resets itself",
         default=WATCHDOG, kw_only=True,
     )  # fmt: skip
     channels: int = whole(
@@ -115,7 +115,7 @@ class Slave:
         default=1, kw_only=True,
     )  # fmt: skip
     conversion: float = number(
-        0, 10, "s", "Time to convert an analogue value; makers state 20 to 60 ms",
+        0, 10, "s", "Time to convert an analogue value; manufacturers state 20 to 60 ms",
         default=CONVERSION, kw_only=True,
     )  # fmt: skip
     load: Load = field(default=DEVICE, kw_only=True)
@@ -218,7 +218,7 @@ class PreparedRequest:
     code: int
     #: The request as each of the `KINDS` of slave at this address reads it; None if not addressed.
     reads: tuple[Request | None, ...]
-    #: True if the call has an answer, and True if it is one of `_MOVING`.
+    #: Whether the call has a response, and whether it is one of `_MOVING`.
     expects: bool
     moves: bool
 
@@ -303,7 +303,7 @@ class RunningSlave:
     """The state of a running slave; times are simulated [s] and must not decrease."""
 
     # ZMD AG, "SAP5S/SAP51", data sheet rev. 3.1, 2012, pp. 39, 46, 47: after a reset a slave keeps
-    # its outputs off and does not answer *data exchange* until it gets a *write parameter* (flag
+    # its outputs off and does not answer *data exchange* until it receives *write parameter* (flag
     # Data_Exchange_Disable); it echoes the ports that are outputs. Siemens, "IE/AS-INTERFACE LINK
     # PN IO", manual, p. 169, warns of a loss of supply while a slave stores data; we infer that
     # the slave returns at address 0 with its memory error flag set.
@@ -365,7 +365,7 @@ class RunningSlave:
         return volatile | self.periphery_fault << 1 | self.memory_error << 3
 
     def switch_off(self, time: float = 0.0) -> None:
-        """Disconnect the supply at a time [s]; one that is storing data loses its address."""
+        """Disconnect the supply at `time` [s]; a slave that is storing data loses its address."""
         if self._stores(time):
             self._stored = (0, self._stored[1])
             self.memory_error = True
@@ -389,7 +389,7 @@ class RunningSlave:
         self.state = following
 
     def hear(self, bits: str, time: float = 0.0) -> Response | None:
-        """Receive one telegram and return the answer, or None if there is none."""
+        """Receive one telegram and return the response, or None if there is none."""
         if not self.powered or self.state is not State.RECEIVE:
             return None
         try:
@@ -454,7 +454,7 @@ class RunningSlave:
     def _write_id1(self, data: int, time: float) -> int:
         if self.profile.id2 is None or self.address != 0 or self._stores(time):
             return NONE
-        # The address stays deleted, whatever is stored.
+        # The slave stays at address 0, and its stored address does not change.
         self._store(self._stored[0], data, time)
         return Answer.ERASED
 
@@ -475,8 +475,8 @@ class RunningSlave:
         return NONE
 
 
-#: Actions of the calls in the order of `Call`; their arguments are the data and the time. Makers
-#: lock the program mode, so no slave enters it.
+#: Actions of the calls in the order of `Call`; their arguments are the data and the time.
+#: Manufacturers lock the program mode, so no slave enters it.
 OBEY: tuple[Callable[[RunningSlave, int, float], int], ...] = (
     RunningSlave.exchange,
     RunningSlave._write_parameter,

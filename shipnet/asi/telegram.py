@@ -42,7 +42,7 @@ class Answer(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Bits, wording and answer of a call; a pattern shows the bits between start and parity bit.
+    """Bits, wording and response of a call; a pattern shows the bits between start and parity bit.
 
     0 and 1 are fixed bits, ``a`` is a bit of the address and ``d`` one of the data; ``s`` is the
     select bit of an A/B slave (A 0, B 1), and ``S`` the same bit inverted.
@@ -91,7 +91,7 @@ class Call(IntEnum):
 
     @property
     def rule(self) -> Rule:
-        """Bits, wording and answer of the call."""
+        """Bits, wording and response of the call."""
         return self._rule
 
     DATA_EXCHANGE = Rule(
@@ -134,10 +134,10 @@ class Call(IntEnum):
         "read status", "1aaaaa1S110", "read the status of slave {slave}", answer="status"
     )
     BROADCAST_RESET = Rule(
-        "broadcast reset", "11111110101", "broadcast reset of all slaves, without answer"
+        "broadcast reset", "11111110101", "broadcast reset of all slaves, without response"
     )
     ENTER_PROGRAM_MODE = Rule(
-        "enter program mode", "10000011101", "enter program mode at address 0, without answer"
+        "enter program mode", "10000011101", "enter program mode at address 0, without response"
     )
 
 
@@ -159,7 +159,7 @@ _PARTS = {
 
 
 def plot_telegram(bits: str, ax: Axes | None = None, *, start: float = 0.0) -> Axes:
-    """Draw a telegram as a row of coloured bits with its level line above."""
+    """Draw a telegram as a row of coloured bits, with its levels as a line above."""
     ax = style.axes(ax, figsize=(7.5, 2.2))
     if len(bits) not in _PARTS:
         raise LengthError(f"a telegram has 14 or 7 bits, but {bits!r} has {len(bits)}")
@@ -227,7 +227,7 @@ class Response:
     >>> Response(0x6).bits
     '0011001'
     >>> print(Response(0x3, Call.READ_IO_CONFIGURATION))
-    answer to read I/O configuration: 3, ports D0..D3 IN IN OUT OUT
+    response to read I/O configuration: 3, ports D0..D3 IN IN OUT OUT
     """
 
     data: int
@@ -238,7 +238,7 @@ class Response:
         if self.call is not None:
             object.__setattr__(self, "call", _call(self.call))
             if self.call.rule.answer is None:
-                raise ArgumentError(f"call is {self.call.rule.title}, which no slave answers")
+                raise ArgumentError(f"call is {self.call.rule.title}, which has no response")
 
     @property
     def bits(self) -> str:
@@ -246,20 +246,20 @@ class Response:
         return frame(f"{self.data:04b}")
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the response as coloured bits with its level line above; x is in bit times."""
+        """Draw the response as coloured bits, with its levels above; x is in bit times."""
         return plot_telegram(self.bits, ax)
 
     def __str__(self) -> str:
         if self.call is None:
             return f"response: {self.data:04b} ({self.data:X})"
         answer = self.call.rule.answer
-        head = f"answer to {self.call.rule.title}: "
+        head = f"response to {self.call.rule.title}: "
         if answer == "I/O configuration":
             return f"{head}{self.data:X}, {describe_io_configuration(self.data)}"
         if answer == "status":
             return f"{head}{self.data:04b}, {describe_status(self.data)}"
         if isinstance(answer, Answer):
-            ending = "done" if self.data == answer else f"but the standard asks for {answer:X}"
+            ending = "done" if self.data == answer else f"but the standard requires {answer:X}"
             return f"{head}{self.data:X}, {ending}"
         what = "" if str(answer) in self.call.rule.title else f"{answer} "
         return f"{head}{what}{self.data:04b} ({self.data:X})"
@@ -373,19 +373,21 @@ class Request:
         return f"{self.address}{self.half or ''}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the request as coloured bits with its level line above; x is in bit times."""
+        """Draw the request as coloured bits, with its levels above; x is in bit times."""
         return plot_telegram(self.bits, ax)
 
     def __str__(self) -> str:
         return self.call.rule.says.format(slave=self.slave, data=self.data, bits=self._data_bits)
 
     def answer(self, data: int | None = None) -> Response:
-        """Return the response to this request; one that is fixed needs no `data`."""
+        """Return the response to this request; a fixed response needs no `data`."""
         expected = self.call.rule.answer
         if data is None and isinstance(expected, Answer):
             data = int(expected)
         if data is None and expected is not None:
-            raise ArgumentError(f"data is missing; {self.call.rule.title} needs {expected}, 0..15")
+            raise ArgumentError(
+                f"data is missing: the response to {self.call.rule.title} needs {expected}, 0..15"
+            )
         return Response(0 if data is None else data, self.call)
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Times of transactions and cycles, and response times.
+"""Durations of transactions and cycles, and response times.
 
 A transaction is a request, the master pause, a response and the slave pause, in bit times of 6 us.
 In every cycle the master polls each address once, then sends one management request and looks for
@@ -104,7 +104,7 @@ class Transaction:
         return 2 * USER_BITS / self.duration
 
     def efficiency(self, user_bits: npt.ArrayLike = USER_BITS) -> Floats:
-        """Return the fraction of time for user data: `user_bits` in each direction."""
+        """Return the fraction of time spent on user data: `user_bits` in each direction."""
         n = np.asarray(user_bits)
         if n.dtype.kind not in "iu" or not (n >= 1).all():
             raise ArgumentError(f"user_bits is {user_bits!r}; it must be a whole number, 1 or more")
@@ -152,10 +152,10 @@ class Transaction:
 #: Number of slave addresses: five bits without address 0.
 ADDRESSES = 31
 
-#: Largest number of channels of a slave for analogue values.
+#: Maximum number of channels of a slave for analogue values.
 CHANNELS = 4
 
-#: Conversion time of an analogue value, the longest that makers state (20 to 60 ms) [s].
+#: Conversion time of an analogue value, the longest that manufacturers state (20 to 60 ms) [s].
 CONVERSION = 60e-3
 
 Direction = Literal["in", "out"]
@@ -183,7 +183,7 @@ class Cycle:
 
     Notes
     -----
-    OMRON [1]_ adds two requests to any number of slaves. Schneider adds only one at 31 slaves
+    OMRON [1]_ adds two requests for any number of slaves. Schneider adds only one for 31 slaves
     [2]_, because no address is left for a new slave: ``inclusion=0``. The specification's "5 ms
     for 31 slaves" needs transactions of 25 bit times; 26 bit times give 5.148 ms.
 
@@ -207,14 +207,14 @@ class Cycle:
 
     slaves: int = whole(0, 2 * ADDRESSES, help="Number of slaves n", default=ADDRESSES)
     pairs: int | None = whole(
-        0, ADDRESSES, help="Addresses shared by an A and a B slave; by default as few as possible",
+        0, ADDRESSES, help="Number of addresses that two slaves share; by default the minimum",
         default=None, optional=True, kw_only=True,
     )  # fmt: skip
     transaction: Transaction = part(
         Transaction, "One exchange", default=Transaction(), kw_only=True
     )
     inclusion: int = whole(
-        0, 1, help="Requests i per cycle that look for new slaves", default=1, kw_only=True
+        0, 1, help="Number i of requests for new slaves per cycle", default=1, kw_only=True
     )
 
     def __post_init__(self) -> None:
@@ -273,7 +273,7 @@ class Cycle:
         """Return the response times to a change of an input, or of an output.
 
         A slave for single bits reads its inputs when the request ends. At best, the change comes
-        just before. At worst, it comes just after and waits for the slave's next request, one
+        just before that. At worst, it comes just after and waits for the slave's next request, one
         cycle later, or two if the slave shares its address (`paired`, the default if the cycle has
         pairs). Delays of the input itself, such as that of a filter, must be added.
 
@@ -322,7 +322,7 @@ def cycle_time(slaves: int = ADDRESSES, **options: Any) -> float:
 
 
 # An exchange transfers four bits, so an analogue value is sent in pieces; each type of transfer
-# (CTT) divides it in its own way. No maker publishes how many exchanges CTT4 takes.
+# (CTT) divides it in its own way. No manufacturer states how many exchanges CTT4 takes.
 
 
 @cache

@@ -38,13 +38,13 @@ def line(
     length : float
         Length of the cable [m].
     slaves : int or sequence of float, default 0
-        Number of slaves, evenly spaced with the last one at the end, or the place of each,
+        Number of slaves, evenly spaced with the last one at the end, or the position of each,
         0..length [m]; up to 62. Addresses follow this order.
     pairs : int, optional
-        Addresses shared by an A and a B slave, n - 31 to n / 2 for n slaves; the last slaves share.
-        If omitted, as few as possible are shared, and all slaves are A/B slaves if any are.
+        Number of shared addresses, n - 31 to n / 2 for n slaves; the last slaves share them. If
+        omitted, as few as possible are shared, and all slaves are A/B slaves if any are.
     master, supply : float, default 0
-        Places of the master and the 30 V power supply [m].
+        Positions of the master and the 30 V power supply [m].
     cable : str or shipnet.line.Cable, default "as-i 1.5"
         Name of a cable type, or a `Cable`.
     current : float, default 0.065
@@ -55,7 +55,7 @@ def line(
     Returns
     -------
     Plan
-        Its nodes are named by their places: ``"0 m"``, ``"45 m"`` and so on.
+        Its nodes are named by their positions: ``"0 m"``, ``"45 m"`` and so on.
 
     Examples
     --------
@@ -95,7 +95,7 @@ def star(
     legs : sequence of float
         Length of each leg, with a slave at its end [m].
     along : int or sequence of float, default ()
-        Slaves on the trunk, as the `slaves` of `line`; they have the first addresses.
+        Slaves on the trunk, given like `slaves` of `line`; they have the first addresses.
     pairs, master, supply, cable, current
         As for `line`.
 
@@ -148,14 +148,14 @@ def ring(
     length : float
         Length of the cable around the ring [m].
     slaves : int or sequence of float
-        Number of slaves, evenly spaced, or the place of each, 0 to less than `length` [m].
+        Number of slaves, evenly spaced, or the position of each, 0 to less than `length` [m].
     pairs, supply, cable, current
         As for `line`.
 
     Returns
     -------
     Plan
-        Its nodes are named by their places. With only one place besides the master's, a node
+        Its nodes are named by their positions. With only one position besides the master's, a node
         halfway divides the cable that returns to the master.
 
     Examples
@@ -168,7 +168,7 @@ def ring(
     last = max((*slaves, supply), default=0.0)
     if not 0 < last < length:
         raise ArgumentError(
-            f"the last place on the ring is {last} m; it must be between 0 and {length} m"
+            f"the last position on the ring is {last} m; it must be between 0 and {length} m"
         )
     there = line(last, slaves, pairs=pairs, supply=supply, cable=cable, current=current)
     # Two nodes have at most one cable between them, so a second one needs a node halfway.
@@ -180,7 +180,7 @@ def ring(
 
 
 def evenly_spaced(length: float, n: int) -> list[float]:
-    """Return n evenly spaced places along a cable [m], the last one at its end."""
+    """Return n evenly spaced positions along a cable [m], the last one at its end."""
     count = check_whole("n", n, 0, 10_000)
     check_scalar("length", length, "m", 0, 1e4)
     return [length * (k / count) for k in range(1, count + 1)]
@@ -197,7 +197,7 @@ def assign_addresses(
 
     `pairs` addresses are shared, by default as few as possible, by slaves whose `shares` is True:
     those with the longest `need` first, or the last ones. If neither `pairs` nor `shares` is given
-    and some slaves must share, all others are A slaves, too.
+    and some slaves must share, all others are A slaves.
     """
     able = list(range(n)) if shares is None else [k for k in range(n) if shares[k]]
     most = len(able) // 2

@@ -32,14 +32,14 @@ LEAST, MOST = 1e-18, 1e12
 
 @dataclass(frozen=True, eq=False)
 class Pulse:
-    """A travelling pulse: places [m], times [s] and voltages [V], shape (n_steps, n_places)."""
+    """A travelling pulse: positions [m], times [s] and voltages [V], shape (n_steps, n_places)."""
 
     x: Floats
     t: Floats
     u: Floats
 
     def plot(self, ax: Axes | None = None, *, step: int) -> Axes:
-        """Draw the pulse at the time number `step`, and the range of earlier voltages in grey."""
+        """Draw the pulse at time step `step`, and the range of earlier voltages in grey."""
         ax = style.axes(ax)
         lowest, highest = min(self.u.min(), 0.0), max(self.u.max(), 0.0)
         margin = 0.08 * (highest - lowest)
@@ -49,7 +49,7 @@ class Pulse:
         )
         ax.plot(self.x, self.u[step], label="now")
         ax.set(xlim=(self.x[0], self.x[-1]), ylim=(lowest - margin, highest + margin))
-        ax.set(xlabel="place [m]", ylabel="voltage [V]")
+        ax.set(xlabel="position [m]", ylabel="voltage [V]")
         text = f"{self.t[step] * 1e9:.0f} ns"
         ax.text(0.98, 0.95, text, transform=ax.transAxes, ha="right", va="top")
         return ax
@@ -183,7 +183,7 @@ class Cable(Valued):
     ) -> Pulse:
         """Simulate a Gaussian pulse of 1 V and standard deviation `width` [s] and its echo.
 
-        The near end is matched, the far end has a resistor `end` [ohm] or is open (None). The
+        The near end is matched; the far end has a resistor `end` [ohm] or is open (None). The
         result ends when the echo returns. `width` is 1/200 to 2 times the delay of the cable.
         """
         metres = check_scalar("length", length, "m", 1.0, 1e5)

@@ -19,7 +19,7 @@ from shipnet.arrays import Floats
 from shipnet.errors import ArgumentError
 from shipnet.line.network import Network
 
-#: Largest number of steps computed at a time.
+#: Maximum number of steps computed at a time.
 _BLOCK = 512
 
 
@@ -27,11 +27,11 @@ def simulate(network: Network, sources: Mapping[str, tuple[Floats, Floats]], dt:
     """Return the voltages of all nodes, shape (n_nodes, n_t) [V]; the network is at rest at first.
 
     A source is a current into its node [A] and a parallel conductance [S], both at each step
-    `dt` [s]. Its first values are ignored, since all voltages are 0 then. The error falls with the
-    square of `dt` and is smallest if `dt` divides all delays; otherwise waves are interpolated.
+    `dt` [s]. Values at the first step are ignored: all voltages are 0 then. The error falls with
+    the square of `dt` and is smallest if `dt` divides all delays; otherwise waves are interpolated.
     """
     if network.trees is not None:
-        raise ArgumentError(f"the network has {network.trees} trees; simulation in time needs one")
+        raise ArgumentError(f"the network has {network.trees} trees; this simulation needs one")
     ends, leak = _ends(network, dt)
     driven = [network.index(node) for node in sources]
     injected, beside = np.array([*sources.values()]).swapaxes(0, 1)
@@ -64,7 +64,7 @@ def simulate(network: Network, sources: Mapping[str, tuple[Floats, Floats]], dt:
 
 
 class _Ends(NamedTuple):
-    """Both ends of all lines, sorted by node; `far` is the number of the other end."""
+    """Both ends of all lines, sorted by node; `far` is the index of the other end."""
 
     node: npt.NDArray[np.intp]
     far: npt.NDArray[np.intp]
@@ -96,7 +96,7 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
         if quarter >= z0:
             raise ArgumentError(
                 f"{run} has {4 * quarter:.4g} ohm; in a simulation in time it must be below four "
-                f"times the characteristic impedance, {z0:.4g} ohm: divide the run by nodes"
+                f"times the characteristic impedance, {z0:.4g} ohm: divide the run"
             )
         whole = int(steps)
         fraction = max(0.0, steps - whole - 2e-9)

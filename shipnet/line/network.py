@@ -1,4 +1,4 @@
-"""Networks: runs of cable between named nodes, loads at the nodes, at most one ring."""
+"""Networks: runs of cable between named nodes, with loads at the nodes and at most one ring."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from shipnet.lazy import Axes
 from shipnet.line.cable import CABLES, Cable, Valued
 from shipnet.line.solver import Rooted, check_frequencies, closed_transfer, tree_transfer
 
-#: Legal lengths [m]: a shorter line is a node, and no field bus is longer.
+#: Legal lengths [m]: a shorter run would be a single node, and no field bus is longer.
 SHORTEST, LONGEST = 1e-6, 1e6
 
 #: Legal values of a load [ohm, H, F].
@@ -40,7 +40,7 @@ class CableRun:
     Parameters
     ----------
     a, b : str
-        Nodes at its ends, not the same.
+        Nodes at its two ends, which must differ.
     length : float or array_like, shape (n_trees,)
         Length, 1e-6 to 1e6 [m]; the ends of a run of length 0 would be one node.
     cable : str or Cable, default "as-i 1.5"
@@ -82,7 +82,7 @@ class CableRun:
 
 @record(eq=False)
 class Load(Valued):
-    """A resistor, an inductor and a capacitor in parallel, from a node to the reference.
+    """A resistor, an inductor and a capacitor in parallel, from a node to the reference conductor.
 
     At least one of them must be given. A terminator is a load with a resistor only.
 
@@ -135,7 +135,7 @@ def _sum(one: Quantity | None, other: Quantity | None) -> Quantity | None:
 
 
 class Layout(NamedTuple):
-    """Places of the nodes of a network in a drawing."""
+    """Positions of the nodes of a network in a drawing."""
 
     spot: Floats  # distance from the root along the cable [m], and row, 0 and below
     strokes: list[Floats]  # points of each run: x in the first row, y in the second
@@ -152,20 +152,20 @@ class Layout(NamedTuple):
 class Network:
     """Runs of cable between named nodes, with loads from the nodes to the reference conductor.
 
-    Lengths, loads and the constants of cables may be arrays of shape (n_trees,): many networks
-    of one shape, computed at once.
+    Lengths, loads and the constants of cables may be arrays of shape (n_trees,): they define
+    many networks of one topology, which are computed together.
 
     Parameters
     ----------
     runs : iterable of CableRun
-        The cables; together they make a tree, or a tree with one ring. Two nodes have at most one.
+        Cables that form a tree, or a tree with one ring; at most one cable connects two nodes.
     loads : mapping of str to Load, optional
         The loads at the nodes.
 
     Examples
     --------
-    A supply with its decoupling network, and a slave 100 m away. A current of 1 A at 167 kHz that
-    the slave draws makes this voltage at the supply:
+    A supply with its decoupling network, and a slave 100 m away. A current of 1 A at 167 kHz drawn
+    by the slave causes this voltage at the supply:
 
     >>> net = Network(
     ...     [CableRun("supply", "slave", 100, "as-i 1.5")],
@@ -195,7 +195,7 @@ class Network:
             group += range(len(group), len(self._index))
             pair = (i, j) if i < j else (j, i)
             if pair in ends:
-                raise ArgumentError(f"{run} is there already; two nodes have at most one cable")
+                raise ArgumentError(f"{run} is listed twice; two nodes have at most one cable")
             ends.add(pair)
             one, other = _leader(group, i), _leader(group, j)
             if one == other:
@@ -244,11 +244,11 @@ class Network:
 
     @property
     def trees(self) -> int | None:
-        """Number of trees of a Monte Carlo; None for a single tree."""
+        """Number of trees of a Monte Carlo simulation; None for a single tree."""
         return self._trees
 
     def index(self, name: str, what: str = "name") -> int:
-        """Return the number of a node, its row in every result; `what` names it in errors."""
+        """Return the index of a node, its row in every result; errors call the argument `what`."""
         try:
             return self._index[name]
         except (KeyError, TypeError):
@@ -269,7 +269,7 @@ class Network:
     def rooted(self, root: str) -> Rooted:
         """Return the network as a tree with a root."""
         if not self.runs:
-            raise ArgumentError("the network has no line; it must have at least one")
+            raise ArgumentError("the network has no cable; it must have at least one")
         order, parent, above = [self.index(root, "root")], [-1], [-1]
         for place, here in enumerate(order):
             for node, number in self._near[here]:
@@ -280,13 +280,13 @@ class Network:
         if len(order) < len(self.nodes):
             reached = set(order)
             lost = [repr(name) for node, name in enumerate(self.nodes) if node not in reached]
-            raise ArgumentError(f"no line leads from node {root!r} to {', '.join(lost)}")
+            raise ArgumentError(f"no cable leads from node {root!r} to {', '.join(lost)}")
         return Rooted(order, parent, above)
 
     def transfer(
         self, root: str, s: npt.ArrayLike, to: str | None = None
     ) -> npt.NDArray[np.complex128]:
-        """Return the transfer impedances between the root and every node, or one other [ohm].
+        """Return the transfer impedances between the root and every node, or the node `to` [ohm].
 
         Row k is the voltage at node k per ampere into the root, and, as the network is reciprocal,
         the voltage at the root per ampere into node k. `s` has complex frequencies [rad/s]; their
@@ -411,7 +411,7 @@ class Network:
 
 
 def _drop(tree: Rooted, drawn: Floats, resistance: Floats) -> Floats:
-    """Return the voltage drop from the root to each place of the tree, without the ring."""
+    """Return the voltage drop from the root to each node, in tree order, without the ring."""
     flow = drawn[tree.order]
     for place in range(len(flow) - 1, 0, -1):
         flow[tree.parent[place]] += flow[place]
@@ -423,10 +423,10 @@ def _drop(tree: Rooted, drawn: Floats, resistance: Floats) -> Floats:
 
 
 def check_node(name: object) -> None:
-    """Raise unless the name of a node can be written to a file and read again."""
+    """Raise ArgumentError unless a node's name can be written to a file and read again."""
     if not isinstance(name, str) or not name or name != name.strip() or not name.isprintable():
         raise ArgumentError(
-            f"a node is {name!r}; it must be a printable name without blanks around it"
+            f"a node is {name!r}; it must be a printable name without leading or trailing spaces"
         )
 
 

@@ -1,7 +1,7 @@
 """Read recorded waveforms from scope CSV files, numpy arrays and sigrok sessions.
 
-The headers of text files differ by maker. The last rows show which columns contain numbers; the
-header, with titles and units, ends before the first such row. Known layouts: Tektronix TDS and MDO,
+The headers of text files differ by manufacturer. The last rows show which columns contain numbers;
+the header, with titles and units, ends where such rows begin. Known layouts: Tektronix TDS and MDO,
 Keysight, Rigol, Siglent, LeCroy, PicoScope, Rohde & Schwarz, OWON, Digilent.
 """
 
@@ -31,14 +31,14 @@ from shipnet.lazy import pd
 #: Lowest sampling rate that resolves pulses of 3 us [1/s].
 SLOWEST_RATE = 1e6
 
-#: Largest count of numbers to which the wanted channel of an archive may unpack, in total or, if
+#: Maximum number of values to which the wanted channel of an archive may unpack, in total or, if
 #: more, per byte of the file: an archive of a few bytes can unpack to any size.
 MOST_NUMBERS, MOST_PER_BYTE = 2**24, 4
 
-#: Size above which the numbers of a numpy file are mapped instead of read [byte].
+#: Size above which a numpy file is memory-mapped instead of read [byte].
 MAPPED = 2**26
 
-#: Largest number of logic samples per byte of a session (deflate: 1032), and of level changes.
+#: Maximum number of logic samples per byte of a session (deflate: 1032), and of level changes.
 MOST_LOGIC_PER_BYTE, MOST_EDGES = 1100, 2**24
 
 #: Number of logic samples per block.
@@ -55,7 +55,7 @@ _LARGEST = 1e15
 
 _COUNTERS = ("x", "#", "n", "no", "nr", "index", "sample", "samples", "point", "points", "sequence")
 
-#: Number of rows at the end of a file that show its layout, and most rows that a header may have.
+#: Number of rows at the end of a file that show its layout, and maximum number of header rows.
 _TAIL, _HEADER = 10, 2000
 
 _NUMBER = r"[+-]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -78,7 +78,7 @@ _BASE = {
 
 
 class Recording(NamedTuple):
-    """One channel of a file: voltages [V] at even steps of `dt` [s]."""
+    """One channel of a file: voltages [V] at equal steps of `dt` [s]."""
 
     u: Floats
     dt: float
@@ -96,10 +96,10 @@ def read_scope_file(
 class Edges(NamedTuple):
     """The changes of one channel between two levels."""
 
-    places: npt.NDArray[np.floating[Any]]  # most likely place of each change [sample]
-    width: float  # uncertainty of a place [sample]
+    places: npt.NDArray[np.floating[Any]]  # most likely position of each change [sample]
+    width: float  # uncertainty of a position [sample]
     first: int  # level before the first change, 0 or 1
-    samples: float  # length of the record
+    samples: float  # length of the record [sample]
     dt: float  # time between two samples [s]
     channel: str
 
@@ -135,7 +135,7 @@ def _read(
     sample_interval: float | None,
     choose: Callable[[str, _Channels, str | None, float | None], _Read],
 ) -> _Read:
-    """Read a file according to its suffix, and return what `choose` makes of the channel."""
+    """Read a file according to its suffix, and return the result of `choose` for the channel."""
     if sample_interval is not None and not (
         isinstance(sample_interval, Real) and 0 < sample_interval < np.inf
     ):
@@ -215,7 +215,7 @@ def _array(stream: IO[bytes]) -> npt.NDArray[Any]:
 
 
 def _mapped(stream: IO[bytes], begin: int) -> npt.NDArray[Any]:
-    """Return the array at the byte `begin` of a file, mapped instead of read."""
+    """Return the array at the byte `begin` of a file, memory-mapped instead of read."""
     stream.seek(begin)
     header = {
         (1, 0): np.lib.format.read_array_header_1_0,
@@ -227,7 +227,7 @@ def _mapped(stream: IO[bytes], begin: int) -> npt.NDArray[Any]:
 
 
 def _member(archive: zipfile.ZipFile, stream: IO[bytes], name: str) -> npt.NDArray[Any]:
-    """Read an array of an archive, or map it if it is large and not compressed."""
+    """Read an array of an archive, or memory-map it if it is large and not compressed."""
     entry = archive.getinfo(name)
     if entry.compress_type == zipfile.ZIP_STORED and entry.file_size > MAPPED:
         # A header of 30 bytes, the name and another field precede the array.
@@ -241,7 +241,7 @@ def _members(
     file: str, stream: IO[bytes], archive: zipfile.ZipFile, names: dict[str, str]
 ) -> dict[str, npt.NDArray[Any]]:
     """Read arrays of an archive; raise InputError if they would unpack to too many numbers."""
-    # Integers of one byte become eight times as large.
+    # A first check, as if each number had eight bytes; it may have as few as one.
     _check_size(file, stream, sum(archive.getinfo(name).file_size for name in names.values()) / 8)
     held = {key: _member(archive, stream, name) for key, name in names.items()}
     _check_size(file, stream, sum(array.size for array in held.values()))
@@ -347,7 +347,7 @@ def _read_sr(
         if archive.getinfo("metadata").file_size > _LARGEST_METADATA:
             raise InputError(file, f"its metadata has more than {_LARGEST_METADATA} bytes")
         settings = configparser.RawConfigParser(strict=False)
-        # Some programs indent keys, which would make each part of the value above it.
+        # Some programs indent keys, which the parser would read as parts of the value above.
         settings.read_string(re.sub(r"(?m)^[ \t]+", "", archive.read("metadata").decode()))
         device = next((settings[name] for name in settings.sections() if "device" in name), None)
         about: dict[str, str] = dict(device or {})
@@ -431,7 +431,7 @@ def _logic_of(
                     what = f"more than {MOST_EDGES} changes of level"
                     raise InputError(file, f"{what}; save a part of the record")
     if at < 2:
-        raise InputError(file, f"it has {at} sample; expected a record")
+        raise InputError(file, f"it has {at} sample; expected 2 or more")
     legal = range(1, 8 * unit + 1)
     titles = {k: title for k, title in _named(about, "probe").items() if k in legal}
     titles = titles or {k: f"D{k - 1}" for k in legal}
@@ -442,13 +442,13 @@ def _logic_of(
 
 
 def _named(about: dict[str, str], kind: str) -> dict[int, str]:
-    """Return the titles of the channels of a kind by number."""
+    """Return the titles of the channels of one kind, by channel number."""
     found = {key: re.fullmatch(f"{kind}([0-9]{{1,4}})", key) for key in about}
     return {int(match[1]): about[key] for key, match in found.items() if match}
 
 
 def _pick(file: str, table: _Channels, channel: str | None) -> tuple[list[int], int | None]:
-    """Return the wanted columns of voltages or levels, and the column of times."""
+    """Return the indices of the wanted columns of voltages or levels, and of the times."""
     columns = table.columns
     time = None if table.logic else _time_column(table)
     usable = [k for k, column in enumerate(columns) if k != time and column.unit in ("", "V")]
@@ -503,7 +503,7 @@ def _edges_of(
     """Return the changes of one column of numbers."""
     u, title = _checked(file, table, k), table.columns[k].title
     if len(u) < 2:
-        raise InputError(file, f"it has {len(u)} sample; expected a record")
+        raise InputError(file, f"it has {len(u)} sample; expected 2 or more")
     two = np.unique(u[~np.isnan(u)])
     logic = set(two.tolist()) <= {0.0, 1.0} and not np.isnan(u).any()
     if interval is None and time is not None and logic:
@@ -511,7 +511,7 @@ def _edges_of(
         t = _checked(file, table, time) * table.columns[time].scale
         steps = np.diff(t)
         if not (steps >= 0).all():
-            raise InputError(file, "its times do not rise")
+            raise InputError(file, "its times do not increase")
         if steps.max() > 1.5 * steps.min():
             dt = float(steps[steps > 0].min()) / 100
             changed = np.flatnonzero(np.diff(u)) + 1
@@ -561,14 +561,14 @@ def _crossings(u: Floats) -> tuple[int, Floats]:
 def _recording(
     file: str, table: _Channels, channel: str | None, sample_interval: float | None
 ) -> Recording:
-    """Return the voltages of the wanted channel, or of the first one, at even steps."""
+    """Return the voltages of the wanted channel, or of the first one, at equal steps."""
     wanted, time = _pick(file, table, channel)
     columns = table.columns
     usable, _ = _pick(file, table, None)
     chosen = columns[wanted[0]]
     u = _checked(file, table, wanted[0])
     if len(u) < 2:
-        raise InputError(file, f"it has {len(u)} sample; expected a waveform")
+        raise InputError(file, f"it has {len(u)} sample; expected 2 or more")
     if chosen.scale != 1:
         u = u * chosen.scale
     if sample_interval is None:
@@ -623,7 +623,7 @@ def _time_column(table: _Channels) -> int | None:
     for k, column in enumerate(table.columns):
         if column.unit == "s" or re.match(r"t(ime)?\b|x-axis", column.title.lower()):
             return k
-    # Without a title, a first column that only rises is the time.
+    # Without a title, a first column that only increases is the time.
     first = table.columns[0]
     if len(table.columns) == 1 or first.title or first.unit:
         return None
@@ -642,7 +642,7 @@ def _even(file: str, table: _Channels, time: int, u: Floats) -> tuple[float, Flo
         t, u = t[::-1], u[::-1]
     dt = float(t[-1] - t[0]) / (len(t) - 1)
     if not dt > 0:
-        raise InputError(file, "its times do not rise")
+        raise InputError(file, "its times do not increase")
     quantum = table.quantum
     if quantum is None:
         largest = np.abs(t).max()
@@ -663,7 +663,7 @@ def _even(file: str, table: _Channels, time: int, u: Floats) -> tuple[float, Flo
 class Column(NamedTuple):
     """A column of numbers, as described by the header."""
 
-    number: int  # its place in the file, 1 for the first
+    number: int  # its position in the file, 1 for the first
     title: str
     unit: str  # "s", "V", another unit, or "" if the header states none
     scale: float  # factor from the unit printed to the base unit: 1e-6 for "(us)"
@@ -702,7 +702,7 @@ def _normal(file: str, data: bytes) -> bytes:
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16", errors="replace").encode()
     if b"\0" in data:
-        raise InputError(file, "not text: it has zero bytes; expected a table of numbers")
+        raise InputError(file, "not text: it contains NUL bytes; expected a table of numbers")
     data = data.removeprefix("\ufeff".encode())
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
@@ -729,7 +729,7 @@ def _is_number(cell: str) -> bool:
 class _Layout(NamedTuple):
     """The layout of the numbers in a text file."""
 
-    separator: str | None  # None: blanks
+    separator: str | None  # None: white space
     places: tuple[int, ...]  # columns of numbers
     decimal: str
 
@@ -756,7 +756,7 @@ def _layout(tail: list[str]) -> _Layout:
 def _header(file: str, data: bytes, layout: _Layout) -> tuple[list[str], int]:
     """Return the lines above the numbers, and the byte at which the numbers begin.
 
-    They begin at the first three consecutive rows of numbers, because a header may contain some.
+    The numbers begin at the first three consecutive rows of numbers; a header may contain a few.
     """
     lines: list[str] = []
     starts: list[int] = []
@@ -791,7 +791,7 @@ def _value(cells: list[str], place: int, decimal: str) -> float | None:
 
 
 def _parse(data: bytes, offset: int, layout: _Layout) -> Floats:
-    """Read all rows at once; raise ValueError if one has another layout."""
+    """Read all rows at once; raise ValueError if a row has another layout."""
     body = io.BytesIO(data)
     body.seek(offset)
     frame = pd.read_csv(
@@ -840,7 +840,7 @@ def _digits(lines: list[str], separator: str | None, places: tuple[int, ...]) ->
 
 
 def _unit(text: str) -> tuple[str, float] | None:
-    """Read a unit such as ``Volt``, ``(us)`` or ``mV``; None if it is not one."""
+    """Read a unit such as ``Volt``, ``(us)`` or ``mV``; None if it is not a unit."""
     text = text.strip(" ()[]").lower()
     if text in _BASE:
         return _BASE[text], 1.0
@@ -895,7 +895,7 @@ def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
 
 
 def _quantity(text: str) -> float | None:
-    """Read a positive number with a unit, such as ``4e-09``, ``4.0ns`` or ``CH1:250 MSa/s``."""
+    """Read a positive number with its unit, such as ``4e-09``, ``4.0ns`` or ``CH1:250 MSa/s``."""
     found = _QUANTITY.fullmatch(text.strip())
     if not found:
         return None

@@ -1,13 +1,13 @@
-"""Transfer impedances of trees and rings, from arrays.
+"""Transfer impedances of trees and rings, computed with arrays.
 
-With e = exp(-gamma length), C = 1 + e^2 and S = 1 - e^2 are the hyperbolic functions of a line
+With e = exp(-gamma length), C = 1 + e^2 and S = 1 - e^2 are a line's hyperbolic cosine and sine
 times 2 e; they neither overflow on a long line nor lose digits on a short one. A line transforms
 the admittance Y at its far end and divides the voltage, without a pole at any frequency:
 
     Y_near = Yc (Y C + Yc S) / (Yc C + Y S),      V_far / V_near = 2 e Yc / (Yc C + Y S).
 
-A sweep from the leaves of a tree transforms all admittances, those of equal subtrees once, and one
-back multiplies all ratios. A ring takes sweeps from the root and both ends of its closing line.
+A sweep from the leaves of a tree transforms all admittances, once for equal subtrees; a sweep back
+multiplies all voltage ratios. A ring needs sweeps from the root and both ends of its closing line.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from shipnet.line.cable import Cable
 #: Cable and length of each run of a network [m].
 Pieces = Sequence[tuple[Cable, Quantity]]
 
-#: Rows of an array: a view where they follow each other, or where one serves for all.
+#: Index of rows: a slice if they are consecutive or all the same.
 Rows = slice | Indices
 
 #: Legal moduli of a complex frequency [rad/s].
@@ -37,11 +37,11 @@ _LOWEST, _HIGHEST = 1e-9, 1e15
 
 
 def check_frequencies(s: npt.ArrayLike) -> Complexes:
-    """Return complex frequencies as an array, or raise if one is out of range."""
+    """Return complex frequencies as an array; raise ArgumentError if one is out of range."""
     array = np.asarray(s)
     if array.dtype.kind not in "iufc" or array.ndim != 1 or array.size == 0:
         raise ArgumentError(
-            f"s has shape {array.shape} and type {array.dtype}; it must be a row of numbers"
+            f"s has shape {array.shape} and type {array.dtype}; it must be a 1-D array"
         )
     modulus = np.abs(array)
     good = (modulus >= _LOWEST) & (modulus <= _HIGHEST) & (array.real >= 0)
@@ -55,7 +55,7 @@ def check_frequencies(s: npt.ArrayLike) -> Complexes:
 
 
 def rows_of(numbers: list[int]) -> Rows:
-    """Return an index for rows, a slice if they follow each other or are all the same."""
+    """Return an index of rows, a slice if they are consecutive or all the same."""
     first, last = numbers[0], numbers[-1]
     if len(numbers) == 1 or all(number == first for number in numbers):
         return slice(first, first + 1)
@@ -65,12 +65,12 @@ def rows_of(numbers: list[int]) -> Rows:
 
 
 def part_of_trees(array: npt.NDArray[Any], trees: slice) -> npt.NDArray[Any]:
-    """Return the part of an array for some trees of a Monte Carlo."""
+    """Return the part of an array for some trees of a Monte Carlo simulation."""
     return array if array.shape[1] == 1 else array[:, trees]
 
 
 class Lines:
-    """The different lines of a network; each pair of cable and length is computed once."""
+    """The distinct lines of a network; each pair of cable and length is computed once."""
 
     def __init__(self, pieces: Pieces, s: Complexes) -> None:
         kinds: dict[tuple[int, float | int], int] = {}
@@ -126,41 +126,41 @@ def _admittances(shunts: Floats, trees: slice, s: Complexes) -> Complexes:
     return np.asarray(y)
 
 
-#: Elements of the arrays of a sweep: larger ones leave the cache, and the system zeroes them again
-#: at every call. A Monte Carlo uses them many times in a call.
+#: Number of elements of a sweep's arrays: larger arrays exceed the cache, and the operating system
+#: clears them at every call. A Monte Carlo simulation uses them many times per call.
 _BLOCK, _BLOCK_TREES = 1 << 15, 1 << 18
 
-#: Elements that the hyperbolic functions of lines take at a time.
+#: Number of elements for which hyperbolic functions are computed at a time.
 _STRIP = 1 << 13
 
 
 class Rooted(NamedTuple):
     """A network seen from one node; a ring without the run that closes it."""
 
-    order: list[int]  # numbers of the nodes, the root first, each after its parent
+    order: list[int]  # indices of the nodes, the root first, each after its parent
     parent: list[int]  # place in `order` of the parent of each node; -1 for the root
-    run: list[int]  # number of the run to the parent; -1 for the root
+    run: list[int]  # index of the run to the parent; -1 for the root
 
 
 class _Height(NamedTuple):
-    """The different subtrees of one height, each with the line above it."""
+    """The distinct subtrees of one height, each with the line above it."""
 
-    own: slice  # their rows
+    own: slice  # the rows of these subtrees
     line: Rows  # rows of their lines in the table of lines
-    joints: list[tuple[int, int, int]]  # row of a parent, place of a branch here, how often
+    joints: list[tuple[int, int, int]]  # row of parent, index of branch, count
 
 
 class _Subtrees(NamedTuple):
-    """The different subtrees of a tree, one per row, leaves first."""
+    """The distinct subtrees of a tree, one per row, leaves first."""
 
-    row: list[int]  # of each place of the order
-    node: list[int]  # one at which each subtree begins
+    row: list[int]  # row of the subtree at each place of the order
+    node: list[int]  # a node at which each subtree begins
     heights: list[_Height]  # all but the tree itself, which is the last row
-    table: list[int]  # kinds of lines
+    table: list[int]  # kinds of lines that occur
 
 
 def _subtrees(tree: Rooted, kind: list[int], shunts: Floats) -> _Subtrees:
-    """Find the different subtrees: by line, load and branches."""
+    """Find the distinct subtrees, which differ in their line, load or branches."""
     loads = [load.tobytes() for load in shunts.swapaxes(0, 1)]
     found: dict[tuple[int, bytes, tuple[int, ...]], int] = {}
     first: list[int] = []
@@ -215,7 +215,7 @@ def tree_transfer(
     y_and_v = np.empty((2, rows, count, size), dtype=complex)
     terms = np.empty((4, len(table), min(count, lines.trees), size), dtype=complex)
     strips = slices(len(table), _STRIP // (terms.shape[2] * size))
-    # Node by node in memory, so that each is written in long runs.
+    # Nodes are the first axis in memory, so that the values of each are contiguous.
     z = np.empty((len(tree.order), trees, s.size), dtype=complex)
     for some, bins in product(*blocks):
         count, size = some.stop - some.start, bins.stop - bins.start
@@ -237,7 +237,7 @@ def tree_transfer(
 def _fold(
     heights: list[_Height], terms: Complexes, loads: Complexes, y: Complexes, v: Complexes
 ) -> None:
-    """Write the admittances of all but the leaves into y, and the ratios over lines into v."""
+    """Write the admittances of nodes with branches into y and the voltage ratios into v."""
     # The terms are Zc S, C, Yc S and 2 e of the lines.
     joined = set()
     for height, (own, line, joints) in enumerate(heights):
@@ -264,8 +264,8 @@ def closed_transfer(
 ) -> Complexes:
     """Return transfer impedances after a line has joined two nodes of the tree.
 
-    `from_ends` holds the impedances of both ends. The sum of their voltages drives equal currents
-    into the line and the difference opposite ones: two unknowns at each frequency.
+    `from_ends` contains the impedances of both ends. The sum of the end voltages drives equal
+    currents into the line, their difference opposite ones: two unknowns at each frequency.
     """
     from_a, from_b = from_ends
     a, b = ends

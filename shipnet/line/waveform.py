@@ -27,7 +27,7 @@ from shipnet.lazy import Axes
 F_MAX = 12e6
 
 #: Window of the inverse transform relative to the record, and its damping. Ringing beyond the
-#: window wraps around, reduced by exp(-10.5); the error of the limited bandwidth grows by only
+#: window wraps around, reduced by exp(-10.5); the error of the limited bandwidth increases by only
 #: exp(7), because the record ends at two thirds of the window.
 _WINDOW, _DAMPING = 1.5, 10.5
 
@@ -94,11 +94,11 @@ class Waveform:
         """Read one channel of a scope's text file, or of a ``.npy``, ``.npz`` or ``.sr`` (sigrok).
 
         `channel` is its title, in upper or lower case, or the number of its column, from 1; if
-        omitted, the first voltage. `sample_interval` [s] overrides that of the file. More than
-        2**26 bytes of samples are not copied from a ``.npy`` or uncompressed ``.npz`` file, which
-        must then not change. A channel of an archive may unpack to 2**24 numbers, or to 4 per byte
-        of the file if that is more. Raise InputError if the file cannot be read, has a cell that is
-        not a number, uneven times, fewer than 1e6 samples per second, or no such channel.
+        omitted, the first voltage is read. `sample_interval` [s] overrides that of the file. A
+        ``.npy`` or uncompressed ``.npz`` file with more than 2**26 bytes of samples is mapped, not
+        copied: do not change it. A channel of an archive may unpack to 2**24 numbers, or to 4 per
+        byte of the file if that is more. Raise InputError if the file cannot be read, has a cell
+        that is not a number, uneven times, fewer than 1e6 samples per second, or no such channel.
         """
         from shipnet.line.scope_file import read_scope_file
 

@@ -50,7 +50,7 @@ class AsiLine(Tool):
     >>> AsiLine().verdict
     'read 0011001: response: 0110 (6)'
     >>> AsiLine(length=200).verdict
-    'InformationError: slot 3 is empty; it is the middle of bit 1'
+    'InformationError: slot 3, the middle of bit 1, is empty'
     """
 
     length: float = number(

@@ -92,7 +92,7 @@ def test_a_row_describes_a_whole_transaction():
         assert 0.8 < row[f"{who}_weakest"] < 0.95
         assert 0.1 < row[f"{who}_ringing"] < 0.25
     assert row["text"] == (
-        "data exchange with slave 21: outputs 0101 (5); answer to data exchange: inputs 0011 (3)"
+        "data exchange with slave 21: outputs 0101 (5); response to data exchange: inputs 0011 (3)"
     )
     assert capture.duration == pytest.approx(820e-6)
 
@@ -313,7 +313,7 @@ def test_equal_requests_have_the_texts_of_their_own_answers():
             telegrams.append((20e-6 + (k * 40 + 17) * BIT, request.answer(answer).bits, 60e-3))
     texts = decode(line(telegrams, 1.1e-3, 10e6), 1e-7).transactions["text"]
     said = [text.removeprefix("data exchange with slave 5: outputs 0011 (3); ") for text in texts]
-    answers = [f"answer to data exchange: inputs {bits}" for bits in ("0110 (6)", "1001 (9)")]
+    answers = [f"response to data exchange: inputs {bits}" for bits in ("0110 (6)", "1001 (9)")]
     assert said == [answers[0], answers[1], "no answer", answers[0], "response cut off"]
     assert texts.dtype == "category"
 
@@ -392,7 +392,7 @@ def test_any_samples_give_a_table(u, dt):
         ([0.0], 2e-6, {}, "dt is 2e-06 s"),
         ([0.0], float("nan"), {}, "dt is nan"),
         ([0.0], 1e-7, {"threshold": 1}, "threshold is 1"),
-        ([0.0], 1e-7, {"extended": [32]}, "extended has 32"),
+        ([0.0], 1e-7, {"extended": [32]}, "extended contains 32"),
     ],
 )
 def test_bad_arguments_are_named(u, dt, options, message):

@@ -145,7 +145,7 @@ def test_half_a_decoupling_and_two_supplies_are_one_impedance():
     for wave in records:
         causes = decode(wave).causes()
         assert causes.index.tolist() == [SECOND]
-        assert "one with half these values looks the same" in causes["evidence"].iloc[0]
+        assert "a supply with half these values looks the same" in causes["evidence"].iloc[0]
 
 
 def test_only_answers_from_a_shared_address_are_bad():
@@ -216,7 +216,7 @@ def test_a_slave_that_hears_no_request_is_dropped():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"weak": {"7": 0.5}}, "weak has '7'; the slaves are 1, 2"),
+        ({"weak": {"7": 0.5}}, "weak contains '7'; the slaves are 1, 2"),
         ({"weak": {"1": -1}}, r"weak\['1'\] is -1"),
         ({"duration": 0.0}, "duration is 0 s; it must be 0.001..0.2 s"),
         ({"duration": float("nan")}, "duration is nan"),

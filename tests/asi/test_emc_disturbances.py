@@ -243,7 +243,7 @@ def test_the_samples_keep_the_area_of_the_pulses_on_any_grid(dt):
     assert pulses.mean() == pytest.approx(1e-3 * PULSE_RATE, rel=0.01)
 
 
-def test_a_sample_is_the_pulse_behind_the_low_pass_and_the_mean():
+def test_a_sample_is_the_pulse_after_the_low_pass_and_the_mean():
     # 100 us in steps of 10 ns with one pulse: its spectrum is the product of all three.
     dt = 10e-9
     t = np.arange(10_000) * dt

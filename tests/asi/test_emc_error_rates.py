@@ -75,7 +75,7 @@ def close(rate, published):
     [(True, 0.9, {0.5: 1.9e-3, 0.6: 1.9e-2, 0.8: 0.18, 1.0: 0.49}),
      (False, 1.2, {0.3: 3.8e-3, 0.4: 0.11, 0.5: 0.50, 0.6: 0.86, 0.8: 0.997})],
 )  # fmt: skip
-def test_noise_destroys_the_published_share_of_telegrams(matched, minimum, published):
+def test_noise_destroys_the_published_fraction_of_telegrams(matched, minimum, published):
     table = rates_of(
         NEAR, Noise(), list(published), 12_000, rng(), matched=matched, minimum=minimum
     )
@@ -84,7 +84,7 @@ def test_noise_destroys_the_published_share_of_telegrams(matched, minimum, publi
     assert not table["undetected"].any()
 
 
-def test_impulses_destroy_the_published_share_of_telegrams():
+def test_impulses_destroy_the_published_fraction_of_telegrams():
     published = {1: (0.036, 0.21, 0.43), 4: (0.16, 0.62, 0.88)}
     for count, rates in published.items():
         disturbance = Impulses(count)
@@ -141,7 +141,7 @@ def test_theory_is_refused_where_a_weakened_first_pulse_slips():
     assert theory_of(NEAR, [0.55], minimum=1.2, matched=False) > 0
 
 
-def test_the_noise_behind_the_filter_is_that_of_theory():
+def test_the_noise_after_the_filter_is_that_of_theory():
     noise = Noise().voltage(np.arange(4096) * 250e-9, 1.0, rng(), 50, span=(0, 0))
     y = matched_filter(noise, 250e-9)[:, 20:-20]
     assert y.std() == pytest.approx(np.sqrt(8 / (3 * 12)), rel=0.01)

@@ -100,7 +100,7 @@ def names(ax):
     return [label.get_text() for label in ax.get_yticklabels()]
 
 
-def test_every_test_that_a_ship_asks_for_has_its_row(ax):
+def test_every_test_required_on_ships_has_its_row(ax):
     assert plot_levels(ax) is ax
     asked = TABLE.loc[TABLE["gap"] != "not asked", "test"].unique()
     shown = {name.removesuffix(", highest frequency") for name in names(ax)}
@@ -129,4 +129,4 @@ def test_dots_are_at_the_ratio_and_mark_gaps_and_doubts(ax):
     assert surge.get_color() == style.LIMIT["color"]
     assert surge.get_xdata()[0] < 0.5
     assert text == "no test, ship 0.5 kV"
-    assert "what a ship asks for" in texts
+    assert "required on ships" in texts

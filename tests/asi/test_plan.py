@@ -68,7 +68,7 @@ def test_all_faults_of_a_plan_are_named_at_once():
             [Repeater("a", "b"), Repeater("a", "c"), Repeater("b", "d"), Repeater("a", "w")],
         )
     assert str(caught.value).split("; ") == [
-        "cable b - a is there already",
+        "cable b - a is listed twice",
         "master at x: no cable reaches its node x",
         "supply at y: no cable reaches its node y",
         "slave 1 at z: no cable reaches its node z",
@@ -164,7 +164,7 @@ def test_the_last_slaves_share_addresses_or_those_that_can_wait():
         (lambda: Plan([]), "the plan has no cable"),
         (lambda: Plan([Master(node="a")]), "one of cables is Master"),
         (lambda: line(100, [101]), "the slave is at 101 m"),
-        (lambda: ring(100, []), "the last place on the ring is 0.0 m"),
+        (lambda: ring(100, []), "the last position on the ring is 0.0 m"),
         (lambda: ring(100, [100]), "must be between 0 and 100 m"),
         (lambda: line(100, 63), "63 slaves need 32 addresses"),
         (lambda: line(9, 1).with_repeater("9 m", line(9, 1), prefix=" 2"), "is ' 20 m'"),

@@ -114,7 +114,7 @@ sensor,b,,,,,,,,
 cable,b,c,5,,,,,,,extra
 """
     assert faults(load, content) == [
-        "row 2, column node: is empty; a master needs it",
+        "row 2, column node is empty; a master needs it",
         "row 3, column voltage_v: '30,5'; expected a number 1..60 V, with a decimal point",
         "row 3, column rating_a: 'nan'; expected a number 0.01..100 A",
         "row 5, column length_m: '-3'; expected a number 0.01..10000 m",
@@ -126,7 +126,7 @@ cable,b,c,5,,,,,,,extra
         "row 8, column current_ma: '1_0'; expected a number 0..10000 mA",
         "row 9, column address: '5C'; expected 0 to 31, followed by A or B for an A/B slave",
         "row 9, column profile: '7.A'; expected a profile such as S-7.A.E or S-0.F",
-        "row 10, column address: is empty; a slave needs it",
+        "row 10, column address is empty; a slave needs it",
         "row 11, column kind: 'sensor'; expected one of master, supply, cable, repeater, "
         "terminator, slave",
         "row 12 has 11 cells; expected 10",
@@ -137,7 +137,7 @@ def test_structure_and_cell_faults_are_reported_together_if_all_cables_are_legal
     content = SMALL + "slave,hold,,,,3,,,,\nslave,deck,,,,x,,,,\ncable,deck,bridge,9,,,,,,\n"
     assert [fault.split(";")[0] for fault in faults(load, content)] == [
         "row 7, column address: 'x'",
-        "row 8: cable deck - bridge is there already",
+        "row 8: cable deck - bridge is listed twice",
         "row 6: slave 3 at hold: no cable reaches its node hold",
     ]
     # If a cable cannot be read, what is connected to it is not reported as loose.

@@ -109,12 +109,12 @@ def test_faults_in_fewer_than_four_slots_are_found(faults, patterns, undetected)
 
 # The response 0-+-0+-+0-+-0+00, 0011001, with one fault each.
 BROKEN = {
-    "start": ("0+-+0-+-0+-+0-00", "slot 1 has +; the start bit's pulse is -"),
+    "start": ("0+-+0-+-0+-+0-00", "slot 1 has +; the start bit's pulse must be -"),
     "alternation": ("0-+-0+++0-+-0+00", "slot 6 has + like slot 5"),
     "pause": ("0-+-0+-+000-0+00", "slots 8 and 9 are both empty"),
-    "information": ("0-+-+0-+0-+-0+00", "slot 5 is empty; it is the middle of bit 2"),
-    "parity": ("0-+-0+-+0-0+-+00", "slots 1 to 11 have 001101 with 3 ones"),
-    "end": ("0-+-0+-+0-+-+-00", "slot 13 has -; the end bit's pulse is +"),
+    "information": ("0-+-+0-+0-+-0+00", "slot 5, the middle of bit 2, is empty"),
+    "parity": ("0-+-0+-+0-0+-+00", "slots 1 to 11 contain 001101, with 3 ones"),
+    "end": ("0-+-0+-+0-+-+-00", "slot 13 has -; the end bit's pulse must be +"),
     "length": ("0-+-0+-+0-+-0+-0", "slot 14 has -; the line must be silent after slot 13"),
 }
 
@@ -196,7 +196,7 @@ def test_illegal_rows_of_slots_are_refused(slots, message):
 
 def test_one_telegram_is_decoded_at_a_time():
     for read in (Pulses.decode, lambda pulses: pulses.broken):
-        with pytest.raises(ArgumentError, match=r"there are \(1, 16\) pulses; there must be one"):
+        with pytest.raises(ArgumentError, match=r"pulses have shape \(1, 16\); give one"):
             read(Pulses([[0] * 16]))
 
 
@@ -220,7 +220,7 @@ def test_ideal_pulses_are_received(dt, matched):
 
 @pytest.mark.parametrize("matched", [True, False])
 @pytest.mark.parametrize("dt", GRIDS)
-def test_pulses_behind_a_power_supply_are_received(dt, matched):
+def test_pulses_shaped_by_a_power_supply_are_received(dt, matched):
     for word in RESPONSES:
         received = receive(supplied(word, dt), dt, 7, matched=matched)
         assert received.error == 0

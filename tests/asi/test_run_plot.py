@@ -56,9 +56,9 @@ def test_a_window_shows_what_begins_in_it(ax):
 
 def test_nothing_and_too_much_are_refused(ax):
     run = traffic()
-    with pytest.raises(ArgumentError, match="show 0 requests"):
+    with pytest.raises(ArgumentError, match="select 0 requests"):
         run.plot(start=1.0, ax=ax)
-    with pytest.raises(ArgumentError, match=r"show \d{3} requests; a figure shows 1 to 500"):
+    with pytest.raises(ArgumentError, match=r"select \d{3} requests; a figure shows 1 to 500"):
         simulate([Slave("1")], cycles=300).plot(ax=ax)
 
 

@@ -117,7 +117,7 @@ def test_many_slaves_hear_requests():
         (lambda: star(10, (1,), along=(11,)), r"the slave is at 11 m; it must be 0\.\.10 m"),
         (lambda: star(10, (1, -2)), "cable 10 m - leg 2 is -2"),
         (lambda: star(10, (float("nan"),)), "leg 1"),
-        (lambda: ring(100, ()), r"the last place on the ring is 0\.0 m"),
+        (lambda: ring(100, ()), r"the last position on the ring is 0\.0 m"),
         (lambda: ring(100, (50, 100)), "between 0 and 100 m"),
         (lambda: line(100, slaves=(5,)).waveform(SIX, dt=7e-8), "dt is 7e-08 s"),
         (lambda: line(100, slaves=(5,)).waveform(SIX, dt=1e-5), "dt is 1e-05 s"),

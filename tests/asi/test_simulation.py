@@ -653,7 +653,7 @@ def test_failures_of_two_slaves_are_not_taken_for_one_series():
             "slave 9 is not on the line; its slaves are 1, 2, 3",
         ),
         ({"cycles": 1, "faults": [TelegramErrors("1", 0.1)] * 2}, "TelegramErrors twice"),
-        ({"cycles": 1, "faults": [LateAnswer("1", 20)]}, "would answer 25 bit times"),
+        ({"cycles": 1, "faults": [LateAnswer("1", 20)]}, "would respond 25 bit times"),
         ({"cycles": 1, "inputs": [(0.0, "1", 16)]}, "input of slave 1 is 16"),
         ({"cycles": 1, "inputs": [(-1.0, "1", 1)]}, "time is -1 s"),
         ({"cycles": 1, "faults": [Fault()]}, "one of faults is Fault"),

@@ -296,10 +296,10 @@ def test_bits_of_another_type(bits):
         (lambda: Request.data_exchange(1, 1).answer(""), r"data is ''; .*whole number"),
         (lambda: Request(Call.RESET, 3, 1), r"data is 1; .*0\.\.0 in reset slave"),
         (lambda: Response(16), r"data is 16; .*0\.\.15 in a response$"),
-        (lambda: Response(0, Call.BROADCAST_RESET), r"broadcast reset, which no slave answers"),
+        (lambda: Response(0, Call.BROADCAST_RESET), r"broadcast reset, which has no response"),
         (
             lambda: Request(Call.BROADCAST_RESET, 31).answer(),
-            r"broadcast reset, which no slave answers",
+            r"broadcast reset, which has no response",
         ),
         (lambda: Request.data_exchange(1, 1).answer(), r"data is missing"),
     ],
@@ -324,9 +324,9 @@ def test_answers_of_every_call():
         answer = request.answer(call.rule.answer if isinstance(call.rule.answer, int) else 5)
         assert "the standard asks" not in str(answer)
         assert Response.parse(answer.bits, call) == answer
-        assert str(answer).startswith(f"answer to {call.rule.title}: ")
+        assert str(answer).startswith(f"response to {call.rule.title}: ")
     surprise = Response(3, Call.RESET)
-    assert "asks for 6" in str(surprise)
+    assert "requires 6" in str(surprise)
 
 
 FIXED = {
@@ -365,8 +365,8 @@ def test_fixed_and_missing_answers_are_those_of_the_data_sheet():
         (Request(Call.READ_ID1, 5), "read extended ID code 1 of slave 5"),
         (Request(Call.READ_ID2, 6), "read extended ID code 2 of slave 6"),
         (Request(Call.READ_STATUS, 12), "read the status of slave 12"),
-        (Request(Call.BROADCAST_RESET, 31), "broadcast reset of all slaves, without answer"),
-        (Request(Call.ENTER_PROGRAM_MODE, 0), "enter program mode at address 0, without answer"),
+        (Request(Call.BROADCAST_RESET, 31), "broadcast reset of all slaves, without response"),
+        (Request(Call.ENTER_PROGRAM_MODE, 0), "enter program mode at address 0, without response"),
     ],
 )
 def test_a_request_describes_itself(request_, text):
@@ -377,19 +377,19 @@ def test_a_request_describes_itself(request_, text):
     ("response", "text"),
     [
         (Response(0xB), "response: 1011 (B)"),
-        (Response(0xB, Call.DATA_EXCHANGE), "answer to data exchange: inputs 1011 (B)"),
-        (Response(0xB, Call.WRITE_PARAMETER), "answer to write parameter: 1011 (B)"),
-        (Response(0x6, Call.ASSIGN_ADDRESS), "answer to assign address: 6, done"),
+        (Response(0xB, Call.DATA_EXCHANGE), "response to data exchange: inputs 1011 (B)"),
+        (Response(0xB, Call.WRITE_PARAMETER), "response to write parameter: 1011 (B)"),
+        (Response(0x6, Call.ASSIGN_ADDRESS), "response to assign address: 6, done"),
         (
             Response(0x6, Call.DELETE_ADDRESS),
-            "answer to delete address: 6, but the standard asks for 0",
+            "response to delete address: 6, but the standard requires 0",
         ),
         (
             Response(0x9, Call.READ_IO_CONFIGURATION),
-            "answer to read I/O configuration: 9, ports D0..D3 OUT OUT OUT IN",
+            "response to read I/O configuration: 9, ports D0..D3 OUT OUT OUT IN",
         ),
-        (Response(0xA, Call.READ_ID), "answer to read ID code: 1010 (A)"),
-        (Response(0x2, Call.READ_STATUS), "answer to read status: 0010, S1 periphery fault"),
+        (Response(0xA, Call.READ_ID), "response to read ID code: 1010 (A)"),
+        (Response(0x2, Call.READ_STATUS), "response to read status: 0010, S1 periphery fault"),
     ],
 )
 def test_a_response_describes_itself(response, text):

@@ -322,7 +322,7 @@ def test_bad_cables_are_refused(arguments, message):
         (lambda n: n.line("a", 3, 5, CABLE), "b is 3; it must be text"),
         (lambda n: n.line("", "c", 5, CABLE), "a node is ''"),
         (lambda n: n.line("a", "a", 5, CABLE), "cable a - a ends where it begins"),
-        (lambda n: n.line("b", "a", 5, CABLE), "cable b - a is there already"),
+        (lambda n: n.line("b", "a", 5, CABLE), "cable b - a is listed twice"),
         (lambda n: n.load(None, r=5), "a node is None"),
         (lambda n: n.load("a"), "a load has neither r nor l nor c"),
         (lambda n: n.load("a", r=0), "r is 0 ohm"),
@@ -363,18 +363,18 @@ def test_bad_shapes_of_networks_are_refused():
     with pytest.raises(ArgumentError, match=r"up - down would close a second ring, after .* q"):
         network.line("up", "down", 5, CABLE)
     network.load("lost", r=50)
-    with pytest.raises(ArgumentError, match="no line leads from node 'p' to 'lost'"):
+    with pytest.raises(ArgumentError, match="no cable leads from node 'p' to 'lost'"):
         network.transfer("p", [1j])
-    with pytest.raises(ArgumentError, match="no line leads from node 'p' to 'lost'"):
+    with pytest.raises(ArgumentError, match="no cable leads from node 'p' to 'lost'"):
         network.operating_point("p", 30, {})
     with pytest.raises(ArgumentError, match=r"has no resistance; .* needs r greater than 0$"):
         ring(cable=CABLES["can"]).operating_point("p", 30, {"q": 1})
-    with pytest.raises(ArgumentError, match="the network has no line"):
+    with pytest.raises(ArgumentError, match="the network has no cable"):
         Net().transfer("a", [1j])
     island = Net()
     island.line("a", "b", 5, CABLE)
     island.line("c", "d", 5, CABLE)
-    with pytest.raises(ArgumentError, match="no line leads from node 'a' to 'c', 'd'"):
+    with pytest.raises(ArgumentError, match="no cable leads from node 'a' to 'c', 'd'"):
         island.transfer("a", [1j])
     island.line("b", "c", [1, 2], CABLE)
     with pytest.raises(ArgumentError, match="cable d - e has values for 3 trees, others for 2"):

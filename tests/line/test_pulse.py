@@ -58,7 +58,7 @@ def test_a_step_is_drawn_with_what_was_reached_before():
     ax = pulse.plot(Figure().subplots(), step=2)
     np.testing.assert_array_equal(ax.lines[0].get_ydata(), pulse.u[2])
     assert ax.texts[0].get_text() == "650 ns"
-    assert ax.get_xlabel() == "place [m]"
+    assert ax.get_xlabel() == "position [m]"
 
 
 def test_the_nominal_cable_takes_a_quarter_of_a_decibel_on_100_m():

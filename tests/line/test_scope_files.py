@@ -182,7 +182,7 @@ def test_uneven_times_are_located(save):
         ("Time (s),I (A)\n" + rows("{t:.8f},{v:.3f}"), "no voltage column"),
         ("Time\n" + rows("{t:.8f}"), "no voltage column"),
         ("Time,CH1\n" + rows("{t:.8f},{v:.3f}", time=100), "it has 0.1 MS/s"),
-        ("Time,CH1\n" + rows("0.5,{v:.3f}"), "its times do not rise"),
+        ("Time,CH1\n" + rows("0.5,{v:.3f}"), "its times do not increase"),
         ("Time,CH1\n" + rows("{t:.8f},∞"), "off the scale throughout"),
         ("x\n" * 3000 + rows("{t:.8f},{v:.3f}"), "no row of numbers in the first 2000 rows"),
     ],

@@ -1,6 +1,6 @@
 """Disturbances: voltages between the wires that are added to telegrams, and immunity test levels.
 
-No standard says how much of a test level arrives between the wires: the user chooses amplitudes.
+No standard says how much of a test level arrives between the wires: users must choose amplitudes.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ class Noise:
     """
 
     def density(self, amplitude: npt.ArrayLike) -> Floats:
-        """Return the one-sided density of noise by its standard deviation [V per root hertz]."""
+        """Return the density [V per root hertz] of noise of standard deviation `amplitude` [V]."""
         return np.asarray(np.multiply(amplitude, (2 * _SPACING) ** 0.5))
 
     def voltage(
@@ -175,7 +175,7 @@ class Impulses:
 
 @record
 class ConductedRF:
-    r"""An amplitude-modulated carrier, as in the test with conducted radio frequency.
+    r"""An amplitude-modulated carrier, as in the test with conducted radio-frequency voltages.
 
     .. math:: u(t) = a \bigl(1 + m \sin(2 \pi f_m t + \psi)\bigr) \sin(2 \pi f t + \varphi)
 
@@ -224,8 +224,8 @@ class Burst:
 
     The amplitude is the peak of a pulse between the wires, before the filter. Pulses come at a
     constant rate; sign and phase of the train are random for each telegram. A first-order low-pass
-    of 1 MHz filters each pulse, and a sample is the mean over its interval. Both preserve the area,
-    and both are assumptions about a receiver. At 5 kHz, one response in five is hit. Packets of
+    of 1 MHz filters each pulse, and a sample is the mean over its interval. Both steps preserve the
+    area; they are assumptions about a receiver. At 5 kHz, one response in five is hit. Packets of
     15 ms come every 300 ms; `burst_failures` simulates them.
 
     Examples
@@ -268,7 +268,7 @@ _NONE = 0.4
 def gaps(asi: Floats, marine: Floats, better: npt.NDArray[np.str_]) -> npt.NDArray[np.str_]:
     """Compare AS-i levels with marine ones; `better` is "higher", "lower" or "equal"."""
     ratio = asi / marine
-    # Levels are round numbers; a part in a million is not a gap.
+    # Levels are round numbers; a difference of one part in a million is not a gap.
     fine = np.select(
         [better == "higher", better == "lower"],
         [ratio > 1 - 1e-6, ratio < 1 + 1e-6],
@@ -285,7 +285,7 @@ def levels() -> pd.DataFrame:
     -------
     pandas.DataFrame
         One row per parameter of a test: both levels, their ratio, gap and sources. ``gap`` is
-        "covers", "below", "test missing" (AS-i has none) or "not asked" (ships have none).
+        "covers", "below", "test missing" (no AS-i test) or "not asked" (no marine test).
         ``asi_printed`` is the value in kim2023's Table 2, ``asi`` its meaning. If ``confirmed``
         is "yes", a public page of a type-tested product or of a test house gives the marine
         value; if "no", the value is general knowledge: confirm it before using it.
@@ -347,7 +347,7 @@ def plot_levels(ax: Axes | None = None) -> Axes:
         )  # fmt: skip
     ax.axvline(1, color=style.LIMIT["color"], linestyle=style.LIMIT["linestyle"], zorder=0)
     ax.annotate(
-        "what a ship asks for", (1, 1), (0, 3), xycoords=ax.get_xaxis_transform(),
+        "required on ships", (1, 1), (0, 3), xycoords=ax.get_xaxis_transform(),
         textcoords="offset points", ha="center", color=style.LIMIT["color"],
     )  # fmt: skip
     names = [row["test"] + ("" if row["unit"] != "MHz" else ", highest frequency") for row in rows]

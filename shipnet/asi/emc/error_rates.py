@@ -21,19 +21,19 @@ from shipnet.fields import check_rng, check_scalar, check_whole
 from shipnet.intervals import share_interval
 from shipnet.lazy import pd
 
-#: Samples processed at a time; an array of them takes 2 MB.
+#: Number of samples processed at a time; an array of them takes 2 MB.
 _SAMPLES = 2**18
 
 
 def decided_on(u: Floats, dt: float, matched: bool) -> Floats:
     """Return the samples used by a receiver that has been listening for a long time."""
-    # The filter lacks samples at the ends of a record, where a carrier would seem to begin.
+    # Omit the ends of a record: the filter lacks samples there, as if a carrier had just begun.
     half = int(HALF_BIT / dt / 2)
     return matched_filter(u, dt)[:, half:-half] if matched else u
 
 
 def checked_densities(noise_density: npt.ArrayLike) -> Floats:
-    """Return noise densities as a row; raise ArgumentError if one is out of range."""
+    """Return noise densities as a 1-D array; raise ArgumentError if one is out of range."""
     given = np.atleast_1d(np.asarray(noise_density))
     if given.ndim != 1 or given.dtype.kind not in "iuf" or not ((given > 0) & (given <= 1e6)).all():
         raise ArgumentError(
@@ -85,7 +85,7 @@ def _row(
     }
 
 
-#: Half-bits before the peak of the first pulse in which noise counts as part of the pulse.
+#: Number of half-bits before the first peak in which noise counts as part of the first pulse.
 _REACH = 1.25
 
 #: Largest ratio of `minimum` to the first pulse for which the closed form holds after a matched
@@ -99,12 +99,12 @@ _FAR = 9.0
 #: Nodes and weights of an integral from -1 to 1.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
-#: Largest probability p for which log(1 - p) is computed, which is exact for small p.
+#: Upper limit for probabilities p, so that log(1 - p) is finite.
 _ALMOST_ONE = 1 - 1e-15
 
 
 def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, int]:
-    """Return the heights of the slots from the first pulse on, and which of them have pulses.
+    """Return the heights of the slots, starting at the first pulse, and which of them have pulses.
 
     The last two values are the numbers of samples before each telegram and in a record.
     """
@@ -124,7 +124,7 @@ def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, i
 
 
 def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
-    """Return the fraction of white noise left after filtering, and the neighbours' correlation."""
+    """Return the fraction of noise left by the filter and the correlation of adjacent samples."""
     half = int(HALF_BIT / dt / 2) if matched else 0
     shape = np.cos(np.pi * np.arange(-half, half + 1) * dt / HALF_BIT) ** 2
     power = float(shape @ shape)
@@ -135,7 +135,7 @@ def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
 
 
 def _false_start(level: float, correlation: float, samples: Floats) -> Floats:
-    """Return the probability that one of `samples` exceeds a level [standard deviations]."""
+    """Return the probability that any of `samples` values exceeds a level [standard deviations]."""
     from scipy.special import ndtr
 
     x, weight = _normal(-level, level)
@@ -163,7 +163,7 @@ def _missed(
     from scipy.special import ndtr
 
     lowest = (minimum - height[:, 0]) / sigma
-    # Above this, the level is a fraction of the first pulse, no longer the minimum.
+    # If the first pulse is higher than this, the level is a fraction of it, not the minimum.
     bend = (minimum / threshold - height[:, 0]) / sigma
     missed = ndtr(lowest)
     for low, high in ((lowest, bend), (bend, np.full_like(bend, _FAR))):
@@ -209,11 +209,11 @@ def count_errors(
     Returns
     -------
     pandas.DataFrame
-        One row per amplitude, ``amplitude_V``: the number of ``telegrams`` sent, of those that
-        ``failed`` (were not received as sent) and of failures that no check found, ``undetected``;
-        the ``rate`` of failures with its 95 % Clopper-Pearson interval, ``rate_low`` and
-        ``rate_high``, and the upper limit ``undetected_high``; and the fraction of the failed
-        telegrams that violate each check, or whose first pulse was missed, ``silence``.
+        One row per amplitude, ``amplitude_V``: number of ``telegrams`` sent; ``failed``, those not
+        received as sent; ``undetected``, failures that no check found; ``rate`` of failures with
+        its 95 % Clopper-Pearson interval, ``rate_low`` and ``rate_high``; ``undetected_high``,
+        upper limit of the rate of undetected failures; and the fractions of the failed telegrams
+        that violate each check, or whose first pulse was missed (``silence``).
 
     Examples
     --------
@@ -275,7 +275,7 @@ def error_rate(
     noise before the telegram is mistaken for a first pulse. The formula assumes an ideally timed
     receiver that uses one sample per slot. With a matched filter, it agrees with `count_errors`
     within a third at rates above 1e-4, and with `rare_error_rates` within a tenth down to 1e-10.
-    Without the filter, `count_errors` finds up to a few times more or fewer lost telegrams.
+    Without the filter, the rate from `count_errors` may be a few times higher or lower.
 
     Examples
     --------
@@ -305,11 +305,11 @@ def error_rate(
 
 # Cycles ---------------------------------------------------------------------------------------
 
-#: Tries per slave and cycle, and failed cycles in a row until it is dropped. Beckhoff, EL6201:
-#: three data exchange phases in a row; Siemens, AS-i analyser: six exchanges.
+#: Tries per slave and cycle, and failed cycles in a row until a slave is dropped. Beckhoff,
+#: EL6201: three data exchange phases in a row; Siemens, AS-i analyser: six exchanges.
 TRIES, CYCLES = 2, 3
 
-#: Slots of a cycle besides those of the slaves: management and inclusion, after OMRON W357.
+#: Requests per cycle besides data exchange: management and inclusion, after OMRON W357.
 _EXTRA = 2
 
 
@@ -387,13 +387,13 @@ def burst_failures(
 
     Notes
     -----
-    Exchanges in a packet are assumed to fail independently, although its pulses are less random. A
+    Exchanges in a packet are assumed to fail independently, although its pulses are periodic. A
     dropped slave is assumed to return in the next cycle.
 
     Examples
     --------
-    A third of the exchanges in a packet fail, which is one in 60 over the whole test. If these were
-    independent, a slave would be dropped every 90 days. In packets, it happens twice per minute:
+    A third of the exchanges in a packet fail, which is one in 60 over the whole test. Independent
+    failures at this rate would drop a slave every 90 days; in packets they do so twice per minute:
 
     >>> table = burst_failures(1 / 3, 2024, 40_000).set_index("failures")
     >>> f"{table.loc[6, 'per_h'] / 60:.1f} a minute"
@@ -405,7 +405,7 @@ def burst_failures(
     slot, most = Transaction().duration, TRIES * CYCLES
     counts = np.zeros(most + 1, dtype=np.int64)
     in_a_row = np.zeros((slaves, packets), dtype=np.intp)
-    # The packets begin at 0, each somewhere in a cycle that began before it.
+    # Each packet begins at time 0, at a random moment of a cycle that is already running.
     t = -generator.uniform(0, (slaves + _EXTRA) * slot, packets)
     while (t < PACKET_LENGTH).any():
         for series in in_a_row:

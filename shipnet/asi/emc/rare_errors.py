@@ -1,8 +1,8 @@
 """Rates of telegrams lost to white noise, down to 1e-9, by importance sampling.
 
-Nearly every loss is a set of linear inequalities for the noise: a pulse falls below the level, or a
-gap rises above it. Noise is drawn around the weakest noise that satisfies each set, its *design
-point*. Each loss that the receiver finds is weighted with the ratio of the two noise densities.
+The noise of nearly every lost telegram satisfies a set of linear inequalities: a pulse is below the
+level, or a gap is above it. Noise is drawn around the weakest noise that satisfies each set, its
+*design point*. Each loss that the receiver finds is weighted with the ratio of the noise densities.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ _PLAIN = 0.1
 #: Telegrams per task, per pilot run, and per batch that fits into a core's own cache.
 _PART, _PILOT, _BATCH = 5000, 4000, 1000
 
-#: Largest number of different telegrams of a wave: each has about 100 design points.
+#: Maximum number of different telegrams of a wave: each has about 100 design points.
 _WORDS = 64
 
 #: Time between two samples that the inequalities use [s].
 _GRID = 250e-9
 
-#: Steps by which a weakened first pulse may seem to peak early or late, and steps on either side
-#: of this peak at which the voltage must be lower.
+#: Number of steps by which a weakened first pulse may seem to peak early or late, and number of
+#: steps on either side of this peak at which the voltage must be lower.
 _SLIPS, _AROUND = 3, 7
 
 #: Spacing of the points before a telegram at which noise may pass for its first pulse [s].
 _AHEAD = 0.5e-6
 
-#: Fraction of draws spread evenly over all design points, whatever a pilot run found.
+#: Fraction of the draws that are spread evenly over all design points, regardless of pilot runs.
 _SPREAD = 0.1
 
 #: Limits for a sound rate: effective losses, fraction due to one loss, fraction due to noise drawn
@@ -95,8 +95,8 @@ class _Proposal(NamedTuple):
 
     shift: Floats  # shape (n_words, n_points, n_t) [V]
     square: Floats  # squared length of each shift
-    share: Floats  # of each point of a telegram; the rest is drawn without a shift
-    words: Floats  # share of each telegram
+    share: Floats  # fraction of draws for each point; the rest is drawn unshifted
+    words: Floats  # fraction of draws for each telegram
 
 
 class _Sets:
@@ -165,7 +165,7 @@ def _points_of(case: _Case) -> Floats:
         first, s = int(at[0]), float(np.sign(row[at[0]]))
         sets = _Sets(gain, row, receiver)
         sets.add([_below(sets.above(first, s))])
-        # Noise before the telegram; with the other sign, it may come shortly before the pulse.
+        # Noise before the telegram; noise of the other sign may be closer to the first pulse.
         ends = {s: first - round(1.25 * half), -s: first - round(half / 2)}
         for sign, end in ends.items():
             for i in range(0, end, max(1, round(_AHEAD / dt))):
@@ -191,7 +191,7 @@ def _points_of(case: _Case) -> Floats:
 
 @lru_cache(8)
 def _proposal(case: _Case) -> _Proposal:
-    """Return the proposal for a case; pilot runs find where telegrams are lost."""
+    """Return the proposal distribution for a case; pilot runs find where telegrams are lost."""
     shift = _points_of(replace(case, sigma=1.0))
     square = (shift**2).sum(axis=-1)
     likely = special.ndtr(-np.sqrt(square) / case.sigma) + 1e-300
@@ -258,11 +258,11 @@ def _draw(
 
 
 def _summary(parts: list[dict[str, float]]) -> dict[str, float | bool]:
-    """Return the rate found by several tasks, its interval, and whether it is sound."""
+    """Return the rate found by several tasks, its interval, and whether the rate is sound."""
     t = {name: sum(part[name] for part in parts) for name in parts[0]}
     n, rate = t["n"], t["x"] / t["n"]
     if not t["lost"]:
-        # No telegram drawn without a shift was lost either.
+        # In particular, no telegram drawn without a shift was lost, which limits the rate.
         none = {"rate": 0.0, "rate_low": 0.0, "rate_high": min(1.0, -np.log(0.025) / (_PLAIN * n))}
         return {"telegrams": int(n), **none, "effective": 0.0, "sound": False}
     error = np.sqrt(max(t["xx"] / n - rate**2, 0.0) / n) / rate
@@ -325,7 +325,7 @@ def rare_error_rates(
     Notes
     -----
     Noise can corrupt a telegram in about 100 ways: it hides or imitates the first pulse, lowers
-    another pulse or raises a gap, or makes the first pulse seem to peak up to 0.75 us off. Noise is
+    another pulse or raises a gap, or shifts the apparent first peak by up to 0.75 us. Noise is
     drawn around the weakest noise of each way; a tenth is drawn without a shift, so the weight of a
     loss is at most 10. A rate is ``sound`` if it has 1000 effective losses, if at most 2 % of it
     come from one loss and at most 5 % from noise that is drawn less often than it occurs, and if
@@ -334,7 +334,7 @@ def rare_error_rates(
 
     Examples
     --------
-    With noise of 0.3 V in 2 MHz, two telegrams in a thousand million are lost:
+    With noise of 0.3 V in 2 MHz, about two in 10^9 telegrams are lost:
 
     >>> from shipnet import asi
     >>> wave = asi.line(100, slaves=(5, 100)).waveform(node="5 m")
@@ -361,7 +361,7 @@ def rare_error_rates(
             case = _Case(bits, u, wave.dt, receiver, density / (2 * wave.dt) ** 0.5)
             rows.append({"wave": name, "noise_density": density})
             parts += [(case, size) for size in sizes]
-    _points_of(replace(parts[0][0], sigma=1.0))  # raises errors before any worker starts
+    _points_of(replace(parts[0][0], sigma=1.0))  # raise errors before workers start
     found = compute(_sample, parts, seed=seed, client=client, folder=folder, progress=progress)
     each = [found[begin : begin + len(sizes)] for begin in range(0, len(found), len(sizes))]
     return pd.DataFrame([row | _summary(mine) for row, mine in zip(rows, each, strict=True)])
