@@ -37,7 +37,7 @@ def main():
             loop = one_by_one(form, rate, SAMPLE, rng)
             trial = form.transmit(ITEMS, rate, NUMBER, rng)
             batch = [trial.intact, trial.detected, trial.undetected]
-            # The shares must agree within 5 standard deviations of the smaller sample.
+            # The fractions must agree within 5 standard deviations of the smaller sample.
             for few, many in zip(loop, batch, strict=True):
                 share = many / NUMBER
                 assert abs(few - SAMPLE * share) <= 5 * (SAMPLE * share * (1 - share)) ** 0.5 + 1

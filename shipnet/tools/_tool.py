@@ -21,17 +21,17 @@ class Tool:
 
     @property
     def verdict(self) -> str:
-        """The answer in one line."""
+        """The result in one line."""
         return self._view().verdict
 
     @property
     def ok(self) -> bool:
-        """Whether the answer is good."""
+        """Whether the result is good."""
         return self._view().ok
 
     @property
     def numbers(self) -> dict[str, str]:
-        """The numbers that support the answer, as text with units."""
+        """The numbers that support the verdict, as text with units."""
         return dict(self._view().numbers)
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -50,7 +50,7 @@ class ModbusScan(Tool):
     )  # fmt: skip
     dead: int = whole(
         0, MAX_UNIT, default=0, at_most="slaves", label="dead slaves",
-        help="Slaves that do not answer: the master waits for the full time-out each time.",
+        help="Slaves that do not respond: the master waits for the full time-out each time.",
     )  # fmt: skip
     timeout_ms: float = number(
         10, 5000, default=500.0, unit="ms", slider=(10, 3000), step=10, label="response time-out",

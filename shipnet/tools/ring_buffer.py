@@ -186,7 +186,7 @@ class Game:
         return step
 
     def _empty(self) -> None:
-        # Reading a ring while it is empty may never end; two laps reveal this.
+        # Reading an empty ring may never end, so stop after two laps.
         for taken in range(2 * self.ring.size):
             if self._extract().action in ("wait", "stop"):
                 self.said = f"{taken} steps, then: {self.said}"

@@ -45,7 +45,7 @@ PICTURES = {
 #: The cabinet of the example ship.
 _CABINET = "26, 6, 14"
 
-#: Controls that are folded away, so that a page opens with the answer.
+#: Controls that are folded away, so that a page opens with the result.
 _FOLDS = {
     "I/O list and cabinet": ("points", "name", "cabinet"),
     "limits and prices": (
@@ -106,7 +106,7 @@ class ShipDesign(Tool):
     ArgumentError
         If a value is out of its range.
     InputError
-        From `result`, if the list or the settings are faulty.
+        Raised by `result` if the I/O list or the settings are invalid.
 
     Examples
     --------

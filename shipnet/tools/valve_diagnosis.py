@@ -62,9 +62,9 @@ class ValveDiagnosis(Tool):
     STATES: ClassVar[Mapping[str, Any]] = STATES
 
     FP: float = _sensor("FP", 90.0, "pump pressure FP", "Pressure at the pump; 90 is normal.")
-    OP: float = _sensor("OP", 2.0, "operating press. OP", "Drives the valve; 2 is normal.")
-    MC: float = _sensor("MC", 1.2, "motor current MC", "Of the pump's motor; 1.2 is normal.")
-    OT: float = _sensor("OT", 50.0, "motor temp. OT", "Temperature of the pump's motor.")
+    OP: float = _sensor("OP", 2.0, "operating press. OP", "Pressure at the valve; 2 is normal.")
+    MC: float = _sensor("MC", 1.2, "motor current MC", "Pump motor current; 1.2 is normal.")
+    OT: float = _sensor("OT", 50.0, "motor temp. OT", "Pump motor temperature.")
     VPos: float = _sensor("VPos", 50.0, "position VPos", "0 is closed, 100 is open.")
     DVPos: float = _sensor(
         "DVPos", 11.0, "speed DVPos", "Rate of change of the position; used only under a command."
