@@ -25,7 +25,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
 
 
 def _setting(text: str) -> tuple[str, object]:
-    """Return the name and the value of a setting; a value that is not valid TOML is a string."""
+    """Return the name and the value of a setting; a value that is not TOML is read as a string."""
     name, equals, value = text.partition("=")
     if not equals:
         raise ArgumentError(f"--set is {text!r}; it must be NAME=VALUE, such as detour=1.3")

@@ -487,8 +487,8 @@ class Rule:
     edition: str = text("Edition of the document", default="")
     source: str = text("The document", default="", most=1000)
     confirmed: str = choice(
-        ("no", "maker", "yes"), "yes: the rule's text was read; maker: only a maker's document; "
-        "no: neither was read, so the rule is never met", default="no",
+        ("no", "maker", "yes"), "yes: the rule's text was read; maker: only a manufacturer's "
+        "document; no: neither was read, so the rule is never met", default="no",
     )  # fmt: skip
     note: str = text("Why no plan can show compliance", default="", most=1000)
     rule_set: str = text("Rule set of the rule", default="own")
@@ -614,7 +614,7 @@ def _rules(sheet: Sheet) -> tuple[Rule, ...]:
                 faults.append((row, f": {fault}"))
     said = in_order(faults)
     names = Counter((rule.rule_set, rule.rule) for rule in rules)
-    said += [f"rule {name!r} appears twice" for (_, name), count in names.items() if count > 1]
+    said += [f"rule {name!r} is listed twice" for (_, name), count in names.items() if count > 1]
     if said or not rules:
         raise InputError(sheet.source, *(said or ["has no rule; expected one row per rule"]))
     return tuple(rules)
@@ -700,6 +700,6 @@ def _judge(rule: Rule, outcome: Outcome) -> tuple[str, str]:
     if rule.confirmed == "no":
         made = f" ({outcome.why})" if outcome.why else ""
         return "not verified", f"would be {verdict}{made}, but the clause was not read"
-    maker = "the limit is from a maker's document; no standard was read for it"
+    maker = "the limit is from a manufacturer's document; no standard was read for it"
     said = [outcome.why, maker if rule.confirmed == "maker" else ""]
     return verdict, "; ".join(filter(None, said))

@@ -228,7 +228,7 @@ def write_link(inputs: Any) -> str:
 
 
 def read_link(query: str, kind: type) -> Any:
-    """Return the inputs of a link as the record `kind`; missing inputs have their defaults."""
+    """Return the inputs of a link as the record `kind`; missing inputs keep their defaults."""
     values = asdict(kind())
     for name, text in parse_qsl(query, keep_blank_values=True):
         values[name] = _value(text, values.get(name))

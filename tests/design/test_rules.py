@@ -69,15 +69,16 @@ def test_a_rule_is_met_once_it_is_confirmed():
     assert checked(ONE_LINE, (replace(rule, confirmed="yes"),))["verdict"].item() == "violated"
 
 
-def test_a_limit_from_a_maker_is_judged_and_the_verdict_says_where_it_is_from():
+def test_a_limit_from_a_manufacturer_is_judged_and_the_verdict_says_where_it_is_from():
     rule = Rule("answer", "response", 1.0, confirmed="maker")
     for limit, verdict in ((1.0, "met"), (0.1, "violated")):
         row = checked(ONE_LINE, (replace(rule, limit=limit),)).iloc[0]
         assert (row["verdict"], row["confirmed"]) == (verdict, "maker")
         assert row["why"] == (
-            "0.18 s to the host; the limit is from a maker's document; no standard was read for it"
+            "0.18 s to the host; the limit is from a manufacturer's document; no standard was read "
+            "for it"
         )
-    # Here the limits are from a maker's document, not from the standard or the settings.
+    # Here the limits are from a manufacturer's document, not from the standard or the settings.
     found = checked(ONE_LINE, "NMEA 2000")
     assert set(found["confirmed"]) == {"maker"}
     assert found.loc[found["value"].notna(), "why"].str.contains("no standard was read").all()
@@ -110,7 +111,7 @@ def test_a_point_without_a_response_leaves_a_pass_open_but_not_a_fail():
     assert judged(none, "response", 2.0)["verdict"] == "not verified"
 
 
-def test_hardwired_points_answer_at_once():
+def test_hardwired_points_respond_at_once():
     design = ONE_LINE
     points = design.points.assign(bus="hardwired", response_ms=np.nan)
     assert judged(changed(design, points=points), "response", 0.0)["value"] == 0.0
@@ -122,7 +123,7 @@ def test_a_rule_counts_only_the_points_to_which_it_applies():
     assert not outputs.any()
     row = judged(design, "response", 2.0, applies="outputs")
     assert (row["verdict"], row["why"]) == ("not verified", "the list has no such point")
-    # LS-4, of category I, is on the cable that loses most points.
+    # LS-4, of category I, is on the cable that loses the most points.
     assert judged(design, "points lost by a cable", 0.0)["value"] == 4
     assert judged(design, "points lost by a cable", 0.0, applies="essential")["value"] == 3
 
@@ -290,7 +291,7 @@ def test_all_faults_of_a_file_are_reported_at_once(tmp_path):
         "row 2: measure is 'respons'", "row 3: limit is 'fast'", "row 3: confirmed is 'perhaps'",
         "row 4: limit is -1;", "row 4: applies is 'pumps'", "row 4: bound is 'about'",
         "row 5: rule is ''", "row 6 has 8 cells; expected 7",
-        "rule 'e' appears twice",
+        "rule 'e' is listed twice",
     ]  # fmt: skip
     assert len(told) == len(expected)
     assert all(t.startswith(e) for t, e in zip(told, expected, strict=True)), told

@@ -99,7 +99,7 @@ def test_a_server_that_answers_nonsense_is_reported_in_a_sentence(reply):
             with peer:
                 asked = decode(peer.recv(260), "tcp")
                 if reply == "other unit":
-                    # The response to another request, then a truncated response to this one.
+                    # The response to another request, then the start of one more.
                     late = tcp_frame(1, b"\x84\x01", (asked.transaction_id + 5) % 65536)
                     peer.sendall(late + late[:3])
                 elif reply != "silence":
