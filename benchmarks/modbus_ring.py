@@ -1,4 +1,4 @@
-"""Redundant Modbus loops, compared with a graph library and SimPy, which give the same results."""
+"""How fast redundant Modbus loops are simulated, compared with a graph library and SimPy."""
 
 from functools import partial
 from itertools import combinations

@@ -43,7 +43,7 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
     if arguments.options is not None:
         options = tuple(_option(name, "--options") for name in arguments.options.split(","))
         if twice := [name for name in dict.fromkeys(options) if options.count(name) > 1]:
-            raise ArgumentError(f"--options names {', '.join(twice)} twice")
+            raise ArgumentError(f"--options lists {', '.join(twice)} twice")
     mix = _choices(arguments.mix)
     try:
         iolist = read_iolist(

@@ -225,7 +225,7 @@ class Comparison:
         return {name: design.check(self.rules) for name, design in self.designs.items()}
 
     def findings(self) -> Findings:
-        """Return the findings of every rule for every design, named in the column ``design``."""
+        """Return the findings of every rule for each design, named in the column ``design``."""
         return Findings(_by_design({name: found.table() for name, found in self._checked.items()}))
 
     def failures(self) -> pd.DataFrame:

@@ -432,7 +432,7 @@ class Box(NamedTuple):
     lengths: Floats
 
     def part(self, chosen: Indices) -> Box:
-        """Return the same box with some of its points, by their positions in `rows`."""
+        """Return the same box with some of its points, given by their indices in `rows`."""
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
     def halved(self, need: Floats) -> list[Box]:

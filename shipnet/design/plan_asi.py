@@ -317,7 +317,7 @@ def plan_of(drawn: Drawn, slaves: Sequence[Slave], limits: AsiLimits) -> Plan:
 
 
 class Exceeded(NamedTuple):
-    """A limit that is not met."""
+    """A limit that a line exceeds."""
 
     limit: str
     value: float

@@ -151,7 +151,7 @@ def _failures(designs: Mapping[str, Design]) -> str:
             "Reflections at an open end, and parts in the cabinet, are not considered."
         ),
         table(
-            ["option", "failure", "cases", "with losses", "most points", "failed", "systems"], rows,
+            ["option", "failure", "cases", "with losses", "max. points", "failed", "systems"], rows,
             numbers=[2, 3, 4],
         ),
         text(f"The {_FAILURES_SHOWN} worst failures of each option", tag="h3"),
@@ -311,7 +311,7 @@ def _side_by_side(compared: pd.DataFrame) -> str:
     return table(
         ["", *map(str, shown.index)], rows, numbers=range(1, len(shown) + 1),
         caption="The designs side by side. Pareto-optimal: the design connects every point, and no "
-        f"other is as good in {WEIGHED} and better in one of them.",
+        f"other is as good in {WEIGHED}, and better in one of them.",
     )  # fmt: skip
 
 

@@ -188,11 +188,11 @@ def _systems(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     found = rows["tags"].map(lambda tags: sorted({system[tag] for tag in tags if system.get(tag)}))
     unnamed = {tag for tags in rows["tags"] for tag in tags if system.get(tag) == ""}
     worst: Any = found.map(len).idxmax()
-    parts = [f"a cut loses points of {', '.join(found[worst])}"] if found[worst] else []
+    parts = [f"a cut affects points of {', '.join(found[worst])}"] if found[worst] else []
     if unnamed:
         s = "s" if len(unnamed) > 1 else ""
         parts.append(f"the list names no system for {len(unnamed)} point{s} lost by a cut")
-    why = "; ".join(parts) or "none is lost"
+    why = "; ".join(parts) or "no cut affects a system"
     return Outcome(len(found[worst]), str(rows.loc[worst, "failed"]), why, bool(unnamed))
 
 
@@ -499,7 +499,7 @@ class Rule:
         if self.measure:
             unit = MEASURES[self.measure].unit
             if self.unit not in ("", unit):
-                raise ArgumentError(f"unit is {self.unit!r}; it must be {unit!r}, the measure's")
+                raise ArgumentError(f"unit is {self.unit!r}; it must be that of the measure, {unit!r}")
             if math.isnan(self.limit):
                 raise ArgumentError("limit is nan; it must be a number, 0 or more")
             object.__setattr__(self, "unit", unit)

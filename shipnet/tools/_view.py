@@ -181,7 +181,7 @@ class Button:
 
 @dataclass(frozen=True)
 class Upload:
-    """A button to load a file; `take` returns new inputs from the old, the name and the content."""
+    """A button to load a file; `take` makes new inputs from the old ones, its name and content."""
 
     label: str
     help: str
@@ -191,7 +191,7 @@ class Upload:
 
 @dataclass(frozen=True)
 class Preset:
-    """Controls that set others; `make` returns new inputs from the controls' record and the old."""
+    """Controls that set others; `make` makes new inputs from their record and the old inputs."""
 
     start: Any
     make: Callable[[Any, Any], Any]

@@ -81,7 +81,7 @@ class ModbusScan(Tool):
             ok=bool(found.ok),
             numbers={
                 "one slave": f"{1e3 * poll.time:.1f} ms, of which {1e3 * poll.on_wire:.1f} ms "
-                f"bytes and {2e3 * poll.line.t35:.1f} ms silence",
+                f"are bytes and {2e3 * poll.line.t35:.1f} ms are silence",
                 "a dead slave costs": f"{1e3 * poll.timeout_time:.0f} ms",
                 "scan without dead slaves": f"{poll.scan_time(self.slaves):.3f} s",
                 "scan": f"{found.time:.3f} s",

@@ -71,7 +71,7 @@ class ReceiveRing(Tool):
     RULES: ClassVar[Mapping[Rule, str]] = RULES
 
     size: int = choice(
-        SIZES, default=16, label="places", help="Size of the ring; the paper's has 128."
+        SIZES, default=16, label="places", help="Size of the ring; the paper uses 128."
     )
     rule: Rule = choice(
         RULES, default="printed", label="reader", help="The rule that the reader follows."
@@ -191,7 +191,7 @@ class Game:
             if self._extract().action in ("wait", "stop"):
                 self.said = f"{taken} steps, then: {self.said}"
                 return
-        self.said = f"stopped after {2 * self.ring.size} steps, because it would never end"
+        self.said = f"stopped after {2 * self.ring.size} steps, because reading would never end"
 
     def _repair(self) -> None:
         trial = self.ring.copy().extract()

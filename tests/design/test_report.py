@@ -274,7 +274,7 @@ def test_a_list_without_places_has_no_position_of_the_cabinet(tmp_path, capsys):
         (["LIST", "--settings", "own.toml"], "own.toml: cannot be read"),
         (["--settings", "own.toml", "--show-settings"], "own.toml: cannot be read"),
         ([], "no LIST is given"),
-        (["LIST", "--options", "CAN,CAN"], "--options names CAN twice"),
+        (["LIST", "--options", "CAN,CAN"], "--options lists CAN twice"),
         (["LIST", "--sheet", "S"], "has no sheet 'S'"),
         (["LIST", "-o", "/nowhere/at/all.html"], "all.html'; there is no folder"),
     ],

@@ -185,7 +185,7 @@ def planned(option, signals=("contact",) * 3, **settings):
     return plan(iolist, Site((0, 0, 0)), option, settings=Settings(settings))
 
 
-def test_the_switch_over_of_a_loop_is_what_the_simulated_master_needs():
+def test_the_switch_over_of_a_loop_takes_as_long_as_in_the_simulation():
     design = planned("Modbus RTU", redundant=True)
     row = judged(design, "switch-over", 5.0, confirmed="yes")
     line = SerialLine(9600)
@@ -212,7 +212,7 @@ def test_a_link_with_one_line_never_switches_over_and_can_has_nothing_to_switch(
     assert outputs["verdict"] == "not verified"
 
 
-def test_a_supply_changes_over_only_if_another_feeds_beside_it():
+def test_a_supply_changes_over_only_if_another_feeds_in_parallel():
     for redundant, computed, verdict in ((True, 0.0, "met"), (False, np.inf, "violated")):
         design = planned("CAN", redundant=redundant)
         row = judged(design, "supply change-over", 2.0, confirmed="yes")
