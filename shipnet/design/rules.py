@@ -499,7 +499,7 @@ class Rule:
         if self.measure:
             unit = MEASURES[self.measure].unit
             if self.unit not in ("", unit):
-                raise ArgumentError(f"unit is {self.unit!r}; it must be that of the measure, {unit!r}")
+                raise ArgumentError(f"unit is {self.unit!r}; it must be {unit!r} for this measure")
             if math.isnan(self.limit):
                 raise ArgumentError("limit is nan; it must be a number, 0 or more")
             object.__setattr__(self, "unit", unit)

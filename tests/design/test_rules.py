@@ -296,7 +296,7 @@ def test_all_faults_of_a_file_are_reported_at_once(tmp_path):
     assert len(told) == len(expected)
     assert all(t.startswith(e) for t, e in zip(told, expected, strict=True)), told
     file.write_text("rule,measure,limit,unit\na,response,2000,ms\n", encoding="utf-8")
-    with pytest.raises(InputError, match="row 2: unit is 'ms'; it must be 's', the"):
+    with pytest.raises(InputError, match="row 2: unit is 'ms'; it must be 's' for"):
         RuleSet.read(file)
 
 
