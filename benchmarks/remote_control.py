@@ -46,7 +46,7 @@ def main():
             print(f"{name + f', rate {rate:g}':<34}{60 / fast:>12.3g}{plain / fast:>19.0f}x")
     system = System(repeat=ITEMS)
     time = seconds(lambda: simulate(system, until=60))
-    print(f"{'link, simulated over real time':<34}{60 / time:>12.3g}")
+    print(f"{'link, simulated / real time':<34}{60 / time:>12.3g}")
 
 
 if __name__ == "__main__":

@@ -252,7 +252,7 @@ def _points(designs: Mapping[str, Design]) -> str:
 
 _BANNER_MORE = (
     "Computed from an I/O list under the assumptions listed below. Prices, masses and hours are "
-    "estimates until replaced by a supplier's. A rule is judged only if its text was read, or a "
+    "estimates until replaced by a supplier's. A rule is judged only if we read its text, or a "
     "manufacturer's document with its limit. No classification society has reviewed this report."
 )
 

@@ -100,7 +100,7 @@ class AsiLine(Tool):
 
     @cached_property
     def result(self) -> Reception:
-        """The reception at the master."""
+        """The response as the master receives it."""
         return self.wave.receive(self.receiver)
 
     def plot(self, ax: Axes | None = None) -> Axes:

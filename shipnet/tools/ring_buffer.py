@@ -59,7 +59,7 @@ _FORM = MarkerFormat(n_numbers=_ITEMS)
 class ReceiveRing(Tool):
     """A receive ring that is filled and read by hand, step by step.
 
-    `result` has the ring, the effect of the last action as `said`, and the number of packets.
+    `result` has the ring, what the last action did (`said`), and the number of packets.
 
     Examples
     --------
