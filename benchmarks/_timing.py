@@ -1,4 +1,4 @@
-"""How the benchmarks measure time."""
+"""Timer of the benchmarks."""
 
 from time import perf_counter
 from timeit import timeit
@@ -8,7 +8,7 @@ def seconds(function, repeats=None, timer=perf_counter):
     """Return the shortest of several times, which is the least disturbed by other work.
 
     The timer `process_time` counts neither other programs nor child processes. Without `repeats`,
-    the function is called at least three times, until 0.1 s or 1000 calls are reached.
+    the function is called at least three times, until 0.1 s have passed or 1000 calls were made.
     """
     times = []
     total = 0.0

@@ -18,7 +18,7 @@ from shipnet.asi.capture import decode
 from shipnet.asi.modulation import Modulation
 
 RATE = 10e6
-LOOPED = 0.02  # seconds of the recording for the loop; its time is scaled up
+LOOPED = 0.02  # seconds of the recording that the loop decodes; its time is scaled up
 BIT = 6e-6
 
 
@@ -42,7 +42,7 @@ def record(duration, rate):
 
 
 def plain_decode(u, dt):
-    """Decode as a simple script would: sample by sample, with a fixed threshold and parity only."""
+    """Decode as a simple script would: sample by sample, with fixed threshold and parity check."""
     mean = sum(u) / len(u)
     pulses, loud, sign, top, at = [], False, 0, 0.0, 0
     for k, sample in enumerate(u):
@@ -81,7 +81,7 @@ print(capture.telegrams, int(re.search(r"VmHWM:\s*(\d+)", status)[1]) / 1024)
 
 
 def memory(kind, rate):
-    """Return the number of telegrams in a file of 1 GB and the MiB needed to decode it."""
+    """Return the number of telegrams in a file of 1 GB and the memory needed for it [MiB]."""
     u = (1000 * record(0.31, rate)[0]).astype(kind)
     length = 10**9 // u.itemsize
     with tempfile.TemporaryDirectory() as folder:

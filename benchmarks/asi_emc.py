@@ -1,4 +1,4 @@
-"""Disturbed telegrams per second in batches, compared with a plain loop over telegrams."""
+"""How fast disturbed telegrams are simulated in batches, compared with a loop over telegrams."""
 
 import os
 
@@ -17,7 +17,7 @@ from shipnet.asi.emc.error_rates import count_errors
 from shipnet.asi.receiver import Receiver
 
 NUMBER = 40_000
-SAMPLE = 500  # sample for the loop; its time is scaled up
+SAMPLE = 500  # telegrams in the loop, whose time is scaled up
 
 
 def plain_loop(wave, disturbance, amplitude, number, rng, receiver):
@@ -47,7 +47,7 @@ def main():
         batch = partial(count_errors, wave, disturbance, amplitude, NUMBER, rng, receiver=receiver)
         loop = partial(plain_loop, wave, disturbance, amplitude, SAMPLE, rng, receiver)
         rate, low_rate = batch()["rate"][0], loop()
-        # Both must do the same work: the rates agree within five sigma of the loop's rate.
+        # Both do the same work, so their rates must agree within five sigma of the loop's rate.
         assert abs(rate - low_rate) < 5 * np.sqrt(rate * (1 - rate) / SAMPLE) + 0.03
         ours, theirs = NUMBER / seconds(batch), SAMPLE / seconds(loop)
         print(f"{name:<26}{ours:>14.3g}{theirs:>12.3g}{ours / theirs:>11.0f}x")

@@ -19,13 +19,13 @@ except ImportError:
     simpy = None
 
 CYCLES = 2000
-RATE = 1e-3  # of lost requests, and of lost responses
+RATE = 1e-3  # probability that a request is lost, and that a response is lost
 LABELS = [f"{address}{half}" for address in range(1, 32) for half in "AB"]
 SLAVES = [Slave(label, "S-7.A.E") for label in LABELS]
 
 
 def with_simpy(disturbances):
-    """Return the cycle times from one SimPy process per slave and one for the master."""
+    """Return the cycle times of a model with one SimPy process per slave and one for the master."""
     environment = simpy.Environment()
     mailboxes = [simpy.Store(environment) for _ in LABELS]
     replies = simpy.Store(environment)
@@ -104,7 +104,7 @@ def main():
     requests, real = run.summary.requests, run.cycle_times.sum()
     taken = {"telegram by telegram": seconds(lambda: simulated(drawn))}
     if simpy is None:
-        print("SimPy is not installed, so it is not compared")
+        print("SimPy is not installed, so its loop is left out")
     else:
         assert np.allclose(with_simpy(drawn), run.cycle_times, rtol=0, atol=1e-12)
         taken["SimPy"] = seconds(lambda: with_simpy(drawn), 3)

@@ -1,4 +1,4 @@
-"""How long it takes to check a plan of 62 slaves, compared with a dense solution of its network."""
+"""How long a plan of 62 slaves takes to check, compared with a dense solution of its network."""
 
 import os
 

@@ -17,7 +17,7 @@ from shipnet.asi.telegram import RESPONSES
 DT = 250e-9
 SAMPLES = 256
 NUMBER = 50_000
-SAMPLE = 500  # sample for the loops; their times are scaled up
+SAMPLE = 500  # telegrams in the loops, whose times are scaled up
 BITS = 7
 
 

@@ -6,7 +6,7 @@ from _timing import seconds
 from shipnet.asi import Request, Requests
 
 NUMBER = 1_000_000
-SAMPLE = 20_000  # sample for the loops; their times are scaled up
+SAMPLE = 20_000  # telegrams in the loops, whose times are scaled up
 
 
 def plain_parse(word):

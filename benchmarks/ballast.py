@@ -1,7 +1,7 @@
-"""How much faster many valves at once are than a loop over them, or differential equations.
+"""How much faster valves are simulated all at once than in a loop or with differential equations.
 
 The equations also include the compliance of the oil and the mass, so they are a more detailed
-model, not just a slower way to the same numbers. The difference between the two is printed too.
+model, not just a slower way to the same numbers. The difference of the results is printed too.
 """
 
 import sys

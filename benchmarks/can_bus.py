@@ -18,7 +18,7 @@ seconds = partial(shortest, timer=process_time)
 BIT_RATE = 125e3
 BIT_US = 8
 PERIODS_MS = [5, 5, 10, 10, 10, 20, 20, 50, 50, 50, 100, 100, 100, 100, 1000, 1000, 1000]
-SINGLE, LOOPED, BATCH, SETS = 60.0, 10.0, 3.0, 2000  # seconds simulated; sets of offsets
+SINGLE, LOOPED, BATCH, SETS = 60.0, 10.0, 3.0, 2000  # simulated seconds; sets of offsets
 
 
 def peer(messages, duration):
@@ -51,7 +51,7 @@ def peer(messages, duration):
 def main():
     number = len(PERIODS_MS)
     rng = np.random.default_rng(2024)
-    # No two messages are released at the same instant: SimPy would pick their order arbitrarily.
+    # No two messages are released at once, because SimPy would pick their order arbitrarily.
     offsets = rng.permuted(np.tile(np.arange(number), (SETS, 1)), axis=1) * 0.293e-3
     messages = MessageSet(
         Message(f"m{k}", k, 8, ms / 1e3, offset=offset, bits=int(bits))
@@ -68,7 +68,7 @@ def main():
     assert np.rint(batch.max_response[0] * 1e6).astype(int).tolist() == longest
 
     frames = sum(sent) / LOOPED
-    noise = faults.BitErrors(1e-5)  # about one frame in a thousand
+    noise = faults.BitErrors(1e-5)  # disturbs about one frame in a thousand
     rates = {
         "simpy": LOOPED / seconds(lambda: peer(messages, LOOPED)),
         "simulate": SINGLE / seconds(lambda: simulate(messages, BIT_RATE, until=SINGLE)),

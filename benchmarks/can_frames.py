@@ -1,4 +1,4 @@
-"""How much faster many CAN frames are measured at once than in loops over single frames."""
+"""How much faster the lengths of CAN frames are computed in batches than in loops over frames."""
 
 import numpy as np
 from _timing import seconds
@@ -7,7 +7,7 @@ from shipnet.can.frame import Frame
 from shipnet.can.lengths import measure_frames
 
 NUMBER = 1_000_000
-SAMPLE = 5_000  # sample for the loops; their times are scaled up
+SAMPLE = 5_000  # frames in the loops, whose times are scaled up
 
 
 def plain_length(number, data):

@@ -1,4 +1,4 @@
-"""Worst-case response times of CAN, compared with two plain float programs that give the same."""
+"""How fast worst-case response times of CAN are computed, compared with two plain programs."""
 
 import math
 from functools import partial
@@ -30,7 +30,7 @@ def message_set(n, load, rng):
 
 
 def plain(messages):
-    """Compute the response times with the published equations in floats."""
+    """Compute the response times from the published equations, in floating point."""
     rows = [((55 + 10 * m.dlc) * BIT, m.period, m.jitter) for m in messages]
     responses = []
     for m, (c, t, j) in enumerate(rows):
@@ -60,13 +60,13 @@ def plain(messages):
 
 
 class EventModel:
-    """The two functions of compositional analysis, from a period and a jitter."""
+    """The two functions of compositional analysis, for a period and a jitter."""
 
     def __init__(self, period, jitter, frame):
         self.period, self.jitter, self.frame = period, jitter, frame
 
     def eta_plus(self, window):
-        """Return the largest number of events in a window."""
+        """Return the maximum number of events in a window."""
         return math.ceil((window + self.jitter) / self.period - DUST / self.period)
 
     def delta_min(self, q):
@@ -75,7 +75,7 @@ class EventModel:
 
 
 def busy_window(messages):
-    """Compute with busy windows of event models, one window per instance, until one closes."""
+    """Compute the response times from event models, instance by instance until the bus is idle."""
     tasks = [EventModel(m.period, m.jitter, (55 + 10 * m.dlc) * BIT) for m in messages]
     responses = []
     for place, task in enumerate(tasks):

@@ -1,4 +1,4 @@
-"""Two workers of a Dask cluster compared with one: rare errors, and a fleet as Parquet files.
+"""How much faster two Dask workers are than one, for rare errors and a fleet as Parquet files.
 
 Wall times are meaningful only on an idle machine. The CPU time of one worker divided by that of
 the busier of two shows how evenly the work is shared, on any machine. Workers are warmed up first.

@@ -11,7 +11,7 @@ from shipnet.design.costs import CABLE_RANGES, Model, draw, quantities, tornado
 from shipnet.design.plant import Plant
 
 DRAWS = 10_000
-SAMPLE = 100  # sample for the loop; its time is scaled up
+SAMPLE = 100  # draws in the loop, whose time is scaled up
 POINTS = (350, 2000)
 
 

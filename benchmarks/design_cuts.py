@@ -1,9 +1,9 @@
 """How fast all single failures of a plan are evaluated, compared with a loop over networkx.
 
 Both get the same plan of 2000 points, with one line per bus. The loop removes one cable or one box
-from the graph of cables, asks networkx what the cabinet still reaches, and puts it back. The loop
-gets a sample; its answers must be the same, and its time is scaled up. It ignores supplies and
-short circuits, which ours also covers; AS-i, where both matter, is therefore left out.
+from the graph of cables, finds with networkx what the cabinet still reaches, and restores it. The
+loop gets a sample; its results must be the same, and its time is scaled up. It ignores supplies and
+short circuits, which shipnet covers; AS-i, where both matter, is therefore left out.
 """
 
 import os
@@ -64,7 +64,7 @@ def lost_by(design, graph, points, failure):
 
 def main():
     iolist = ship(POINTS)
-    print(f"all single failures of {POINTS} points; networkx time scaled up")
+    print(f"all single failures of {POINTS} points; the time of networkx is scaled up")
     for option in OPTIONS:
         design = plan(iolist, Site((26, 6, 14)), option)
         cuts = single_failures(design)

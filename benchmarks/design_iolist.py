@@ -18,7 +18,7 @@ POINTS = 20_000
 
 
 def enlarged(folder):
-    """Repeat the rows of the example ship up to POINTS points; write them as CSV and workbook."""
+    """Repeat the rows of the example ship to get POINTS points; write them as CSV and workbook."""
     points = read_iolist(datasets.path("synthetic_iolist_ship.csv")).points
     rows = np.arange(POINTS) % len(points)
     large = points.iloc[rows].reset_index(drop=True)
@@ -95,9 +95,9 @@ def main():
         for what, time in times.items():
             print(f"{what:<32}{time:>10.3f}")
         ratio = times["CSV, csv.DictReader"] / times["CSV, ours"]
-        print(f"CSV: ours is {ratio:.2f}x as fast as the loop")
+        print(f"CSV: shipnet is {ratio:.2f}x as fast as the loop")
         ratio = times["workbook, openpyxl, not checked"] / times["workbook, ours"]
-        print(f"workbook: ours is {ratio:.2f}x as fast as openpyxl")
+        print(f"workbook: shipnet is {ratio:.2f}x as fast as openpyxl")
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ def ship(n):
 
 
 def by_clusters(places):
-    """Group PORTS places each: zones within reach, then assignments of least total distance."""
+    """Group places by PORTS: split them into zones by reach, then minimise distances in each."""
     labels = np.empty(len(places), dtype=int)
     zone = zones(places, reach=REACH, most=400)
     found = 0
@@ -46,7 +46,7 @@ def by_clusters(places):
 
 
 def by_greed(places):
-    """Group greedily: the first place left, then the nearest ones within reach of all others."""
+    """Group greedily: take the first place left, and the nearest ones within reach of its group."""
     left = list(range(len(places)))
     labels = np.empty(len(places), dtype=int)
     group = 0
@@ -64,7 +64,7 @@ def by_greed(places):
 
 
 def nearest_next(ways):
-    """Return a greedy order for a trunk: always go to the nearest device that is left."""
+    """Return a greedy order for a trunk: always go to the nearest remaining device."""
     order, left = [0], set(range(1, len(ways)))
     while left:
         order.append(min(left, key=lambda place: ways[order[-1], place]))
@@ -80,7 +80,7 @@ def metres(places, labels):
 
 def main():
     example = read_iolist(datasets.path("synthetic_iolist_ship.csv"))
-    print("plans, seconds (the example ship, and one of 2000 points)")
+    print("plans, in seconds (the example ship, and a ship of 2000 points)")
     for iolist in (example, ship(2000)):
         times = {option: seconds(lambda o=option, i=iolist: plan(i, Site(CABINET), o), 1)
                  for option in OPTIONS}  # fmt: skip

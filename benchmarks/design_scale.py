@@ -1,12 +1,12 @@
 """How the time of a whole design grows: plans, failures, rules, costs and report of all options.
 
-CPU seconds on one core, without imports, next to the goals for two cores; peak memory of the
-process so far. You can give the sizes: `python benchmarks/design_scale.py 1000 20000 100000`.
+Prints CPU seconds on one core, excluding imports, next to the targets for two cores, and the peak
+memory of the process so far. Sizes may be given: `python benchmarks/design_scale.py 1000 20000`.
 """
 
 import os
 
-# Measure one core: numpy reads these variables when it is imported.
+# Run on one core; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import resource
@@ -21,7 +21,7 @@ from shipnet.design.layout import Site
 from shipnet.design.planning import OPTIONS, plan
 from shipnet.design.rules import RuleSet
 
-#: Goals in CPU seconds and MB for each number of points.
+#: Targets in CPU seconds and MB, by number of points.
 GOALS = {1_000: (3, 1500), 20_000: (40, 1500), 100_000: (240, 5000)}
 
 
@@ -50,7 +50,7 @@ def main():
         totals.append(sum(spent.values()))
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(f"{n} points: {totals[-1]:.1f} s, {peak:.0f} MB", end="")
-        print("; goal {} s, {} MB".format(*GOALS[n]) if n in GOALS else "")
+        print("; target {} s, {} MB".format(*GOALS[n]) if n in GOALS else "")
         for what, seconds in spent.items():
             print(f"  {what:<24}{seconds:8.2f} s")
     powers = np.diff(np.log(totals)) / np.diff(np.log(sizes))

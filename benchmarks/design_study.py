@@ -1,4 +1,4 @@
-"""Where a comparison spends its time, and how fast a study runs one by one and on all cores."""
+"""Where a comparison spends its time, and how fast a study runs on one core and on all cores."""
 
 from time import perf_counter
 
@@ -36,16 +36,16 @@ def main():
     _, times["tornado"] = timed(lambda: tornado(designs))
     rng = np.random.default_rng(2024)
     _, times["draws"] = timed(lambda: likely(draw(designs, rng=rng)))
-    _, times["all but the plans"] = timed(lambda: str(compare(made, rng=rng)))
+    _, times["all except the plans"] = timed(lambda: str(compare(made, rng=rng)))
     print(f"{f'{len(iolist)} points, {len(made)} options':<32}{'seconds':>10}")
     for what, time in times.items():
         print(f"{what:<32}{time:>10.3f}")
 
-    # The first use of worker processes includes starting them.
+    # The first study with worker processes also starts them.
     workers = loky.cpu_count()
     runs = {
         "one by one": lambda: iolist.study(GRID, site, client=1, progress=False),
-        f"{workers} processes, with start": lambda: iolist.study(
+        f"{workers} processes, with their start": lambda: iolist.study(
             GRID, site, client=workers, progress=False
         ),
         f"{workers} processes": lambda: iolist.study(GRID, site, client=workers, progress=False),

@@ -1,7 +1,7 @@
-"""Diagnosis of a fleet, compared with loops over scikit-fuzzy's control simulation and our own.
+"""How fast a fleet is diagnosed, compared with loops over scikit-fuzzy and over shipnet's rules.
 
-The readings are from valves that open and close; both loops get a few of them. The day is that of
-256 valves with one command per hour, simulated block by block.
+The readings are from valves that open and close; both loops process only a few of them. In the
+simulated day, 256 valves have one command per hour, and are processed block by block.
 """
 
 import warnings
@@ -41,7 +41,7 @@ def own_loop(rows):
 
 
 def day():
-    """Diagnose a day of a fleet; return readings and the seconds of simulation and of diagnosis."""
+    """Diagnose a day of a fleet; return the number of readings and both run times [s]."""
     orders = [Command(("open", "close")[hour % 2], 3600.0 * hour) for hour in range(24)]
     faults = [Fault("V1", start=30000.0, valves=4), Fault("P2", start=50000.0, valves=71)]
     tail, spent, readings = None, 0.0, 0
@@ -62,7 +62,7 @@ def main():
     diagnosis = diagnose_run(run)
     size = run.time.size * N
 
-    # scikit-fuzzy accepts no missing values, so use instants at which all channels have one.
+    # scikit-fuzzy accepts no missing values, so use instants at which no channel lacks one.
     valve = 0
     known = np.flatnonzero(~np.isnan(diagnosis.samples["DVPos"][:, valve]))[:FEW]
     rows = [
@@ -71,7 +71,7 @@ def main():
     exact = diagnosis.firing(valve + 1).strength[known]
     assert np.abs(control_loop(rows) - exact).max() < 1e-12
     assert np.array_equal(own_loop(rows), exact)
-    # Blocks and dead bands must give the same decisions as the whole array at once.
+    # Diagnosis in blocks, with dead bands, must give the same decisions as the whole array.
     whole = BASE.fire(diagnosis.samples, "midpoint").decide(k=3, n=5).active
     assert np.array_equal(whole, diagnosis.active)
 

@@ -17,7 +17,7 @@ SYSTEMS = {
 
 
 def main() -> None:
-    """Simulate, and print the largest fraction of each bound by system and kind of fault."""
+    """Simulate, and print the largest observed fraction of each bound, by system and fault."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=10_000)
     runs = parser.parse_args().runs
@@ -50,7 +50,7 @@ def main() -> None:
         found[key] = np.maximum(found.get(key, [0, 0, 0]), parts).tolist()
         if max(parts) > 1 + 1e-8:  # times are rounded to nanoseconds
             print("EXCEEDED", name, failed, parts)
-    print(f"{runs} runs; largest fraction of the bounds on answer, gap and oldest value")
+    print(f"{runs} runs; largest observed fraction of the bounds on response, gap and oldest value")
     for (name, kind), parts in sorted(found.items()):
         print(f"{name:20} {kind:20} " + " ".join(f"{part:6.3f}" for part in parts))
 

@@ -1,4 +1,4 @@
-"""How much faster the values of an engine are coded in one batch than row by row."""
+"""How much faster the values of an engine are encoded in one batch than row by row."""
 
 import numpy as np
 from _timing import seconds
@@ -7,7 +7,7 @@ from pymodbus.client.mixin import ModbusClientMixin
 from shipnet.engine import InputCard, RegisterMap, read_points
 
 ROWS = 20_000  # one per second: five and a half hours
-SAMPLE = 200  # sample for the loops; their times are scaled up
+SAMPLE = 200  # rows in the loops, whose times are scaled up
 
 
 def main():
@@ -28,7 +28,7 @@ def main():
 
     ours = registers.encode(values[:SAMPLE])[:, analogue]
     peer = [pymodbus_row(row) for row in values[:SAMPLE, analogue].tolist()]
-    assert (ours == peer).mean() > 0.99  # round() rounds halves to the even neighbour
+    assert (ours == peer).mean() > 0.99  # round() rounds halves to even numbers
 
     some = values[:SAMPLE, analogue].tolist()
     per_row = {

@@ -1,7 +1,7 @@
 """A day of 256 valves, simulated and diagnosed in blocks: time, peak memory and findings.
 
-For comparison, an hour is held in memory at once instead of in blocks. It runs in a process of
-its own, because a peak never falls. The simulation's share of the day's time is printed too.
+For comparison, an hour is held in memory at once instead of in blocks, in a process of its own,
+because the peak of a process never falls. The fraction of time for simulation is printed too.
 """
 
 import subprocess

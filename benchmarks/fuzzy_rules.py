@@ -1,4 +1,4 @@
-"""Firing strengths of the rules of kim2014, compared with loops over scikit-fuzzy and simpful.
+"""How fast the rules of kim2014 are evaluated, compared with loops over scikit-fuzzy and simpful.
 
 simpful is left out if it is not installed.
 """
@@ -19,11 +19,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tests.fuzzy.skfuzzy_control import control_strengths
 
 NUMBER = 1_000_000
-FEW = 200  # sample for the loops; their times are scaled up
+FEW = 200  # samples in the loops, whose times are scaled up
 
 
 def control_loop(base):
-    """Return a loop over ControlSystemSimulation.compute that keeps the firing strengths."""
+    """Return a function that calls ControlSystemSimulation.compute for each sample."""
     from skfuzzy import control
 
     system = base.to_skfuzzy()
@@ -44,7 +44,7 @@ def control_loop(base):
 
 
 def trapezoids(base, given):
-    """Compute with skfuzzy.trapmf on whole columns, as a careful user of scikit-fuzzy would."""
+    """Compute whole columns with skfuzzy.trapmf, as a careful user of scikit-fuzzy would."""
     from skfuzzy import trapmf
 
     degrees = {
@@ -58,7 +58,7 @@ def trapezoids(base, given):
 
 
 def simpful_loop(base):
-    """Return a loop over simpful's firing strengths."""
+    """Return a function that computes simpful's firing strengths for each sample."""
     import simpful
 
     system = simpful.FuzzySystem(show_banner=False, verbose=False)
@@ -111,7 +111,7 @@ def main():
     }
     loops = {"ControlSystemSimulation in a loop": control_loop(base)}
     if find_spec("simpful"):
-        with redirect_stdout(StringIO()):  # simpful prints which kind of model it assumes
+        with redirect_stdout(StringIO()):  # simpful prints the kind of model that it assumes
             loops["simpful in a loop"] = simpful_loop(base)
     for name, loop in loops.items():
         assert np.abs(np.array(loop(rows), dtype=float) - exact).max() < 1e-12

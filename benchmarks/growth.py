@@ -6,7 +6,7 @@ on one core; memory is the peak that Python and numpy allocate.
 
 import os
 
-# Measure one core: numpy reads these variables when it is imported.
+# Run on one core; numpy reads these variables when it is imported.
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import tracemalloc
@@ -100,7 +100,7 @@ JOBS = {
 
 
 def measured(make, sizes, **options):
-    """Return rows of size, shortest CPU time of several runs [s] and peak memory [MB]."""
+    """Return one row per size: size, shortest CPU time [s] and peak memory [MB]."""
     rows = []
     for size in sizes:
         job, times = make(int(size), **options), []

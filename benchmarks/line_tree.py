@@ -1,8 +1,8 @@
-"""How much faster a tree's transfer is than its peers, at equal error, in one run.
+"""How fast waveforms and transfer impedances of a tree are computed, compared at equal error.
 
 The network: 31 tees along a trunk, a slave at each and one at the end of a stub from each; master
 and power supply at its beginning; 62 slaves on 63 nodes, 99 m. ngspice and scikit-rf are measured
-if they are there.
+if they are installed.
 """
 
 import shutil
@@ -19,8 +19,8 @@ from shipnet.asi.telegram import RESPONSES
 from shipnet.line import Cable, CableRun, Load, Network
 from shipnet.line.waveform import laplace_grid, synthesize
 
-ERROR = 1e-5  # of the peak, what every waveform here must reach
-F_MAX = 6e6  # reaches it; the program says how well
+ERROR = 1e-5  # maximum error of every waveform, as a fraction of its peak
+F_MAX = 6e6  # high enough for this error, which the program prints
 DURATION, START, SWING, HALF_BIT = 64e-6, 5e-6, 60e-3, 3e-6
 DEVICE, SUPPLY = Load(r=13.5e3, l=13.5e-3, c=50e-12), Load(r=78.0, l=100e-6)
 RESPONSE = [0, 0, 1, 1, 0, 0, 1]
@@ -63,11 +63,11 @@ def one_waveform(f_max=F_MAX, duration=DURATION, samples=1280):
 
 
 def all_waveforms(samples, late=None, out=None):
-    """Answer the call of a new tree: 62 slaves x 16 responses x samples.
+    """Return the waveforms of a new tree: 62 slaves x 16 responses x samples.
 
-    A caller that does so often keeps the memory, which the system gives in pages of zeros.
+    A caller may pass the arrays `late` and `out`, to avoid allocating them for each call.
     """
-    # A change of current has faded after half of the time, as `shipnet.asi.segment` uses it.
+    # As in `shipnet.asi.segment`, the effect of a current step fades within half of the time.
     s = laplace_grid(DURATION / 2, F_MAX, 4.0)
     network = tree(LOSSLESS)
     z = network.transfer("master", s)[1:]
@@ -108,7 +108,7 @@ def deck(network, sender, step):
 
 
 def ngspice(step):
-    """Return the seconds that ngspice takes, and the waveform at the master."""
+    """Return the run time of ngspice [s], and the waveform at the master."""
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "tree.cir").write_text(deck(tree(LOSSLESS), SENDER, step))
         command = ["ngspice", "-b", "tree.cir"]
@@ -121,7 +121,7 @@ def ngspice(step):
 
 
 def scikit_rf(skrf, f):
-    """Return the transfer impedance of one port pair by `skrf.circuit.Circuit`."""
+    """Return the transfer impedance between two ports, from `skrf.circuit.Circuit`."""
     frequency = skrf.Frequency.from_f(f, unit="hz")
     omega = 2 * np.pi * f
     z0 = 100.0
@@ -166,7 +166,7 @@ def main():
     every = seconds(lambda: all_waveforms(256, late, out))
     assert (out == all_waveforms(256)).all()
     if shutil.which("ngspice"):
-        time, wave = ngspice(5e-9)  # a step above the shortest delay, 6.5 ns, would not end
+        time, wave = ngspice(5e-9)  # with a step above the shortest delay, 6.5 ns, it would not end
         theirs = np.abs(wave - exact).max() / peak
         assert theirs <= ERROR, theirs
         note = f" (error {theirs:.1e})"

@@ -11,7 +11,7 @@ from shipnet.crc import MODBUS
 from shipnet.modbus.pdu import Request, Response, decode
 
 NUMBER = 1_000_000
-SAMPLE = 3_000  # sample for the loops; their times are scaled up
+SAMPLE = 3_000  # frames in the loops, whose times are scaled up
 REGISTERS = 38  # all points of the largest junction box of lee2012
 
 

@@ -1,4 +1,4 @@
-"""Redundant Modbus loops, compared with a graph library and SimPy, which give the same answers."""
+"""How fast redundant Modbus loops are simulated, compared with a graph library and SimPy."""
 
 from functools import partial
 from itertools import combinations
@@ -69,7 +69,7 @@ def main():
         f"{len(pairs)} pairs of breaks, 247 slaves: {own * 1e3:6.1f} ms, graph {peer / own:6.0f}x"
     )
 
-    # Both stop before the slaves that now answer through port B are tried through port A again.
+    # Both simulations end before slaves that respond through B are tried through A again.
     fault, end = Break(200, start=10.0), 60.0
     own, run = seconds(lambda: simulate(loop, faults=fault, until=end))
     peer, answers = seconds(partial(polled, loop, 200, 10.0, end))

@@ -1,7 +1,7 @@
-"""How long a client waits for answers while another one pipelines: our server and pymodbus's.
+"""How long a client of our server, and of pymodbus's, waits while another client pipelines.
 
-Each server has its own process, as has the other client, which sends as fast as it can. It reads
-its answers or ignores them, and reconnects when it is disconnected. pymodbus answers none of its
+Each server runs in its own process, as does the other client, which sends as fast as it can. It
+reads its responses or ignores them, and reconnects when disconnected. pymodbus answers none of its
 requests: it drops data that arrive in portions longer than a frame.
 """
 
@@ -41,7 +41,7 @@ def hold(kind, pipe):
 
 
 def press(port, reads, answered):
-    """Send requests as fast as the server accepts them; count the answers that are read."""
+    """Send requests as fast as the server accepts them; count the responses that are read."""
     many = ASK * 1000
     while True:
         with socket.create_connection(("127.0.0.1", port)) as client:
@@ -62,7 +62,7 @@ def press(port, reads, answered):
 
 
 def polls(port):
-    """Return how long each answer took [s], or `LIMIT` if it did not arrive."""
+    """Return how long each response took [s], or `LIMIT` if it did not arrive."""
     times = []
     for _ in range(POLLS):
         begin = perf_counter()
@@ -84,7 +84,7 @@ def polls(port):
 
 def main():
     title = f"{'beside':<24}{'server':<10}{'median ms':>10}{'99 % ms':>10}{'worst ms':>10}"
-    print(title + f"{'answers/s of the other':>24}")
+    print(title + f"{'other responses/s':>24}")
     for beside in ("nobody", "one that reads", "one that does not read"):
         for kind in ("ours", "pymodbus"):
             pipe, far = mp.Pipe()

@@ -6,7 +6,7 @@ from _timing import seconds
 from shipnet.remote_control import CobsFormat, MarkerFormat
 
 NUMBER, ITEMS = 200_000, 10
-SAMPLE = 2_000  # sample for the loops; their times are scaled up
+SAMPLE = 2_000  # packets in the loops, whose times are scaled up
 
 
 def main():

@@ -37,7 +37,7 @@ def main():
             loop = one_by_one(form, rate, SAMPLE, rng)
             trial = form.transmit(ITEMS, rate, NUMBER, rng)
             batch = [trial.intact, trial.detected, trial.undetected]
-            # The shares must agree within 5 standard deviations of the smaller sample.
+            # The fractions must agree within 5 standard deviations of the smaller sample.
             for few, many in zip(loop, batch, strict=True):
                 share = many / NUMBER
                 assert abs(few - SAMPLE * share) <= 5 * (SAMPLE * share * (1 - share)) ** 0.5 + 1
@@ -46,7 +46,7 @@ def main():
             print(f"{name + f', rate {rate:g}':<34}{60 / fast:>12.3g}{plain / fast:>19.0f}x")
     system = System(repeat=ITEMS)
     time = seconds(lambda: simulate(system, until=60))
-    print(f"{'link, simulated over real time':<34}{60 / time:>12.3g}")
+    print(f"{'link, simulated / real time':<34}{60 / time:>12.3g}")
 
 
 if __name__ == "__main__":

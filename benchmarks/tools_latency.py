@@ -1,9 +1,9 @@
-"""How long a tool's page takes in a browser to show its first picture and the next one.
+"""How long a tool's page takes in a browser to show its first picture and a new one after a key.
 
 After a click on a card, the page shows the picture stored in the notebook, then the tool's own,
-measured with a kernel started before the click and without one. A key press on the first slider
-that changes the picture, or on the first button, brings a new picture. The CPU time of browser,
-server and kernel is printed beside the wall time, because a busy machine changes it little.
+from a kernel that was ready before the click or that the click starts. A key press on the first
+slider that changes the picture, or on the first button, brings a new picture. The CPU time of
+browser, server and kernel is printed too, because it depends little on how busy the machine is.
 """
 
 import shutil
@@ -111,7 +111,7 @@ def main():
                     page = browser.new_page(viewport={"width": 1280, "height": 1000})
                     first, live, used = opened(page, address, tool)
                     said = f"{tool:<20} {first:12.2f} s {live:8.2f} s (cpu {used:4.1f} s)"
-                    # With kernels kept ready, another one is being started now.
+                    # If kernels are kept ready, Voila is now starting another one.
                     if options:
                         said += " {:6.0f} ms (cpu {:4.0f} ms)".format(*changed(page))
                     page.close()

@@ -66,7 +66,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
 
 
 def _marked(transactions: pd.DataFrame) -> pd.DataFrame:
-    """Return transactions with 0b before their bits, so that no program reads these as numbers."""
+    """Return transactions with 0b before their bits, so that no program reads bits as decimals."""
     bits = transactions[["request", "response"]]
     return transactions.assign(**bits.where(bits == "", "0b" + bits))
 
@@ -131,7 +131,7 @@ def _decode(arguments: argparse.Namespace) -> Answer:
 def _answer(
     found: Any, numbers: Mapping[str, tuple[float, str]], text: str = "", **tables: pd.DataFrame
 ) -> Answer:
-    """Return an answer that shows its non-empty tables; `text` replaces the verdict."""
+    """Return an answer whose text has the verdict, or `text`, and the non-empty tables."""
     look: dict[str, Any] = {"index": False, "na_rep": "-", "max_rows": _ROWS}
     blocks = [
         f"{name.replace('_', ' ')}:\n"
@@ -366,9 +366,9 @@ def _parser() -> argparse.ArgumentParser:
         forms = (*FORMS, *one["forms"]) if "forms" in one else ()
         made.set_defaults(run=_COMMANDS[name], output=[], json=False, forms=forms)
         if forms:
-            said = f"also write the answer to a file ({', '.join(forms)}) or a folder"
+            said = f"also write the result to a file ({', '.join(forms)}) or a folder"
             _option(made, "-o, --output FILE", said, default=[])
-            _option(made, "--json", "print the answer as JSON, for programs")
+            _option(made, "--json", "print the result as JSON, for programs")
         for option in one["options"]:
             _option(made, **option)
     return parser
@@ -419,7 +419,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code.
 
-    The code is 0 if the answer is good, 1 if it is bad, 2 after a user error, and 130 after an
+    The code is 0 if the result is good, 1 if it is bad, 2 after a user error, and 130 after an
     interrupt. A user error is printed to standard error, with one line per fault in a file.
     """
     parsed = _parser().parse_args(arguments)

@@ -1,4 +1,4 @@
-"""The command line: one grammar for all commands; exit code 0 good, 1 bad, 2 error."""
+"""The command line: one grammar for all commands; exit code 0 if good, 1 if bad, 2 for errors."""
 
 import csv
 import json
@@ -47,7 +47,7 @@ def scope(tmp_path):
 
 @pytest.fixture
 def words(points, scope, tmp_path):
-    """Return the words of an example with a good answer for each command."""
+    """Return the words of an example with a good result for each command."""
     (tmp_path / "plan.csv").write_text(PLAN)
     can.example().save(tmp_path / "list.csv")
     return {
@@ -111,7 +111,7 @@ def test_the_suffix_of_a_file_decides_its_form(name, words, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("name", COMMANDS[:-2])
-def test_json_is_the_answer_as_data(name, words, capsys):
+def test_json_is_the_result_as_data(name, words, capsys):
     assert main([*words[name], "--json"]) == 0
     streams = capsys.readouterr()
     answer = json.loads(streams.out)
@@ -136,7 +136,7 @@ def test_json_also_reports_errors(tmp_path, capsys):
     assert streams.err.startswith("shipnet: ")
 
 
-def test_a_bad_answer_exits_with_1(points, scope, tmp_path, capsys, monkeypatch):
+def test_a_bad_result_exits_with_1(points, scope, tmp_path, capsys, monkeypatch):
     slow = ["--options", "CAN", "--set", "can.bit_rates=[50_000]", "--set", "host_time=60"]
     assert main(["design", points, "--cabinet", "0,0,0", *slow]) == 1
     assert "rules violated" in capsys.readouterr().out
@@ -149,7 +149,7 @@ def test_a_bad_answer_exits_with_1(points, scope, tmp_path, capsys, monkeypatch)
 
 
 def asked(capsys, *words, code=0):
-    """Return the answer of a command as data."""
+    """Return the result of a command as data."""
     assert main([*map(str, words), "--json"]) == code
     return json.loads(capsys.readouterr().out)
 

@@ -1,4 +1,4 @@
-"""Poll a server with another maker's client, and print one line per poll: its values or its error.
+"""Poll a server with a third-party client, and print one line per poll: its values or its error.
 
     python ask.py CLIENT tcp PORT POLLS TIMEOUT
     python ask.py CLIENT rtu DEVICE POLLS TIMEOUT
@@ -82,7 +82,7 @@ def modbus_tk(kind, place, timeout):
 
 
 def mbpoll(kind, place, timeout):
-    """Start the program anew for each poll, because it reads the same address until it ends."""
+    """Start the program anew for each poll, because each run of it reads only one address."""
     import termios
 
     where = ["-p", place, "127.0.0.1"] if kind == "tcp" else ["-b", "19200", "-P", "none", place]

@@ -1,9 +1,9 @@
-"""How Modbus clients of other makers react to faults on the wire: data/modbus_clients.csv.
+"""How third-party Modbus clients react to faults on the wire: data/modbus_clients.csv.
 
     make clients                      or  python benchmarks/modbus_clients/run.py [UV]
 
-Each client polls our server on this machine, and a quarter of the answers have one kind of fault.
-Each poll reads another address, so the answer to another request has wrong values. Clients are
+Each client polls our server on this machine, and a quarter of the responses have one kind of fault.
+Each poll reads another address, so the response to another request has wrong values. Clients are
 installed under build/clients; one that cannot be installed is named, and its rows are kept.
 """
 
@@ -34,7 +34,7 @@ ROOT = HERE.parents[1]
 TABLE = ROOT / "data" / "modbus_clients.csv"
 BUILD = ROOT / "build" / "clients"
 POLLS, TIMEOUT, SHARE, SEED = 40, 1.0, 0.25, 2024
-#: Durations of faults in time-outs: a late answer arrives half a time-out after the next poll.
+#: Durations of faults in time-outs: a late response comes half a time-out after the next poll.
 SECONDS = {"late": 1.5, "delay": 0.2, "gap": 0.2}
 COLUMNS = (
     "client", "version", "defaults", "transport", "fault", "timeout_s", "polls", "right", "error",
@@ -45,7 +45,7 @@ BOTH = ("tcp", "rtu")
 
 
 class Client(NamedTuple):
-    """A client: its transports, the defaults of its makers, its version, and how to start it."""
+    """A client: its transports, the defaults of its authors, its version, and how to start it."""
 
     name: str
     kinds: tuple[str, ...]

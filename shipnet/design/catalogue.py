@@ -39,7 +39,7 @@ class Range(NamedTuple):
 
     @classmethod
     def around(cls, nominal: float, status: str) -> Range:
-        """Return the range around a nominal value; `SPREAD` gives half its width for the status."""
+        """Return the range around a nominal value; `SPREAD` has half its relative width."""
         return cls(nominal * (1 - SPREAD[status]), nominal, nominal * (1 + SPREAD[status]))
 
 
@@ -136,7 +136,7 @@ class Assumption:
 
 
 class Assumptions(Mapping[str, Range]):
-    """Mapping of the name of each assumption to its range, by default from the data file."""
+    """Mapping from the name of each assumption to its range, by default from the data file."""
 
     def __init__(self, entries: Mapping[str, Assumption] | None = None) -> None:
         self._entries = read_assumptions() if entries is None else entries

@@ -25,7 +25,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
 
 
 def _setting(text: str) -> tuple[str, object]:
-    """Return the name and the value of a setting; a value that is not valid TOML is a string."""
+    """Return the name and the value of a setting; a value that is not TOML is read as a string."""
     name, equals, value = text.partition("=")
     if not equals:
         raise ArgumentError(f"--set is {text!r}; it must be NAME=VALUE, such as detour=1.3")
@@ -43,7 +43,7 @@ def compared(arguments: argparse.Namespace, settings: Settings) -> Comparison:
     if arguments.options is not None:
         options = tuple(_option(name, "--options") for name in arguments.options.split(","))
         if twice := [name for name in dict.fromkeys(options) if options.count(name) > 1]:
-            raise ArgumentError(f"--options names {', '.join(twice)} twice")
+            raise ArgumentError(f"--options lists {', '.join(twice)} twice")
     mix = _choices(arguments.mix)
     try:
         iolist = read_iolist(

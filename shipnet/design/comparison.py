@@ -225,7 +225,7 @@ class Comparison:
         return {name: design.check(self.rules) for name, design in self.designs.items()}
 
     def findings(self) -> Findings:
-        """Return the findings of every rule for every design, named in the column ``design``."""
+        """Return the findings of every rule for each design, named in the column ``design``."""
         return Findings(_by_design({name: found.table() for name, found in self._checked.items()}))
 
     def failures(self) -> pd.DataFrame:
@@ -266,7 +266,7 @@ class Comparison:
     ) -> Tornado:
         """Return the effect of each assumption on a figure of design `a` minus that of `b`.
 
-        By default, `b` is the first design that has all points, and `a` the lowest of the others.
+        By default, `b` is the first design with all points, and `a` the best of the others.
         """
         if a is None and b is None:
             whole = {name: design for name, design in self.designs.items() if design.fits}
@@ -337,7 +337,7 @@ class Comparison:
 
     @cached_property
     def _safe_points(self) -> list[str]:
-        """Sentences on how intrinsically safe points are connected, and the alternative's cost."""
+        """Sentences on how intrinsically safe points are connected, and the cost otherwise."""
         safe = (self.iolist.points["ex"] != "").to_numpy()
         buses = [name for name in OPTIONS[2:] if name in self.designs]
         said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "
@@ -461,7 +461,7 @@ def compared(
     named = {design.name: design for design in given}
     if not given or len(named) < len(given):
         said = ", ".join(repr(design.name) for design in given) or "none"
-        raise ArgumentError(f"designs are {said}; give one or more with different names")
+        raise ArgumentError(f"designs are {said}; there must be one or more, with different names")
     first = given[0]
     tags = first.points["tag"].tolist()
     for design in given[1:]:

@@ -40,7 +40,7 @@ def number(value: float) -> str:
 #: The seeds that `numpy.random.default_rng` accepts.
 Rng: TypeAlias = np.random.Generator | int | None
 
-#: Names of the price and the time of each kind of device; some kinds begin with the bus.
+#: Names of the price and the time of each kind of device; some begin with the name of the bus.
 _DEVICES: dict[str, tuple[str, ...]] = {
     "cabinet": (),
     "box": ("box", "box_time"),
@@ -149,9 +149,9 @@ _LABELS: Mapping[str, tuple[str, str]] = {
     "pareto": ("Pareto-optimal", ""),
 }
 
-#: Columns that decide which designs are Pareto-optimal (lower is better), and their labels.
+#: Columns that decide which designs are Pareto-optimal (lower is better), and their names.
 CRITERIA = ("total_cost_eur", "worst_response_ms", "lost_by_failure")
-WEIGHED = ", ".join(_LABELS[name][0] for name in CRITERIA)
+WEIGHED = "total cost, worst response and points lost by one failure"
 
 
 def label(column: str) -> str:
@@ -500,7 +500,7 @@ class Tornado:
 
 
 def tornado(designs: Mapping[str, Layout], figure: str = "total_cost_eur") -> Tornado:
-    """Vary one assumption at a time, and compare the first design with the lowest of the others."""
+    """Vary one assumption at a time; compare the first design with the best (lowest) other one."""
     check_choice("figure", figure, FIGURES)
     models = {name: Model(design) for name, design in designs.items()}
     nominal = {name: float(model.figures()[figure]) for name, model in models.items()}

@@ -28,7 +28,7 @@ from shipnet.signals import SIGNALS
 
 # Clusters of places: within reach, of equal size, or within limits -----------------------------
 
-#: Maximum number of places clustered at once; the distances between more need too much memory.
+#: Maximum number of places clustered at once; more distances need too much memory.
 _MOST = 3000
 
 #: Maximum number of items divided into equal groups at once; more would take too long.
@@ -46,7 +46,7 @@ def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
     return _zones(np.asarray(xyz, float).tobytes(), reach, most).copy()
 
 
-@lru_cache(maxsize=32)  # every option with boxes needs the same zones
+@lru_cache(maxsize=32)  # because every option with boxes needs the same zones
 def _zones(places: bytes, reach: float, most: int) -> Indices:
     xyz = np.frombuffer(places).reshape(-1, 3)
     if len(xyz) > _MOST:
@@ -58,7 +58,7 @@ def _zones(places: bytes, reach: float, most: int) -> Indices:
     if len(xyz) < 2:
         return np.zeros(len(xyz), dtype=np.intp)
     tree = linkage(xyz, "complete", "cityblock")
-    # Both excesses grow from the leaves to the root, so the tree is cut where an excess begins.
+    # No excess shrinks towards the root, so the tree is cut where the first excess appears.
     excess = np.maximum(tree[:, 2] - reach, (tree[:, 3] > most).astype(float))
     return _renumbered(fcluster(tree, 1e-9, "monocrit", monocrit=excess).astype(np.intp))
 
@@ -323,7 +323,7 @@ class Draft:
     def connect(
         self, row: int, bus: str, segment: str, device: str, address: str, response: float
     ) -> None:
-        """Record how a point is connected, with its response [s]."""
+        """Record how a point is connected, with its response time [s]."""
         for column, value in zip(
             self._point.values(), (bus, segment, device, address), strict=True
         ):
@@ -432,11 +432,11 @@ class Box(NamedTuple):
     lengths: Floats
 
     def part(self, chosen: Indices) -> Box:
-        """Return the same box with some of its points, by their positions in `rows`."""
+        """Return the same box with some of its points, given by their indices in `rows`."""
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
     def halved(self, need: Floats) -> list[Box]:
-        """Return two boxes at this place, one with the more urgent points; none for one point."""
+        """Return two boxes here, one with the more urgent points, or none if it has one point."""
         if len(self.rows) < 2:
             return []
         order = np.argsort(need[self.rows], kind="stable")

@@ -18,7 +18,7 @@ from shipnet.lazy import pd
 
 # The parts of a design still reached when some cables are cut and some devices are dead ----------
 
-#: Numbers of the runs that are cut, and of the devices that are dead.
+#: Indices of the runs that are cut, and of the devices that are dead.
 Failure = tuple[Collection[int], Collection[int]]
 _NONE: Integers = np.empty(0, np.int64)
 #: Nodes at both ends of each edge, and the run of the edge; -1 if it is not a run.
@@ -86,7 +86,7 @@ class Reach:
 
     @cached_property
     def alone(self) -> dict[int, int]:
-        """Points that work over one cable only, by the number of its run."""
+        """Points that work over one cable only, by the index of its run."""
         point, _, run = self._wires
         good = self._good(*self._masks(), self._needs_supply)[0]
         only = np.bincount(point[good], minlength=len(self._connected)) == 1
@@ -94,10 +94,10 @@ class Reach:
         return dict(zip(run[mine].tolist(), point[mine].tolist(), strict=True))
 
     def lost(self, failures: Sequence[Failure]) -> list[Integers]:
-        """Return the numbers of the points lost by each failure.
+        """Return the indices of the points lost by each failure.
 
-        A failure has no effect outside its area. Therefore one failure of each area is examined
-        at the same time, and the area of a lost point shows which failure caused the loss.
+        A failure has no effect outside its area. Therefore one failure per area is examined at the
+        same time, and the area of a lost point shows which failure caused the loss.
         """
         of_item, of_point = self._areas
         size, n_points, connected = len(self.kinds), len(of_point), self._connected
@@ -283,12 +283,12 @@ class Reach:
     ) -> tuple[Bools, Bools]:
         """Return masks of the cut runs, with a last column for no run, and of the dead devices.
 
-        An item is the number of a device, or the number of a run plus the number of devices.
+        An item is the index of a device, or the index of a run plus the number of devices.
         """
         gone = np.zeros((size, len(self.kinds) + len(self.design.cables) + 1), bool)
         gone[row, item] = True
         dead, cut = np.split(gone, [len(self.kinds)], axis=1)
-        # Everything in a dead box is dead.
+        # A dead box disables everything in it.
         inside, housing = self._housings[np.isin(self.kinds[self._housings[:, 1]], _SHELLS)].T
         while (more := dead[:, housing] & ~dead[:, inside]).any():
             dead[:, inside] |= more
@@ -374,7 +374,7 @@ def _labels(keep: Bools, count: int, u: Integers, v: Integers) -> Integers:
 
 
 def _nth(values: Integers) -> Iterator[Integers]:
-    """Yield the positions of first occurrences of values, then of second occurrences, and so on."""
+    """Yield the indices of the first occurrence of each value, then of the second, and so on."""
     order = np.argsort(values, kind="stable")
     _, start, count = np.unique(values[order], return_index=True, return_counts=True)
     nth = np.arange(len(values)) - np.repeat(start, count)

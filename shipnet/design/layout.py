@@ -84,7 +84,7 @@ class Found(NamedTuple):
     def __str__(self) -> str:
         x, y, z = self.place
         said = (
-            f"the cabinet is assumed at {x:g}, {y:g}, {z:g} m, from the cable lengths of "
+            f"the cabinet is assumed to be at {x:g}, {y:g}, {z:g} m, from the cable lengths of "
             f"{self.points} points, half of which agree within {max(self.misfit, 0.1):.1f} m"
         )
         return said if self.settled else f"{said}; other positions fit too: give the correct one"

@@ -317,7 +317,7 @@ def plan_of(drawn: Drawn, slaves: Sequence[Slave], limits: AsiLimits) -> Plan:
 
 
 class Exceeded(NamedTuple):
-    """A limit that is not met."""
+    """A limit that a line exceeds."""
 
     limit: str
     value: float
@@ -514,7 +514,7 @@ class _Laying:
                 names[into], where[into] = names[out], place
 
     def powered(self) -> set[int]:
-        """Return the numbers of the modules with outputs and of those on the route to them."""
+        """Return the node numbers of the modules with outputs and of those on the route to them."""
         before = {far: near for near, far in (piece.edge for piece in self.line.drawn.pieces)}
         powered: set[int] = set()
         for place, module in enumerate(self.line.modules, 1):

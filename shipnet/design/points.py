@@ -235,7 +235,7 @@ class Cells:
         return self.column(places[0]) if places else [""] * len(self.rows)
 
     def column(self, place: int) -> list[str]:
-        """Return the cells of a column by its position."""
+        """Return the cells of a column by its index."""
         return self._columns[place] if place < len(self._columns) else [""] * len(self.rows)
 
     def given(self, name: str) -> Bools:
@@ -308,7 +308,7 @@ def clean(cell: str) -> str:
 
 def _cleaned(cells: Sequence[str]) -> list[str]:
     """Return the cleaned cells of a column."""
-    # If no cell needs cleaning, one test of all cells suffices; they are already stripped.
+    # If no cell needs cleaning, one test of all cells suffices; cells are already stripped.
     text = "|".join(cells)
     if text.isprintable() and "  " not in text and "'" not in text:
         return list(cells)

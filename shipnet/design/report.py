@@ -151,7 +151,7 @@ def _failures(designs: Mapping[str, Design]) -> str:
             "Reflections at an open end, and parts in the cabinet, are not considered."
         ),
         table(
-            ["option", "failure", "cases", "with losses", "most points", "failed", "systems"], rows,
+            ["option", "failure", "cases", "with losses", "max. points", "failed", "systems"], rows,
             numbers=[2, 3, 4],
         ),
         text(f"The {_FAILURES_SHOWN} worst failures of each option", tag="h3"),
@@ -252,8 +252,8 @@ def _points(designs: Mapping[str, Design]) -> str:
 
 _BANNER_MORE = (
     "Computed from an I/O list under the assumptions listed below. Prices, masses and hours are "
-    "estimates until replaced by a supplier's. A rule is judged only if its text, or a maker's "
-    "document with its limit, was read. No classification society has reviewed this report."
+    "estimates until replaced by a supplier's. A rule is judged only if we read its text, or a "
+    "manufacturer's document with its limit. No classification society has reviewed this report."
 )
 
 
@@ -311,7 +311,7 @@ def _side_by_side(compared: pd.DataFrame) -> str:
     return table(
         ["", *map(str, shown.index)], rows, numbers=range(1, len(shown) + 1),
         caption="The designs side by side. Pareto-optimal: the design connects every point, and no "
-        f"other is as good in {WEIGHED} and better in one of them.",
+        f"other is as good in {WEIGHED}, and better in one of them.",
     )  # fmt: skip
 
 
@@ -414,10 +414,10 @@ def _rules(rules: Any, options: Sequence[str]) -> str:
     judged, read, why = [], [], []
     for row in first.itertuples():
         limit = "" if row.limit != row.limit else f"{row.bound} {number(row.limit)} {row.unit}"
-        limit += ", from a maker" if row.confirmed == "maker" else ""
+        limit += ", from a manufacturer" if row.confirmed == "maker" else ""
         rule = (str(row.rule_set), str(row.rule))
         judged.append([row.rule, row.asks, limit, *(cell(rule, option) for option in options)])
-        stated = "only a maker's" if row.confirmed == "maker" else row.confirmed
+        stated = "only a manufacturer's" if row.confirmed == "maker" else row.confirmed
         read.append([row.rule, row.rule_set, row.clause, row.edition, row.source, stated])
         same: dict[tuple[str, str], list[str]] = {}
         for option in options:
@@ -434,8 +434,8 @@ def _rules(rules: Any, options: Sequence[str]) -> str:
             judged,
             verdicts=range(3, 3 + len(options)),
             caption=f"Rule sets {sets}. Not verified: a plan cannot show whether the rule is met, "
-            "or none of us has read the clause; a value may still be given. From a maker: the "
-            "limit is from a maker's document, and we have read no standard for it.",
+            "or none of us has read the clause; a value may still be given. From a "
+            "manufacturer: the limit is from its document, and we have read no standard for it.",
         ),
         text("Source of each rule", tag="h3"),
         table(["rule", "set", "clause", "edition", "source", "text read"], read),

@@ -188,11 +188,11 @@ def _systems(facts: Facts, concerned: Bools, host: bool) -> Outcome:
     found = rows["tags"].map(lambda tags: sorted({system[tag] for tag in tags if system.get(tag)}))
     unnamed = {tag for tags in rows["tags"] for tag in tags if system.get(tag) == ""}
     worst: Any = found.map(len).idxmax()
-    parts = [f"a cut loses points of {', '.join(found[worst])}"] if found[worst] else []
+    parts = [f"a cut affects points of {', '.join(found[worst])}"] if found[worst] else []
     if unnamed:
         s = "s" if len(unnamed) > 1 else ""
         parts.append(f"the list names no system for {len(unnamed)} point{s} lost by a cut")
-    why = "; ".join(parts) or "none is lost"
+    why = "; ".join(parts) or "no cut affects a system"
     return Outcome(len(found[worst]), str(rows.loc[worst, "failed"]), why, bool(unnamed))
 
 
@@ -487,8 +487,8 @@ class Rule:
     edition: str = text("Edition of the document", default="")
     source: str = text("The document", default="", most=1000)
     confirmed: str = choice(
-        ("no", "maker", "yes"), "yes: the rule's text was read; maker: only a maker's document; "
-        "no: neither was read, so the rule is never met", default="no",
+        ("no", "maker", "yes"), "yes: the rule's text was read; maker: only a manufacturer's "
+        "document; no: neither was read, so the rule is never met", default="no",
     )  # fmt: skip
     note: str = text("Why no plan can show compliance", default="", most=1000)
     rule_set: str = text("Rule set of the rule", default="own")
@@ -499,7 +499,7 @@ class Rule:
         if self.measure:
             unit = MEASURES[self.measure].unit
             if self.unit not in ("", unit):
-                raise ArgumentError(f"unit is {self.unit!r}; it must be {unit!r}, the measure's")
+                raise ArgumentError(f"unit is {self.unit!r}; it must be {unit!r} for this measure")
             if math.isnan(self.limit):
                 raise ArgumentError("limit is nan; it must be a number, 0 or more")
             object.__setattr__(self, "unit", unit)
@@ -614,7 +614,7 @@ def _rules(sheet: Sheet) -> tuple[Rule, ...]:
                 faults.append((row, f": {fault}"))
     said = in_order(faults)
     names = Counter((rule.rule_set, rule.rule) for rule in rules)
-    said += [f"rule {name!r} appears twice" for (_, name), count in names.items() if count > 1]
+    said += [f"rule {name!r} is listed twice" for (_, name), count in names.items() if count > 1]
     if said or not rules:
         raise InputError(sheet.source, *(said or ["has no rule; expected one row per rule"]))
     return tuple(rules)
@@ -700,6 +700,6 @@ def _judge(rule: Rule, outcome: Outcome) -> tuple[str, str]:
     if rule.confirmed == "no":
         made = f" ({outcome.why})" if outcome.why else ""
         return "not verified", f"would be {verdict}{made}, but the clause was not read"
-    maker = "the limit is from a maker's document; no standard was read for it"
+    maker = "the limit is from a manufacturer's document; no standard was read for it"
     said = [outcome.why, maker if rule.confirmed == "maker" else ""]
     return verdict, "; ".join(filter(None, said))

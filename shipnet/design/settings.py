@@ -142,9 +142,9 @@ class AsiLimits:
         default=True,
     )  # fmt: skip
     conversion: float = number(
-        0, 10, "s", "Conversion time of an analogue value; makers state 20 to 60 ms", default=0.06
+        0, 10, "s", "Analogue conversion time; manufacturers state 20 to 60 ms", default=0.06
     )
-    repetitions: int = whole(0, 1000, help="Repeated telegrams in the worst response", default=1)
+    repetitions: int = whole(0, 1000, help="Telegrams repeated in the worst response", default=1)
 
 
 @record(slots=True)
@@ -183,7 +183,7 @@ class ModbusLimits:
         (9600, 19_200, 38_400, 57_600),
     )
     length: float = number(
-        1, 10e3, "m", "Maximum cable between the ends or repeaters: EIA-485, 4000 ft up to 100 "
+        1, 10e3, "m", "Longest cable between the ends or repeaters: EIA-485, 4000 ft up to 100 "
         "kbit/s, inversely proportional to the bit rate above", default=_RS485.length,
     )  # fmt: skip
     unit_loads: int = whole(
@@ -194,7 +194,7 @@ class ModbusLimits:
     units: int = whole(1, 247, help="Unit ids per loop", default=247)
     processing: float = number(0, 60, "s", "Processing time of a station; assumed", default=0.005)
     timeout: float = number(
-        0.001, 60, "s", "Time-out beyond the longest answer, after which the master uses the "
+        0.001, 60, "s", "Time-out beyond the longest response, after which the master uses the "
         "second line; the guide gives 1 s to several seconds", default=1.0,
     )  # fmt: skip
     character: str = choice(
@@ -449,7 +449,7 @@ class Settings(_Plain):
 
     @classmethod
     def read(cls, path: str | PathLike[str]) -> Settings:
-        """Read a TOML file of settings; values that it omits have their defaults."""
+        """Read a TOML file of settings; values that it omits keep their defaults."""
         return cls.parse(text_of(read_bytes(path)), str(path))
 
     @classmethod

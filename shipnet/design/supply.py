@@ -269,8 +269,8 @@ class Feeders(NamedTuple):
 def sized(design: Layout) -> Feeders:
     """Return the cheapest feeders that meet all limits, with thicker cables or more supplies.
 
-    Each cross-section is planned with the fewest supplies, and the cheapest is chosen. At constant
-    currents, drops are proportional to resistance, so each tree is solved only once.
+    Each cross-section is tried with the fewest supplies, and the cheapest result is chosen. At
+    constant currents, drops are proportional to resistance, so each tree is solved only once.
     """
     settings, trees = design.settings, forest(design)
     limits, kinds = settings.supply, design.cables["kind"].to_numpy(object)

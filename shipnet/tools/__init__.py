@@ -1,4 +1,4 @@
-"""Interactive tools: each is a record whose fields are the controls of a page with the answer."""
+"""Interactive tools: the fields of each are the controls of a page that shows the result."""
 
 import lazy_loader
 

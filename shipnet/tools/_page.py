@@ -1,4 +1,4 @@
-"""Pages of widgets: a tool's controls and answer, and frames to step through."""
+"""Pages of widgets: the controls and the result of a tool, and frames to step through."""
 
 from __future__ import annotations
 

@@ -14,24 +14,24 @@ if TYPE_CHECKING:
 
 @checked
 class Tool:
-    """Base class of tools: a record whose fields are the controls, and its results."""
+    """Base class of tools: a record whose fields are the controls of a page, with its results."""
 
     #: The result that the tool computes from its inputs.
     result: Any
 
     @property
     def verdict(self) -> str:
-        """The answer in one line."""
+        """The result in one line."""
         return self._view().verdict
 
     @property
     def ok(self) -> bool:
-        """Whether the answer is good."""
+        """Whether the result is good."""
         return self._view().ok
 
     @property
     def numbers(self) -> dict[str, str]:
-        """The numbers that support the answer, as text with units."""
+        """The numbers that support the verdict, as text with units."""
         return dict(self._view().numbers)
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -181,7 +181,7 @@ class Button:
 
 @dataclass(frozen=True)
 class Upload:
-    """A button to load a file; `take` returns new inputs from the old, the name and the content."""
+    """A button to load a file; `take` makes new inputs from the old ones, its name and content."""
 
     label: str
     help: str
@@ -191,7 +191,7 @@ class Upload:
 
 @dataclass(frozen=True)
 class Preset:
-    """Controls that set others; `make` returns new inputs from the controls' record and the old."""
+    """Controls that set others; `make` makes new inputs from their record and the old inputs."""
 
     start: Any
     make: Callable[[Any, Any], Any]
@@ -228,7 +228,7 @@ def write_link(inputs: Any) -> str:
 
 
 def read_link(query: str, kind: type) -> Any:
-    """Return the inputs of a link as the record `kind`; missing inputs have their defaults."""
+    """Return the inputs of a link as the record `kind`; missing inputs keep their defaults."""
     values = asdict(kind())
     for name, text in parse_qsl(query, keep_blank_values=True):
         values[name] = _value(text, values.get(name))

@@ -30,7 +30,7 @@ CABLE_CHOICES = MappingProxyType[str, str | Cable](
     }
 )
 
-#: Sampling interval, and times recorded before and after the answer [s].
+#: Sampling interval, and times recorded before and after the response [s].
 STEP, BEFORE, AFTER = 250e-9, 6e-6, 28.8e-6
 
 #: Ratio of the standard deviations of white noise after and before the matched filter: the square
@@ -40,7 +40,7 @@ FILTERED = (8 / 3 * STEP / HALF_BIT) ** 0.5
 
 @record
 class AsiLine(Tool):
-    """A slave that answers over a cable, and the answer as the master reads it.
+    """A slave that responds over a cable, and the response as the master reads it.
 
     `wave` is the voltage at the master, an `asi.Waveform`, and `result` is the decoded reception,
     an `asi.Reception`.
@@ -74,7 +74,7 @@ class AsiLine(Tool):
         help="Standard deviation of white noise at the master, in a bandwidth of 2 MHz: "
         "1 V is 0.71 mV per root hertz.",
     )  # fmt: skip
-    data: int = whole(0, 15, default=6, label="data", help="The four bits of the answer.")
+    data: int = whole(0, 15, default=6, label="data", help="The four bits of the response.")
     seed: int = whole(
         0, 999, default=0, slider=(0, 99), label="try", help="Each try has different noise."
     )
@@ -82,12 +82,12 @@ class AsiLine(Tool):
     @property
     def receiver(self) -> Receiver:
         """The receiver of the master."""
-        # Four standard deviations keep the noise before the answer from looking like a pulse.
+        # Noise before the response rarely exceeds four standard deviations, so it is not a pulse.
         return Receiver(minimum=max(MINIMUM, 4 * FILTERED * self.noise))
 
     @cached_property
     def wave(self) -> Waveform:
-        """The voltage at the master while the slave answers, noise included."""
+        """The voltage at the master while the slave responds, including noise."""
         plan = line(
             self.length,
             slaves=(min(self.place, self.length),),
@@ -100,7 +100,7 @@ class AsiLine(Tool):
 
     @cached_property
     def result(self) -> Reception:
-        """The reception at the master."""
+        """The response as the master receives it."""
         return self.wave.receive(self.receiver)
 
     def plot(self, ax: Axes | None = None) -> Axes:

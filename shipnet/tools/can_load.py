@@ -31,7 +31,7 @@ class CanLoad(Tool):
     ArgumentError
         If a value is out of its range, or if offsets are combined with errors.
     InputError
-        From `messages`, if the text is not a message set.
+        Raised by `messages` if the text is not a message set.
 
     Examples
     --------
@@ -128,6 +128,6 @@ class CanLoad(Tool):
                 given = "".join(f"# {fault}\n" for fault in messages.overlooked) + messages.text
             return replace(inputs, text=given)
 
-        tip = "A CSV or DBC file; it replaces the text above. Faults in a DBC file come first."
+        tip = "CSV or DBC; it replaces the text above. Faults of a DBC file are listed first."
         own = Upload("load a message set", tip, ".csv,.txt,.dbc", take)
         return {"uploads": [own], "folds": {"message set": ("text",)}}

@@ -50,7 +50,7 @@ class ModbusScan(Tool):
     )  # fmt: skip
     dead: int = whole(
         0, MAX_UNIT, default=0, at_most="slaves", label="dead slaves",
-        help="Slaves that do not answer: the master waits for the full time-out each time.",
+        help="Slaves that do not respond: the master waits for the full time-out each time.",
     )  # fmt: skip
     timeout_ms: float = number(
         10, 5000, default=500.0, unit="ms", slider=(10, 3000), step=10, label="response time-out",
@@ -81,7 +81,7 @@ class ModbusScan(Tool):
             ok=bool(found.ok),
             numbers={
                 "one slave": f"{1e3 * poll.time:.1f} ms, of which {1e3 * poll.on_wire:.1f} ms "
-                f"bytes and {2e3 * poll.line.t35:.1f} ms silence",
+                f"are bytes and {2e3 * poll.line.t35:.1f} ms are silence",
                 "a dead slave costs": f"{1e3 * poll.timeout_time:.0f} ms",
                 "scan without dead slaves": f"{poll.scan_time(self.slaves):.3f} s",
                 "scan": f"{found.time:.3f} s",

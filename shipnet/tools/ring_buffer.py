@@ -59,7 +59,7 @@ _FORM = MarkerFormat(n_numbers=_ITEMS)
 class ReceiveRing(Tool):
     """A receive ring that is filled and read by hand, step by step.
 
-    `result` has the ring, the effect of the last action as `said`, and the number of packets.
+    `result` has the ring, what the last action did (`said`), and the number of packets.
 
     Examples
     --------
@@ -71,7 +71,7 @@ class ReceiveRing(Tool):
     RULES: ClassVar[Mapping[Rule, str]] = RULES
 
     size: int = choice(
-        SIZES, default=16, label="places", help="Size of the ring; the paper's has 128."
+        SIZES, default=16, label="places", help="Size of the ring; the paper uses 128."
     )
     rule: Rule = choice(
         RULES, default="printed", label="reader", help="The rule that the reader follows."
@@ -186,12 +186,12 @@ class Game:
         return step
 
     def _empty(self) -> None:
-        # Reading a ring while it is empty may never end; two laps reveal this.
+        # Reading an empty ring may never end, so stop after two laps.
         for taken in range(2 * self.ring.size):
             if self._extract().action in ("wait", "stop"):
                 self.said = f"{taken} steps, then: {self.said}"
                 return
-        self.said = f"stopped after {2 * self.ring.size} steps, because it would never end"
+        self.said = f"stopped after {2 * self.ring.size} steps, because reading would never end"
 
     def _repair(self) -> None:
         trial = self.ring.copy().extract()

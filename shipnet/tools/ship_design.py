@@ -45,7 +45,7 @@ PICTURES = {
 #: The cabinet of the example ship.
 _CABINET = "26, 6, 14"
 
-#: Controls that are folded away, so that a page opens with the answer.
+#: Controls that are folded away, so that a page opens with the result.
 _FOLDS = {
     "I/O list and cabinet": ("points", "name", "cabinet"),
     "limits and prices": (
@@ -106,7 +106,7 @@ class ShipDesign(Tool):
     ArgumentError
         If a value is out of its range.
     InputError
-        From `result`, if the list or the settings are faulty.
+        Raised by `result` if the I/O list or the settings are invalid.
 
     Examples
     --------
@@ -127,7 +127,7 @@ class ShipDesign(Tool):
         help="Title in the report.",
     )  # fmt: skip
     cabinet: str = text(
-        default=_CABINET, most=60, hint="found from the list", label="cabinet x, y, z [m]",
+        default=_CABINET, most=60, hint="inferred from the list", label="cabinet x, y, z [m]",
         help="Position at which the cables end; if empty, it is inferred from the list's lengths.",
     )  # fmt: skip
     home_runs: bool = switch(
@@ -153,7 +153,7 @@ class ShipDesign(Tool):
     rules: str = choice(
         {name: name for name in RULE_SETS}, default="DNV", label="rules",
         help="The rules to check. A rule is not verified, and never counts as met, "
-        "if a plan cannot show it or none of us has read it.",
+        "if a plan cannot show that it is met or none of us has read it.",
     )  # fmt: skip
     update_ms: int = choice(
         {0: "as listed", 1000: "1000", 500: "500", 200: "200", 100: "100", 50: "50", 20: "20"},
@@ -186,11 +186,11 @@ class ShipDesign(Tool):
         default="", most=20_000, rows=4,
         hint="[asi]\nlength = 200", label="other limits and prices",
         help="Lines of a settings file: bit rates, lengths, currents, load, prices, time in "
-        "the host. They override the controls. settings.toml, at the foot of the page, lists all.",
+        "the host. They override the controls. See settings.toml at the foot of the page.",
     )  # fmt: skip
     picture: str = choice(
         PICTURES, default="cost", label="figure",
-        help="Filled dots are Pareto-optimal in both axes. The assumptions shown "
+        help="Filled dots are Pareto-optimal with respect to both axes. The assumptions shown "
         "affect the cost difference between the first option and the cheapest other one.",
     )  # fmt: skip
 

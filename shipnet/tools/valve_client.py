@@ -1,7 +1,7 @@
 """The valve client: open, close and set ballast valves over Modbus/TCP, as the paper's PC does.
 
-Static pictures show valves in model time. The page connects to its own server on this machine, or
-to another server.
+Static pictures show valves in simulated time. The page connects to its own server on this machine,
+or to another server.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _OWN = 16
 class ValveClient(Tool):
     """Ballast valves over Modbus/TCP: open, close and set them, and see their responses.
 
-    `result` has the answers of model valves in model time; the page connects to a server.
+    `result` has the responses of valves in simulated time; the page connects to a server.
 
     Examples
     --------
@@ -61,7 +61,7 @@ class ValveClient(Tool):
 
     @cached_property
     def result(self) -> Readout:
-        """The answers of model valves before any command."""
+        """The responses of simulated valves before any command."""
         return Client.over(ModelValves(self.valves), self.valves).read()
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -73,7 +73,7 @@ class ValveClient(Tool):
         return Explorer(self, story)
 
     def _view(self) -> View:
-        """Return the view of model valves."""
+        """Return the view of simulated valves."""
         return self.view(self.result)
 
     def view(self, readout: Readout, answer: str = "", *, refused: bool = False) -> View:
@@ -82,7 +82,7 @@ class ValveClient(Tool):
         silent = row["state"] == "silent"
         place = f"{row['state']}, {said(row['position_percent'], 0, '%')}"
         return View(
-            verdict=f"valve {self.valve} does not answer"
+            verdict=f"valve {self.valve} does not respond"
             if silent
             else f"valve {self.valve}: {place}",
             ok=not (refused or silent),
@@ -159,5 +159,5 @@ class Explorer(Page):
         except OSError as problem:
             self._hang_up()
             return View(verdict=str(problem), ok=False)
-        # A refusal remains visible, but only the answer of its own valve is bad.
+        # A refused command stays visible, but makes the verdict bad only for its own valve.
         return inputs.view(readout, self._answer, refused=self._refused == inputs.valve)

@@ -62,19 +62,19 @@ class ValveDiagnosis(Tool):
     STATES: ClassVar[Mapping[str, Any]] = STATES
 
     FP: float = _sensor("FP", 90.0, "pump pressure FP", "Pressure at the pump; 90 is normal.")
-    OP: float = _sensor("OP", 2.0, "operating press. OP", "Drives the valve; 2 is normal.")
-    MC: float = _sensor("MC", 1.2, "motor current MC", "Of the pump's motor; 1.2 is normal.")
-    OT: float = _sensor("OT", 50.0, "motor temp. OT", "Temperature of the pump's motor.")
+    OP: float = _sensor("OP", 2.0, "operating press. OP", "Operating pressure; 2 is normal.")
+    MC: float = _sensor("MC", 1.2, "motor current MC", "Pump motor current; 1.2 is normal.")
+    OT: float = _sensor("OT", 50.0, "motor temp. OT", "Pump motor temperature.")
     VPos: float = _sensor("VPos", 50.0, "position VPos", "0 is closed, 100 is open.")
     DVPos: float = _sensor(
-        "DVPos", 11.0, "speed DVPos", "Rate of change of the position; used only under a command."
+        "DVPos", 11.0, "speed DVPos", "Change of position; used only while a command is active."
     )
     commanded: bool = switch(
         default=True, label="a command is active", help="The valve has not yet reached its target."
     )
     threshold: float = number(
         0.05, 1.0, default=0.5, step=0.05, label="alarm threshold",
-        help="Minimum firing strength of an active rule.",
+        help="Firing strength from which a rule is active.",
     )  # fmt: skip
 
     @property

@@ -271,7 +271,7 @@ def check_asi(own):
 
 
 def _asi_parts(own):
-    """Return the cable of each electrical segment, and the most repeaters in series to a node."""
+    """Return the cable of each electrical segment, and the most repeaters up to a node."""
     repeaters = own.devices[own.devices["kind"] == "repeater"].set_index("device")["at"]
     graph = nx.Graph()
     line = nx.Graph()

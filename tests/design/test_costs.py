@@ -468,7 +468,7 @@ def test_a_long_line_pays_for_its_repeaters():
 
 
 def test_seventy_percent_is_one_of_many_savings_that_a_plant_can_have():
-    # kim2023-063: it depends on the plant and on what is counted; 0.7 is not a limit.
+    # kim2023-063: the saving depends on the plant and on what is counted; 0.7 is not a limit.
     def saved(**plant):
         return Plant(**plant).cost_saving(rng=np.random.default_rng(2024), draws=2000)
 

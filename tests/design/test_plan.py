@@ -193,7 +193,7 @@ def test_many_urgent_points_are_divided_among_several_segments():
 
 
 def test_messages_that_would_be_late_go_to_segments_of_their_own():
-    # Sent every 57 ms, due 3 ms later: a frame takes 2.7 ms at 50 kbit/s, so two are too late.
+    # Sent every 57 ms, due 3 ms later: a frame takes 2.7 ms at 50 kbit/s, so a second is late.
     limits = Settings({"can.bit_rates": (50_000,), "can.period_share": 0.95, "can.load": 1.0})
     design = plan(table([("current_loop", (20, 0, 0), 60)] * 12), SITE, "CAN", settings=limits)
     assert design.fits and design.segments["messages"].tolist() == [1] * len(design.segments)

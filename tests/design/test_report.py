@@ -227,7 +227,7 @@ def test_the_command_finds_the_cabinet_and_says_so(tmp_path, capsys):
     points = tmp_path / "points.csv"
     points.write_text(LIST, encoding="utf-8")
     assert main(["design", str(points), "--options", "home runs"]) == 0
-    assert "the cabinet is assumed at" in capsys.readouterr().out
+    assert "the cabinet is assumed to be at" in capsys.readouterr().out
 
 
 def test_the_command_says_if_listed_home_runs_differ_from_computed_ones(tmp_path, capsys):
@@ -274,7 +274,7 @@ def test_a_list_without_places_has_no_position_of_the_cabinet(tmp_path, capsys):
         (["LIST", "--settings", "own.toml"], "own.toml: cannot be read"),
         (["--settings", "own.toml", "--show-settings"], "own.toml: cannot be read"),
         ([], "no LIST is given"),
-        (["LIST", "--options", "CAN,CAN"], "--options names CAN twice"),
+        (["LIST", "--options", "CAN,CAN"], "--options lists CAN twice"),
         (["LIST", "--sheet", "S"], "has no sheet 'S'"),
         (["LIST", "-o", "/nowhere/at/all.html"], "all.html'; there is no folder"),
     ],

@@ -69,15 +69,16 @@ def test_a_rule_is_met_once_it_is_confirmed():
     assert checked(ONE_LINE, (replace(rule, confirmed="yes"),))["verdict"].item() == "violated"
 
 
-def test_a_limit_from_a_maker_is_judged_and_the_verdict_says_where_it_is_from():
+def test_a_limit_from_a_manufacturer_is_judged_and_the_verdict_says_where_it_is_from():
     rule = Rule("answer", "response", 1.0, confirmed="maker")
     for limit, verdict in ((1.0, "met"), (0.1, "violated")):
         row = checked(ONE_LINE, (replace(rule, limit=limit),)).iloc[0]
         assert (row["verdict"], row["confirmed"]) == (verdict, "maker")
         assert row["why"] == (
-            "0.18 s to the host; the limit is from a maker's document; no standard was read for it"
+            "0.18 s to the host; the limit is from a manufacturer's document; no standard was read "
+            "for it"
         )
-    # Here the limits are from a maker's document, not from the standard or the settings.
+    # Here the limits are from a manufacturer's document, not from the standard or the settings.
     found = checked(ONE_LINE, "NMEA 2000")
     assert set(found["confirmed"]) == {"maker"}
     assert found.loc[found["value"].notna(), "why"].str.contains("no standard was read").all()
@@ -110,7 +111,7 @@ def test_a_point_without_a_response_leaves_a_pass_open_but_not_a_fail():
     assert judged(none, "response", 2.0)["verdict"] == "not verified"
 
 
-def test_hardwired_points_answer_at_once():
+def test_hardwired_points_respond_at_once():
     design = ONE_LINE
     points = design.points.assign(bus="hardwired", response_ms=np.nan)
     assert judged(changed(design, points=points), "response", 0.0)["value"] == 0.0
@@ -122,7 +123,7 @@ def test_a_rule_counts_only_the_points_to_which_it_applies():
     assert not outputs.any()
     row = judged(design, "response", 2.0, applies="outputs")
     assert (row["verdict"], row["why"]) == ("not verified", "the list has no such point")
-    # LS-4, of category I, is on the cable that loses most points.
+    # LS-4, of category I, is on the cable that loses the most points.
     assert judged(design, "points lost by a cable", 0.0)["value"] == 4
     assert judged(design, "points lost by a cable", 0.0, applies="essential")["value"] == 3
 
@@ -184,7 +185,7 @@ def planned(option, signals=("contact",) * 3, **settings):
     return plan(iolist, Site((0, 0, 0)), option, settings=Settings(settings))
 
 
-def test_the_switch_over_of_a_loop_is_what_the_simulated_master_needs():
+def test_the_switch_over_of_a_loop_takes_as_long_as_in_the_simulation():
     design = planned("Modbus RTU", redundant=True)
     row = judged(design, "switch-over", 5.0, confirmed="yes")
     line = SerialLine(9600)
@@ -211,7 +212,7 @@ def test_a_link_with_one_line_never_switches_over_and_can_has_nothing_to_switch(
     assert outputs["verdict"] == "not verified"
 
 
-def test_a_supply_changes_over_only_if_another_feeds_beside_it():
+def test_a_supply_changes_over_only_if_another_feeds_in_parallel():
     for redundant, computed, verdict in ((True, 0.0, "met"), (False, np.inf, "violated")):
         design = planned("CAN", redundant=redundant)
         row = judged(design, "supply change-over", 2.0, confirmed="yes")
@@ -290,12 +291,12 @@ def test_all_faults_of_a_file_are_reported_at_once(tmp_path):
         "row 2: measure is 'respons'", "row 3: limit is 'fast'", "row 3: confirmed is 'perhaps'",
         "row 4: limit is -1;", "row 4: applies is 'pumps'", "row 4: bound is 'about'",
         "row 5: rule is ''", "row 6 has 8 cells; expected 7",
-        "rule 'e' appears twice",
+        "rule 'e' is listed twice",
     ]  # fmt: skip
     assert len(told) == len(expected)
     assert all(t.startswith(e) for t, e in zip(told, expected, strict=True)), told
     file.write_text("rule,measure,limit,unit\na,response,2000,ms\n", encoding="utf-8")
-    with pytest.raises(InputError, match="row 2: unit is 'ms'; it must be 's', the"):
+    with pytest.raises(InputError, match="row 2: unit is 'ms'; it must be 's' for"):
         RuleSet.read(file)
 
 

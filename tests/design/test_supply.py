@@ -185,7 +185,7 @@ def test_thicker_feeders_and_more_supplies_are_weighed_by_price(option, monkeypa
 
 @pytest.mark.parametrize("option", ["CAN", "Modbus RTU"])
 def test_a_second_feed_from_the_far_end_would_cost_more(option):
-    """So no plan has one: a cable back costs more than a thicker cable or a nearer supply."""
+    """No plan has one, because a cable back costs more than a thicker cable or a nearer supply."""
     design = plan(ship(400), SITE, option)
     price = {name: one.range.nominal for name, one in read_assumptions().items()}
     rate, limits = price["labour_rate"], design.settings.supply

@@ -41,7 +41,7 @@ def test_every_faulty_row_is_named_with_its_place_and_no_other(yard, form, capsy
         messy.as_workbook(sheet, folder / form)
     assert main(command(form, "--faults", str(folder / "faults.csv"))) == 2
     faults = read(folder / "faults.csv")
-    # A tag that appears twice is a fault of the second row, which names the first.
+    # A tag that is listed twice is a fault of the second row, which names the first.
     assert {int(fault["row"]) for fault in faults} == set(bad)
     assert all(fault["fault"] for fault in faults)
     assert len(bad) == 20

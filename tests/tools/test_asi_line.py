@@ -12,7 +12,7 @@ from shipnet.tools.asi_line import CABLE_CHOICES, FILTERED, STEP, AsiLine
 
 @pytest.mark.parametrize("data", range(16))
 @pytest.mark.parametrize("cable", CABLE_CHOICES)
-def test_every_answer_is_read_on_every_cable(data, cable):
+def test_every_response_is_read_on_every_cable(data, cable):
     tool = AsiLine(data=data, cable=cable, place=100)
     assert tool.ok and tool.verdict.startswith(f"read {Response(data).bits}: ")
 
@@ -31,13 +31,13 @@ def test_a_terminator_loads_the_line_and_leaves_the_tolerances_of_the_pulses():
         assert not tool.ok and tool.result.ringing > 0.30
 
 
-def test_a_line_with_uneven_pulses_fails_even_if_the_answer_is_read():
+def test_a_line_with_uneven_pulses_fails_even_if_the_response_is_read():
     far = AsiLine(length=230, place=230)
     assert far.numbers["ringing"] > "30%" and far._read() == Response(far.data).bits
     assert not far.ok and far.verdict.endswith("; the pulses are outside their tolerance")
 
 
-def test_noise_hides_the_answer_and_another_try_may_pass():
+def test_noise_hides_the_response_and_another_try_may_pass():
     assert AsiLine(noise=10).verdict.startswith("SilenceError: no pulse")
     assert list(AsiLine(noise=10).numbers) == ["signal"]
     assert {AsiLine(noise=0.9, seed=seed).ok for seed in range(30)} == {True, False}

@@ -74,7 +74,7 @@ def test_the_sliders_start_where_the_inputs_do_and_errors_are_sentences():
     page.controls["timeout_ms"].value = 20.0
     assert "timeout is 0.02 s; it must be" in page.text
     page.controls["timeout_ms"].value = 100.0
-    # Fewer slaves than dead ones.
+    # There are fewer slaves than dead ones.
     page.controls["slaves"].value = 3
     assert page.controls["dead"].value == page.controls["dead"].max == 3
     assert "scan: 0.655 s" in page.text

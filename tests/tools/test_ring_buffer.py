@@ -66,7 +66,7 @@ def test_a_repair_is_refused_if_none_is_needed():
 
 
 def test_endless_reading_is_stopped():
-    # The reader is past the writer's last place, and returns to it endlessly.
+    # The reader is past the last position of the writer, and endlessly returns to it.
     result = ReceiveRing(8, "printed", (*7 * ("byte",), *ALL)).result
     assert "never end" in result.said
     # The packet in the ring is found twice; the second time it is old.

@@ -208,7 +208,7 @@ def test_an_upload_changes_inputs_or_says_why_not_and_works_twice_for_a_file(see
         return replace(toy, name=content.decode())
 
     page = Page(Toy(), seen, uploads=[Upload("own", "Yours.", ".txt", take)])
-    # The upload is emptied before the answer, because a browser may then load the next file.
+    # The upload is emptied before the page responds, because a browser may then load the next file.
     kept = []
     page._noted.observe(lambda _: kept.append(page.uploads["own"].value), "value")
     load(page.uploads["own"], b"", "x.txt")

@@ -20,7 +20,7 @@ def send(ask, valve, action):
 
 
 def seen(tool, ask):
-    """Return what the page shows for valves that answer."""
+    """Return what the page shows for valves that respond."""
     return tool.view(Client.over(ask, tool.valves).read())
 
 
@@ -33,7 +33,7 @@ def linked(port, timeout=5.0):
         link.close()
 
 
-def test_a_valve_travels_in_model_time():
+def test_a_valve_travels_in_simulated_time():
     valves = ModelValves(8)
     assert send(valves, 3, "open") == "valve 3: open"
     assert send(valves, 5, 40) == "valve 5: position 40 %"
@@ -66,11 +66,11 @@ def test_refusals_are_shown_as_messages():
     assert send(valves, 1, "manual") == "valve 1: manual"
     assert send(valves, 1, "open") == "valve 1 refuses: server device failure"
     assert send(valves, 3, "open") == "valve 3 refuses: gateway target failed to respond"
-    assert seen(ValveClient(valves=3, valve=3), valves).verdict == "valve 3 does not answer"
+    assert seen(ValveClient(valves=3, valve=3), valves).verdict == "valve 3 does not respond"
     assert seen(ValveClient(valves=3, valve=3), valves).numbers == {}
 
 
-def test_a_socket_gives_the_same_results_as_model_time():
+def test_a_socket_gives_the_same_results_as_simulated_time():
     with serve(4, speed=0, faults=[Fault("Pos3", valves=2)]) as server:
         with linked(server.port) as link:
             assert send(link, 3, "open") == "valve 3: open"
@@ -99,7 +99,7 @@ def test_a_server_that_answers_nonsense_is_reported_in_a_sentence(reply):
             with peer:
                 asked = decode(peer.recv(260), "tcp")
                 if reply == "other unit":
-                    # An answer to another request, then the right one, truncated.
+                    # The response to another request, then the start of one more.
                     late = tcp_frame(1, b"\x84\x01", (asked.transaction_id + 5) % 65536)
                     peer.sendall(late + late[:3])
                 elif reply != "silence":
@@ -164,7 +164,7 @@ def test_the_explorer_moves_the_valves_of_its_own_server_and_closes_it():
     assert device.plant.running[2]
     fields["valves"].value = 17
     fields["valve"].value = 17
-    assert "valve 17 does not answer" in box.text
+    assert "valve 17 does not respond" in box.text
     port = box.server.port
     box.close()
     assert threading.active_count() == before
@@ -214,7 +214,7 @@ def test_typed_text_counts_when_it_is_finished():
     assert not any(fields[name].continuous_update for name in ("address", "port", "valves"))
 
 
-def test_the_explorer_connects_to_a_typed_address_or_reports_that_no_server_answers():
+def test_the_explorer_connects_to_a_typed_address_or_reports_that_no_server_responds():
     box = ValveClient().explore()
     try:
         fields, buttons = box.controls, box.buttons
