@@ -1,16 +1,17 @@
 """How long a tool's page takes in a browser to show its first picture and a new one after a key.
 
 After a click on a card, the page shows the picture stored in the notebook, then the tool's own,
-from a kernel that was ready before the click or that the click starts. A key press on the first
-slider that changes the picture, or on the first button, brings a new picture. The CPU time of
-browser, server and kernel is printed too, because it depends little on how busy the machine is.
+from a kernel that was ready before the click, that the click starts, or that the click starts right
+after the server. A key press on the first slider that changes the picture, or on the first button,
+brings a new picture. The CPU time of browser, server and kernel is printed too, because it depends
+little on how busy the machine is.
 """
 
 import shutil
 import sys
 import tempfile
 import time
-from contextlib import redirect_stdout
+from contextlib import contextmanager, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from statistics import median
@@ -86,6 +87,22 @@ def changed(page):
     return median(times), 1e3 * (processor() - begin) / CHANGES
 
 
+@contextmanager
+def server(*options):
+    """Start the server of the tools; yield its address and its log."""
+    with (
+        tempfile.TemporaryDirectory() as root,
+        redirect_stdout(StringIO()),
+        served(EXPLORE, Path(root), *options) as address,
+        redirect_stdout(sys.__stdout__),
+    ):
+        yield address, Path(root) / "log"
+
+
+def line(tool, first, live, used):
+    return f"{tool:<20} {first:12.2f} s {live:8.2f} s (cpu {used:4.1f} s)"
+
+
 def main():
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:
@@ -98,25 +115,25 @@ def main():
         browser = playwright.chromium.launch(executable_path=program, args=ARGUMENTS)
         for kernel, options in [("ready", ()), ("started by the click", (f"{app.PREHEAT}=False",))]:
             print(f"\nkernel {kernel:<14} stored picture   tool's picture     key to new picture")
-            with (
-                tempfile.TemporaryDirectory() as root,
-                redirect_stdout(StringIO()),
-                served(EXPLORE, Path(root), *options) as address,
-                redirect_stdout(sys.__stdout__),
-            ):
-                while not options and (Path(root) / "log").read_text().count(FILLED) < len(TOOLS):
+            with server(*options) as (address, log):
+                while not options and log.read_text().count(FILLED) < len(TOOLS):
                     time.sleep(0.5)
                 time.sleep(5)
                 for tool in tools:
                     page = browser.new_page(viewport={"width": 1280, "height": 1000})
-                    first, live, used = opened(page, address, tool)
-                    said = f"{tool:<20} {first:12.2f} s {live:8.2f} s (cpu {used:4.1f} s)"
+                    said = line(tool, *opened(page, address, tool))
                     # If kernels are kept ready, Voila is now starting another one.
                     if options:
                         said += " {:6.0f} ms (cpu {:4.0f} ms)".format(*changed(page))
                     page.close()
                     print(said, flush=True)
                     time.sleep(0 if options else 8)
+        print("\nright after the start  stored picture   tool's picture")
+        for tool in tools:
+            with server() as (address, _):
+                page = browser.new_page(viewport={"width": 1280, "height": 1000})
+                print(line(tool, *opened(page, address, tool)), flush=True)
+                page.close()
         browser.close()
 
 
