@@ -48,9 +48,9 @@ def read_messages(
         commas, semicolons or tabs, and is in UTF-8, UTF-16 with a byte-order mark, or Windows-1252.
     columns : mapping of str to str, optional
         Maps other titles to columns, such as ``{"Every": "period_ms"}``. The columns ``name``,
-        ``arbitration_id``, ``dlc`` and ``period_ms`` are required; ``deadline_ms``, ``jitter_ms``,
-        ``offset_ms``, ``extended``, ``sender``, ``bits`` are optional; ``note`` marks a column to
-        ignore. Common titles such as ``Cycle time [s]`` and ``CAN-ID (hex)`` are recognised.
+        ``arbitration_id``, ``dlc`` and, unless `period` is given, ``period_ms`` are required;
+        ``deadline_ms``, ``jitter_ms``, ``offset_ms``, ``extended``, ``sender``, ``bits`` optional.
+        ``note`` is ignored. Titles such as ``Cycle time [s]`` and ``CAN-ID (hex)`` are recognised.
     period : float, optional
         Period of messages that have none in the file, 1e-6..1e5 [s].
     strict : bool, default True
@@ -79,7 +79,7 @@ def read_messages(
 
     A message found in a log is named after its identifier. Its period is the mean time between two
     frames, its jitter the range of deviations from it, including waits for the bus, and its ``dlc``
-    that of the longest frame. A message seen only once has the given `period`, or is omitted.
+    the largest one found. A message seen only once has the given `period`, or is omitted.
 
     Examples
     --------
@@ -127,9 +127,9 @@ class Analysis:
         """Return one row per bit rate, lowest rate first, indexed by ``bit_rate_kbit_per_s``.
 
         ``load_percent`` is the bus load with the longest frames. ``late`` counts the messages that
-        may be late; ``first_late`` is the most urgent of them. ``critical`` is the message with the
-        largest ratio of response to deadline, ``critical_percent``. ``some_order`` is True if some
-        priority order meets all deadlines.
+        may be late; ``first_late`` has the highest priority of them. ``critical`` is the message
+        with the largest ratio of response to deadline, ``critical_percent``. ``some_order`` is True
+        if some priority order meets all deadlines.
         """
         rows = []
         for rate, found in self.responses.items():

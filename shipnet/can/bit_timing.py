@@ -55,7 +55,7 @@ def bit_timings(
         ``phs2`` and ``sjw`` in quanta, ``sample_point_percent``, ``bit_rate_bit_per_s``,
         ``error_percent``, registers ``canbt1`` to ``canbt3``, ``oscillator_tolerance_percent``
         (largest error of each clock) and ``longest_bus_m`` (limited by the propagation segment).
-        Sorted by distance from the desired sample point, then by error, quanta and jump width.
+        Sorted by distance from the desired sample point, smallest error, most quanta, widest jump.
 
     Notes
     -----

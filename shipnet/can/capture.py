@@ -158,7 +158,7 @@ class _Line:
 
         The bits have the axes edge, start and frame; each start is an assumed position of the start
         of frame within its sample. The misfit adds up the distances of the edges from the bit
-        boundaries, less half a sample each. In an ambiguous frame an edge is over 0.2 bit off.
+        boundaries, less their uncertainty. In an ambiguous frame an edge is over 0.2 bit off.
         """
         places, count = self.edges.places, self.count[chosen]
         most, bit, half = int(count.max(initial=1)), self.bit * clock, self.edges.width / 2

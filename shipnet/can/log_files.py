@@ -190,7 +190,7 @@ def read_log(path: str | os.PathLike[str], *, keep: bool = False) -> Log:
             raise InputError(
                 str(path),
                 "is an MDF (MF4) file, which cannot be read; convert it to ASC or BLF with asammdf "
-                "or the program of the logger",
+                "or the software of the logger",
             )
         readers = {"text": _read_text, "blf": _read_blf}
         found = readers.get(kind, partial(_read_foreign, kind))(file)

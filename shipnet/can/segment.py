@@ -58,7 +58,7 @@ class Segment:
     """
 
     length: float = number(0.1, 1e4, "m", "Length of the trunk")
-    nodes: int = whole(2, 200, "", "Number of nodes; the first and last are at the ends", default=9)
+    nodes: int = whole(2, 200, "", "Number of nodes, with one at each end of the trunk", default=9)
     terminator: float | None = number(
         1e-3, 1e9, "ohm", "Terminating resistance at each end; None leaves the ends open",
         default=120.0, optional=True,

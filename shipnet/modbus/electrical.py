@@ -35,7 +35,7 @@ class Interface(NamedTuple):
     length: float
     bit_rate: float
     product: float
-    #: Conductors for both directions without the screen, including a common conductor if balanced.
+    #: Conductors for both directions, including a common conductor but not the screen.
     wires: int
     source: str
 

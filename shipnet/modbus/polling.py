@@ -44,7 +44,7 @@ class Poll:
     line: SerialLine = part(SerialLine, "Settings of the line")
     processing: float = number(
         0, 3600, "s",
-        "Time that the slave and then the master need in addition to the silences", default=0.0,
+        "Total time that the slave and then the master take, besides the silences", default=0.0,
     )  # fmt: skip
     timeout: float = number(
         0, 3600, "s", "Response time-out: how long the master waits, from the end of its request, "

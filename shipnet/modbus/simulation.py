@@ -206,7 +206,7 @@ class Run:
 
     @cached_property
     def gaps(self) -> Floats:
-        """Longest time without a response from each slave, up to the end of the run [s]."""
+        """Longest time of each slave between two responses, or from the last one to the end [s]."""
         time, slave = self._answers
         last = np.flatnonzero(np.diff(slave, append=-1))
         longest = np.full(self.system.n_slaves, self.until)

@@ -195,7 +195,7 @@ class Waveform:
         value = np.asarray(self.level, dtype=np.float64)
         if at.ndim != 1 or at.shape != value.shape:
             raise ArgumentError(
-                f"time has shape {at.shape}, level {value.shape}; both must be equally long rows"
+                f"time has shape {at.shape}, level {value.shape}; both must be rows of equal length"
             )
         if not (np.isfinite(at).all() and np.isfinite(value).all()):
             raise ArgumentError("time and level must be finite")

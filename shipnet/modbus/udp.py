@@ -117,10 +117,10 @@ def compare(
     -----
     The header in tables 2 and 3 of kim2014 begins with 0.0.0.0: transaction id 0. A response after
     its time-out then looks like the next one; an id as in "MODBUS messaging on TCP/IP" V1.0b,
-    section 4.4.1, would prevent this. Let a round trip take r and a late one r + L, with L < T < r
-    + L for a time-out T, and let requests follow at once. The next request accepts the late
-    response; its own response arrives later and is accepted by the following request, and so on. So
-    one late response to request j of n, counted from 0, mismatches all later requests,
+    section 4.4.1, would prevent this. Let a round trip take r and a late one r + L, where the
+    time-out T meets L < T < r + L, and let requests follow at once. The next request accepts the
+    late response; its own response arrives later and is accepted by the following request, and so
+    on. So one late response to request j of n, counted from 0, mismatches all later requests,
 
     .. math:: n - 1 - j
 

@@ -280,8 +280,8 @@ def recommend(
     system : System, optional
         Only bit rate, character, processing and ``turn_timeout`` are used; by default the paper's
         link. Without a ``turn_timeout``, a turn ends after half a cycle, twice the time of a
-        response; waiting until the counters reach the limit, as printed, would show a wrong
-        position for 4.4 s longer.
+        response; with the printed wait until the counters reach the limit, a wrong position would
+        be shown for 4.4 s longer.
     rate : float, default 1e-5
         Bit error rate, 0..0.1; our assumption, because the paper states none.
     stale_time : float, default 3
@@ -327,7 +327,7 @@ def recommend(
     wrong = float(markers["wrong_per_year"].max())
     most = "at most about " if best["check"] == "CRC" else ""
     why = (
-        f"markers alone would accept {wrong:.2g} wrong packets per year, this accepts {most}"
+        f"markers alone would accept {wrong:.2g} wrong packets per year, and this choice {most}"
         f"{best['wrong_per_year']:.2g}; a switch is correct again {best['stale_s']:.2g} s after "
         f"a failed packet on average, if RCS ends a turn without a response after "
         f"{best['turn_timeout_s']:.2g} s"

@@ -83,7 +83,7 @@ class Ring:
         Capacity of the ring, 2..65536 bytes.
     rule : {"printed", "intended", "corrected"}, default "printed"
         Rule by which the reader decides. "printed": the printed tests, in which ``no == get_no``
-        with equal flags counts as data. "intended": the same, but then the ring is empty.
+        with equal flags counts as data. "intended": the same, but such a ring counts as empty.
         "corrected": writer and reader count their bytes without returning to 0.
 
     Attributes

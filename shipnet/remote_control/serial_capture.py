@@ -223,8 +223,8 @@ def read_capture(
     Raises
     ------
     InputError
-        If the file cannot be read, has no time information, fewer than 2 samples per bit or more
-        than 2**22 edges, or has too few edges to find a bit rate that is not given.
+        If the file cannot be read, or has no time information, fewer than 2 samples per bit, more
+        than 2**22 edges, or too few edges to find a bit rate that is not given.
 
     Notes
     -----

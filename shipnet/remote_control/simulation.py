@@ -168,7 +168,7 @@ class Run:
         return pd.DataFrame(rows, columns=["time_s", "value"])
 
     def delays(self, station: str) -> pd.DataFrame:
-        """Return the delay with which a station received each change of the others, ``delay_s``.
+        """Return the delay ``delay_s`` with which a station received each change of the others.
 
         The delay is 0 if the station still had that value, and NaN if the value changed again, or
         the simulation ended, before the station had it.

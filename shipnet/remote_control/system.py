@@ -263,8 +263,8 @@ class System:
     )  # fmt: skip
     repeat: int = whole(
         0, 204, "",
-        "Number of unchanged values that each packet also carries; 0 is the rule as printed, "
-        "``n_items`` sends all values every time", default=0,
+        "Number of unchanged values that each packet also carries, in turn; 0 is the rule as "
+        "printed, ``n_items`` sends all values every time", default=0,
     )  # fmt: skip
     processing: float = number(
         0, 10, "s",
@@ -413,7 +413,7 @@ class System:
     def overrun_stall(self) -> tuple[float, float]:
         r"""Return the shortest and longest stall of a slave's task that overruns its ring [s].
 
-        The stall begins at the worst moment, as a packet begins. RCS waits for W without a
+        The stall begins at the worst moment, when a packet begins. RCS waits for W without a
         response, and then sends again after an exchange with the other slave, until the k-th packet
         after the first fills the ring:
 
