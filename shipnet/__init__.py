@@ -1,8 +1,8 @@
 """Models of the field buses of a ship, and checks of five papers about them.
 
 Each package has a small public API: ``from shipnet import asi, can``, then ``asi.cycle_time(31)``.
-Quantities are in SI units without prefixes; only tables and printed text use other units, which
-their names state, as in ``cycle_time_ms``.
+Quantities are in SI units without prefixes unless their name, such as ``cycle_time_ms``, or their
+documentation states another unit.
 """
 
 import lazy_loader

@@ -23,7 +23,7 @@ _TRANSACTION = (
     ("ringing", "request_ringing", 9, 2), ("", "response_ringing", 5, 2),
 )  # fmt: skip
 
-#: Maximum number of table rows on the terminal, and length of record shown in a figure [s].
+#: Maximum number of table rows on the terminal, and length of the record shown in a figure [s].
 _ROWS = 40
 _SHOWN = 400e-6
 
@@ -54,7 +54,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
                 f"{row['id']:<15}{published:>16}  {computed:<14}{row['basis']:<11}{verdict:<20}"
                 f"{row['claim']}{unit}{instead}{condition}"
             )
-        lines += ["", "->: correction; *: the verdict holds under the condition in brackets", ""]
+        lines += ["", "->: correction; *: holds under the condition in the last brackets", ""]
     return Answer(
         ok=not counts["open"].any(),
         verdict=str(ledger),
@@ -366,7 +366,7 @@ def _parser() -> argparse.ArgumentParser:
         forms = (*FORMS, *one["forms"]) if "forms" in one else ()
         made.set_defaults(run=_COMMANDS[name], output=[], json=False, forms=forms)
         if forms:
-            said = f"also write the result to a file ({', '.join(forms)}) or a folder"
+            said = f"also write the result to a file ({', '.join(forms)}) or a folder of tables"
             _option(made, "-o, --output FILE", said, default=[])
             _option(made, "--json", "print the result as JSON, for programs")
         for option in one["options"]:

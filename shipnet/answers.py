@@ -143,7 +143,7 @@ class Utilisation(NamedTuple):
         )
 
 
-#: File suffixes in which every result can be saved; no suffix means a folder.
+#: Suffixes of the files in which every result can be saved; no suffix means a folder.
 FORMS = (".csv", ".xlsx", ".json", ".png", ".svg")
 
 

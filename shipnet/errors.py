@@ -1,6 +1,6 @@
 """Errors in bits and bytes, arguments and files.
 
-Where a scalar function raises a `FrameError`, a batch function returns its `code`, 0 for no fault.
+Where scalar functions raise a `FrameError`, batch functions return its `code`; 0 means no fault.
 """
 
 import re
@@ -15,7 +15,7 @@ __all__ = [
     "SymbolError", "UnknownCallError", "load_extra", "name_of",
 ]  # fmt: skip
 
-#: Length limits of a fault, a message and a quoted value [characters]; the excess is cut out.
+#: Maximum length of a fault, a message and a quoted value [characters]; the middle is cut out.
 _FAULT, _MESSAGE, _QUOTED = 300, 3000, 80
 
 #: A value that a message quotes.
@@ -139,13 +139,13 @@ class InputError(ValueError):
     >>> print(InputError("scope.csv", "row 7, column 2: 'x' is not a number", "row 9 is empty"))
     scope.csv: row 7, column 2: 'x' is not a number; row 9 is empty
 
-    The message contains the first ten faults; those that differ only in their rows are joined:
+    The message contains the first ten; faults that differ only in their rows count as one:
 
     >>> print(InputError("list.csv", *(f"row {n}, column y: is empty" for n in (2, 3, 4, 9))))
     list.csv: rows 2 to 4 and 9, column y: is empty
     """
 
-    #: Maximum number of faults in one message.
+    #: Maximum number of groups of faults in one message.
     shown = 10
 
     def __init__(self, file: str, *faults: str, more: int = 0) -> None:

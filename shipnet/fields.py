@@ -84,7 +84,7 @@ def check_trees(what: str, known: int | None, *values: Quantity | None) -> int |
 
 
 def check_whole(name: str, value: int, low: int, high: int, why: str = "") -> int:
-    """Return a whole number such as 3 or 3.0 as an int, or raise if not whole or out of range.
+    """Return a whole number such as 3 or 3.0 as an int; raise if it is out of range or not whole.
 
     `why` ends the message. A bool does not count as a number.
     """
@@ -203,7 +203,7 @@ class Number(Kind):
 
 @dataclass(frozen=True, kw_only=True)
 class Whole(Kind):
-    """A whole number, limited by the field named by `at_most`; if `typed`, it has no slider."""
+    """A whole number, limited by the earlier field `at_most`; if `typed`, it has no slider."""
 
     low: int
     high: int

@@ -1,6 +1,6 @@
 """Independent tasks, computed one by one, in processes or on a Dask cluster, with the same results.
 
-A task's random numbers depend only on seed and task number; results are in the order of the tasks.
+A task's random numbers depend only on the seed and the task number; results are in task order.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def compute(
     tasks : iterable
         The arguments of the calls.
     seed : int, optional
-        Seed, 0..2^63 - 1; each task gets a random generator that depends on seed and task number.
+        Seed, 0..2^63 - 1; each task gets a random generator that depends on it and the task number.
     client : None, int, str or distributed.Client, optional
         Where the tasks run: 1 for this process, 2..1024 for that many processes, the address of a
         Dask scheduler, or its client. By default, tasks run in this process, then in one process

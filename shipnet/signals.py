@@ -30,7 +30,7 @@ class Signal:
     kind: Kind = "DI"
 
 
-#: The kinds of points. Their `conductors` follow from the connection, not from a catalogue.
+#: The kinds of points. Their `conductors` follow from the connection, not from a cable catalogue.
 SIGNALS: Mapping[str, Signal] = {
     "contact": Signal("switch or limit contact with two wires of its own", 2),
     "contact_common": Signal("contact with a common return for its group", 1, 1),
@@ -122,7 +122,7 @@ class Saving:
     """
 
     hardwired: int = whole(1, 10**12, help="Conductors if each point is wired separately")
-    bus: int = whole(0, 10**12, help="Conductors of the bus that replaces them")
+    bus: int = whole(0, 10**12, help="Conductors if the points are on a bus")
 
     @property
     def left(self) -> float:

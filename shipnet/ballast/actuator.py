@@ -87,7 +87,7 @@ class Actuator:
         -40, 100, "degC", "Ambient temperature of the motor; IACS UR M40, machinery spaces", 45.0
     )
     duty: Quantity = _number(
-        0, 1, "", "Earlier duty cycle of the motor: duty type S3 15 % of IEC 60034-1", 0.15
+        0, 1, "", "Duty cycle of the motor before time 0: type S3 15 % of IEC 60034-1", 0.15
     )
     motor_time: Quantity = _number(
         0.1, 3600, "s", "Running time after which the controller stops a motor", 20.0

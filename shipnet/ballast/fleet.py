@@ -94,7 +94,7 @@ class _History(NamedTuple):
 
 
 def _orders(block: _Block, day: int, rng: np.random.Generator) -> list[Command]:
-    """Return the commands of a day, which open and close the valves in turn."""
+    """Return the commands of a day, which open and close the valves alternately."""
     spread = np.sort(rng.uniform(0, _LAST - _APART * block.strokes, block.strokes))
     times = day * _DAY + np.round(spread + _APART * np.arange(block.strokes), 1)
     orders = []
@@ -220,9 +220,9 @@ def write_fleet(
     days : int, default 365
         Number of days, 1..3650.
     faults_per_year : float, default 2
-        Mean number of faults per valve and year of healthy operation, 0..50, drawn from `FAULTS`.
+        Mean number of faults per valve-year of healthy operation, 0..50; each is one of `FAULTS`.
     strokes : int, default 6
-        Commands per day, 0..100, which open and close the valves of a block in turn.
+        Commands per day, 0..100, which open and close the valves of a block alternately.
     idle_step : float, default 60
         Time between two readings while no motor of the block runs, 1..3600 [s]; otherwise 0.1 s.
     seed : int, default 2024

@@ -59,8 +59,8 @@ class _Image(ValveRegisters):
 
 def gateway(station: Station) -> dict[int, Slave]:
     """Return the valves that the master serves to a PC; section 3.5 of the paper."""
-    # The paper does not say whether the master then polls the slave. Here the master responds from
-    # memory, because its scans keep the line busy.
+    # The paper does not say whether the master polls the slave when the PC asks. Here the master
+    # responds from memory, because its scans keep the line busy.
     return {unit: Slave(_Image(station, unit), functions={4, 6}) for unit in station.slaves}
 
 

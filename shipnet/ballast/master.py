@@ -53,7 +53,7 @@ _NUMBERED = 20
 #: A valve within this distance of an end counts as open or closed [%]; our assumption.
 _END = 1.0
 
-#: Current from which a motor counts as running [A]: two steps of its register, to exclude noise.
+#: Current from which a motor counts as running [A]; one step of the register may be noise.
 LEAST_CURRENT = 0.15
 
 

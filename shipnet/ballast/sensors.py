@@ -68,7 +68,7 @@ class Sensors:
     low, high : tuple of float
         Ends of the scales; by default 0..160 bar, 0..10 bar, 0..6 A, 0..150 degC, -20..120 %.
     noise : tuple of float
-        Standard deviations of the noise; by default 0.5 bar, 0.03 bar, 0.02 A, 0.3 degC, 0.1 %.
+        Standard deviations, 0 or more; by default 0.5 bar, 0.03 bar, 0.02 A, 0.3 degC, 0.1 %.
     bits : int or None, default 12
         Resolution of the converter, 1..24 bits; None means no quantisation.
 

@@ -115,7 +115,7 @@ class Strokes:
         vibration over its surroundings between 25 and 80 %; it occurs at ``burst_place``. The
         features at rest are ``holding_pressure``, its ``decay``, and ``supply_ripple``.
         ``flow_opening`` and ``flow_closing`` are the speed divided by the square root of the
-        pressure, NaN in the other direction.
+        pushing chamber's pressure at points 150 to 199, NaN in the other direction.
         """
         return self._features.copy()
 
@@ -207,8 +207,7 @@ class Strokes:
         Limits come from the healthy actuators of `reference`, by default the shipped recording,
         except the one under test. `judges` are other methods by name: each is called once per
         actuator and returns a mask of strokes to report. Its arguments are the features of all
-        other actuators of `reference`, healthy or not, and the features of the actuator's own
-        strokes.
+        other actuators of `reference`, healthy or not, and those of the actuator's own strokes.
 
         Indexed by ``method``, ``report`` (a flag of the rules, or any), ``actuator`` and
         ``condition``. Columns: the number of ``strokes``, how many were ``reported``, and the

@@ -208,8 +208,7 @@ def fault_trials(
         each = np.broadcast_to(np.asarray(severity, float), valves)
     except (TypeError, ValueError):
         raise ArgumentError(
-            f"severity is {severity!r}; it must be 0..1, one value or one for each of {valves} "
-            "valves"
+            f"severity is {severity!r}; it must be 0..1, one value for all or {valves} values"
         ) from None
     severities = np.tile(each, len(wanted))
     base = rule_base()

@@ -171,8 +171,8 @@ class Wear:
 
         Indexed by ``predictor`` and by the ``part`` of the true life at which it predicts: the
         number of ``valves``; the fraction with a trend, ``found``; quantiles of the ratio of
-        predicted to true life; the fraction ``within_20`` percent of the true life; and the
-        fraction whose interval ``covers`` the true life.
+        predicted to true remaining life; the fraction ``within_20`` percent of the true remaining
+        life; and the fraction whose interval ``covers`` it.
         """
         index, rows = [], []
         for predictor in PREDICTORS:
@@ -235,7 +235,7 @@ class Prediction:
         values, limit, label = self.wear._indicator(
             self.predictor, slice(0, self.at), self.valve - 1
         )
-        ax.plot(strokes, values, ".", color="C0", markersize=3, label="read")
+        ax.plot(strokes, values, ".", color="C0", markersize=3, label="readings")
         ax.axhline(limit, **style.LIMIT, linewidth=1, label="limit")  # type: ignore[arg-type]
         if trend.found:
             found, last = trend.crossing(limit), self.at - 1
@@ -247,7 +247,7 @@ class Prediction:
             ax.plot(grid, trend.at(grid), color="C2", label="trend")
             ax.fill_between(
                 grid, low, high, color="C2", alpha=0.25, linewidth=0,
-                label=f"{100 * CONFIDENCE:g} % of it",
+                label=f"{100 * CONFIDENCE:g} % interval",
             )  # fmt: skip
             ax.set_xlim(0, stop)
             if found.estimate <= stop:
@@ -407,7 +407,7 @@ def fit_trend(x: npt.ArrayLike, y: npt.ArrayLike, *, logarithmic: bool = False) 
     )
 
 
-#: A fuzzy set that rises from FP's normal value [bar] to the limit of rule P2; our choice.
+#: Fuzzy set of FP [bar]: 0 from the normal value up, 1 below the limit of rule P2; our choice.
 WORN = Term("worn", (-inf, -inf, 2.5, 90.0), "x < 2.5", "worn")
 
 #: Indicators from which the remaining life can be predicted.

@@ -23,7 +23,7 @@ from shipnet.lazy import pd
 #: Data bytes of a classic CAN frame; ISO 11898-1.
 _FRAME = 8
 
-#: Distance between the first identifiers of two boxes, and the highest 11-bit identifier.
+#: Distance between the first identifiers of consecutive boxes, and the highest 11-bit identifier.
 _ID_STEP, _HIGHEST_ID = 0x100, 0x7FF
 
 

@@ -234,7 +234,7 @@ class InputCard:
         return np.asarray((c > low) & (c < high))
 
     def accuracy(self) -> pd.DataFrame:
-        """Return the resolution and the conversion error of each kind of analogue input.
+        """Return resolution and conversion error: one row per kind of analogue input.
 
         ``step_low`` and ``step_high`` are the steps at the ends of the range. Only quantisation is
         counted: sensors and amplifiers are assumed to be ideal.

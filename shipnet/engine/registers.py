@@ -62,8 +62,8 @@ class Coding:
     step: float | Literal["full scale", "decimal"]
     error: int = whole(0, 0xFFFF, "", "Content that marks a missing value")
     bits: int = whole(
-        2, 16, "", "Bits in use; unless the step is the full scale, values are signed, in two's "
-        "complement, and occupy the whole register", default=16,
+        2, 16, "", "Bits in use; unless the step is the full scale, the highest is the sign, in "
+        "two's complement, extended over the whole register", default=16,
     )  # fmt: skip
 
     def __post_init__(self) -> None:

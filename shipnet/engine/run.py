@@ -417,7 +417,7 @@ class Run:
         check_scalar("start", start, "s", -1.0, 1e6)
         check_scalar("stop", stop, "s", -1.0, 1e6 + 60)
         if not start < stop <= start + 60:
-            raise ArgumentError(f"stop is {stop!r} s; it must be at most 60 s after {start!r} s")
+            raise ArgumentError(f"stop is {stop!r} s; it must be up to 60 s later than {start!r} s")
         span = nanoseconds(start), nanoseconds(stop)
         rows: dict[str, _Slices] = {}
         for box, name in enumerate(self.system.boxes):
@@ -449,7 +449,7 @@ class Run:
                 f"time is {time} s; it must be {first / 1e9:g}..{self.end / 1e9:g} s"
             )
         if known.points != self.system.points:
-            raise ArgumentError("values are for other points than those of the run")
+            raise ArgumentError("values are for other points; they must be for those of the run")
         row = int(np.searchsorted(seen, now, side="right")) - 1
         printed = self.system.coding == "printed"
         rows = []

@@ -119,7 +119,7 @@ class SwitchOver(NamedTuple):
 
     `request` and `answer` begin at the unanswered request: `request` ends at the first request on
     the other channel, `answer` at the end of its response. `loss` runs from the loss of the channel
-    to that response; `gap` is the time between two responses. Both are worst cases.
+    to the end of that response; `gap` is the time between two responses. Both are worst cases.
     """
 
     request: float
@@ -142,7 +142,7 @@ class FailureBounds(NamedTuple):
 
 
 class StalenessFlag(NamedTuple):
-    """Longest time for which a silent box goes unnoticed: from its failure, and as an age [s]."""
+    """Longest time a silent box goes unnoticed: from its failure, and as the age of a value [s]."""
 
     after: float
     oldest: float

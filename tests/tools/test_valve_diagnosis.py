@@ -142,11 +142,11 @@ def test_the_trend_is_drawn_up_to_its_limit_and_a_missing_trend_is_reported():
     found = wear.predict(1, 300)
     ax = found.plot(ax=axes())
     labels = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert labels == ["read", "limit", "trend", "95 % of it", "end of life"]
+    assert labels == ["readings", "limit", "trend", "95 % interval", "end of life"]
     line = next(one for one in ax.lines if one.get_label() == "trend")
     np.testing.assert_allclose(line.get_ydata(), found.trend.at(line.get_xdata()))
     assert ax.get_xlim()[1] > 300 + found.remaining.estimate
     assert ax.get_yscale() == "log"
     sound = Wear.synthetic(1, 50, rate=1e-6, spread=0.0, rng=np.random.default_rng(3))
     ax = sound.predict(1, 50).plot(ax=axes())
-    assert [t.get_text() for t in ax.get_legend().get_texts()] == ["read", "limit", "no trend"]
+    assert [t.get_text() for t in ax.get_legend().get_texts()] == ["readings", "limit", "no trend"]
