@@ -283,7 +283,7 @@ def _rejoin(
 
 # Reception of bursts --------------------------------------------------------------------------
 
-#: Length [s] and number of the pieces from which smallest pulse and polarity are determined.
+#: Length [s] and number of the pieces that give the smallest pulse and the polarity.
 _SAMPLE, _SAMPLES = 2e-3, 8
 
 #: Maximum number of pieces that `_liveliest` compares, and of telegrams received together.
@@ -481,7 +481,7 @@ def _cut(piece: Piece, bursts: Bursts, edge: Integers, sign: int = 1) -> list[_C
 
 
 def _by_length(parts: list[_Cut]) -> Iterator[tuple[int, _Cut]]:
-    """Yield the merged requests, then the merged responses, each with their number of bits."""
+    """Yield the merged responses, then the merged requests, each with their number of bits."""
     for n_bits in _SPANS:
         same = [some for some in parts if some.bits == n_bits]
         if same:
@@ -497,7 +497,7 @@ def _heard(cut: _Cut, threshold: float) -> Reception:
 
 
 def _received(parts: list[_Cut], threshold: float) -> Telegrams:
-    """Receive all requests together, then all responses; return their fields sorted by time."""
+    """Receive all responses together, then all requests; return their fields sorted by time."""
     telegrams = [np.recarray(0, dtype=_TELEGRAM)]
     for n_bits, cut in _by_length(parts):
         received = _heard(cut, threshold)

@@ -112,7 +112,7 @@ def _pick(field: npt.NDArray[Any], index: Indices, missing: float) -> npt.NDArra
 
 def _roles(telegrams: Telegrams) -> tuple[Bools, Bools, Bools]:
     """Return three masks: telegrams that are cut off, requests, and responses to a request."""
-    # From a telegram's last pulse to the next telegram's first: the pause plus one bit time.
+    # The last pulse of a telegram precedes the first of the next by the pause plus one bit time.
     pause = np.diff(telegrams.first, prepend=np.nan)
     pause[1:] = (telegrams.first[1:] - telegrams.last[:-1]) / BIT_TIME - 1
     broken = (telegrams.error > 0) | ~telegrams.fits

@@ -309,7 +309,7 @@ def sender_causes(slaves: pd.DataFrame, bursts: int) -> list[Found]:
     bad = bad[(bad > 0) & ~bad.index.isin([one.slave for one in found])]
     silent = slaves.index[(slaves["answers"] == 0) & (slaves["requests"] > 2)]
     if bursts and not len(bad) and not found and len(silent) == 1:
-        said = f"no response can be read, but there are {bursts} bursts that are not telegrams"
+        said = f"none of its responses can be read; {bursts} bursts are not telegrams"
         return [Found(WEAK, said, str(silent[0]))]
     one = bad.index[0] if len(bad) == 1 else ""
     if one and slaves["errors"][one] == bad[one] >= 3:

@@ -176,7 +176,7 @@ class Station:
         if not (late >= 0 and pause < most):
             raise ArgumentError(
                 f"slave {self.name} would respond {pause:g} bit times after a request; a delay "
-                f"must be at least 0, and the response must begin within {most:g} bit times"
+                f"must be at least 0, and the time below {most:g}, when the next request ends"
             )
 
 
@@ -255,7 +255,7 @@ class Channel:
         self._scheduled = 0
         self._next = _NEVER
         self._number = 0
-        #: Last request hit by a late response, by sequence number; that response's bits and start.
+        #: Number of the last request hit by a late response; bits and start of that response.
         self._spoilt = -1
         self._ghost: tuple[str, float] | None = None
         self.locate()

@@ -56,7 +56,7 @@ class ChangeAddress:
     def __post_init__(self) -> None:
         slave_key(self.old, "old")
         if slave_key(self.new, "new")[0] < 2 or self.new == self.old:
-            raise ArgumentError(f"new is {self.new!r}; it must differ from '0' and {self.old!r}")
+            raise ArgumentError(f"new is {self.new!r}; it must be 1..31, and not {self.old!r}")
 
     def run(self, lists: Lists) -> Task[str]:
         """Yield the requests, and return the outcome in words."""

@@ -55,7 +55,7 @@ class Master:
         0, 7, help="Number of immediate repetitions of a failed request", default=1, kw_only=True
     )
     drop_after: int = whole(
-        1, 1000, help="Number of failed cycles in a row after which a slave is dropped",
+        1, 1000, help="Number of cycles in a row with failed data exchange that drop a slave",
         default=3, kw_only=True,
     )  # fmt: skip
     automatic_addressing: bool = switch(
@@ -64,8 +64,8 @@ class Master:
     )  # fmt: skip
     node: str = text("Node of the master; required in a plan", default="", kw_only=True)
     current: float = number(
-        0, 10, "A", "Current drawn from the line; by default that of a slave", default=CURRENT,
-        kw_only=True,
+        0, 10, "A", "Current drawn from the line; the default assumes a slave's current",
+        default=CURRENT, kw_only=True,
     )  # fmt: skip
 
     def __post_init__(self) -> None:

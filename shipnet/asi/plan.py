@@ -294,7 +294,7 @@ class Plan:
 
         `telegrams` is one telegram, or the bits of several telegrams of equal length; the default
         is all 16 responses. The voltages exclude the supply's 30 V and are the same in both
-        directions. They are sampled every `dt` [s], an integer fraction of 3 us, from `before` [s]
+        directions. They are sampled every `dt` [s], 3 us divided by an integer, from `before` [s]
         before to `after` [s] after the telegram. The plan must have one segment with a master.
         """
         segment = self.only("waveform")
@@ -320,7 +320,7 @@ class Plan:
         slaves and searches for new ones. All slaves are active at first; their inputs are random.
 
         The record shows the voltage at `node`, by default the master's, for a `duration` of
-        1e-3..0.2 s. The time step `dt`, 50e-9..500e-9 s, must be an integer fraction of 3 us.
+        1e-3..0.2 s. The time step `dt`, 50e-9..500e-9 s, must be 3 us divided by an integer.
         `weak` maps slave labels to send currents relative to 60 mA, 0..10. A `disturbance` from
         `shipnet.asi.emc` with an `amplitude` [V] is added equally at all nodes.
 

@@ -84,7 +84,7 @@ class Profile:
         found = re.fullmatch(r"[Ss]-([0-9A-Fa-f])\.([0-9A-Fa-f])(?:\.([0-9A-Fa-f]))?", text)
         if not found:
             raise ArgumentError(
-                f"profile is {text!r}; it must be hexadecimal, such as 'S-7.A.E' or 'S-0.F'"
+                f"profile is {text!r}; it must look like 'S-7.A.E' or 'S-0.F', in hexadecimal"
             )
         return cls(*(int(code, 16) for code in found.groups() if code is not None))
 

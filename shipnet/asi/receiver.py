@@ -29,7 +29,7 @@ from shipnet.line import waveform as line_waveform
 #: Arguments that `numpy.random.default_rng` accepts.
 RNGLike = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence | int
 
-#: Voltage below which no pulse counts [V]: 30 % of 1.5 V, half of the smallest legal signal.
+#: Smallest voltage of a pulse [V]: 30 % of 1.5 V, half of the smallest legal signal.
 MINIMUM = 0.45
 
 #: Legal sampling intervals [s]: the longest gives three samples per half-bit, the shortest
@@ -93,8 +93,8 @@ class Reception(NamedTuple):
     weakest : ndarray of float, shape (...)
         Smallest pulse divided by largest pulse, after the filter if the receiver has one.
     ringing : ndarray of float, shape (...)
-        Likewise, largest voltage in slots without a pulse divided by largest pulse, from the first
-        pulse to two slots after the telegram.
+        Likewise, largest voltage divided by largest pulse, in the slots without a pulse from the
+        first pulse to two slots after the telegram.
     slots : ndarray of int8, shape (..., 2 n_bits + 2)
         Signs of the pulses: -1, 0 or +1.
 
@@ -196,11 +196,11 @@ class Receiver:
         0, 1, "", "Smallest pulse, relative to the first; above 0 and below 1", default=0.5
     )
     window: float = number(
-        0, 0.5, "half-bits", "Range around the middle of a slot in which the largest sample counts",
+        0, 0.5, "half-bits", "The largest sample within this distance of a slot's middle counts",
         default=0.1,
     )  # fmt: skip
     matched: bool = switch("True to filter with the shape of a pulse first", default=True)
-    minimum: float = number(0, 1e9, "V", "Voltage below which no pulse counts", default=MINIMUM)
+    minimum: float = number(0, 1e9, "V", "Smallest voltage of a pulse", default=MINIMUM)
     source: str = field(default="", kw_only=True, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -263,7 +263,7 @@ class Waveform(line_waveform.Waveform):
         bits = np.asarray(self.bits)
         _check_bit_count(bits.shape[-1])
         if bits.ndim > 2 or (bits.ndim == 2 and bits.shape[0] != self.u.shape[-2]):
-            raise ArgumentError(f"bits have shape {bits.shape}, which does not fit {self.u.shape}")
+            raise ArgumentError(f"bits have shape {bits.shape}, but u has shape {self.u.shape}")
         object.__setattr__(self, "bits", bits)
 
     @property

@@ -83,7 +83,7 @@ class _Recorder:
         self.u[rows, start : start + telegram.shape[-1]] += telegram[..., :room]
 
     def request(self, bits: str) -> Floats:
-        """Return a request as received by slaves and scope; frequent requests are cached."""
+        """Return a request as received by slaves and scope; each request is computed once."""
         if bits not in self.known:
             self.known[bits] = self.telegram(self.asked, bits)
         return self.known[bits]

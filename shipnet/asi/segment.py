@@ -59,7 +59,7 @@ class Repeater:
     """A repeater: it couples two segments and passes telegrams but no current.
 
     We found no manufacturer's figure for the delay; the default is one bit time. Two such repeaters
-    meet the time-out of 10 bit times, but three exceed it. The current is that assumed for slaves.
+    meet the time-out of 10 bit times; three exceed it. The current is assumed to equal a slave's.
 
     Examples
     --------
@@ -408,7 +408,7 @@ def structure_faults(elements: Sequence[Element]) -> list[tuple[Element, str]]:
     for cable in cables:
         ends = frozenset((cable.a, cable.b))
         if ends in laid:
-            faults.append((cable, f"{cable} is listed twice"))
+            faults.append((cable, f"{cable} joins two nodes that already have a cable"))
         elif not groups.join(cable.a, cable.b):
             closing.append(cable)
         laid.add(ends)

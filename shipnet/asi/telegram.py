@@ -427,8 +427,8 @@ class Request:
     def table(cls, *, extended: bool = True) -> pd.DataFrame:
         """Return all requests bit by bit, to A/B slaves or to standard ones: kim2023's Table 5.
 
-        A cell is 0 or 1 if the bit is fixed, or the name of its content: ``S`` is the select bit,
-        ``~S`` its inverse.
+        A cell is 0 or 1 if the bit is fixed, otherwise the name of its content: ``S`` is the
+        select bit, ``~S`` its inverse.
         """
         rows = {}
         for call in Call:

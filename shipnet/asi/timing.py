@@ -214,7 +214,7 @@ class Cycle:
         Transaction, "One exchange", default=Transaction(), kw_only=True
     )
     inclusion: int = whole(
-        0, 1, help="Number i of requests for new slaves per cycle", default=1, kw_only=True
+        0, 1, help="Number i of requests per cycle to find new slaves", default=1, kw_only=True
     )
 
     def __post_init__(self) -> None:

@@ -26,7 +26,7 @@ from shipnet.fields import (
 from shipnet.lazy import Axes
 from shipnet.line.waveform import laplace_grid, synthesize
 
-#: Legal constants; l and c are above 0, so that every cable has an impedance and a delay.
+#: Legal constants; l and c are above 0, so every cable has a characteristic impedance and a delay.
 LEAST, MOST = 1e-18, 1e12
 
 
@@ -226,7 +226,7 @@ def _asi(r: float, r_dc: float) -> Cable:
 #: Cables by name; the number in ``as-i`` cables is the area of a conductor [mm2].
 #:
 #: ``as-i``: l and c meet a data sheet's 0.5 to 0.75 uH/m, at most 80 pF/m and 70 to 140 ohm [1]_.
-#: A direct current of 1 A drops 5.2, 2.7 and 1.6 V on 100 m [2]_; the data sheets allow 27.4 [1]_
+#: At 1 A DC, the voltage drop on 100 m is 5.2, 2.7 and 1.6 V [2]_; the data sheets allow 27.4 [1]_
 #: and 16.4 mohm/m [3]_ for the thicker two. The resistance at about 150 kHz is assumed; its ratio
 #: to that at direct current is the same for all. ``as-i lossless``: the same l and c without loss.
 #: ``can`` and ``rs-485``: nominal characteristic impedance and delay of [4]_, lossless; [5]_ gives

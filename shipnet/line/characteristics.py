@@ -82,7 +82,7 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
         cable, length = run.made_of, run.length
         if cable.skin:
             raise ArgumentError(
-                f"cable of {run} has skin = {cable.skin:g} Hz; a simulation in time needs "
+                f"cable of {run} has skin = {cable.skin:g} Hz; a time-domain simulation needs "
                 "a constant resistance, skin = 0"
             )
         delay, z0, quarter = length * cable.delay, cable.z0, length * cable.r / 4
@@ -95,8 +95,8 @@ def _ends(network: Network, dt: float) -> tuple[_Ends, Floats]:
             )
         if quarter >= z0:
             raise ArgumentError(
-                f"{run} has {4 * quarter:.4g} ohm; in a simulation in time it must be below four "
-                f"times the characteristic impedance, {z0:.4g} ohm: divide the run"
+                f"{run} has {4 * quarter:.4g} ohm; in a time-domain simulation it must be below "
+                f"four times the characteristic impedance, {z0:.4g} ohm: divide the run"
             )
         whole = int(steps)
         fraction = max(0.0, steps - whole - 2e-9)

@@ -195,7 +195,7 @@ class Network:
             group += range(len(group), len(self._index))
             pair = (i, j) if i < j else (j, i)
             if pair in ends:
-                raise ArgumentError(f"{run} is listed twice; two nodes have at most one cable")
+                raise ArgumentError(f"{run} joins two nodes that already have a cable")
             ends.add(pair)
             one, other = _leader(group, i), _leader(group, j)
             if one == other:

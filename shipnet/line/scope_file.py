@@ -38,7 +38,7 @@ MOST_NUMBERS, MOST_PER_BYTE = 2**24, 4
 #: Size above which a numpy file is memory-mapped instead of read [byte].
 MAPPED = 2**26
 
-#: Maximum number of logic samples per byte of a session (deflate: 1032), and of level changes.
+#: Maximum number of logic bytes per byte of a session (deflate reaches 1032), and of changes.
 MOST_LOGIC_PER_BYTE, MOST_EDGES = 1100, 2**24
 
 #: Number of logic samples per block.
@@ -756,7 +756,7 @@ def _layout(tail: list[str]) -> _Layout:
 def _header(file: str, data: bytes, layout: _Layout) -> tuple[list[str], int]:
     """Return the lines above the numbers, and the byte at which the numbers begin.
 
-    The numbers begin at the first three consecutive rows of numbers; a header may contain a few.
+    They begin at three consecutive rows of numbers or blank lines; a header may have one or two.
     """
     lines: list[str] = []
     starts: list[int] = []

@@ -41,7 +41,7 @@ def check_frequencies(s: npt.ArrayLike) -> Complexes:
     array = np.asarray(s)
     if array.dtype.kind not in "iufc" or array.ndim != 1 or array.size == 0:
         raise ArgumentError(
-            f"s has shape {array.shape} and type {array.dtype}; it must be a 1-D array"
+            f"s has shape {array.shape} and type {array.dtype}; it must be a 1-D array of numbers"
         )
     modulus = np.abs(array)
     good = (modulus >= _LOWEST) & (modulus <= _HIGHEST) & (array.real >= 0)

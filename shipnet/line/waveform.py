@@ -91,12 +91,12 @@ class Waveform:
         channel: str | None = None,
         sample_interval: float | None = None,
     ) -> Waveform:
-        """Read one channel of a scope's text file, or of a ``.npy``, ``.npz`` or ``.sr`` (sigrok).
+        """Read a channel of a scope's text file, or of a ``.npy``, ``.npz`` or sigrok ``.sr`` file.
 
         `channel` is its title, in upper or lower case, or the number of its column, from 1; if
-        omitted, the first voltage is read. `sample_interval` [s] overrides that of the file. A
-        ``.npy`` or uncompressed ``.npz`` file with more than 2**26 bytes of samples is mapped, not
-        copied: do not change it. A channel of an archive may unpack to 2**24 numbers, or to 4 per
+        omitted, the first voltage is read. `sample_interval` [s] overrides that of the file. More
+        than 2**26 bytes of samples stay in a ``.npy`` or uncompressed ``.npz`` file: do not change
+        it while they are in use. A channel of an archive may unpack to 2**24 numbers, or to 4 per
         byte of the file if that is more. Raise InputError if the file cannot be read, has a cell
         that is not a number, uneven times, fewer than 1e6 samples per second, or no such channel.
         """
@@ -153,7 +153,7 @@ def synthesize(
 ) -> Floats:
     """Return the waveforms of Laplace transforms sampled on `laplace_grid`."""
     bins = np.asarray(spectrum, dtype=complex)
-    # If the sampling rate is below twice the highest frequency, bins alias: add those up.
+    # If the sampling rate is below twice the highest frequency, bins alias: add up coincident ones.
     turns = ceil(bins.shape[-1] / n_samples)
     folded = np.zeros((*bins.shape[:-1], turns * n_samples), dtype=complex)
     folded[..., : bins.shape[-1]] = bins

@@ -322,7 +322,7 @@ def test_bad_cables_are_refused(arguments, message):
         (lambda n: n.line("a", 3, 5, CABLE), "b is 3; it must be text"),
         (lambda n: n.line("", "c", 5, CABLE), "a node is ''"),
         (lambda n: n.line("a", "a", 5, CABLE), "cable a - a ends where it begins"),
-        (lambda n: n.line("b", "a", 5, CABLE), "cable b - a is listed twice"),
+        (lambda n: n.line("b", "a", 5, CABLE), "cable b - a joins two nodes that already"),
         (lambda n: n.load(None, r=5), "a node is None"),
         (lambda n: n.load("a"), "a load has neither r nor l nor c"),
         (lambda n: n.load("a", r=0), "r is 0 ohm"),

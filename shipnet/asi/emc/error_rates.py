@@ -1,6 +1,6 @@
 """Rates of telegrams lost to disturbances, simulated or calculated, and their effect on a network.
 
-An analyser counts *series*: 1 to 6 failed exchanges in a row. After six, the slave is dropped.
+An analyser counts *series*: 1 to 6 failed exchanges with a slave in a row; six drop the slave.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _SAMPLES = 2**18
 
 def decided_on(u: Floats, dt: float, matched: bool) -> Floats:
     """Return the samples used by a receiver that has been listening for a long time."""
-    # Omit the ends of a record: the filter lacks samples there, as if a carrier had just begun.
+    # Omit the ends of a record: the filter lacks samples there, so a carrier would seem to begin.
     half = int(HALF_BIT / dt / 2)
     return matched_filter(u, dt)[:, half:-half] if matched else u
 
@@ -124,7 +124,7 @@ def _slots(wave: Waveform, receiver: Receiver) -> tuple[Floats, Bools, Floats, i
 
 
 def _kept_noise(dt: float, matched: bool, samples: int) -> tuple[float, float]:
-    """Return the fraction of noise left by the filter and the correlation of adjacent samples."""
+    """Return the noise gain of filter and mean removal, and the correlation of adjacent samples."""
     half = int(HALF_BIT / dt / 2) if matched else 0
     shape = np.cos(np.pi * np.arange(-half, half + 1) * dt / HALF_BIT) ** 2
     power = float(shape @ shape)
@@ -393,7 +393,7 @@ def burst_failures(
     Examples
     --------
     A third of the exchanges in a packet fail, which is one in 60 over the whole test. Independent
-    failures at this rate would drop a slave every 90 days; in packets they do so twice per minute:
+    failures at this rate would drop a slave every 90 days; the packets do so twice per minute:
 
     >>> table = burst_failures(1 / 3, 2024, 40_000).set_index("failures")
     >>> f"{table.loc[6, 'per_h'] / 60:.1f} a minute"

@@ -43,13 +43,13 @@ _WORDS = 64
 _GRID = 250e-9
 
 #: Number of steps by which a weakened first pulse may seem to peak early or late, and number of
-#: steps on either side of this peak at which the voltage must be lower.
+#: steps on either side of its undisturbed peak at which the voltage must then be lower.
 _SLIPS, _AROUND = 3, 7
 
 #: Spacing of the points before a telegram at which noise may pass for its first pulse [s].
 _AHEAD = 0.5e-6
 
-#: Fraction of the draws that are spread evenly over all design points, regardless of pilot runs.
+#: Fraction of the shifted draws spread evenly over the design points, regardless of pilot runs.
 _SPREAD = 0.1
 
 #: Limits for a sound rate: effective losses, fraction due to one loss, fraction due to noise drawn
@@ -325,12 +325,12 @@ def rare_error_rates(
     Notes
     -----
     Noise can corrupt a telegram in about 100 ways: it hides or imitates the first pulse, lowers
-    another pulse or raises a gap, or shifts the apparent first peak by up to 0.75 us. Noise is
-    drawn around the weakest noise of each way; a tenth is drawn without a shift, so the weight of a
-    loss is at most 10. A rate is ``sound`` if it has 1000 effective losses, if at most 2 % of it
-    come from one loss and at most 5 % from noise that is drawn less often than it occurs, and if
-    the mean weight is within four standard errors of 1. These checks may miss another way to lose a
-    telegram: compare with `count_errors` at a higher density.
+    another pulse or raises a gap, also if a weakened first pulse seems to peak up to 0.75 us early
+    or late. Noise is drawn around the weakest noise of each way; a tenth is drawn without a shift,
+    so the weight of a loss is at most 10. A rate is ``sound`` if it has 1000 effective losses, if
+    at most 2 % of it comes from one loss and at most 5 % from noise that is drawn less often than
+    it occurs, and if the mean weight is within four standard errors of 1. These checks may miss
+    another way to lose a telegram: compare with `count_errors` at a higher density.
 
     Examples
     --------
