@@ -54,7 +54,7 @@ def _ledger(arguments: argparse.Namespace) -> Answer:
                 f"{row['id']:<15}{published:>16}  {computed:<14}{row['basis']:<11}{verdict:<20}"
                 f"{row['claim']}{unit}{instead}{condition}"
             )
-        lines += ["", "->: correction; *: the verdict holds under the condition in brackets", ""]
+        lines += ["", "->: correction; *: verdict, under the condition in the last brackets", ""]
     return Answer(
         ok=not counts["open"].any(),
         verdict=str(ledger),
@@ -366,7 +366,7 @@ def _parser() -> argparse.ArgumentParser:
         forms = (*FORMS, *one["forms"]) if "forms" in one else ()
         made.set_defaults(run=_COMMANDS[name], output=[], json=False, forms=forms)
         if forms:
-            said = f"also write the result to a file ({', '.join(forms)}) or a folder"
+            said = f"also write a file ({', '.join(forms)}), or all tables to a folder"
             _option(made, "-o, --output FILE", said, default=[])
             _option(made, "--json", "print the result as JSON, for programs")
         for option in one["options"]:
