@@ -81,7 +81,7 @@ print(capture.telegrams, int(re.search(r"VmHWM:\s*(\d+)", status)[1]) / 1024)
 
 
 def memory(kind, rate):
-    """Return the number of telegrams in a file of 1 GB and the memory needed for it [MiB]."""
+    """Return the number of telegrams in a file of 1 GB, and the peak memory to decode it [MiB]."""
     u = (1000 * record(0.31, rate)[0]).astype(kind)
     length = 10**9 // u.itemsize
     with tempfile.TemporaryDirectory() as folder:

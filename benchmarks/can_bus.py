@@ -51,7 +51,7 @@ def peer(messages, duration):
 def main():
     number = len(PERIODS_MS)
     rng = np.random.default_rng(2024)
-    # No two messages are released at once, because SimPy would pick their order arbitrarily.
+    # With these offsets, no two messages are released at once; SimPy would order them arbitrarily.
     offsets = rng.permuted(np.tile(np.arange(number), (SETS, 1)), axis=1) * 0.293e-3
     messages = MessageSet(
         Message(f"m{k}", k, 8, ms / 1e3, offset=offset, bits=int(bits))

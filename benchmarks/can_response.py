@@ -13,7 +13,7 @@ seconds = partial(shortest, timer=process_time)
 BIT_RATE = 250_000
 BIT = 1 / BIT_RATE
 
-#: Tolerance subtracted before rounding up, so that an exact multiple is not counted twice [s].
+#: Subtracted before rounding up, so that rounding errors do not add one to a multiple [s].
 DUST = 1e-12
 
 
@@ -75,7 +75,7 @@ class EventModel:
 
 
 def busy_window(messages):
-    """Compute the response times from event models, instance by instance until the bus is idle."""
+    """Compute the response times from event models, for each instance in a busy window."""
     tasks = [EventModel(m.period, m.jitter, (55 + 10 * m.dlc) * BIT) for m in messages]
     responses = []
     for place, task in enumerate(tasks):

@@ -45,7 +45,7 @@ def main():
     workers = loky.cpu_count()
     runs = {
         "one by one": lambda: iolist.study(GRID, site, client=1, progress=False),
-        f"{workers} processes, with their start": lambda: iolist.study(
+        f"{workers} processes, with start-up": lambda: iolist.study(
             GRID, site, client=workers, progress=False
         ),
         f"{workers} processes": lambda: iolist.study(GRID, site, client=workers, progress=False),

@@ -62,7 +62,7 @@ def main():
     diagnosis = diagnose_run(run)
     size = run.time.size * N
 
-    # scikit-fuzzy accepts no missing values, so use instants at which no channel lacks one.
+    # scikit-fuzzy accepts no missing values, so use instants without any.
     valve = 0
     known = np.flatnonzero(~np.isnan(diagnosis.samples["DVPos"][:, valve]))[:FEW]
     rows = [

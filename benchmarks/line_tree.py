@@ -20,7 +20,7 @@ from shipnet.line import Cable, CableRun, Load, Network
 from shipnet.line.waveform import laplace_grid, synthesize
 
 ERROR = 1e-5  # maximum error of every waveform, as a fraction of its peak
-F_MAX = 6e6  # high enough for this error, which the program prints
+F_MAX = 6e6  # high enough for this error; the program prints the error reached
 DURATION, START, SWING, HALF_BIT = 64e-6, 5e-6, 60e-3, 3e-6
 DEVICE, SUPPLY = Load(r=13.5e3, l=13.5e-3, c=50e-12), Load(r=78.0, l=100e-6)
 RESPONSE = [0, 0, 1, 1, 0, 0, 1]
@@ -65,7 +65,7 @@ def one_waveform(f_max=F_MAX, duration=DURATION, samples=1280):
 def all_waveforms(samples, late=None, out=None):
     """Return the waveforms of a new tree: 62 slaves x 16 responses x samples.
 
-    A caller may pass the arrays `late` and `out`, to avoid allocating them for each call.
+    A caller may pass the arrays `late` (zeros at first) and `out`, to avoid allocating them anew.
     """
     # As in `shipnet.asi.segment`, the effect of a current step fades within half of the time.
     s = laplace_grid(DURATION / 2, F_MAX, 4.0)

@@ -337,7 +337,7 @@ class Comparison:
 
     @cached_property
     def _safe_points(self) -> list[str]:
-        """Sentences on how intrinsically safe points are connected, and the cost otherwise."""
+        """Sentences on the connection of intrinsically safe points, and the alternative's cost."""
         safe = (self.iolist.points["ex"] != "").to_numpy()
         buses = [name for name in OPTIONS[2:] if name in self.designs]
         said = f"Intrinsically safe points: {safe.sum()}, each with a barrier in "

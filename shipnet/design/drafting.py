@@ -42,11 +42,11 @@ Result = TypeVar("Result")
 
 
 def zones(xyz: Floats, *, reach: float, most: int) -> Indices:
-    """Return the cluster of each place (n, 3): at most `most` places, all within `reach`."""
+    """Return the cluster of each place (n, 3): at most `most` places, no two over `reach` apart."""
     return _zones(np.asarray(xyz, float).tobytes(), reach, most).copy()
 
 
-@lru_cache(maxsize=32)  # because every option with boxes needs the same zones
+@lru_cache(maxsize=32)  # every option with boxes needs the same zones
 def _zones(places: bytes, reach: float, most: int) -> Indices:
     xyz = np.frombuffer(places).reshape(-1, 3)
     if len(xyz) > _MOST:
@@ -348,7 +348,7 @@ class Draft:
         )  # fmt: skip
 
     def too_slow(self, row: int, least: float, words: str) -> None:
-        """Record that a point needs an update before `least` [s], the shortest possible time."""
+        """Record that a point needs updates faster than `least` [s], the shortest possible time."""
         tag, wanted = self.tags[row], 1e3 * float(self.need[row])
         text = f"{tag} needs an update every {wanted:g} ms; {words} {1e3 * least:.3g} ms"
         self.reason(tag, "update", 1e3 * least, wanted, "ms", text)
@@ -436,7 +436,7 @@ class Box(NamedTuple):
         return self._replace(rows=self.rows[chosen], lengths=self.lengths[chosen])
 
     def halved(self, need: Floats) -> list[Box]:
-        """Return two boxes here, one with the more urgent points, or none if it has one point."""
+        """Return two boxes here, one with the more urgent points, or none for a single point."""
         if len(self.rows) < 2:
             return []
         order = np.argsort(need[self.rows], kind="stable")

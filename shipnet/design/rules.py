@@ -368,7 +368,7 @@ _LOST_BY_A_SUPPLY = _lost(("device",), ("supply", "auxiliary supply"), "no suppl
 
 #: The measures, by their names in rules.
 MEASURES: Mapping[str, Measure] = {
-    "response": Measure("s", "longest response, plus the host time if required", _response),
+    "response": Measure("s", "longest response, plus host time if the rule includes it", _response),
     "late points": Measure("points", "points slower than the list requires", _late),
     LEFT_OUT: Measure("points", "points that fit nowhere", _unconnected),
     "points lost by a cable": Measure(
@@ -445,7 +445,7 @@ MEASURES: Mapping[str, Measure] = {
 
 # Class rules as data ----------------------------------------------------------------------------
 
-#: Rule sets of `data/design_rules.csv`; a society's rules apply together with the IMO's.
+#: Rule sets of `data/design_rules.csv`; a society's rules apply together with those of the IMO.
 RULE_SETS = ("DNV", "BV", "IMO", "lee2012", "supply", "NMEA 2000")
 _WITH_IMO = ("DNV", "BV")
 

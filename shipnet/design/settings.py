@@ -268,7 +268,7 @@ class _Plain:
         "they have home runs to barriers in the cabinet", default=False,
     )  # fmt: skip
     list_lengths: bool = switch(
-        "Whether cables have the lengths in the list; otherwise they are computed from positions",
+        "Whether cables have the lengths in the list; otherwise positions determine the lengths",
         default=True,
     )  # fmt: skip
 

@@ -75,7 +75,7 @@ class Forest:
         """
         flow, drop = self.load.copy(), np.zeros(len(self.load))
         for level in reversed(self.levels):
-            np.add.at(flow, self.parent[level], flow[level])  # in a fixed order
+            np.add.at(flow, self.parent[level], flow[level])  # fixed order: same bits
         along = flow + self.short if short else flow
         for level in self.levels:
             lost = self.metres[level] * self.ohms[level] * along[level]

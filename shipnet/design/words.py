@@ -217,7 +217,7 @@ def column_of(title: str, own: tuple[tuple[str, str], ...] = ()) -> Column | Non
     for split in (own_letters, re.split(r"[/|()\[\]]", bare)):
         parts = [part for part in split if plain(part)]
         each = [_column(part + mark) for part in parts]
-        # An unknown part may only be in a script other than Latin.
+        # A part may be unknown only if it has a letter outside ASCII.
         foreign = all(found or not part.isascii() for part, found in zip(parts, each, strict=True))
         names = {found for found in each if found is not None}
         if names == {Column("type"), Column("signal")}:  # a column of types may contain signals

@@ -181,7 +181,7 @@ class Button:
 
 @dataclass(frozen=True)
 class Upload:
-    """A button to load a file; `take` makes new inputs from the old ones, its name and content."""
+    """A button to load a file; `take` makes new inputs from the old, the name and the content."""
 
     label: str
     help: str

@@ -82,7 +82,7 @@ class AsiLine(Tool):
     @property
     def receiver(self) -> Receiver:
         """The receiver of the master."""
-        # Noise before the response rarely exceeds four standard deviations, so it is not a pulse.
+        # Noise rarely exceeds four standard deviations, so it rarely looks like a pulse.
         return Receiver(minimum=max(MINIMUM, 4 * FILTERED * self.noise))
 
     @cached_property

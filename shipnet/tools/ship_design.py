@@ -186,7 +186,7 @@ class ShipDesign(Tool):
         default="", most=20_000, rows=4,
         hint="[asi]\nlength = 200", label="other limits and prices",
         help="Lines of a settings file: bit rates, lengths, currents, load, prices, time in "
-        "the host. They override the controls. See settings.toml at the foot of the page.",
+        "the host. They override the controls. All are in settings.toml, at the foot of the page.",
     )  # fmt: skip
     picture: str = choice(
         PICTURES, default="cost", label="figure",

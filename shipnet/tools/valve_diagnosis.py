@@ -67,14 +67,14 @@ class ValveDiagnosis(Tool):
     OT: float = _sensor("OT", 50.0, "motor temp. OT", "Pump motor temperature.")
     VPos: float = _sensor("VPos", 50.0, "position VPos", "0 is closed, 100 is open.")
     DVPos: float = _sensor(
-        "DVPos", 11.0, "speed DVPos", "Change of position; used only while a command is active."
+        "DVPos", 11.0, "speed DVPos", "Rate of change of VPos; used only while a command is active."
     )
     commanded: bool = switch(
         default=True, label="a command is active", help="The valve has not yet reached its target."
     )
     threshold: float = number(
         0.05, 1.0, default=0.5, step=0.05, label="alarm threshold",
-        help="Firing strength from which a rule is active.",
+        help="Minimum firing strength for a rule to be active.",
     )  # fmt: skip
 
     @property
