@@ -20,7 +20,7 @@ NOTEBOOKS = sorted(
 HEADINGS = {
     "papers": [
         "The problem on the ship",
-        "The paper says, we compute",
+        "What the paper says, and what we compute",
         "What we learned",
         "References",
     ],
