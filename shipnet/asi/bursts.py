@@ -1,7 +1,7 @@
 """Find telegrams in a recorded voltage: resample it, subtract its baseline and group its pulses.
 
-A burst is a sequence of pulses with silence before and after it. The first and the last peak are
-78 us apart in a request and 36 us in a response.
+A burst is a sequence of pulses with silence before and after it. The first and last peaks are
+78 us apart in a request and 36 us apart in a response.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _RATE = 4e6
 #: whose means form the baseline [s]. Telegrams hardly change a mean: their pulses add up to 0.
 _PIECE, _OVERLAP, _STRETCH = 2**20, 240e-6, 250e-6
 
-#: Length of the zero padding at both ends of a piece, where telegrams are cut off [s].
+#: Length of the zeros added to each end of a piece, where telegrams may be cut off [s].
 _MARGIN = 110e-6
 
 #: Smallest height of a pulse, relative to the largest pulse nearby; lower peaks are ringing. The
@@ -283,7 +283,7 @@ def _rejoin(
 
 # Reception of bursts --------------------------------------------------------------------------
 
-#: Length [s] and number of the pieces that give the smallest pulse and the polarity.
+#: Length [s] and number of the pieces that determine the smallest pulse and the polarity.
 _SAMPLE, _SAMPLES = 2e-3, 8
 
 #: Maximum number of pieces that `_liveliest` compares, and of telegrams received together.
@@ -481,7 +481,7 @@ def _cut(piece: Piece, bursts: Bursts, edge: Integers, sign: int = 1) -> list[_C
 
 
 def _by_length(parts: list[_Cut]) -> Iterator[tuple[int, _Cut]]:
-    """Yield the merged responses, then the merged requests, each with their number of bits."""
+    """Yield the merged responses, then the merged requests, each with its number of bits."""
     for n_bits in _SPANS:
         same = [some for some in parts if some.bits == n_bits]
         if same:

@@ -71,7 +71,7 @@ def transactions_of(
         rest[alone] < room, _STATES.index(CUT_OFF), _STATES.index(NO_ANSWER)
     )
 
-    # There are few distinct texts, so the columns are filled by indexing a list of them.
+    # Few bit strings are distinct, so the columns are filled by indexing a list of them.
     titles, errors = pd.Index([*(call.rule.title for call in Call), ""]), pd.Index(_STATES)
     texts, which = _texts(telegrams)
     asked, answered = (_pick(which, rows, len(texts) - 1) for rows in (request, response))
@@ -117,7 +117,7 @@ def _roles(telegrams: Telegrams) -> tuple[Bools, Bools, Bools]:
     pause[1:] = (telegrams.first[1:] - telegrams.last[:-1]) / BIT_TIME - 1
     broken = (telegrams.error > 0) | ~telegrams.fits
     short = telegrams.length == RESPONSE_BITS
-    # Either part of a request that is cut off may look like a response.
+    # A request that is cut off at its start or its end may look like a response.
     front = (telegrams.edge == 1) & (broken | short)
     asks = ~short | front
     in_time = np.append(False, asks[:-1]) & (pause <= _MASTER_PAUSE)
@@ -469,7 +469,7 @@ class Capture:
         """Return the counters that masters and analysers show, each with value, light and meaning.
 
         The repetitions light is green up to 1 % of the requests, yellow up to 5 % and red
-        above that; all other lights are green only at 0. Unknown values are NaN without a light.
+        above that; all other lights are green only at 0. Unknown values are NaN and have no light.
 
         Examples
         --------

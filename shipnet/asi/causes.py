@@ -125,7 +125,7 @@ def restored(
     best = Restored(x - middle, since, step, start, words, inverted)
     asked = asked - since
     asked = asked[(asked > _BEFORE) & (asked < len(x) * step - _STRETCH)]
-    # Fall back on the whole record, although responses of distant slaves have another spectrum.
+    # Fall back on the whole record, although responses of distant slaves have a different spectrum.
     for times in (asked, asked[:0]):
         if best.short:
             break

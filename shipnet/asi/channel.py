@@ -175,8 +175,8 @@ class Station:
         most = transaction.timeout + REQUEST_BITS
         if not (late >= 0 and pause < most):
             raise ArgumentError(
-                f"slave {self.name} would respond {pause:g} bit times after a request; a delay "
-                f"must be at least 0, and the time below {most:g}, when the next request ends"
+                f"slave {self.name} would respond {pause:g} bit times after a request; its delay "
+                f"must be at least 0, and it must respond before {most:g} bit times have passed"
             )
 
 
@@ -216,7 +216,7 @@ _Route: TypeAlias = tuple[Station, RunningSlave, Callable[[RunningSlave, int, fl
 
 
 class MasterStops(Exception):
-    """Exception that stops the master until a time [s]; infinity means permanently."""
+    """Exception that stops the master until the time `until` [s]; infinity means permanently."""
 
     def __init__(self, until: float) -> None:
         super().__init__(until)
@@ -266,21 +266,21 @@ class Channel:
         return self.time * self.transaction.bit_time
 
     def schedule(self, seconds: float, action: Callable[[], None]) -> None:
-        """Schedule an action for a time [s]; simultaneous actions run in the order scheduled."""
+        """Schedule an action for `seconds` [s]; simultaneous actions run in the order scheduled."""
         self._scheduled += 1
         entry = (seconds / self.transaction.bit_time, self._scheduled, action)
         heapq.heappush(self._events, entry)
         self._next = self._events[0][0]
 
     def happen(self, until: float) -> None:
-        """Run the scheduled actions up to and including a time [bit]."""
+        """Run the actions that are scheduled for times up to and including `until` [bit]."""
         while self._events and self._events[0][0] <= until:
             action = heapq.heappop(self._events)[2]
             self._next = self._events[0][0] if self._events else _NEVER
             action()
 
     def stop_master(self, until: float) -> None:
-        """Stop the master until a time [s]; see `MasterStops`."""
+        """Stop the master until the time `until` [s]; see `MasterStops`."""
         raise MasterStops(until)
 
     def locate(self) -> None:

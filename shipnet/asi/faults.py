@@ -162,7 +162,7 @@ class LateAnswer(_OfSlave):
 
 @record
 class LostReply(_OfSlave):
-    """A slave that carries out requests of one kind, but whose responses are lost.
+    """A slave that carries out requests of one kind, but whose responses to them are lost.
 
     Examples
     --------

@@ -113,7 +113,7 @@ def check_columns(columns: Signs) -> tuple[Signs, Codes]:
     """Return the bits, shape (n_bits, ...), and the error codes of pulses (n_slots, ...)."""
     error = np.zeros(columns.shape[1:], dtype=np.uint8)
     failed = _violations(columns)
-    # In reverse order, so that the code of the first failed check remains.
+    # Go through the checks in reverse order, so that the code of the first failed check remains.
     for kind, fails in reversed(list(zip(CLASSES.values(), failed, strict=True))):
         error[fails] = kind.code
     middles = columns[1:-2:2]
@@ -287,7 +287,7 @@ class Pulses:
     Parameters
     ----------
     signs : str or array_like of int, shape (..., n)
-        Signs -1, 0 (no pulse) and +1, or a text of ``-``, ``0`` and ``+``. A telegram of n bits
+        Signs -1, 0 (no pulse) and +1, or a string of ``-``, ``0`` and ``+``. A telegram of n bits
         has 2 n signs; two more may follow for the half-bits of silence after the telegram.
 
     References
@@ -437,7 +437,7 @@ class Pulses:
 
 @lru_cache(maxsize=4096)
 def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, int]:
-    """Return the bits and error code received if telegrams overlap, given as (bits, first slot)."""
+    """Return the bits and error code received from overlapping telegrams (bits, first slot)."""
     total = np.zeros(2 * n_bits + 2, dtype=np.int64)
     for telegram, start in telegrams:
         pulses = Modulation(telegram).pulses.signs

@@ -78,7 +78,7 @@ class Profile:
     @classmethod
     @lru_cache(maxsize=256)
     def parse(cls, text: str | Profile) -> Profile:
-        """Return the profile for a text such as ``S-7.A.E``; a `Profile` is returned unchanged."""
+        """Return the profile for a name such as ``S-7.A.E``; a `Profile` is returned unchanged."""
         if isinstance(text, Profile):
             return text
         found = re.fullmatch(r"[Ss]-([0-9A-Fa-f])\.([0-9A-Fa-f])(?:\.([0-9A-Fa-f]))?", text)

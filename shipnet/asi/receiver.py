@@ -76,8 +76,8 @@ class Disturbance(Protocol):
 class Reception(NamedTuple):
     """The telegrams that a receiver read; the leading axes are those of the voltage.
 
-    Where nothing was received, the error is that of `SilenceError`, bits are -1, slots 0 and the
-    other fields NaN.
+    Where nothing was received, the error is that of `SilenceError`, bits are -1, slots are 0, and
+    the other fields are NaN.
 
     Attributes
     ----------
@@ -86,15 +86,15 @@ class Reception(NamedTuple):
     error : ndarray of uint8, shape (...)
         0 if correct; otherwise an error code of `shipnet.errors`.
     start : ndarray of float, shape (...)
-        Start of the telegram after the first sample [s], 1.5 half-bits before the peak of its first
-        pulse. On a line it is about 1 us late, because the supply delays the pulses.
+        Start of the telegram relative to the first sample [s]: 1.5 half-bits before the peak of its
+        first pulse. On a line it is about 1 us late, because the supply delays the pulses.
     amplitude : ndarray of float, shape (...)
         Largest sample of the first pulse on the line, before any filter [V].
     weakest : ndarray of float, shape (...)
         Smallest pulse divided by largest pulse, after the filter if the receiver has one.
     ringing : ndarray of float, shape (...)
-        Likewise, largest voltage divided by largest pulse, in the slots without a pulse from the
-        first pulse to two slots after the telegram.
+        Largest voltage in the slots without a pulse, from the first pulse to two slots after the
+        telegram, divided by largest pulse; also after the filter.
     slots : ndarray of int8, shape (..., 2 n_bits + 2)
         Signs of the pulses: -1, 0 or +1.
 
@@ -172,11 +172,11 @@ TOLERANCE = Tolerance(evenness=0.65, ringing=0.30)
 class Receiver:
     """The receiver of a master or a slave, with four settings.
 
-    The threshold is relative to the first pulse, not to the largest so far, as in [1]_. A wide
-    `window` includes edges of neighbouring pulses: on a line of 150 m, a window of 0.25 loses
-    telegrams that 0.1 receives. In noise, `minimum` should be four times the standard deviation
-    after the filter; otherwise noise before a telegram is mistaken for its first pulse. `RECEIVERS`
-    contains some receivers by name, with the `source` of their values.
+    As in [1]_, the threshold is relative to the first pulse, not to the largest so far. A wide
+    `window` includes edges of neighbouring pulses: on a line of 150 m, some telegrams that are
+    received with 0.1 are lost with 0.25. In noise, `minimum` should be four times the standard
+    deviation after the filter; otherwise noise before a telegram is mistaken for its first pulse.
+    `RECEIVERS` contains some receivers by name, with the `source` of their values.
 
     References
     ----------
@@ -388,7 +388,7 @@ def _pulse_shape(n_t: int, dt: float) -> Floats:
 
 
 def _means(u: Floats, n_t: int) -> Floats:
-    """Return the mean of the first `n_t` samples of each row; raise if one is not finite."""
+    """Return the mean of the first `n_t` samples of each row; all samples must be finite."""
     # The sum of squares is the fastest check of all samples: it is finite only if they all are, and
     # none is so large that a later sum or product could overflow.
     flat = u.ravel()
@@ -478,7 +478,7 @@ def _windows(rows: Floats, length: int, begin: Indices) -> Floats:
 
 
 def _near(u: Floats, places: Indices, reach: int, taps: Floats) -> Floats:
-    """Return the filtered samples within `reach` of places in rows, along the first axis."""
+    """Return, along the first axis, the filtered samples within `reach` of `places` in each row."""
     before, n_t = reach + len(taps) // 2, u.shape[1]
     index = places + np.arange(-before, u.size - before, n_t)
     if before == reach:
@@ -493,7 +493,7 @@ def _near(u: Floats, places: Indices, reach: int, taps: Floats) -> Floats:
 def _decide(
     u: npt.NDArray[Any], dt: float, n_bits: int, receiver: Receiver
 ) -> tuple[npt.NDArray[Any], ...]:
-    """Return start, amplitude, weakest, ringing and slots of rows; slots along the first axis."""
+    """Return start, amplitude, weakest, ringing and slots by row; slots have shape (slot, row)."""
     # Only what is needed is filtered: the first columns, and samples near the middles of slots.
     (count, n_t), samples = u.shape, HALF_BIT / dt
     taps = _pulse_shape(n_t, dt) if receiver.matched else np.ones(1)

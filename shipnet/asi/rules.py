@@ -18,8 +18,8 @@ from shipnet.lazy import pd
 #: Relative rounding error by which a value may exceed its limit.
 _SLACK = 1e-9
 
-#: One row of the table without its verdict: rule, object, value, upper limit set by the object
-#: itself or None, reason.
+#: One row of the table without its verdict: rule, object, value, upper limit (None unless the
+#: object itself sets it), and reason.
 _Row = tuple[str, str, float, float | None, str]
 
 
@@ -168,7 +168,7 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
 def _slowest_answer() -> float:
     """Return the longest silence before the response of an asynchronous slave [s]."""
     times = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
-    # The time is between the middles of two bits, so one bit time of it is not silence.
+    # The time is measured between the middles of two bits, which takes up one bit time of it.
     return float(times["edge to edge, asynchronous, most"]) * 1e-6 - BIT_TIME
 
 

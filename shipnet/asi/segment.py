@@ -340,7 +340,7 @@ class Segment:
         ]
 
     def quality(self, nodes: Sequence[str], *words: Sequence[str]) -> Quality:
-        """Return the quality of batches of telegrams between `head` and nodes; nodes may repeat."""
+        """Return the quality of batches of telegrams between `head` and nodes, in their order."""
         places = list(dict.fromkeys(nodes))
         found = quality_of(*self.waveforms(places, *words, dt=250e-9, before=5e-6, after=55e-6))
         rows = [places.index(node) for node in nodes]
@@ -359,7 +359,7 @@ class Segment:
 
 
 class Groups:
-    """Disjoint groups of names (union-find; scipy is not loaded when plans are read)."""
+    """Disjoint groups of names (union-find, because loading scipy would slow down `read_plan`)."""
 
     def __init__(self) -> None:
         self._parent: dict[str, str] = {}

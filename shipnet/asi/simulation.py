@@ -58,8 +58,8 @@ class Standby:
     0.001
     """
 
-    master: Master = part(Master, "Its settings when it takes over")
-    silence: float = number(501e-6, 1e9, "s", "Silence after which it takes over", default=1e-3)
+    master: Master = part(Master, "Settings of the standby master when it takes over")
+    silence: float = number(501e-6, 1e9, "s", "Silence before the takeover", default=1e-3)
 
     def __post_init__(self) -> None:
         if not self.master.projected:
@@ -83,7 +83,7 @@ class Standby:
 
 
 class InputChange(NamedTuple):
-    """A change of a slave's input ports to a value at a time [s]."""
+    """A change of a slave's input ports to `value` at `time` [s]."""
 
     time: float
     slave: str
@@ -166,7 +166,7 @@ class Run:
 
     @cached_property
     def _exchanges(self) -> pd.DataFrame:
-        """The data exchanges by slave and time, and when inputs were sampled and known [s]."""
+        """The data exchanges by slave and time, with times of sampling and receiving inputs [s]."""
         record, bit_time = self.record, self.record.transaction.bit_time
         slave = record.field(4, 7)
         rows = np.flatnonzero(record.field(0, 4) == Call.DATA_EXCHANGE)
@@ -307,7 +307,7 @@ class Run:
         leading = self.masters[0]
         worst = (1 + leading.repetitions) * leading.drop_after
         found = self._exchanges[["slave", "failed"]]
-        # A series of failures ends before a success, before the next slave, or with the record.
+        # A series of failures ends before a success, before the next slave, or at the end.
         run = (found != found.shift()).any(axis=1).cumsum()
         runs = found[found["failed"]].groupby(run)["slave"].agg(["first", "size"])
         table = pd.crosstab(runs["first"], runs["size"].clip(upper=worst))
@@ -393,7 +393,7 @@ class Run:
 
 
 def _values(own: pd.DataFrame, slave: Slave) -> pd.DataFrame:
-    """Return when the values of one channel were converted and when the master had them."""
+    """Return the times at which one channel's values were converted and reached the master."""
     try:
         needed = exchanges(slave.kind)
     except ArgumentError:  # its number of exchanges is not published

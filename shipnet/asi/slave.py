@@ -43,7 +43,7 @@ WRITE_TIME = 15e-3
 
 
 def slave_key(label: str, name: str = "slave") -> tuple[int, Half | None]:
-    """Return the key of a label, twice the address plus 1 for a B slave, and its half."""
+    """Return the key (twice the address, plus 1 for a B slave) and the half that a label states."""
     found = _key_and_half(label) if isinstance(label, str) else None
     if found is None:
         raise ArgumentError(
@@ -275,12 +275,12 @@ class Event(Enum):
 #: Actions of a slave at an event in the state RECEIVE.
 ACTIONS = {Event.OWN: "answer", Event.SILENT: "obey"}
 
-#: The state after an event; other events do not change it. An asynchronous slave reads nothing,
-#: and a synchronous one ignores the pause before a response and the response.
+#: The next state, by current state and event; unlisted events leave the state unchanged. An
+#: asynchronous slave reads nothing; a synchronous one ignores a response and the pause before it.
 #: icn2007, data link layer, section 3, describes ERROR, FOREIGN, UNKNOWN and OWN, and how a slave
 #: leaves ASYNCHRONOUS; it refers to a Fig 3.19 that it does not print. How a slave leaves
-#: SYNCHRONOUS is our reading: if it did so at the pause *before* a response, every slave would
-#: read the response as a faulty request, and none would ever be synchronised.
+#: SYNCHRONOUS is our interpretation: if it did so at the pause *before* a response, every slave
+#: would read the response as a faulty request, and none would ever be synchronised.
 TRANSITIONS = {
     (State.ASYNCHRONOUS, Event.PAUSE): State.RECEIVE,
     (State.ASYNCHRONOUS, Event.SLAVE_PAUSE): State.RECEIVE,

@@ -273,9 +273,9 @@ class Cycle:
         """Return the response times to a change of an input, or of an output.
 
         A slave for single bits reads its inputs when the request ends. At best, the change comes
-        just before that. At worst, it comes just after and waits for the slave's next request, one
-        cycle later, or two if the slave shares its address (`paired`, the default if the cycle has
-        pairs). Delays of the input itself, such as that of a filter, must be added.
+        just before this moment. At worst, it comes just after it and waits for the slave's next
+        request, one cycle later, or two if the slave shares its address (`paired`, the default if
+        the cycle has pairs). Delays of the input itself, such as that of a filter, must be added.
 
         A slave whose `profile` transfers values converts its `channels` in turn, each in
         `conversion` [s], and sends the newest values in turn. At worst, the change comes just after

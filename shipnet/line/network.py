@@ -137,7 +137,7 @@ def _sum(one: Quantity | None, other: Quantity | None) -> Quantity | None:
 class Layout(NamedTuple):
     """Positions of the nodes of a network in a drawing."""
 
-    spot: Floats  # distance from the root along the cable [m], and row, 0 and below
+    spot: Floats  # distance from the root along the cable [m], and row, 0 or negative
     strokes: list[Floats]  # points of each run: x in the first row, y in the second
     closing: Floats | None  # the same for the run that closes a ring
 

@@ -756,7 +756,8 @@ def _layout(tail: list[str]) -> _Layout:
 def _header(file: str, data: bytes, layout: _Layout) -> tuple[list[str], int]:
     """Return the lines above the numbers, and the byte at which the numbers begin.
 
-    They begin at three consecutive rows of numbers or blank lines; a header may have one or two.
+    They begin at three consecutive rows of numbers or blank lines; a header may have one or two
+    such rows.
     """
     lines: list[str] = []
     starts: list[int] = []

@@ -265,7 +265,8 @@ def closed_transfer(
     """Return transfer impedances after a line has joined two nodes of the tree.
 
     `from_ends` contains the impedances of both ends. The sum of the end voltages drives equal
-    currents into the line, their difference opposite ones: two unknowns at each frequency.
+    currents into both ends of the line, their difference drives opposite currents: two unknowns
+    at each frequency.
     """
     from_a, from_b = from_ends
     a, b = ends

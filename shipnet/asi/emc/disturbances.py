@@ -1,6 +1,6 @@
 """Disturbances: voltages between the wires that are added to telegrams, and immunity test levels.
 
-No standard says how much of a test level arrives between the wires: users must choose amplitudes.
+No standard states how much of a test voltage appears between the wires: choose the amplitudes.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def add_events(
 ) -> None:
     """Add ``shape(time since begin, *parameters)`` to each row of `u`, for at most `length` [s].
 
-    `begin` and each parameter have one number per row. Samples outside the record are ignored.
+    `begin` and each parameter have one value per row. Samples outside the record are ignored.
     """
     dt = _step(t)
     first = np.ceil((begin - t[0]) / dt).astype(np.intp)
@@ -121,7 +121,7 @@ class Noise:
     ) -> Floats:
         """Return the noise on `size` telegrams."""
         dt = _step(t)
-        # At the usual step, rounding must not change the noise.
+        # At the usual step the factor would be 1 but for rounding errors, which must not matter.
         if abs(dt / _SPACING - 1) >= 1e-9:
             amplitude *= (_SPACING / dt) ** 0.5
         return amplitude * rng.standard_normal((size, t.size))
@@ -224,9 +224,9 @@ class Burst:
 
     The amplitude is the peak of a pulse between the wires, before the filter. Pulses come at a
     constant rate; sign and phase of the train are random for each telegram. A first-order low-pass
-    of 1 MHz filters each pulse, and a sample is the mean over its interval. Both steps preserve the
-    area; they are assumptions about a receiver. At 5 kHz, one response in five is hit. Packets of
-    15 ms come every 300 ms; `burst_failures` simulates them.
+    of 1 MHz filters each pulse, and a sample is the mean over its interval. The filter and the
+    averaging, which are assumed for a receiver, preserve a pulse's area. At 5 kHz, one response in
+    five is hit. Packets of 15 ms come every 300 ms; `burst_failures` simulates them.
 
     Examples
     --------

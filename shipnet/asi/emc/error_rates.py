@@ -26,7 +26,7 @@ _SAMPLES = 2**18
 
 
 def decided_on(u: Floats, dt: float, matched: bool) -> Floats:
-    """Return the samples used by a receiver that has been listening for a long time."""
+    """Return the samples for a receiver that is already listening when the record begins."""
     # Omit the ends of a record: the filter lacks samples there, so a carrier would seem to begin.
     half = int(HALF_BIT / dt / 2)
     return matched_filter(u, dt)[:, half:-half] if matched else u
@@ -204,7 +204,7 @@ def count_errors(
         Source of the random numbers.
     receiver : Receiver, optional
         The receiver. Its `minimum` should be four times the standard deviation of the noise after
-        its filter; otherwise it mistakes noise before a telegram for the first pulse.
+        its filter; with a lower one, noise before a telegram is mistaken for the first pulse.
 
     Returns
     -------
@@ -305,17 +305,17 @@ def error_rate(
 
 # Cycles ---------------------------------------------------------------------------------------
 
-#: Tries per slave and cycle, and failed cycles in a row until a slave is dropped. Beckhoff,
+#: Tries per slave and cycle, and failed cycles in a row that drop a slave. Beckhoff,
 #: EL6201: three data exchange phases in a row; Siemens, AS-i analyser: six exchanges.
 TRIES, CYCLES = 2, 3
 
-#: Requests per cycle besides data exchange: management and inclusion, after OMRON W357.
+#: Requests per cycle besides data exchange: management and inclusion, according to OMRON W357.
 _EXTRA = 2
 
 
 @checked
 def independent_failures(p: npt.ArrayLike, cycle: Cycle | None = None) -> pd.DataFrame:
-    r"""Return the effects that independently failing exchanges have on a network.
+    r"""Return the effects on a network of exchanges that fail independently of each other.
 
     .. math:: q = p^2, \qquad T = T_c \left(\frac{1}{q} + \frac{1}{q^2} + \frac{1}{q^3}\right)
 

@@ -42,8 +42,8 @@ _WORDS = 64
 #: Time between two samples that the inequalities use [s].
 _GRID = 250e-9
 
-#: Number of steps by which a weakened first pulse may seem to peak early or late, and number of
-#: steps on either side of its undisturbed peak at which the voltage must then be lower.
+#: Largest shift of the peak of a weakened first pulse, and largest distance from the undisturbed
+#: peak at which the voltage is required to be lower than at the shifted peak [steps].
 _SLIPS, _AROUND = 3, 7
 
 #: Spacing of the points before a telegram at which noise may pass for its first pulse [s].
@@ -325,12 +325,13 @@ def rare_error_rates(
     Notes
     -----
     Noise can corrupt a telegram in about 100 ways: it hides or imitates the first pulse, lowers
-    another pulse or raises a gap, also if a weakened first pulse seems to peak up to 0.75 us early
-    or late. Noise is drawn around the weakest noise of each way; a tenth is drawn without a shift,
-    so the weight of a loss is at most 10. A rate is ``sound`` if it has 1000 effective losses, if
-    at most 2 % of it comes from one loss and at most 5 % from noise that is drawn less often than
-    it occurs, and if the mean weight is within four standard errors of 1. These checks may miss
-    another way to lose a telegram: compare with `count_errors` at a higher density.
+    another pulse, or fills a gap; it may also move the peak of a weakened first pulse by up to 0.75
+    us. For each way, noise is drawn around the weakest noise that has this effect; a tenth of all
+    noise is drawn without a shift, so the weight of a loss is at most 10. A rate is ``sound`` if it
+    has 1000 effective losses, if at most 2 % of it comes from one loss and at most 5 % from noise
+    that is drawn less often than it occurs, and if the mean weight is within four standard errors
+    of 1. These checks may miss another way to lose a telegram: compare with `count_errors` at a
+    higher density.
 
     Examples
     --------
