@@ -162,7 +162,7 @@ def _middle(u: npt.NDArray[Any], looks: int) -> float:
 
 @cache
 def _lowpass(mean: int, up: int, down: int) -> Singles:
-    """Return a low-pass that attenuates by 60 dB all frequencies that would alias below 0.7 MHz."""
+    """Return a low-pass filter; it attenuates by 60 dB what would alias to below 0.7 MHz."""
     # In a record sampled below 4 MS/s, noise is already aliased; the filter only interpolates.
     half = 8 * up if up > 1 else 3 * down if down > 1 else 0
     k = np.arange(-half, half + 1)

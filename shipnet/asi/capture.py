@@ -278,7 +278,7 @@ def _repeated(transactions: pd.DataFrame) -> Bools:
 
 
 def _cycle_time(transactions: pd.DataFrame, asked: pd.DataFrame) -> float:
-    """Return the median time between two data exchanges with the same slave [s]."""
+    """Return the median time between successive data exchanges with the same slave [s]."""
     data = (asked["call"] == "data exchange").to_numpy()
     times = transactions["start_s"][data].groupby(asked["slave"][data]).diff().dropna()
     return float(times.median()) if len(times) else float("nan")

@@ -37,7 +37,7 @@ _BEFORE, _WINDOW, _DAMPING = 5e-6, 100e-6, 3.0
 #: Minimum and maximum number of requests from which the impedance is measured.
 _FEWEST, _MOST = 3, 64
 
-#: Delays of the restored telegrams that the fit of the impedance tries [s].
+#: Delays of the restored telegrams that are tried when the impedance is fitted [s].
 _LATE = np.arange(0.5e-6, 1.5e-6, 50e-9)
 
 

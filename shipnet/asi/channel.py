@@ -164,7 +164,7 @@ class Station:
         self.lost_replies: dict[Call, int] = {}
         #: Number of active faults that disconnect the slave from the supply.
         self.cuts = 0
-        #: Sequence numbers of the last request to the slave and of the first after its switch-on.
+        #: Sequence numbers of the last request to the slave and of the first after power-on.
         self.heard, self.since = -1, 1
         #: Index of the slave's first disturbance among the disturbances of one phase.
         self.offset = 0
@@ -224,7 +224,7 @@ class MasterStops(Exception):
 
 
 class Channel:
-    """Simulated line that transmits requests and replies, and counts the simulated time.
+    """Simulated line that transmits requests and replies, and tracks the simulated time.
 
     For each request, only the slaves at its address are simulated. A slave that missed the previous
     request is unsynchronised. A test shows that simulating all slaves gives the same results.
@@ -325,7 +325,7 @@ class Channel:
             self._base += self._plane
 
     def _in_chunk(self, cycle: int) -> int:
-        """Return the index of a cycle in its chunk; draw disturbances if a chunk begins."""
+        """Return the index of a cycle in its chunk; a new chunk's disturbances are drawn first."""
         if cycle % _CHUNK == 0 or not self._bytes:
             rates = [station.rates for station in self.stations]
             drawn = draw_disturbances(self._rng, _CHUNK, rates, self._attempts)

@@ -88,7 +88,7 @@ CLASSES: dict[str, type[FrameError]] = {
 
 
 def _violations(columns: Signs) -> Bools:
-    """Return True for each failed check, shape (n_checks, ...), of `columns` (n_slots, ...)."""
+    """Return the checks that `columns` (n_slots, ...) fail, as an array (n_checks, ...) of bool."""
     telegram, after = columns[1:-2], columns[-2:]
     middles = telegram[::2]
     empty = telegram == 0
@@ -437,7 +437,7 @@ class Pulses:
 
 @lru_cache(maxsize=4096)
 def collide(telegrams: tuple[tuple[str, int], ...], n_bits: int) -> tuple[str, int]:
-    """Return the bits and error code received from overlapping telegrams (bits, first slot)."""
+    """Return the bits and error code received from overlapping telegrams, each (bits, first slot)."""
     total = np.zeros(2 * n_bits + 2, dtype=np.int64)
     for telegram, start in telegrams:
         pulses = Modulation(telegram).pulses.signs

@@ -381,7 +381,7 @@ def _checked(u: npt.ArrayLike, dt: float) -> npt.NDArray[np.floating]:
 @lru_cache(maxsize=64)
 def _pulse_shape(n_t: int, dt: float) -> Floats:
     """Return the taps of the matched filter."""
-    # The filter extends half a half-bit to each side; a short record needs only its middle.
+    # The filter extends half a half-bit to each side; for a short record, its middle is enough.
     half = min(ceil(HALF_BIT / dt / 2 - 1e-9) - 1, n_t - 1)
     q = np.arange(-half, half + 1)
     return np.asarray(np.cos(np.pi * q * dt / HALF_BIT) ** 2 * (8 / 3 * dt / HALF_BIT))

@@ -28,7 +28,7 @@ _RINGS = 250e-6
 #: Largest delay of a synchronised slave's response [s] (A2SI data sheet).
 _LATE = 0.5e-6
 
-#: Silence before the first request, and times before and after a telegram for receivers [s].
+#: Silence before the first request, and times around a telegram that receivers process [s].
 _AHEAD, _BEFORE, _AFTER = 50e-6, 6e-6, 9e-6
 
 _TIMES = Transaction()

@@ -56,7 +56,7 @@ class Supply:
 
 @record
 class Repeater:
-    """A repeater: it couples two segments and passes telegrams but no current.
+    """A repeater, which couples two segments and passes telegrams but no current.
 
     We found no manufacturer's figure for the delay; the default is one bit time. Two such repeaters
     meet the time-out of 10 bit times; three exceed it. The current is assumed to equal a slave's.
@@ -82,7 +82,7 @@ class Repeater:
 
 @record
 class Terminator:
-    """A terminator or extension plug: a resistance in series with a capacitor, for the signal only.
+    """A terminator or extension plug: a resistance in series with a capacitor, which blocks DC.
 
     The default resistance is assumed to equal the characteristic impedance of the cable.
 
@@ -109,8 +109,8 @@ Element: TypeAlias = CableRun | Master | Supply | Slave | Terminator | Repeater
 #: the others have runs of ones or zeros, which are the most uneven. A test tries all requests.
 PROBES = ("01010101010101", "01111111111111", "00011111111111")
 
-#: Time after which the voltage of a current step counts as faded [s], if at most this fraction is
-#: left, and damping [nepers]; small damping reduces the error of the limited bandwidth.
+#: Time after which the voltage of a current step counts as faded [s], the fraction that may remain
+#: then, and damping [nepers]; small damping reduces the error of the limited bandwidth.
 _FADED, _LEFT, _DAMPING = 32e-6, 1e-6, 4.0
 
 # Telegrams as voltages -------------------------------------------------------------------------
@@ -224,7 +224,7 @@ class Quality(NamedTuple):
 
 
 def quality_of(*waves: Waveform) -> Quality:
-    """Return the quality of all telegrams in the waveforms, at each node that they share."""
+    """Return the quality of all telegrams in the waveforms, at each of the waveforms' nodes."""
     parts = []
     for wave in waves:
         heard = receive(wave.u, wave.dt, wave.bits.shape[-1])

@@ -23,7 +23,7 @@ from shipnet.lazy import Axes, pd
 from shipnet.line.network import Load, check_node
 
 #: Default current of a slave [A], from Schneider's AS-i help D-SA-0011271: 65 mA on average.
-#: Masters and repeaters are assumed to draw the same.
+#: Masters and repeaters are assumed to draw the same current.
 CURRENT = 0.065
 
 #: Load of a slave or a master: the limits in the SAP5S/SAP51 data sheet (2012, p. 29) for an A/B
@@ -333,7 +333,7 @@ class RunningSlave:
         self._start()
 
     def _start(self) -> None:
-        """Start as after power-on, not synchronised with the master."""
+        """Start in the state after power-on, not synchronised with the master."""
         self.state = State.ASYNCHRONOUS
         self.synchronised = False
         self._settle()

@@ -4,7 +4,7 @@
     response  ST=0      I3..I0          PB  EB=1      7 bits
 
 The parity bit makes the number of ones even, counted from the start bit up to and including the
-parity bit; the end bit does not count (claim kim2023-040 discusses the other reading).
+parity bit; the end bit does not count (claim kim2023-040 discusses the other interpretation).
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def star(
 
     Examples
     --------
-    icn2007's star of 62 slaves after 90 m, which leaves 10 m for the legs:
+    icn2007's star of 62 slaves at the end of a 90 m trunk, which leaves 10 m for the legs:
 
     >>> plan = star(90, [10 / 62] * 62)
     >>> len(plan.slaves), round(plan.segments[0].length, 6)
@@ -197,7 +197,7 @@ def assign_addresses(
 
     `pairs` addresses are shared, by default as few as possible, by slaves whose `shares` is True:
     those with the longest `need` first, or the last ones. If neither `pairs` nor `shares` is given
-    and some slaves must share, all others are A slaves.
+    and some slaves must share, all other slaves are A slaves.
     """
     able = list(range(n)) if shares is None else [k for k in range(n) if shares[k]]
     most = len(able) // 2

@@ -196,7 +196,7 @@ class Cable(Valued):
         x = np.linspace(0.0, metres, 201)
         t = np.linspace(0.0, 2 * delay, steps)
 
-        # The pulse begins six standard deviations before its middle, where it is 1e-8 V.
+        # The pulse begins six standard deviations before its middle, when it is 1e-8 V.
         early = 6 * sigma
         before = int(np.ceil(early / t[1]))
         n_samples = before + steps + int(np.ceil((2 * delay + early) / t[1]))

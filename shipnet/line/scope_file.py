@@ -55,7 +55,7 @@ _LARGEST = 1e15
 
 _COUNTERS = ("x", "#", "n", "no", "nr", "index", "sample", "samples", "point", "points", "sequence")
 
-#: Number of rows at the end of a file that show its layout, and maximum number of header rows.
+#: Number of last rows from which a file's layout is found, and maximum number of header rows.
 _TAIL, _HEADER = 10, 2000
 
 _NUMBER = r"[+-]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?"
@@ -113,7 +113,7 @@ def read_edges(
 
 def bit_time(edges: Edges, longest: int) -> float:
     """Return the number of samples per bit, estimated from runs of up to `longest` bits."""
-    # Nearly half of all runs are one bit long and none is shorter; the others are whole multiples.
+    # Nearly half of all runs are one bit long and none is shorter; the others are multiples of it.
     runs = np.diff(edges.places)
     runs = runs[runs < 16 * np.quantile(runs, 0.2)]
     bit = float(runs[runs <= 1.6 * np.quantile(runs, 0.1)].mean())
@@ -879,7 +879,7 @@ def _columns(above: list[list[str]], places: tuple[int, ...], digits: list[int])
 
 
 def _interval(above: list[list[str]], beside: list[list[str]]) -> float | None:
-    """Return the time between two samples that the header states [s]; None if it states none."""
+    """Return the time between two samples as stated in the header [s]; None if not stated."""
     header = [*above, *beside]
     for row, cells in enumerate(header):
         below = header[row + 1] if row + 1 < len(header) else []

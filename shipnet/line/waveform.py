@@ -93,12 +93,13 @@ class Waveform:
     ) -> Waveform:
         """Read a channel of a scope's text file, or of a ``.npy``, ``.npz`` or sigrok ``.sr`` file.
 
-        `channel` is its title, in upper or lower case, or the number of its column, from 1; if
-        omitted, the first voltage is read. `sample_interval` [s] overrides that of the file. More
-        than 2**26 bytes of samples stay in a ``.npy`` or uncompressed ``.npz`` file: do not change
-        it while they are in use. A channel of an archive may unpack to 2**24 numbers, or to 4 per
-        byte of the file if that is more. Raise InputError if the file cannot be read, has a cell
-        that is not a number, uneven times, fewer than 1e6 samples per second, or no such channel.
+        `channel` is its title, in upper or lower case, or the number of its column, counted from 1;
+        if omitted, the first voltage is read. `sample_interval` [s] overrides that of the file. A
+        ``.npy`` or uncompressed ``.npz`` file with more than 2**26 bytes of samples is not copied
+        into memory: do not change the file while its samples are in use. A channel of an archive
+        may unpack to 2**24 numbers, or to 4 per byte of the file if that is more. Raise InputError
+        if the file cannot be read, has a cell that is not a number, uneven times, fewer than 1e6
+        samples per second, or no such channel.
         """
         from shipnet.line.scope_file import read_scope_file
 

@@ -1,6 +1,6 @@
 """Disturbances: voltages between the wires that are added to telegrams, and immunity test levels.
 
-No standard states how much of a test voltage appears between the wires: choose the amplitudes.
+No standard states what part of a test level appears between wires: users must choose amplitudes.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class Noise:
     ) -> Floats:
         """Return the noise on `size` telegrams."""
         dt = _step(t)
-        # At the usual step the factor would be 1 but for rounding errors, which must not matter.
+        # At the usual step the factor is 1 except for rounding, which must not change the noise.
         if abs(dt / _SPACING - 1) >= 1e-9:
             amplitude *= (_SPACING / dt) ** 0.5
         return amplitude * rng.standard_normal((size, t.size))
@@ -223,10 +223,10 @@ class Burst:
     """Electrical fast transients, 5/50 ns as in IEC 61000-4-4, after a receiver's input filter.
 
     The amplitude is the peak of a pulse between the wires, before the filter. Pulses come at a
-    constant rate; sign and phase of the train are random for each telegram. A first-order low-pass
-    of 1 MHz filters each pulse, and a sample is the mean over its interval. The filter and the
-    averaging, which are assumed for a receiver, preserve a pulse's area. At 5 kHz, one response in
-    five is hit. Packets of 15 ms come every 300 ms; `burst_failures` simulates them.
+    constant rate; the sign and phase of their train are random for each telegram. A first-order
+    low-pass of 1 MHz filters each pulse, and a sample is the mean over its interval. The filter and
+    the averaging, which are assumed for a receiver, preserve a pulse's area. At 5 kHz, one response
+    in five is hit. Packets of 15 ms come every 300 ms; `burst_failures` simulates them.
 
     Examples
     --------

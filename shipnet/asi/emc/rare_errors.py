@@ -262,7 +262,7 @@ def _summary(parts: list[dict[str, float]]) -> dict[str, float | bool]:
     t = {name: sum(part[name] for part in parts) for name in parts[0]}
     n, rate = t["n"], t["x"] / t["n"]
     if not t["lost"]:
-        # In particular, no telegram drawn without a shift was lost, which limits the rate.
+        # None of the telegrams drawn without a shift was lost either, which limits the rate.
         none = {"rate": 0.0, "rate_low": 0.0, "rate_high": min(1.0, -np.log(0.025) / (_PLAIN * n))}
         return {"telegrams": int(n), **none, "effective": 0.0, "sound": False}
     error = np.sqrt(max(t["xx"] / n - rate**2, 0.0) / n) / rate
@@ -300,7 +300,7 @@ def rare_error_rates(
     Parameters
     ----------
     waves : Waveform or mapping of str to Waveform
-        Voltages without noise of at most 64 equally likely telegrams, or several such waves by
+        Noise-free voltages of at most 64 equally likely telegrams, or several such waves by
         name.
     noise_density : float or array_like of float, shape (n,)
         One-sided density at the receiver, above 0 and up to 1e6 [V per root hertz]; `Noise.density`
