@@ -168,7 +168,7 @@ def _segment_rows(segment: Segment, terminated: bool) -> Iterator[_Row]:
 def _slowest_answer() -> float:
     """Return the longest silence before the response of an asynchronous slave [s]."""
     times = datasets.read("asi_published_timing.csv").set_index("quantity")["value_us"]
-    # The time is measured between the middles of two bits, which takes up one bit time of it.
+    # The time is measured between the middles of two bits, so one bit time of it is not silent.
     return float(times["edge to edge, asynchronous, most"]) * 1e-6 - BIT_TIME
 
 
