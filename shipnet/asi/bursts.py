@@ -310,8 +310,8 @@ _FEWEST_PULSES = 5
 
 #: Fields of a telegram: its start, first and last peak [s]; its length [bit]; its word and a mask
 #: of the known bits; its error code; the height of its first pulse [V]; `weakest` and `ringing` as
-#: in `Reception`; True if the burst is as long as a telegram; and the edge of the recording near
-#: it: 1 for the start, 2 for the end, 0 for none.
+#: in `Reception`; True if the burst is as long as a telegram; and whether the telegram is near
+#: an edge of the recording: 1 for the start, 2 for the end, 0 for neither.
 _TELEGRAM = np.dtype(
     [
         *((name, np.float64) for name in ("start", "first", "last")),

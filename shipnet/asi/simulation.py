@@ -318,11 +318,11 @@ class Run:
     def response_times(self) -> pd.DataFrame:
         """Return the age of inputs when they reach the master, one row per slave.
 
-        ``least_s``, ``mean_s`` and ``longest_s`` are the times from a change of an input to the
-        end of the response that reports it, for changes at random times between the first and the
-        last successful cyclic exchange, including any time when the slave was dropped.
-        ``update_s`` is the longest time between two responses. For a slave that
-        transfers values, converted as in `Cycle.response_time`, the times are those of one channel.
+        ``least_s``, ``mean_s`` and ``longest_s`` are the times from a change of an input to the end
+        of the response that reports it. The changes are assumed at random times between the first
+        and the last successful cyclic exchange, also while the slave was dropped. ``update_s`` is
+        the longest time between two responses. For a slave that transfers values, converted as in
+        `Cycle.response_time`, the times are those of one channel.
         """
         good = self._exchanges.query("cyclic and not failed")[["slave", "sampled", "known"]]
         parts = dict(list(good.groupby("slave", sort=False)))
@@ -519,7 +519,7 @@ def simulate(
 
 
 def _check_progress(channel: Channel, begun: int) -> None:
-    """Raise ArgumentError if no cycle has begun since the last check: no slave answers."""
+    """Raise ArgumentError if no cycle has begun since the last check, because no slave answers."""
     if channel.begun == begun:
         raise ArgumentError(
             f"until is None, but no slave answers and no cycle begins for {_PATIENCE:g} s"
@@ -529,7 +529,7 @@ def _check_progress(channel: Channel, begun: int) -> None:
 
 
 def _places_of(plan: Plan) -> list[tuple[Slave, float, float]]:
-    """Return each slave with its distance from the master [m] and the delay to it [s]."""
+    """Return each slave with its distance from the master [m] and its signal delay [s]."""
     placed = {}
     for segment in plan.only_line("simulation"):
         delay = sum(repeater.delay for repeater in segment.path)

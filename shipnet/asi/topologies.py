@@ -196,8 +196,8 @@ def assign_addresses(
     """Return the labels of n slaves; those that can wait longest share an address.
 
     `pairs` addresses are shared, by default as few as possible, by slaves whose `shares` is True:
-    those with the longest `need` first, or the last ones. If neither `pairs` nor `shares` is given
-    and some slaves must share, all other slaves are A slaves.
+    those with the longest `need`, or without `need` the last ones. If neither `pairs` nor `shares`
+    is given and some slaves must share, all other slaves are A slaves.
     """
     able = list(range(n)) if shares is None else [k for k in range(n) if shares[k]]
     most = len(able) // 2

@@ -26,9 +26,10 @@ _BLOCK = 512
 def simulate(network: Network, sources: Mapping[str, tuple[Floats, Floats]], dt: float) -> Floats:
     """Return the voltages of all nodes, shape (n_nodes, n_t) [V]; the network is at rest at first.
 
-    A source is a current into its node [A] and a parallel conductance [S], both at each step
-    `dt` [s]. Values at the first step are ignored: all voltages are 0 then. The error falls with
-    the square of `dt` and is smallest if `dt` divides all delays; otherwise waves are interpolated.
+    A source is a current into its node [A] and a parallel conductance [S], with one value of each
+    per step `dt` [s]. Values at the first step are ignored: all voltages are 0 then. The error
+    falls with the square of `dt` and is smallest if `dt` divides all delays; otherwise waves are
+    interpolated.
     """
     if network.trees is not None:
         raise ArgumentError(f"the network has {network.trees} trees; this simulation needs one")

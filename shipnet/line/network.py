@@ -289,8 +289,8 @@ class Network:
         """Return the transfer impedances between the root and every node, or the node `to` [ohm].
 
         Row k is the voltage at node k per ampere into the root, and, as the network is reciprocal,
-        the voltage at the root per ampere into node k. `s` has complex frequencies [rad/s]; their
-        real parts must not be negative. A ring takes two or three times as long as a tree.
+        the voltage at the root per ampere into node k. `s` contains complex frequencies [rad/s];
+        their real parts must not be negative. A ring takes two or three times as long as a tree.
         """
         bins = check_frequencies(s)
         pieces = [(run.made_of, run.length) for run in self.runs]

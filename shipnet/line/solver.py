@@ -126,8 +126,8 @@ def _admittances(shunts: Floats, trees: slice, s: Complexes) -> Complexes:
     return np.asarray(y)
 
 
-#: Number of elements of a sweep's arrays: larger arrays exceed the cache, and the operating system
-#: clears them at every call. A Monte Carlo simulation uses them many times per call.
+#: Number of elements of a sweep's arrays, for one tree and for many. Larger arrays exceed the cache
+#: and are cleared by the operating system at every call; with many trees, a call reuses them.
 _BLOCK, _BLOCK_TREES = 1 << 15, 1 << 18
 
 #: Number of elements for which hyperbolic functions are computed at a time.

@@ -85,7 +85,7 @@ def _row(
     }
 
 
-#: Number of half-bits before the first peak in which noise counts as part of the first pulse.
+#: Number of half-bits before the first peak; noise in them counts as part of the first pulse.
 _REACH = 1.25
 
 #: Largest ratio of `minimum` to the first pulse for which the closed form holds after a matched
@@ -163,7 +163,7 @@ def _missed(
     from scipy.special import ndtr
 
     lowest = (minimum - height[:, 0]) / sigma
-    # If the first pulse is higher than this, the level is a fraction of it, not the minimum.
+    # If the first pulse exceeds this, the level is a fraction of its height, not the minimum.
     bend = (minimum / threshold - height[:, 0]) / sigma
     missed = ndtr(lowest)
     for low, high in ((lowest, bend), (bend, np.full_like(bend, _FAR))):
