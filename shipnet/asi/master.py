@@ -411,7 +411,7 @@ class RunningMaster:
         return reply
 
     def _through(self, task: Task[T]) -> Task[T]:
-        """Run a task to its end, without waiting for the next cycle between requests."""
+        """Run a task to its end; its requests do not wait for the next cycle."""
         reply: int | None = None
         while True:
             try:

@@ -512,7 +512,7 @@ def _decide(
             break
     flat, at = y.ravel(), start + np.arange(0, y.size, y.shape[1])
     sign = np.sign(flat.take(at))
-    # Only samples of the same sign, because the next pulse may be larger.
+    # Compare only samples of the same sign, because the next pulse may be larger.
     top = (_windows(y, near, at) * sign[:, np.newaxis]).argmax(axis=-1)
     start += top
     at += top

@@ -78,7 +78,7 @@ class _Recorder:
         """Ignore the phases of the master."""
 
     def put(self, rows: slice, telegram: Floats, start: int) -> None:
-        """Add a telegram to the voltages of some rows."""
+        """Add a telegram, from sample `start`, to some rows of voltages."""
         room = max(0, self.u.shape[1] - start)
         self.u[rows, start : start + telegram.shape[-1]] += telegram[..., :room]
 

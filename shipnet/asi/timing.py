@@ -337,7 +337,7 @@ def _analogue_profiles() -> dict[tuple[str, str], dict[int, int]]:
 
 @lru_cache(maxsize=256)
 def _sizes(profile: Profile | str, direction: str) -> dict[int, int]:
-    """Return the number of exchanges by size of a value; S-7.3.C includes those of S-7.3."""
+    """Return the number of exchanges by size of a value; S-7.3.C has the sizes of S-7.3, too."""
     profile = Profile.parse(profile)
     general, own = f"S-{profile.io:X}.{profile.id:X}", str(profile)
     known = _analogue_profiles()

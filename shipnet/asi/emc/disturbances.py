@@ -83,7 +83,7 @@ _CONSTANTS = np.array([_DECAY, _RISE, 1 / (2 * np.pi * INPUT_CORNER)])
 
 
 def _mean(since: Floats, dt: float) -> Floats:
-    """Return the area of a low-pass filtered pulse between `since` - `dt` and `since`."""
+    """Return the area of a low-pass filtered pulse from `since` - `dt` to `since`."""
     return _passed(since) - _passed(np.maximum(since - dt, 0.0))
 
 
