@@ -166,7 +166,7 @@ def _run(
 
     begin, results = perf_counter(), []
     for index, job in zip(indices, jobs, strict=True):
-        # The child that SeedSequence(seed).spawn() would make for this task, without the others.
+        # The child that SeedSequence(seed).spawn() would make for this task, made directly.
         own = () if seed is None else (np.random.SeedSequence(seed, spawn_key=(index,)),)
         try:
             results.append(function(job, *map(np.random.default_rng, own)))
@@ -215,7 +215,7 @@ def _executor(client: Any) -> tuple[Executor, int, type[Exception]]:
         return pool, client, BrokenProcessPool
     lost = load_extra("distributed", "distributed", "cluster").KilledWorker
     try:
-        workers = sum(client.nthreads().values())  # this number may change
+        workers = sum(client.nthreads().values())  # workers may join or leave later
     except OSError as problem:
         raise ConnectionError(_GONE) from problem
     return client.get_executor(pure=False), max(1, workers), lost

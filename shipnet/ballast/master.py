@@ -385,7 +385,7 @@ class Station(Master):
         start, unit, line = self.time, slave + 1, self.rule.poll.line
         read = start + line.frame_time(self.rule.poll.request_size)
         pdu = b""
-        # Let the slave take its readings before the plant advances beyond them.
+        # The slave must take its readings before the plant advances past the end of the request.
         if self.paths.hold(start, read, slave, port):
             pdu = answer(self.slaves, Adu(unit, READ_STATUS.pdu), read, serial=True).pdu
         if not super().attempt(slave, port, kind):

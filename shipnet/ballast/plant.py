@@ -145,8 +145,8 @@ class Command:
         return plan
 
 
-#: How severity s changes a number: linearly, as a power, towards infinity, or by addition. A
-#: severity of 0 leaves the number unchanged to the last bit.
+#: How severity s changes a parameter or reading: linearly, as a power, towards infinity, or by
+#: addition. A severity of 0 leaves the value unchanged to the last bit.
 _LAWS = {
     "linear": lambda number, value, s: number * (1 + (value - 1) * s),
     "power": lambda number, value, s: number * value**s,
@@ -156,7 +156,7 @@ _LAWS = {
 
 
 class Change(NamedTuple):
-    """The effect of a fault on one number."""
+    """The effect of a fault on one parameter or reading."""
 
     target: str
     law: str

@@ -30,7 +30,7 @@ from shipnet.fuzzy.terms import NORMAL, UNKNOWN
 from shipnet.intervals import event_interval, share_interval
 from shipnet.lazy import Axes, pd
 
-#: What the numbers are based on.
+#: What the results are based on.
 BASIS = "faults simulated to fit the rules: this verifies the code but does not validate the method"
 
 #: A year [s].
@@ -99,7 +99,7 @@ class Trials:
 
     @property
     def basis(self) -> str:
-        """What the numbers are based on, in one line."""
+        """What the results are based on, in one line."""
         return BASIS
 
     def __repr__(self) -> str:

@@ -62,8 +62,8 @@ class Coding:
     step: float | Literal["full scale", "decimal"]
     error: int = whole(0, 0xFFFF, "", "Content that marks a missing value")
     bits: int = whole(
-        2, 16, "", "Bits in use; unless the step is the full scale, the highest is the sign, in "
-        "two's complement, extended over the whole register", default=16,
+        2, 16, "", "Bits in use; unless the step is the full scale, the number is in two's "
+        "complement, with its sign extended to the whole register", default=16,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -117,7 +117,7 @@ class Coding:
         return np.where(signed & (r >= 0x8000), r - 0x10000, r).astype(np.float64)
 
     def _scale(self, points: PointList) -> tuple[Floats, Floats]:
-        """Return the step of each point, and its value at content 0."""
+        """Return the step of each point, and the value for which its register contains 0."""
         full = self.step == "full scale"
         zero = np.array([point.low if full and point.analogue else 0.0 for point in points])
         return np.array([self.step_of(point) for point in points]), zero

@@ -116,7 +116,7 @@ class Frames(NamedTuple):
 
 
 def marks(system: System, cpu: Cpu, heard: Integers) -> Integers:
-    """Return the CPU times at which the timer marks a sender, given when it was `heard` [ns]."""
+    """Return the CPU times at which the timer marks a box whose frames arrive at `heard` [ns]."""
     limit = nanoseconds(system.stale_limit)
     silent = np.diff(heard, append=heard[-1:] + limit + 1) > limit
     return cpu.until(heard[silent] + limit)
@@ -543,7 +543,7 @@ class Run:
         for point, message in zip(self.system.points, self.system.message_of.tolist(), strict=True):
             tags.setdefault(message, []).append(point.tag)
         for message, own in tags.items():
-            # A response makes points good; they turn bad if their limit passes before the next one.
+            # A response makes points good until the next response, or until their limit if earlier.
             fine, end = good[:, message], good_until[:, message]
             time = np.stack([self.views.seen, end], axis=1)
             state = np.stack([fine, fine & (end == until)], axis=1)
