@@ -131,7 +131,7 @@ def check_rng(rng: Any) -> np.random.Generator:
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """The base of all kinds of fields.
+    """Base class of all kinds of fields.
 
     `help` explains the field, `label` is the text beside its control, and `optional` makes None
     legal.

@@ -70,7 +70,7 @@ def compute(
     folder: str | os.PathLike[str] | None = None,
     progress: bool | Progress | None = None,
 ) -> list[Any]:
-    """Call a function for every task, in one or more processes or on Dask, with equal results.
+    """Call a function for every task; the results do not depend on where the tasks run.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def compute(
         Dask scheduler, or its client. By default, tasks run in this process, then in one process
         per core if that saves over 4 s. Processes and Dask need ``pip install "shipnet[cluster]"``.
     folder : path, optional
-        Folder in which results are saved as JSON, so that the same call resumes after a stop.
+        Folder where results are saved as JSON, so that the same call resumes after an interruption.
         Results must be numbers, text, lists or dicts; a tuple becomes a list.
     progress : bool or callable, optional
         Called as ``progress(done, total)`` when results arrive. True shows a bar, False none; by
@@ -352,7 +352,7 @@ def _fingerprint(what: object) -> str:
 
 
 def save_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Call `write` for a temporary file and rename it, so that no reader sees half a file."""
+    """Let `write` fill a temporary file, and rename it, so that no reader sees a partial file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     own = path.with_name(f".{path.name}.{gethostname()}.{os.getpid()}")
     write(own)

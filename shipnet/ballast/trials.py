@@ -286,7 +286,7 @@ def false_alarms(
     until : float, default 3600
         End time, `period`..1e7 [s].
     period : float, default 600
-        Time between two commands, which open and close all valves in turn, 60..1e6 [s].
+        Time between two commands, which alternately open and close all valves, 60..1e6 [s].
     methods, rng
         As for `fault_trials`.
 

@@ -150,8 +150,8 @@ class Wear:
     def predictions(self, at: int) -> pd.DataFrame:
         """Return the strokes left for each valve after `at` strokes, indexed by ``valve``.
 
-        The prediction ``remaining`` has the interval ``low`` to ``high``; ``true`` is the number
-        that were really left.
+        The prediction ``remaining`` has the interval ``low`` to ``high``; ``true`` is the actual
+        number.
         """
         rows = {valve: self.predict(valve, at).remaining for valve in range(1, self.life.size + 1)}
         table = pd.DataFrame.from_dict(rows, orient="index", columns=["remaining", "low", "high"])

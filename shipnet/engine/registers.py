@@ -1,8 +1,8 @@
 """The registers of a junction box: the coding of values, and the address map.
 
-lee2012 marks a missing value with 0xFF (section III.2.c) but prints neither width nor scale of a
-value. Each polled box stores all points, its own and those that it received on CAN, in the order of
-the points.
+lee2012 marks a missing value with 0xFF (section III.2.c) but prints neither the width nor the
+scale of a value. Each polled box stores all points, its own and those that it received on CAN, in
+the order of the points.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Coding:
     range fills the bits, from 0 to all ones; with ``"decimal"`` the step is the largest power of
     ten up to a thousandth of the span.
 
-    A value that does not fit is clipped to the nearest content. A switch is 0 or 1.
+    A value that does not fit is clipped to the nearest value that fits. A switch is 0 or 1.
 
     Examples
     --------

@@ -236,7 +236,7 @@ class _Table:
 
 
 def _freshest(views: Views, channel: Integers) -> Views:
-    """Return the views after every response; each message is from the channel with newer data."""
+    """Return the views after every response, each message from the channel with the newer data."""
     order = np.argsort(views.seen, kind="stable")
     seen, channel = views.seen[order], channel[order]
     number, known = views.number[order], views.known[order]

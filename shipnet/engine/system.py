@@ -252,7 +252,7 @@ class System:
 
     @classmethod
     def corrected(cls, **changes: Any) -> System:
-        """Return a system that meets the 2 s rule for the age of its data, with some `changes`.
+        """Return a system whose data meet the 2 s rule for their age, with the given `changes`.
 
         The system has the corrected coding, polls both channels and updates every 0.25 s.
         """
@@ -273,7 +273,7 @@ class System:
 
     @property
     def segments(self) -> tuple[str, ...]:
-        """Names of the CAN cables, each made of the boxes at its ends."""
+        """Names of the CAN cables, each formed from the names of the boxes at its ends."""
         ends = list(zip(self.boxes, self.boxes[1:], strict=False))
         if self.topology == "ring" and len(self.boxes) > 2:
             ends.append((self.boxes[-1], self.boxes[0]))
