@@ -249,7 +249,7 @@ class MasterRun:
         shown = self.answers[["unit", "read_s", "shown_s"]]
         if shown["unit"].nunique() < self.n_valves:
             return inf
-        # A status is shown until the next one of its valve arrives, the last one until the end.
+        # Each status is shown until the valve's next status arrives, or until the end.
         until = shown.groupby("unit")["shown_s"].shift(-1).fillna(self.duration)
         return float((until - shown["read_s"]).max())
 

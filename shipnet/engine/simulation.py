@@ -177,7 +177,7 @@ def _lost(
 
 
 class _Table:
-    """The values stored in a box: its own and those that it received."""
+    """The values stored in a box: its own, and those that it received on CAN."""
 
     def __init__(
         self,
@@ -413,7 +413,7 @@ def islands(system: System, faults: Sequence[EngineFault], time: int) -> list[li
 def send(
     system: System, loops: Sequence[Rounds], span: tuple[int, int], faults: Sequence[EngineFault]
 ) -> Frames:
-    """Return all frames that another box receives within a span [ns], with worst-case stuffing.
+    """Return all frames that some other box receives in a span [ns], with worst-case stuffing.
 
     When a cable, a box or a controller fails or returns, all frames queued or on the bus are lost;
     the next round replaces them.
