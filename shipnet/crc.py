@@ -47,7 +47,7 @@ class Crc:
 
     @cached_property
     def _table(self) -> list[int]:
-        """The register after each possible byte, if it was 0 before."""
+        """The register after each possible byte, for an initial value of 0."""
         entries = []
         for byte in range(256):
             register = 0

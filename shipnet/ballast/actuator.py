@@ -1,8 +1,8 @@
 """An electro-hydraulic actuator: parameters, hydraulics in closed form, and motor.
 
-The paper prints no parameters. Ours describe an actuator of common size for a butterfly valve of
-DN 100 to 150, and put the operating point near row 0 of the rule table; each value is an assumption
-unless a source is given.
+The paper prints none of the parameters. Ours describe an actuator of common size for a butterfly
+valve of DN 100 to 150, and put the operating point near row 0 of the rule table; each value is an
+assumption unless a source is given.
 """
 
 from __future__ import annotations

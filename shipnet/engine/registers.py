@@ -31,8 +31,8 @@ class Coding:
     """Coding of a value as the content of a register.
 
     `step` is the value of one count, 1e-6..1e6 in the point's unit. With ``"full scale"`` the
-    ends of the range are coded as 0 and as all ones; with ``"decimal"`` the step is the largest power of
-    ten up to a thousandth of the span.
+    ends of the range are coded as 0 and as all ones; with ``"decimal"`` the step is the largest
+    power of ten up to a thousandth of the span.
 
     A value that does not fit is clipped to the nearest value that fits. A switch is 0 or 1.
 

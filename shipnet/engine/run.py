@@ -54,7 +54,7 @@ class Cpu:
         return np.asarray(left + self.length * begun, dtype=np.int64)
 
     def queue(self, due: Integers, work: int) -> Integers:
-        """Return the start times of jobs that run one after another, as CPU times as in `at` [ns].
+        """Return the start times of jobs that run one after another, in CPU time (see `at`) [ns].
 
         `due` must be in rising order; `work` is the CPU time per job.
         """

@@ -86,8 +86,8 @@ def serve(
     Returns
     -------
     Server
-        A server of one slave each for unit ids 2 and 3. Function code 3 reads one register per
-        point, in the order of Table 3, with temperatures in tenths of a degree. Unit id 247 has
+        A server with one slave for each of the unit ids 2 and 3. Function code 3 reads one register
+        per point, in the order of Table 3, with temperatures in tenths of a degree. Unit id 247 has
         `fault_registers`, which inject more faults while the server runs.
 
     Examples

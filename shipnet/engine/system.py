@@ -252,7 +252,7 @@ class System:
 
     @classmethod
     def corrected(cls, **changes: Any) -> System:
-        """Return a system whose data meet the 2 s rule for their age, with the given `changes`.
+        """Return a system that meets the 2 s rule for the age of data, with the given `changes`.
 
         The system has the corrected coding, polls both channels and updates every 0.25 s.
         """
@@ -666,7 +666,7 @@ class System:
         """Return all lasting single faults that begin at a time [s].
 
         They are the failure of each cable, port, box and CAN node, the loss of half the frames of
-        each box and channel, and a stuck sensor, the first of each box.
+        each box and channel, and a fault that leaves the first sensor of each box stuck.
         """
         first = tuple(own[0].tag for own in self.points.by_box().values())
         places = {**self.places, "sensor": first}
