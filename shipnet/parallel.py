@@ -258,7 +258,7 @@ def _spread(
                 keep(indices, values)
             if dropped:
                 losses += 1
-                if isinstance(client, int):  # a pool that loses a process stops all of them
+                if isinstance(client, int):  # a pool that loses one process stops all its processes
                     dropped += [index for indices in pending.values() for index in indices]
                     pending.clear()
                 dropped.sort()

@@ -202,7 +202,7 @@ class MasterRun:
 
     Examples
     --------
-    A master with 50 valves at 9600 bit/s opens one; the position shown is up to one scan old:
+    A master with 50 valves at 9600 bit/s opens valve 7; the position shown is up to a scan old:
 
     >>> from shipnet.ballast.scan import System, status_poll
     >>> from shipnet.ballast.simulation import simulate

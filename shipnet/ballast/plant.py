@@ -63,7 +63,7 @@ def _numbers(valves: int | Iterable[int] | None) -> tuple[int, ...] | None:
 
 
 def _places(valves: int | Iterable[int] | None, n_valves: int) -> list[int]:
-    """Return the indices of these valves among `n_valves`, from 0."""
+    """Return the indices, counted from 0, of the given valves; None means all `n_valves`."""
     known = range(1, n_valves + 1) if valves is None else _numbers(valves) or ()
     return [check_whole("one of valves", valve, 1, n_valves) - 1 for valve in known]
 

@@ -70,7 +70,7 @@ def status_poll(
 
 
 def command_poll(poll: Poll) -> Poll:
-    """Return the poll that commands a valve, without retries; its response is the echo."""
+    """Return the poll that sends a command to a valve, without retries; the response is an echo."""
     request = Request.write_single_register(COMMAND_REGISTER, 0)
     return replace(poll, request=request, retries=0)
 

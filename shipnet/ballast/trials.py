@@ -385,9 +385,9 @@ class FleetReport:
     Notes
     -----
     The indices are those of `Trials`, with times counted from the beginning of the fault. A fault
-    may show only during strokes, so it counts as isolated when its own code first becomes the top
-    fault of its valve. *True-detection rate*: the fraction of the fault's duration for which its
-    valve has a top fault.
+    may be visible only during strokes, so it counts as isolated when its own code first becomes the
+    top fault of its valve. *True-detection rate*: the fraction of the fault's duration for which
+    its valve has a top fault.
 
     Examples
     --------
@@ -542,7 +542,7 @@ def run_fleet(
     Notes
     -----
     A motor that is not cooled (O1) reaches the 90 degC of its rule only after many strokes in a
-    row: with six per day it never does.
+    row; with six strokes per day it never does.
 
     Examples
     --------

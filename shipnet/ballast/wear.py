@@ -274,7 +274,7 @@ def limit_leak() -> float:
 
     def late(log_factor: float) -> float:
         worn = replace(usual, pump_leak=usual.pump_leak * np.exp(log_factor))
-        # A valve that stops on its way has an infinite stroke time.
+        # A valve that stops before the end of its travel has an infinite stroke time.
         return min(float(stroke_time(worn)), 1e6) - LIMIT
 
     return float(usual.pump_leak * np.exp(brentq(late, 0.0, 10.0, xtol=1e-10)))

@@ -102,7 +102,7 @@ class Coding:
         return np.where(missing, self.error, whole).astype(np.uint16)
 
     def decode(self, points: Iterable[Point], registers: npt.ArrayLike) -> Floats:
-        """Return the values of registers, NaN where one contains the error mark."""
+        """Return the values of registers; NaN for registers that contain the error mark."""
         known = PointList(points)
         r = by_point(known, "registers", registers, "iu")
         if r.size and not 0 <= r.min() <= r.max() <= 0xFFFF:

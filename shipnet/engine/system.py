@@ -540,7 +540,7 @@ class System:
         return SwitchOver(lost, answer, loss, max(self._gaps(1)))
 
     def _in_vain(self, tries: int, broken: int) -> list[float]:
-        """Return the possible durations of some unanswered tries on one channel [s].
+        """Return the possible durations of this number of failed tries on one channel [s].
 
         Up to `broken` of them end with a broken or damaged response, which the AMS notices when the
         whole response is due; the other tries get no response.
@@ -595,7 +595,7 @@ class System:
         poll, and A the age from `worst_age`. If frames are damaged at random, each try may take
         :math:`t_{poll}`. A failure on the CAN bus destroys the frames of one round, so A grows by
         one update period. A silent box has the bound of `staleness_flag`. In the printed design
-        random losses on CAN have no bound: one frame keeps all values of its box valid.
+        random losses on CAN have no bound: any frame keeps all values of its box valid.
         """
         answer, gap = self.poll.time, self.poll_spacing()
         healthy = oldest = float(self.worst_age()["worst_s"].max())
